@@ -1,0 +1,90 @@
+"""What turns the eccentric shaft."""
+
+import abc
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.checks import require_positive
+from jaxcrusher.plane import scalar
+
+
+class ShaftState(eqx.Module):
+    """A free shaft: its angle (rad) and its speed over the drive's nominal speed."""
+
+    angle: Scalar
+    relative_speed: Scalar
+
+
+class AbstractDrive(eqx.Module):
+    """A drive; the shaft starts at angle 0 with `speed`.
+
+    `speed` (rad/s) is also the unit of time of turns and windows: a turn lasts 2 pi / speed.
+    """
+
+    speed: eqx.AbstractVar[Scalar]
+
+    def __check_init__(self):
+        require_positive("speed", self.speed, "rad/s")
+
+    @abc.abstractmethod
+    def initial(self) -> ShaftState | None:
+        """The state that the shaft adds to the motion, or None where it is prescribed."""
+
+    @abc.abstractmethod
+    def motion(self, time: Scalar, state: ShaftState | None) -> tuple[Scalar, Scalar]:
+        """Angle (rad) and speed (rad/s) of the shaft."""
+
+    @abc.abstractmethod
+    def acceleration(self, moment: Scalar, inertia: Scalar) -> Scalar | None:
+        """Angular acceleration (rad/s2) under the other `moment` (N m); None: it is zero."""
+
+    @abc.abstractmethod
+    def rate(self, speed: Scalar, acceleration: Scalar | None) -> ShaftState | None:
+        """The time derivative of the state."""
+
+
+class ConstantSpeed(AbstractDrive):
+    """theta1 = speed * time, prescribed; the torque that it takes is an output."""
+
+    speed: Scalar = eqx.field(converter=scalar)  # omega, rad/s
+
+    def initial(self) -> None:
+        """Nothing to integrate."""
+        return None
+
+    def motion(self, time: Scalar, state: None) -> tuple[Scalar, Scalar]:
+        """omega t and omega."""
+        return self.speed * time, self.speed
+
+    def acceleration(self, moment: Scalar, inertia: Scalar) -> None:
+        """None."""
+        return None
+
+    def rate(self, speed: Scalar, acceleration: None) -> None:
+        """Nothing to integrate."""
+        return None
+
+
+class GivenTorque(AbstractDrive):
+    """A constant torque on a free shaft that starts at `speed`."""
+
+    torque: Scalar = eqx.field(converter=scalar)  # N m, counterclockwise
+    speed: Scalar = eqx.field(converter=scalar)  # at the start, rad/s
+
+    def initial(self) -> ShaftState:
+        """Angle 0 at the nominal speed."""
+        return ShaftState(jnp.zeros_like(self.speed), jnp.ones_like(self.speed))
+
+    def motion(self, time: Scalar, state: ShaftState) -> tuple[Scalar, Scalar]:
+        """From the state."""
+        return state.angle, state.relative_speed * self.speed
+
+    def acceleration(self, moment: Scalar, inertia: Scalar) -> Scalar:
+        """(torque + moment) / inertia."""
+        return (self.torque + moment) / inertia
+
+    def rate(self, speed: Scalar, acceleration: Scalar) -> ShaftState:
+        """The speed, and the acceleration over the nominal speed."""
+        return ShaftState(speed, acceleration / self.speed)

@@ -1,0 +1,104 @@
+"""A planar revolute joint with radial clearance: a journal (pin) loose in a bearing (bore).
+
+Nothing here knows of the crusher: a bearing body, a journal body, and the eccentricity
+between their centres.
+"""
+
+import equinox as eqx
+from jaxtyping import Scalar
+
+from jaxcrusher import smooth
+from jaxcrusher.contact import AbstractNormalLaw
+from jaxcrusher.friction import AbstractFriction
+from jaxcrusher.plane import Vector, scalar
+
+
+class Contact(eqx.Module):
+    """The state of the contact and what it does to the two bodies.
+
+    Both forces act at one point, the bore's surface at R_i n from the bearing's centre, so
+    action and reaction balance in moment too.
+    """
+
+    penetration: Scalar  # delta = |e| - c, m; negative in flight
+    penetration_rate: Scalar  # delta' = e'.n, m/s
+    normal_force: Scalar  # F_n, N
+    friction_force: Scalar | None  # F_t on the bearing along t, N
+    surface_speed: Scalar | None  # bearing's material past the journal's, along t, m/s
+    force: Vector  # on the bearing, N
+    bearing_moment: Scalar | None  # on the bearing about its centre, N m
+    journal_moment: Scalar | None  # on the journal about its centre, N m
+
+
+class ClearanceJoint(eqx.Module):
+    """Bore of radius R_i, pin of radius R_i - c, a normal law and a friction law or None.
+
+    `norm_width` (m) smooths |e| at e = 0, where (2) of the paper is undefined; it shifts a
+    penetration by norm_width**2 / (2 c), 1e-14 m.
+    """
+
+    bore_radius: Scalar = eqx.field(converter=scalar)  # R_i, m
+    clearance: Scalar = eqx.field(converter=scalar)  # c = R_i - R_j, m
+    normal: AbstractNormalLaw
+    friction: AbstractFriction | None
+    norm_width: Scalar = eqx.field(converter=scalar, default=1e-9)
+
+    def contact(
+        self,
+        eccentricity: Vector,
+        rate: Vector,
+        bearing_spin: Scalar,
+        journal_spin: Scalar,
+        memory: Scalar | None,
+    ) -> Contact:
+        """The contact at eccentricity e = journal centre - bearing centre (m), rate e' (m/s).
+
+        Spins in rad/s, counterclockwise; `memory` is that of the law's impact velocity.
+        delta' = e'.n, the opposite of (6)'s v_n: with (6) the damping would be negative.
+        """
+        length = smooth.norm(eccentricity, self.norm_width)
+        normal = eccentricity / length
+        penetration = length - self.clearance
+        penetration_rate = rate.dot(normal)
+        normal_force = self.normal.force(penetration, penetration_rate, memory)
+        if self.friction is None:
+            return Contact(
+                penetration, penetration_rate, normal_force, None, None, normal_force * normal,
+                None, None,
+            )  # fmt: skip
+        tangent = normal.perp()
+        journal_arm = self.bore_radius - length
+        centre_speed = -rate.dot(tangent)
+        surface_speed = centre_speed + self.bore_radius * bearing_spin - journal_arm * journal_spin
+        slip = self.friction.slip.speed(centre_speed, surface_speed)
+        friction_force = self.friction.force(normal_force, slip)
+        return Contact(
+            penetration,
+            penetration_rate,
+            normal_force,
+            friction_force,
+            surface_speed,
+            normal_force * normal + friction_force * tangent,
+            self.bore_radius * friction_force,
+            -journal_arm * friction_force,
+        )
+
+    def memory_rate(self, contact: Contact, memory: Scalar | None) -> Scalar | None:
+        """The time derivative of the impact velocity's memory."""
+        in_contact = self.normal.in_contact(contact.penetration)
+        return self.normal.impact_velocity.rate(memory, in_contact, contact.penetration_rate)
+
+    def elastic_energy(self, contact: Contact) -> Scalar:
+        """Energy stored in the contact, J."""
+        return self.normal.elastic_energy(contact.penetration)
+
+    def normal_loss(self, contact: Contact) -> Scalar:
+        """Power dissipated by the normal law's damping, W."""
+        elastic = self.normal.elastic_force(contact.penetration)
+        return (contact.normal_force - elastic) * contact.penetration_rate
+
+    def friction_loss(self, contact: Contact) -> Scalar | None:
+        """Power dissipated by friction, W."""
+        if contact.friction_force is None or contact.surface_speed is None:
+            return None
+        return -contact.friction_force * contact.surface_speed

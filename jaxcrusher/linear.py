@@ -1,0 +1,74 @@
+"""Small sparse linear systems, unrolled while tracing: an entry that is absent costs nothing.
+
+`jnp.linalg.solve` would call LAPACK, and a custom call keeps XLA from compiling a whole
+integration loop to one kernel.
+"""
+
+from jaxtyping import Scalar
+
+# Column -> entry; a column that is not there is structurally zero.
+SparseRow = dict[int, Scalar]
+
+
+def _add(a: Scalar | None, b: Scalar | None) -> Scalar | None:
+    return b if a is None else a if b is None else a + b
+
+
+def solve_positive_definite(lower: dict[tuple[int, int], Scalar], right: list) -> list[Scalar]:
+    """Solve A x = right for a symmetric positive definite A by A = L D L^T.
+
+    `lower` holds A[i, j] for i >= j, where it is not structurally zero.
+    """
+    size = len(right)
+    factor: dict[tuple[int, int], Scalar] = {}
+    diagonal: list[Scalar] = []
+    for j in range(size):
+        for i in range(j, size):
+            entry = lower.get((i, j))
+            for k in range(j):
+                if (i, k) in factor and (j, k) in factor:
+                    entry = _add(entry, -factor[i, k] * factor[j, k] * diagonal[k])
+            if i == j:
+                assert entry is not None, "a positive definite matrix has a full diagonal"
+                diagonal.append(entry)
+            elif entry is not None:
+                factor[i, j] = entry / diagonal[j]
+    x = list(right)
+    for i in range(size):
+        for k in range(i):
+            if (i, k) in factor:
+                x[i] = x[i] - factor[i, k] * x[k]
+    x = [value / pivot for value, pivot in zip(x, diagonal, strict=True)]
+    for i in reversed(range(size)):
+        for k in range(i + 1, size):
+            if (k, i) in factor:
+                x[i] = x[i] - factor[k, i] * x[k]
+    return x
+
+
+def solve_constrained(
+    masses: list, rows: list[SparseRow], forces: list, right: list
+) -> tuple[list[Scalar], list[Scalar]]:
+    """Solve [M, Phi^T; Phi, 0] (a, lambda) = (forces, right) for a diagonal M (paper, (20)).
+
+    Returns the accelerations a and the multipliers lambda.
+    """
+    lower = {}
+    for i, row in enumerate(rows):
+        for j, other in enumerate(rows[: i + 1]):
+            entry = None
+            for column in row.keys() & other.keys():
+                entry = _add(entry, row[column] * other[column] / masses[column])
+            if entry is not None:
+                lower[i, j] = entry
+    free = [force / mass for force, mass in zip(forces, masses, strict=True)]
+    reduced = [
+        sum(entry * free[column] for column, entry in row.items()) - value
+        for row, value in zip(rows, right, strict=True)
+    ]
+    multipliers = solve_positive_definite(lower, reduced)
+    accelerations = list(free)
+    for row, multiplier in zip(rows, multipliers, strict=True):
+        for column, entry in row.items():
+            accelerations[column] = accelerations[column] - entry * multiplier / masses[column]
+    return accelerations, multipliers

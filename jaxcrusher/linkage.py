@@ -1,0 +1,179 @@
+"""Kinematics and dynamics of toggle and jaw, an open chain from C over B to A.
+
+The chain has two degrees of freedom, the spins of toggle and jaw, counterclockwise
+(theta3 of the paper counts clockwise: theta3' = -toggle spin).
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.machine import Machine
+from jaxcrusher.plane import Vector
+
+
+class Chain(eqx.Module):
+    """Position and velocity of the chain, as unit vectors and spins."""
+
+    toggle: Vector  # along C-B, (cos theta3, -sin theta3)
+    jaw: Vector  # along B-A, (-sin theta2, cos theta2)
+    toggle_spin: Scalar  # -theta3', rad/s
+    jaw_spin: Scalar  # theta2', rad/s
+
+
+class ChainAcceleration(eqx.Module):
+    """Angular accelerations, rad/s2, counterclockwise."""
+
+    toggle: Scalar
+    jaw: Scalar
+
+
+def assemble(machine: Machine, a: Vector, velocity: Vector) -> Chain:
+    """The chain whose end A is at `a` (m) and moves at `velocity` (m/s).
+
+    B is where the circles of radius l3 about C and l2 about A meet: one square root, no
+    trigonometry. The spins solve velocity = l3 spin3 perp(C-B) + l2 spin2 perp(B-A).
+    """
+    l2, l3 = machine.jaw.length, machine.toggle.length
+    distance_squared = a.dot(a)
+    share = (distance_squared + l3**2 - l2**2) / (2 * distance_squared)
+    height = machine.elbow_side * jnp.sqrt(l3**2 / distance_squared - share**2)
+    toggle = (share * a + height * a.perp()) / l3
+    jaw = (a - l3 * toggle) / l2
+    lever = toggle.cross(jaw)
+    return Chain(
+        toggle, jaw, velocity.dot(jaw) / (l3 * lever), -velocity.dot(toggle) / (l2 * lever)
+    )
+
+
+def joint_position(machine: Machine, chain: Chain) -> Vector:
+    """A, from the angles: the inverse of `assemble`."""
+    return machine.toggle.length * chain.toggle + machine.jaw.length * chain.jaw
+
+
+def joint_velocity(machine: Machine, chain: Chain) -> Vector:
+    """The velocity of A, m/s."""
+    return elbow_velocity(machine, chain) + (
+        machine.jaw.length * chain.jaw_spin * chain.jaw.perp()
+    )
+
+
+def elbow_velocity(machine: Machine, chain: Chain) -> Vector:
+    """The velocity of B, m/s."""
+    return machine.toggle.length * chain.toggle_spin * chain.toggle.perp()
+
+
+def elbow_acceleration(machine: Machine, chain: Chain, acceleration: ChainAcceleration) -> Vector:
+    """The acceleration of B, m/s2."""
+    return machine.toggle.length * turning(chain.toggle, chain.toggle_spin, acceleration.toggle)
+
+
+def turning(arm: Vector, spin: Scalar, acceleration: Scalar | None) -> Vector:
+    """The second derivative of a vector fixed in a turning body."""
+    centripetal = -(spin**2) * arm
+    return centripetal if acceleration is None else acceleration * arm.perp() + centripetal
+
+
+def mass_centre_arm(machine: Machine, chain: Chain) -> Vector:
+    """S2 relative to B, m."""
+    return machine.jaw.length * chain.jaw + machine.jaw.mass_centre.along(chain.jaw)
+
+
+def mass_centre_velocity(machine: Machine, chain: Chain) -> Vector:
+    """The velocity of S2, m/s."""
+    arm = mass_centre_arm(machine, chain)
+    return elbow_velocity(machine, chain) + chain.jaw_spin * arm.perp()
+
+
+def mass_centre_acceleration(
+    machine: Machine, chain: Chain, acceleration: ChainAcceleration
+) -> Vector:
+    """The acceleration of S2, m/s2."""
+    arm = mass_centre_arm(machine, chain)
+    return elbow_acceleration(machine, chain, acceleration) + turning(
+        arm, chain.jaw_spin, acceleration.jaw
+    )
+
+
+def joint_acceleration(machine: Machine, chain: Chain, acceleration: ChainAcceleration) -> Vector:
+    """The acceleration of A, m/s2."""
+    return elbow_acceleration(machine, chain, acceleration) + machine.jaw.length * turning(
+        chain.jaw, chain.jaw_spin, acceleration.jaw
+    )
+
+
+def chain_acceleration_to_reach(
+    machine: Machine, chain: Chain, acceleration: Vector
+) -> ChainAcceleration:
+    """The angular accelerations that give A the `acceleration` (m/s2)."""
+    l2, l3 = machine.jaw.length, machine.toggle.length
+    centripetal = joint_acceleration(machine, chain, ChainAcceleration(0.0, 0.0))
+    remaining = acceleration - centripetal
+    lever = chain.toggle.cross(chain.jaw)
+    return ChainAcceleration(
+        remaining.dot(chain.jaw) / (l3 * lever), -remaining.dot(chain.toggle) / (l2 * lever)
+    )
+
+
+class _Equations(eqx.Module):
+    """M (toggle'', jaw'') = (toggle_moment, jaw_moment) + what acts at A."""
+
+    toggle_inertia: Scalar
+    coupling: Scalar
+    jaw_inertia: Scalar
+    toggle_moment: Scalar
+    jaw_moment: Scalar
+
+
+def _equations(machine: Machine, chain: Chain, load: Vector | None) -> _Equations:
+    """Lagrange's equations of the chain under gravity, load and centrifugal terms."""
+    jaw, toggle = machine.jaw, machine.toggle
+    arm = mass_centre_arm(machine, chain)
+    weight = Vector(0.0, -jaw.mass * machine.gravity)
+    at_s2 = weight if load is None else weight + load
+    swing = jaw.mass * toggle.length * chain.toggle.cross(arm)
+    return _Equations(
+        toggle.inertia + (toggle.mass / 4 + jaw.mass) * toggle.length**2,
+        jaw.mass * toggle.length * chain.toggle.dot(arm),
+        jaw.inertia + jaw.mass * arm.dot(arm),
+        swing * chain.jaw_spin**2
+        + toggle.length * chain.toggle.cross(at_s2)
+        - toggle.mass * machine.gravity * toggle.length / 2 * chain.toggle.x,
+        -swing * chain.toggle_spin**2 + arm.cross(at_s2),
+    )
+
+
+def chain_acceleration(
+    machine: Machine, chain: Chain, load: Vector | None, force: Vector, moment: Scalar | None
+) -> ChainAcceleration:
+    """Forward dynamics: `force` (N) on the jaw at A with `moment` (N m), `load` (N) at S2."""
+    equations = _equations(machine, chain, load)
+    on_toggle = equations.toggle_moment + machine.toggle.length * chain.toggle.cross(force)
+    on_jaw = equations.jaw_moment + machine.jaw.length * chain.jaw.cross(force)
+    if moment is not None:
+        on_jaw = on_jaw + moment
+    m11, m12, m22 = equations.toggle_inertia, equations.coupling, equations.jaw_inertia
+    determinant = m11 * m22 - m12**2
+    return ChainAcceleration(
+        (m22 * on_toggle - m12 * on_jaw) / determinant,
+        (m11 * on_jaw - m12 * on_toggle) / determinant,
+    )
+
+
+def joint_force_for(
+    machine: Machine, chain: Chain, load: Vector | None, acceleration: ChainAcceleration
+) -> Vector:
+    """Inverse dynamics: the force (N) on the jaw at A that gives `acceleration`."""
+    equations = _equations(machine, chain, load)
+    on_toggle = (
+        equations.toggle_inertia * acceleration.toggle
+        + equations.coupling * acceleration.jaw
+        - equations.toggle_moment
+    ) / machine.toggle.length
+    on_jaw = (
+        equations.coupling * acceleration.toggle
+        + equations.jaw_inertia * acceleration.jaw
+        - equations.jaw_moment
+    ) / machine.jaw.length
+    # toggle x force = on_toggle, jaw x force = on_jaw
+    return (on_toggle * chain.jaw - on_jaw * chain.toggle) / chain.toggle.cross(chain.jaw)

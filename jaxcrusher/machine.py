@@ -1,0 +1,109 @@
+"""The crusher's bodies and their geometry (Wang, Cui, Wang 2023, Tables 1 and 2).
+
+Origin at the toggle plate's frame pivot C, x to the right, y up. The main bearing is at
+O, the shaft's eccentric pin at A_shaft, the jaw's bearing at A_jaw, the elbow at B.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Scalar
+
+from jaxcrusher.checks import concrete, require, require_positive
+from jaxcrusher.plane import Vector, direction, scalar
+
+
+class Shaft(eqx.Module):
+    """The eccentric shaft, turning about O.
+
+    `mass_centre` is S1 relative to O in the shaft's axes: x along O-A, y 90 deg ahead.
+    """
+
+    mass: Scalar = eqx.field(converter=scalar)  # m1, kg
+    inertia: Scalar = eqx.field(converter=scalar)  # J1 about S1, kg m2
+    eccentricity: Scalar = eqx.field(converter=scalar)  # l1, m
+    mass_centre: Vector  # m
+
+
+class Jaw(eqx.Module):
+    """The moving jaw from B to A.
+
+    `mass_centre` is S2 relative to A in the jaw's axes: x along B-A, y 90 deg ahead.
+    """
+
+    mass: Scalar = eqx.field(converter=scalar)  # m2, kg
+    inertia: Scalar = eqx.field(converter=scalar)  # J2 about S2, kg m2
+    length: Scalar = eqx.field(converter=scalar)  # l2, m
+    mass_centre: Vector  # m
+
+
+class Toggle(eqx.Module):
+    """The toggle (elbow) plate from C to B; its mass centre S3 lies in its middle."""
+
+    mass: Scalar = eqx.field(converter=scalar)  # m3, kg
+    inertia: Scalar = eqx.field(converter=scalar)  # J3 about S3, kg m2
+    length: Scalar = eqx.field(converter=scalar)  # l3, m
+
+
+class Machine(eqx.Module):
+    """A single-toggle jaw crusher: three bodies on a frame.
+
+    Raises ValueError (concrete values only) for a mass, inertia or length that is not
+    positive, and for links that cannot assemble or pass a dead point within a turn.
+    """
+
+    shaft: Shaft
+    jaw: Jaw
+    toggle: Toggle
+    bearing: Vector  # O, m
+    gravity: Scalar = eqx.field(converter=scalar, default=9.81)  # m/s2
+    # Which side of the line C-A the elbow B lies on: -1 right, +1 left.
+    elbow_side: int = eqx.field(static=True, default=-1)
+
+    def __check_init__(self):
+        for name, body in (("shaft", self.shaft), ("jaw", self.jaw), ("toggle", self.toggle)):
+            require_positive(f"{name}.mass", body.mass, "kg")
+            require_positive(f"{name}.inertia", body.inertia, "kg m2")
+        require_positive("shaft.eccentricity", self.shaft.eccentricity, "m")
+        require_positive("jaw.length", self.jaw.length, "m")
+        require_positive("toggle.length", self.toggle.length, "m")
+        require(self.elbow_side in (-1, 1), "elbow_side", "be -1 or 1", self.elbow_side)
+        self.require_assembly(0.0)
+
+    def require_assembly(self, clearance) -> None:
+        """Check that the linkage closes with room to spare for every shaft angle.
+
+        The distance C-A runs over |O| -+ (l1 + clearance); the toggle and the jaw lie in
+        one line (a dead point) where it reaches l2 + l3 or |l2 - l3|.
+        """
+        links = (self.bearing.x, self.bearing.y, self.shaft.eccentricity, self.jaw.length)
+        known = [concrete(v) for v in (*links, self.toggle.length, clearance)]
+        if any(value is None for value in known):
+            return
+        x, y, l1, l2, l3, c = (np.asarray(value, dtype=float) for value in known)
+        nearest, farthest = np.hypot(x, y) - l1 - c, np.hypot(x, y) + l1 + c
+        good = bool(np.all((nearest > abs(l2 - l3)) & (farthest < l2 + l3)))
+        require(
+            good,
+            "machine",
+            f"close without a dead point: C-A must stay inside ({abs(l2 - l3).max():g}, "
+            f"{(l2 + l3).min():g}) m",
+            f"[{nearest.min():g}, {farthest.max():g}] m",
+        )
+
+
+def pe250x400() -> Machine:
+    """The PE250x400 of Tables 1 and 2.
+
+    Table 2 prints l21 twice; 0.006 m is l11. J2 and J3 are far too large for central
+    inertias of such bodies, and are kept as printed.
+    """
+    jaw_offset = direction(np.radians(15.0))
+    return Machine(
+        shaft=Shaft(95.0, 0.2, 0.01, 0.006 * direction(np.radians(30.0))),
+        # S2 = A + l21 (sin(theta2 + 15 deg), -cos(theta2 + 15 deg)): backwards along the
+        # jaw, turned by 15 deg.
+        jaw=Jaw(524.0, 128.48, 0.695, -0.3 * jaw_offset),
+        toggle=Toggle(22.0, 0.7154, 0.3),
+        bearing=0.64 * Vector(jnp.sin(np.radians(22.5)), jnp.cos(np.radians(22.5))),
+    )

@@ -1,0 +1,209 @@
+"""What can be observed of an instant: forces, powers, energies, as functions of a snapshot."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Scalar
+
+from jaxcrusher import linkage
+from jaxcrusher.plane import Vector
+from jaxcrusher.scene import Scene
+from jaxcrusher.smooth import norm
+from jaxcrusher.snapshot import (
+    Snapshot,
+    moment_on_shaft,
+    shaft_inertia,
+)
+
+# Smooths the length of a reaction (N) where it vanishes.
+FORCE_WIDTH = 1e-6
+
+
+def _momentum_rates(s: Snapshot, scene: Scene) -> tuple[Vector, Vector, Vector]:
+    """Mass times acceleration of shaft, jaw and toggle, N."""
+    machine = scene.machine
+    centre = machine.shaft.mass_centre.along(s.shaft.crank)
+    shaft = linkage.turning(centre, s.shaft.speed, s.shaft.acceleration)
+    jaw = linkage.mass_centre_acceleration(machine, s.chain, s.chain_acceleration)
+    toggle = linkage.elbow_acceleration(machine, s.chain, s.chain_acceleration) / 2
+    return machine.shaft.mass * shaft, machine.jaw.mass * jaw, machine.toggle.mass * toggle
+
+
+def _weight(mass: Scalar, scene: Scene) -> Vector:
+    return Vector(0.0, -mass * scene.machine.gravity)
+
+
+def bearing_reaction(s: Snapshot, scene: Scene) -> Vector:
+    """R_O, the frame's force on the shaft at the main bearing, N."""
+    if s.multipliers is not None:
+        return -s.multipliers.bearing
+    rate, _, _ = _momentum_rates(s, scene)
+    return rate - _weight(scene.machine.shaft.mass, scene) + s.joint_force
+
+
+def elbow_reaction(s: Snapshot, scene: Scene) -> Vector:
+    """R_B, the toggle's force on the jaw, N."""
+    if s.multipliers is not None:
+        return -s.multipliers.elbow
+    _, rate, _ = _momentum_rates(s, scene)
+    reaction = rate - _weight(scene.machine.jaw.mass, scene) - s.joint_force
+    return reaction if s.load is None else reaction - s.load
+
+
+def toggle_reaction(s: Snapshot, scene: Scene) -> Vector:
+    """R_C, the frame's force on the toggle, N.
+
+    In (13) the multipliers of S3's rows are not R_C: the rows of B lead to C through
+    theta3, so that R_C is minus the sum of both.
+    """
+    if s.multipliers is not None:
+        return -s.multipliers.toggle_pivot - s.multipliers.elbow
+    _, _, rate = _momentum_rates(s, scene)
+    return rate - _weight(scene.machine.toggle.mass, scene) + elbow_reaction(s, scene)
+
+
+def foundation_force(s: Snapshot, scene: Scene) -> Scalar:
+    """|R_O| + |R_C|, N: the only definition of seven that meets the paper's numbers."""
+    at_bearing = norm(bearing_reaction(s, scene), FORCE_WIDTH)
+    return at_bearing + norm(toggle_reaction(s, scene), FORCE_WIDTH)
+
+
+def net_foundation_force(s: Snapshot, scene: Scene) -> Scalar:
+    """|R_O + R_C|, N: the length of the resultant on the foundation."""
+    return norm(bearing_reaction(s, scene) + toggle_reaction(s, scene), FORCE_WIDTH)
+
+
+def shaking_force(s: Snapshot, scene: Scene) -> Vector:
+    """Minus the bodies' mass times acceleration, N: without weight and crushing load."""
+    shaft, jaw, toggle = _momentum_rates(s, scene)
+    return -(shaft + jaw + toggle)
+
+
+def drive_torque(s: Snapshot, scene: Scene) -> Scalar:
+    """M0, counterclockwise on the shaft, N m."""
+    if s.multipliers is not None and s.multipliers.drive is not None:
+        return -s.multipliers.drive
+    others = moment_on_shaft(scene.machine, s.shaft.crank, s.joint_force, s.shaft_moment)
+    if s.shaft.acceleration is None:
+        return -others
+    return shaft_inertia(scene.machine) * s.shaft.acceleration - others
+
+
+def drive_power(s: Snapshot, scene: Scene) -> Scalar:
+    """M0 times the shaft's speed, W."""
+    return drive_torque(s, scene) * s.shaft.speed
+
+
+def load_power(s: Snapshot, scene: Scene) -> Scalar:
+    """The power of the crushing load, W."""
+    if s.load is None:
+        return jnp.zeros_like(s.shaft.speed)
+    return s.load.dot(linkage.mass_centre_velocity(scene.machine, s.chain))
+
+
+def contact_loss(s: Snapshot, scene: Scene) -> Scalar:
+    """Power dissipated by the damping of the contact, W."""
+    if scene.joint is None or s.contact is None:
+        return jnp.zeros_like(s.shaft.speed)
+    return scene.joint.normal_loss(s.contact)
+
+
+def friction_loss(s: Snapshot, scene: Scene) -> Scalar:
+    """Power dissipated by friction, W; may be negative where slip is that of the centres."""
+    loss = None
+    if scene.joint is not None and s.contact is not None:
+        loss = scene.joint.friction_loss(s.contact)
+    return jnp.zeros_like(s.shaft.speed) if loss is None else loss
+
+
+def kinetic_energy(s: Snapshot, scene: Scene) -> Scalar:
+    """Of the three bodies, J."""
+    machine = scene.machine
+    jaw_velocity = linkage.mass_centre_velocity(machine, s.chain)
+    toggle_velocity = linkage.elbow_velocity(machine, s.chain) / 2
+    return 0.5 * (
+        shaft_inertia(machine) * s.shaft.speed**2
+        + machine.jaw.mass * jaw_velocity.dot(jaw_velocity)
+        + machine.jaw.inertia * s.chain.jaw_spin**2
+        + machine.toggle.mass * toggle_velocity.dot(toggle_velocity)
+        + machine.toggle.inertia * s.chain.toggle_spin**2
+    )
+
+
+def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
+    """Of weight, zero at C's height, J."""
+    machine = scene.machine
+    shaft = machine.bearing + machine.shaft.mass_centre.along(s.shaft.crank)
+    elbow = machine.toggle.length * s.chain.toggle
+    jaw = elbow + linkage.mass_centre_arm(machine, s.chain)
+    return machine.gravity * (
+        machine.shaft.mass * shaft.y + machine.jaw.mass * jaw.y + machine.toggle.mass * elbow.y / 2
+    )
+
+
+def elastic_energy(s: Snapshot, scene: Scene) -> Scalar:
+    """Stored in the contact, J."""
+    if scene.joint is None or s.contact is None:
+        return jnp.zeros_like(s.shaft.speed)
+    return scene.joint.elastic_energy(s.contact)
+
+
+def _normal_force(s: Snapshot, scene: Scene) -> Scalar:
+    return norm(s.joint_force, FORCE_WIDTH) if s.contact is None else s.contact.normal_force
+
+
+def _friction_force(s: Snapshot, scene: Scene) -> Scalar:
+    force = None if s.contact is None else s.contact.friction_force
+    return jnp.zeros_like(s.shaft.speed) if force is None else force
+
+
+def _eccentricity(s: Snapshot, scene: Scene) -> Vector:
+    return Vector(0.0, 0.0) if s.eccentricity is None else s.eccentricity
+
+
+def _penetration_ratio(s: Snapshot, scene: Scene) -> Scalar:
+    if scene.joint is None or s.contact is None:
+        return jnp.zeros_like(s.shaft.speed)
+    return s.contact.penetration / scene.joint.clearance
+
+
+def _constraint_residual(s: Snapshot, scene: Scene) -> Scalar:
+    return jnp.zeros_like(s.shaft.speed) if s.multipliers is None else s.multipliers.residual
+
+
+class Observable(NamedTuple):
+    """A named function of an instant, a scalar or a vector."""
+
+    function: Callable[[Snapshot, Scene], Scalar | Vector]
+    unit: str
+    meaning: str
+
+    def __call__(self, snapshot: Snapshot, scene: Scene) -> Array:
+        value = self.function(snapshot, scene)
+        return value.array() if isinstance(value, Vector) else value
+
+
+OBSERVABLES = {
+    "normal_force": Observable(_normal_force, "N", "normal force at A"),
+    "friction_force": Observable(_friction_force, "N", "friction force at A"),
+    "foundation_force": Observable(foundation_force, "N", "|R_O| + |R_C|"),
+    "net_foundation_force": Observable(net_foundation_force, "N", "|R_O + R_C|"),
+    "shaking_force": Observable(shaking_force, "N", "shaking force"),
+    "joint_force": Observable(lambda s, _: s.joint_force, "N", "force on the jaw at A"),
+    "bearing_reaction": Observable(bearing_reaction, "N", "reaction R_O"),
+    "elbow_reaction": Observable(elbow_reaction, "N", "reaction R_B"),
+    "toggle_reaction": Observable(toggle_reaction, "N", "reaction R_C"),
+    "drive_torque": Observable(drive_torque, "N m", "drive torque"),
+    "drive_power": Observable(drive_power, "W", "drive power"),
+    "shaft_speed": Observable(lambda s, _: s.shaft.speed, "rad/s", "shaft speed"),
+    "eccentricity": Observable(_eccentricity, "m", "eccentricity of the pin"),
+    "penetration_ratio": Observable(_penetration_ratio, "1", "penetration / clearance"),
+    "jaw_position": Observable(
+        lambda s, scene: scene.machine.toggle.length * s.chain.toggle, "m", "lower end B"
+    ),
+    "jaw_velocity": Observable(
+        lambda s, scene: linkage.elbow_velocity(scene.machine, s.chain), "m/s", "velocity of B"
+    ),
+    "constraint_residual": Observable(_constraint_residual, "m", "largest constraint residual"),
+}
