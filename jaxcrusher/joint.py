@@ -22,6 +22,7 @@ class Contact(eqx.Module):
 
     penetration: Scalar  # delta = |e| - c, m; negative in flight
     penetration_rate: Scalar  # delta' = e'.n, m/s
+    orbit_speed: Scalar  # of the pin round the bore, (e x e') / |e|^2, rad/s
     normal_force: Scalar  # F_n, N
     friction_force: Scalar | None  # F_t on the bearing along t, N
     surface_speed: Scalar | None  # bearing's material past the journal's, along t, m/s
@@ -60,10 +61,12 @@ class ClearanceJoint(eqx.Module):
         normal = eccentricity / length
         penetration = length - self.clearance
         penetration_rate = rate.dot(normal)
+        orbit_speed = normal.cross(rate) / length
         normal_force = self.normal.force(penetration, penetration_rate, memory)
+        push = normal_force * normal
         if self.friction is None:
             return Contact(
-                penetration, penetration_rate, normal_force, None, None, normal_force * normal,
+                penetration, penetration_rate, orbit_speed, normal_force, None, None, push,
                 None, None,
             )  # fmt: skip
         tangent = normal.perp()
@@ -75,10 +78,11 @@ class ClearanceJoint(eqx.Module):
         return Contact(
             penetration,
             penetration_rate,
+            orbit_speed,
             normal_force,
             friction_force,
             surface_speed,
-            normal_force * normal + friction_force * tangent,
+            push + friction_force * tangent,
             self.bore_radius * friction_force,
             -journal_arm * friction_force,
         )

@@ -1,0 +1,214 @@
+"""Statistics of a motion over whole turns, integrated or sampled along with it."""
+
+import math
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree, Scalar
+
+from jaxcrusher.checks import require, require_choice, require_x64
+from jaxcrusher.integrate import Carried, Integration, Outcome, Problem, integrate
+from jaxcrusher.observables import OBSERVABLES, foundation_force
+from jaxcrusher.scene import Scene
+from jaxcrusher.simulate import failure_text, integration
+from jaxcrusher.snapshot import Snapshot
+
+STATISTICS = (
+    "foundation_rms",
+    "foundation_mean",
+    "foundation_peak",
+    "contact_fraction",
+    "penetration_ratio",
+    "winding",
+)
+
+# Instants per turn at which peaks and contact are looked at.
+SAMPLES = 1024
+
+# Friction whirl: the pin rolls round the bore, in contact, hundreds of times a turn. A pin
+# that rests in the bore follows the joint force, which goes round at most once or twice.
+WHIRL_CONTACT = 0.99
+WHIRL_WINDING = 10.0
+
+
+class Statistics(eqx.Module):
+    """Statistics over the turns after settling; what was not asked for is None.
+
+    A failed run has `success` False, NaN in every number, and says why in `failure`.
+    """
+
+    turns: int = eqx.field(static=True)
+    outcome: Outcome
+    foundation_rms: Scalar | None = None  # of |R_O| + |R_C|, N
+    foundation_mean: Scalar | None = None  # N
+    foundation_peak: Scalar | None = None  # N
+    contact_fraction: Scalar | None = None
+    penetration_ratio: Scalar | None = None  # largest delta / c
+    winding: Scalar | None = None  # revolutions of the pin round the bore per turn
+    turn_mean_square: Float[Array, " turns"] | None = None  # of each turn, N^2
+
+    @property
+    def success(self) -> Bool[Array, ""]:
+        """Whether the integration came to its end."""
+        return self.outcome.success
+
+    @property
+    def failure(self) -> str:
+        """Why and when the integration stopped, or nothing (concrete values only)."""
+        return failure_text(self.outcome, "rad of shaft angle")
+
+    @property
+    def whirl(self) -> Bool[Array, ""]:
+        """Whether the motion is a friction whirl: the pin rolls backwards round the bore.
+
+        Its penetrations, of the order of the clearance, are outside Hertz's theory.
+        """
+        if self.contact_fraction is None or self.winding is None:
+            raise ValueError(
+                "Argument `outputs` must contain 'contact_fraction' and 'winding', but does not."
+            )
+        return (self.contact_fraction > WHIRL_CONTACT) & (self.winding < -WHIRL_WINDING)
+
+    @property
+    def foundation_rms_error(self) -> Scalar:
+        """Standard error of the RMS (N), from the scatter of up to ten batches of turns.
+
+        Right for turns that are independent from batch to batch; infinite for one turn.
+        """
+        if self.turn_mean_square is None or self.foundation_rms is None:
+            raise ValueError("Argument `outputs` must contain 'foundation_rms', but does not.")
+        batches = min(10, self.turns)
+        if batches == 1:
+            return jnp.full_like(self.foundation_rms, jnp.inf)
+        length = self.turns // batches
+        used = self.turn_mean_square[..., : batches * length]
+        means = jnp.mean(used.reshape(*used.shape[:-1], batches, length), axis=-1)
+        scatter = jnp.std(means, axis=-1, ddof=1) / math.sqrt(batches)
+        return scatter / (2 * self.foundation_rms)
+
+
+def statistics(
+    scene: Scene,
+    settle_turns: int,
+    turns: int,
+    *,
+    outputs: tuple[str, ...] = STATISTICS,
+    rtol: float = 1e-9,
+    solver: diffrax.AbstractSolver | None = None,
+    stepsize_controller: diffrax.AbstractStepSizeController | None = None,
+    adjoint: diffrax.AbstractAdjoint | None = None,
+    max_steps: int | None = None,
+) -> Statistics:
+    """Statistics over `turns` turns of the shaft, after `settle_turns` turns.
+
+    **Arguments:**
+
+    - `scene`: what to simulate; its numbers may be traced.
+    - `settle_turns`, `turns`: whole numbers, >= 0 and >= 1.
+    - `outputs`: any of `jaxcrusher.STATISTICS`; the rest is neither computed nor traced.
+    - `rtol`, `solver`, `stepsize_controller`, `adjoint`, `max_steps`: as in
+      `jaxcrusher.simulate`, with time in radians of shaft angle and steps counted per turn.
+
+    **Returns:** a `Statistics`. RMS and mean are integrated with the motion; the peak is that
+    of a parabola through the largest of 1024 samples a turn and its neighbours.
+
+    Raises ValueError for counts that are not whole numbers in range, and unknown outputs.
+    """
+    require_x64()
+    for name, count, least in (("settle_turns", settle_turns, 0), ("turns", turns, 1)):
+        whole = isinstance(count, int) and not isinstance(count, bool)
+        require(whole and count >= least, name, f"be a whole number >= {least}", count)
+    for name in outputs:
+        require_choice("outputs", name, STATISTICS)
+    method = integration(scene, rtol, solver, stepsize_controller, adjoint, max_steps)
+    return _statistics(scene, settle_turns, turns, tuple(outputs), method)
+
+
+@eqx.filter_jit
+def _statistics(
+    scene: Scene, settle_turns: int, turns: int, outputs: tuple[str, ...], method: Integration
+) -> Statistics:
+    grid = jnp.arange(1, SAMPLES + 1) / SAMPLES if _observed(outputs) else jnp.ones(1)
+    times = 2 * jnp.pi * (jnp.arange(settle_turns + turns)[:, None] + grid)
+    by_turn, outcome = integrate(scene, times, problem=_problem(outputs), method=method)
+    kept = {name: values[settle_turns:] for name, values in by_turn.items()}
+    reduce = {"foundation_peak": jnp.max, "penetration_ratio": jnp.max}
+    values = {name: reduce.get(name, jnp.mean)(turn) for name, turn in kept.items()}
+    failed = ~outcome.success
+    values = {name: jnp.where(failed, jnp.nan, value) for name, value in values.items()}
+    mean_square = values.pop("mean_square", None)
+    if mean_square is None:
+        return Statistics(turns, outcome, **values)
+    values["foundation_rms"] = jnp.sqrt(mean_square)
+    return Statistics(turns, outcome, turn_mean_square=kept["mean_square"], **values)
+
+
+def _observed(outputs: tuple[str, ...]) -> list[str]:
+    """The observables to sample for these statistics."""
+    names = []
+    if "foundation_peak" in outputs:
+        names.append("foundation_force")
+    if "contact_fraction" in outputs or "penetration_ratio" in outputs:
+        names.append("penetration_ratio")
+    return names
+
+
+def _problem(outputs: tuple[str, ...]) -> Problem:
+    """Totals and samples by shaft angle, in radians: every design has the same span."""
+    observed = _observed(outputs)
+    wanted = {
+        "mean_square": "foundation_rms" in outputs,
+        "foundation_mean": "foundation_mean" in outputs,
+        "winding": "winding" in outputs,
+    }
+    totals = [name for name, asked in wanted.items() if asked]
+
+    def initial(scene: Scene) -> Carried:
+        zeros = {name: jnp.zeros(()) for name in totals}
+        return Carried(scene.formulation.initial(scene), zeros)
+
+    def integrands(snapshot: Snapshot, scene: Scene) -> dict[str, Scalar]:
+        rates = {}
+        if "mean_square" in totals or "foundation_mean" in totals:
+            force = foundation_force(snapshot, scene)
+            rates = {"mean_square": force**2, "foundation_mean": force}
+        if "winding" in totals:
+            orbit = 0.0 if snapshot.contact is None else snapshot.contact.orbit_speed
+            rates["winding"] = orbit / scene.drive.speed
+        return {name: rates[name] / (2 * jnp.pi) for name in totals}
+
+    def field(angle: Scalar, y: Carried, scene: Scene) -> Carried:
+        speed = scene.drive.speed
+        snapshot = scene.formulation.snapshot(angle / speed, y.motion, scene)
+        rate = scene.formulation.rate(snapshot, y.motion, scene)
+        by_angle = jax.tree.map(lambda leaf: leaf / speed, rate)
+        return Carried(by_angle, integrands(snapshot, scene))
+
+    def observe(angle: Scalar, y: Carried, scene: Scene) -> dict[str, Array]:
+        snapshot = scene.formulation.snapshot(angle / scene.drive.speed, y.motion, scene)
+        return {name: OBSERVABLES[name](snapshot, scene) for name in observed}
+
+    def summarise(seen: PyTree, totals: PyTree) -> dict[str, Scalar]:
+        summary = dict(totals)
+        if "foundation_peak" in outputs:
+            summary["foundation_peak"] = _peak(seen["foundation_force"])
+        if "contact_fraction" in outputs:
+            summary["contact_fraction"] = jnp.mean(seen["penetration_ratio"] > 0)
+        if "penetration_ratio" in outputs:
+            summary["penetration_ratio"] = jnp.max(seen["penetration_ratio"])
+        return summary
+
+    return Problem(initial, field, observe, summarise)
+
+
+def _peak(samples: Float[Array, " n"]) -> Scalar:
+    """The top of the parabola through the largest sample and its neighbours."""
+    index = jnp.clip(jnp.argmax(samples), 1, samples.size - 2)
+    before, top, after = samples[index - 1], samples[index], samples[index + 1]
+    slope, bend = (after - before) / 2, before - 2 * top + after
+    concave = bend < 0
+    shift = jnp.where(concave, -slope / jnp.where(concave, bend, 1), 0)
+    vertex = top + shift * (slope + shift * bend / 2)
+    return jnp.where(jnp.abs(shift) <= 1, vertex, jnp.max(samples))
