@@ -184,6 +184,8 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
     """The loop over segments."""
     start, y = jnp.zeros_like(times[0, 0]), problem.initial(args)
     success = diffrax.RESULTS.successful
+    # diffrax traces a vector field about ten times; an inlined jit remembers the first.
+    field = diffrax.ODETerm(jax.jit(problem.field, inline=True))
     if not jax.tree.leaves(y):
         return _evaluate(args, times, y, problem), Outcome(success, times[-1, -1])
 
@@ -193,7 +195,7 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
         dead = before.result != success
         saves = jnp.where(dead, start, saves)
         solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(problem.field),
+            field,
             method.solver,
             start,
             saves[-1],

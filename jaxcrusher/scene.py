@@ -41,8 +41,8 @@ class AbstractFormulation(eqx.Module):
         """The time derivative of the state, per second."""
 
     @abc.abstractmethod
-    def error_unit(self, scene: "Scene") -> Scalar | float:
-        """The tolerance of the state per unit of tolerance of e / c."""
+    def tolerance(self, scene: "Scene", rtol: Scalar | float) -> Scalar | float:
+        """The solver's tolerance for an error of `rtol` clearances in the eccentricity."""
 
 
 class Scene(eqx.Module):

@@ -1,11 +1,15 @@
 """Where the pin starts in its bore."""
 
 import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Scalar
 
-from jaxcrusher.formulations.closed_linkage import ClosedLinkage
+from jaxcrusher import linkage
 from jaxcrusher.plane import Vector, scalar
 from jaxcrusher.scene import AbstractStart, Scene
 from jaxcrusher.smooth import norm
+from jaxcrusher.snapshot import crank_motion, pin_acceleration, pin_position, pin_velocity
 
 
 class Centred(AbstractStart):
@@ -16,17 +20,65 @@ class Centred(AbstractStart):
         return Vector(0.0, 0.0), Vector(0.0, 0.0)
 
 
+def _chebyshev(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Chebyshev points of [-1, 1] and the differentiation matrix on them (Trefethen 2000)."""
+    points = np.cos(np.pi * np.arange(count) / (count - 1))
+    ends = np.where(np.isin(np.arange(count), (0, count - 1)), 2.0, 1.0)
+    weights = ends * (-1.0) ** np.arange(count)
+    gaps = points[:, None] - points + np.eye(count)
+    matrix = np.outer(weights, 1 / weights) / gaps
+    return points, matrix - np.diag(matrix.sum(axis=1))
+
+
 class InContact(AbstractStart):
-    """The pin rests in the bore under the ideal joint's force, with the ideal velocities."""
+    """The pin rests in the bore and follows the joint force without swinging.
+
+    First e lies along the ideal joint force, deep enough to carry it. Left with e' = 0 it
+    would swing at about 130 Hz for thousands of turns (the contact hardly damps), so the
+    slow motion is refined: the time derivatives of e correct the motion of the jaw, and with
+    it the force that e must carry. Each refinement shrinks the swing about thirtyfold; with
+    two, the derivative by clearance over 15 turns agrees with differences over 8 um to 0.1 %,
+    with e' = 0 to 20 %. Friction is not in the balance: with surface slip a swing remains.
+    """
+
+    refinements: int = eqx.field(static=True, default=2)
 
     def eccentricity(self, scene: Scene) -> tuple[Vector, Vector]:
-        """Along the ideal joint force, deep enough to carry it; rate zero."""
-        assert scene.joint is not None
-        time = scalar(0.0)
-        ideal = ClosedLinkage().snapshot(time, scene.drive.initial(), scene)
-        size = norm(ideal.joint_force, 0.0)
-        depth = scene.joint.clearance + scene.joint.normal.penetration_under(size)
-        return depth * (ideal.joint_force / size), Vector(0.0, 0.0)
+        """By collocation at nine instants within 0.1 rad of the shaft about time zero."""
+        points, matrix = _chebyshev(9)
+        times = 0.1 / scene.drive.speed * points
+        matrix = scene.drive.speed / 0.1 * matrix
+
+        def rate(e: Vector) -> Vector:
+            return Vector(matrix @ e.x, matrix @ e.y)
+
+        zero = 0 * times
+        e = Vector(zero, zero)
+        for _ in range(1 + self.refinements):
+            e = jax.vmap(_resting, in_axes=(0, 0, 0, 0, None))(
+                times, e, rate(e), rate(rate(e)), scene
+            )
+        middle = len(points) // 2
+        return jax.tree.map(lambda leaf: leaf[middle], (e, rate(e)))
+
+
+def _resting(time: Scalar, e: Vector, rate: Vector, curvature: Vector, scene: Scene) -> Vector:
+    """The eccentricity that carries the joint force of a jaw whose bearing is e off the pin."""
+    assert scene.joint is not None
+    machine = scene.machine
+    shaft = crank_motion(scene.drive.speed * time, scene.drive.speed)
+    chain = linkage.assemble(
+        machine, pin_position(machine, shaft.crank) - e, pin_velocity(machine, shaft) - rate
+    )
+    velocity = linkage.mass_centre_velocity(machine, chain)
+    load = None if scene.load is None else scene.load.force(chain.jaw, velocity)
+    acceleration = linkage.chain_acceleration_to_reach(
+        machine, chain, pin_acceleration(machine, shaft) - curvature
+    )
+    force = linkage.joint_force_for(machine, chain, load, acceleration)
+    size = norm(force, 0.0)
+    depth = scene.joint.clearance + scene.joint.normal.penetration_under(size)
+    return depth * (force / size)
 
 
 class Given(AbstractStart):

@@ -61,6 +61,6 @@ class ClosedLinkage(AbstractFormulation):
         """The shaft's, or nothing."""
         return scene.drive.rate(snapshot.shaft.speed, snapshot.shaft.acceleration)
 
-    def error_unit(self, scene: Scene) -> float:
+    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
         """Angles and speeds of order one."""
-        return 1.0
+        return rtol

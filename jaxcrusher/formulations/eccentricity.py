@@ -93,9 +93,9 @@ class EccentricityFormulation(AbstractFormulation):
             scene.drive.rate(snapshot.shaft.speed, snapshot.shaft.acceleration),
         )
 
-    def error_unit(self, scene: Scene) -> float:
+    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
         """The state is e / c itself."""
-        return 1.0
+        return rtol
 
 
 def clearance_joint(scene: Scene):

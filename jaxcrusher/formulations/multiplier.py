@@ -183,10 +183,10 @@ class MultiplierFormulation(AbstractFormulation):
             joint.memory_rate(snapshot.contact, state.impact_velocity),
         )
 
-    def error_unit(self, scene: Scene) -> Scalar:
-        """Positions are of the order of 1 m, and count against the clearance."""
+    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
+        """Positions of the order of 1 m count against the clearance, down to their rounding."""
         joint, _ = clearance_joint(scene)
-        return joint.clearance
+        return jnp.maximum(rtol * joint.clearance, 2e-14)
 
 
 def _masses(machine: Machine) -> list[Scalar]:
