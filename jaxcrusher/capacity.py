@@ -1,0 +1,61 @@
+"""Crushing capacity by laminating crushing theory (paper, (21)-(25)), and the box it allows."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher import linkage
+from jaxcrusher.machine import Machine
+from jaxcrusher.plane import Vector, direction, scalar
+
+AFFLUENCE = 1.67  # k: greatest over least capacity, after (25)
+
+
+class CrushingChamber(eqx.Module):
+    """The chamber: Q = 60 n V mu, V = S L, S = (2b - s) h / 2, h = g t^2 / 2, t = 30 / n.
+
+    The paper gives neither b nor s; its greatest capacity, 9.41 m3/h at 25 rad/s, implies
+    2b - s = 60.6 mm (the default). `chamber_from_stroke` takes s from the mechanism.
+    """
+
+    opening_length: Scalar = eqx.field(converter=scalar, default=0.4)  # L, m
+    height: Scalar = eqx.field(converter=scalar, default=0.6)  # H, m
+    loosening: Scalar = eqx.field(converter=scalar, default=0.7)  # mu
+    double_width: Scalar = eqx.field(converter=scalar, default=0.0606)  # 2b - s, m
+    gravity: Scalar = eqx.field(converter=scalar, default=9.81)  # m/s2
+
+    def layer_height(self, speed) -> Scalar:
+        """h, the fall in half a turn (m), at `speed` (rad/s)."""
+        return self.gravity * (jnp.pi / scalar(speed)) ** 2 / 2
+
+    def capacity(self, speed) -> Scalar:
+        """Q at `speed` (rad/s), in m3/h: inversely proportional to the speed."""
+        turns_per_minute = 30 * scalar(speed) / jnp.pi
+        section = self.double_width / 2 * self.layer_height(speed)
+        return 60 * turns_per_minute * section * self.opening_length * self.loosening
+
+    def lowest_speed(self) -> Scalar:
+        """The speed at which the layer is as high as the chamber, rad/s: 8.98, not 25."""
+        return jnp.pi * jnp.sqrt(self.gravity / (2 * self.height))
+
+    def highest_speed(self, floor) -> Scalar:
+        """The speed at which the capacity falls to `floor` (m3/h), rad/s."""
+        return self.capacity(1.0) / floor
+
+
+def stroke(machine: Machine, points: int = 720) -> Scalar:
+    """s, the horizontal travel of the jaw's lower end B over a turn (m); ideal joint."""
+
+    def lower_end(angle: Scalar) -> Scalar:
+        pin = machine.bearing + machine.shaft.eccentricity * direction(angle)
+        chain = linkage.assemble(machine, pin, Vector(0.0, 0.0))
+        return machine.toggle.length * chain.toggle.x
+
+    travel = jax.vmap(lower_end)(jnp.linspace(0, 2 * jnp.pi, points, endpoint=False))
+    return jnp.max(travel) - jnp.min(travel)
+
+
+def chamber_from_stroke(machine: Machine, discharge_opening) -> CrushingChamber:
+    """The paper's chamber with 2b - s from the mechanism's stroke and b (m)."""
+    return CrushingChamber(double_width=2 * scalar(discharge_opening) - stroke(machine))
