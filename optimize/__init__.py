@@ -1,0 +1,1 @@
+"""The design search: driving speed and clearance that shake the foundation least."""
