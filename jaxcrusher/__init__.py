@@ -1,16 +1,16 @@
 """A differentiable simulator of a jaw crusher whose main bearing has clearance."""
 
+from jaxcrusher.batch import map_chunks as map_chunks
+from jaxcrusher.batch import use_all_cores as use_all_cores
+from jaxcrusher.capacity import CrushingChamber as CrushingChamber
+from jaxcrusher.capacity import chamber_from_stroke as chamber_from_stroke
 from jaxcrusher.paper import ideal_scene as ideal_scene
 from jaxcrusher.paper import paper_scene as paper_scene
+from jaxcrusher.scene import Scene as Scene
 from jaxcrusher.simulate import OUTPUTS as OUTPUTS
 from jaxcrusher.simulate import Trajectory as Trajectory
 from jaxcrusher.simulate import simulate as simulate
 from jaxcrusher.statistics import STATISTICS as STATISTICS
 from jaxcrusher.statistics import Statistics as Statistics
 from jaxcrusher.statistics import statistics as statistics
-from jaxcrusher.batch import map_chunks as map_chunks
-from jaxcrusher.batch import use_all_cores as use_all_cores
-from jaxcrusher.capacity import CrushingChamber as CrushingChamber
-from jaxcrusher.capacity import chamber_from_stroke as chamber_from_stroke
-from jaxcrusher.scene import Scene as Scene
 from jaxcrusher.sweep import sweep as sweep

@@ -1,6 +1,7 @@
 """Checks of arguments, on the values that are concrete; traced values pass."""
 
 import jax
+import jax.core
 import numpy as np
 from jaxtyping import ArrayLike
 

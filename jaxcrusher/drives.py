@@ -55,7 +55,7 @@ class ConstantSpeed(AbstractDrive):
         return None
 
     def motion(self, time: Scalar, state: None) -> tuple[Scalar, Scalar]:
-        """omega t and omega."""
+        """The angle omega t, and omega."""
         return self.speed * time, self.speed
 
     def acceleration(self, moment: Scalar, inertia: Scalar) -> None:

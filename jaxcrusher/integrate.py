@@ -40,9 +40,9 @@ class Problem(eqx.Module):
     `summarise` reduces the stacked observations of one segment with the totals at its end.
     """
 
-    initial: Callable[[PyTree], Carried]  # args
-    field: Callable[[Scalar, Carried, PyTree], Carried]  # time, state, args
-    observe: Callable[[Scalar, Carried, PyTree], PyTree]  # time, state, args
+    initial: Callable[[PyTree], Any]  # args -> Carried
+    field: Callable[[Scalar, Any, PyTree], Any]  # time, state, args -> Carried
+    observe: Callable[[Scalar, Any, PyTree], PyTree]  # time, state, args
     summarise: Callable[[PyTree, PyTree], PyTree]  # observations, totals
 
 

@@ -53,9 +53,7 @@ def joint_position(machine: Machine, chain: Chain) -> Vector:
 
 def joint_velocity(machine: Machine, chain: Chain) -> Vector:
     """The velocity of A, m/s."""
-    return elbow_velocity(machine, chain) + (
-        machine.jaw.length * chain.jaw_spin * chain.jaw.perp()
-    )
+    return elbow_velocity(machine, chain) + (machine.jaw.length * chain.jaw_spin * chain.jaw.perp())
 
 
 def elbow_velocity(machine: Machine, chain: Chain) -> Vector:
@@ -107,7 +105,8 @@ def chain_acceleration_to_reach(
 ) -> ChainAcceleration:
     """The angular accelerations that give A the `acceleration` (m/s2)."""
     l2, l3 = machine.jaw.length, machine.toggle.length
-    centripetal = joint_acceleration(machine, chain, ChainAcceleration(0.0, 0.0))
+    still = jnp.zeros_like(chain.jaw_spin)
+    centripetal = joint_acceleration(machine, chain, ChainAcceleration(still, still))
     remaining = acceleration - centripetal
     lever = chain.toggle.cross(chain.jaw)
     return ChainAcceleration(

@@ -180,6 +180,7 @@ class Observable(NamedTuple):
     meaning: str
 
     def __call__(self, snapshot: Snapshot, scene: Scene) -> Array:
+        """The value, a vector as an array of shape (2,)."""
         value = self.function(snapshot, scene)
         return value.array() if isinstance(value, Vector) else value
 

@@ -2,6 +2,7 @@
 
 import diffrax
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
@@ -121,7 +122,8 @@ def default_integration(scene: Scene, rtol: float | Scalar) -> Integration:
     `rtol` counts in clearances (and m/s): 1e-9 is 6e-14 m for a clearance of 0.06 mm. Steps
     are bounded below, so that a motion that is not finite ends at once, and in number.
     """
-    tolerance = scene.formulation.tolerance(scene, rtol)
+    # A tolerance may depend on the scene, but is not part of what is differentiated.
+    tolerance = jax.lax.stop_gradient(scene.formulation.tolerance(scene, rtol))
     controller = diffrax.PIDController(
         rtol=tolerance,
         atol=tolerance,
@@ -171,9 +173,7 @@ def simulate(
     return _simulate(scene, jnp.asarray(times, dtype=float), method, tuple(outputs))
 
 
-def integration(
-    scene: Scene, rtol, solver, stepsize_controller, adjoint, max_steps
-) -> Integration:
+def integration(scene: Scene, rtol, solver, stepsize_controller, adjoint, max_steps) -> Integration:
     """The default integration with the given parts replaced."""
     default = default_integration(scene, rtol)
     return Integration(

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Scalar
 
 from jaxcrusher import linkage
-from jaxcrusher.plane import Vector, scalar
+from jaxcrusher.plane import Vector
 from jaxcrusher.scene import AbstractStart, Scene
 from jaxcrusher.smooth import norm
 from jaxcrusher.snapshot import crank_motion, pin_acceleration, pin_position, pin_velocity

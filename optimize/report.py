@@ -16,7 +16,7 @@ from jaxcrusher import plots
 from optimize.options import SEED_CLEARANCE, SEED_SPEED, Options
 
 matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
+import matplotlib.pyplot as plt
 
 
 def write_json(path: Path, content: dict) -> None:
@@ -99,10 +99,11 @@ def draw_motions(folder: Path, designs: dict[str, tuple[float, float]], options:
             plots.plot_force(motion, ideal, force)
             orbit.set_title(f"{name}, start {start}", fontsize=10)
             force.set_title(f"{speed:.2f} rad/s, {1e3 * clearance:.3f} mm", fontsize=10)
-    for row in axes[:, 1::2]:
-        top = max(ax.get_ylim()[1] for ax in row)
-        for ax in row:
-            ax.set_ylim(0, top)
+    forces = axes[:, 1::2].ravel()
+    top = max(ax.get_ylim()[1] for ax in forces)
+    for ax in forces:
+        ax.set_ylim(0, top)
+        ax.legend(loc="lower right", fontsize=8)
     fig.savefig(folder / "motion.png", dpi=150)
     plt.close(fig)
 

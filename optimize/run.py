@@ -26,7 +26,8 @@ def run(options: Options, console: Console) -> dict:
     options.check()
     folder = options.folder()
     scene = options.scene()
-    box = search.Box(options.speed, tuple(1e-3 * c for c in options.clearance))
+    small, large = options.clearance
+    box = search.Box(options.speed, (1e-3 * small, 1e-3 * large))
     result: dict = {
         "status": "interrupted",
         "command": " ".join(["python -m optimize.run", *sys.argv[1:]]),
@@ -46,8 +47,11 @@ def run(options: Options, console: Console) -> dict:
             cells = search.best_cells(rms, options.refine)
             if not cells:
                 raise RuntimeError("every cell of the box failed or whirls: nothing to refine")
-            result["grid_best"] = dict(zip(("speed", "clearance"), cells[0], strict=True))
-            result["grid_best"]["foundation_rms"] = float(np.nanmin(rms))
+            result["grid_best"] = {
+                "speed": cells[0][0],
+                "clearance": cells[0][1],
+                "foundation_rms": float(np.nanmin(rms)),
+            }
 
             began = time.perf_counter()
             bar = bars.add_task("gradient refinement", total=options.steps)
@@ -61,7 +65,7 @@ def run(options: Options, console: Console) -> dict:
 
             began = time.perf_counter()
             bar = bars.add_task("confirmation", total=1)
-            ends = [tuple(map(float, box.design(end))) for end in paths[-1]]
+            ends = [(float(w), float(c)) for w, c in zip(*box.design(paths[-1]), strict=True)]
             chosen = _confirm(options, [*dict.fromkeys([*ends, *cells])])
             bars.update(bar, completed=1)
             result["seconds"]["confirmation"] = time.perf_counter() - began
@@ -124,12 +128,12 @@ def _confirm(options: Options, candidates: list[tuple[float, float]]) -> dict:
     for name, i in (("optimum", best), ("seed_choice", len(designs) - 1)):
         speed, clearance = designs[i]
         scene = jc.ideal_scene(speed, load=options.scene()["load"])
-        ideal = float(jc.statistics(scene, 0, 1, outputs=("foundation_rms",)).foundation_rms)
+        ideal = jc.statistics(scene, 0, 1, outputs=("foundation_rms",)).foundation_rms
         chosen[name] = {
             "speed": speed,
             "clearance": clearance,
             "foundation_rms": judged[i],
-            "ideal_rms": ideal,
+            "ideal_rms": float(np.asarray(ideal)),
             "capacity": float(options.chamber.capacity(speed)),
             "runs": runs[i],
         }
@@ -152,7 +156,6 @@ def _judge(run: dict[str, dict]) -> float:
 
 def _physical(gradient: np.ndarray, box: search.Box) -> list[float]:
     """The gradient by rad/s and by m, from that by the unit square."""
-    widths = [high - low for high, low in (box.speed[::-1], box.clearance[::-1])]
     widths = [box.speed[1] - box.speed[0], box.clearance[1] - box.clearance[0]]
     return [float(g / w) for g, w in zip(gradient, widths, strict=True)]
 
@@ -235,7 +238,7 @@ def main() -> None:
     try:
         run(options, console)
     except (ValueError, RuntimeError) as error:
-        console.print(f"[red]error:[/] {error}", highlight=False)
+        console.print(f"[red]error:[/] {error}", highlight=False, soft_wrap=True)
         sys.exit(2)
     except KeyboardInterrupt:
         console.print(f"interrupted: what was finished is in {options.out / options.name}/")

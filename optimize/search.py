@@ -18,7 +18,7 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 import jaxcrusher as jc
-from jaxcrusher.batch import map_chunks
+from jaxcrusher.batch import map_chunks, stack
 
 STARTS = ("centred", "contact")
 # Turns of a gradient run: the quiet start has no transient to wait for.
@@ -36,7 +36,7 @@ class Box:
     speed: tuple[float, float]
     clearance: tuple[float, float]
 
-    def design(self, unit: Float[Array, "*batch 2"]) -> tuple[Array, Array]:
+    def design(self, unit: Float[Array | np.ndarray, "*batch 2"]) -> tuple[Array, Array]:
         """Speed and clearance at a point of the unit square."""
         low = jnp.array([self.speed[0], self.clearance[0]])
         high = jnp.array([self.speed[1], self.clearance[1]])
@@ -87,6 +87,7 @@ def _quiet_rms(unit: Float[Array, "2"], box: Box, options: dict) -> Array:
     result = jc.statistics(
         scene, 0, GRADIENT_TURNS, outputs=("foundation_rms",), rtol=GRADIENT_RTOL
     )
+    assert result.foundation_rms is not None
     return result.foundation_rms
 
 
@@ -131,7 +132,7 @@ def confirm(
     results: list[dict[str, dict]] = [{} for _ in designs]
     for start in STARTS:
         scenes = [jc.paper_scene(*design, start=start, **options) for design in designs]
-        stacked = jc.batch.stack(scenes)
+        stacked = stack(scenes)
         function = eqx.Partial(_long_run, settle=settle, turns=turns)
         ((_, rows),) = map_chunks(function, stacked, len(designs))
         for i, result in enumerate(results):

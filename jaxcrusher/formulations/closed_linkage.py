@@ -49,9 +49,7 @@ class ClosedLinkage(AbstractFormulation):
             moment = moment_on_shaft(machine, shaft.crank, force, None)
             arm = machine.shaft.eccentricity * shaft.crank
             inertia = shaft_inertia(machine) + arm.cross(slope)
-            shaft = ShaftMotion(
-                shaft.crank, shaft.speed, scene.drive.acceleration(moment, inertia)
-            )
+            shaft = ShaftMotion(shaft.crank, shaft.speed, scene.drive.acceleration(moment, inertia))
             force, acceleration = joint_force(shaft)
         return Snapshot(
             shaft, chain, acceleration, None, None, force, None, None, load, None

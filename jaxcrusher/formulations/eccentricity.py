@@ -10,7 +10,6 @@ from jaxtyping import Scalar
 
 from jaxcrusher import linkage
 from jaxcrusher.drives import ShaftState
-from jaxcrusher.joint import ClearanceJoint
 from jaxcrusher.plane import Vector
 from jaxcrusher.scene import AbstractFormulation, Scene
 from jaxcrusher.snapshot import (
@@ -77,10 +76,8 @@ class EccentricityFormulation(AbstractFormulation):
             contact.bearing_moment, contact.journal_moment, load, None,
         )  # fmt: skip
 
-    def rate(
-        self, snapshot: Snapshot, state: EccentricityState, scene: Scene
-    ) -> EccentricityState:
-        """e'' is the pin's acceleration less the bearing's."""
+    def rate(self, snapshot: Snapshot, state: EccentricityState, scene: Scene) -> EccentricityState:
+        """By e'': the pin's acceleration less the bearing's."""
         machine, (joint, _) = scene.machine, clearance_joint(scene)
         assert snapshot.contact is not None
         bearing_acceleration = linkage.joint_acceleration(

@@ -156,7 +156,7 @@ class MultiplierFormulation(AbstractFormulation):
         ]
         accelerations, multipliers = solve_constrained(_masses(machine), rows, forces, stabilised)
         acceleration = from_entries(accelerations)
-        pairs = [Vector(multipliers[i], multipliers[i + 1]) for i in (0, 2, 4)]
+        bearing, elbow, pivot = (Vector(multipliers[i], multipliers[i + 1]) for i in (0, 2, 4))
         residual = functools.reduce(jnp.maximum, [jnp.abs(phi) for phi in violation])
         return Snapshot(
             ShaftMotion(
@@ -170,11 +170,18 @@ class MultiplierFormulation(AbstractFormulation):
             contact.bearing_moment,
             contact.journal_moment,
             load,
-            Multipliers(*pairs, multipliers[6] if prescribed else None, residual, acceleration),
+            Multipliers(
+                bearing,
+                elbow,
+                pivot,
+                multipliers[6] if prescribed else None,
+                residual,
+                acceleration,
+            ),
         )
 
     def rate(self, snapshot: Snapshot, state: MultiplierState, scene: Scene) -> MultiplierState:
-        """q' and q''."""
+        """Velocities and accelerations, q' and q''."""
         joint, _ = clearance_joint(scene)
         assert snapshot.contact is not None and snapshot.multipliers is not None
         return MultiplierState(
@@ -202,8 +209,7 @@ def _applied_forces(scene, contact, load, pin_arm: Vector, bearing_arm: Vector) 
     """
     machine, force = scene.machine, contact.force
     weights = [
-        Vector(0.0, -b.mass * machine.gravity)
-        for b in (machine.shaft, machine.jaw, machine.toggle)
+        Vector(0.0, -b.mass * machine.gravity) for b in (machine.shaft, machine.jaw, machine.toggle)
     ]
     on_shaft = weights[0] - force
     on_jaw = weights[1] + force if load is None else weights[1] + force + load

@@ -1,0 +1,54 @@
+"""The batch engine and the sweep."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.batch import map_chunks
+
+
+def _double(x):
+    return {"twice": 2 * x}
+
+
+@pytest.mark.parametrize("count, chunk", [(1, 4), (7, 3), (8, 8), (5, 64)])
+def test_chunks_keep_order_and_length(count, chunk):
+    values = jnp.arange(float(count))
+    parts = list(map_chunks(eqx.Partial(_double), values, chunk))
+    joined = np.concatenate([part["twice"] for _, part in parts])
+    np.testing.assert_array_equal(joined, 2 * np.arange(count))
+    assert [rows.start for rows, _ in parts] == [*range(0, count, parts[0][0].stop)]
+
+
+def test_sweep_equals_single_runs():
+    speeds, clearances = [28.0, 33.0], [0.04e-3, 0.07e-3, 0.1e-3]
+    seen = []
+    grid = jc.sweep(
+        speeds, clearances, 0, 2, start="contact", chunk=4, progress=lambda *p: seen.append(p)
+    )
+    assert grid.foundation_rms.dims == ("speed", "clearance")
+    assert grid.foundation_rms.attrs["units"] == "N"
+    assert bool(grid.success.all()) and seen[-1] == (6, 6)
+    one = jc.statistics(jc.paper_scene(33.0, 0.1e-3, start="contact"), 0, 2)
+    # Quiet motion: the same program on another batch differs by rounding only.
+    same = grid.sel(speed=33.0, clearance=0.1e-3)
+    assert float(same.foundation_rms) == pytest.approx(float(one.foundation_rms), rel=1e-9)
+    assert float(same.foundation_peak) == pytest.approx(float(one.foundation_peak), rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    "speeds, clearances, name",
+    [([], [1e-4], "speeds"), ([30.0], [[1e-4]], "clearances"), ([30.0], [0.2], "clearance"),
+     ([-1.0], [1e-4], "speeds")],
+)  # fmt: skip
+def test_bad_grids(speeds, clearances, name):
+    with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
+        jc.sweep(speeds, clearances, 0, 1)
+    assert "\n" not in str(error.value)
+
+
+def test_bad_option_is_named():
+    with pytest.raises(ValueError, match=r"^Argument `slip` must be one of 'centre', 'surface'"):
+        jc.sweep([30.0], [1e-4], 0, 1, slip="edge")
