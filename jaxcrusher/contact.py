@@ -102,7 +102,7 @@ class AbstractNormalLaw(eqx.Module):
 
     def elastic_force(self, penetration: Scalar) -> Scalar:
         """K delta^m, N."""
-        return self.stiffness * smooth.positive_part(penetration, self.width) ** self.exponent
+        return self.stiffness * smooth.positive_power(penetration, self.width, self.exponent)
 
     def force(self, penetration: Scalar, rate: Scalar, memory: Scalar | None) -> Scalar:
         """F_n, N."""

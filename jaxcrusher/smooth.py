@@ -19,8 +19,15 @@ def positive_part(x: Scalar, width: Scalar) -> Scalar:
     return blend**2 / (4 * width) + jnp.maximum(x - width, 0)
 
 
+def positive_power(x: Scalar, width: Scalar, exponent: Scalar) -> Scalar:
+    """`positive_part(x, width)**exponent`, with all its derivatives zero where x < -width."""
+    base = positive_part(x, width)
+    inside = base > 0
+    return jnp.where(inside, jnp.where(inside, base, 1) ** exponent, 0)
+
+
 def positive_power_integral(x: Scalar, width: Scalar, exponent: Scalar) -> Scalar:
-    """The integral of `positive_part(x, width)**exponent` from minus infinity to x."""
+    """The integral of `positive_power(x, width, exponent)` from minus infinity to x."""
     blend = jnp.clip(x + width, 0, 2 * width)
     order = 2 * exponent + 1
     corner = blend**order / (order * (4 * width) ** exponent)

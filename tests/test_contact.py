@@ -1,0 +1,129 @@
+"""Normal laws against closed forms (effective restitution, Hertz's impact)."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import brentq
+
+from jaxcrusher.contact import (
+    ConstantImpactVelocity,
+    Flores,
+    HuntCrossley,
+    LankaraniNikravesh,
+    TrackedImpactVelocity,
+    cylinder_stiffness,
+)
+
+# D - ln(1 + D) = -D e* - ln(1 - D e*), solved to five digits elsewhere.
+DELIVERED = {
+    LankaraniNikravesh: {0.9: 0.91318, 0.7: 0.79597, 0.5: 0.72524},
+    HuntCrossley: {0.9: 0.90902, 0.7: 0.76800, 0.5: 0.66296},
+    Flores: {0.9: 0.89392, 0.7: 0.68318, 0.5: 0.47044},
+}
+CASES = [(law, e, delivered) for law, row in DELIVERED.items() for e, delivered in row.items()]
+
+
+@eqx.filter_jit
+def impact(law, mass, speed):
+    """Rebound speed / impact speed, and the largest penetration, of a free mass."""
+
+    def field(time, y, args):
+        return y[1], -law.force(y[0], y[1], None) / mass
+
+    duration = 2.9432 * hertz_depth(law.stiffness, mass, speed) / speed
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(field), diffrax.Dopri8(), 0.0, 3 * duration, 1e-3 * duration,
+        (jnp.array(0.0), speed), saveat=diffrax.SaveAt(ts=jnp.linspace(0, 3 * duration, 4001)),
+        stepsize_controller=diffrax.PIDController(rtol=1e-11, atol=1e-15), max_steps=100_000,
+    )  # fmt: skip
+    return -solution.ys[1][-1] / speed, solution.ys[0][:2000].max()
+
+
+def hertz_depth(stiffness, mass, speed):
+    """(5 m v^2 / (4 K))^(2/5)."""
+    return (5 * mass * speed**2 / (4 * stiffness)) ** 0.4
+
+
+@pytest.mark.parametrize("law, restitution, delivered", CASES)
+def test_effective_restitution(law, restitution, delivered):
+    for mass, speed in ((1.0, 0.3), (50.0, 2.0)):
+        speed = jnp.array(speed)
+        made = law(1.4e8, restitution, ConstantImpactVelocity(speed), width=1e-13)
+        rebound, _ = impact(made, jnp.array(mass), speed)
+        # The reference has five digits; the integration is good to 1e-8.
+        assert float(rebound) == pytest.approx(delivered, abs=1e-4)
+
+
+@pytest.mark.parametrize("law", DELIVERED)
+def test_largest_penetration(law):
+    mass, speed, stiffness = 2.0, 0.7, 1.4e8
+    made = law(stiffness, 0.7, ConstantImpactVelocity(speed), width=1e-13)
+    _, deepest = impact(made, jnp.array(mass), jnp.array(speed))
+    d = float(made.damping_factor())
+    closed = (2.5 * mass * speed**2 / stiffness * (d - np.log1p(d)) / d**2) ** 0.4
+    # 4001 samples see the parabolic top to (1/2000)^2.
+    assert float(deepest) == pytest.approx(closed, rel=1e-6)
+
+
+def test_hertz_impact():
+    law = LankaraniNikravesh(1.4e8, 1.0, ConstantImpactVelocity(1.0), width=1e-13)
+    rebound, deepest = impact(law, jnp.array(1.0), jnp.array(1.0))
+    assert float(rebound) == pytest.approx(1, abs=1e-8)
+    assert float(deepest) == pytest.approx(6.02994e-4, rel=2e-6)  # six digits given
+    assert float(law.force(deepest, jnp.array(0.0), None)) == pytest.approx(2073.0, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "clearance, stiffness",
+    [(0.03e-3, 3.576e12), (0.06e-3, 2.528e12), (0.09e-3, 2.064e12), (0.12e-3, 1.787e12)],
+)
+def test_stiffness_of_the_paper(clearance, stiffness):
+    # Four digits given.
+    assert float(cylinder_stiffness(0.13, clearance)) == pytest.approx(stiffness, rel=3e-4)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(-1e-6, 1e-5), st.floats(0.3, 1.0))
+def test_energy_is_the_work_of_the_elastic_force(penetration, restitution):
+    law = HuntCrossley(2.5e12, restitution, ConstantImpactVelocity(0.5))
+    slope = jax.grad(law.elastic_energy)(jnp.array(penetration))
+    # Closed forms: rounding, of a force that reaches 8e4 N.
+    assert float(slope) == pytest.approx(float(law.elastic_force(penetration)), rel=1e-11, abs=1e-9)
+    assert float(law.force(jnp.array(-2e-8), jnp.array(1.0), None)) == 0
+
+
+@pytest.mark.parametrize("law", DELIVERED)
+def test_width_goes_to_zero(law):
+    """The error of a width on the force falls with it, and is none beyond it."""
+    sharp = 2.5e12 * (3e-6) ** 1.5
+    for width in (1e-6, 1e-8, 1e-10):
+        made = law(2.5e12, 0.9, ConstantImpactVelocity(0.5), width=width)
+        assert float(made.elastic_force(jnp.array(3e-6))) == pytest.approx(sharp, rel=1e-9)
+        at_corner = float(made.elastic_force(jnp.array(0.0)))
+        assert at_corner == pytest.approx(2.5e12 * (width / 4) ** 1.5, rel=1e-12)
+
+
+def test_tracked_velocity_follows_in_flight_and_rests_in_contact():
+    law = TrackedImpactVelocity(floor=0.02)
+    flight, contact = jnp.array(0.0), jnp.array(1.0)
+    assert float(law.value(jnp.array(0.001))) == 0.02
+    assert float(law.rate(jnp.array(0.1), flight, jnp.array(0.3))) == pytest.approx(2e3, rel=1e-12)
+    assert float(law.rate(jnp.array(0.1), contact, jnp.array(0.3))) == 0
+    assert float(law.rate(jnp.array(0.1), flight, jnp.array(-0.3))) == pytest.approx(
+        -1e3, rel=1e-12
+    )
+
+
+def test_closed_form_used_above():
+    """The table's figures satisfy the equation they are said to solve."""
+    for law, e, delivered in CASES:
+        d = float(law(1.0, e, ConstantImpactVelocity(1.0)).damping_factor())
+        root = brentq(
+            lambda r, d=d: d - np.log1p(d) + d * r + np.log1p(-d * r), 1e-6, min(1, 0.999999 / d)
+        )
+        assert root == pytest.approx(delivered, abs=6e-6)
