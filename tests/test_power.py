@@ -1,0 +1,147 @@
+"""Power, momentum and the agreement of the formulations, without integrating anything."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher import linkage
+from jaxcrusher import observables as ob
+from jaxcrusher.drives import GivenTorque
+from jaxcrusher.formulations import EccentricityFormulation, MultiplierFormulation
+from jaxcrusher.observables import OBSERVABLES
+from jaxcrusher.plane import Vector
+from jaxcrusher.starts import Given
+
+FORMULATIONS = {"eccentricity": EccentricityFormulation(), "multiplier": MultiplierFormulation()}
+# In flight, at the corner of the contact, in light and in hard contact; in or out, sliding.
+STATES = [
+    ((0.3, -0.5), (0.2, 0.1)), ((0.6, 0.8), (0.1, -0.3)), ((-0.72, 0.7), (0.3, 0.4)),
+    ((0.1, 1.04), (-0.2, 0.02)), ((-0.9, -0.6), (0.5, 0.9)),
+]  # fmt: skip
+
+
+def placed(scene, state):
+    (x, y), (u, v) = state
+    return eqx.tree_at(lambda s: s.start, scene, Given(Vector(x, y), Vector(u, v)))
+
+
+def with_formulation(scene, name):
+    return eqx.tree_at(lambda s: s.formulation, scene, FORMULATIONS[name])
+
+
+def scenes():
+    for options in (
+        {"friction": None, "load": None},
+        {"slip": "surface"},
+        {"slip": "centre", "load": "closing_stroke"},
+        {"slip": "surface", "load": "normal_to_jaw", "impact_velocity": "tracked"},
+    ):
+        yield jc.paper_scene(30.0, 0.06e-3, **options)
+    scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
+    yield eqx.tree_at(lambda s: s.drive, scene, GivenTorque(300.0, 30.0))
+
+
+@pytest.mark.parametrize("name", FORMULATIONS)
+@pytest.mark.parametrize("scene", [*scenes()], ids=["bare", "surface", "closing", "tracked", "torque"])
+def test_power_balance(scene, name):
+    """The energies change along the vector field by what the powers put in."""
+
+    @eqx.filter_jit
+    def balance(scene):
+        formulation, time = scene.formulation, jnp.array(0.0)
+        state = formulation.initial(scene)
+
+        def energy(time, state):
+            s = formulation.snapshot(time, state, scene)
+            parts = (ob.kinetic_energy, ob.potential_energy, ob.elastic_energy)
+            return sum(part(s, scene) for part in parts)
+
+        s = formulation.snapshot(time, state, scene)
+        rate = formulation.rate(s, state, scene)
+        _, change = jax.jvp(energy, (time, state), (jnp.array(1.0), rate))
+        powers = jnp.stack([
+            ob.drive_power(s, scene), ob.load_power(s, scene),
+            -ob.contact_loss(s, scene), -ob.friction_loss(s, scene),
+        ])  # fmt: skip
+        scale = jnp.sum(jnp.abs(powers)) + jnp.abs(ob.contact_loss(s, scene))
+        return change - jnp.sum(powers), scale + jnp.abs(s.joint_force.dot(s.joint_force)) ** 0.5
+
+    for state in STATES:
+        difference, scale = balance(placed(with_formulation(scene, name), state))
+        # Rounding of a dozen terms of the size of the powers.
+        assert abs(float(difference)) < 1e-10 * float(scale)
+
+
+@pytest.mark.parametrize("slip", ["centre", "surface"])
+def test_formulations_agree_at_an_instant(slip):
+    names = [n for n in OBSERVABLES if n != "constraint_residual"]
+
+    @eqx.filter_jit
+    def observe(scene):
+        state = scene.formulation.initial(scene)
+        s = scene.formulation.snapshot(jnp.array(0.0), state, scene)
+        return {name: OBSERVABLES[name](s, scene) for name in names}
+
+    scene = jc.paper_scene(30.0, 0.06e-3, slip=slip)
+    for state in STATES:
+        one, other = (observe(placed(with_formulation(scene, n), state)) for n in FORMULATIONS)
+        for name in names:
+            # e is a difference of positions of 0.6 m, known to 3e-16: 1e-10 of a penetration of
+            # 3e-6 m, so 1e-4 N of 5e5 N, and 1e-7 m/s2 of links of 500 kg that move at 30.
+            scale = np.abs(one[name]).max()
+            np.testing.assert_allclose(other[name], one[name], rtol=0, atol=1e-8 * scale + 1e-12)
+
+
+@pytest.mark.parametrize("load", ["along_jaw", "normal_to_jaw", None])
+def test_reactions_carry_the_whole_machine(load):
+    """R_O + R_C + weights + load = sum of m a, and M0 closes the moments about O."""
+    scene = placed(jc.paper_scene(30.0, 0.06e-3, slip="surface", load=load), STATES[3])
+    for scene in (scene, jc.ideal_scene(30.0, load=load)):
+        state = scene.formulation.initial(scene)
+        s = scene.formulation.snapshot(jnp.array(0.0), state, scene)
+        m = scene.machine
+        weight = Vector(0.0, -(m.shaft.mass + m.jaw.mass + m.toggle.mass) * m.gravity)
+        applied = ob.bearing_reaction(s, scene) + ob.toggle_reaction(s, scene) + weight
+        applied = applied if s.load is None else applied + s.load
+        residual = applied + ob.shaking_force(s, scene)
+        # Sums of forces up to 1e6 N.
+        assert float(jnp.hypot(residual.x, residual.y)) < 1e-9 * 1e5
+
+
+def test_chain_obeys_newton_and_euler():
+    """Jaw and toggle each, with the moments that Lagrange's equations never saw."""
+    scene = placed(jc.paper_scene(30.0, 0.06e-3, slip="surface"), STATES[4])
+    s = scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
+    m = scene.machine
+    at_elbow, at_pivot = ob.elbow_reaction(s, scene), ob.toggle_reaction(s, scene)
+    elbow_arm = -linkage.mass_centre_arm(m, s.chain)
+    joint_arm = m.jaw.length * s.chain.jaw + elbow_arm
+    jaw = elbow_arm.cross(at_elbow) + joint_arm.cross(s.joint_force) + s.jaw_moment
+    assert float(jaw) == pytest.approx(float(m.jaw.inertia * s.chain_acceleration.jaw), rel=1e-10)
+    half = m.toggle.length / 2 * s.chain.toggle
+    toggle = half.cross(-at_elbow) - half.cross(at_pivot)
+    expected = m.toggle.inertia * s.chain_acceleration.toggle
+    assert float(toggle) == pytest.approx(float(expected), rel=1e-8)
+
+
+def test_contact_acts_at_one_point():
+    """Action and reaction of the joint have no net moment."""
+    scene = placed(jc.paper_scene(30.0, 0.06e-3, slip="surface"), STATES[3])
+    s = scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
+    # About the bearing's centre: the jaw's moment, and -F at the pin's centre e away.
+    net = s.jaw_moment - s.eccentricity.cross(s.joint_force) + s.shaft_moment
+    assert abs(float(net)) < 1e-12 * abs(float(s.jaw_moment))
+    assert float(s.contact.friction_force) * float(s.contact.surface_speed) < 0
+
+
+def test_assembly_at_angle_zero():
+    scene = jc.ideal_scene(30.0)
+    s = scene.formulation.snapshot(jnp.array(0.0), None, scene)
+    theta2 = np.degrees(np.arctan2(-s.chain.jaw.x, s.chain.jaw.y))
+    theta3 = np.degrees(np.arctan2(-s.chain.toggle.y, s.chain.toggle.x))
+    # Independent figures with two decimals.
+    assert float(theta2) == pytest.approx(2.21, abs=5e-3)
+    assert float(theta3) == pytest.approx(20.12, abs=5e-3)
