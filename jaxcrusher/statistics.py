@@ -195,7 +195,8 @@ def _problem(outputs: tuple[str, ...]) -> Problem:
         if "foundation_peak" in outputs:
             summary["foundation_peak"] = _peak(seen["foundation_force"])
         if "contact_fraction" in outputs:
-            summary["contact_fraction"] = jnp.mean(seen["penetration_ratio"] > 0)
+            touching = (seen["penetration_ratio"] > 0).astype(float)
+            summary["contact_fraction"] = jnp.mean(touching)
         if "penetration_ratio" in outputs:
             summary["penetration_ratio"] = jnp.max(seen["penetration_ratio"])
         return summary

@@ -45,7 +45,9 @@ def scenes():
 
 
 @pytest.mark.parametrize("name", FORMULATIONS)
-@pytest.mark.parametrize("scene", [*scenes()], ids=["bare", "surface", "closing", "tracked", "torque"])
+@pytest.mark.parametrize(
+    "scene", [*scenes()], ids=["bare", "surface", "closing", "tracked", "torque"]
+)
 def test_power_balance(scene, name):
     """The energies change along the vector field by what the powers put in."""
 
@@ -98,8 +100,8 @@ def test_formulations_agree_at_an_instant(slip):
 @pytest.mark.parametrize("load", ["along_jaw", "normal_to_jaw", None])
 def test_reactions_carry_the_whole_machine(load):
     """R_O + R_C + weights + load = sum of m a, and M0 closes the moments about O."""
-    scene = placed(jc.paper_scene(30.0, 0.06e-3, slip="surface", load=load), STATES[3])
-    for scene in (scene, jc.ideal_scene(30.0, load=load)):
+    clearance = placed(jc.paper_scene(30.0, 0.06e-3, slip="surface", load=load), STATES[3])
+    for scene in (clearance, jc.ideal_scene(30.0, load=load)):
         state = scene.formulation.initial(scene)
         s = scene.formulation.snapshot(jnp.array(0.0), state, scene)
         m = scene.machine
