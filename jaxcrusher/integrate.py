@@ -49,25 +49,34 @@ class Problem(eqx.Module):
 class Integration(eqx.Module):
     """Solver, step-size controller and bounds, handed to `diffrax.diffeqsolve` as they are.
 
-    `adjoint` None means forward sensitivities; a diffrax adjoint replaces them.
+    `adjoint` None means forward sensitivities; a diffrax adjoint replaces them. The first
+    step is always given: diffrax's own choice of it is NaN where the motion is, and then
+    runs on to `max_steps` instead of failing.
     """
 
     solver: diffrax.AbstractSolver
     stepsize_controller: diffrax.AbstractStepSizeController
     max_steps: int = eqx.field(static=True)
+    dt0: float = eqx.field(static=True)
     adjoint: diffrax.AbstractAdjoint | None
 
 
-class Outcome(eqx.Module):
-    """How an integration ended: diffrax's result, and the time it came to."""
+class RESULTS(diffrax.RESULTS):  # pyright: ignore
+    """Those of diffrax, and one that it does not look for."""
 
-    result: diffrax.RESULTS
+    not_finite = "The motion is not finite."
+
+
+class Outcome(eqx.Module):
+    """How an integration ended: its result, and the time it came to."""
+
+    result: RESULTS
     reached: Scalar
 
     @property
     def success(self) -> Bool[Array, ""]:
         """Came to its end."""
-        return self.result == diffrax.RESULTS.successful
+        return self.result == RESULTS.successful
 
 
 def error_norm(error: PyTree) -> Scalar:
@@ -183,7 +192,7 @@ def _restarted(y: Carried | Sensitive) -> Carried | Sensitive:
 def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, Outcome]:
     """The loop over segments."""
     start, y = jnp.zeros_like(times[0, 0]), problem.initial(args)
-    success = diffrax.RESULTS.successful
+    success = RESULTS.successful
     # diffrax traces a vector field about ten times; an inlined jit remembers the first.
     field = diffrax.ODETerm(jax.jit(problem.field, inline=True))
     if not jax.tree.leaves(y):
@@ -199,7 +208,7 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
             method.solver,
             start,
             saves[-1],
-            None,
+            method.dt0,
             y,
             args,
             saveat=diffrax.SaveAt(
@@ -215,14 +224,15 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
         )
         assert solution.ts is not None and solution.ys is not None
         y = jax.tree.map(lambda leaf: leaf[0], solution.ys[0])
-        result = diffrax.RESULTS.where(dead, before.result, solution.result)
+        result = RESULTS.where(_finite(y), RESULTS.promote(solution.result), RESULTS.not_finite)
+        result = RESULTS.where(dead, before.result, result)
         after = Outcome(result, jnp.where(dead, before.reached, solution.ts[0][0]))
         observed = _masked(solution.ys[1], dead | ~jnp.isfinite(solution.ts[1]))
         totals = _masked(_totals(y), ~after.success)
         summary = problem.summarise(observed, totals)
         return (saves[-1], _restarted(y), after), summary
 
-    carry = (start, y, Outcome(success, start))
+    carry = (start, y, Outcome(RESULTS.where(_finite(y), success, RESULTS.not_finite), start))
     (_, _, outcome), summaries = jax.lax.scan(segment, carry, times)
     return summaries, outcome
 
@@ -231,6 +241,11 @@ def _evaluate(args, times, y: PyTree, problem: Problem) -> PyTree:
     """The summaries of a scene that has nothing to integrate."""
     observed = jax.vmap(jax.vmap(lambda time: problem.observe(time, y, args)))(times)
     return jax.vmap(lambda segment: problem.summarise(segment, _totals(y)))(observed)
+
+
+def _finite(tree: PyTree) -> Bool[Array, ""]:
+    """Whether every number is."""
+    return jnp.all(jnp.array([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(tree)]))
 
 
 def _masked(tree: PyTree, bad: Bool[Array, "..."]) -> PyTree:

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher import observables
-from jaxcrusher.checks import concrete, require, require_choice, require_x64
+from jaxcrusher.checks import concrete, require, require_choice, require_positive, require_x64
 from jaxcrusher.integrate import (
+    RESULTS,
     Carried,
     Integration,
     Outcome,
@@ -112,11 +113,11 @@ def failure_text(outcome: Outcome, unit: str) -> str:
     """One line on a failed integration, empty for one that succeeded."""
     if bool(outcome.success):
         return ""
-    reason = " ".join(str(diffrax.RESULTS[outcome.result]).split())
+    reason = " ".join(str(RESULTS[outcome.result]).split())
     return f"stopped at {float(outcome.reached):.6g} {unit}: {reason}"
 
 
-def default_integration(scene: Scene, rtol: float | Scalar) -> Integration:
+def default_integration(scene: Scene, rtol: float | Scalar, dt0: float) -> Integration:
     """Tsit5 under a PI controller with equal relative and absolute tolerance.
 
     `rtol` counts in clearances (and m/s): 1e-9 is 6e-14 m for a clearance of 0.06 mm. Steps
@@ -133,7 +134,7 @@ def default_integration(scene: Scene, rtol: float | Scalar) -> Integration:
         dtmin=1e-14,
         force_dtmin=False,
     )
-    return Integration(diffrax.Tsit5(), controller, 10_000_000, None)
+    return Integration(diffrax.Tsit5(), controller, 10_000_000, dt0, None)
 
 
 def simulate(
@@ -146,6 +147,7 @@ def simulate(
     stepsize_controller: diffrax.AbstractStepSizeController | None = None,
     adjoint: diffrax.AbstractAdjoint | None = None,
     max_steps: int | None = None,
+    dt0: float = 1e-6,
 ) -> Trajectory:
     """Simulate from time zero and report at `times`.
 
@@ -159,6 +161,7 @@ def simulate(
       are right to 1e-5, at 1e-11 to 1e-7; differences of nearby runs need the latter.
     - `solver`, `stepsize_controller`, `adjoint`, `max_steps`: as in `diffrax.diffeqsolve`,
       in place of Tsit5, a PI controller, forward sensitivities and ten million.
+    - `dt0`: the first step, s, or every step of `diffrax.ConstantStepSize`.
 
     **Returns:** a `Trajectory`.
 
@@ -169,17 +172,21 @@ def simulate(
     require_times(times)
     for name in outputs:
         require_choice("outputs", name, OUTPUTS)
-    method = integration(scene, rtol, solver, stepsize_controller, adjoint, max_steps)
+    method = integration(scene, rtol, solver, stepsize_controller, adjoint, max_steps, dt0)
     return _simulate(scene, jnp.asarray(times, dtype=float), method, tuple(outputs))
 
 
-def integration(scene: Scene, rtol, solver, stepsize_controller, adjoint, max_steps) -> Integration:
+def integration(
+    scene: Scene, rtol, solver, stepsize_controller, adjoint, max_steps, dt0
+) -> Integration:
     """The default integration with the given parts replaced."""
-    default = default_integration(scene, rtol)
+    require_positive("dt0", dt0, "in the unit of the time")
+    default = default_integration(scene, rtol, dt0)
     return Integration(
         default.solver if solver is None else solver,
         default.stepsize_controller if stepsize_controller is None else stepsize_controller,
         default.max_steps if max_steps is None else max_steps,
+        dt0,
         adjoint,
     )
 

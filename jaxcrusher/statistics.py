@@ -100,6 +100,7 @@ def statistics(
     stepsize_controller: diffrax.AbstractStepSizeController | None = None,
     adjoint: diffrax.AbstractAdjoint | None = None,
     max_steps: int | None = None,
+    dt0: float = 1e-5,
 ) -> Statistics:
     """Statistics over `turns` turns of the shaft, after `settle_turns` turns.
 
@@ -108,7 +109,7 @@ def statistics(
     - `scene`: what to simulate; its numbers may be traced.
     - `settle_turns`, `turns`: whole numbers, >= 0 and >= 1.
     - `outputs`: any of `jaxcrusher.STATISTICS`; the rest is neither computed nor traced.
-    - `rtol`, `solver`, `stepsize_controller`, `adjoint`, `max_steps`: as in
+    - `rtol`, `solver`, `stepsize_controller`, `adjoint`, `max_steps`, `dt0`: as in
       `jaxcrusher.simulate`, with time in radians of shaft angle and steps counted per turn.
 
     **Returns:** a `Statistics`. RMS and mean are integrated with the motion; the peak is that
@@ -122,7 +123,7 @@ def statistics(
         require(whole and count >= least, name, f"be a whole number >= {least}", count)
     for name in outputs:
         require_choice("outputs", name, STATISTICS)
-    method = integration(scene, rtol, solver, stepsize_controller, adjoint, max_steps)
+    method = integration(scene, rtol, solver, stepsize_controller, adjoint, max_steps, dt0)
     return _statistics(scene, settle_turns, turns, tuple(outputs), method)
 
 

@@ -1,0 +1,160 @@
+"""What a scene leaves out is not traced; what it cannot be is refused in one line."""
+
+import subprocess
+import sys
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.machine import Jaw, Machine, pe250x400
+from jaxcrusher.plane import Vector
+
+
+def operations(jaxpr):
+    """Equations of a traced program, with those of its inner programs."""
+    total = 0
+    for equation in jaxpr.eqns:
+        inner = [p for v in equation.params.values() for p in jax.tree.leaves(
+            v, is_leaf=lambda x: hasattr(x, "eqns") or hasattr(x, "jaxpr"))]  # fmt: skip
+        programs = [getattr(p, "jaxpr", p) for p in inner]
+        programs = [p for p in programs if hasattr(p, "eqns")]
+        total += sum(operations(p) for p in programs) if programs else 1
+    return total
+
+
+def count(function, scene):
+    """Operations of `function(scene)`."""
+    dynamic, static = eqx.partition(scene, eqx.is_array)
+    traced = jax.make_jaxpr(lambda d: jax.tree.leaves(function(eqx.combine(d, static))))(dynamic)
+    return operations(traced.jaxpr)
+
+
+def field_operations(scene):
+    def rate(scene):
+        state = scene.formulation.initial(scene)
+        s = scene.formulation.snapshot(jnp.array(0.0), state, scene)
+        return scene.formulation.rate(s, state, scene), s.joint_force
+
+    return count(rate, scene)
+
+
+def test_what_is_left_out_is_not_traced():
+    full = jc.paper_scene(30.0, 0.06e-3, slip="surface")
+    frictionless = jc.paper_scene(30.0, 0.06e-3, friction=None)
+    assert (
+        field_operations(jc.ideal_scene(30.0))
+        < field_operations(frictionless)
+        < field_operations(full)
+    )
+    unloaded = jc.paper_scene(30.0, 0.06e-3, slip="surface", load=None)
+    assert field_operations(unloaded) < field_operations(full)
+    times = jnp.linspace(0, 1e-3, 5)
+
+    def histories(outputs):
+        return count(lambda s: jc.simulate(s, times, outputs=outputs), full)
+
+    def totals(outputs):
+        return count(lambda s: jc.statistics(s, 0, 1, outputs=outputs), full)
+
+    assert totals(("foundation_rms",)) < totals(jc.STATISTICS)
+    assert totals(("foundation_rms",)) < histories(jc.OUTPUTS)
+    assert histories(("normal_force",)) < histories(("normal_force", "energy"))
+    assert histories(("normal_force", "energy")) < histories(jc.OUTPUTS)
+
+
+def test_outputs_not_asked_for_are_none():
+    scene = jc.ideal_scene(30.0)
+    motion = jc.simulate(scene, [0.0, 0.1], outputs=("drive_torque",))
+    assert motion.drive_torque.shape == (2,)
+    assert motion.foundation_force is None and motion.energy is None
+    result = jc.statistics(scene, 0, 1, outputs=("foundation_mean",))
+    assert result.foundation_rms is None and result.foundation_peak is None
+
+
+def test_outputs_are_what_they_say():
+    """Derived outputs against plain reductions of the histories they summarise."""
+    scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
+    motion = jc.simulate(scene, 2 * np.pi / 30 * np.linspace(1, 2, 4097))
+    result = jc.statistics(scene, 1, 1)
+    force = np.asarray(motion.foundation_force)
+    # The trapezium rule of 4096 points over a turn of a 130 Hz swing: 1e-5.
+    mean_square = np.trapezoid(force**2) / (force.size - 1)
+    assert float(result.foundation_rms) == pytest.approx(np.sqrt(mean_square), rel=1e-5)
+    mean = np.trapezoid(force) / (force.size - 1)
+    assert float(result.foundation_mean) == pytest.approx(mean, rel=1e-5)
+    # The peak's parabola.
+    assert float(result.foundation_peak) == pytest.approx(force.max(), rel=1e-5)
+    assert float(result.contact_fraction) == 1 == float(motion.contact_fraction)
+    reactions = np.linalg.norm(motion.bearing_reaction, axis=1) + np.linalg.norm(
+        motion.toggle_reaction, axis=1
+    )
+    np.testing.assert_allclose(force, reactions, rtol=1e-12)
+    np.testing.assert_allclose(motion.drive_power, 30 * motion.drive_torque, rtol=1e-12)
+    # Differences of 1024 points of the path of B against its velocity: truncation 1e-4.
+    difference = np.gradient(motion.jaw_displacement[:, 0], motion.time)
+    speed = np.asarray(motion.jaw_velocity[:, 0])
+    np.testing.assert_allclose(difference[1:-1], speed[1:-1], atol=1e-4 * abs(speed).max())
+
+
+def machine(**changes):
+    m = pe250x400()
+    parts = {n: getattr(m, n) for n in ("shaft", "jaw", "toggle", "bearing", "gravity")}
+    return Machine(**(parts | changes))
+
+
+BAD = [
+    (lambda: jc.paper_scene(30.0, 0.0), "clearance", "0.0", "> 0 m"),
+    (lambda: jc.paper_scene(30.0, -1e-5), "clearance", "-1e-05", "> 0 m"),
+    (lambda: jc.paper_scene(30.0, float("nan")), "clearance", "nan", "finite"),
+    (lambda: jc.paper_scene(30.0, 0.13), "clearance", "0.13", "0.13 m"),
+    (lambda: jc.paper_scene(0.0, 6e-5), "speed", "0.0", "> 0 rad/s"),
+    (lambda: jc.paper_scene(float("inf"), 6e-5), "speed", "inf", "finite"),
+    (lambda: jc.ideal_scene(-1.0), "speed", "-1.0", "> 0 rad/s"),
+    (lambda: jc.paper_scene(30.0, 6e-5, friction=-0.1), "friction", "-0.1", "[0, 10]"),
+    (lambda: jc.paper_scene(30.0, 6e-5, impact_velocity=0.0), "impact_velocity", "0.0", "> 0"),
+    (lambda: jc.paper_scene(30.0, 6e-5, impact_velocity="x"), "impact_velocity", "'x'", "tracked"),
+    (lambda: jc.paper_scene(30.0, 6e-5, start="middle"), "start", "'middle'", "'contact'"),
+    (lambda: jc.paper_scene(30.0, 6e-5, slip="no"), "slip", "'no'", "'surface'"),
+    (lambda: jc.paper_scene(30.0, 6e-5, load="up"), "load", "'up'", "'along_jaw'"),
+    (lambda: jc.paper_scene(30.0, 6e-5, formulation="x"), "formulation", "'x'", "'multiplier'"),
+    (lambda: machine(jaw=Jaw(-524.0, 128.48, 0.695, Vector(0, 0))), "jaw.mass", "-524", "> 0 kg"),
+    (lambda: machine(jaw=Jaw(524.0, 0.0, 0.695, Vector(0, 0))), "jaw.inertia", "0.0", "> 0"),
+    # C-A from 0.63 to 0.65 m: 0.3 + 0.3 is too short, and 0.345 + 0.3 passes a dead point.
+    (lambda: machine(jaw=Jaw(524.0, 128.48, 0.3, Vector(0, 0))), "machine", "0.65", "0.6) m"),
+    (lambda: machine(jaw=Jaw(524.0, 128.48, 0.345, Vector(0, 0))), "machine", "0.65", "0.645) m"),
+    (lambda: jc.simulate(jc.ideal_scene(30.0), [0.0, 2.0, 1.0]), "times", "1.", "increase"),
+    (lambda: jc.simulate(jc.ideal_scene(30.0), [-1.0, 1.0]), "times", "-1", ">= 0 s"),
+    (lambda: jc.simulate(jc.ideal_scene(30.0), [0.0, np.nan]), "times", "nan", "finite"),
+    (lambda: jc.simulate(jc.ideal_scene(30.0), []), "times", "(0,)", "n > 0"),
+    (lambda: jc.simulate(jc.ideal_scene(30.0), [1.0], outputs=("noise",)), "outputs", "'noise'",
+     "'normal_force'"),
+    (lambda: jc.statistics(jc.ideal_scene(30.0), -1, 1), "settle_turns", "-1", ">= 0"),
+    (lambda: jc.statistics(jc.ideal_scene(30.0), 0, 0), "turns", "0", ">= 1"),
+    (lambda: jc.statistics(jc.ideal_scene(30.0), 0, 1.5), "turns", "1.5", "whole number"),
+    (lambda: jc.statistics(jc.ideal_scene(30.0), 0, 1, outputs=("x",)), "outputs", "'x'",
+     "'foundation_rms'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("make, name, value, limit", BAD)
+def test_bad_input_is_refused_in_one_line(make, name, value, limit):
+    with pytest.raises(ValueError) as error:
+        make()
+    text = str(error.value)
+    assert "\n" not in text
+    assert text.startswith(f"Argument `{name}` must ")
+    must, got = text.rsplit("but is ", 1)
+    assert value in got and limit in must
+
+
+def test_32_bit_floats_are_refused():
+    program = "import jaxcrusher as jc; jc.paper_scene(30.0, 6e-5)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False
+    )
+    last = done.stderr.strip().splitlines()[-1]
+    assert last.startswith("ValueError: Argument `jax_enable_x64` must be True")
