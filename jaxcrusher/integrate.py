@@ -192,7 +192,7 @@ def _restarted(y: Carried | Sensitive) -> Carried | Sensitive:
 def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, Outcome]:
     """The loop over segments."""
     start, y = jnp.zeros_like(times[0, 0]), problem.initial(args)
-    success = RESULTS.successful
+    success = RESULTS.promote(diffrax.RESULTS.successful)
     # diffrax traces a vector field about ten times; an inlined jit remembers the first.
     field = diffrax.ODETerm(jax.jit(problem.field, inline=True))
     if not jax.tree.leaves(y):
