@@ -14,3 +14,4 @@ from jaxcrusher.statistics import STATISTICS as STATISTICS
 from jaxcrusher.statistics import Statistics as Statistics
 from jaxcrusher.statistics import statistics as statistics
 from jaxcrusher.sweep import sweep as sweep
+from jaxcrusher.validity import Validity as Validity

@@ -3,6 +3,7 @@
 import abc
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
@@ -49,7 +50,7 @@ class ConstantImpactVelocity(AbstractImpactVelocity):
         """Nothing to remember."""
         return None
 
-    def value(self, memory: None) -> Scalar:
+    def value(self, memory: Scalar | None) -> Scalar:
         """The constant."""
         return self.speed
 
@@ -118,6 +119,27 @@ class AbstractNormalLaw(eqx.Module):
     def penetration_under(self, force: Scalar) -> Scalar:
         """The penetration (m) at which the elastic part is `force` (N, > 0) at rest."""
         return (force / self.stiffness) ** (1 / self.exponent)
+
+    def delivered_restitution(self, speed: Scalar) -> Scalar:
+        """Rebound over impact speed e* of a free impact at `speed` (m/s).
+
+        D - ln(1 + D) = -D e* - ln(1 - D e*), for any stiffness, mass and exponent, with D in
+        the ratio of `speed` to the law's impact velocity. By bisection; below D = 1e-4, where
+        the logarithms cancel, by e* = 1 - 2 D / 3. Errors below 1e-7.
+        """
+        factor = self.damping_factor() * speed / self.impact_velocity.value(speed)
+        target = factor - jnp.log1p(factor)
+
+        def halve(_, bounds):
+            low, high = bounds
+            middle = (low + high) / 2
+            lost = factor * middle
+            beyond = (lost >= 1) | (-lost - jnp.log1p(-jnp.minimum(lost, 0.999999)) > target)
+            return jnp.where(beyond, low, middle), jnp.where(beyond, middle, high)
+
+        zero = jnp.zeros_like(factor)
+        low, high = jax.lax.fori_loop(0, 40, halve, (zero, zero + 1))
+        return jnp.where(factor < 1e-4, 1 - 2 * factor / 3, (low + high) / 2)
 
     def in_contact(self, penetration: Scalar) -> Scalar:
         """1 in contact, 0 in flight, smooth between."""

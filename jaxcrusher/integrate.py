@@ -224,7 +224,8 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
         )
         assert solution.ts is not None and solution.ys is not None
         y = jax.tree.map(lambda leaf: leaf[0], solution.ys[0])
-        result = RESULTS.where(_finite(y), RESULTS.promote(solution.result), RESULTS.not_finite)
+        result = RESULTS.promote(solution.result)
+        result = RESULTS.where((result == success) & ~_finite(y), RESULTS.not_finite, result)
         result = RESULTS.where(dead, before.result, result)
         after = Outcome(result, jnp.where(dead, before.reached, solution.ts[0][0]))
         observed = _masked(solution.ys[1], dead | ~jnp.isfinite(solution.ts[1]))

@@ -168,6 +168,10 @@ def _penetration_ratio(s: Snapshot, scene: Scene) -> Scalar:
     return s.contact.penetration / scene.joint.clearance
 
 
+def _penetration_rate(s: Snapshot, scene: Scene) -> Scalar:
+    return jnp.zeros_like(s.shaft.speed) if s.contact is None else s.contact.penetration_rate
+
+
 def _constraint_residual(s: Snapshot, scene: Scene) -> Scalar:
     return jnp.zeros_like(s.shaft.speed) if s.multipliers is None else s.multipliers.residual
 
@@ -200,6 +204,7 @@ OBSERVABLES = {
     "shaft_speed": Observable(lambda s, _: s.shaft.speed, "rad/s", "shaft speed"),
     "eccentricity": Observable(_eccentricity, "m", "eccentricity of the pin"),
     "penetration_ratio": Observable(_penetration_ratio, "1", "penetration / clearance"),
+    "penetration_rate": Observable(_penetration_rate, "m/s", "penetration rate"),
     "jaw_position": Observable(
         lambda s, scene: scene.machine.toggle.length * s.chain.toggle, "m", "lower end B"
     ),

@@ -79,6 +79,7 @@ class Trajectory(eqx.Module):
     shaft_speed: Float[Array, " times"] | None = None  # rad/s
     eccentricity: Float[Array, "times 2"] | None = None  # A_shaft - A_jaw
     penetration_ratio: Float[Array, " times"] | None = None  # delta / c, negative in flight
+    penetration_rate: Float[Array, " times"] | None = None  # delta', m/s
     jaw_position: Float[Array, "times 2"] | None = None  # of its lower end B
     jaw_velocity: Float[Array, "times 2"] | None = None  # of B, m/s
     constraint_residual: Float[Array, " times"] | None = None  # multiplier form, m or rad

@@ -14,6 +14,7 @@ from jaxcrusher.observables import OBSERVABLES, foundation_force
 from jaxcrusher.scene import Scene
 from jaxcrusher.simulate import failure_text, integration
 from jaxcrusher.snapshot import Snapshot
+from jaxcrusher.validity import Validity, validity
 
 STATISTICS = (
     "foundation_rms",
@@ -21,6 +22,7 @@ STATISTICS = (
     "foundation_peak",
     "contact_fraction",
     "penetration_ratio",
+    "impact_speed",
     "winding",
 )
 
@@ -46,8 +48,10 @@ class Statistics(eqx.Module):
     foundation_peak: Scalar | None = None  # N
     contact_fraction: Scalar | None = None
     penetration_ratio: Scalar | None = None  # largest delta / c
+    impact_speed: Scalar | None = None  # fastest approach of pin and bore, m/s
     winding: Scalar | None = None  # revolutions of the pin round the bore per turn
     turn_mean_square: Float[Array, " turns"] | None = None  # of each turn, N^2
+    validity: Validity | None = None  # with penetration_ratio and impact_speed; None if ideal
 
     @property
     def success(self) -> Bool[Array, ""]:
@@ -112,8 +116,8 @@ def statistics(
     - `rtol`, `solver`, `stepsize_controller`, `adjoint`, `max_steps`, `dt0`: as in
       `jaxcrusher.simulate`, with time in radians of shaft angle and steps counted per turn.
 
-    **Returns:** a `Statistics`. RMS and mean are integrated with the motion; the peak is that
-    of a parabola through the largest of 1024 samples a turn and its neighbours.
+    **Returns:** a `Statistics`. RMS and mean are integrated with the motion; the rest is
+    seen at 1024 instants a turn, the peak as the top of a parabola through three of them.
 
     Raises ValueError for counts that are not whole numbers in range, and unknown outputs.
     """
@@ -135,15 +139,20 @@ def _statistics(
     times = 2 * jnp.pi * (jnp.arange(settle_turns + turns)[:, None] + grid)
     by_turn, outcome = integrate(scene, times, problem=_problem(outputs), method=method)
     kept = {name: values[settle_turns:] for name, values in by_turn.items()}
-    reduce = {"foundation_peak": jnp.max, "penetration_ratio": jnp.max}
+    largest = ("foundation_peak", "penetration_ratio", "impact_speed")
+    reduce = dict.fromkeys(largest, jnp.max)
     values = {name: reduce.get(name, jnp.mean)(turn) for name, turn in kept.items()}
     failed = ~outcome.success
     values = {name: jnp.where(failed, jnp.nan, value) for name, value in values.items()}
     mean_square = values.pop("mean_square", None)
-    if mean_square is None:
-        return Statistics(turns, outcome, **values)
-    values["foundation_rms"] = jnp.sqrt(mean_square)
-    return Statistics(turns, outcome, turn_mean_square=kept["mean_square"], **values)
+    if mean_square is not None:
+        values["foundation_rms"] = jnp.sqrt(mean_square)
+    limits = None
+    if "penetration_ratio" in outputs and "impact_speed" in outputs:
+        limits = validity(scene, values["penetration_ratio"], values["impact_speed"])
+    return Statistics(
+        turns, outcome, turn_mean_square=kept.get("mean_square"), validity=limits, **values
+    )
 
 
 def _observed(outputs: tuple[str, ...]) -> list[str]:
@@ -153,6 +162,8 @@ def _observed(outputs: tuple[str, ...]) -> list[str]:
         names.append("foundation_force")
     if "contact_fraction" in outputs or "penetration_ratio" in outputs:
         names.append("penetration_ratio")
+    if "impact_speed" in outputs:
+        names.append("penetration_rate")
     return names
 
 
@@ -200,6 +211,8 @@ def _problem(outputs: tuple[str, ...]) -> Problem:
             summary["contact_fraction"] = jnp.mean(touching)
         if "penetration_ratio" in outputs:
             summary["penetration_ratio"] = jnp.max(seen["penetration_ratio"])
+        if "impact_speed" in outputs:
+            summary["impact_speed"] = jnp.max(seen["penetration_rate"])
         return summary
 
     return Problem(initial, field, observe, summarise)

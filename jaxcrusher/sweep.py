@@ -24,11 +24,17 @@ VARIABLES = {
     "foundation_rms_error": ("N", "standard error of the RMS"),
     "contact_fraction": ("1", "share of time in contact"),
     "penetration_ratio": ("1", "largest penetration / clearance"),
+    "impact_speed": ("m/s", "fastest approach of pin and bore"),
+    "half_width_ratio": ("1", "Hertz's half-width / bore radius"),
+    "impact_speed_ratio": ("1", "fastest approach / elastic limit"),
+    "delivered_restitution": ("1", "restitution of the fastest impact"),
+    "inside_model": ("1", "Hertzian contact and elastic impacts"),
     "winding": ("1", "revolutions of the pin round the bore per turn"),
     "whirl": ("1", "friction whirl"),
     "success": ("1", "integrated to the end"),
     "reached": ("rad", "shaft angle at the end, or at the failure"),
 }
+LOGICAL = ("whirl", "success", "inside_model")
 
 
 def sweep(
@@ -84,7 +90,10 @@ def _row(scene: Scene, settle_turns: int, turns: int, rtol: float) -> dict[str, 
     result: Statistics = statistics(scene, settle_turns, turns, rtol=rtol)
     row = {name: getattr(result, name) for name in STATISTICS}
     row |= {name: getattr(result, name) for name in ("foundation_rms_error", "whirl", "success")}
-    return row | {"reached": result.outcome.reached}
+    assert result.validity is not None
+    limits = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
+    row |= {name: getattr(result.validity, name) for name in limits}
+    return row | {"inside_model": result.validity.inside, "reached": result.outcome.reached}
 
 
 def _dataset(speeds, clearances, columns, settle_turns, turns, options) -> xr.Dataset:
@@ -92,7 +101,7 @@ def _dataset(speeds, clearances, columns, settle_turns, turns, options) -> xr.Da
     data = {}
     for name, (unit, meaning) in VARIABLES.items():
         values = columns[name].reshape(shape)
-        if name in ("whirl", "success"):
+        if name in LOGICAL:
             values = values == 1
         attributes = {"units": unit, "long_name": meaning}
         data[name] = (("speed", "clearance"), values, attributes)

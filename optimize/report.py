@@ -18,6 +18,8 @@ from optimize.options import SEED_CLEARANCE, SEED_SPEED, Options
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
+DESIGNS = {"optimum": "optimum", "seed_choice": "paper's choice"}
+
 
 def write_json(path: Path, content: dict) -> None:
     """Write at once or not at all; NaN becomes null."""
@@ -114,7 +116,7 @@ def print_table(console: Console, result: dict) -> None:
     for heading in ("", "speed rad/s", "clearance mm", "centred N", "contact N", "ideal N",
                     "capacity m3/h"):  # fmt: skip
         table.add_column(heading, justify="left" if not heading else "right")
-    for name, title in (("optimum", "optimum"), ("seed_choice", "paper's choice")):
+    for name, title in DESIGNS.items():
         row = result[name]
         runs = [row["runs"][start] for start in ("centred", "contact")]
         table.add_row(
@@ -126,6 +128,8 @@ def print_table(console: Console, result: dict) -> None:
             f"{row['capacity']:.2f}",
         )
     console.print(table)
+    for name, title in DESIGNS.items():
+        console.print(f"{title}: {_limits(result[name]['runs'])}", highlight=False)
     for check in result["checks"]:
         colour = "green" if check["passed"] else "red"
         console.print(f"[{colour}]{check['verdict']:>6}[/] {check['name']}: {check['detail']}")
@@ -138,3 +142,19 @@ def _number(run: dict) -> str:
         return "failed"
     text = f"{run['foundation_rms']:.0f} ± {run['foundation_rms_error']:.0f}"
     return f"{text}, friction whirl" if run["whirl"] else text
+
+
+def _limits(runs: dict[str, dict]) -> str:
+    """What of a design's runs is outside the contact model."""
+    found = []
+    for start, run in runs.items():
+        remarks = jc.Validity(**run["validity"]).remarks() if run["success"] else ["run failed"]
+        found += [f"{start} start, {remark}" for remark in remarks]
+    if found:
+        return "OUTSIDE the contact model: " + "; ".join(found)
+    widest = max(run["validity"]["half_width_ratio"] for run in runs.values())
+    fastest = max(run["validity"]["impact_speed_ratio"] for run in runs.values())
+    return (
+        f"inside the contact model (half-width {widest:.2f} bore radii, "
+        f"approach {fastest:.2f} of the elastic limit)"
+    )

@@ -7,7 +7,8 @@ impacts.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -136,11 +137,12 @@ def confirm(
         function = eqx.Partial(_long_run, settle=settle, turns=turns)
         ((_, rows),) = map_chunks(function, stacked, len(designs))
         for i, result in enumerate(results):
-            result[start] = {name: values[i].item() for name, values in rows.items()}
+            result[start] = jax.tree.map(lambda values, i=i: values[i].item(), rows)
     return results
 
 
-def _long_run(scene: jc.Scene, settle: int, turns: int) -> dict[str, Array]:
+def _long_run(scene: jc.Scene, settle: int, turns: int) -> dict[str, Any]:
     result = jc.statistics(scene, settle, turns, rtol=CONFIRM_RTOL)
     names = (*jc.STATISTICS, "foundation_rms_error", "whirl", "success")
-    return {name: getattr(result, name) for name in names}
+    limits = {field.name: getattr(result.validity, field.name) for field in fields(jc.Validity)}
+    return {name: getattr(result, name) for name in names} | {"validity": limits}

@@ -59,6 +59,22 @@ def test_effective_restitution(law, restitution, delivered):
         assert float(rebound) == pytest.approx(delivered, abs=1e-4)
 
 
+@pytest.mark.parametrize("law, restitution, delivered", CASES)
+def test_delivered_restitution_by_closed_form(law, restitution, delivered):
+    made = law(1.4e8, restitution, ConstantImpactVelocity(0.5))
+    # Five digits given.
+    assert float(made.delivered_restitution(jnp.array(0.5))) == pytest.approx(delivered, abs=1e-5)
+    # A tenth of the impact velocity damps a tenth: against the integrated impact, good to 1e-8.
+    slow = jnp.array(0.05)
+    sharp = law(1.4e8, restitution, ConstantImpactVelocity(0.5), width=1e-13)
+    rebound, _ = impact(sharp, jnp.array(1.0), slow)
+    assert float(made.delivered_restitution(slow)) == pytest.approx(float(rebound), abs=1e-6)
+    # Both branches meet where the logarithms cancel; the bisection is good to 1e-12 / D^2.
+    at = 1e-4 * 0.5 / made.damping_factor()
+    below, above = (float(made.delivered_restitution(f * at)) for f in (0.999, 1.001))
+    assert below == pytest.approx(above, abs=1e-6)
+
+
 @pytest.mark.parametrize("law", DELIVERED)
 def test_largest_penetration(law):
     mass, speed, stiffness = 2.0, 0.7, 1.4e8

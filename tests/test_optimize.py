@@ -1,5 +1,7 @@
 """The design search, end to end on a small box, and what it refuses."""
 
+import copy
+import io
 import json
 import subprocess
 import sys
@@ -11,7 +13,7 @@ from rich.console import Console
 
 from optimize import search
 from optimize.options import Options
-from optimize.report import write_json
+from optimize.report import print_table, write_json
 from optimize.run import run
 
 SMALL = dict(grid=(4, 2), settle=2, turns=2, steps=6, refine=1)
@@ -40,6 +42,18 @@ def test_result_holds_the_evidence(finished):
     )
     assert result["refinement"]["gradient_at_best"]["speed"] > 0
     assert returned["optimum"] == optimum
+    assert 0 < optimum["runs"]["contact"]["validity"]["half_width_ratio"] < 0.5
+
+
+def test_closing_table_names_what_is_outside_the_model(finished):
+    _, result = finished
+    console = Console(record=True, quiet=False, file=io.StringIO(), width=200)
+    outside = copy.deepcopy(result)
+    outside["optimum"]["runs"]["centred"]["validity"]["half_width_ratio"] = 1.8
+    print_table(console, outside)
+    text = console.export_text()
+    assert "optimum: OUTSIDE the contact model: centred start, contact 1.80 bore radii" in text
+    assert "paper's choice: inside the contact model" in text
 
 
 def test_landscape_is_labelled(finished):

@@ -66,6 +66,11 @@ def test_whirl_and_its_quiet_twin():
     assert float(whirl.foundation_rms) == pytest.approx(5.6e6, rel=1e-2)
     assert bool(whirl.whirl) and float(whirl.penetration_ratio) > 2
     assert float(quiet.foundation_rms) < 2e4 and not bool(quiet.whirl)
+    # Half-widths of 234 mm and, under 15 to 20 kN, 30 mm in a bore of 130 mm.
+    assert float(whirl.validity.half_width_ratio) == pytest.approx(234 / 130, rel=0.02)
+    assert float(quiet.validity.half_width_ratio) == pytest.approx(30 / 130, rel=0.2)
+    assert quiet.validity.remarks() == [] and bool(quiet.validity.inside)
+    assert "not Hertzian" in whirl.validity.remarks()[0] and not bool(whirl.validity.inside)
 
 
 @pytest.mark.parametrize("formulation", ["eccentricity", "multiplier"])

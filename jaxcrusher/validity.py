@@ -1,0 +1,78 @@
+"""Whether a motion stayed where its contact model holds."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Scalar
+
+from jaxcrusher.scene import Scene
+
+# At this half-width over bore radius the parabola that Hertz puts for the bore's circle is 7 %
+# off at the edge of the contact.
+WIDEST_CONTACT = 0.5
+# 1e-5 sqrt(E / rho) of steel, m/s: faster impacts are not elastic (Johnson; Lankarani and
+# Nikravesh 1990).
+ELASTIC_IMPACT_SPEED = 0.051
+# A restitution this far from the one asked for is another material.
+RESTITUTION_ERROR = 0.05
+
+
+class Validity(eqx.Module):
+    """A motion against the limits of its contact model; all without unit."""
+
+    half_width_ratio: Scalar  # Hertz's half-width over the bore radius, largest
+    impact_speed_ratio: Scalar  # fastest approach over that of an elastic impact
+    delivered_restitution: Scalar  # of the fastest impact, by the law's closed form
+    asked_restitution: Scalar
+
+    @property
+    def hertzian(self) -> Bool[Array, ""]:
+        """Narrow enough a contact for Hertz's theory."""
+        return self.half_width_ratio <= WIDEST_CONTACT
+
+    @property
+    def elastic(self) -> Bool[Array, ""]:
+        """No impact beyond the elastic limit."""
+        return self.impact_speed_ratio <= 1
+
+    @property
+    def restitution_kept(self) -> Bool[Array, ""]:
+        """Fastest impact rebounds as asked."""
+        return jnp.abs(self.delivered_restitution - self.asked_restitution) <= RESTITUTION_ERROR
+
+    @property
+    def inside(self) -> Bool[Array, ""]:
+        """Hertzian and elastic: without impacts restitution does not matter."""
+        return self.hertzian & self.elastic
+
+    def remarks(self) -> list[str]:
+        """What is outside the model, in words (concrete values only)."""
+        found = []
+        if not bool(self.hertzian):
+            found.append(
+                f"contact {float(self.half_width_ratio):.2f} bore radii wide: not Hertzian"
+            )
+        if not bool(self.elastic):
+            ratio = float(self.impact_speed_ratio)
+            found.append(f"approaches at {ratio:.1f} times the elastic limit")
+            if not bool(self.restitution_kept):
+                delivered, asked = float(self.delivered_restitution), float(self.asked_restitution)
+                found.append(f"restitution {delivered:.3f} for {asked:.3g}")
+        return found
+
+
+def validity(scene: Scene, penetration_ratio: Scalar, impact_speed: Scalar) -> Validity | None:
+    """The limits of a motion with these largest penetration/clearance and approach (m/s).
+
+    Hertz's half-width is sqrt(R delta) with R = R_i R_j / (R_i - R_j). None for an ideal joint.
+    """
+    if scene.joint is None:
+        return None
+    joint = scene.joint
+    pin_ratio = 1 - joint.clearance / joint.bore_radius
+    half_width = jnp.sqrt(pin_ratio * jnp.maximum(penetration_ratio, 0))
+    return Validity(
+        half_width,
+        impact_speed / ELASTIC_IMPACT_SPEED,
+        joint.normal.delivered_restitution(impact_speed),
+        joint.normal.restitution,
+    )
