@@ -36,8 +36,13 @@ def use_all_cores() -> None:
     if _LOOP_FLAG not in flags and "xla_backend_extra_options" not in flags:
         flags += f" --xla_backend_extra_options={_LOOP_FLAG}=1000000000"
     if _DEVICE_FLAG not in flags:
-        flags += f" --{_DEVICE_FLAG}={len(os.sched_getaffinity(0))}"
+        flags += f" --{_DEVICE_FLAG}={_cores()}"
     os.environ["XLA_FLAGS"] = flags.strip()
+
+
+def _cores() -> int:
+    """The cores this process may use; not every system tells."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def map_chunks(

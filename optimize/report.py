@@ -113,8 +113,8 @@ def draw_motions(folder: Path, designs: dict[str, tuple[float, float]], options:
 def print_table(console: Console, result: dict) -> None:
     """The closing table, the checks, and what to make of the answer."""
     table = Table(title="RMS force on the foundation, |R_O| + |R_C|")
-    for heading in ("", "speed rad/s", "clearance mm", "centred N", "contact N", "ideal N",
-                    "capacity m3/h"):  # fmt: skip
+    for heading in ("", "speed\nrad/s", "clearance\nmm", "centred start\nN", "contact start\nN",
+                    "ideal\nN", "capacity\nm3/h"):  # fmt: skip
         table.add_column(heading, justify="left" if not heading else "right")
     for name, title in DESIGNS.items():
         row = result[name]
@@ -140,7 +140,7 @@ def _number(run: dict) -> str:
     """An RMS with its standard error, or what is wrong with it."""
     if not run["success"]:
         return "failed"
-    text = f"{run['foundation_rms']:.0f} ± {run['foundation_rms_error']:.0f}"
+    text = f"{run['foundation_rms']:.0f}±{run['foundation_rms_error']:.0f}"
     return f"{text}, friction whirl" if run["whirl"] else text
 
 
