@@ -1,0 +1,164 @@
+"""Indicators against systems whose numbers are known, and the crusher's own section."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.chaos import (
+    birkhoff_average,
+    detect_period,
+    lyapunov_spectrum,
+    power_spectrum,
+    zero_one_test,
+)
+from jaxcrusher.section import poincare_section
+
+
+def iterate(step, point, count, settle=100):
+    """Points of a map and its Jacobians along them."""
+
+    def one(x, _):
+        return step(x), (x, jax.jacfwd(step)(x))
+
+    def settled(x, _):
+        return step(x), None
+
+    x, _ = jax.lax.scan(settled, jnp.asarray(point), length=settle)
+    return jax.lax.scan(one, x, length=count)[1]
+
+
+def flow(field, point, period, count, settle):
+    """The stroboscopic map of a flow, by Dopri8 at 1e-10."""
+
+    def step(x):
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(field), diffrax.Dopri8(), 0.0, period, None, x,
+            stepsize_controller=diffrax.PIDController(rtol=1e-10, atol=1e-10),
+            adjoint=diffrax.ForwardMode(),
+        )  # fmt: skip
+        return solution.ys[0]
+
+    return eqx.filter_jit(iterate)(step, point, count, settle)
+
+
+def henon(x):
+    return jnp.stack([1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]])
+
+
+def logistic(r):
+    return lambda x: r * x * (1 - x)
+
+
+def test_linear_map():
+    matrix = np.array([[0.5, 3.0, 0.1], [0.0, 1.3, -2.0], [0.0, 0.0, 0.9]])
+    found = lyapunov_spectrum(np.broadcast_to(matrix, (2000, 3, 3)))
+    # The frame aligns like (0.9 / 1.3)^n.
+    np.testing.assert_allclose(found.exponents, np.log([1.3, 0.9, 0.5]), atol=1e-3)
+
+
+def test_henon():
+    _, jacobians = iterate(henon, [0.1, 0.1], 20_000)
+    found = lyapunov_spectrum(jacobians)
+    assert found.exponents[0] == pytest.approx(0.419, rel=0.02)
+    # The determinant is -0.3 everywhere: the sum is exact.
+    assert found.exponents.sum() == pytest.approx(np.log(0.3), rel=1e-9)
+    assert abs(found.exponents[0] - 0.4192) < 4 * found.errors[0] and found.positive
+
+
+def test_logistic():
+    points, slopes = iterate(logistic(4.0), [0.3], 20_000)
+    found = lyapunov_spectrum(slopes)
+    assert found.exponents[0] == pytest.approx(np.log(2), rel=0.02)
+    assert zero_one_test(points[:2000, 0]) > 0.9
+    assert detect_period(points) is None
+    # r = 3.5 has period 4, r = 3.83 period 3; below 3 a fixed point.
+    for r, period in ((2.9, 1), (3.5, 4), (3.83, 3)):
+        points, slopes = iterate(logistic(r), [0.3], 1000, settle=2000)
+        assert detect_period(points) == period
+        assert zero_one_test(points[:, 0]) < 0.1
+        assert not lyapunov_spectrum(slopes).positive
+
+
+def test_lorenz():
+    def field(t, x, args):
+        return jnp.stack(
+            [10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]]
+        )
+
+    _, jacobians = flow(field, [1.0, 1.0, 20.0], 0.5, 2000, 50)
+    found = lyapunov_spectrum(jacobians, slices=2)
+    # 5 %, what ChaosTools.jl asks of chaotic flows; zero within its own error.
+    assert found.exponents[0] == pytest.approx(0.9056, rel=0.05)
+    assert abs(found.exponents[1]) < 0.02
+    assert found.exponents[2] == pytest.approx(-14.57, rel=0.05)
+    # The divergence is constant: -13.6667.
+    assert found.exponents.sum() == pytest.approx(-41 / 3, rel=1e-5)
+
+
+def test_duffing():
+    def field(t, x, args):
+        return jnp.stack([x[1], x[0] - x[0] ** 3 - 0.2 * x[1] + 0.3 * jnp.cos(t)])
+
+    period = 2 * np.pi
+    _, jacobians = flow(field, [0.5, 0.0], period, 3000, 50)
+    found = lyapunov_spectrum(jacobians)
+    assert found.exponents[0] / period == pytest.approx(0.1589, rel=0.05)
+    assert found.exponents.sum() / period == pytest.approx(-0.2, rel=1e-5)
+
+
+def test_birkhoff_average_of_a_rotation():
+    angle = 2 * np.pi * (np.sqrt(5) - 1) / 2 * np.arange(2000)
+    # The plain mean of a quasi-periodic series has an error of 1/n; this one rounds.
+    assert abs(birkhoff_average(np.cos(angle) ** 2) - 0.5) < 1e-12
+    assert abs(np.mean(np.cos(angle) ** 2) - 0.5) > 1e-5
+
+
+def test_power_spectrum():
+    time = 1e-3 * np.arange(4096)
+    series = 3 + 2 * np.sin(2 * np.pi * 50 * time)
+    frequency, density = power_spectrum(series, 1e-3)
+    assert abs(frequency[np.argmax(density)] - 50) <= frequency[1]
+    # Parseval, up to what the window makes of an uneven number of periods.
+    assert np.sum(density) * frequency[1] == pytest.approx(2, rel=1e-2)
+
+
+def test_zero_one_of_a_rotation():
+    angle = 2 * np.pi * (np.sqrt(5) - 1) / 2 * np.arange(1500)
+    assert zero_one_test(np.cos(angle)) < 0.1
+
+
+def test_section_of_the_quiet_motion():
+    scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
+    whole = poincare_section(scene, 1, 3, rtol=1e-11)
+    sliced = poincare_section(scene, 1, 3, slices=4, rtol=1e-11)
+    # The motion does not care where its turns are cut: 1e-11 a step, over some 5000 steps.
+    np.testing.assert_allclose(sliced.states, whole.states, rtol=0, atol=1e-7)
+    assert sliced.jacobians.shape == (12, 4, 4) and sliced.slices == 4
+    one_turn = np.linalg.multi_dot(np.asarray(sliced.jacobians[:4])[::-1])
+    # Against differences of the turn itself, from the first section point.
+    start = np.asarray(poincare_section(scene, 0, 1, rtol=1e-10).states[0])
+    columns = []
+    for i in range(4):
+        shift = 1e-6 * np.eye(4)[i]
+        ends = [
+            np.asarray(poincare_section(scene, 0, 1, state=start + s, rtol=1e-12).states[0])
+            for s in (shift, -shift)
+        ]
+        columns.append((ends[0] - ends[1]) / 2e-6)
+    # Differences of 2e-6 of numbers known to 1e-10.
+    np.testing.assert_allclose(one_turn, np.stack(columns, axis=1), atol=2e-3)
+    # Two swings that hardly damp. Without friction the map contracts volumes by damping alone.
+    found = lyapunov_spectrum(sliced.jacobians, slices=4, discard=0, batches=3)
+    assert found.exponents.sum() < 0
+
+
+def test_section_of_a_failed_motion():
+    scene = jc.paper_scene(30.0, 0.06e-3)
+    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, jnp.array(jnp.nan))
+    section = poincare_section(broken, 1, 2, slices=2)
+    assert not section.outcome.success and np.isnan(section.states).all()
+    assert detect_period(section.states) is None
