@@ -50,19 +50,23 @@ def lyapunov_spectrum(
 
 
 def detect_period(
-    points: Float[ArrayLike, "n dims"], *, longest: int = 32, tolerance: float = 1e-6
+    points: Float[ArrayLike, "n dims"],
+    *,
+    longest: int = 32,
+    tolerance: float = 1e-6,
+    noise: float = 0.0,
 ) -> int | None:
-    """The least k <= `longest` with x(i + k) = x(i) within `tolerance` of the range, or None.
+    """The least k <= `longest` with x(i + k) = x(i), or None.
 
-    The range of a coordinate is at least 1e-3 of its size, so that a fixed point has one. At
-    least three periods are asked for.
+    Equal means within `tolerance` of a coordinate's range, or `noise` in its own unit: what the
+    integration leaves on a fixed point. At least three periods are asked for.
     """
     x = np.asarray(points, dtype=float)
     if not np.isfinite(x).all():
         return None
-    scale = np.maximum(np.ptp(x, axis=0), 1e-3 * np.abs(x).max(axis=0) + 1e-300)
+    allowed = tolerance * np.ptp(x, axis=0) + noise
     for k in range(1, min(longest, len(x) // 3) + 1):
-        if (np.abs(x[k:] - x[:-k]) <= tolerance * scale).all():
+        if (np.abs(x[k:] - x[:-k]) <= allowed).all():
             return k
     return None
 

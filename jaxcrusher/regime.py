@@ -1,0 +1,129 @@
+"""What kind of motion it is: a verdict on which several indicators must agree."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jaxcrusher.chaos import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
+from jaxcrusher.scene import Scene
+from jaxcrusher.section import poincare_section
+from jaxcrusher.statistics import Statistics, statistics
+
+# Slices of a turn between two orthonormalisations: exponents reach 14 a turn.
+SLICES = 8
+# Below and above, the 0-1 test speaks for order and for chaos.
+ORDER, CHAOS = 0.2, 0.8
+# What the integration leaves on a periodic orbit, in tolerances: a thousand steps a turn, and
+# turns that hardly contract. Measured on orbits of period 2 to 8: up to 1.2e5.
+NOISE = 2e5
+# An exponent known no better than this is not known to be zero.
+NEUTRAL_ERROR = 0.1
+# A trend in the section's spread that is no accident: rank correlation with time (of ten batches
+# without a trend one set in 2000 comes so far), and change as a share.
+TREND_RANK, TREND_SHARE = 0.9, 0.05
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A verdict and its evidence.
+
+    `name` is "periodic", "quasi-periodic", "chaotic", "whirl", "not settled", "undecided" or
+    "failed"; exponents are per turn.
+    """
+
+    name: str
+    evidence: tuple[str, ...]
+    period: int | None = None  # turns
+    exponents: Lyapunov | None = None
+    zero_one: float | None = None
+    trend: float | None = None  # change of the section's spread over the window, as a share
+    statistics: Statistics | None = None
+
+    def __str__(self) -> str:
+        """One line."""
+        name = f"period {self.period}" if self.period else self.name
+        return f"{name}: {'; '.join(self.evidence)}"
+
+
+def regime(
+    scene: Scene,
+    settle_turns: int = 200,
+    turns: int = 1000,
+    *,
+    tangent_turns: int = 100,
+    rtol: float = 1e-10,
+) -> Regime:
+    """Classify the motion of `scene` after `settle_turns`, from `turns` section points.
+
+    The exponents come from `tangent_turns` further turns. A verdict other than "undecided" needs
+    the period test, the 0-1 test and the largest exponent to agree; a spread of the points that
+    still changes is "not settled", whatever they say. Whirls are named by
+    `Statistics.whirl`.
+
+    Raises ValueError as `poincare_section` does.
+    """
+    outputs = ("foundation_rms", "contact_fraction", "winding")
+    summary = statistics(scene, settle_turns, min(turns, 20), outputs=outputs, rtol=rtol)
+    if not bool(summary.success):
+        return Regime("failed", (summary.failure,), statistics=summary)
+    if bool(summary.whirl):
+        assert summary.winding is not None
+        winding = f"winds {float(summary.winding):.0f} times a turn round its bore"
+        return Regime("whirl", (winding,), statistics=summary)
+    section = poincare_section(scene, settle_turns, turns, rtol=rtol)
+    points = np.asarray(section.states)
+    tangents = poincare_section(
+        scene, 0, tangent_turns, slices=SLICES, state=section.states[-1], rtol=rtol
+    )
+    if not bool(section.outcome.success & tangents.outcome.success):
+        return Regime("failed", ("stopped after the first statistics",), statistics=summary)
+    assert tangents.jacobians is not None
+    exponents = lyapunov_spectrum(np.asarray(tangents.jacobians), slices=SLICES)
+    # The coordinate that spreads most: a constant one holds no motion.
+    zero_one = zero_one_test(points[:, int(np.argmax(np.ptp(points, axis=0)))])
+    period = detect_period(points, noise=NOISE * rtol)
+    trend, significant = spread_trend(points)
+    largest, error = exponents.exponents[0], exponents.errors[0]
+    evidence = [
+        f"largest exponent {largest:.3g} ± {error:.2g} a turn",
+        f"0-1 test {zero_one:.2f}",
+        f"period {period}" if period else "no period up to 32",
+        f"spread changes by {100 * trend:.0f} %",
+    ]
+    name = verdict(exponents, zero_one, period, significant)
+    found = period if name == "periodic" else None
+    return Regime(name, tuple(evidence), found, exponents, zero_one, trend, summary)
+
+
+def verdict(exponents: Lyapunov, zero_one: float, period: int | None, trending: bool) -> str:
+    """The name on which the indicators agree, or "undecided"."""
+    largest, error = exponents.exponents[0], exponents.errors[0]
+    neutral = abs(largest) <= 3 * error and error < NEUTRAL_ERROR
+    if period is not None:
+        return "undecided" if exponents.positive else "periodic"
+    if exponents.positive and zero_one > CHAOS:
+        return "chaotic"
+    if trending:
+        return "not settled"
+    if neutral and zero_one < ORDER:
+        return "quasi-periodic"
+    return "undecided"
+
+
+def spread_trend(points: np.ndarray, batches: int = 10) -> tuple[float, bool]:
+    """The change of the points' spread over the window as a share of it, and if it is no accident.
+
+    The spread of a batch is the root mean square distance from its mean, each coordinate in
+    units of its range; the change is that of a straight line through the batches' logarithms.
+    """
+    span = np.ptp(points, axis=0)
+    scaled = points / np.where(span > 0, span, 1)
+    length = len(points) // batches
+    parts = scaled[: batches * length].reshape(batches, length, -1)
+    spread = np.sqrt(np.sum(parts.var(axis=1), axis=1))
+    if not spread.all():
+        return 0.0, False
+    place = np.linspace(-0.5, 0.5, batches)
+    share = np.expm1(place @ np.log(spread) / (place @ place))
+    rank = np.corrcoef(place, np.argsort(np.argsort(spread)))[0, 1]
+    return float(share), bool(abs(rank) > TREND_RANK and abs(share) > TREND_SHARE)

@@ -1,0 +1,72 @@
+"""Verdicts on motions whose kind is known, and on evidence that does not agree."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.chaos import Lyapunov
+from jaxcrusher.regime import spread_trend, verdict
+
+
+def lyapunov(largest, error):
+    return Lyapunov(np.array([largest, -1.0]), np.array([error, 0.1]))
+
+
+@pytest.mark.parametrize(
+    "exponents, zero_one, period, trending, name",
+    [
+        (lyapunov(2.0, 0.1), 0.99, None, False, "chaotic"),
+        (lyapunov(2.0, 0.1), 0.1, None, False, "undecided"),
+        (lyapunov(2.0, 0.1), 0.99, 3, False, "undecided"),
+        (lyapunov(-0.5, 0.1), 0.0, 3, False, "periodic"),
+        (lyapunov(0.001, 0.01), 0.0, None, False, "quasi-periodic"),
+        (lyapunov(0.001, 0.01), 0.0, None, True, "not settled"),
+        (lyapunov(0.001, 0.01), 0.9, None, False, "undecided"),
+        (lyapunov(0.1, 0.5), 0.0, None, False, "undecided"),
+    ],
+)
+def test_indicators_must_agree(exponents, zero_one, period, trending, name):
+    assert verdict(exponents, zero_one, period, trending) == name
+
+
+def test_trend_of_a_decaying_swing():
+    rng = np.random.default_rng(0)
+    steady = rng.normal(size=(1000, 2))
+    assert not spread_trend(steady)[1]
+    share, significant = spread_trend(steady * np.exp(-np.arange(1000) / 1000)[:, None])
+    # The batches span nine tenths of the window; 1000 random points know it to a few percent.
+    assert significant and share == pytest.approx(np.exp(-1) - 1, abs=0.1)
+    assert spread_trend(np.ones((100, 2))) == (0.0, False)
+
+
+# With the load on the closing stroke only the pin flies: chaos, and windows of short periods.
+@pytest.mark.parametrize(
+    "speed, clearance, name, period",
+    [(30.0, 0.06e-3, "chaotic", None), (35.0, 0.12e-3, "periodic", 1)],
+)
+def test_regimes_of_the_closing_stroke(speed, clearance, name, period):
+    scene = jc.paper_scene(speed, clearance, load="closing_stroke")
+    found = jc.regime(scene, 100, 300, tangent_turns=30)
+    assert (found.name, found.period) == (name, period), str(found)
+    if name == "chaotic":
+        # 6.3 to 7.3 a turn in four runs of other lengths and tolerances, errors 0.3 to 0.9.
+        assert found.exponents.exponents[0] == pytest.approx(6.8, abs=2.5)
+    else:
+        # The frame's alignment costs about one part in the number of turns, 30.
+        assert found.exponents.exponents[0] == pytest.approx(-0.498, abs=0.05)
+
+
+def test_swing_of_the_centred_start_has_not_settled():
+    found = jc.regime(jc.paper_scene(30.0, 0.06e-3), 20, 300, tangent_turns=20, rtol=1e-8)
+    assert found.name == "not settled" and found.trend < -0.05, str(found)
+
+
+def test_whirl_and_failure_are_named():
+    scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
+    found = jc.regime(scene, 10, 20, rtol=1e-8)
+    assert found.name == "whirl" and "round its bore" in str(found)
+    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, jnp.array(jnp.nan))
+    found = jc.regime(broken, 1, 2)
+    assert found.name == "failed" and "stopped at 0 rad" in str(found)
