@@ -63,7 +63,9 @@ class TrackedImpactVelocity(AbstractImpactVelocity):
     """The approach speed at the last touch-down, not below a floor.
 
     In free flight the memory u follows the approach speed, u' = (max(v, 0) - u) / T; in
-    contact it rests. The lag is T times the acceleration of the flight (30-100 m/s2).
+    contact it rests. The lag is T times the acceleration of the flight: 30-100 m/s2 in the
+    crusher, so 3-10 mm/s by default. Elsewhere T must be chosen for the mechanism. Below a
+    floor of 0.03 m/s the slowest contacts may pull (F_n < 0) for a moment.
     """
 
     floor: Scalar = eqx.field(converter=scalar, default=0.01)  # m/s

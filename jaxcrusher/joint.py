@@ -17,7 +17,8 @@ class Contact(eqx.Module):
     """The state of the contact and what it does to the two bodies.
 
     Both forces act at one point, the bore's surface at R_i n from the bearing's centre, so
-    action and reaction balance in moment too.
+    action and reaction balance in moment too. (Others take the middle of the overlap, as
+    EXUDYN does: penetration / (2 R_i) more moment.)
     """
 
     penetration: Scalar  # delta = |e| - c, m; negative in flight

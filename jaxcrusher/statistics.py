@@ -148,8 +148,8 @@ def _statistics(
     if mean_square is not None:
         values["foundation_rms"] = jnp.sqrt(mean_square)
     limits = None
-    if "penetration_ratio" in outputs and "impact_speed" in outputs:
-        limits = validity(scene, values["penetration_ratio"], values["impact_speed"])
+    if scene.joint is not None and {"penetration_ratio", "impact_speed"} <= set(outputs):
+        limits = validity(scene.joint, values["penetration_ratio"], values["impact_speed"])
     return Statistics(
         turns, outcome, turn_mean_square=kept.get("mean_square"), validity=limits, **values
     )

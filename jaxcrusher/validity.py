@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Scalar
 
-from jaxcrusher.scene import Scene
+from jaxcrusher.joint import ClearanceJoint
 
 # At this half-width over bore radius the parabola that Hertz puts for the bore's circle is 7 %
 # off at the edge of the contact.
@@ -60,14 +60,11 @@ class Validity(eqx.Module):
         return found
 
 
-def validity(scene: Scene, penetration_ratio: Scalar, impact_speed: Scalar) -> Validity | None:
+def validity(joint: ClearanceJoint, penetration_ratio: Scalar, impact_speed: Scalar) -> Validity:
     """The limits of a motion with these largest penetration/clearance and approach (m/s).
 
-    Hertz's half-width is sqrt(R delta) with R = R_i R_j / (R_i - R_j). None for an ideal joint.
+    Hertz's half-width is sqrt(R delta) with R = R_i R_j / (R_i - R_j).
     """
-    if scene.joint is None:
-        return None
-    joint = scene.joint
     pin_ratio = 1 - joint.clearance / joint.bore_radius
     half_width = jnp.sqrt(pin_ratio * jnp.maximum(penetration_ratio, 0))
     return Validity(

@@ -1,0 +1,1 @@
+"""Cross-checks against other programs, and measurements of error and run time."""

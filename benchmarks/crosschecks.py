@@ -1,0 +1,118 @@
+"""Compare jaxcrusher with other programs: `python -m benchmarks.crosschecks [CASE ...]`.
+
+Without a case all are run, and docs/crosschecks.md is written.
+"""
+
+import platform
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+import jax
+from rich.console import Console
+from rich.progress import track
+
+import jaxcrusher as jc
+from benchmarks import clearance, longrun, pointwise, programs
+from benchmarks.comparison import Comparison, markdown_table, screen_table
+
+PAGE = Path(__file__).parents[1] / "docs" / "crosschecks.md"
+CASES = {
+    "instants": pointwise.instants,
+    "ideal": pointwise.ideal,
+    "clearance": clearance.clearance,
+    "smoothing": clearance.smoothing,
+    "torque": pointwise.torque,
+    "impacts": longrun.impacts,
+    "swings": longrun.swings,
+    "whirl": longrun.whirl,
+}
+PACKAGES = ("jaxcrusher", "jax", "diffrax", "numpy", "scipy", "scikit-sundae", "exudyn")
+
+INTRODUCTION = """\
+# Cross-checks
+
+Made by `python -m benchmarks.crosschecks`, {minutes:.0f} minutes on {cores}; not edited by hand.
+A case alone: `python -m benchmarks.crosschecks CASE`.
+
+{summary}
+
+Every program below gets the published laws without smoothing (Lankarani-Nikravesh with 0.5 m/s,
+Ambrosio's ramp, slip of the surfaces), written in `benchmarks/peers/` without jaxcrusher:
+
+- NumPy: closed forms, of an open chain in two angles and of nine coordinates with multipliers.
+- SciPy's DOP853 on the angles, rtol 1e-11; a step ends wherever pin and bore touch or part.
+- SUNDIALS' CVODE (Adams) on the angles, rtol 1e-12 (1e-9 and 1e-10 for statistics).
+- SUNDIALS' IDA on the nine coordinates with seven multipliers, index 1 by differentiating the
+  constraints twice, no stabilisation, rtol 1e-11.
+- EXUDYN: rigid bodies, joints and a pin in a hollow sphere from its own library, generalised-alpha
+  with 1 us, spectral radius 0.9. It stands alone: it shares no equation with the others.
+
+Ours runs at the default tolerances, in both formulations where it says so. Differences are the
+largest at any time over the largest value of theirs; of numbers, relative to theirs. Where a column
+shows a history, it shows its largest magnitude. SI units.
+"""
+CHAPTERS = {
+    "instants": "Forces in one instant, at random states in contact",
+    "ideal": "Ideal joint, one turn",
+    "clearance": "Clearance 0.06 mm, 30 rad/s, centred start",
+    "smoothing": "What smoothing the law's corners does (as above, widths 1e-8 m and 1e-3 m/s)",
+    "torque": "Shaft free under 300 N m, clearance 0.06 mm, centred start",
+    "impacts": "Statistics of impacting motions",
+    "swings": "Statistics after settling",
+    "whirl": "Friction whirl: friction 0.1, 30 rad/s, 0.06 mm, centred start, turns 5-12",
+}
+
+
+def summary(found: dict[str, list[Comparison]]) -> str:
+    """How many comparisons agree, and which do not."""
+    everything = [c for comparisons in found.values() for c in comparisons]
+    apart = [c for c in everything if not c.agrees]
+    line = f"{len(everything) - len(apart)} of {len(everything)} comparisons agree."
+    return line + "".join(f"\n- Does not agree: {c.quantity}, with {c.program}." for c in apart)
+
+
+def page(found: dict[str, list[Comparison]], minutes: float) -> str:
+    """The page in Markdown."""
+    cores = f"{platform.machine()}, {jax.local_device_count()} cores"
+    lines = [INTRODUCTION.format(minutes=minutes, cores=cores, summary=summary(found))]
+    for name, comparisons in found.items():
+        command = f"`python -m benchmarks.crosschecks {name}`"
+        lines += [f"## {CHAPTERS[name]}", "", command, "", *markdown_table(comparisons), ""]
+    lines += ["## Programs", "", "| program | all its runs above, s |", "|---|---|"]
+    lines += [f"| {name} | {_rounded(spent)} |" for name, spent in programs.seconds.items()]
+    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
+    lines += [
+        "", "Rounded, compilation included; the programs did not do the same work, so this is no "
+        "ranking.", "", f"Python {platform.python_version()}, {versions}.",
+    ]  # fmt: skip
+    return "\n".join(lines) + "\n"
+
+
+def _rounded(spent: float) -> str:
+    return f"{spent:.0f}" if spent < 10 else f"{round(spent, -1):.0f}"
+
+
+def main(names: list[str]) -> None:
+    """Run the named cases, or all and write the page."""
+    unknown = [name for name in names if name not in CASES]
+    if unknown:
+        raise SystemExit(f"Argument CASE must be one of {', '.join(CASES)}, but is {unknown[0]}.")
+    console, begin, found = Console(), time.perf_counter(), {}
+    for name in names or CASES:
+        chapter = []
+        for comparison in track(CASES[name](), description=f"{name:10}", console=console):
+            chapter.append(comparison)
+        found[name] = chapter
+        console.print(screen_table(CHAPTERS[name], chapter))
+    console.print(summary(found))
+    if not names:
+        PAGE.write_text(page(found, (time.perf_counter() - begin) / 60))
+        console.print(f"Wrote {PAGE}")
+
+
+if __name__ == "__main__":
+    jc.use_all_cores()
+    jax.config.update("jax_enable_x64", True)
+    main(sys.argv[1:])

@@ -1,0 +1,1 @@
+"""The crusher written for other programs; nothing here imports jaxcrusher."""

@@ -1,0 +1,205 @@
+"""The joint in another mechanism: a slider-crank against EXUDYN, SciPy and closed forms."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import benchmarks.slider_crank.mechanism as sc
+from benchmarks.peers.exudyn_slider_crank import Numbers, Result, by_exudyn, by_scipy
+from jaxcrusher.contact import ConstantImpactVelocity, TrackedImpactVelocity
+from jaxcrusher.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
+from jaxcrusher.plane import Vector
+
+MICROSECONDS = 1e-6 * np.arange(2001)
+# Faster than any impact, so that it is the impact velocity of all of them everywhere.
+FAST = 20.0
+SURFACE = AmbrosioFriction(SurfaceSlip(), 0.1, 0.0, 0.5, width=1e-5)
+CENTRE = AmbrosioFriction(CentreSlip(), 0.1, 0.1, 1.0)
+# In flight, at the corner, in light and in hard contact; in clearances and m/s.
+STATES = [
+    ((0.3, -0.5), (1.2, 0.1)), ((0.6, 0.8), (0.1, -3.0)), ((-0.72, 0.7), (0.3, 0.4)),
+    ((0.1, 1.14), (-2.0, 0.2)), ((-0.9, -0.6), (0.5, 4.0)),
+]  # fmt: skip
+
+
+def motion(impact_velocity, times=MICROSECONDS, friction=None):
+    mechanism = sc.flores(impact_velocity=impact_velocity, friction=friction)
+    made = sc.simulate(mechanism, times, rtol=1e-12)
+    assert bool(made.outcome.success), made.failure
+    return made
+
+
+def seen(made):
+    """What all programs report, as rows: force, acceleration, moment, orbit."""
+    if isinstance(made, Result):
+        rows = (made.contact_force, made.slider_acceleration, made.crank_moment)
+        return np.stack([*rows, *made.eccentricity.T])
+    now = made.instants
+    rows = (sc.joint_load(made), now.slider_acceleration, now.crank_moment)
+    return np.stack([*rows, now.eccentricity.x, now.eccentricity.y])
+
+
+def distance(one, other, samples=None):
+    """The largest difference of anything seen, relative to its largest value."""
+    one, other = seen(one)[:, :samples], seen(other)[:, :samples]
+    return (np.abs(one - other).max(axis=1) / np.abs(other).max(axis=1)).max()
+
+
+def exudyn(numbers, times):
+    """In steps of 0.1 us; every tenth is reported."""
+    made = by_exudyn(numbers, times[-1], 1e-7)
+    columns = (made.contact_force, made.slider_acceleration, made.crank_moment, made.eccentricity)
+    return Result(times, *(column[::10] for column in columns))
+
+
+def test_first_impacts_by_three_programs():
+    """Seven impacts, pointwise: forces, accelerations, the crank's moment and the orbit."""
+    numbers, own = Numbers(least_impact_velocity=FAST), motion(ConstantImpactVelocity(FAST))
+    # Tolerances of 1e-12 grow a hundredfold over the impacts.
+    assert distance(own, by_scipy(numbers, MICROSECONDS)) < 1e-7
+    # Steps of 0.1 us in impacts of 60 us: (2 pi / 600)^2 / 12 = 1e-5 each, and growth.
+    assert distance(exudyn(numbers, MICROSECONDS), own) < 2e-4
+
+
+def test_friction_by_three_programs():
+    """Three impacts under friction at the surfaces."""
+    own, times = motion(ConstantImpactVelocity(FAST), friction=SURFACE), MICROSECONDS[:1001]
+    numbers = Numbers(least_impact_velocity=FAST, friction=0.1, full_sliding_speed=0.5)
+    # The sharp corners of the ramp, which SciPy steps across, cost more than the tolerances.
+    assert distance(own, by_scipy(numbers, times), 1001) < 1e-5
+    # EXUDYN's friction acts half a penetration further out (0.4 % of the radius, and growth),
+    # and nothing else is different.
+    other = exudyn(numbers, times)
+    assert distance(other, by_scipy(replace(numbers, contact_point=0.5), times)) < 2e-4
+    assert distance(other, own, 1001) > 4e-3
+
+
+def test_each_impact_by_its_own_velocity():
+    """The tracked velocity lags by its relaxation time: an error of first order in it."""
+    sharp = by_scipy(Numbers(), MICROSECONDS[:1001])
+    # The last is the crusher's: no good at 19 400 m/s2.
+    half, whole, long = (
+        distance(motion(TrackedImpactVelocity(relaxation_time=lag)), sharp, 1001)
+        for lag in (2e-7, 4e-7, 1e-4)
+    )
+    # Three impacts; of second order is the lag of 4e-7 s * 2e4 m/s2 in 4 m/s, 0.2 %, and growth.
+    assert whole / half == pytest.approx(2, rel=0.03)
+    assert half < 2e-3 and long > 0.1
+
+
+@eqx.filter_jit
+def balance(mechanism, time, relative, rate):
+    """The energy's change along the vector field, and the powers."""
+    start = sc.initial(mechanism)
+    if start is not None:
+        start = eqx.tree_at(lambda s: (s.relative_eccentricity, s.rate), start, (relative, rate))
+    now = sc.instant(time, start, mechanism)
+
+    def energy(time, state):
+        return sc.energy(sc.instant(time, state, mechanism), mechanism)
+
+    field = None if start is None else sc.rate(now, start, mechanism)
+    _, change = jax.jvp(energy, (time, start), (jnp.ones(()), field))
+    return change, jnp.stack(list(sc.powers(now, mechanism).values()))
+
+
+@pytest.mark.parametrize("friction", [None, SURFACE, CENTRE], ids=["none", "surface", "centre"])
+@pytest.mark.parametrize("clearance", [0.5e-3, None], ids=["clearance", "ideal"])
+def test_power_balance(clearance, friction):
+    """At any instant, with gravity, without integrating anything."""
+    mechanism = sc.flores(clearance, friction=friction, gravity=9.81)
+    for position, velocity in STATES:
+        time, relative, rate = jnp.array(1.3e-3), Vector(*position), Vector(*velocity)
+        change, powers = balance(mechanism, time, relative, rate)
+        # Rounding of energies of 100 J that change at 1e4 W and more.
+        assert float(change) == pytest.approx(float(powers.sum()), rel=1e-10, abs=1e-6)
+        assert np.abs(powers).max() > 1e3
+
+
+def test_energy_over_two_turns():
+    made = motion(None, 12 * MICROSECONDS)
+    change = made.energy - made.energy[0] - sum(made.work.values())
+    # A tolerance of 1e-12, thirty impacts.
+    assert np.abs(change).max() < 1e-9 * np.abs(made.work["drive"]).max()
+    assert float(made.work["contact"][-1]) < -1
+
+
+def test_ideal_joint():
+    """Known accelerations at the dead centres, and the moment does the work."""
+    mechanism = sc.flores(None)
+    turn = 2 * np.pi / float(mechanism.speed)
+    made = sc.simulate(mechanism, turn * np.linspace(0, 1, 4001))
+    now, r, length = made.instants, 0.05, 0.12
+    dead = r * float(mechanism.speed) ** 2
+    found = np.asarray(now.slider_acceleration)[[0, 2000]]
+    np.testing.assert_allclose(
+        found, [-dead * (1 + r / length), dead * (1 - r / length)], rtol=1e-9
+    )
+    np.testing.assert_allclose(now.slider_position[0] - now.slider_position[2000], 0.1, rtol=1e-12)
+    # The trapezoidal rule over a whole turn of 4000 samples: 1e-6 of the swing in a part of it.
+    power = np.asarray(now.crank_moment) * float(mechanism.speed)
+    work = np.concatenate([[0], np.cumsum((power[1:] + power[:-1]) / 2 * turn / 4000)])
+    np.testing.assert_allclose(made.energy - made.energy[0], work, atol=1e-5 * np.ptp(work))
+
+
+def test_rest_in_contact_tends_to_the_ideal_joint():
+    """Pressed so deep that it carries the ideal force, the joint moves as the ideal one."""
+    time = jnp.array(2e-3)
+    ideal = sc.instant(time, None, sc.flores(None))
+    force, names = ideal.joint_force, ("slider_acceleration", "rod_acceleration", "crank_moment")
+    size = jnp.sqrt(force.dot(force))
+
+    @jax.jit
+    def errors(clearance):
+        mechanism = sc.flores(clearance)
+        deep = clearance + mechanism.joint.normal.penetration_under(size)
+        relative = (deep / clearance / size) * force
+        state = eqx.tree_at(lambda s: s.relative_eccentricity, sc.initial(mechanism), relative)
+        now = sc.instant(time, state, mechanism)
+        relative_errors = jnp.stack([getattr(now, n) / getattr(ideal, n) - 1 for n in names])
+        # By the angle through which the eccentricity turns the rod.
+        return relative_errors / (deep / mechanism.rod.length)
+
+    wide, narrow = errors(1e-4), errors(1e-5)
+    # The smoothing of |e| is 5e-14 m of 3e-6 m, 3e-8 of the force, over an angle of 1e-4.
+    assert np.abs(jnp.stack([wide[0], narrow[0]])).max() < 1e-3
+    # In proportion to the angle, up to its square: 1e-3 of the wide one's times ten or so.
+    np.testing.assert_allclose(wide[1:], narrow[1:], rtol=2e-2)
+    assert (np.abs(narrow[1:]) < 10).all() and (np.abs(narrow[1:]) > 0.1).all()
+
+
+def first_impact(numbers):
+    """Peak force (N), and loss (J) and e_x (m) later, for a clearance and a slider's mass."""
+    clearance, slider_mass = numbers
+    mechanism = eqx.tree_at(lambda m: m.slider_mass, sc.flores(clearance), slider_mass)
+    made = sc.simulate(mechanism, np.linspace(0.24e-3, 0.29e-3, 2001), rtol=1e-11)
+    force = made.instants.contact.normal_force
+    top = jnp.argmax(force)
+    before, middle, after = force[top - 1], force[top], force[top + 1]
+    # The top of the parabola through three samples: the largest one's slope is not zero.
+    peak = middle + (after - before) ** 2 / 8 / (2 * middle - before - after)
+    return jnp.stack([peak, made.work["contact"][-1], made.instants.eccentricity.x[-1]])
+
+
+def test_derivatives_of_the_first_impact():
+    point = np.array([0.5e-3, 0.14])
+    tangents = np.asarray(jax.jacfwd(first_impact)(point))
+    columns = []
+    for shift in np.diag(3e-4 * point):
+        columns.append((first_impact(point + shift) - first_impact(point - shift)) / shift.sum())
+    # Relative steps of 3e-4 truncate at 1e-7; the runs' 1e-9 over them is 3e-6, and ten times
+    # that for other machines' rounding.
+    np.testing.assert_allclose(tangents, np.stack(columns, axis=-1) / 2, rtol=3e-5)
+
+
+def test_a_failed_motion_is_reported():
+    broken = eqx.tree_at(
+        lambda m: m.joint.normal.stiffness, sc.flores(), replace_fn=lambda k: jnp.nan * k
+    )
+    made = sc.simulate(broken, MICROSECONDS)
+    assert not made.outcome.success and made.failure.startswith("stopped at")
+    assert np.isnan(made.energy[-1]) and np.isnan(made.instants.slider_acceleration[-1])
