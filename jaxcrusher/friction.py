@@ -60,7 +60,7 @@ class AmbrosioFriction(AbstractFriction):
     coefficient: Scalar = eqx.field(converter=scalar, default=0.1)  # c_f
     static_speed: Scalar = eqx.field(converter=scalar, default=0.1)  # v0, m/s
     full_speed: Scalar = eqx.field(converter=scalar, default=1.0)  # v1, m/s
-    width: Scalar = eqx.field(converter=scalar, default=1e-3)  # m/s
+    width: Scalar = eqx.field(converter=scalar, default=1e-4)  # m/s
 
     def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:
         """F_t, N: odd in the slip speed."""

@@ -127,10 +127,7 @@ def gradient_report(
         if orbit is not None:
             slopes = periodic_slopes(build, jnp.asarray(point), metric, orbit, kind.period or 1)
             estimates["implicit"] = (np.asarray(slopes), nothing)
-    tangent = eqx.filter_jit(jax.jacfwd(value))(
-        {"point": jnp.asarray(point), "shift": jnp.zeros(2)}
-    )
-    estimates["tangent"] = (np.asarray(tangent["point"]), nothing)
+    estimates["tangent"] = (np.asarray(_tangent(value, jnp.asarray(point))), nothing)
     for share, name in ((1.0, "fit"), (0.5, "fit at half the radius")):
         estimates[name] = fit_slopes(
             value, point, share * radius * np.abs(point), pairs if chaotic else 6, seed,

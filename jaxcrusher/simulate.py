@@ -158,8 +158,9 @@ def simulate(
     - `times`: shape (times,), in s, increasing, not negative.
     - `outputs`: the names of what to compute, any of `jaxcrusher.OUTPUTS`; the rest is
       neither computed nor traced.
-    - `rtol`: tolerance of a step, in clearances and m/s. At 1e-9 forces over 30 ms of impacts
-      are right to 1e-5, at 1e-11 to 1e-7; differences of nearby runs need the latter.
+    - `rtol`: tolerance of a step, in clearances and m/s. Forces over the first 20 ms of impacts
+      are right to 1e-6 at 1e-11; at 30 ms, where errors have grown like exp(200 t), to 1e-4 of
+      the largest force at worst, and to 4e-3 at 1e-9 (`benchmarks/crosschecks.py`).
     - `solver`, `stepsize_controller`, `adjoint`, `max_steps`: as in `diffrax.diffeqsolve`,
       in place of Tsit5, a PI controller, forward sensitivities and ten million.
     - `dt0`: the first step, s, or every step of `diffrax.ConstantStepSize`.

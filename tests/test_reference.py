@@ -27,7 +27,7 @@ def test_windows_of_the_centred_start(formulation, friction):
     force = np.hypot(motion.normal_force, motion.friction_force)
     for (begin, end), peak in zip(WINDOWS, PEAKS[friction], strict=True):
         inside = (microseconds >= 1000 * begin) & (microseconds < 1000 * end)
-        # Six digits given, errors grow like exp(200 t): 400-fold in 30 ms. The motions agree
+        # Six digits given, errors grow like exp(200 t): 400-fold in 30 ms. The peaks agree
         # to 1e-5; 1e-3 is what was promised. Free flight is exactly without force.
         assert force[inside].max() == pytest.approx(peak, rel=1e-3, abs=1e-9)
 

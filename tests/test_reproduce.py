@@ -1,0 +1,257 @@
+"""The reproduction of the paper: the rule of its verdicts, what must hold, and its tables."""
+
+import math
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import xarray as xr
+
+import jaxcrusher as jc
+from jaxcrusher import linkage, observables
+from jaxcrusher.formulations import EccentricityFormulation
+from jaxcrusher.formulations.multiplier import CONTACT_TIME
+from jaxcrusher.plane import Vector
+from jaxcrusher.reproduce import report
+from jaxcrusher.reproduce.claims import CHOICE, Evidence, claims
+from jaxcrusher.reproduce.readings import (
+    DECIDED,
+    POINTS,
+    READINGS,
+    SINGLE_CHANGES,
+    Measured,
+    Reading,
+    ideal_statistics,
+    measure,
+)
+from jaxcrusher.reproduce.search import TARGETS, Found, variants
+from jaxcrusher.reproduce.variants import LiteralContact, PlainUnits, WeightedSlip
+from jaxcrusher.reproduce.verdict import (
+    INCONSISTENT,
+    NOT_REPRODUCED,
+    REPRODUCED,
+    UNCHECKED,
+    Estimate,
+    estimate,
+    printed,
+    verdict,
+)
+from jaxcrusher.scene import AbstractFormulation
+
+
+def certain(value: float) -> Estimate:
+    return Estimate(value, value, value)
+
+
+@pytest.mark.parametrize(
+    "text, value, rounding", [("7.4e4", 74e3, 500), ("40", 40, 0.5), ("4e4", 4e4, 5e3),
+                              ("41.45", 41.45, 0.005)],
+)  # fmt: skip
+def test_last_digit(text, value, rounding):
+    # Decimal fractions in binary.
+    assert printed(text).value == pytest.approx(value, rel=1e-15)
+    assert printed(text).rounding == pytest.approx(rounding, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    "number, found, implied, word",
+    [
+        ("1.8e4", certain(18_127), None, REPRODUCED),
+        ("100", certain(104.9), None, REPRODUCED),
+        ("100", certain(105.1), None, NOT_REPRODUCED),
+        ("100", certain(94.9), None, NOT_REPRODUCED),
+        ("4e4", certain(35_100), None, REPRODUCED),  # by its one digit
+        ("4.0e4", certain(35_100), None, NOT_REPRODUCED),
+        ("100", certain(math.nan), None, NOT_REPRODUCED),
+        ("100", Estimate(math.nan, 99, 101), None, NOT_REPRODUCED),
+        ("100", Estimate(150, 90, 160), None, NOT_REPRODUCED),  # a wide range helps nobody
+        ("100", None, None, UNCHECKED),
+        ("100", certain(100), (101, 102), INCONSISTENT),
+        ("100", certain(100), (100.5, 102), REPRODUCED),
+        ("9e4", certain(9e4), (7.5e5, math.inf), INCONSISTENT),
+        ("9e4", certain(9e4), (1e4, math.inf), REPRODUCED),
+        ("100", None, (101, 102), INCONSISTENT),
+    ],
+)
+def test_verdict(number, found, implied, word):
+    assert verdict(printed(number), found, implied) == word
+
+
+def test_a_failed_run_is_not_left_out():
+    assert math.isnan(estimate(np.array([1.0, math.nan, 1.0])).value)
+    assert estimate(np.array([3.0, 1.0, 8.0])) == (3, 1, 8)
+
+
+def synthetic() -> Evidence:
+    """Evidence in which every peak is 1000 N times its reading's place, every mean 500 N."""
+    measured = {}
+    for place, reading in enumerate(READINGS):
+        speeds = {speed for speed, _ in POINTS}
+        for point in [*POINTS, *((speed, 0.0) for speed in speeds)]:
+            values = {f"{reading.force}_{name}": np.full(3, 500.0) for name in ("mean", "rms")}
+            peaks = 1e3 * (1 + place) * np.ones((3, 4))
+            values |= {f"{reading.force}_peak": peaks, "collision_peak": peaks}
+            measured[reading, point] = Measured(values | {"hertzian": np.array([True] * 3)})
+    forces = {
+        name: (("n",), np.array([1e4, 2e5])) for name in ("foundation_rms", "foundation_peak")
+    }
+    box = xr.Dataset(forces)
+    return Evidence(measured, box, box)
+
+
+@pytest.fixture(scope="module")
+def listed():
+    return claims()
+
+
+def test_arithmetic_of_the_source(listed):
+    """What follows from printed numbers alone."""
+    evidence = synthetic()
+    words = {c.number.value: report.judged(c, evidence, DECIDED)[1] for c in listed if c.implied}
+    assert words[25.0] == words[41.45] == words[9e4] == INCONSISTENT
+    assert words[5.63] == REPRODUCED
+    # Consistent in themselves, though not met by the made-up forces.
+    assert words[45.0] == words[48.6] == NOT_REPRODUCED
+    peak = next(c for c in listed if c.number.value == 12.106)
+    assert report.judged(peak, evidence, DECIDED)[1] == REPRODUCED
+
+
+def test_tables(listed):
+    evidence = synthetic()
+    lines = report.verdict_table(listed, evidence).splitlines()
+    assert len(lines) == len(listed) + 2
+    kinds = (REPRODUCED, NOT_REPRODUCED, INCONSISTENT, UNCHECKED)
+    words = [line.split("|")[-2].strip() for line in lines[2:]]
+    assert set(words) <= set(kinds)
+    assert report.counts(listed, evidence) == ", ".join(f"{words.count(k)} {k}" for k in kinds)
+    # Smallest and largest contour of Figure 15b are what the made-up sweep holds.
+    assert words[[c.number.value for c in listed].index(2e5)] == REPRODUCED
+    assert words[[c.number.value for c in listed].index(2e4)] == NOT_REPRODUCED
+    changed = report.reading_table(listed, evidence).splitlines()
+    assert len(changed) == 2 + sum(claim.by_reading for claim in listed)
+    assert len({line.count("|") for line in changed}) == 1
+    # The made-up peaks differ from reading to reading: each column shows its own, bold if met.
+    row = next(line for line in changed if "25 rad/s, 0.06 mm" in line).split(" | ")
+    places = [1 + READINGS.index(reading) for reading in SINGLE_CHANGES.values()]
+    met_by = {22: "**2.2e4**", 23: "**2.3e4**", 24: "**2.4e4**"}
+    assert [cell.strip(" |") for cell in row[2:]] == [
+        met_by.get(place, report.plain(1e3 * place)) for place in places
+    ]
+    ranked = report.ranking(listed, evidence).splitlines()[2:]
+    met = [int(line.split(" | ")[4].split("of")[0]) for line in ranked]
+    assert met == sorted(met, reverse=True) and len(met) == 16
+
+
+def test_every_claim_reads_its_own_reading(listed):
+    evidence = synthetic()
+    places = {reading: place for place, reading in enumerate(READINGS)}
+    peak = next(claim for claim in listed if claim.number.value == 2.3e4)
+    for reading in READINGS:
+        assert peak.compute(evidence, reading).value == 1e3 * (1 + places[reading])
+
+
+def test_search_takes_the_run_nearest_to_the_paper():
+    statistics = {
+        c: {
+            "foundation_peak": np.array([math.nan, target / 2, 1e9]),
+            "foundation_mean": np.array([math.nan, target / 4, 1e9]),
+            "winding": np.array([math.nan, 50.0, 0.1]),
+            "turns": np.array([0.5, 24.0, 24.0]),
+        }
+        for c, target in TARGETS.items()
+    }
+    one = Found(variants()[0], statistics)
+    assert one.distance(tuple(TARGETS)) == pytest.approx(math.log(2), rel=1e-12)  # arithmetic
+    assert one.whirling(0.09) == 1
+    gone = {c: {name: values[:1] for name, values in of.items()} for c, of in statistics.items()}
+    other = Found(variants()[1], gone)
+    assert other.distance(tuple(TARGETS)) == math.inf
+    assert "None of 2 variants" in report.answer([one, other])
+    assert "runs away, turn 0.5" in report.search_table([one, other])
+
+
+def test_numbers_that_hold():
+    """The ideal joint's mean of 1.8e4 N, and 2.19e4 N as the RMS of the paper's choice."""
+    ideal = ideal_statistics(30.0, "along_jaw")
+    assert verdict(printed("1.8e4"), estimate(ideal["sum_mean"])) == REPRODUCED
+    # Five digits given.
+    assert float(ideal["sum_rms"]) == pytest.approx(19_099, rel=1e-4)
+    reading = Reading(start="contact", settle=2)
+    chosen = measure([reading], [CHOICE], turns=2)[reading, CHOICE]
+    assert verdict(printed("2.19e4"), estimate(chosen["sum_rms"])) == REPRODUCED
+    assert verdict(printed("2.19e4"), estimate(chosen["sum_mean"])) == NOT_REPRODUCED
+
+
+def touching(formulation) -> tuple:
+    """A snapshot 5 um inside the bore, sliding, and its scene."""
+    scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
+    scene = eqx.tree_at(
+        lambda s: s.formulation, scene, formulation,
+        is_leaf=lambda leaf: isinstance(leaf, AbstractFormulation),
+    )  # fmt: skip
+    state = EccentricityFormulation().initial(scene)
+    state = eqx.tree_at(
+        lambda s: (s.relative_eccentricity, s.rate), state, (Vector(0.5, -0.95), Vector(0.02, 0.1))
+    )
+    return formulation.snapshot(jnp.asarray(0.01), state, scene), scene
+
+
+def test_literal_contact_with_nothing_changed_is_the_correct_one():
+    right, _ = touching(EccentricityFormulation())
+    same, _ = touching(LiteralContact())
+    assert float(right.contact.normal_force) > 1e4
+    # The direction of e is normalised twice: rounding only.
+    assert float(same.chain_acceleration.jaw) == pytest.approx(
+        float(right.chain_acceleration.jaw), rel=1e-10
+    )
+
+
+def test_without_moments_the_contact_does_not_turn_the_jaw():
+    """(19) literally: about S2 only the elbow's reaction has a moment."""
+    s, scene = touching(LiteralContact(at_joint=0.0, torque=0.0))
+    arm = -linkage.mass_centre_arm(scene.machine, s.chain)  # from S2 to B
+    moment = arm.cross(observables.elbow_reaction(s, scene))
+    inertia = scene.machine.jaw.inertia * s.chain_acceleration.jaw
+    # Newton and Euler on numbers of 1e4 N m.
+    assert float(inertia) == pytest.approx(float(moment), rel=1e-9)
+    full, _ = touching(LiteralContact())
+    assert abs(float(full.chain_acceleration.jaw / s.chain_acceleration.jaw) - 1) > 0.1
+
+
+def test_signs_as_printed():
+    right, _ = touching(LiteralContact())
+    printed_, _ = touching(LiteralContact(x_sign=-1.0, folded=1.0))
+    friction, normal = (
+        float(f) for f in (right.contact.friction_force, right.contact.normal_force)
+    )
+    cosine, sine = np.array([0.5, 0.95]) / math.hypot(0.5, 0.95)  # sin phi >= 0, though e_y < 0
+    expected = [-(normal * cosine - friction * sine), normal * sine + friction * cosine]
+    np.testing.assert_allclose(printed_.joint_force.array(), expected, rtol=1e-9)  # rounding
+
+
+def test_weighted_slip():
+    speeds = jnp.asarray(1.0), jnp.asarray(5.0)
+    assert float(WeightedSlip(0.0).speed(*speeds)) == 1
+    assert float(WeightedSlip(1.0).speed(*speeds)) == 5
+
+
+def test_plain_units():
+    """The same accelerations, in m/s2 and rad/s2; rounding only."""
+    scene = jc.paper_scene(30.0, 0.06e-3, formulation="multiplier", start="contact")
+    rates = []
+    for formulation in (scene.formulation, PlainUnits()):
+        state = formulation.initial(scene)
+        snapshot = formulation.snapshot(jnp.asarray(0.0), state, scene)
+        assert float(snapshot.contact.normal_force) > 1e4
+        rates.append((state.velocity, formulation.rate(snapshot, state, scene)))
+    (scaled, scaled_rate), (plain, plain_rate) = rates
+    for one, other, factor in (
+        (scaled, plain, 1 / CONTACT_TIME),
+        (scaled_rate.velocity, plain_rate.velocity, 1 / CONTACT_TIME),
+        (scaled_rate.position, plain_rate.position, 1.0),
+    ):
+        expected = factor * np.array(one.entries())
+        # Of contact forces of 2e4 N that hang on digits of the penetration: 1e-10 of 1 m.
+        scale = np.abs(expected).max()
+        np.testing.assert_allclose(np.array(other.entries()), expected, rtol=0, atol=1e-9 * scale)
