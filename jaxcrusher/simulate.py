@@ -183,12 +183,12 @@ def integration(
 ) -> Integration:
     """The default integration with the given parts replaced."""
     require_positive("dt0", dt0, "in the unit of the time")
-    default = default_integration(scene, rtol, dt0)
+    default = default_integration(scene, rtol, float(dt0))
     return Integration(
         default.solver if solver is None else solver,
         default.stepsize_controller if stepsize_controller is None else stepsize_controller,
         default.max_steps if max_steps is None else max_steps,
-        dt0,
+        default.dt0,
         adjoint,
     )
 

@@ -1,0 +1,106 @@
+"""Redraw the paper's figures and check its numbers: `python -m jaxcrusher.reproduce`."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import jax
+import matplotlib.pyplot as plt
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.progress import MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+import jaxcrusher as jc
+from jaxcrusher.reproduce import figures
+from jaxcrusher.reproduce.claims import Evidence, claims
+from jaxcrusher.reproduce.motions import compare, portraits
+from jaxcrusher.reproduce.readings import (
+    CHOICE,
+    CLEARANCE_POINTS,
+    POINTS,
+    READINGS,
+    SPEED_POINTS,
+    measure,
+)
+from jaxcrusher.reproduce.report import counts, write_claims
+from jaxcrusher.reproduce.search import search, variants
+
+TURN = 2 * np.pi / 30  # s
+SPEEDS = np.linspace(25, 40, 11)  # rad/s
+# Figure, what it shows, and its clearances: the largest (m) and how many from 0.03 mm.
+BOXES = ((14, "foundation_rms", 0.12e-3, 10), (15, "foundation_peak", 0.06e-3, 7))
+
+
+def main(out: Path = Path("docs/reproduction")) -> None:
+    """Redraw every figure of the paper's results and check its numbers; about five minutes.
+
+    Args:
+        out: Folder of the figures and of claims.md.
+    """
+    jc.use_all_cores()
+    jax.config.update("jax_enable_x64", True)
+    out.mkdir(parents=True, exist_ok=True)
+    console = Console()
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), MofNCompleteColumn(),
+               TimeElapsedColumn())  # fmt: skip
+    with Progress(*columns, console=console) as progress, plt.rc_context(figures.STYLE):
+
+        def stage(title: str, total: int) -> Callable[[str], None]:
+            task = progress.add_task(title, total=total)
+            return lambda what: progress.advance(task)
+
+        draw_validation(out, stage("Figures 5 and 7", 3))
+        draw_motions(out, stage("Figures 8 to 13 and 16", 3))
+        boxes = []
+        for figure, variable, largest, count in BOXES:
+            cells = progress.add_task(f"Figure {figure}", total=count * len(SPEEDS))
+            box = jc.sweep(
+                SPEEDS, np.linspace(0.03e-3, largest, count), 20, 12, rtol=1e-6, chunk=22,
+                progress=lambda finished, _, task=cells: progress.update(task, completed=finished),
+            )  # fmt: skip
+            figures.draw_landscape(out / f"fig{figure}.png", box[variable])
+            boxes.append(box)
+        programs = len({(r.slip, r.impact_velocity, r.load, r.settle) for r in READINGS})
+        measured = measure(READINGS, done=stage("Readings", programs))
+        listed = variants()
+        found = search(listed, stage("Where 1.1e6 N comes from", len(listed)))
+        evidence, all_claims = Evidence(measured, *boxes), claims()
+        write_claims(out / "claims.md", all_claims, evidence, found)
+    console.print(f"{out}: of {len(all_claims)} claims {counts(all_claims, evidence)}")
+
+
+def draw_validation(out: Path, done: Callable[[str], None]) -> None:
+    """Figures 5 and 7."""
+    turn = compare("contact", TURN, 2e-6)
+    done("")
+    figures.draw_comparison(out / "fig05.png", turn, compare("centred", 0.03, 1e-6))
+    done("")
+    times = np.linspace(0, 2 * TURN, 2001)
+    strokes = {}
+    for clearance in (0.06, 0.12):
+        scene = jc.paper_scene(30.0, 1e-3 * clearance)
+        motion = jc.simulate(scene, times, outputs=("jaw_position",), rtol=1e-8)
+        strokes[clearance] = np.asarray(motion.jaw_displacement)[:, 0]
+    figures.draw_stroke(out / "fig07a.png", times, strokes)
+    figures.draw_capacity(out / "fig07b.png")
+    done("")
+
+
+def draw_motions(out: Path, done: Callable[[str], None]) -> None:
+    """Figures 8 to 13 and 16."""
+    rows = {}
+    for slip in ("centre", "surface"):
+        rows[f"{slip} slip"] = portraits(POINTS, slip)
+        done("")
+    for first, points in ((8, SPEED_POINTS), (11, CLEARANCE_POINTS)):
+        shown = {name: {p: motions[p] for p in points} for name, motions in rows.items()}
+        for i, draw in enumerate((figures.orbit, figures.foundation, figures.section)):
+            figures.draw_row(out / f"fig{first + i:02d}.png", draw, shown)
+    figures.draw_choice(
+        out / "fig16.png", {name: motions[CHOICE] for name, motions in rows.items()}
+    )
+    done("")
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

@@ -1,0 +1,115 @@
+"""What the paper prints but mechanics forbids: (19) literally, and its own solver's tolerances.
+
+Used only to ask which of it leads to the numbers of the paper that correct mechanics does not
+give.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PyTree, Scalar
+
+from jaxcrusher import linkage
+from jaxcrusher.formulations import EccentricityFormulation, MultiplierFormulation
+from jaxcrusher.formulations.eccentricity import EccentricityState
+from jaxcrusher.formulations.multiplier import CONTACT_TIME, MultiplierState
+from jaxcrusher.friction import AbstractSlip
+from jaxcrusher.integrate import Carried
+from jaxcrusher.plane import Vector, scalar
+from jaxcrusher.scene import AbstractFormulation, Scene
+from jaxcrusher.smooth import norm
+from jaxcrusher.snapshot import Snapshot
+
+
+class WeightedSlip(AbstractSlip):
+    """Weight 0 is the slip of the centres, 1 that of the surfaces: both in one program."""
+
+    weight: Scalar = eqx.field(converter=scalar)
+
+    def speed(self, centre_speed: Scalar, surface_speed: Scalar) -> Scalar:
+        """Between the two."""
+        return centre_speed + self.weight * (surface_speed - centre_speed)
+
+
+class LiteralContact(AbstractFormulation):
+    """The eccentricity formulation with the contact's forces as (16) and (19) print them.
+
+    Force on the jaw: (x_sign (F_n cos phi - F_t sin phi), y_sign (F_n sin phi + F_t cos phi)).
+    Correct signs are (1, 1); (16) with (19) gives (-1, 1), and (1, -1) if F is added instead of
+    subtracted. `folded` 1 takes phi from (3), in [0, pi], so that sin phi >= 0. `at_joint` 0
+    lets the force act at S2, for (19) has no moments; `torque` is the share of friction's R_i
+    F_t on the jaw. The ones and zeros are numbers so that all variants are one program.
+    """
+
+    x_sign: Scalar = eqx.field(converter=scalar, default=1.0)
+    y_sign: Scalar = eqx.field(converter=scalar, default=1.0)
+    folded: Scalar = eqx.field(converter=scalar, default=0.0)
+    at_joint: Scalar = eqx.field(converter=scalar, default=1.0)
+    torque: Scalar = eqx.field(converter=scalar, default=1.0)
+
+    def initial(self, scene: Scene) -> EccentricityState:
+        """As in the correct formulation."""
+        return EccentricityFormulation().initial(scene)
+
+    def snapshot(self, time: Scalar, state: EccentricityState, scene: Scene) -> Snapshot:
+        """The correct snapshot with the contact's force and moment replaced."""
+        s = EccentricityFormulation().snapshot(time, state, scene)
+        assert scene.joint is not None and s.contact is not None and s.eccentricity is not None
+        friction = s.contact.friction_force
+        assert friction is not None and s.contact.bearing_moment is not None
+        axis = s.eccentricity / norm(s.eccentricity, scene.joint.norm_width)
+        axis = Vector(axis.x, jnp.where(self.folded > 0, jnp.abs(axis.y), axis.y))
+        push = s.contact.normal_force * axis + friction * axis.perp()
+        force = Vector(self.x_sign * push.x, self.y_sign * push.y)
+        from_s2 = -scene.machine.jaw.mass_centre.along(s.chain.jaw)
+        moment = self.torque * s.contact.bearing_moment - (1 - self.at_joint) * from_s2.cross(force)
+        acceleration = linkage.chain_acceleration(
+            scene.machine, s.chain, s.load, force, moment
+        )  # fmt: skip
+        return Snapshot(
+            s.shaft, s.chain, acceleration, s.contact, s.eccentricity, force, moment,
+            s.shaft_moment, s.load, None,
+        )  # fmt: skip
+
+    def rate(self, snapshot: Snapshot, state: EccentricityState, scene: Scene) -> EccentricityState:
+        """As in the correct formulation."""
+        return EccentricityFormulation().rate(snapshot, state, scene)
+
+    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
+        """As in the correct formulation."""
+        return EccentricityFormulation().tolerance(scene, rtol)
+
+
+class PlainUnits(AbstractFormulation):
+    """The paper's nine coordinates with velocities in m/s and rad/s, as a program of 2022 has
+    them: so a solver's tolerances mean what they meant there.
+    """  # fmt: skip  # noqa: D205
+
+    multiplier: MultiplierFormulation = eqx.field(default_factory=MultiplierFormulation)
+
+    def initial(self, scene: Scene) -> MultiplierState:
+        """At the scene's start."""
+        return _rescaled(self.multiplier.initial(scene), 1 / CONTACT_TIME)
+
+    def snapshot(self, time: Scalar, state: MultiplierState, scene: Scene) -> Snapshot:
+        """That of the multiplier formulation."""
+        return self.multiplier.snapshot(time, _rescaled(state, CONTACT_TIME), scene)
+
+    def rate(self, snapshot: Snapshot, state: MultiplierState, scene: Scene) -> MultiplierState:
+        """The derivatives q' and q'', per second."""
+        inner = self.multiplier.rate(snapshot, _rescaled(state, CONTACT_TIME), scene)
+        return _rescaled(inner, 1 / CONTACT_TIME)
+
+    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
+        """Not adapted to the clearance."""
+        return rtol
+
+
+def _rescaled(state: MultiplierState, factor: float) -> MultiplierState:
+    return MultiplierState(state.position, state.velocity * factor, state.impact_velocity)
+
+
+def largest(error: PyTree) -> Scalar:
+    """The error norm of MATLAB's ode45: the largest entry; totals do not count."""
+    motion = error.motion if isinstance(error, Carried) else error
+    return jnp.max(jnp.stack([jnp.max(jnp.abs(leaf)) for leaf in jax.tree.leaves(motion)]))
