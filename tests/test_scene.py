@@ -3,44 +3,22 @@
 import subprocess
 import sys
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from benchmarks.scenes import field_operations, operations, traced
 from jaxcrusher.machine import Jaw, Machine, pe250x400
 from jaxcrusher.plane import Vector
 from jaxcrusher.statistics import _peak
 
 
-def operations(jaxpr):
-    """Equations of a traced program, with those of its inner programs."""
-    total = 0
-    for equation in jaxpr.eqns:
-        inner = [p for v in equation.params.values() for p in jax.tree.leaves(
-            v, is_leaf=lambda x: hasattr(x, "eqns") or hasattr(x, "jaxpr"))]  # fmt: skip
-        programs = [getattr(p, "jaxpr", p) for p in inner]
-        programs = [p for p in programs if hasattr(p, "eqns")]
-        total += sum(operations(p) for p in programs) if programs else 1
-    return total
-
-
 def count(function, scene):
     """Operations of `function(scene)`."""
-    dynamic, static = eqx.partition(scene, eqx.is_array)
-    traced = jax.make_jaxpr(lambda d: jax.tree.leaves(function(eqx.combine(d, static))))(dynamic)
-    return operations(traced.jaxpr)
-
-
-def field_operations(scene):
-    def rate(scene):
-        state = scene.formulation.initial(scene)
-        s = scene.formulation.snapshot(jnp.array(0.0), state, scene)
-        return scene.formulation.rate(s, state, scene), s.joint_force
-
-    return count(rate, scene)
+    program, numbers = traced(function, scene)
+    return operations(jax.make_jaxpr(program)(numbers).jaxpr)
 
 
 def test_what_is_left_out_is_not_traced():
