@@ -124,8 +124,10 @@ def default_integration(scene: Scene, rtol: float | Scalar, dt0: float) -> Integ
     `rtol` counts in clearances (and m/s): 1e-9 is 6e-14 m for a clearance of 0.06 mm. Steps
     are bounded below, so that a motion that is not finite ends at once, and in number.
     """
-    # A tolerance may depend on the scene, but is not part of what is differentiated.
-    tolerance = jax.lax.stop_gradient(scene.formulation.tolerance(scene, rtol))
+    # An array, so that another value runs the same program. It may depend on the scene, but is
+    # not part of what is differentiated.
+    tolerance = jnp.asarray(scene.formulation.tolerance(scene, rtol), dtype=float)
+    tolerance = jax.lax.stop_gradient(tolerance)
     controller = diffrax.PIDController(
         rtol=tolerance,
         atol=tolerance,
