@@ -108,7 +108,7 @@ def _widths(scene) -> list:
 
 
 def smoothing() -> Iterator[Comparison]:
-    """What our smoothed corners do: widths of 1e-8 m and 1e-3 m/s, and a hundredth of them."""
+    """What our smoothed corners do: the default widths, and a hundredth of them."""
     times = 1e-5 * np.arange(3001)
     for friction in (None, 0.1):
         crusher = Crusher(friction=friction)

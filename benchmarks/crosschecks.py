@@ -58,7 +58,7 @@ CHAPTERS = {
     "instants": "Forces in one instant, at random states in contact",
     "ideal": "Ideal joint, one turn",
     "clearance": "Clearance 0.06 mm, 30 rad/s, centred start",
-    "smoothing": "What smoothing the law's corners does (as above, widths 1e-8 m and 1e-3 m/s)",
+    "smoothing": "What smoothing the law's corners does (as above, the default widths)",
     "torque": "Shaft free under 300 N m, clearance 0.06 mm, centred start",
     "impacts": "Statistics of impacting motions",
     "swings": "Statistics after settling",

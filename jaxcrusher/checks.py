@@ -43,6 +43,12 @@ def require_within(name: str, value: ArrayLike, low: float, high: float, unit: s
         require(good, name, f"lie in [{low:g}, {high:g}] {unit}".rstrip(), value)
 
 
+def require_whole(name: str, value: object, least: int) -> None:
+    """A whole number, at least `least`."""
+    good = isinstance(value, int) and not isinstance(value, bool) and value >= least
+    require(good, name, f"be a whole number >= {least}", value)
+
+
 def require_choice(name: str, value: object, choices: tuple) -> None:
     """One of the named choices."""
     known = any(value is choice or (value == choice) is True for choice in choices)

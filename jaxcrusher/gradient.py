@@ -16,10 +16,10 @@ from jaxtyping import Array, Float
 from jaxcrusher.batch import map_chunks
 from jaxcrusher.checks import require, require_choice
 from jaxcrusher.orbit import periodic_orbit, periodic_slopes
+from jaxcrusher.plane import Vector
 from jaxcrusher.regime import Regime, regime
 from jaxcrusher.scene import Scene
-from jaxcrusher.section import poincare_section
-from jaxcrusher.starts import Given
+from jaxcrusher.starts import shifted_start
 from jaxcrusher.statistics import STATISTICS, statistics
 
 # A tangent that has grown by more than exp(3) says more of the start than of the parameter.
@@ -108,7 +108,8 @@ def gradient_report(
     require(bool(parameters), "parameters", "name at least one number", parameters)
     names, point = tuple(parameters), np.array([*parameters.values()], dtype=float)
     build = eqx.Partial(_build, scene=scene, names=names)
-    kind = regime(build(jnp.asarray(point)), settle_turns, max(turns, 200), tangent_turns=40)
+    here = build(jnp.asarray(point))
+    kind = regime(here, settle_turns, max(turns, 200), tangent_turns=40)
     horizon = settle_turns + turns
     if kind.name in ("failed", "whirl"):
         why = (f"the motion is {kind.name}: outside the model",)
@@ -122,20 +123,19 @@ def gradient_report(
     estimates: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     nothing = np.zeros(len(names))
     if kind.name == "periodic":
-        settled = poincare_section(build(jnp.asarray(point)), settle_turns, 1).states[-1]
-        orbit = periodic_orbit(build(jnp.asarray(point)), settled, kind.period or 1)
+        assert kind.period is not None and kind.state is not None
+        orbit = periodic_orbit(here, jnp.asarray(kind.state), kind.period)
         if orbit is not None:
-            slopes = periodic_slopes(build, jnp.asarray(point), metric, orbit, kind.period or 1)
-            estimates["implicit"] = (np.asarray(slopes), nothing)
+            slopes = periodic_slopes(build, jnp.asarray(point), metric, orbit, kind.period)
+            estimates["implicit"] = (slopes, nothing)
     estimates["tangent"] = (np.asarray(_tangent(value, jnp.asarray(point))), nothing)
     for share, name in ((1.0, "fit"), (0.5, "fit at half the radius")):
         estimates[name] = fit_slopes(
             value, point, share * radius * np.abs(point), pairs if chaotic else 6, seed,
             START_SHIFT if chaotic else 0.0, chunk,
         )  # fmt: skip
-    largest, error = kind.exponents.exponents[0], kind.exponents.errors[0]
     # An exponent that may be zero is taken for zero.
-    growth = float(largest) * horizon if largest > 3 * error else 0.0
+    growth = float(kind.exponents.exponents[0]) * horizon if chaotic else 0.0
     slopes = {}
     for i, name in enumerate(names):
         single = {key: (float(a[i]), float(b[i])) for key, (a, b) in estimates.items()}
@@ -154,12 +154,7 @@ def _tangent(value: Callable, point: Float[Array, " n"]) -> Float[Array, " n"]:
 
 def _metric(case, build, metric: str, settle_turns: int, turns: int, rtol: float) -> Array:
     """The statistic at `case["point"]`, its start shifted by `case["shift"]` clearances."""
-    scene = build(case["point"])
-    assert scene.joint is not None and scene.start is not None
-    e, rate = scene.start.eccentricity(scene)
-    relative = e / scene.joint.clearance
-    shifted = Given(type(e)(relative.x + case["shift"][0], relative.y + case["shift"][1]), rate)
-    scene = eqx.tree_at(lambda s: s.start, scene, shifted)
+    scene = shifted_start(build(case["point"]), Vector(*case["shift"]))
     return getattr(statistics(scene, settle_turns, turns, outputs=(metric,), rtol=rtol), metric)
 
 
@@ -225,9 +220,9 @@ def judge(
         # The orbit's slope is exact where it stands, but not over the radius; a tangent that
         # disagrees has grown in the transient.
         (doubts if estimator == "implicit" else refusals).append(against)
-    if growth > GROWTH:
+    if growth > GROWTH and not chaotic:
         notice = f"exponent x horizon {growth:.1f} > {GROWTH:.0f}: no tangent"
-        (refusals if estimator == "tangent" else doubts if not chaotic else []).append(notice)
+        (refusals if estimator == "tangent" else doubts).append(notice)
     verdict = "refused" if refusals else "doubtful" if doubts else "ok"
     return Slope(
         name, estimator, value, error, radius if chaotic else 0.0, verdict,

@@ -7,6 +7,7 @@ import numpy as np
 from jaxcrusher.chaos import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
 from jaxcrusher.scene import Scene
 from jaxcrusher.section import poincare_section
+from jaxcrusher.simulate import failure_text
 from jaxcrusher.statistics import Statistics, statistics
 
 # Slices of a turn between two orthonormalisations: exponents reach 14 a turn.
@@ -38,6 +39,7 @@ class Regime:
     zero_one: float | None = None
     trend: float | None = None  # change of the section's spread over the window, as a share
     statistics: Statistics | None = None
+    state: np.ndarray | None = None  # the last of the section's points
 
     def __str__(self) -> str:
         """One line."""
@@ -56,9 +58,8 @@ def regime(
     """Classify the motion of `scene` after `settle_turns`, from `turns` section points.
 
     The exponents come from `tangent_turns` further turns. A verdict other than "undecided" needs
-    the period test, the 0-1 test and the largest exponent to agree; a spread of the points that
-    still changes is "not settled", whatever they say. Whirls are named by
-    `Statistics.whirl`.
+    its indicators to agree; points whose spread still changes are "not settled", unless they
+    repeat or are chaotic. Whirls are named by `Statistics.whirl`.
 
     Raises ValueError as `poincare_section` does.
     """
@@ -75,8 +76,10 @@ def regime(
     tangents = poincare_section(
         scene, 0, tangent_turns, slices=SLICES, state=section.states[-1], rtol=rtol
     )
-    if not bool(section.outcome.success & tangents.outcome.success):
-        return Regime("failed", ("stopped after the first statistics",), statistics=summary)
+    for outcome in (section.outcome, tangents.outcome):
+        if not bool(outcome.success):
+            why = failure_text(outcome, "rad of shaft angle")
+            return Regime("failed", (why,), statistics=summary)
     assert tangents.jacobians is not None
     exponents = lyapunov_spectrum(np.asarray(tangents.jacobians), slices=SLICES)
     # The coordinate that spreads most: a constant one holds no motion.
@@ -92,7 +95,7 @@ def regime(
     ]
     name = verdict(exponents, zero_one, period, significant)
     found = period if name == "periodic" else None
-    return Regime(name, tuple(evidence), found, exponents, zero_one, trend, summary)
+    return Regime(name, tuple(evidence), found, exponents, zero_one, trend, summary, points[-1])
 
 
 def verdict(exponents: Lyapunov, zero_one: float, period: int | None, trending: bool) -> str:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree, Scalar
 
-from jaxcrusher.checks import require, require_x64
+from jaxcrusher.checks import require, require_whole, require_x64
 from jaxcrusher.integrate import RESULTS, Carried, Integration, Outcome, Problem, integrate
 from jaxcrusher.scene import Scene
 from jaxcrusher.simulate import integration
@@ -94,11 +94,10 @@ def poincare_section(
     Raises ValueError for counts that are not whole numbers in range, and for a free shaft.
     """
     require_x64()
-    for name, count, least in (
-        ("settle_turns", settle_turns, 0), ("turns", turns, 1), ("slices", slices or 1, 1)
-    ):  # fmt: skip
-        whole = isinstance(count, int) and not isinstance(count, bool)
-        require(whole and count >= least, name, f"be a whole number >= {least}", count)
+    require_whole("settle_turns", settle_turns, 0)
+    require_whole("turns", turns, 1)
+    if slices is not None:
+        require_whole("slices", slices, 1)
     free = scene.drive.initial() is not None
     require(not free, "scene", "have a shaft of constant speed", scene.drive)
     method = integration(scene, rtol, solver, None, None, None, 1e-5)

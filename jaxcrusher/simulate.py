@@ -107,7 +107,7 @@ class Trajectory(eqx.Module):
         """The share of the given times at which pin and bore touch."""
         if self.penetration_ratio is None:
             raise ValueError("Argument `outputs` must contain 'penetration_ratio', but does not.")
-        return jnp.mean(self.penetration_ratio > 0)
+        return jnp.mean((self.penetration_ratio > 0).astype(float))
 
 
 def failure_text(outcome: Outcome, unit: str) -> str:

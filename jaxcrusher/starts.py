@@ -91,3 +91,14 @@ class Given(AbstractStart):
         """As given."""
         assert scene.joint is not None
         return scene.joint.clearance * self.relative, self.rate
+
+
+def shifted_start(scene: Scene, offset: Vector) -> Scene:
+    """The same scene with its start as numbers, `offset` clearances off.
+
+    Scenes that differ in their start then run as one program.
+    """
+    assert scene.joint is not None and scene.start is not None
+    eccentricity, rate = scene.start.eccentricity(scene)
+    start = Given(eccentricity / scene.joint.clearance + offset, rate)
+    return eqx.tree_at(lambda s: s.start, scene, start)

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.checks import require, require_choice, require_x64
+from jaxcrusher.checks import require_choice, require_whole, require_x64
 from jaxcrusher.integrate import Carried, Integration, Outcome, Problem, integrate
 from jaxcrusher.observables import OBSERVABLES, foundation_force
 from jaxcrusher.scene import Scene
@@ -122,9 +122,8 @@ def statistics(
     Raises ValueError for counts that are not whole numbers in range, and unknown outputs.
     """
     require_x64()
-    for name, count, least in (("settle_turns", settle_turns, 0), ("turns", turns, 1)):
-        whole = isinstance(count, int) and not isinstance(count, bool)
-        require(whole and count >= least, name, f"be a whole number >= {least}", count)
+    require_whole("settle_turns", settle_turns, 0)
+    require_whole("turns", turns, 1)
     for name in outputs:
         require_choice("outputs", name, STATISTICS)
     method = integration(scene, rtol, solver, stepsize_controller, adjoint, max_steps, dt0)

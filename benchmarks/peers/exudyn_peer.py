@@ -15,6 +15,7 @@ import numpy as np
 from exudyn import itemInterface as items
 
 from benchmarks.peers.equations import Chain, Shaft
+from benchmarks.peers.exudyn_settings import settings, solve
 from benchmarks.peers.motion import Motion
 
 
@@ -145,20 +146,9 @@ class Model:
         oscillate, below it the motion is damped a little.
         """
         self.system.Assemble()
-        settings = exu.SimulationSettings()
-        settings.timeIntegration.numberOfSteps = round(end / step)
-        settings.timeIntegration.endTime = end
-        settings.timeIntegration.adaptiveStep = False
-        settings.timeIntegration.verboseMode = 0
-        settings.timeIntegration.generalizedAlpha.spectralRadius = radius
-        settings.timeIntegration.discontinuous.useRecommendedStepSize = False
-        settings.timeIntegration.discontinuous.maxIterations = 8
-        settings.timeIntegration.discontinuous.ignoreMaxIterations = True
-        settings.timeIntegration.discontinuous.iterationTolerance = 1e3
-        settings.solution.file.write = False
-        settings.solution.sensors.writePeriod = every
-        if not self.system.SolveDynamic(settings):
-            raise RuntimeError("EXUDYN stopped before the end")
+        chosen = settings(end, step, every)
+        chosen.timeIntegration.generalizedAlpha.spectralRadius = radius
+        solve(self.system, chosen)
         return self._histories()
 
     def _histories(self) -> dict[str, np.ndarray]:

@@ -18,6 +18,8 @@ import exudyn.itemInterface as items
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from benchmarks.peers.exudyn_settings import settings, solve
+
 
 @dataclass(frozen=True)
 class Numbers:
@@ -208,21 +210,11 @@ def by_exudyn(numbers: Numbers, end: float, step: float) -> Result:
         )
     ]
     system.Assemble()
-    settings = exudyn.SimulationSettings()
-    settings.timeIntegration.numberOfSteps = round(end / step)
-    settings.timeIntegration.endTime = end
-    settings.timeIntegration.adaptiveStep = False
-    settings.timeIntegration.verboseMode = 0
-    settings.timeIntegration.generalizedAlpha.useIndex2Constraints = True
-    settings.timeIntegration.generalizedAlpha.useNewmark = True
-    settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = True
-    settings.timeIntegration.discontinuous.useRecommendedStepSize = False
-    settings.timeIntegration.discontinuous.maxIterations = 8
-    settings.timeIntegration.discontinuous.ignoreMaxIterations = True
-    settings.timeIntegration.discontinuous.iterationTolerance = 1e3
-    settings.solution.file.write = False
-    settings.solution.sensors.writePeriod = step
-    system.SolveDynamic(settings)
+    chosen = settings(end, step, step)
+    chosen.timeIntegration.generalizedAlpha.useIndex2Constraints = True
+    chosen.timeIntegration.generalizedAlpha.useNewmark = True
+    chosen.timeIntegration.generalizedAlpha.computeInitialAccelerations = True
+    solve(system, chosen)
     force, slide, torque, at_journal, at_bearing = (
         np.array(system.GetSensorStoredData(s)) for s in sensors
     )

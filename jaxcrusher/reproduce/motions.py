@@ -9,8 +9,10 @@ import numpy as np
 
 import jaxcrusher as jc
 from jaxcrusher.batch import map_chunks, stack
-from jaxcrusher.reproduce.readings import SETTLE_TURNS, Point, Slip, Start, given_start
+from jaxcrusher.plane import Vector
+from jaxcrusher.reproduce.readings import SETTLE_TURNS, Point, Slip, Start
 from jaxcrusher.scene import Scene
+from jaxcrusher.starts import shifted_start
 
 SHOWN_TURNS = 2
 HISTORY = 4000  # instants over them
@@ -55,7 +57,12 @@ def _row(scene: Scene) -> dict:
 
 def portraits(points: list[Point], slip: Slip) -> dict[Point, Portrait]:
     """From the centred start, settled as the paper's Figure 5."""
-    scenes = stack([given_start(jc.paper_scene(speed, 1e-3 * c, slip=slip)) for speed, c in points])
+    scenes = stack(
+        [
+            shifted_start(jc.paper_scene(speed, 1e-3 * c, slip=slip), Vector(0.0, 0.0))
+            for speed, c in points
+        ]
+    )
     parts = [values for _, values in map_chunks(eqx.Partial(_row), scenes)]
     joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     turns = SETTLE_TURNS + SHOWN_TURNS * np.arange(HISTORY) / HISTORY

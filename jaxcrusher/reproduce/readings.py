@@ -5,6 +5,7 @@ is, nor how long its windows are. Its Figure 5 shows two turns after 12 s, at 30
 turn: so motions settle for 57 turns, and peaks are those of windows of two turns.
 """
 
+import functools
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from jaxcrusher.batch import map_chunks, stack
 from jaxcrusher.paper import LoadName
 from jaxcrusher.plane import Vector
 from jaxcrusher.scene import Scene
-from jaxcrusher.starts import Given
+from jaxcrusher.starts import shifted_start
 from jaxcrusher.validity import validity
 
 Slip = Literal["centre", "surface"]
@@ -78,17 +79,6 @@ COMBINATIONS = [
 READINGS = list(dict.fromkeys([*COMBINATIONS, *SINGLE_CHANGES.values()]))
 
 
-def given_start(scene: Scene, offset: float = 0.0) -> Scene:
-    """The same scene with its start as numbers, `offset` clearances off in x.
-
-    Scenes that differ in their start then run as one program.
-    """
-    assert scene.joint is not None and scene.start is not None
-    eccentricity, rate = scene.start.eccentricity(scene)
-    relative = eccentricity / scene.joint.clearance + Vector(offset, 0.0)
-    return eqx.tree_at(lambda s: s.start, scene, Given(relative, rate))
-
-
 def window_statistics(
     scene: Scene, settle: int, turns: int, windows: int, rtol: float
 ) -> dict[str, Array]:
@@ -116,6 +106,7 @@ def _peaks(force: Array | None, windows: int) -> Array:
     return jnp.max(force.reshape(windows, -1), axis=1)
 
 
+@functools.cache
 def ideal_statistics(speed: float, load: LoadName) -> dict[str, np.ndarray]:
     """The same of the ideal joint, over one turn."""
     seen = window_statistics(jc.ideal_scene(speed, load=load), 0, 1, 1, 1e-9)
@@ -156,7 +147,9 @@ def measure(
             for offset in (OFFSETS if start == "centred" else OFFSETS[:1])
         ]
         scenes = stack([
-            given_start(jc.paper_scene(speed, 1e-3 * c, start=start, **options), offset)
+            shifted_start(
+                jc.paper_scene(speed, 1e-3 * c, start=start, **options), Vector(offset, 0.0)
+            )
             for start, (speed, c), offset in runs
         ])  # fmt: skip
         function = eqx.Partial(

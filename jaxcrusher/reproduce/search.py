@@ -15,9 +15,10 @@ import jaxcrusher as jc
 from jaxcrusher.batch import map_chunks, stack
 from jaxcrusher.formulations import EccentricityFormulation, MultiplierFormulation
 from jaxcrusher.friction import AmbrosioFriction
-from jaxcrusher.reproduce.readings import given_start
+from jaxcrusher.plane import Vector
 from jaxcrusher.reproduce.variants import LiteralContact, PlainUnits, WeightedSlip, largest
 from jaxcrusher.scene import AbstractFormulation, Scene
+from jaxcrusher.starts import shifted_start
 from jaxcrusher.statistics import WHIRL_WINDING
 
 SPEED = 30.0  # rad/s
@@ -73,7 +74,7 @@ class Variant:
     def scene(self, clearance: float, offset: float) -> Scene:
         """At this clearance (mm)."""
         scene = jc.paper_scene(SPEED, 1e-3 * clearance * self.clearance, **self.options)
-        scene = given_start(scene, offset)
+        scene = shifted_start(scene, Vector(offset, 0.0))
         law = AmbrosioFriction(WeightedSlip(float(self.surface)), **self.friction)
         formulation = self.method.formulation(**self.contact)
         assert scene.joint is not None
