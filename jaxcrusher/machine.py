@@ -5,12 +5,11 @@ O, the shaft's eccentric pin at A_shaft, the jaw's bearing at A_jaw, the elbow a
 """
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
 
 from jaxcrusher.checks import concrete, require, require_positive
-from jaxcrusher.plane import Vector, direction, scalar
+from jaxcrusher.plane import Vector, scalar
 
 
 class Shaft(eqx.Module):
@@ -92,18 +91,10 @@ class Machine(eqx.Module):
         )
 
 
-def pe250x400() -> Machine:
-    """The PE250x400 of Tables 1 and 2.
-
-    Table 2 prints l21 twice; 0.006 m is l11. J2 and J3 are far too large for central
-    inertias of such bodies, and are kept as printed.
-    """
-    jaw_offset = direction(np.radians(15.0))
-    return Machine(
-        shaft=Shaft(95.0, 0.2, 0.01, 0.006 * direction(np.radians(30.0))),
-        # S2 = A + l21 (sin(theta2 + 15 deg), -cos(theta2 + 15 deg)): backwards along the
-        # jaw, turned by 15 deg.
-        jaw=Jaw(524.0, 128.48, 0.695, -0.3 * jaw_offset),
-        toggle=Toggle(22.0, 0.7154, 0.3),
-        bearing=0.64 * Vector(jnp.sin(np.radians(22.5)), jnp.cos(np.radians(22.5))),
-    )
+def with_counterweight(shaft: Shaft, mass, position: Vector) -> Shaft:
+    """The shaft with a point mass (kg) at `position` (m), in the shaft's axes about O."""
+    total = shaft.mass + scalar(mass)
+    centre = (shaft.mass * shaft.mass_centre + mass * position) / total
+    apart = position - shaft.mass_centre
+    inertia = shaft.inertia + shaft.mass * mass / total * apart.dot(apart)
+    return Shaft(total, inertia, shaft.eccentricity, centre)

@@ -1,37 +1,13 @@
 """The scenes of Wang, Cui, Wang, Appl. Sci. 2023, 13, 238: the PE250x400 of Tables 1 and 2."""
 
-from typing import Literal
+from typing import Any, Literal
 
 from jaxtyping import Scalar
 
-from jaxcrusher.checks import require_choice, require_positive, require_within, require_x64
-from jaxcrusher.contact import (
-    ConstantImpactVelocity,
-    LankaraniNikravesh,
-    TrackedImpactVelocity,
-    cylinder_stiffness,
-)
-from jaxcrusher.drives import ConstantSpeed
-from jaxcrusher.formulations import (
-    ClosedLinkage,
-    EccentricityFormulation,
-    MultiplierFormulation,
-)
-from jaxcrusher.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
-from jaxcrusher.joint import ClearanceJoint
-from jaxcrusher.loads import AbstractLoad, AlongJaw, ClosingStroke, NormalToJaw
-from jaxcrusher.machine import pe250x400
-from jaxcrusher.scene import Scene, require_clearance
-from jaxcrusher.starts import Centred, InContact
-
-BORE_RADIUS = 0.13  # R_i, m
-RESTITUTION = 0.9  # c_e
-LOAD = 8.8e3  # F_load, N
-
-STARTS = {"centred": Centred, "contact": InContact}
-SLIPS = {"centre": CentreSlip, "surface": SurfaceSlip}
-LOADS = {"along_jaw": AlongJaw, "normal_to_jaw": NormalToJaw, "closing_stroke": ClosingStroke}
-FORMULATIONS = {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation}
+from jaxcrusher.checks import require_choice
+from jaxcrusher.description import CHOICES, build_machine, build_scene
+from jaxcrusher.machine import Machine
+from jaxcrusher.scene import Scene
 
 LoadName = Literal["along_jaw", "normal_to_jaw", "closing_stroke"] | None
 
@@ -61,32 +37,23 @@ def paper_scene(
     - `formulation`: `"eccentricity"` (two degrees of freedom) or `"multiplier"` (the paper's).
 
     Numbers may be traced. Raises ValueError for a number outside its limits or an unknown name.
+    `jaxcrusher.build_scene` has every number of the machine by name.
     """
-    require_x64()
-    require_positive("speed", speed, "rad/s")
-    require_clearance(clearance, BORE_RADIUS)
-    require_choice("start", start, tuple(STARTS))
-    require_choice("slip", slip, tuple(SLIPS))
-    require_choice("formulation", formulation, tuple(FORMULATIONS))
-    if friction is not None:
-        require_within("friction", friction, 0, 10)
+    values: dict[str, Any] = {
+        "speed": speed,
+        "clearance": clearance,
+        "start": start,
+        "slip": slip,
+        "friction": 0.0 if friction is None else friction,
+        "load_law": _load_law(load),
+        "formulation": formulation,
+    }
     if isinstance(impact_velocity, str):
         require_choice("impact_velocity", impact_velocity, ("tracked", "a speed in m/s"))
-        velocity = TrackedImpactVelocity()
+        values["impact_law"] = "tracked"
     else:
-        require_positive("impact_velocity", impact_velocity, "m/s")
-        velocity = ConstantImpactVelocity(impact_velocity)
-    stiffness = cylinder_stiffness(BORE_RADIUS, clearance)
-    normal = LankaraniNikravesh(stiffness, RESTITUTION, velocity)
-    law = None if friction is None else AmbrosioFriction(SLIPS[slip](), friction)
-    return Scene(
-        pe250x400(),
-        ConstantSpeed(speed),
-        ClearanceJoint(BORE_RADIUS, clearance, normal, law),
-        _load(load),
-        FORMULATIONS[formulation](),
-        STARTS[start](),
-    )
+        values["impact_velocity"] = impact_velocity
+    return build_scene(values)
 
 
 def ideal_scene(speed: float | Scalar, *, load: LoadName = "along_jaw") -> Scene:
@@ -94,11 +61,15 @@ def ideal_scene(speed: float | Scalar, *, load: LoadName = "along_jaw") -> Scene
 
     `speed` in rad/s, constant. Raises ValueError as `paper_scene` does.
     """
-    require_x64()
-    require_positive("speed", speed, "rad/s")
-    return Scene(pe250x400(), ConstantSpeed(speed), None, _load(load), ClosedLinkage(), None)
+    return build_scene({"speed": speed, "joint": "ideal", "load_law": _load_law(load)})
 
 
-def _load(name: LoadName) -> AbstractLoad | None:
-    require_choice("load", name, (*LOADS, None))
-    return None if name is None else LOADS[name](LOAD)
+def pe250x400() -> Machine:
+    """The PE250x400 of Tables 1 and 2."""
+    return build_machine({})
+
+
+def _load_law(name: LoadName) -> str:
+    laws = tuple(law for law in CHOICES["load_law"] if law != "none")
+    require_choice("load", name, (*laws, None))
+    return "none" if name is None else name

@@ -12,7 +12,8 @@ from jaxtyping import ArrayLike
 
 from jaxcrusher.batch import map_chunks
 from jaxcrusher.checks import require, require_positive, require_x64
-from jaxcrusher.paper import BORE_RADIUS, paper_scene
+from jaxcrusher.description import PE250X400
+from jaxcrusher.paper import paper_scene
 from jaxcrusher.scene import Scene, require_clearance
 from jaxcrusher.statistics import STATISTICS, Statistics, statistics
 
@@ -70,7 +71,7 @@ def sweep(
         require(grid[name].ndim == 1 and grid[name].size > 0, name, "have shape (n,), n > 0",
                 grid[name].shape)  # fmt: skip
         require_positive(name, grid[name], unit)
-    require_clearance(grid["clearances"], BORE_RADIUS)
+    require_clearance(grid["clearances"], PE250X400["bore_radius"])
     pairs = np.stack(np.meshgrid(grid["speeds"], grid["clearances"], indexing="ij"), axis=-1)
     pairs = pairs.reshape(-1, 2)
     paper_scene(*pairs[0], **options)  # checks the options before anything is compiled

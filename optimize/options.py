@@ -10,7 +10,7 @@ import tyro
 
 from jaxcrusher.capacity import AFFLUENCE, CrushingChamber
 from jaxcrusher.checks import require, require_choice, require_within
-from jaxcrusher.paper import BORE_RADIUS, LOADS, SLIPS
+from jaxcrusher.description import CHOICES, PE250X400
 
 # The paper's choice, Section 5.3.
 SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
@@ -62,15 +62,16 @@ class Options:
             good = math.isfinite(low) and math.isfinite(high) and 0 < low < high
             require(good, name, f"be a box 0 < LOW < HIGH {unit}", (low, high))
         largest = self.clearance[1]
-        require(largest < 1e3 * BORE_RADIUS, "clearance", f"be < {1e3 * BORE_RADIUS:g} mm", largest)
+        bore = 1e3 * float(PE250X400["bore_radius"])
+        require(largest < bore, "clearance", f"be < {bore:g} mm", largest)
         for name, value, least in (
             ("grid", min(self.grid), 2), ("settle", self.settle, 0), ("turns", self.turns, 2),
             ("steps", self.steps, 1), ("refine", self.refine, 1), ("seed", self.seed, 0),
         ):  # fmt: skip
             require(value >= least, name, f"be >= {least}", value)
         require_within("friction", self.friction, 0, 10)
-        require_choice("slip", self.slip, tuple(SLIPS))
-        require_choice("load", self.load, (*LOADS, "none"))
+        require_choice("slip", self.slip, CHOICES["slip"])
+        require_choice("load", self.load, CHOICES["load_law"])
         if not isinstance(self.impact_velocity, str):
             good = math.isfinite(self.impact_velocity) and self.impact_velocity > 0
             require(good, "impact_velocity", "be > 0 m/s", self.impact_velocity)

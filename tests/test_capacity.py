@@ -4,7 +4,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.capacity import AFFLUENCE, stroke
-from jaxcrusher.machine import pe250x400
+from jaxcrusher.paper import pe250x400
 
 
 def test_paper_capacity():

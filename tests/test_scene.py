@@ -10,7 +10,8 @@ import pytest
 
 import jaxcrusher as jc
 from benchmarks.scenes import field_operations, operations, traced
-from jaxcrusher.machine import Jaw, Machine, pe250x400
+from jaxcrusher.machine import Jaw, Machine
+from jaxcrusher.paper import pe250x400
 from jaxcrusher.plane import Vector
 from jaxcrusher.statistics import _peak
 

@@ -1,0 +1,92 @@
+"""A crusher by named numbers: the paper's by default, and bad names and numbers refused."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.description import CHOICES, build_machine, check_description
+from jaxcrusher.drives import ConstantSpeed
+from jaxcrusher.formulations import EccentricityFormulation
+from jaxcrusher.machine import with_counterweight
+from jaxcrusher.plane import Vector, direction
+from jaxcrusher.snapshot import shaft_inertia
+
+
+def test_defaults_are_tables_1_and_2():
+    machine = build_machine({})
+    assert float(machine.shaft.mass) == 95.0
+    # Table 2: O at 0.64 m, 22.5 deg off the vertical; S2 = A - l21 (B-A axis turned by 15 deg).
+    assert float(machine.bearing.x) == pytest.approx(0.64 * np.sin(np.pi / 8), rel=1e-15)
+    assert float(machine.jaw.mass_centre.x) == pytest.approx(-0.3 * np.cos(np.pi / 12), rel=1e-15)
+    assert float(machine.jaw.mass_centre.y) == pytest.approx(-0.3 * np.sin(np.pi / 12), rel=1e-15)
+    scene = jc.build_scene({})
+    assert isinstance(scene.formulation, EccentricityFormulation)
+    assert isinstance(scene.drive, ConstantSpeed)
+
+
+def test_every_number_reaches_the_scene():
+    """A name that is ignored would leave the scene as it is."""
+    plain = jax.tree.leaves(jc.build_scene({}))
+    for name, parameter in jc.PARAMETERS.items():
+        values = {name: 1.01 * parameter.default}
+        if name in ("counterweight.radius", "counterweight.angle"):
+            plain_here = jax.tree.leaves(jc.build_scene({"counterweight.mass": 10.0}))
+            values["counterweight.mass"] = 10.0
+        else:
+            plain_here = plain
+        if name == "counterweight.mass":
+            values = {name: 10.0}
+        changed = jax.tree.leaves(jc.build_scene(values))
+        assert any(not np.array_equal(a, b) for a, b in zip(plain_here, changed, strict=True)), name
+
+
+def test_every_choice_makes_another_scene():
+    plain = jc.build_scene({})
+    for name, choices in CHOICES.items():
+        for choice in choices[1:]:
+            assert not eqx.tree_equal(plain, jc.build_scene({name: choice})), (name, choice)
+
+
+def test_counterweight_is_a_point_mass():
+    """Mass, first moment and moment of inertia about O add up."""
+    shaft = build_machine({}).shaft
+    position = 0.25 * direction(jnp.array(2.0))
+    both = with_counterweight(shaft, 30.0, position)
+    assert float(both.mass) == 125.0
+    first = both.mass * both.mass_centre
+    expected = shaft.mass * shaft.mass_centre + 30.0 * position
+    # Rounding of a handful of operations.
+    np.testing.assert_allclose(first.array(), expected.array(), rtol=1e-14)
+    about_o = both.inertia + both.mass * both.mass_centre.dot(both.mass_centre)
+    before = shaft.inertia + shaft.mass * shaft.mass_centre.dot(shaft.mass_centre)
+    np.testing.assert_allclose(about_o, before + 30.0 * 0.25**2, rtol=1e-14)
+    machine = build_machine({"counterweight.mass": 30.0, "counterweight.radius": 0.25,
+                             "counterweight.angle": 2.0})  # fmt: skip
+    np.testing.assert_allclose(shaft_inertia(machine), about_o, rtol=1e-14)
+    nothing = with_counterweight(shaft, 0.0, Vector(1.0, 2.0))
+    np.testing.assert_allclose(nothing.inertia, shaft.inertia, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"sped": 30.0}, "one of 'speed'"),
+        ({"speed": -1.0}, "`speed` must be finite and > 0 rad/s, but is -1.0"),
+        ({"restitution": 1.5}, "[0.01, 1]"),
+        ({"start": "somewhere"}, "'centred', 'contact'"),
+        ({"jaw.length": np.array([0.7, np.nan])}, "jaw.length"),
+    ],
+)
+def test_bad_descriptions(values, words):
+    with pytest.raises(ValueError, match=words.replace("[", r"\[").replace("(", r"\(")):
+        check_description(values)
+
+
+def test_friction_of_zero_is_left_out_unless_traced():
+    scene = jc.build_scene({"friction": 0.0})
+    assert scene.joint is not None and scene.joint.friction is None
+    traced = jax.vmap(lambda f: jc.build_scene({"friction": f}))(jnp.array([0.0, 0.1]))
+    assert traced.joint is not None and traced.joint.friction is not None
