@@ -2,6 +2,7 @@
 
 from jaxcrusher.batch import map_chunks as map_chunks
 from jaxcrusher.batch import use_all_cores as use_all_cores
+from jaxcrusher.bifurcation import bifurcation as bifurcation
 from jaxcrusher.capacity import CrushingChamber as CrushingChamber
 from jaxcrusher.capacity import chamber_from_stroke as chamber_from_stroke
 from jaxcrusher.description import PARAMETERS as PARAMETERS
@@ -9,6 +10,7 @@ from jaxcrusher.description import PE250X400 as PE250X400
 from jaxcrusher.description import build_scene as build_scene
 from jaxcrusher.gradient import GradientReport as GradientReport
 from jaxcrusher.gradient import gradient_report as gradient_report
+from jaxcrusher.large_sweep import sweep_to_store as sweep_to_store
 from jaxcrusher.paper import ideal_scene as ideal_scene
 from jaxcrusher.paper import paper_scene as paper_scene
 from jaxcrusher.regime import Regime as Regime

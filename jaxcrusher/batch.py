@@ -24,9 +24,9 @@ _DEVICE_FLAG = "xla_force_host_platform_device_count"
 def use_all_cores() -> None:
     """Ask XLA for one CPU device per core and for loops compiled to one kernel.
 
-    Call it before the first JAX computation; later it only warns. Flags that are already in
-    `XLA_FLAGS` stay as they are. The loop flag is internal to XLA: it makes a loop of this
-    package about ten times faster, and everything works without it.
+    Call it before the first JAX computation; later it only warns (UserWarning). Flags that are
+    already in `XLA_FLAGS` stay as they are. The loop flag is internal to XLA: it makes a loop of
+    this package about ten times faster, and everything works without it.
     """
     flags = os.environ.get("XLA_FLAGS", "")
     if jax._src.xla_bridge.backends_are_initialized():  # pyright: ignore
@@ -48,11 +48,12 @@ def _cores() -> int:
 def map_chunks(
     function: Callable[[Any], PyTree], scenes: PyTree, chunk: int = 64
 ) -> Iterator[tuple[slice, PyTree]]:
-    """Apply `function` to scenes stacked along the first axis of every leaf.
+    """Apply `function` to `scenes`, stacked along the first axis of every leaf.
 
     Yields a slice of that axis and the results on it, as NumPy arrays, chunk by chunk:
-    memory stays bounded, and what is finished is in the caller's hands. `function` should be
-    an `equinox.Partial` of a module-level function, so that chunks share one compilation.
+    memory stays bounded, and what is finished is in the caller's hands. A `chunk` is so many
+    scenes, or a few more, as many on each device. `function` should be an `equinox.Partial` of
+    a module-level function, so that chunks share one compilation.
     """
     leaves = [leaf for leaf in jax.tree.leaves(scenes) if eqx.is_array(leaf)]
     count = leaves[0].shape[0]

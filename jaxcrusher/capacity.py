@@ -45,7 +45,10 @@ class CrushingChamber(eqx.Module):
 
 
 def stroke(machine: Machine, points: int = 720) -> Scalar:
-    """s, the horizontal travel of the jaw's lower end B over a turn (m); ideal joint."""
+    """s, the horizontal travel of the jaw's lower end B over a turn (m); ideal joint.
+
+    Seen at `points` angles of the shaft: at 720 it is right to 1e-5 of itself.
+    """
 
     def lower_end(angle: Scalar) -> Scalar:
         pin = machine.bearing + machine.shaft.eccentricity * direction(angle)
@@ -57,5 +60,8 @@ def stroke(machine: Machine, points: int = 720) -> Scalar:
 
 
 def chamber_from_stroke(machine: Machine, discharge_opening) -> CrushingChamber:
-    """The paper's chamber with 2b - s from the mechanism's stroke and b (m)."""
+    """The paper's chamber with 2b - s from the mechanism's stroke.
+
+    `machine` gives the stroke s (see `stroke`), `discharge_opening` is b (m).
+    """
     return CrushingChamber(double_width=2 * scalar(discharge_opening) - stroke(machine))

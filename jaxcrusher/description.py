@@ -56,6 +56,7 @@ class Parameter:
 
 _TURN = (-2 * np.pi, 2 * np.pi)
 
+# Name -> default, unit, meaning and limits of every number of a crusher.
 PARAMETERS = {
     "speed": Parameter(30.0, "rad/s", "driving speed omega"),
     "clearance": Parameter(0.06e-3, "m", "radial clearance c of the main bearing"),
@@ -133,7 +134,8 @@ def check_number(name: str, value: ArrayLike) -> None:
     if parameter.limits is None:
         require_positive(name, value, parameter.unit)
     else:
-        require_within(name, value, *parameter.limits, parameter.unit)
+        unit = "" if parameter.unit == "1" else parameter.unit
+        require_within(name, value, *parameter.limits, unit)
 
 
 def build_scene(values: Mapping[str, Value]) -> Scene:
@@ -161,7 +163,10 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
 
 
 def build_machine(values: Mapping[str, Any]) -> Machine:
-    """The machine of a description, as in `build_scene`."""
+    """The machine of a description, as in `build_scene`.
+
+    Names that are not the machine's are passed over. Raises ValueError as `Machine` does.
+    """
     v: dict[str, Any] = {**PE250X400, **values}
     s1 = v["shaft.mass_centre_radius"] * direction(v["shaft.mass_centre_angle"])
     shaft = Shaft(v["shaft.mass"], v["shaft.inertia"], v["shaft.eccentricity"], s1)

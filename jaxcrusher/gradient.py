@@ -8,19 +8,21 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxcrusher.batch import map_chunks
 from jaxcrusher.checks import require, require_choice
-from jaxcrusher.orbit import periodic_orbit, periodic_slopes
+from jaxcrusher.fit import fit_slopes
+from jaxcrusher.orbit import orbit_slopes
 from jaxcrusher.plane import Vector
-from jaxcrusher.regime import Regime, regime
+from jaxcrusher.regime import Regime, classify
 from jaxcrusher.scene import Scene
+from jaxcrusher.section import LARGEST, poincare_section, whole
+from jaxcrusher.shadowing import shadowing_slopes
 from jaxcrusher.starts import shifted_start
-from jaxcrusher.statistics import STATISTICS, statistics
+from jaxcrusher.statistics import FURTHER_STATISTICS, STATISTICS
+from jaxcrusher.tangents import Tangents, changes, combine, tangents, weights
 
 # A tangent that has grown by more than exp(3) says more of the start than of the parameter.
 GROWTH = 3.0
@@ -28,8 +30,15 @@ GROWTH = 3.0
 SIGNIFICANT = 3.0
 # Two estimates agree within this share, or two standard errors of their difference.
 AGREEMENT = 0.05
+# A fit that rests on one pair of runs is an accident.
+LARGEST_SHARE = 0.2
 # A chaotic run forgets a start shifted by this many clearances.
 START_SHIFT = 1e-3
+# Pairs of runs that check a derivative.
+QUIET_PAIRS = 6
+# Turns whose tangents are integrated, and the tolerance and turns that tell a regime.
+TANGENT_TURNS = 40
+REGIME_RTOL, REGIME_TURNS = 1e-10, 200
 
 
 @dataclass(frozen=True)
@@ -57,6 +66,7 @@ class GradientReport:
     metric: str
     regime: Regime
     horizon: int  # turns a run lasts
+    growth: tuple[float, float]  # largest exponent times horizon, and its standard error
     slopes: dict[str, Slope]
 
     @property
@@ -65,14 +75,21 @@ class GradientReport:
         return all(slope.verdict == "ok" for slope in self.slopes.values())
 
     def __str__(self) -> str:
-        """A line for the motion and one a parameter."""
-        lines = [f"d {self.metric}; {self.regime}"]
+        """The motion, and two lines a parameter: the slope, and how the estimates agree."""
+        growth = f"exponent x horizon {self.growth[0]:.2g} ± {self.growth[1]:.2g}"
+        lines = [f"d {self.metric}; {self.regime}; {growth}"]
         for s in self.slopes.values():
             why = f" ({'; '.join(s.reasons)})" if s.reasons else ""
             lines.append(
                 f"  by {s.parameter}: {s.value:.6g} ± {s.standard_error:.2g}, {s.estimator}, "
                 f"{s.verdict}{why}"
             )
+            others = (
+                f"{name} {value:.5g} ± {error:.2g}"
+                for name, (value, error) in s.estimates.items()
+                if name != s.estimator
+            )
+            lines += [f"    against {', '.join(others)}"] if len(s.estimates) > 1 else []
         return "\n".join(lines)
 
 
@@ -94,115 +111,112 @@ def gradient_report(
     **Arguments:**
 
     - `scene`: makes a scene from the parameters, by keyword.
-    - `metric`: any of `jaxcrusher.STATISTICS`.
+    - `metric`: any of the outputs of `jaxcrusher.statistics`.
     - `parameters`: name -> value: the design.
     - `settle_turns`, `turns`, `rtol`: of every run, as in `jaxcrusher.statistics`.
     - `radius`: of the fit, as a share of each value; a second fit has half of it.
     - `pairs`, `seed`: of runs of a fit, and for the random choice of them.
 
     **Returns:** a `GradientReport`. Periodic motions get the implicit formula on their orbit,
-    other motions that do not grow the forward tangent, chaotic ones the fit; the others stand
-    beside it. A failed motion and a whirl are refused.
+    other motions that do not grow the forward tangent over the turns after settling, chaotic ones
+    the fit; the others stand beside it. A failed motion and a whirl are refused. Standard errors:
+    of the implicit formula what a tolerance a hundred times coarser changes, of the tangent half
+    the difference of the two halves of its window, of the fit that of its residuals.
+
+    Raises ValueError for an unknown metric, for no parameters, and for an ideal joint.
     """
-    require_choice("metric", metric, STATISTICS)
+    require_choice("metric", metric, (*STATISTICS, *FURTHER_STATISTICS))
     require(bool(parameters), "parameters", "name at least one number", parameters)
-    names, point = tuple(parameters), np.array([*parameters.values()], dtype=float)
+    names, numbers = tuple(parameters), np.array([*parameters.values()], dtype=float)
+    point = jnp.asarray(numbers)
     build = eqx.Partial(_build, scene=scene, names=names)
-    here = build(jnp.asarray(point))
-    kind = regime(here, settle_turns, max(turns, 200), tangent_turns=40)
+    here = build(point)
+    require(here.joint is not None, "scene", "make scenes with a clearance joint", "an ideal one")
     horizon = settle_turns + turns
-    if kind.name in ("failed", "whirl"):
+    along: list[Tangents] = []
+
+    def jacobians(state: Float[Array, " dims"]) -> np.ndarray:
+        along.append(tangents(build, point, metric, state, TANGENT_TURNS, rtol))
+        return along[-1].jacobians
+
+    kind = classify(here, settle_turns, max(turns, REGIME_TURNS), REGIME_RTOL, jacobians)
+    if kind.exponents is None:
         why = (f"the motion is {kind.name}: outside the model",)
         slopes = {n: Slope(n, "none", np.nan, np.nan, 0.0, "refused", why, {}) for n in names}
-        return GradientReport(metric, kind, horizon, slopes)
-    assert kind.exponents is not None
+        return GradientReport(metric, kind, horizon, (np.nan, np.nan), slopes)
+    largest, error = kind.exponents.exponents[0], kind.exponents.errors[0]
     chaotic = kind.exponents.positive
+    estimates: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    if kind.name == "periodic":
+        assert kind.period is not None and kind.state is not None
+        found = orbit_slopes(build, point, metric, kind.state, kind.period)
+        estimates |= {} if found is None else {"implicit": found}
+    estimates["tangent"] = _tangent(along[0], metric)
     value = eqx.Partial(
         _metric, build=build, metric=metric, settle_turns=settle_turns, turns=turns, rtol=rtol
     )
-    estimates: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    nothing = np.zeros(len(names))
-    if kind.name == "periodic":
-        assert kind.period is not None and kind.state is not None
-        orbit = periodic_orbit(here, jnp.asarray(kind.state), kind.period)
-        if orbit is not None:
-            slopes = periodic_slopes(build, jnp.asarray(point), metric, orbit, kind.period)
-            estimates["implicit"] = (slopes, nothing)
-    estimates["tangent"] = (np.asarray(_tangent(value, jnp.asarray(point))), nothing)
+    fits = []
     for share, name in ((1.0, "fit"), (0.5, "fit at half the radius")):
-        estimates[name] = fit_slopes(
-            value, point, share * radius * np.abs(point), pairs if chaotic else 6, seed,
-            START_SHIFT if chaotic else 0.0, chunk,
-        )  # fmt: skip
-    # An exponent that may be zero is taken for zero.
-    growth = float(kind.exponents.exponents[0]) * horizon if chaotic else 0.0
+        fits.append(fit_slopes(
+            value, numbers, share * radius * np.abs(numbers), pairs if chaotic else QUIET_PAIRS,
+            seed, START_SHIFT if chaotic else 0.0, chunk,
+        ))  # fmt: skip
+        estimates[name] = fits[-1].slopes, fits[-1].errors
+    if chaotic and metric not in LARGEST:
+        estimates["shadowing"] = _shadowing(along[0], metric)
     slopes = {}
     for i, name in enumerate(names):
         single = {key: (float(a[i]), float(b[i])) for key, (a, b) in estimates.items()}
-        slopes[name] = judge(name, single, growth, chaotic, radius * abs(point[i]))
-    return GradientReport(metric, kind, horizon, slopes)
+        slopes[name] = judge(
+            name, single, chaotic, radius * abs(numbers[i]),
+            growth=float(largest) * TANGENT_TURNS,
+            share=float(fits[0].shares[i]),
+            drift=(float(fits[0].drifts[i]), float(fits[0].drift_errors[i])),
+        )  # fmt: skip
+    growth = float(largest) * horizon, float(error) * horizon
+    return GradientReport(metric, kind, horizon, growth, slopes)
 
 
 def _build(values: Float[Array, " n"], scene: Callable[..., Scene], names: tuple) -> Scene:
     return scene(**dict(zip(names, values, strict=True)))
 
 
-@eqx.filter_jit
-def _tangent(value: Callable, point: Float[Array, " n"]) -> Float[Array, " n"]:
-    return jax.jacfwd(lambda point: value({"point": point, "shift": jnp.zeros(2)}))(point)
+def _tangent(along: Tangents, metric: str) -> tuple[np.ndarray, np.ndarray]:
+    """The forward tangent from dx/dp = 0 on, and half the difference of its window's halves."""
+    found = changes(along, np.zeros(along.forcing.shape[1:]))
+    parts = zip(np.array_split(along.values, 2), np.array_split(found, 2), strict=True)
+    first, second = (combine(metric, values, part) for values, part in parts)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return combine(metric, along.values, found), np.abs(first - second) / 2
+
+
+def _shadowing(along: Tangents, metric: str) -> tuple[np.ndarray, np.ndarray]:
+    """Shadowing slopes of the statistic, which is a mean, or a function of one."""
+    scale = len(along.values) * weights(metric, along.values)[:, None]
+    return shadowing_slopes(
+        along.jacobians, along.forcing, scale * along.by_state, scale * along.by_parameter
+    )
 
 
 def _metric(case, build, metric: str, settle_turns: int, turns: int, rtol: float) -> Array:
-    """The statistic at `case["point"]`, its start shifted by `case["shift"]` clearances."""
-    scene = shifted_start(build(case["point"]), Vector(*case["shift"]))
-    return getattr(statistics(scene, settle_turns, turns, outputs=(metric,), rtol=rtol), metric)
+    """The statistic at `case["point"]`, its start shifted by `case["shift"]` clearances.
 
-
-def fit_slopes(
-    value: Callable,
-    point: Float[np.ndarray, " n"],
-    radius: Float[np.ndarray, " n"],
-    pairs: int,
-    seed: int,
-    shift: float = 0.0,
-    chunk: int = 64,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes (n,) and standard errors (n,) by a linear fit over pairs of runs.
-
-    `value` maps {"point": (n,), "shift": (2,)} to a number. The two runs of a pair share their
-    start (random within `shift`) and lie at opposite points of the box `point` ± `radius`, so
-    that curvature and much of the noise cancel in their difference.
+    Over all turns, and over the first half of them.
     """
-    rng = np.random.default_rng(seed)
-    offsets = rng.uniform(0.3, 1.0, (pairs, len(point)))
-    # Signs in turn rather than by chance: no two parameters go together.
-    offsets *= np.where((np.arange(pairs)[:, None] >> np.arange(len(point))) & 1, 1, -1)
-    shifts = np.repeat(rng.uniform(-shift, shift, (pairs, 2)), 2, axis=0)
-    signs = np.tile([1.0, -1.0], pairs)[:, None]
-    cases = {
-        "point": jnp.asarray(point + signs * radius * np.repeat(offsets, 2, axis=0)),
-        "shift": jnp.asarray(shifts),
-    }
-    parts = [np.asarray(part) for _, part in map_chunks(value, cases, chunk)]
-    both = np.concatenate(parts).reshape(pairs, 2)
-    half = (both[:, 0] - both[:, 1]) / 2
-    if not np.isfinite(half).all():
-        return np.full(len(point), np.nan), np.full(len(point), np.inf)
-    slopes, *_ = np.linalg.lstsq(offsets, half, rcond=None)
-    rest = half - offsets @ slopes
-    variance = rest @ rest / max(pairs - len(point), 1)
-    errors = np.sqrt(variance * np.diag(np.linalg.inv(offsets.T @ offsets)))
-    return slopes / radius, errors / radius
+    scene = shifted_start(build(case["point"]), Vector(*case["shift"]))
+    section = poincare_section(scene, settle_turns, turns, outputs=(metric,), rtol=rtol)
+    values = section.values[metric]
+    return jnp.stack([whole(metric, values), whole(metric, values[: -(-turns // 2)])])
 
 
 def judge(
-    name: str, estimates: dict[str, tuple[float, float]], growth: float, chaotic: bool,
-    radius: float,
+    name: str, estimates: dict[str, tuple[float, float]], chaotic: bool, radius: float, *,
+    growth: float, share: float = 0.0, drift: tuple[float, float] = (0.0, 0.0),
 ) -> Slope:  # fmt: skip
     """The estimate to use, and whether to believe it.
 
-    `growth` is the largest exponent times the horizon; `radius` that of the fit, in the
-    parameter's unit.
+    `radius` is that of the fit, in the parameter's unit; `growth` the largest exponent times the
+    turns of the tangent; `share` and `drift` those of the fit (see `jaxcrusher.fit.Fit`).
     """
     fit, half = estimates["fit"], estimates["fit at half the radius"]
     estimator = "fit" if chaotic else "implicit" if "implicit" in estimates else "tangent"
@@ -211,17 +225,23 @@ def judge(
     if not np.isfinite(value):
         refusals.append(f"{estimator} is not finite")
     elif not abs(value) > SIGNIFICANT * error:
-        ratio = abs(value) / error if error > 0 else 0.0
-        refusals.append(f"slope over its error {ratio:.1f} < {SIGNIFICANT:.0f}")
-    if chaotic and not _agree(fit, half):
-        refusals.append(f"fits at two radii disagree: {fit[0]:.4g} and {half[0]:.4g}")
-    elif not chaotic and not (_agree((value, error), fit) or _agree((value, error), half)):
+        refusals.append(f"slope over its error {abs(value) / error:.1f} < {SIGNIFICANT:.0f}")
+    if chaotic:
+        if not _agree(fit, half):
+            refusals.append(f"fits at two radii disagree: {fit[0]:.4g} and {half[0]:.4g}")
+        if share > LARGEST_SHARE:
+            refusals.append(f"one pair of runs makes {100 * share:.0f} % of the fit")
+        if not abs(drift[0]) <= AGREEMENT * abs(value) + 2 * drift[1]:
+            refusals.append(f"doubling the window moves the fit by {drift[0]:.4g}")
+        if "shadowing" in estimates and not _agree(estimates["shadowing"], fit):
+            doubts.append(f"shadowing {estimates['shadowing'][0]:.4g} disagrees with the fit")
+    elif not (_agree((value, error), fit) or _agree((value, error), half)):
         against = f"{estimator} {value:.4g} and fits {fit[0]:.4g}, {half[0]:.4g} disagree"
         # The orbit's slope is exact where it stands, but not over the radius; a tangent that
-        # disagrees has grown in the transient.
+        # disagrees has grown.
         (doubts if estimator == "implicit" else refusals).append(against)
     if growth > GROWTH and not chaotic:
-        notice = f"exponent x horizon {growth:.1f} > {GROWTH:.0f}: no tangent"
+        notice = f"the tangent grows by exp({growth:.1f}) > exp({GROWTH:.0f})"
         (refusals if estimator == "tangent" else doubts).append(notice)
     verdict = "refused" if refusals else "doubtful" if doubts else "ok"
     return Slope(

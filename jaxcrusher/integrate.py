@@ -16,7 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float, PyTree, Scalar
+from jaxtyping import Array, Bool, Float, Int, PyTree, Scalar
 
 
 class Carried(eqx.Module):
@@ -68,10 +68,11 @@ class RESULTS(diffrax.RESULTS):  # pyright: ignore
 
 
 class Outcome(eqx.Module):
-    """How an integration ended: its result, and the time it came to."""
+    """How an integration ended: its result, the time it came to, and the steps it took."""
 
     result: RESULTS
     reached: Scalar
+    steps: Int[Array, ""]  # accepted and rejected
 
     @property
     def success(self) -> Bool[Array, ""]:
@@ -196,7 +197,7 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
     # diffrax traces a vector field about ten times; an inlined jit remembers the first.
     field = diffrax.ODETerm(jax.jit(problem.field, inline=True))
     if not jax.tree.leaves(y):
-        return _evaluate(args, times, y, problem), Outcome(success, times[-1, -1])
+        return _evaluate(args, times, y, problem), Outcome(success, times[-1, -1], jnp.array(0))
 
     def segment(carry, saves):
         start, y, before = carry
@@ -227,13 +228,17 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
         result = RESULTS.promote(solution.result)
         result = RESULTS.where((result == success) & ~_finite(y), RESULTS.not_finite, result)
         result = RESULTS.where(dead, before.result, result)
-        after = Outcome(result, jnp.where(dead, before.reached, solution.ts[0][0]))
+        reached = jnp.where(dead, before.reached, solution.ts[0][0])
+        after = Outcome(
+            result, reached, before.steps + jnp.asarray(solution.stats["num_steps"], int)
+        )
         observed = _masked(solution.ys[1], dead | ~jnp.isfinite(solution.ts[1]))
         totals = _masked(_totals(y), ~after.success)
         summary = problem.summarise(observed, totals)
         return (saves[-1], _restarted(y), after), summary
 
-    carry = (start, y, Outcome(RESULTS.where(_finite(y), success, RESULTS.not_finite), start))
+    able = RESULTS.where(_finite(y), success, RESULTS.not_finite)
+    carry = (start, y, Outcome(able, start, jnp.array(0)))
     (_, _, outcome), summaries = jax.lax.scan(segment, carry, times)
     return summaries, outcome
 

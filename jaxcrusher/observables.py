@@ -13,6 +13,7 @@ from jaxcrusher.smooth import norm
 from jaxcrusher.snapshot import (
     Snapshot,
     moment_on_shaft,
+    pin_position,
     shaft_inertia,
 )
 
@@ -117,6 +118,16 @@ def friction_loss(s: Snapshot, scene: Scene) -> Scalar:
     return jnp.zeros_like(s.shaft.speed) if loss is None else loss
 
 
+def elbow_position(s: Snapshot, scene: Scene) -> Vector:
+    """B, the jaw's lower end, m; C is the origin."""
+    return scene.machine.toggle.length * s.chain.toggle
+
+
+def jaw_mass_centre(s: Snapshot, scene: Scene) -> Vector:
+    """S2, where the crushing load acts, m."""
+    return elbow_position(s, scene) + linkage.mass_centre_arm(scene.machine, s.chain)
+
+
 def kinetic_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Of the three bodies, J."""
     machine = scene.machine
@@ -135,10 +146,10 @@ def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Of weight, zero at C's height, J."""
     machine = scene.machine
     shaft = machine.bearing + machine.shaft.mass_centre.along(s.shaft.crank)
-    elbow = machine.toggle.length * s.chain.toggle
-    jaw = elbow + linkage.mass_centre_arm(machine, s.chain)
+    toggle = elbow_position(s, scene) / 2
+    jaw = jaw_mass_centre(s, scene)
     return machine.gravity * (
-        machine.shaft.mass * shaft.y + machine.jaw.mass * jaw.y + machine.toggle.mass * elbow.y / 2
+        machine.shaft.mass * shaft.y + machine.jaw.mass * jaw.y + machine.toggle.mass * toggle.y
     )
 
 
@@ -160,6 +171,10 @@ def _friction_force(s: Snapshot, scene: Scene) -> Scalar:
 
 def _eccentricity(s: Snapshot, scene: Scene) -> Vector:
     return Vector(0.0, 0.0) if s.eccentricity is None else s.eccentricity
+
+
+def _crushing_load(s: Snapshot, scene: Scene) -> Vector:
+    return Vector(0.0, 0.0) if s.load is None else s.load
 
 
 def _penetration_ratio(s: Snapshot, scene: Scene) -> Scalar:
@@ -189,6 +204,7 @@ class Observable(NamedTuple):
         return value.array() if isinstance(value, Vector) else value
 
 
+# Name -> function, unit and meaning of what can be observed of an instant.
 OBSERVABLES = {
     "normal_force": Observable(_normal_force, "N", "normal force at A"),
     "friction_force": Observable(_friction_force, "N", "friction force at A"),
@@ -205,9 +221,12 @@ OBSERVABLES = {
     "eccentricity": Observable(_eccentricity, "m", "eccentricity of the pin"),
     "penetration_ratio": Observable(_penetration_ratio, "1", "penetration / clearance"),
     "penetration_rate": Observable(_penetration_rate, "m/s", "penetration rate"),
-    "jaw_position": Observable(
-        lambda s, scene: scene.machine.toggle.length * s.chain.toggle, "m", "lower end B"
+    "crushing_load": Observable(_crushing_load, "N", "load on the jaw at S2"),
+    "pin_position": Observable(
+        lambda s, scene: pin_position(scene.machine, s.shaft.crank), "m", "centre A of the pin"
     ),
+    "jaw_position": Observable(elbow_position, "m", "lower end B"),
+    "jaw_mass_centre": Observable(jaw_mass_centre, "m", "mass centre S2 of the jaw"),
     "jaw_velocity": Observable(
         lambda s, scene: linkage.elbow_velocity(scene.machine, s.chain), "m/s", "velocity of B"
     ),

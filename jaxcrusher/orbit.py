@@ -1,76 +1,68 @@
 """Periodic orbits, and the slope of a statistic along with the orbit."""
 
-from collections.abc import Callable
-
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jaxcrusher.formulations import EccentricityFormulation
-from jaxcrusher.plane import Vector
-from jaxcrusher.scene import Scene
-from jaxcrusher.section import poincare_section
-from jaxcrusher.starts import Given
-from jaxcrusher.statistics import statistics
+from jaxcrusher.tangents import Build, Tangents, chain, changes, combine, tangents
 
 ITERATIONS = 8
 # Of the orbit's closure, in clearances and m/s, and the tolerance of its integration.
 CLOSURE, RTOL = 1e-7, 1e-11
+# A tolerance so much coarser tells what the integration leaves in a slope.
+COARSER = 1e4
 
 
 def periodic_orbit(
-    scene: Scene, guess: Float[Array, " dims"], period: int
-) -> Float[Array, " 4"] | None:
+    build: Build,
+    point: Float[Array, " n"],
+    metric: str,
+    guess: Float[ArrayLike, " dims"],
+    period: int,
+) -> tuple[np.ndarray, Tangents] | None:
     """The section point near `guess` that repeats after `period` turns, by Newton's method.
 
-    None if it does not converge, or if the state holds more than eccentricity and rate.
+    With it come the derivatives along the orbit. None if the iteration does not converge, or if
+    the state holds more than eccentricity and rate (a memory that no impact renews repeats
+    whatever it is).
     """
-    if not isinstance(scene.formulation, EccentricityFormulation) or guess.size != 4:
+    x = np.asarray(guess, dtype=float)
+    if not isinstance(build(point).formulation, EccentricityFormulation) or x.size != 4:
         return None
-    x = guess
     for _ in range(ITERATIONS):
-        after, matrix = _turns(scene, x, period)
-        if float(jnp.max(jnp.abs(after - x))) < CLOSURE:
-            return x
-        x = x + jnp.linalg.solve(jnp.eye(4) - matrix, after - x)
+        along = tangents(build, point, metric, x, period, RTOL)
+        if float(np.max(np.abs(along.state - x))) < CLOSURE:
+            return x, along
+        matrix, _ = chain(along)
+        if not np.isfinite(matrix).all():
+            return None
+        x = x + np.linalg.solve(np.eye(4) - matrix, along.state - x)
     return None
 
 
-@eqx.filter_jit
-def _turns(scene: Scene, x: Array, period: int) -> tuple[Array, Array]:
-    """The point after `period` turns, and its derivative by the point before."""
-
-    def after(x):
-        end = poincare_section(scene, 0, period, state=x, rtol=RTOL).states[-1]
-        return end, end
-
-    matrix, end = jax.jacfwd(after, has_aux=True)(x)
-    return end, matrix
-
-
-def periodic_slopes(
-    build: Callable[[Array], Scene],
-    point: Float[Array, " n"],
-    metric: str,
-    orbit: Float[Array, " 4"],
-    period: int,
-) -> Float[np.ndarray, " n"]:
-    """Slopes of `metric` by the parameters of `build`, the motion staying on its orbit.
+def periodic_slopes(along: Tangents, metric: str) -> Float[np.ndarray, " n"]:
+    """Slopes of `metric` by the parameters, the motion staying on its orbit.
 
     x = P(x, p) gives dx/dp = (I - P_x)^-1 P_p, and m(x, p) over a period the slope m_p +
     m_x dx/dp. Exact for a motion that has settled; a run that has not differs by its swing.
     """
+    matrix, forcing = chain(along)
+    moved = np.linalg.solve(np.eye(len(matrix)) - matrix, forcing)
+    return combine(metric, along.values, changes(along, moved))
 
-    def both(x, p):
-        scene = build(p)
-        start = Given(Vector(x[0], x[1]), Vector(x[2], x[3]))
-        placed = eqx.tree_at(lambda s: s.start, scene, start)
-        after = poincare_section(scene, 0, period, state=x, rtol=RTOL).states[-1]
-        result = statistics(placed, 0, period, outputs=(metric,), rtol=RTOL)
-        return jnp.append(after, getattr(result, metric))
 
-    by_state, by_point = jax.jit(lambda x, p: jax.jacfwd(both, argnums=(0, 1))(x, p))(orbit, point)
-    moved = np.linalg.solve(np.eye(4) - np.asarray(by_state[:4]), np.asarray(by_point[:4]))
-    return np.asarray(by_point[4]) + np.asarray(by_state[4]) @ moved
+def orbit_slopes(
+    build: Build,
+    point: Float[Array, " n"],
+    metric: str,
+    guess: Float[ArrayLike, " dims"],
+    period: int,
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """`periodic_slopes` at the orbit near `guess`, and their change with a coarser tolerance."""
+    found = periodic_orbit(build, point, metric, guess, period)
+    if found is None:
+        return None
+    state, along = found
+    slopes = periodic_slopes(along, metric)
+    coarse = tangents(build, point, metric, state, period, COARSER * RTOL)
+    return slopes, np.abs(periodic_slopes(coarse, metric) - slopes)

@@ -59,7 +59,7 @@ def paper_scene(
 def ideal_scene(speed: float | Scalar, *, load: LoadName = "along_jaw") -> Scene:
     """The paper's crusher without clearance: the floor that a clearance adds to.
 
-    `speed` in rad/s, constant. Raises ValueError as `paper_scene` does.
+    `speed` in rad/s, constant; `load` as in `paper_scene`, which also tells what is raised.
     """
     return build_scene({"speed": speed, "joint": "ideal", "load_law": _load_law(load)})
 

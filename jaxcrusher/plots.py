@@ -1,28 +1,103 @@
-"""Figures of motions and landscapes: they draw what they are given and compute no physics."""
+"""Figures of motions and landscapes: they draw what they are given and compute no physics.
+
+Every function takes `ax` (None: axes of a new figure) and returns it. Colours are Okabe and Ito's
+and maps are cividis, told apart by every kind of colour vision; what colour says, line style,
+marker or hatching says too.
+"""
+
+from collections.abc import Mapping
 
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
-from jaxtyping import ArrayLike
+from jaxtyping import ArrayLike, Float
 from matplotlib.axes import Axes
+from matplotlib.patches import Patch
 
 from jaxcrusher.capacity import CrushingChamber
+from jaxcrusher.checks import require
+from jaxcrusher.section import Section
 from jaxcrusher.simulate import Trajectory
 
+# Okabe and Ito's.
+BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+HATCHES = ("xx", "//", "..", "\\\\", "++", "oo")
+FORCE = "|R_O| + |R_C|"
+DIRECTIONS = {"up": (BLUE, "^"), "down": (ORANGE, "v")}
+STATES = ("$e_x / c$", "$e_y / c$", "$\\dot e_x$ (m/s)", "$\\dot e_y$ (m/s)", "$v$ (m/s)")
 
-def plot_landscape(landscape: xr.DataArray, ax: Axes | None = None) -> Axes:
-    """A map over speed (rad/s) and clearance (shown in mm) of a variable of a sweep."""
+
+def plot_landscape(
+    landscape: xr.DataArray,
+    ax: Axes | None = None,
+    *,
+    marks: Mapping[str, xr.DataArray] | None = None,
+) -> Axes:
+    """A map over speed (rad/s) and clearance (shown in mm) of a variable of a sweep.
+
+    `marks` maps names to the cells (true, or not 0) that are hatched and named in a legend; a
+    cell with several marks shows the first. Cells without a number are grey.
+
+    Raises ValueError for more than six marks.
+    """
     ax = plt.subplots()[1] if ax is None else ax
     kilo = landscape.attrs.get("units") == "N"
     values = landscape.transpose("clearance", "speed").to_numpy() / (1e3 if kilo else 1)
-    mesh = ax.pcolormesh(
-        landscape.speed, 1e3 * landscape.clearance, values, cmap="cividis", shading="nearest"
-    )
+    speeds, clearances = landscape.speed.to_numpy(), 1e3 * landscape.clearance.to_numpy()
+    mesh = ax.pcolormesh(speeds, clearances, values, cmap="cividis", shading="nearest")
     unit = "kN" if kilo else landscape.attrs.get("units", "")
-    label = f"{landscape.attrs.get('long_name', landscape.name)} ({unit})"
-    ax.figure.colorbar(mesh, ax=ax, label=label)
-    ax.set(xlabel="driving speed (rad/s)", ylabel="radial clearance (mm)")
+    ax.figure.colorbar(mesh, ax=ax, label=f"{_name(landscape)} ({unit})")
+    ax.set(xlabel="driving speed (rad/s)", ylabel="radial clearance (mm)", facecolor="0.6")
+    marks = {} if marks is None else marks
+    require(len(marks) <= len(HATCHES), "marks", f"be at most {len(HATCHES)}", len(marks))
+    free = np.ones(values.shape, dtype=bool)
+    handles = []
+    for hatch, (name, cells) in zip(HATCHES, marks.items(), strict=False):
+        chosen = free & (cells.transpose("clearance", "speed").to_numpy() != 0)
+        free &= ~chosen
+        if not chosen.any():
+            continue
+        # White on black, so that it reads on every colour of the map.
+        for colour, width in (("k", 2.4), ("w", 1.0)):
+            hatched = ax.pcolor(
+                speeds, clearances, np.where(chosen, 1.0, np.nan), shading="nearest",
+                facecolor="none", edgecolor=colour, hatch=hatch, linewidth=0,
+            )  # fmt: skip
+            hatched.set_hatch_linewidth(width)
+        hatched.set_label(name)
+        handles.append(Patch(facecolor="0.45", edgecolor="w", hatch=hatch, label=name))
+    if handles:
+        ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3,
+                  handleheight=1.6, handlelength=3)  # fmt: skip
     return ax
+
+
+def _label(values: xr.DataArray) -> str:
+    """Name and unit, for an axis."""
+    unit = values.attrs.get("units", "1")
+    return _name(values) if unit == "1" else f"{_name(values)} ({unit})"
+
+
+def _name(values: xr.DataArray) -> str:
+    """What the values are, with the force's symbols set as such."""
+    name = str(values.attrs.get("long_name", values.name))
+    return name if "$" in name else name.replace(FORCE, f"${FORCE}$")
+
+
+def plot_sweep(grid: xr.Dataset, variable: str = "foundation_rms", ax: Axes | None = None) -> Axes:
+    """The map of one variable of a `jaxcrusher.sweep`, with what must be known to read it.
+
+    Failed cells and whirls are hatched on grey: a whirl's numbers are outside of the contact
+    theory, and so large that nothing else would show. Other cells outside of the theory keep
+    their colour under the hatching.
+    """
+    whirl, success = grid.whirl != 0, grid.success != 0
+    marks = {
+        "failed": ~success,
+        "friction whirl": whirl,
+        "outside the contact model": grid.inside_model == 0,
+    }
+    return plot_landscape(grid[variable].where(success & ~whirl), ax, marks=marks)
 
 
 def plot_capacity(
@@ -30,8 +105,8 @@ def plot_capacity(
 ) -> Axes:
     """Capacity (m3/h) over speed (rad/s), with its floor."""
     ax = plt.subplots()[1] if ax is None else ax
-    ax.plot(speeds, chamber.capacity(speeds), color="C0", label="capacity")
-    ax.axhline(floor, color="C1", linestyle="--", label=f"floor {floor:.2f} m³/h")
+    ax.plot(speeds, chamber.capacity(speeds), color=BLUE, label="capacity")
+    ax.axhline(floor, color=ORANGE, linestyle="--", label=f"floor {floor:.2f} m³/h")
     ax.set(xlabel="driving speed (rad/s)", ylabel="capacity (m³/h)")
     ax.legend()
     return ax
@@ -42,12 +117,18 @@ def plot_orbit(trajectory: Trajectory, clearance: float, ax: Axes | None = None)
     ax = plt.subplots()[1] if ax is None else ax
     assert trajectory.eccentricity is not None
     orbit = 1e3 * np.asarray(trajectory.eccentricity)
-    angle = np.linspace(0, 2 * np.pi, 361)
-    radius = 1e3 * clearance
-    ax.plot(radius * np.cos(angle), radius * np.sin(angle), color="0.4", label="clearance")
-    ax.plot(orbit[:, 0], orbit[:, 1], color="C0", linewidth=0.6, label="pin centre")
+    _circle(ax, 1e3 * clearance)
+    ax.plot(orbit[:, 0], orbit[:, 1], color=BLUE, linewidth=0.6, label="pin centre")
     ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)", aspect="equal")
+    ax.locator_params(nbins=5)
     return ax
+
+
+def _circle(ax: Axes, radius: float) -> None:
+    """The clearance circle."""
+    angle = np.linspace(0, 2 * np.pi, 361)
+    ax.plot(radius * np.cos(angle), radius * np.sin(angle), color="0.4", linestyle="--",
+            linewidth=1, label="clearance")  # fmt: skip
 
 
 def plot_force(
@@ -57,10 +138,80 @@ def plot_force(
     ax = plt.subplots()[1] if ax is None else ax
     assert trajectory.foundation_force is not None
     force = np.asarray(trajectory.foundation_force) / 1e3
-    ax.plot(trajectory.time, force, color="C0", linewidth=0.8, label="with clearance")
+    ax.plot(trajectory.time, force, color=BLUE, linewidth=0.8, label="with clearance")
     if ideal is not None and ideal.foundation_force is not None:
-        at_rest = np.asarray(ideal.foundation_force) / 1e3
-        ax.plot(ideal.time, at_rest, color="k", linestyle="--", linewidth=1, label="ideal joint")
-    ax.set(xlabel="time (s)", ylabel=r"$|R_O| + |R_C|$ (kN)")
+        without = np.asarray(ideal.foundation_force) / 1e3
+        ax.plot(ideal.time, without, color=ORANGE, linestyle="--", linewidth=1.4,
+                label="ideal joint")  # fmt: skip
+    ax.set(xlabel="time (s)", ylabel=f"${FORCE}$ (kN)")
     ax.legend()
+    return ax
+
+
+def plot_section(
+    section: Section, coordinates: tuple[int, int] = (0, 1), ax: Axes | None = None
+) -> Axes:
+    """A Poincaré section: two coordinates of the state, once a turn.
+
+    The states are those of the default formulation, see `jaxcrusher.Section`; the first two, the
+    eccentricity in clearances, come with the clearance circle.
+    """
+    ax = plt.subplots()[1] if ax is None else ax
+    states = np.asarray(section.states)
+    across, up = coordinates
+    if set(coordinates) == {0, 1}:
+        _circle(ax, 1.0)
+        ax.set_aspect("equal")
+        ax.locator_params(nbins=5)
+    ax.plot(states[:, across], states[:, up], "o", color=BLUE, markersize=2.5,
+            markeredgewidth=0, label="once a turn")  # fmt: skip
+    ax.set(xlabel=STATES[across], ylabel=STATES[up])
+    return ax
+
+
+def plot_bifurcation(diagram: xr.DataArray, ax: Axes | None = None) -> Axes:
+    """A bifurcation diagram: points of a section over a parameter.
+
+    `diagram` is a variable of a `jaxcrusher.bifurcation.bifurcation`, with a dim `turn` and one of
+    the parameter; several of them joined along a dim `direction` ("up", "down", "cold") get a
+    colour and a marker each. What the axes say comes from the attributes `long_name` and `units`;
+    missing points are NaN.
+    """
+    ax = plt.subplots()[1] if ax is None else ax
+    if "direction" not in diagram.dims:
+        diagram = diagram.expand_dims(direction=[""])
+    (parameter,) = [str(dim) for dim in diagram.dims if dim not in ("direction", "turn")]
+    for name in diagram.direction.to_numpy():
+        colour, marker = DIRECTIONS.get(str(name), (GREEN, "o"))
+        points = diagram.sel(direction=name).transpose(parameter, "turn").to_numpy()
+        values = np.broadcast_to(diagram[parameter].to_numpy()[:, None], points.shape)
+        # Hollow, so that directions which agree are both seen.
+        ax.plot(values.ravel(), points.ravel(), marker, color=colour, markersize=3.5,
+                markerfacecolor="none", markeredgewidth=0.8, label=str(name))  # fmt: skip
+    if diagram.sizes["direction"] > 1:
+        ax.legend(markerscale=2)
+    ax.set(xlabel=_label(diagram[parameter]), ylabel=_label(diagram))
+    return ax
+
+
+def plot_spectrum(
+    frequencies: Float[ArrayLike, " n"],
+    density: Float[ArrayLike, " n"],
+    unit: str,
+    ax: Axes | None = None,
+    *,
+    turn_frequency: float | None = None,
+) -> Axes:
+    """A power density (`unit`^2/Hz) over frequency (Hz), as `jaxcrusher.chaos.power_spectrum` has.
+
+    `turn_frequency` marks the shaft's turns (Hz). Frequency zero is left out: the axis is
+    logarithmic.
+    """
+    ax = plt.subplots()[1] if ax is None else ax
+    ax.loglog(np.asarray(frequencies)[1:], np.asarray(density)[1:], color=BLUE, linewidth=0.8)
+    if turn_frequency is not None:
+        ax.axvline(turn_frequency, color=ORANGE, linestyle="--", linewidth=1,
+                   label=f"turns of the shaft, {turn_frequency:.3g} Hz")  # fmt: skip
+        ax.legend()
+    ax.set(xlabel="frequency (Hz)", ylabel=f"power density ({unit}²/Hz)")
     return ax

@@ -1,17 +1,23 @@
 """What kind of motion it is: a verdict on which several indicators must agree."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, ArrayLike, Float
 
 from jaxcrusher.chaos import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
+from jaxcrusher.checks import require_whole
+from jaxcrusher.integrate import Outcome
 from jaxcrusher.scene import Scene
-from jaxcrusher.section import poincare_section
-from jaxcrusher.simulate import failure_text
-from jaxcrusher.statistics import Statistics, statistics
+from jaxcrusher.section import initial_state, poincare_section, whole
+from jaxcrusher.statistics import Statistics
+from jaxcrusher.tangents import SLICES
 
-# Slices of a turn between two orthonormalisations: exponents reach 14 a turn.
-SLICES = 8
+# Statistics of the motion that is classified, and after how many turns a whirl is called one.
+OUTPUTS = ("foundation_rms", "contact_fraction", "winding")
+WHIRL_TURNS = 20
 # Below and above, the 0-1 test speaks for order and for chaos.
 ORDER, CHAOS = 0.2, 0.8
 # What the integration leaves on a periodic orbit, in tolerances: a thousand steps a turn, and
@@ -63,25 +69,38 @@ def regime(
 
     Raises ValueError as `poincare_section` does.
     """
-    outputs = ("foundation_rms", "contact_fraction", "winding")
-    summary = statistics(scene, settle_turns, min(turns, 20), outputs=outputs, rtol=rtol)
+    require_whole("tangent_turns", tangent_turns, 1)
+
+    def jacobians(state: Float[Array, " dims"]) -> np.ndarray:
+        further = poincare_section(scene, 0, tangent_turns, slices=SLICES, state=state, rtol=rtol)
+        return np.asarray(further.jacobians)
+
+    return classify(scene, settle_turns, turns, rtol, jacobians)
+
+
+def classify(
+    scene: Scene,
+    settle_turns: int,
+    turns: int,
+    rtol: float,
+    jacobians: Callable[[Array], np.ndarray],
+) -> Regime:
+    """`regime`, with the Jacobians made by the caller.
+
+    `jacobians` maps the last section point to those of the `SLICES` slices of each of the next
+    turns, shape (slices, dims, dims); it is not called for a whirl or a failure.
+    """
+    points, last, summary = _record(scene, settle_turns, turns, rtol)
     if not bool(summary.success):
         return Regime("failed", (summary.failure,), statistics=summary)
     if bool(summary.whirl):
         assert summary.winding is not None
         winding = f"winds {float(summary.winding):.0f} times a turn round its bore"
         return Regime("whirl", (winding,), statistics=summary)
-    section = poincare_section(scene, settle_turns, turns, rtol=rtol)
-    points = np.asarray(section.states)
-    tangents = poincare_section(
-        scene, 0, tangent_turns, slices=SLICES, state=section.states[-1], rtol=rtol
-    )
-    for outcome in (section.outcome, tangents.outcome):
-        if not bool(outcome.success):
-            why = failure_text(outcome, "rad of shaft angle")
-            return Regime("failed", (why,), statistics=summary)
-    assert tangents.jacobians is not None
-    exponents = lyapunov_spectrum(np.asarray(tangents.jacobians), slices=SLICES)
+    matrices = jacobians(last)
+    if not np.isfinite(matrices).all():
+        return Regime("failed", ("the tangents are not finite",), statistics=summary)
+    exponents = lyapunov_spectrum(matrices, slices=SLICES)
     # The coordinate that spreads most: a constant one holds no motion.
     zero_one = zero_one_test(points[:, int(np.argmax(np.ptp(points, axis=0)))])
     period = detect_period(points, noise=NOISE * rtol)
@@ -96,6 +115,47 @@ def regime(
     name = verdict(exponents, zero_one, period, significant)
     found = period if name == "periodic" else None
     return Regime(name, tuple(evidence), found, exponents, zero_one, trend, summary, points[-1])
+
+
+def _record(
+    scene: Scene, settle_turns: int, turns: int, rtol: float
+) -> tuple[np.ndarray, Float[Array, " dims"], Statistics]:
+    """Section points, the last of them, and statistics; a whirl or a failure ends it early.
+
+    Turn by turn: one program serves any number of them.
+    """
+    require_whole("settle_turns", settle_turns, 0)
+    require_whole("turns", turns, 1)
+    state, points, rows, steps = initial_state(scene), [], [], 0
+    for i in range(settle_turns + turns):
+        turn = poincare_section(scene, 0, 1, state=state, outputs=OUTPUTS, rtol=rtol)
+        state = turn.states[-1]
+        steps = steps + turn.outcome.steps
+        reached = 2 * np.pi * i + turn.outcome.reached
+        outcome = Outcome(turn.outcome.result, reached, steps)
+        if i >= settle_turns or not bool(outcome.success):
+            points.append(np.asarray(state))
+            rows.append({name: float(value[0]) for name, value in turn.values.items()})
+        if not bool(outcome.success):
+            break
+        if len(rows) == WHIRL_TURNS and bool(_summary(rows, outcome).whirl):
+            break
+    return np.array(points), state, _summary(rows, outcome)
+
+
+def _summary(rows: list[dict[str, float]], outcome: Outcome) -> Statistics:
+    columns = {name: np.array([row[name] for row in rows]) for name in OUTPUTS}
+    return turn_statistics(columns, outcome)
+
+
+def turn_statistics(by_turn: Mapping[str, ArrayLike], outcome: Outcome) -> Statistics:
+    """Statistics of consecutive turns, from the `OUTPUTS` of each."""
+    columns = {name: jnp.asarray(by_turn[name]) for name in OUTPUTS}
+    rms, contact, winding = (whole(name, column) for name, column in columns.items())
+    return Statistics(
+        columns["winding"].size, outcome, foundation_rms=rms, contact_fraction=contact,
+        winding=winding, turn_mean_square=columns["foundation_rms"] ** 2,
+    )  # fmt: skip
 
 
 def verdict(exponents: Lyapunov, zero_one: float, period: int | None, trending: bool) -> str:

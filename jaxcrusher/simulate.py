@@ -33,6 +33,7 @@ ENERGIES = {
     "potential": observables.potential_energy,
     "elastic": observables.elastic_energy,
 }
+# What `simulate` can report; units stand in `jaxcrusher.observables.OBSERVABLES`.
 OUTPUTS = (*OBSERVABLES, "energy")
 
 
@@ -80,7 +81,10 @@ class Trajectory(eqx.Module):
     eccentricity: Float[Array, "times 2"] | None = None  # A_shaft - A_jaw
     penetration_ratio: Float[Array, " times"] | None = None  # delta / c, negative in flight
     penetration_rate: Float[Array, " times"] | None = None  # delta', m/s
+    crushing_load: Float[Array, "times 2"] | None = None  # on the jaw at S2
+    pin_position: Float[Array, "times 2"] | None = None  # A, the centre of the shaft's pin
     jaw_position: Float[Array, "times 2"] | None = None  # of its lower end B
+    jaw_mass_centre: Float[Array, "times 2"] | None = None  # S2
     jaw_velocity: Float[Array, "times 2"] | None = None  # of B, m/s
     constraint_residual: Float[Array, " times"] | None = None  # multiplier form, m or rad
     energy: Energy | None = None

@@ -8,14 +8,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.checks import require_choice, require_whole, require_x64
+from jaxcrusher.checks import require, require_choice, require_whole, require_x64
 from jaxcrusher.integrate import Carried, Integration, Outcome, Problem, integrate
-from jaxcrusher.observables import OBSERVABLES, foundation_force
+from jaxcrusher.observables import FORCE_WIDTH, OBSERVABLES, drive_power, foundation_force
+from jaxcrusher.plane import Vector
 from jaxcrusher.scene import Scene
 from jaxcrusher.simulate import failure_text, integration
+from jaxcrusher.smooth import norm
 from jaxcrusher.snapshot import Snapshot
 from jaxcrusher.validity import Validity, validity
 
+# What `statistics` computes if not told otherwise; units stand at the fields of `Statistics`.
 STATISTICS = (
     "foundation_rms",
     "foundation_mean",
@@ -25,6 +28,12 @@ STATISTICS = (
     "impact_speed",
     "winding",
 )
+# What may be asked for besides.
+FURTHER_STATISTICS = ("foundation_smooth_peak", "joint_peak", "sliding_power", "drive_power")
+
+# The smooth peak is the mean of this power, to its root: within 20 % of a peak that lasts 5 % of
+# a turn, and differentiable where the instant of the peak jumps.
+PEAK_POWER = 16
 
 # Instants per turn at which peaks and contact are looked at.
 SAMPLES = 1024
@@ -50,6 +59,10 @@ class Statistics(eqx.Module):
     penetration_ratio: Scalar | None = None  # largest delta / c
     impact_speed: Scalar | None = None  # fastest approach of pin and bore, m/s
     winding: Scalar | None = None  # revolutions of the pin round the bore per turn
+    foundation_smooth_peak: Scalar | None = None  # (mean of |R_O| + |R_C| to the 16th)^(1/16), N
+    joint_peak: Scalar | None = None  # largest force in the main bearing, N
+    sliding_power: Scalar | None = None  # mean of F_n |surface slip|, W: Archard's wear rate
+    drive_power: Scalar | None = None  # mean, W
     turn_mean_square: Float[Array, " turns"] | None = None  # of each turn, N^2
     validity: Validity | None = None  # with penetration_ratio and impact_speed; None if ideal
 
@@ -112,20 +125,25 @@ def statistics(
 
     - `scene`: what to simulate; its numbers may be traced.
     - `settle_turns`, `turns`: whole numbers, >= 0 and >= 1.
-    - `outputs`: any of `jaxcrusher.STATISTICS`; the rest is neither computed nor traced.
+    - `outputs`: any of `jaxcrusher.STATISTICS` and `FURTHER_STATISTICS`; the rest is neither
+      computed nor traced.
     - `rtol`, `solver`, `stepsize_controller`, `adjoint`, `max_steps`, `dt0`: as in
       `jaxcrusher.simulate`, with time in radians of shaft angle and steps counted per turn.
 
     **Returns:** a `Statistics`. RMS and mean are integrated with the motion; the rest is
     seen at 1024 instants a turn, the peak as the top of a parabola through three of them.
 
-    Raises ValueError for counts that are not whole numbers in range, and unknown outputs.
+    Raises ValueError for counts that are not whole numbers in range, unknown outputs, and a
+    sliding power asked of a scene without friction.
     """
     require_x64()
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     for name in outputs:
-        require_choice("outputs", name, STATISTICS)
+        require_choice("outputs", name, (*STATISTICS, *FURTHER_STATISTICS))
+    if "sliding_power" in outputs:
+        slides = scene.joint is not None and scene.joint.friction is not None
+        require(slides, "outputs", "not ask for sliding_power without friction", outputs)
     method = integration(scene, rtol, solver, stepsize_controller, adjoint, max_steps, dt0)
     return _statistics(scene, settle_turns, turns, tuple(outputs), method)
 
@@ -138,7 +156,7 @@ def _statistics(
     times = 2 * jnp.pi * (jnp.arange(settle_turns + turns)[:, None] + grid)
     by_turn, outcome = integrate(scene, times, problem=_problem(outputs), method=method)
     kept = {name: values[settle_turns:] for name, values in by_turn.items()}
-    largest = ("foundation_peak", "penetration_ratio", "impact_speed")
+    largest = ("foundation_peak", "penetration_ratio", "impact_speed", "joint_peak")
     reduce = dict.fromkeys(largest, jnp.max)
     values = {name: reduce.get(name, jnp.mean)(turn) for name, turn in kept.items()}
     failed = ~outcome.success
@@ -146,6 +164,9 @@ def _statistics(
     mean_square = values.pop("mean_square", None)
     if mean_square is not None:
         values["foundation_rms"] = jnp.sqrt(mean_square)
+    if "foundation_smooth_peak" in values:
+        mean_power = values["foundation_smooth_peak"]
+        values["foundation_smooth_peak"] = mean_power ** (1 / PEAK_POWER)
     limits = None
     if scene.joint is not None and {"penetration_ratio", "impact_speed"} <= set(outputs):
         limits = validity(scene.joint, values["penetration_ratio"], values["impact_speed"])
@@ -163,6 +184,8 @@ def _observed(outputs: tuple[str, ...]) -> list[str]:
         names.append("penetration_ratio")
     if "impact_speed" in outputs:
         names.append("penetration_rate")
+    if "joint_peak" in outputs:
+        names.append("joint_force")
     return names
 
 
@@ -172,7 +195,10 @@ def _problem(outputs: tuple[str, ...]) -> Problem:
     wanted = {
         "mean_square": "foundation_rms" in outputs,
         "foundation_mean": "foundation_mean" in outputs,
-        "winding": "winding" in outputs,
+        **{
+            name: name in outputs
+            for name in ("winding", "foundation_smooth_peak", "sliding_power", "drive_power")
+        },
     }
     totals = [name for name, asked in wanted.items() if asked]
 
@@ -182,9 +208,14 @@ def _problem(outputs: tuple[str, ...]) -> Problem:
 
     def integrands(snapshot: Snapshot, scene: Scene) -> dict[str, Scalar]:
         rates = {}
-        if "mean_square" in totals or "foundation_mean" in totals:
+        if {"mean_square", "foundation_mean", "foundation_smooth_peak"} & set(totals):
             force = foundation_force(snapshot, scene)
-            rates = {"mean_square": force**2, "foundation_mean": force}
+            rates = {"mean_square": force**2, "foundation_mean": force,
+                     "foundation_smooth_peak": force**PEAK_POWER}  # fmt: skip
+        if "sliding_power" in totals:
+            rates["sliding_power"] = _sliding_power(snapshot)
+        if "drive_power" in totals:
+            rates["drive_power"] = drive_power(snapshot, scene)
         if "winding" in totals:
             orbit = 0.0 if snapshot.contact is None else snapshot.contact.orbit_speed
             rates["winding"] = orbit / scene.drive.speed
@@ -212,9 +243,19 @@ def _problem(outputs: tuple[str, ...]) -> Problem:
             summary["penetration_ratio"] = jnp.max(seen["penetration_ratio"])
         if "impact_speed" in outputs:
             summary["impact_speed"] = jnp.max(seen["penetration_rate"])
+        if "joint_peak" in outputs:
+            force = seen["joint_force"]
+            summary["joint_peak"] = _peak(norm(Vector(force[:, 0], force[:, 1]), FORCE_WIDTH))
         return summary
 
     return Problem(initial, field, observe, summarise)
+
+
+def _sliding_power(snapshot: Snapshot) -> Scalar:
+    """F_n times the slip of the surfaces, W, whatever slip the friction law reads."""
+    contact = snapshot.contact
+    assert contact is not None and contact.surface_speed is not None
+    return contact.normal_force * jnp.abs(contact.surface_speed)
 
 
 def _peak(samples: Float[Array, " n"]) -> Scalar:

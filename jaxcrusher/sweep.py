@@ -76,7 +76,7 @@ def sweep(
     pairs = pairs.reshape(-1, 2)
     paper_scene(*pairs[0], **options)  # checks the options before anything is compiled
     scenes = jax.vmap(lambda pair: paper_scene(pair[0], pair[1], **options))(jnp.asarray(pairs))
-    function = eqx.Partial(_row, settle_turns=settle_turns, turns=turns, rtol=rtol)
+    function = eqx.Partial(statistics_row, settle_turns=settle_turns, turns=turns, rtol=rtol)
     columns = {name: np.full(len(pairs), np.nan) for name in VARIABLES}
     for rows, values in map_chunks(function, scenes, chunk):
         for name, column in columns.items():
@@ -86,15 +86,21 @@ def sweep(
     return _dataset(grid["speeds"], grid["clearances"], columns, settle_turns, turns, options)
 
 
-def _row(scene: Scene, settle_turns: int, turns: int, rtol: float) -> dict[str, jax.Array]:
-    """One design's numbers."""
-    result: Statistics = statistics(scene, settle_turns, turns, rtol=rtol)
+def statistics_row(
+    scene: Scene, settle_turns: int, turns: int, rtol: float
+) -> dict[str, jax.Array]:
+    """One design's `VARIABLES`; the contact's limits of an ideal joint are NaN, and inside."""
+    return row_of(statistics(scene, settle_turns, turns, rtol=rtol))
+
+
+def row_of(result: Statistics) -> dict[str, jax.Array]:
+    """The `VARIABLES` of one design's statistics."""
     row = {name: getattr(result, name) for name in STATISTICS}
     row |= {name: getattr(result, name) for name in ("foundation_rms_error", "whirl", "success")}
-    assert result.validity is not None
     limits = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
-    row |= {name: getattr(result.validity, name) for name in limits}
-    return row | {"inside_model": result.validity.inside, "reached": result.outcome.reached}
+    row |= {name: getattr(result.validity, name, jnp.array(jnp.nan)) for name in limits}
+    inside = jnp.array(True) if result.validity is None else result.validity.inside
+    return row | {"inside_model": inside, "reached": result.outcome.reached}
 
 
 def _dataset(speeds, clearances, columns, settle_turns, turns, options) -> xr.Dataset:

@@ -7,7 +7,9 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.chaos import Lyapunov
+from jaxcrusher.plane import Vector
 from jaxcrusher.regime import spread_trend, verdict
+from jaxcrusher.starts import shifted_start
 
 
 def lyapunov(largest, error):
@@ -58,8 +60,10 @@ def test_regimes_of_the_closing_stroke(speed, clearance, name, period):
         assert found.exponents.exponents[0] == pytest.approx(-0.498, abs=0.05)
 
 
-def test_swing_of_the_centred_start_has_not_settled():
-    found = jc.regime(jc.paper_scene(30.0, 0.06e-3), 20, 300, tangent_turns=20, rtol=1e-8)
+def test_swing_that_decays_has_not_settled():
+    # Off its rest in the bore, and without impacts: no two machines swing differently.
+    scene = shifted_start(jc.paper_scene(30.0, 0.06e-3, start="contact"), Vector(-0.2, 0.0))
+    found = jc.regime(scene, 5, 200, tangent_turns=20, rtol=1e-8)
     assert found.name == "not settled" and found.trend < -0.05, str(found)
 
 

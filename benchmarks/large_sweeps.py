@@ -1,0 +1,113 @@
+"""What a large sweep costs in time and storage, and what its bits depend on.
+
+`python -m benchmarks.large_sweeps` prints the figures of docs/large_sweeps.md, in minutes.
+"""
+
+import hashlib
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from time import perf_counter
+
+import jax
+import numpy as np
+
+import jaxcrusher as jc
+from jaxcrusher.chunks import Plan, compute_chunk, make_plan
+from jaxcrusher.provenance import machine
+from jaxcrusher.store import ChunkStore
+from jaxcrusher.sweep import LOGICAL, VARIABLES
+
+BOX = {"speed": np.linspace(25, 40, 16), "clearance": np.linspace(0.03e-3, 0.12e-3, 8)}
+DESIGNS = 128
+
+# Impacts amplify a rounding by exp(200 t): 0.4 s of them show any difference in the last bit.
+TRIAL = {"speed": [25.0, 31.0, 40.0], "clearance": [0.03e-3, 0.07e-3, 0.09e-3, 0.12e-3]}
+
+# Devices, designs a chunk, and flags of XLA besides those of `use_all_cores`.
+VARIANTS = [
+    (1, 12, ""), (1, 1, ""), (2, 12, ""), (3, 4, ""), (2, 2, ""),
+    (2, 12, "--xla_cpu_max_isa=AVX2"), (2, 12, "--xla_cpu_max_isa=SSE4_2"),
+]  # fmt: skip
+
+
+def main() -> None:
+    """Print all figures."""
+    jc.use_all_cores()
+    jax.config.update("jax_enable_x64", True)
+    print(machine())
+    print("time of a design on all cores, 5 + 10 turns:")
+    for start in ("contact", "centred"):
+        for rtol in (1e-6, 1e-9):
+            first, again = time_designs(start, rtol)
+            print(f"  {start}, rtol {rtol:g}: {1e3 * again / DESIGNS:.1f} ms, "
+                  f"and {first - again:.1f} s once for the compilation")  # fmt: skip
+    for designs in (256, 1024, 4096):
+        time_store(designs)
+    print("bits of 12 impacting designs, 2 turns (same letters: same bits):")
+    for devices, chunk, flags in VARIANTS:
+        print(f"  {devices} devices, {chunk} designs a chunk {flags}: "
+              f"{bits(devices, chunk, flags)}", flush=True)  # fmt: skip
+
+
+def time_designs(start: str, rtol: float) -> tuple[float, float]:
+    """Seconds of a chunk over the paper's box, with and without the compilation."""
+    plan = make_plan(BOX, {"start": start}, 5, 10, rtol, DESIGNS)
+    times = []
+    for _ in range(2):
+        began = perf_counter()
+        values, _ = compute_chunk(plan, 0)
+        times.append(perf_counter() - began)
+        assert values["success"].all()
+    return times[0], times[1]
+
+
+def time_store(designs: int, count: int = 20) -> None:
+    """Print what `count` chunks of random digits, which do not compress, cost to keep."""
+    plan = Plan({"load": tuple(range(count * designs))}, {}, 0, 1, 1e-9, (designs,))
+    random = np.random.default_rng(0)
+    values = {name: random.random(designs) for name in VARIABLES}
+    values |= {name: values[name] > 0.5 for name in LOGICAL}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "store"
+        with ChunkStore(path, plan, {}, {}) as store:
+            began = perf_counter()
+            for number in range(count):
+                store.write(number, values, {})
+            writing = perf_counter() - began
+        began = perf_counter()
+        with ChunkStore(path, plan, {}, {}):
+            verifying = perf_counter() - began
+        files = [file.stat() for file in path.rglob("*") if file.is_file()]
+        size, disk = sum(f.st_size for f in files), sum(512 * f.st_blocks for f in files)
+    print(f"chunks of {designs}: {size / count / designs:.0f} B a design "
+          f"({disk / count / designs:.0f} B on the disk), write {1e3 * writing / count:.0f} ms, "
+          f"verify {1e3 * verifying / count:.1f} ms, {len(files) / count:.0f} files")  # fmt: skip
+
+
+def bits(devices: int, chunk: int, flags: str) -> str:
+    """The hash of the trial's results, from a process of its own."""
+    environment = {**os.environ, "XLA_FLAGS":
+                   f"--xla_force_host_platform_device_count={devices} {flags}"}  # fmt: skip
+    done = subprocess.run([sys.executable, "-m", "benchmarks.large_sweeps", str(chunk)],
+                          env=environment, capture_output=True, text=True, check=True)  # fmt: skip
+    return done.stdout.strip()
+
+
+def trial(chunk: int) -> str:
+    """The hash of the trial's results."""
+    jc.use_all_cores()
+    jax.config.update("jax_enable_x64", True)
+    with tempfile.TemporaryDirectory() as folder:
+        grid = jc.sweep_to_store(Path(folder) / "s", TRIAL, 0, 2, chunk=chunk, rtol=1e-6)
+        digest = hashlib.sha256(b"".join(grid[name].values.tobytes() for name in VARIABLES))
+    return digest.hexdigest()[:8]
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        print(trial(int(sys.argv[1])))
+    else:
+        main()

@@ -1,0 +1,140 @@
+"""Bifurcation diagrams: section points over a parameter, swept up, down or from cold starts."""
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import equinox as eqx
+import jax
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, ArrayLike
+
+from jaxcrusher.batch import map_chunks, stack
+from jaxcrusher.chaos import detect_period
+from jaxcrusher.checks import require, require_choice, require_whole, require_x64
+from jaxcrusher.formulations import EccentricityFormulation
+from jaxcrusher.regime import NOISE, OUTPUTS, spread_trend, turn_statistics
+from jaxcrusher.scene import Scene
+from jaxcrusher.section import initial_state, poincare_section
+
+# Name -> unit and meaning of the first coordinates of a section point.
+COORDINATES = {
+    "e_x": ("1", "e_x / clearance"),
+    "e_y": ("1", "e_y / clearance"),
+    "rate_x": ("m/s", "de_x/dt"),
+    "rate_y": ("m/s", "de_y/dt"),
+}
+# Ten batches of two points: the least that shows a trend.
+LEAST_TURNS = 20
+
+
+def bifurcation(
+    scene: Callable[[float], Scene],
+    values: ArrayLike,
+    *,
+    direction: Literal["up", "down", "cold"] = "up",
+    settle_turns: int,
+    turns: int,
+    name: str = "value",
+    units: str = "1",
+    rtol: float = 1e-9,
+    chunk: int = 64,
+    progress: Callable[[int, int], None] | None = None,
+) -> xr.Dataset:
+    """Section points of `turns` turns after `settle_turns`, at each value of a parameter.
+
+    **Arguments:**
+
+    - `scene`: makes a scene with clearance and constant speed; scenes differ in numbers only.
+    - `values`: shape (n,), increasing.
+    - `direction`: `"up"` and `"down"` begin each value with the state that the last one ended
+      in (e in clearances and its rate), the first with its scene's start; `"cold"` begins each
+      with its scene's start, on all cores. Where up and down differ there is hysteresis.
+    - `settle_turns`, `turns`: >= 0 and >= 20.
+    - `name`, `units`: of the parameter, for the labels.
+    - `rtol`: as in `jaxcrusher.simulate`. `chunk`: values between two reports of progress of
+      cold starts. `progress`: called with the number of finished and of all values.
+
+    **Returns:** an `xarray.Dataset`: `e_x`, `e_y` (clearances), `rate_x`, `rate_y` (m/s) and
+    `foundation_rms` (of the turn, N) with dims `value` and `turn`; `success`, `whirl`, `settled`
+    (points that repeat, or whose spread has no trend) and `period` (turns, up to 32, 0 for none)
+    with dim `value`. Points of a failed or whirling value are NaN. A whirl is handed on; after a
+    failure the next value begins with its scene's start.
+
+    Raises ValueError for arguments out of range, and as `poincare_section` does.
+    """
+    require_x64()
+    require_choice("direction", direction, ("up", "down", "cold"))
+    require_whole("settle_turns", settle_turns, 0)
+    require_whole("turns", turns, LEAST_TURNS)
+    numbers = np.asarray(values, dtype=float)
+    good = numbers.ndim == 1 and numbers.size > 0 and bool((np.diff(numbers) > 0).all())
+    require(good, "values", "have shape (n,), n > 0, and increase", values)
+    scenes = [scene(float(number)) for number in numbers]
+    moves = all(isinstance(one.formulation, EccentricityFormulation) for one in scenes)
+    require(
+        moves, "scene", "make scenes with clearance, in the eccentricity formulation", scenes[0]
+    )
+    run = eqx.Partial(_run, settle_turns=settle_turns, turns=turns, rtol=rtol)
+    count, rows = len(scenes), [{}] * len(numbers)
+    if direction == "cold":
+        for place, found in map_chunks(run, stack(scenes), chunk):
+            for i in range(place.start, place.stop):
+                rows[i] = _row(jax.tree.map(lambda leaf, k=i - place.start: leaf[k], found), rtol)
+            if progress is not None:
+                progress(place.stop, count)
+    else:
+        order = range(count) if direction == "up" else range(count - 1, -1, -1)
+        state = None
+        for done, i in enumerate(order, 1):
+            begin = initial_state(scenes[i]) if state is None else state
+            found = run(scenes[i], begin)
+            rows[i] = _row(jax.tree.map(np.asarray, found), rtol)
+            state = found["states"][-1] if rows[i]["success"] else None
+            if progress is not None:
+                progress(done, count)
+    return _dataset(numbers, rows, name, units, direction, settle_turns)
+
+
+def _run(
+    scene: Scene, state: Array | None = None, *, settle_turns: int, turns: int, rtol: float
+) -> dict[str, Any]:
+    """Section points, the outcome, and statistics of each turn."""
+    section = poincare_section(scene, settle_turns, turns, state=state, outputs=OUTPUTS, rtol=rtol)
+    return {"states": section.states, "outcome": section.outcome, **section.values}
+
+
+def _row(found: dict[str, Any], rtol: float) -> dict[str, np.ndarray]:
+    """What the diagram holds of one value."""
+    states, success = found["states"].copy(), bool(found["outcome"].success)
+    whirl = success and bool(turn_statistics(found, found["outcome"]).whirl)
+    rms, period, settled = found["foundation_rms"].copy(), None, False
+    if whirl or not success:
+        states[:], rms[:] = np.nan, np.nan
+    else:
+        period = detect_period(states, noise=NOISE * rtol)
+        settled = period is not None or not spread_trend(states)[1]
+    row = dict(zip(COORDINATES, states.T, strict=False)) | {"foundation_rms": rms}
+    flags = {"success": success, "whirl": whirl, "settled": settled, "period": period or 0}
+    return row | {key: np.asarray(flag) for key, flag in flags.items()}
+
+
+def _dataset(numbers, rows, name, units, direction, settle_turns) -> xr.Dataset:
+    meanings = COORDINATES | {
+        "foundation_rms": ("N", "RMS of |R_O| + |R_C|"),
+        "success": ("1", "integrated to the end"),
+        "whirl": ("1", "friction whirl"),
+        "settled": ("1", "the points repeat, or their spread has no trend"),
+        "period": ("1", "turns until the points repeat, 0 if they do not"),
+    }
+    data = {}
+    for key, (unit, meaning) in meanings.items():
+        column = np.stack([row[key] for row in rows])
+        data[key] = (("value", "turn")[: column.ndim], column,
+                     {"units": unit, "long_name": meaning})  # fmt: skip
+    turns = data["e_x"][1].shape[1]
+    coordinates = {
+        "value": ("value", numbers, {"units": units, "long_name": name}),
+        "turn": ("turn", settle_turns + 1 + np.arange(turns), {"units": "1"}),
+    }
+    return xr.Dataset(data, coordinates, {"direction": direction, "settle_turns": settle_turns})

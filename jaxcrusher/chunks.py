@@ -1,0 +1,178 @@
+"""A grid of crushers cut into chunks, and the statistics of one chunk.
+
+What a chunk holds depends on its plan and number only: each design is a scalar program of its
+own numbers, run by a sequential loop, and knows neither its neighbours nor how many there are.
+"""
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from time import perf_counter
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxcrusher.batch import map_chunks
+from jaxcrusher.checks import require, require_choice, require_positive, require_whole
+from jaxcrusher.description import CHOICES, PARAMETERS, PE250X400, build_scene
+from jaxcrusher.provenance import machine
+from jaxcrusher.sweep import statistics_row
+
+# A chunk's number, its variables, and a record of how they were computed.
+Result = tuple[int, dict[str, np.ndarray], dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The grid product of `axes`, with every other parameter as in `base`.
+
+    `axes` maps names to tuples of numbers or of choices, `base` names to values. `chunk` is the
+    shape of a chunk: one choice, or some of the numbers, of each axis.
+    """
+
+    axes: dict[str, tuple]
+    base: dict[str, float | str]
+    settle_turns: int
+    turns: int
+    rtol: float
+    chunk: tuple[int, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Designs along each axis."""
+        return tuple(len(values) for values in self.axes.values())
+
+    @property
+    def chunks(self) -> tuple[int, ...]:
+        """Chunks along each axis."""
+        return tuple(-(-n // m) for n, m in zip(self.shape, self.chunk, strict=True))
+
+    def position(self, number: int) -> tuple[int, ...]:
+        """Where a chunk lies among the chunks."""
+        return tuple(int(i) for i in np.unravel_index(number, self.chunks))
+
+    def region(self, number: int) -> tuple[slice, ...]:
+        """The designs of a chunk, along each axis; the last ones may be fewer."""
+        sizes = zip(self.position(number), self.chunk, self.shape, strict=True)
+        return tuple(slice(i * m, min((i + 1) * m, n)) for i, m, n in sizes)
+
+    def size(self, number: int) -> int:
+        """The designs of a chunk."""
+        return math.prod(part.stop - part.start for part in self.region(number))
+
+    def settings(self) -> dict[str, Any]:
+        """Everything that decides the results, as JSON keeps it."""
+        axes = {name: list(values) for name, values in self.axes.items()}
+        return {
+            "order of axes": list(axes), "axes": axes, "base": self.base,
+            "settle_turns": self.settle_turns, "turns": self.turns, "rtol": self.rtol,
+            "shape of a chunk": list(self.chunk),
+        }  # fmt: skip
+
+
+def make_plan(
+    axes: Mapping[str, Any],
+    base: Mapping[str, Any],
+    settle_turns: int,
+    turns: int,
+    rtol: float,
+    designs: int,
+) -> Plan:
+    """A checked plan with at most `designs` designs a chunk.
+
+    Raises ValueError for unknown names, and for values that no crusher can be built from.
+    """
+    require(len(axes) > 0, "axes", "name at least one parameter", dict(axes))
+    require_whole("settle_turns", settle_turns, 0)
+    require_whole("turns", turns, 1)
+    require_positive("rtol", rtol, "")
+    require_whole("chunk", designs, 1)
+    varied = {name: _axis(name, values) for name, values in axes.items()}
+    fixed = {}
+    for name, value in base.items():
+        require_choice("base", name, (*PARAMETERS, *CHOICES))
+        require(name not in varied, "base", "name none of the axes", repr(name))
+        fixed[name] = value if name in CHOICES else float(_numbers(f"base[{name!r}]", value, 0))
+    fixed = {name: fixed.get(name, default) for name, default in PE250X400.items()
+             if name not in varied}  # fmt: skip
+    # All limits are intervals, and what keeps off the dead points is convex: the grid's corners
+    # speak for what lies between.
+    ends = [values if name in CHOICES else {min(values), max(values)}
+            for name, values in varied.items()]  # fmt: skip
+    for corner in itertools.product(*ends):
+        build_scene({**fixed, **dict(zip(varied, corner, strict=True))})
+    return Plan(varied, fixed, settle_turns, turns, float(rtol), _chunk_shape(varied, designs))
+
+
+def _axis(name: str, values: Any) -> tuple:
+    require_choice("axes", name, (*PARAMETERS, *CHOICES))
+    called = f"axes[{name!r}]"
+    array = np.asarray(values, object) if name in CHOICES else _numbers(called, values, 1)
+    good = array.ndim == 1 and array.size > 0
+    require(good, called, "have shape (n,), n > 0", f"of shape {array.shape}")
+    axis = tuple(array.tolist())
+    require(len(set(axis)) == len(axis), called, "hold every value once", values)
+    return axis
+
+
+def _numbers(called: str, values: Any, dimensions: int) -> np.ndarray:
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    good = array.ndim == dimensions and bool(np.all(np.isfinite(array)))
+    require(good, called, "be a finite number" if dimensions == 0 else "be a row of finite numbers",
+            repr(values))  # fmt: skip
+    return array
+
+
+def _chunk_shape(axes: dict[str, tuple], designs: int) -> tuple[int, ...]:
+    """Whole last axes as far as they fit, an even part of the next, single values before."""
+    shape = []
+    for name, values in reversed(axes.items()):
+        # Another choice is another program.
+        parts = len(values) if name in CHOICES else -(-len(values) // designs)
+        shape.append(-(-len(values) // parts))
+        designs = max(1, designs // shape[-1])
+    return tuple(reversed(shape))
+
+
+def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The variables of a chunk, each of the shape of its region, and how they were computed."""
+    started = perf_counter()
+    region = plan.region(number)
+    # A short chunk repeats its last designs, so that every chunk is the same program.
+    parts = [[axis[min(part.start + i, len(axis) - 1)] for i in range(size)]
+             for axis, part, size in zip(plan.axes.values(), region, plan.chunk, strict=True)
+             ]  # fmt: skip
+    cells = list(itertools.product(*parts))
+    # XLA opens a loop over one design, and then rounds differently: each device gets two.
+    lanes = max(len(cells), 2 * jax.device_count())
+    cells += cells[-1:] * (lanes - len(cells))
+    varied = dict(zip(plan.axes, zip(*cells, strict=True), strict=True))
+    # Numbers that do not vary are traced too: a design's bits do not depend on what varies.
+    numbers = {name: jnp.asarray(varied.get(name, [plan.base.get(name)] * len(cells)))
+               for name in PARAMETERS}  # fmt: skip
+    choices = {name: varied[name][0] if name in varied else plan.base[name] for name in CHOICES}
+    function = eqx.Partial(_design, choices=choices, settle_turns=plan.settle_turns,
+                           turns=plan.turns, rtol=plan.rtol)  # fmt: skip
+    ((_, rows),) = map_chunks(function, numbers, lanes)
+    size = math.prod(plan.chunk)
+    kept = tuple(slice(part.stop - part.start) for part in region)
+    values = {name: column[:size].reshape(plan.chunk)[kept] for name, column in rows.items()}
+    record = {
+        "machine": machine(),
+        "designs": plan.size(number),
+        "seconds": round(perf_counter() - started, 3),
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+    return values, record
+
+
+def _design(numbers, choices, settle_turns, turns, rtol):
+    return statistics_row(build_scene({**numbers, **choices}), settle_turns, turns, rtol)

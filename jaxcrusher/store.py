@@ -1,0 +1,201 @@
+"""A Zarr store that a sweep fills chunk by chunk, and that a killed run leaves whole.
+
+A chunk of the sweep is one Zarr chunk, one file, of each variable. Its marker, a small JSON file
+with the files' checksums, is put in place after them by an atomic rename: without a marker
+the chunk does not exist, whatever lies in the store.
+"""
+
+import hashlib
+import json
+import math
+import os
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+
+from jaxcrusher.chunks import Plan
+from jaxcrusher.description import PARAMETERS
+from jaxcrusher.durable import broken, checksum, lock, named, replace
+from jaxcrusher.sweep import LOGICAL, VARIABLES
+
+_SIDE = ".sweep"  # the folder of settings, markers and the lock, inside the store
+
+
+class ChunkStore:
+    """A locked store, its settings compared and its finished chunks verified.
+
+    Raises RuntimeError if another run holds the store or something finished is corrupt,
+    ValueError if the store was made with other settings, and OSError if it cannot be written.
+    """
+
+    def __init__(self, path: Path, plan: Plan, settings: dict[str, Any], attributes: dict):
+        self.path, self._plan = path, plan
+        self._digest = hashlib.sha256(_json(settings)).hexdigest()
+        side = path / _SIDE
+        if path.is_file() or (path.is_dir() and not side.is_dir() and any(path.iterdir())):
+            raise ValueError(
+                f"Argument `store` must be new or a sweep's store, but {path} is neither."
+            )
+        with named(f"The store {path} could not be made"):
+            (side / "done").mkdir(parents=True, exist_ok=True)
+            self._lock = lock(side / "lock", f"The store {path}")
+            try:
+                # What a killed run left half written.
+                for leftover in path.rglob("*.partial"):
+                    leftover.unlink()
+                if not (side / "settings.json").exists():
+                    self._create(settings, attributes)
+                self._check_settings(settings)
+                self.done = self._verified()
+            except BaseException:
+                self.close()
+                raise
+
+    def close(self) -> None:
+        """Give the lock back."""
+        os.close(self._lock)
+
+    def __enter__(self) -> "ChunkStore":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def write(self, number: int, values: dict[str, np.ndarray], record: dict[str, Any]) -> None:
+        """Write a chunk and then its marker; an OSError names the chunk."""
+        key = self._key(number)
+        what = (f"Chunk {key} of {self.path} could not be written; the {len(self.done)} finished "
+                "chunks are safe")  # fmt: skip
+        with named(what):
+            group = zarr.open_group(self.path, mode="r+")
+            # Also chunks that are all False: every finished chunk has all its files.
+            with zarr.config.set({"array.write_empty_chunks": True}):
+                for name in VARIABLES:
+                    group[name][self._plan.region(number)] = values[name]  # pyright: ignore
+            marker = {"settings": self._digest, "sha256": self._checksums(number), **record}
+            replace(self._marker(number), _json(marker))
+        self.done.add(number)
+
+    def _key(self, number: int) -> str:
+        return ".".join(str(i) for i in self._plan.position(number))
+
+    def _marker(self, number: int) -> Path:
+        return self.path / _SIDE / "done" / f"{self._key(number)}.json"
+
+    def _checksums(self, number: int) -> dict[str, str]:
+        """The checksums of a chunk's files, which are on the disk when this returns."""
+        names = [f"{name}/c.{self._key(number)}" for name in VARIABLES]
+        return {name: checksum(self.path / name, sync=True) for name in names}
+
+    def _verified(self) -> set[int]:
+        """The finished chunks, each file read and compared with its checksum."""
+        done, corrupt = set(), []
+        for number in range(math.prod(self._plan.chunks)):
+            marker = self._marker(number)
+            if not marker.exists():
+                continue
+            fault = self._fault(marker)
+            done.add(number)
+            if fault:
+                corrupt.append(f"chunk {self._key(number)} ({fault}; delete {marker})")
+        if corrupt:
+            raise RuntimeError(
+                f"{len(corrupt)} of {len(done)} finished chunks of {self.path} are corrupt: "
+                f"{', '.join(corrupt)}. Delete what is named and start again: nothing else is "
+                "computed again."
+            )
+        return done
+
+    def _fault(self, marker: Path) -> str:
+        try:
+            kept = json.loads(marker.read_bytes())
+            checksums, digest = dict(kept["sha256"]), kept["settings"]
+        except (ValueError, KeyError, TypeError):
+            return "its marker is not readable"
+        if digest != self._digest:
+            return "its marker belongs to other settings"
+        return broken(self.path, checksums)
+
+    def _create(self, settings: dict[str, Any], attributes: dict[str, Any]) -> None:
+        """Metadata and coordinates, made aside and moved in; settings.json says all are there."""
+        plan, side = self._plan, self.path / _SIDE
+        made = side / "new"
+        group = zarr.create_group(made, overwrite=True, zarr_format=3, attributes=attributes)
+        for name, axis in plan.axes.items():
+            described = PARAMETERS.get(name)
+            labels: dict[str, Any] = (
+                {"long_name": described.meaning, "units": described.unit} if described else {}
+            )
+            array = group.create_array(
+                name, shape=(len(axis),), dtype="float64" if described else "str",
+                chunks=(len(axis),), dimension_names=(name,), attributes=labels,
+            )  # fmt: skip
+            array[:] = np.array(axis, dtype=float if described else object)
+        for name, (unit, meaning) in VARIABLES.items():
+            logical = name in LOGICAL
+            group.create_array(
+                name, shape=plan.shape, chunks=plan.chunk, dtype="bool" if logical else "float64",
+                fill_value=False if logical else np.nan, dimension_names=tuple(plan.axes),
+                chunk_key_encoding={"name": "default", "separator": "."},
+                attributes={"units": unit, "long_name": meaning},
+            )  # fmt: skip
+        with warnings.catch_warnings():
+            # Consolidated metadata is not yet in the text of Zarr 3; xarray asks for it.
+            warnings.simplefilter("ignore")
+            zarr.consolidate_metadata(made)
+        files = [file for file in sorted(made.rglob("*")) if file.is_file()]
+        checksums = {}
+        for file in files:
+            name = str(file.relative_to(made))
+            checksums[name] = checksum(file, sync=True)
+            (self.path / name).parent.mkdir(parents=True, exist_ok=True)
+            os.replace(file, self.path / name)
+        kept = {"settings": settings, "sha256": checksums}
+        replace(side / "settings.json", _json(kept))
+
+    def _check_settings(self, settings: dict[str, Any]) -> None:
+        file = self.path / _SIDE / "settings.json"
+        try:
+            kept = json.loads(file.read_bytes())
+            fault = broken(self.path, dict(kept["sha256"]))
+            before = _flat(kept["settings"])
+        except (ValueError, KeyError, TypeError, AttributeError):
+            fault, before = "its settings are not readable", {}
+        if fault:
+            raise RuntimeError(
+                f"The store {self.path} is corrupt ({fault}). Delete {file} and start again: it is "
+                "written anew, and no finished chunk is computed again."
+            )
+        now = _flat(json.loads(_json(settings)))
+        names = [name for name in {**before, **now} if before.get(name) != now.get(name)]
+        if names:
+            different = "; ".join(
+                f"{name}: {_short(before.get(name))} there, {_short(now.get(name))} here"
+                for name in names
+            )
+            raise ValueError(
+                f"Argument `store` must hold a sweep of the same settings, but in {self.path} "
+                f"differ {different}."
+            )
+
+
+def _json(content: dict[str, Any]) -> bytes:
+    return json.dumps(content, indent=1).encode()
+
+
+def _flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings by dotted names."""
+    flat = {}
+    for name, value in settings.items():
+        flat |= (
+            _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
+        )
+    return flat
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:28]} ... {text[-28:]}"

@@ -1,0 +1,112 @@
+"""A motion with its derivatives by its state and by parameters, slice by slice of a turn.
+
+One compiled turn serves Lyapunov exponents, tangents over any horizon, the slope along a
+periodic orbit and shadowing: they are sums and products of the same matrices.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
+
+from jaxcrusher.scene import Scene
+from jaxcrusher.section import advance, whole
+from jaxcrusher.simulate import integration
+
+Build = Callable[[Array], Scene]
+
+# Slices of a turn between two orthonormalisations: exponents reach 14 a turn.
+SLICES = 8
+
+
+class Tangents(eqx.Module):
+    """Consecutive slices: state x, parameters p, and m, the statistic of each slice alone.
+
+    NaN from a failure on.
+    """
+
+    state: Float[np.ndarray, " dims"]  # at the end
+    jacobians: Float[np.ndarray, "slices dims dims"]  # dx_after / dx_before
+    forcing: Float[np.ndarray, "slices dims n"]  # dx_after / dp
+    values: Float[np.ndarray, " slices"]  # m
+    by_state: Float[np.ndarray, "slices dims"]  # dm / dx_before
+    by_parameter: Float[np.ndarray, "slices n"]  # dm / dp
+
+
+def tangents(
+    build: Build, point: Float[Array, " n"], metric: str, state: Float[ArrayLike, " dims"],
+    turns: int, rtol: float,
+) -> Tangents:  # fmt: skip
+    """Of `turns` turns of the scene `build(point)` from the section point `state`.
+
+    The tangents are integrated beside the motion, under the same tolerance. Every call runs the
+    same compiled turn, whatever its length, tolerance, state and point.
+    """
+    scene = build(point)
+    like, state = scene.formulation.initial(scene), jnp.asarray(state)
+    parts = []
+    for _ in range(turns):
+        state, *part = _turn(build, point, state, like, jnp.asarray(rtol, dtype=float), metric)
+        parts.append(part)
+    return Tangents(np.asarray(state), *(np.concatenate(leaf) for leaf in zip(*parts, strict=True)))
+
+
+@eqx.filter_jit
+def _turn(
+    build: Build, point: Array, state: Array, like: PyTree[Scalar], rtol: Scalar, metric: str
+):
+    span = 2 * jnp.pi / SLICES
+    dims, (_, unravel) = state.size, ravel_pytree(like)
+
+    def one(state, angle):
+        def after(both):
+            scene = build(both[dims:])
+            method = integration(scene, rtol, None, None, None, None, 1e-5)
+            end, values, _ = advance(scene, unravel(both[:dims]), angle, span, method, (metric,))
+            end = jnp.append(ravel_pytree(end)[0], values[metric])
+            return end, end
+
+        by_both, end = jax.jacfwd(after, has_aux=True)(jnp.concatenate([state, point]))
+        matrix, forcing = by_both[:dims, :dims], by_both[:dims, dims:]
+        return end[:dims], (matrix, forcing, end[dims], by_both[dims, :dims], by_both[dims, dims:])
+
+    state, parts = jax.lax.scan(one, state, span * jnp.arange(SLICES))
+    return state, *parts
+
+
+def chain(parts: Tangents) -> tuple[np.ndarray, np.ndarray]:
+    """Derivatives of the state at the end by that at the beginning, and by the parameters."""
+    matrix, forcing = np.eye(parts.jacobians.shape[1]), np.zeros(parts.forcing.shape[1:])
+    for jacobian, shift in zip(parts.jacobians, parts.forcing, strict=True):
+        matrix, forcing = jacobian @ matrix, jacobian @ forcing + shift
+    return matrix, forcing
+
+
+def changes(parts: Tangents, moved: Float[np.ndarray, "dims n"]) -> Float[np.ndarray, "slices n"]:
+    """dm/dp of each slice, if dx/dp is `moved` at the beginning.
+
+    Not finite where a tangent has left the range of floats.
+    """
+    found = np.empty_like(parts.by_parameter)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for i, jacobian in enumerate(parts.jacobians):
+            found[i] = parts.by_state[i] @ moved + parts.by_parameter[i]
+            moved = jacobian @ moved + parts.forcing[i]
+    return found
+
+
+def weights(metric: str, values: Float[np.ndarray, " slices"]) -> Float[np.ndarray, " slices"]:
+    """The derivative of the statistic over all slices by that of each."""
+    return np.asarray(jax.grad(lambda values: whole(metric, values))(jnp.asarray(values)))
+
+
+def combine(
+    metric: str, values: Float[np.ndarray, " slices"], changes: Float[np.ndarray, "slices n"]
+) -> Float[np.ndarray, " n"]:
+    """Slopes of the statistic over all slices."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return weights(metric, values) @ changes

@@ -1,0 +1,77 @@
+"""Diagrams on a range with one orbit, a state that is handed on, values that are no points."""
+
+import diffrax
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.bifurcation import _row, bifurcation
+from jaxcrusher.integrate import RESULTS, Outcome
+from jaxcrusher.section import initial_state
+
+# With the closing stroke's load one orbit of period 1, with an exponent of -0.5 a turn: 30 turns
+# leave exp(-15) of a start. (At 35.1 rad/s the period has doubled.)
+SPEEDS = [34.9, 34.95, 35.0]
+COUNTS = {"settle_turns": 30, "turns": 20}
+KEYS = ["e_x", "e_y", "rate_x", "rate_y"]
+
+
+def scene(speed):
+    return jc.paper_scene(speed, 0.12e-3, load="closing_stroke")
+
+
+def broken(speed):
+    gravity = jnp.array(jnp.nan if speed == 34.95 else 9.81)
+    return eqx.tree_at(lambda s: s.machine.gravity, scene(speed), gravity)
+
+
+def points(diagram, speed):
+    return np.stack([diagram[key].sel(value=speed).to_numpy() for key in KEYS], axis=-1)
+
+
+def test_directions_agree_on_a_quiet_range_and_hand_the_state_on():
+    up, down, cold = (
+        bifurcation(scene, SPEEDS, direction=one, name="speed", units="rad/s", **COUNTS)
+        for one in ("up", "down", "cold")
+    )
+    assert up.sizes == {"value": 3, "turn": 20} and up.value.units == "rad/s"
+    for one in (up, down, cold):
+        assert one.success.all() and (one.period == 1).all() and not one.whirl.any()
+        for speed in SPEEDS:
+            # The tolerance is 1e-9, and some thousand steps lie in an orbit's memory.
+            apart = points(one, speed)[-1] - points(cold, speed)[-1]
+            assert np.abs(apart).max() < 1e-5
+    state = jnp.asarray(points(up, 34.9)[-1])
+    outputs = ("foundation_rms", "contact_fraction", "winding")
+    further = jc.poincare_section(scene(34.95), 30, 20, state=state, outputs=outputs)
+    np.testing.assert_array_equal(points(up, 34.95), further.states)
+    assert np.abs(points(up, 34.95)[0] - points(cold, 34.95)[0]).max() > 1e-9
+
+    # A failure is no point, and the next value starts afresh.
+    found = bifurcation(broken, SPEEDS, **COUNTS)
+    assert list(found.success.values) == [True, False, True]
+    assert np.isnan(points(found, 34.95)).all() and not found.settled.sel(value=34.95)
+    start = initial_state(scene(35.0))
+    fresh = jc.poincare_section(scene(35.0), 30, 20, state=start, outputs=outputs)
+    np.testing.assert_array_equal(points(found, 35.0), fresh.states)
+
+
+def test_a_whirl_is_no_point():
+    turns = np.ones(20)
+    outcome = Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.array(0))
+    found = {"states": np.zeros((20, 4)), "outcome": outcome, "foundation_rms": turns,
+             "contact_fraction": turns, "winding": -100 * turns}  # fmt: skip
+    row = _row(found, 1e-9)
+    assert row["whirl"] and np.isnan(row["e_x"]).all() and np.isnan(row["foundation_rms"]).all()
+    assert not _row(found | {"winding": turns}, 1e-9)["whirl"]
+
+
+def test_bad_arguments():
+    with pytest.raises(ValueError, match=r"^Argument `values` must have shape \(n,\), n > 0, and"):
+        bifurcation(scene, [35.0, 34.0], settle_turns=1, turns=20)
+    with pytest.raises(ValueError, match=r"^Argument `turns` must be a whole number >= 20"):
+        bifurcation(scene, [35.0], settle_turns=1, turns=5)
+    with pytest.raises(ValueError, match=r"^Argument `scene` must make scenes with clearance"):
+        bifurcation(jc.ideal_scene, [35.0], settle_turns=1, turns=20)

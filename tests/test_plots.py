@@ -1,0 +1,262 @@
+"""What is drawn is what was given: the artists' data, never pixels."""
+
+from functools import cache
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.animation import FFMpegWriter
+from matplotlib.collections import QuadMesh
+from matplotlib.patches import Circle, Polygon
+from matplotlib.quiver import Quiver
+from PIL import Image
+
+import jaxcrusher as jc
+from jaxcrusher import plots
+from jaxcrusher.animation import animate
+from jaxcrusher.drawing import DRAWN, FORCES, plot_mechanism
+from jaxcrusher.observables import OBSERVABLES
+from jaxcrusher.plane import Vector
+from jaxcrusher.section import Section
+from jaxcrusher.simulate import OUTPUTS, Trajectory
+from jaxcrusher.starts import Given
+
+TIMES = np.linspace(0, 0.2, 9)
+
+
+@pytest.fixture(autouse=True)
+def close_figures():
+    yield
+    plt.close("all")
+
+
+@cache
+def drawn(name):
+    """A scene and, without an integration, its motion: the ideal joint's, or the start's alone."""
+    if name == "ideal":
+        scene, times = jc.ideal_scene(30.0), jnp.asarray(TIMES)
+    else:
+        scene, times = jc.paper_scene(30.0, 0.06e-3), jnp.zeros(1)
+        # In contact: |e| = 1.024 c.
+        start = Given(Vector(0.6, 0.83), Vector(0.1, -0.2))
+        scene = eqx.tree_at(lambda s: s.start, scene, start)
+
+    @eqx.filter_jit
+    def observe(scene, times):
+        def at(time):
+            s = scene.formulation.snapshot(time, scene.formulation.initial(scene), scene)
+            return {name: OBSERVABLES[name](s, scene) for name in DRAWN}
+
+        return jax.vmap(at)(times)
+
+    return scene, Trajectory(times, None, **observe(scene, times))
+
+
+both = pytest.mark.parametrize("name", ["ideal", "clearance"])
+
+
+@both
+def test_positions_are_those_of_the_linkage(name):
+    """Links keep their lengths, S2 lies where (Table 2) the jaw's angle puts it."""
+    scene, motion = drawn(name)
+    m, pin, elbow = scene.machine, np.asarray(motion.pin_position), np.asarray(motion.jaw_position)
+    bearing = np.array([float(m.bearing.x), float(m.bearing.y)])
+    arm = pin - bearing
+    angle = 30.0 * np.asarray(motion.time)
+    # Sums of numbers of order one.
+    np.testing.assert_allclose(arm, 0.01 * np.stack([np.cos(angle), np.sin(angle)], 1), atol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(elbow, axis=1), 0.3, rtol=1e-14)
+    jaw = pin - np.asarray(motion.eccentricity) - elbow
+    np.testing.assert_allclose(np.linalg.norm(jaw, axis=1), 0.695, rtol=1e-14)
+    tilt = np.arctan2(-jaw[:, 0], jaw[:, 1]) + np.radians(15)
+    centre = elbow + jaw + 0.3 * np.stack([np.sin(tilt), -np.cos(tilt)], 1)
+    np.testing.assert_allclose(motion.jaw_mass_centre, centre, atol=1e-14)
+    np.testing.assert_allclose(motion.crushing_load, -8.8e3 * jaw / 0.695, rtol=1e-12)
+
+
+def arrows(ax):
+    """Force -> where its arrow ends at the mechanism, its direction, N a length."""
+    found = [c for c in ax.collections if isinstance(c, Quiver)]
+    assert len(found) == len(FORCES)
+    return dict(zip(FORCES, found, strict=True))
+
+
+@both
+def test_mechanism_is_to_scale(name):
+    scene, motion = drawn(name)
+    instant = len(motion.time) // 2
+    ax = plot_mechanism(scene, motion, instant)
+    assert ax.get_aspect() == 1
+    pin, elbow = motion.pin_position[instant], motion.jaw_position[instant]
+    forces = arrows(ax)
+    places = {"bearing_reaction": [0.64 * np.sin(np.pi / 8), 0.64 * np.cos(np.pi / 8)],
+              "toggle_reaction": [0, 0], "joint_force": pin,
+              "crushing_load": motion.jaw_mass_centre[instant]}  # fmt: skip
+    assert len({arrow.scale for arrow in forces.values()}) == 1
+    for name, arrow in forces.items():
+        np.testing.assert_allclose(arrow.get_offsets()[0], places[name], atol=1e-15)
+        force = getattr(motion, name)[instant]
+        np.testing.assert_array_equal([arrow.U[0], arrow.V[0]], force)
+        # The longest arrow is shorter than the drawing, and longer than nothing.
+        assert np.linalg.norm(force) / arrow.scale <= 0.4 * 0.695 * (1 + 1e-12)
+    circles = [p for p in ax.patches if isinstance(p, Circle)]
+    assert {tuple(np.asarray(c.center)) for c in circles} == {tuple(map(float, pin)),
+                                                              tuple(map(float, elbow))}  # fmt: skip
+    jaw, toggle = (p.get_xy() for p in ax.patches if isinstance(p, Polygon) and not p.get_hatch())
+    # The toggle's rectangle runs from C to B.
+    np.testing.assert_allclose(toggle[[0, 3]].mean(0), 0, atol=1e-15)
+    np.testing.assert_allclose(toggle[[1, 2]].mean(0), elbow, atol=1e-15)
+    # The face is parallel to A-B.
+    face, axis = jaw[4] - jaw[3], np.asarray(pin - elbow)
+    assert abs(face[0] * axis[1] - face[1] * axis[0]) < 1e-12
+    scale = {text.get_text() for key in ax.artists for text in [key.text]}
+    assert len(scale) == 1 and scale.pop().endswith(" kN")
+
+
+def test_clearance_is_magnified():
+    scene, motion = drawn("clearance")
+    ax = plot_mechanism(scene, motion)
+    (inset,) = ax.child_axes
+    bore, _, pin = inset.patches
+    times = float(inset.get_title().split()[-1])
+    # Drawn with the bore's radius as the unit.
+    magnified = times * np.asarray(motion.eccentricity[0]) / 0.13
+    np.testing.assert_allclose(pin.center, magnified, rtol=1e-12)
+    assert bore.radius - pin.radius == pytest.approx(times * 0.06e-3 / 0.13, rel=1e-12)
+    (force,) = (c for c in inset.collections if isinstance(c, Quiver))
+    np.testing.assert_array_equal([force.U[0], force.V[0]], motion.joint_force[0])
+    assert not plot_mechanism(*drawn("ideal")).child_axes
+
+
+def test_film_has_a_picture_for_every_time(tmp_path):
+    scene, turn = drawn("ideal")
+    few = [0, 2, 4]
+    animate(scene, turn, tmp_path / "turn.gif", instants=few, dpi=30)
+    with Image.open(tmp_path / "turn.gif") as film:
+        assert film.n_frames == 3
+        shown = []
+        for i in range(3):
+            film.seek(i)
+            shown.append(np.asarray(film.convert("L"), dtype=float))
+    assert np.abs(shown[1] - shown[0]).max() > 50 < np.abs(shown[2] - shown[1]).max()
+    animate(scene, turn, tmp_path / "turn.html", instants=few, dpi=30)
+    assert (tmp_path / "turn.html").read_text().count("data:image/png;base64") == 3
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["turn.gif", "turn.html"]
+    assert not plt.get_fignums()
+
+
+def test_film_without_ffmpeg_or_of_another_kind(tmp_path, monkeypatch):
+    scene, turn = drawn("ideal")
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", lambda: False)
+    with pytest.raises(ValueError, match=r"^Argument `path` must end in .*ffmpeg.*, but is .mp4.$"):
+        animate(scene, turn, tmp_path / "turn.mp4")
+    with pytest.raises(
+        ValueError, match=r"^Argument `path` must be one of '.gif', '.html', '.mp4'"
+    ):
+        animate(scene, turn, tmp_path / "turn.avi")
+    with pytest.raises(ValueError, match=r"^Argument `frames_per_second` must be a whole number"):
+        animate(scene, turn, tmp_path / "turn.gif", frames_per_second=0)
+
+
+def test_what_cannot_be_drawn():
+    scene, turn = drawn("ideal")
+    part = Trajectory(turn.time, None, pin_position=turn.pin_position)
+    for motion, instant, name in ((part, 0, "trajectory"), (turn, len(TIMES), "instant")):
+        with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
+            plot_mechanism(scene, motion, instant)
+        assert "\n" not in str(error.value)
+
+
+def grid():
+    """Two speeds, three clearances; a failed cell, a whirl, one outside the contact model."""
+    dims = ("speed", "clearance")
+    cells = {
+        "foundation_rms": [[1e4, 2e4, np.nan], [3e4, 5e6, 4e4]],
+        "success": [[1, 1, 0], [1, 1, 1]],
+        "whirl": [[0, 0, 0], [0, 1, 0]],
+        "inside_model": [[1, 1, 0], [1, 0, 0]],
+    }
+    data = xr.Dataset({name: (dims, np.array(values)) for name, values in cells.items()},
+                      {"speed": [25.0, 30.0], "clearance": [3e-5, 6e-5, 9e-5]})  # fmt: skip
+    data.foundation_rms.attrs = {"units": "N", "long_name": "RMS of |R_O| + |R_C|"}
+    return data
+
+
+@pytest.mark.parametrize("logical", [bool, "int8"])
+def test_map_says_what_its_cells_are(logical):
+    data = grid()
+    names = ["success", "whirl", "inside_model"]
+    data = data.assign({name: data[name].astype(logical) for name in names})
+    ax = plots.plot_sweep(data)
+    mesh = next(c for c in ax.collections if isinstance(c, QuadMesh))
+    expected = [[10, 30], [20, np.nan], [np.nan, 40]]
+    np.testing.assert_array_equal(mesh.get_array().filled(np.nan), expected)
+    legend = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert legend == ["failed", "friction whirl", "outside the contact model"]
+    marked = {}
+    for hatched in ax.collections:
+        if hatched.get_label() in legend:
+            cells = ~np.ma.getmaskarray(hatched.get_array()).reshape(3, 2)
+            marked[hatched.get_label()] = [tuple(cell) for cell in np.argwhere(cells)]
+            assert hatched.get_hatch()
+    # (clearance, speed)
+    assert marked == {"failed": [(2, 0)], "friction whirl": [(1, 1)],
+                      "outside the contact model": [(2, 1)]}  # fmt: skip
+    assert ax.figure.axes[1].get_ylabel() == "RMS of $|R_O| + |R_C|$ (kN)"
+
+
+def test_map_without_marks_has_no_legend():
+    assert plots.plot_landscape(grid().foundation_rms).get_legend() is None
+    with pytest.raises(ValueError, match=r"^Argument `marks` must be at most 6"):
+        plots.plot_landscape(grid().foundation_rms, marks={str(i): grid().whirl for i in range(7)})
+
+
+def test_lines_hold_the_data():
+    fig, (orbit, force, spectrum, section) = plt.subplots(1, 4)
+    motion = Trajectory(jnp.arange(3.0), None, eccentricity=jnp.array([[0, 1], [2, 3], [4, 5]]),
+                        foundation_force=jnp.array([1e3, 2e3, 3e3]))  # fmt: skip
+    assert plots.plot_orbit(motion, 2.0, orbit) is orbit
+    np.testing.assert_allclose(np.hypot(*orbit.lines[0].get_data()), 2e3, rtol=1e-12)
+    np.testing.assert_array_equal(orbit.lines[1].get_xydata(), 1e3 * motion.eccentricity)
+    assert plots.plot_force(motion, motion, force) is force
+    for line in force.lines:
+        np.testing.assert_array_equal(line.get_ydata(), [1, 2, 3])
+    # Not by colour alone.
+    assert force.lines[0].get_linestyle() != force.lines[1].get_linestyle()
+    plots.plot_spectrum([0.0, 1.0, 2.0], [9.0, 4.0, 1.0], "N", spectrum, turn_frequency=1.5)
+    np.testing.assert_array_equal(spectrum.lines[0].get_xydata(), [[1, 4], [2, 1]])
+    states = np.arange(12.0).reshape(3, 4)
+    plots.plot_section(Section(states, None, None, {}), (1, 3), section)
+    np.testing.assert_array_equal(section.lines[0].get_xydata(), states[:, [1, 3]])
+    assert section.get_xlabel() == "$e_y / c$" and section.get_ylabel() == r"$\dot e_y$ (m/s)"
+    fig.canvas.draw()
+
+
+def test_bifurcation_diagram():
+    values = np.arange(12.0).reshape(2, 3, 2)
+    diagram = xr.DataArray(
+        values, dims=("direction", "speed", "turn"),
+        coords={"direction": ["up", "down"], "speed": [25.0, 26.0, 27.0]},
+        attrs={"long_name": "eccentricity"},
+    )  # fmt: skip
+    diagram.speed.attrs["units"] = "rad/s"
+    ax = plots.plot_bifurcation(diagram)
+    assert ax.get_xlabel() == "speed (rad/s)" and ax.get_ylabel() == "eccentricity"
+    for line, name, points in zip(ax.lines, ("up", "down"), values, strict=True):
+        assert line.get_label() == name
+        np.testing.assert_array_equal(line.get_xdata(), [25, 25, 26, 26, 27, 27])
+        np.testing.assert_array_equal(line.get_ydata(), points.ravel())
+    assert len({line.get_marker() for line in ax.lines}) == 2
+    single = plots.plot_bifurcation(diagram.sel(direction="up", drop=True))
+    assert len(single.lines) == 1 and single.get_legend() is None
+
+
+def test_all_that_is_drawn_can_be_simulated():
+    assert set(DRAWN) <= set(OUTPUTS)
