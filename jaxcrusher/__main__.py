@@ -1,0 +1,59 @@
+"""`python -m jaxcrusher`: simulate, sweep, classify and differentiate a crusher."""
+
+import sys
+from collections.abc import Sequence
+from typing import Annotated
+
+import jax
+import matplotlib
+import tyro
+from rich.console import Console
+from rich.markup import escape
+
+import jaxcrusher as jc
+from jaxcrusher.commands.gradient import Gradient
+from jaxcrusher.commands.regimes import Regimes
+from jaxcrusher.commands.simulate import Simulate
+from jaxcrusher.commands.sweep import Sweep
+
+Command = (
+    Annotated[Simulate, tyro.conf.subcommand("simulate")]
+    | Annotated[Sweep, tyro.conf.subcommand("sweep")]
+    | Annotated[Regimes, tyro.conf.subcommand("regimes")]
+    | Annotated[Gradient, tyro.conf.subcommand("gradient")]
+)
+
+
+def parse(arguments: Sequence[str] | None = None) -> Simulate | Sweep | Regimes | Gradient:
+    """The command with its options, of `sys.argv` if none are given."""
+    return tyro.cli(
+        Command,  # pyright: ignore
+        prog="python -m jaxcrusher",
+        description="Simulate a jaw crusher whose main bearing has clearance.",
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+    )
+
+
+def main() -> None:
+    """Entry point of the command line: 0, 1 for a failed run, 2 for an error, 130 for Ctrl-C."""
+    matplotlib.use("Agg")
+    jc.use_all_cores()
+    jax.config.update("jax_enable_x64", True)
+    command = parse()
+    errors = Console(stderr=True)
+    try:
+        sys.exit(command.run(Console()))
+    except (ValueError, RuntimeError, OSError, ImportError) as error:
+        line = escape(" ".join(str(error).split()))
+        errors.print(f"[red]error:[/] {line}", highlight=False, soft_wrap=True)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        path = command.results.path
+        kept = f"what was finished is in {path}/" if path.exists() else "nothing was written"
+        errors.print(f"interrupted: {kept}", highlight=False, soft_wrap=True)
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The jobs of `python -m jaxcrusher`, one module a command."""

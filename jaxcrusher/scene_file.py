@@ -1,0 +1,192 @@
+"""A crusher from a TOML file: numbers in SI units, or quantities with a unit, checked by name.
+
+```toml
+speed = "286 rpm"
+clearance = "0.06 mm"
+start = "contact"
+
+[jaw]
+mass = 524.0  # kg
+```
+
+Keys and tables are the names of `jaxcrusher.PARAMETERS` and `jaxcrusher.CHOICES`; one that is
+missing takes the paper's value.
+"""
+
+import re
+import tomllib
+from collections.abc import Iterator
+from decimal import Decimal
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pint
+
+from jaxcrusher.checks import require_choice
+from jaxcrusher.description import CHOICES, PARAMETERS, PE250X400, build_scene, check_number
+
+_TABLES = tuple(dict.fromkeys(name.partition(".")[0] for name in PARAMETERS if "." in name))
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_QUANTITY = re.compile(rf"\s*((?>{_NUMBER}))\s*(.+)")
+# Names with one digit of exponent, "m2", "m^2", "m**2", "s-1", and between them *, /, · or a space.
+_FACTOR = r"(?:[^\W\d_]+|%|°)(?:(?:\^|\*\*)?-?\d)?"
+_UNIT = re.compile(rf"(?:1\s*/\s*)?{_FACTOR}(?:\s*[\s*/·]\s*{_FACTOR})*")
+_EXPONENT = re.compile(r"(?<=[^\W\d_])(-?\d)")
+
+
+def read_scene_file(path: Path | str) -> dict[str, float | str]:
+    """The values for `jaxcrusher.build_scene` in a TOML file, numbers in SI units.
+
+    Raises ValueError of one line, with the file and the key, for a file that cannot be read or is
+    not TOML, a key that is unknown, a wrong type or unit, a number outside its limits, an unknown
+    choice, and a crusher that does not assemble.
+    """
+    path = Path(path)
+    try:
+        entries = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read: {error.strerror}.") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: must be UTF-8 text, but byte {error.start} is not.") from None
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: is not TOML: {error}.") from None
+    values: dict[str, float | str] = {}
+    try:
+        for name, value in _flatten(entries):
+            if name in values:
+                raise ValueError(f"Argument `{name}` must be given once, but is given twice.")
+            values[name] = read_value(name, value)
+        build_scene(values)
+    except ValueError as error:
+        raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
+    return values
+
+
+def read_value(name: str, value: Any) -> float | str:
+    """One value by its dotted name, as TOML has it: a number in SI units, a quantity, a choice.
+
+    Raises ValueError as `read_scene_file` does.
+    """
+    if name in CHOICES:
+        require_choice(name, value, CHOICES[name])
+        return value
+    require_parameter(name)
+    parameter = PARAMETERS[name]
+    if isinstance(value, str):
+        number = to_si(name, value)
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        number = float(str(value))  # infinite if a whole number is too large for a float
+    else:
+        kind = "table" if isinstance(value, dict) else type(value).__name__
+        raise ValueError(
+            f"Argument `{name}` must be a number in {parameter.unit} or a quoted quantity, but is "
+            f"a {kind}."
+        )
+    check_number(name, number)
+    return float(number)
+
+
+def read_text(name: str, text: str) -> float | str:
+    """One value of a command line: as `read_value`, but a number needs no unit, nor quotes.
+
+    Raises ValueError as `read_scene_file` does.
+    """
+    try:
+        return read_value(name, float(text))
+    except ValueError:
+        if name in PARAMETERS and re.fullmatch(_NUMBER, text):
+            raise
+    return read_value(name, text)
+
+
+def require_parameter(name: str) -> None:
+    """ValueError, with near misses, for a name that is not of `jaxcrusher.PARAMETERS`."""
+    if name in CHOICES:
+        raise ValueError(f"Argument `{name}` must be a number's key, but is a choice's.")
+    if name not in PARAMETERS:
+        raise ValueError(f"Argument `{name}` must be a known key, but is not{_suggestion(name)}")
+
+
+def to_si(name: str, text: str) -> float:
+    """A quantity such as "0.06 mm" in the SI unit of the parameter `name`.
+
+    Raises ValueError for no unit, an unknown one, and one of another kind. Angles are a kind of
+    their own: "5 Hz" may mean turns or radians.
+    """
+    unit = PARAMETERS[name].unit
+    match = _QUANTITY.fullmatch(text)
+    if match is None:
+        why = "has no unit" if re.fullmatch(rf"\s*{_NUMBER}\s*", text) else "is none"
+        examples = {"rad/s": "286 rpm", "rad": "22.5 deg", "1": "10 %"}
+        raise ValueError(
+            f"Argument `{name}` must be a number ({unit}) or a quoted quantity such as "
+            f'"{examples.get(unit, f"1.5 {unit}")}", but {text!r} {why}.'
+        )
+    written = match[2].strip()
+    registry, wanted = _registry(), _parse_unit(unit)
+    try:
+        given = _parse_unit(written)
+        number = registry.Quantity(Decimal(match[1]), given)
+        # Compared by base units, because pint takes rad/s for 1/s.
+        base, wanted_base = (registry.get_base_units(each)[1] for each in (given, wanted))
+        result = float(number.to(wanted).magnitude) if base == wanted_base else None
+    except (pint.UndefinedUnitError, ValueError, TypeError):  # TypeError: decibel and the like
+        raise ValueError(
+            f"Argument `{name}` must have a unit of the kind {unit}, but {written!r} is unknown."
+        ) from None
+    if result is None:
+        cycles = unit == "rad/s" and base == registry.Unit("1/s")
+        hint = " (turns or radians? Write rpm or rad/s)" if cycles else ""
+        raise ValueError(
+            f"Argument `{name}` must have a unit of the kind {unit}, but has {written!r}{hint}."
+        )
+    # The description's own angles are np.radians of degrees, to the last digit.
+    return float(np.radians(float(match[1]))) if given == registry.degree else result
+
+
+@cache
+def _registry() -> pint.UnitRegistry:
+    """Decimal, so that "0.06 mm" is the float 0.06e-3."""
+    registry = pint.UnitRegistry(non_int_type=Decimal)  # pyright: ignore
+    registry.define("@alias turn = rev")
+    return registry
+
+
+def _parse_unit(text: str) -> pint.Unit:
+    if text == "1":
+        return _registry().dimensionless
+    if not _UNIT.fullmatch(text):
+        raise ValueError(text)
+    plain = text.replace("·", "*").replace("^", "**")
+    return _registry().parse_units(_EXPONENT.sub(r"**\1", plain))
+
+
+def _flatten(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted names and values."""
+    for key, value in table.items():
+        name = prefix + key
+        if isinstance(value, dict) and value and name not in PE250X400:
+            yield from _flatten(value, f"{name}.")
+        elif name not in _TABLES:
+            yield name, value
+        elif value != {}:
+            raise ValueError(f"Argument `{name}` must be a table [{name}], but is {value!r}.")
+
+
+def _suggestion(name: str) -> str:
+    """Near misses, or what there is."""
+    head, _, tail = name.rpartition(".")
+    inside = [known for known in PE250X400 if head in _TABLES and known.startswith(f"{head}.")]
+    near = [known for known in PE250X400 if known.rpartition(".")[2] == tail]
+    near = near or get_close_matches(name, PE250X400, n=1)
+    if inside:
+        short = {known.rpartition(".")[2]: known for known in inside}
+        near = [short[each] for each in get_close_matches(tail, short, n=1)]
+    if near:
+        return f"; did you mean {' or '.join(near)}?"
+    listed = inside or [*(known for known in PE250X400 if "." not in known), *_TABLES]
+    return f"; there are {', '.join(listed)}."

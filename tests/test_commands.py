@@ -1,0 +1,261 @@
+"""The commands of `python -m jaxcrusher`: what they write, keep, print and refuse."""
+
+import io
+import json
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from rich.console import Console
+
+import jaxcrusher as jc
+from jaxcrusher import __main__, large_sweep
+from jaxcrusher.chaos import Lyapunov
+from jaxcrusher.commands import gradient, regimes
+from jaxcrusher.gradient import Slope
+from jaxcrusher.statistics import FURTHER_STATISTICS
+
+
+def run(*arguments) -> tuple[int, str]:
+    """Exit status and what was printed, in this process."""
+    console = Console(file=io.StringIO(), width=200, record=True)
+    status = __main__.parse([str(argument) for argument in arguments]).run(console)
+    return status, console.export_text()
+
+
+SHORT = ("--turns", 2, "--settle", 1, "--samples", 401, "--set", "start", "contact",
+         "--set", "speed", "300 rpm")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def simulated(tmp_path_factory):
+    out = tmp_path_factory.mktemp("results")
+    scene = out / "mine.toml"
+    scene.write_text('clearance = "0.05 mm"\nspeed = 20\n')
+    status, text = run("simulate", "--scene", scene, "--out", out, "--rtol", 1e-8, *SHORT)
+    return out, status, text
+
+
+def test_simulate_writes_a_labelled_motion(simulated):
+    out, status, _ = simulated
+    assert status == 0
+    assert (out / "simulate" / "motion.png").stat().st_size > 10_000
+    with xr.open_dataset(out / "simulate" / "motion.nc") as motion:
+        motion.load()
+    assert all("units" in values.attrs and "long_name" in values.attrs
+               for values in motion.values())  # fmt: skip
+    values = json.loads(motion.attrs["scene"])
+    # The command line counts, then the file, then the paper.
+    assert values["speed"] == pytest.approx(10 * np.pi)
+    assert values["clearance"] == 0.05e-3 and values["jaw.mass"] == 524.0
+    assert motion.attrs["failure"] == "none"
+    assert motion.time.dtype == float and float(motion.time[-1]) == pytest.approx(0.4)
+    # That crusher was simulated: its speed, and a pin that rests in the bore of its clearance
+    # but for a penetration, which stays under a quarter of it.
+    np.testing.assert_allclose(motion.shaft_speed, values["speed"], rtol=1e-12)
+    out_of_centre = np.hypot(*motion.eccentricity.transpose().to_numpy()) / 0.05e-3
+    assert ((out_of_centre > 0.99) & (out_of_centre < 1.25)).all()
+
+
+def test_simulate_says_what_the_motion_is(simulated):
+    out, _, text = simulated
+    with xr.open_dataset(out / "simulate" / "motion.nc") as motion:
+        last = motion.foundation_force[200:-1].to_numpy()
+    found = re.search(r"R_C\| (\d+) N, contact share ([\d.]+), no whirl, inside the contact model "
+                      r"\(turns 2 to 2\)", text)  # fmt: skip
+    assert found, text
+    # 200 samples of a turn, quiet in the bore, and rounding to 1 N.
+    assert float(found[1]) == pytest.approx(np.sqrt(np.mean(last**2)), abs=1 + 1e-3 * last[0])
+    assert float(found[2]) == 1.0
+
+
+def test_failed_run_is_kept_and_named(simulated):
+    """A tolerance that no step meets."""
+    out, _, _ = simulated
+    status, text = run("simulate", "--out", out, "--name", "bad", "--rtol", 1e-40, *SHORT)
+    assert status == 1 and "FAILED: stopped at" in text
+    with xr.open_dataset(out / "bad" / "motion.nc") as motion:
+        assert "stopped at" in motion.attrs["failure"]
+        assert not np.isfinite(motion.foundation_force[1:]).any()
+
+
+SWEEP = ("sweep", "--over", "clearance", "0.04 mm", "0.08 mm", 2, "--over", "speed", "240 rpm",
+         30, 2, "--settle", 0, "--turns", 1, "--chunk", 2, "--rtol", 1e-5, "--netcdf",
+         "--set", "start", "contact", "--set", "speed", 99)  # fmt: skip
+
+
+def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypatch, capsys):
+    computed = []
+    whole = large_sweep.compute_chunk
+
+    def interrupted(plan, number):
+        if number == 1:
+            raise KeyboardInterrupt
+        return whole(plan, number)
+
+    def counted(plan, number):
+        computed.append(number)
+        return whole(plan, number)
+
+    line = [str(word) for word in (*SWEEP, "--out", tmp_path)]
+    monkeypatch.setattr(large_sweep, "compute_chunk", interrupted)
+    monkeypatch.setattr(sys, "argv", ["jaxcrusher", *line])
+    with pytest.raises(SystemExit) as stop:
+        __main__.main()
+    assert stop.value.code == 130
+    assert f"interrupted: what was finished is in {tmp_path}/sweep/" in capsys.readouterr().err
+    monkeypatch.setattr(large_sweep, "compute_chunk", counted)
+    status, text = run(*line)
+    assert status == 0 and computed == [1]
+    with xr.open_zarr(tmp_path / "sweep" / "sweep.zarr") as grid:
+        grid.load()
+    assert grid.foundation_rms.dims == ("clearance", "speed")
+    np.testing.assert_allclose(grid.speed, [8 * np.pi, 30.0])
+    assert json.loads(grid.attrs["choices"])["start"] == "contact"
+    with xr.open_dataset(tmp_path / "sweep" / "sweep.nc") as copy:
+        assert copy.foundation_rms.equals(grid.foundation_rms)
+        assert copy.foundation_rms.attrs["units"] == "N" and (copy.success == 1).all()
+    least = grid.foundation_rms.to_numpy().min()
+    fared = "4 designs: 0 failed, 0 whirl, 0 more outside the contact model"
+    assert f"{fared}; least RMS {least:.0f} N at clearance" in text
+    line.remove("--netcdf")
+    again = run(*line)[1]  # a finished sweep, opened and not computed
+    assert computed == [1] and f"{fared}; least RMS {least:.0f} N" in again
+    assert "sweep.zarr" in again and "sweep.nc" not in again
+
+
+@pytest.fixture
+def verdicts(monkeypatch):
+    """In place of `jaxcrusher.regime`, whose work is tested elsewhere: the speeds it is asked."""
+    asked = []
+
+    def regime(scene, settle_turns, turns, *, tangent_turns, rtol):
+        asked.append(float(scene.drive.speed))
+        if len(asked) == 3:
+            raise KeyboardInterrupt
+        exponents = Lyapunov(np.array([0.5, -1.0]), np.array([0.1, 0.1]))
+        return jc.Regime("chaotic", ("evidence",), None, exponents, 0.99, 0.01)
+
+    monkeypatch.setattr(regimes.jc, "regime", regime)
+    return asked
+
+
+def test_regimes_are_kept_one_by_one(tmp_path, verdicts):
+    line = ("regimes", "--out", tmp_path, "--over", "speed", 25, 40, 4)
+    with pytest.raises(KeyboardInterrupt):
+        run(*line)
+    assert verdicts == [25.0, 30.0, 35.0]
+    with xr.open_dataset(tmp_path / "regimes" / "regimes.nc") as two:
+        assert two.regime.values.tolist() == ["chaotic", "chaotic"]
+        assert two.speed.values.tolist() == [25.0, 30.0] and two.speed.attrs["units"] == "rad/s"
+        assert two.largest_exponent.values.tolist() == [0.5, 0.5] and two.period.isnull().all()
+    status, text = run(*line)
+    assert status == 0 and verdicts == [25.0, 30.0, 35.0, 35.0, 40.0]
+    assert "speed 30 rad/s: chaotic: evidence (done before)" in text
+    assert "speed 40 rad/s: chaotic: evidence\n" in text
+    # A list of designs on the same settings adds to what is there.
+    run("regimes", "--out", tmp_path, "--design", "speed=30", "--design", "speed=45 rad/s")
+    assert verdicts[5:] == [45.0]
+    rows = json.loads((tmp_path / "regimes" / "regimes.json").read_text())["rows"]
+    assert [row["design"]["speed"] for row in rows] == [25.0, 30.0, 35.0, 40.0, 45.0]
+    with pytest.raises(ValueError, match=r"has another turns, friction"):
+        run(*line, "--set", "friction", 0.2, "--turns", 7)
+    assert len(verdicts) == 6
+
+
+def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch):
+    """`jaxcrusher.gradient_report` is tested elsewhere: here, what goes in and what is written."""
+    asked = {}
+
+    def report(scene, metric, parameters, **options):
+        asked.update(parameters, metric=metric, turns=options["turns"])
+        built = scene(**{name: 2 * value for name, value in parameters.items()})
+        assert float(built.machine.jaw.mass) == 1000.0 and float(built.drive.speed) == 25.0
+        slopes = {name: Slope(name, "fit", np.float64(1.5), np.nan, 0.1, "doubtful", ("why",),
+                              {"fit": (1.5, 0.1)}) for name in parameters}  # fmt: skip
+        kind = jc.Regime("chaotic", ("evidence",))
+        return jc.GradientReport(metric, kind, 10, (0.5, 0.1), slopes)
+
+    monkeypatch.setattr(gradient.jc, "gradient_report", report)
+    status, text = run("gradient", "contact_fraction", "--by", "jaw.mass", "--set", "jaw.mass",
+                       500, "--set", "speed", 25, "--turns", 7, "--out", tmp_path)  # fmt: skip
+    assert asked == {"jaw.mass": 500.0, "metric": "contact_fraction", "turns": 7}
+    assert status == 0 and "by jaw.mass: 1.5 ± nan, fit, doubtful (why)" in text
+    slope = json.loads((tmp_path / "gradient" / "gradient.json").read_text())["slopes"]["jaw.mass"]
+    assert slope["units"] == "(1)/(kg)" and slope["value"] == 1.5
+    assert slope["standard_error"] is None and slope["verdict"] == "doubtful"
+    assert set(gradient.METRICS) == {*jc.STATISTICS, *FURTHER_STATISTICS}
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("simulate --set sped 3", "`sped` must be a known key"),
+        ("simulate --set clearance 0.5", "`clearance` must be smaller than the bore radius"),
+        ("simulate --turns -1", "`turns` must be finite and > 0"),
+        ("simulate --turns 2 --settle 5", "`settle` must be under the time span, 2 turns"),
+        ("simulate --samples 1", "`samples` must be a whole number >= 2"),
+        ("sweep", "`over` must be given at least once"),
+        ("sweep --over speed 25 40", "`over` must be speed LOW HIGH COUNT, but is speed 25 40"),
+        ("sweep --over speed 40 25 4", "`over` must have LOW < HIGH for speed"),
+        ("sweep --over speed 25 40 1", "`over` must have a whole COUNT >= 2 for speed"),
+        ("sweep --over speed 25 '40 Hz' 4", "Write rpm or rad/s"),
+        ("sweep --over start middle", "`start` must be one of"),
+        ("sweep --over speed 25 40 2 --over speed 25 40 2", "given twice for speed"),
+        ("sweep --over speed 25 40 2 --settle -1", "`settle_turns` must be a whole number >= 0"),
+        ("regimes --design speed", "`design` must be KEY=VALUE"),
+        ("regimes --design speed=30 --design clearance=3e-5", "`design` must name speed"),
+        ("regimes --set joint ideal", "`joint` must have clearance"),
+        ("gradient speed", "`metric` must be one of 'foundation_rms'"),
+        ("gradient --by start", "`start` must be a number's key"),
+        ("gradient --by counterweight.mass", "`counterweight.mass` must not be 0"),
+    ],
+)
+def test_mistakes_are_named_before_anything_is_computed(line, words, tmp_path):
+    with pytest.raises(ValueError) as error:
+        run(*shlex.split(line), "--out", tmp_path)
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_folder_that_cannot_be_written(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ValueError, match="`out` must be a folder that can be written"):
+        run("simulate", "--out", tmp_path / "file")
+
+
+def test_documented_commands_are_understood():
+    """Each command line of the documentation and of the examples' first lines."""
+    root = Path(__file__).parents[1]
+    texts = [root / "docs" / "command_line.md", *(root / "examples").glob("*.toml")]
+    command = re.compile(r"python -m jaxcrusher (\w+ --?.*|gradient .*)")
+    lines = [line for text in texts for line in command.findall(text.read_text())]
+    assert len(lines) == 6
+    for line in lines:
+        __main__.parse(shlex.split(line))
+
+
+@pytest.mark.parametrize("command", ["simulate", "sweep", "regimes", "gradient"])
+def test_help_explains_every_option(command, capsys):
+    with pytest.raises(SystemExit) as stop:
+        __main__.parse([command, "--help"])
+    assert stop.value.code == 0
+    # From one option to the next: its name, what it takes, and what it is.
+    parts = re.split(r"\n[│ ]{1,3}(?=--\w)", capsys.readouterr().out)[1:]
+    options = {part.split()[0]: len(re.findall(r"[a-z]{2,}", part)) for part in parts}
+    assert {"--scene", "--set", "--name", "--out"} < set(options)
+    assert min(options.values()) > 4, options
+
+
+def test_mistake_of_a_process_is_one_line():
+    wrong = subprocess.run(
+        [sys.executable, "-m", "jaxcrusher", "simulate", "--set", "speed", "5 [hz]"],
+        check=False, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert wrong.returncode == 2 and wrong.stdout == ""
+    assert wrong.stderr.startswith("error: Argument `speed`") and wrong.stderr.count("\n") == 1
+    assert "'[hz]'" in wrong.stderr

@@ -1,0 +1,158 @@
+"""Scene files: every key comes through, units are converted, and mistakes are named."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.description import CHOICES
+from jaxcrusher.scene_file import read_scene_file, read_text, read_value
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+# A unit that is not the SI unit, and its size.
+OTHER = {
+    "rad/s": ("rpm", np.pi / 30), "rad": ("deg", np.pi / 180), "m": ("mm", 1e-3), "kg": ("g", 1e-3),
+    "m/s": ("mm/s", 1e-3), "m/s2": ("cm s-2", 1e-2), "kg m2": ("kg*cm^2", 1e-4), "N": ("kN", 1e3),
+    "Pa": ("GPa", 1e9), "1": ("%", 1e-2),
+}  # fmt: skip
+
+
+def write(folder: Path, values: dict) -> Path:
+    """A scene file with tables, from dotted names."""
+    lines = [f"{name} = {value}" for name, value in values.items() if "." not in name]
+    for table in dict.fromkeys(name.split(".")[0] for name in values if "." in name):
+        lines.append(f"[{table}]")
+        lines += [f"{name.split('.')[1]} = {value}" for name, value in values.items()
+                  if name.startswith(f"{table}.")]  # fmt: skip
+    file = folder / "scene.toml"
+    file.write_text("\n".join(lines) + "\n")
+    return file
+
+
+def test_every_key_comes_back(tmp_path):
+    """Numbers and quantities; each key with a value of its own, so that none takes another's."""
+    values: dict[str, float | str] = {
+        name: float((1.01 + 1e-4 * i) * parameter.default)
+        for i, (name, parameter) in enumerate(jc.PARAMETERS.items())
+    }
+    values |= {"counterweight.mass": 12.5, "counterweight.angle": -1.25}
+    values |= {name: offered[-1] for name, offered in CHOICES.items()}
+    # As TOML writes them: a number plain, a choice in quotes.
+    plain = {name: f'"{v}"' if isinstance(v, str) else repr(v) for name, v in values.items()}
+    assert read_scene_file(write(tmp_path, plain)) == values
+    for name, parameter in jc.PARAMETERS.items():
+        value = float(values[name])
+        if parameter.unit != "1":
+            assert read_value(name, f"{value!r} {parameter.unit}") == value, name
+        unit, size = OTHER[parameter.unit]
+        # Two roundings: of the quotient here, of the product there.
+        assert read_value(name, f"{float(value / size)!r} {unit}") == pytest.approx(value, 4e-16), (
+            name
+        )
+    for name, offered in CHOICES.items():
+        assert [read_value(name, choice) for choice in offered] == [*offered]
+
+
+def test_example_is_the_paper_s_crusher():
+    """To the last bit, key by key: a result's settings are compared as they are written."""
+    assert read_scene_file(EXAMPLES / "pe250x400.toml") == jc.PE250X400
+
+
+def test_template_offers_every_number(tmp_path):
+    template = (EXAMPLES / "template.toml").read_text()
+    assert set(read_scene_file(EXAMPLES / "template.toml")) == {"speed", "clearance"}
+    file = tmp_path / "all.toml"
+    file.write_text(re.sub(r"^# (\w+ = )", r"\1", template, flags=re.MULTILINE))
+    assert set(read_scene_file(file)) == set(jc.PE250X400)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("speed", "286 rpm", 286 * np.pi / 30),
+        ("speed", "5 rev/s", 10 * np.pi),
+        ("clearance", "0.06 mm", 0.06e-3),
+        ("clearance", "60µm", 60e-6),
+        ("young", "207e3 N/mm^2", 207e9),
+        ("jaw.inertia", "128.48 kg·m²", 128.48),
+        ("gravity", "9.81 m s-2", 9.81),
+        ("counterweight.angle", "-90 deg", -np.pi / 2),
+        ("friction", "10 %", 0.1),
+        ("speed", "30", 30.0),
+        ("start", "contact", "contact"),
+    ],
+)
+def test_values_of_a_command_line(name, text, value):
+    # The last digit of a conversion by pi.
+    assert read_text(name, text) == (
+        value if isinstance(value, str) else pytest.approx(value, 4e-16)
+    )
+
+
+def test_decimal_units_leave_the_very_float():
+    """0.07 mm is the float 0.07e-3, which 0.07 * 0.001 is not."""
+    for hundredths in range(1, 31):
+        text = f"{hundredths / 100:.2f}"
+        assert read_text("clearance", f"{text} mm") == float(f"{text}e-3")
+
+
+def test_values_out_of_range_are_refused_one_by_one():
+    with pytest.raises(ValueError, match="`speed` must be finite and > 0 rad/s, but is -3"):
+        read_text("speed", "-3")
+    with pytest.raises(ValueError, match="`friction` must lie in"):
+        read_value("friction", 11)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("sped = 30", '`sped` must be a known key, but is not; did you mean speed?'),
+        ("[jaw]\nlenght = 0.7", "`jaw.lenght` must be a known key, but is not; did you mean jaw"),
+        ("[jaw]\nweight = 5", "there are jaw.mass, jaw.inertia"),
+        ("mass = 5", "did you mean shaft.mass or jaw.mass"),
+        ("shaft = 5", "`shaft` must be a table [shaft]"),
+        ("[speed]\nx = 5", "`speed` must be a number in rad/s or a quoted quantity, but is a tab"),
+        ("speed = true", "`speed` must be a number in rad/s or a quoted quantity, but is a bool"),
+        ('speed = "30"', "`speed` must be a number (rad/s) or a quoted quantity such as \"286"),
+        ('friction = "0.1"', "`friction` must be a number (1) or a quoted quantity"),
+        ('speed = "5 Hz"', "has 'Hz' (turns or radians? Write rpm or rad/s)"),
+        ('speed = "5 1/s"', "has '1/s' (turns or radians? Write rpm or rad/s)"),
+        ('clearance = "0.06 kg"', "`clearance` must have a unit of the kind m, but has 'kg'"),
+        ('clearance = "0.06 mn"', "`clearance` must have a unit of the kind m, but 'mn' is unk"),
+        ('friction = "5 deg"', "`friction` must have a unit of the kind 1, but has 'deg'"),
+        ('friction = "3 dB"', "'dB' is unknown"),
+        ('[shaft]\nmass_centre_angle = "5 %"', "must have a unit of the kind rad, but has '%'"),
+        ('gravity = "9 m^9^9^9"', "'m^9^9^9' is unknown"),
+        ("speed = -3", "`speed` must be finite and > 0 rad/s, but is -3.0"),
+        ("speed = nan", "`speed` must be finite and > 0"),
+        ("speed = 1" + 400 * "0", "`speed` must be finite and > 0"),
+        ('[counterweight]\nmass = "-5 kg"', "`counterweight.mass` must lie in [0, 100000] kg"),
+        ('start = "middle"', "`start` must be one of 'centred', 'contact', but is 'middle'"),
+        ("start = 3", "`start` must be one of"),
+        ('clearance = "0.2 m"', "`clearance` must be smaller than the bore radius 0.13 m"),
+        ('[jaw]\nlength = "3 m"', "`machine` must close without a dead point"),
+        ('"jaw.mass" = 5\n[jaw]\nmass = 6', "`jaw.mass` must be given once"),
+        ("speed 30", "is not TOML: Expected '=' after a key in a key/value"),
+        ("speed = 30\nclearance =\n", "(at line 2, column 12)"),
+        ("a = " + 3000 * "[", "is not TOML"),
+    ],
+)  # fmt: skip
+def test_mistakes_name_file_and_key(text, words, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    with pytest.raises(ValueError) as error:
+        read_scene_file(file)
+    line = str(error.value)
+    assert line.startswith(f"{file}: ") and words in line and "\n" not in line, line
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    with pytest.raises(ValueError, match=r"nothing\.toml: cannot be read: No such file"):
+        read_scene_file(tmp_path / "nothing.toml")
+    with pytest.raises(ValueError, match="cannot be read: Is a directory"):
+        read_scene_file(tmp_path)
+    (tmp_path / "bytes.toml").write_bytes(b"speed = 30 # \xff")
+    with pytest.raises(ValueError, match=r"bytes.toml: must be UTF-8 text, but byte 13 is not"):
+        read_scene_file(tmp_path / "bytes.toml")
