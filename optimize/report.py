@@ -4,7 +4,9 @@ import json
 import math
 import os
 from pathlib import Path
+from typing import Any
 
+import jax
 import matplotlib
 import numpy as np
 import xarray as xr
@@ -13,7 +15,10 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher import plots
-from optimize.options import SEED_CLEARANCE, SEED_SPEED, Options
+from optimize import landscape as maps
+from optimize.evaluate import STARTS, Case
+from optimize.options import Options
+from optimize.pareto import nondominated
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -25,6 +30,8 @@ def write_json(path: Path, content: dict) -> None:
     """Write at once or not at all; NaN becomes null."""
 
     def clean(value):
+        if isinstance(value, np.ndarray | np.generic | jax.Array):
+            return clean(np.asarray(value).tolist())
         if isinstance(value, dict):
             return {key: clean(entry) for key, entry in value.items()}
         if isinstance(value, list | tuple):
@@ -45,61 +52,134 @@ def write_landscape(path: Path, landscape: xr.Dataset) -> None:
     os.replace(partial, path)
 
 
+def draw_all(
+    folder: Path, case: Case, options: Options, data: xr.Dataset, paths: list[np.ndarray],
+    result: dict,
+) -> list[str]:  # fmt: skip
+    """Every figure that the design's parameters allow; returns the names of their files."""
+    drawn = ["pareto.png", "motion.png"]
+    if "speed" in case.design.names:
+        draw_capacity(folder, case, options)
+        drawn.insert(0, "capacity.png")
+    if case.design.names == ("speed", "clearance"):
+        draw_landscape(folder, case, data, paths, result)
+        drawn.insert(0, "landscape.png")
+    draw_pareto(folder, case, data, result)
+    draw_motions(folder, case, options, result)
+    return drawn
+
+
 def draw_landscape(
-    folder: Path, rms: xr.DataArray, paths: np.ndarray, optimum: dict, options: Options
+    folder: Path, case: Case, data: xr.Dataset, paths: list[np.ndarray], result: dict
 ) -> None:
-    """Map, refinement paths (steps, n, 2) in rad/s and m, box, optimum and the paper's choice."""
-    fig, ax = plt.subplots(figsize=(7, 4.5), layout="constrained")
-    plots.plot_landscape(rms, ax)
-    for i in range(paths.shape[1]):
-        label = "gradient paths" if i == 0 else None
-        ax.plot(paths[:, i, 0], 1e3 * paths[:, i, 1], "w.-", linewidth=0.8, markersize=2,
-                label=label)  # fmt: skip
-    (low, high), (small, large) = options.speed, options.clearance
-    ax.plot([low, high, high, low, low], [small, small, large, large, small], "k--",
-            linewidth=1, label="box")  # fmt: skip
-    ax.plot(optimum["speed"], 1e3 * optimum["clearance"], "*", color="C3", markersize=15,
-            markeredgecolor="w", label="optimum", clip_on=False)  # fmt: skip
-    ax.plot(SEED_SPEED, 1e3 * SEED_CLEARANCE, "D", color="C1", markersize=8,
-            markeredgecolor="w", label="paper's choice", clip_on=False)  # fmt: skip
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.13), ncols=4, facecolor="0.7")
+    """Map with what moves how, descents, optimum and the design to compare with."""
+    fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
+    exponent = data.exponent.max("start")
+    marks = {
+        "failed": ~data.success.all("start"),
+        "whirl": data.whirl.any("start"),
+        "chaotic": exponent > maps.CHAOTIC,
+        "outside the contact model": ~data.inside_model.all("start"),
+    }
+    plots.plot_landscape(maps.worst(data), ax, marks=marks)
+    handles, labels = [], []
+    if ax.get_legend() is not None:
+        handles, labels = (
+            ax.get_legend().legend_handles,
+            [text.get_text() for text in ax.get_legend().get_texts()],
+        )
+    for i, path in enumerate(paths):
+        values = case.design.values(path)
+        (line,) = ax.plot(values["speed"], 1e3 * values["clearance"], "w.-", linewidth=0.8,
+                          markersize=2)  # fmt: skip
+        if i == 0:
+            handles, labels = [*handles, line], [*labels, "descents"]
+    for name, marker, colour, label in (("optimum", "*", "C3", "optimum"),
+                                        ("seed_choice", "D", "C1", "paper's choice")):  # fmt: skip
+        values = result[name]["values"]
+        (mark,) = ax.plot(values["speed"], 1e3 * values["clearance"], marker, color=colour,
+                          markersize=13 if marker == "*" else 8, markeredgecolor="w",
+                          linestyle="", clip_on=False)  # fmt: skip
+        handles, labels = [*handles, mark], [*labels, label]
+    ax.legend(handles, labels, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3,
+              facecolor="0.7", fontsize=9)  # fmt: skip
     fig.savefig(folder / "landscape.png", dpi=150)
     plt.close(fig)
 
 
-def draw_capacity(folder: Path, options: Options) -> None:
+def draw_capacity(folder: Path, case: Case, options: Options) -> None:
     """Capacity over speed, with the box searched."""
     box = options.box()
+    low, high = case.design.bounds["speed"]
     fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
-    speeds = np.linspace(0.6 * options.speed[0], 1.25 * options.speed[1], 200)
+    speeds = np.linspace(0.6 * low, 1.25 * high, 200)
     plots.plot_capacity(options.chamber, speeds, box["capacity_floor"], ax)
-    ax.axvspan(*options.speed, color="C2", alpha=0.15, label="box searched")
-    ax.axvline(box["derived_speed"][1], color="0.4", linestyle=":",
-               label=f"floor reached at {box['derived_speed'][1]:.2f} rad/s")  # fmt: skip
+    ax.axvspan(low, high, color="C2", alpha=0.15, label="box searched")
+    reached = box["derived_speed"][1]
+    if math.isfinite(reached):
+        ax.axvline(reached, color="0.4", linestyle=":",
+                   label=f"floor reached at {reached:.2f} rad/s")  # fmt: skip
     ax.legend()
     fig.savefig(folder / "capacity.png", dpi=150)
     plt.close(fig)
 
 
-def draw_motions(folder: Path, designs: dict[str, tuple[float, float]], options: Options) -> None:
-    """Orbit and foundation force of named designs from both starts, after settling."""
+def draw_pareto(folder: Path, case: Case, data: xr.Dataset, result: dict) -> None:
+    """The landscape's RMS against capacity and against the peak, with what no other beats."""
+    counts = data.counts.all("start").to_numpy().ravel()
+    columns = {
+        name: np.where(counts, data[name].max("start").to_numpy().ravel(), np.nan) / 1e3
+        for name in ("foundation_rms", "foundation_peak")
+    }
+    values = {name: data[name] for name in case.design.names}
+    speed = values.get("speed", case.design.fixed.get("speed", jc.PE250X400["speed"]))
+    capacity = case.chamber.capacity(np.asarray(speed))
+    example = data.objective.isel(start=0, drop=True)
+    if "speed" in values:
+        capacity = xr.DataArray(capacity, coords=values["speed"].coords)
+        capacity = capacity.broadcast_like(example).transpose(*example.dims).to_numpy()
+    capacity = np.broadcast_to(np.asarray(capacity), example.shape).ravel()
+    fig, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
+    seed = result["seed_choice"]
+    rms = max(run["foundation_rms"] for run in seed["runs"].values()) / 1e3
+    peak = max(run["foundation_peak"] for run in seed["runs"].values()) / 1e3
+    for ax, other, sign, label, mark in (
+        (axes[0], capacity, -1.0, "capacity (m³/h)", seed["capacity"]),
+        (axes[1], columns["foundation_peak"], 1.0, r"peak of $|R_O| + |R_C|$ (kN)", peak),
+    ):
+        front = nondominated(np.stack([columns["foundation_rms"], sign * other], axis=-1))
+        ax.plot(columns["foundation_rms"], other, "o", color="0.7", markersize=4,
+                label="landscape")  # fmt: skip
+        order = np.flatnonzero(front)[np.argsort(columns["foundation_rms"][front])]
+        ax.plot(columns["foundation_rms"][order], other[order], "s-", color="C0", markersize=5,
+                label="not beaten in both")  # fmt: skip
+        ax.plot(rms, mark, "D", color="C1", markersize=9, markeredgecolor="k",
+                label="paper's choice")  # fmt: skip
+        ax.set(xlabel=r"RMS of $|R_O| + |R_C|$, worse start (kN)", ylabel=label)
+        ax.legend(fontsize=8)
+    fig.savefig(folder / "pareto.png", dpi=150)
+    plt.close(fig)
+
+
+def draw_motions(folder: Path, case: Case, options: Options, result: dict) -> None:
+    """Orbit and foundation force of optimum and paper's choice from both starts, settled."""
     fig, axes = plt.subplots(
-        2, 2 * len(designs), figsize=(6.2 * len(designs), 6), layout="constrained",
-        gridspec_kw={"width_ratios": [1, 1.5] * len(designs)}, squeeze=False,
+        2, 2 * len(DESIGNS), figsize=(6.2 * len(DESIGNS), 6), layout="constrained",
+        gridspec_kw={"width_ratios": [1, 1.5] * len(DESIGNS)}, squeeze=False,
     )  # fmt: skip
-    for column, (name, (speed, clearance)) in enumerate(designs.items()):
-        turn = 2 * np.pi / speed
-        times = turn * (options.settle + np.linspace(0, 2, 4001))
+    for column, (name, title) in enumerate(DESIGNS.items()):
+        described: dict[str, Any] = {**case.design.fixed, **result[name]["values"]}
+        speed, clearance = result[name]["speed"], result[name]["clearance"]
+        times = 2 * np.pi / speed * (options.settle + np.linspace(0, 2, 4001))
         outputs = ("foundation_force", "eccentricity")
-        scene = jc.ideal_scene(speed, load=options.scene()["load"])
-        ideal = jc.simulate(scene, times, outputs=outputs)
-        for row, start in enumerate(("centred", "contact")):
-            scene = jc.paper_scene(speed, clearance, start=start, **options.scene())
+        ideal = jc.simulate(jc.build_scene({**described, "joint": "ideal"}), times, outputs=outputs)
+        for row, start in enumerate(STARTS):
+            scene = jc.build_scene({**described, "start": start})
             motion = jc.simulate(scene, times, outputs=outputs, rtol=1e-9)
             orbit, force = axes[row, 2 * column : 2 * column + 2]
             plots.plot_orbit(motion, clearance, orbit)
             plots.plot_force(motion, ideal, force)
-            orbit.set_title(f"{name}, start {start}", fontsize=10)
+            orbit.set_title(f"{title}, start {start}", fontsize=10)
             force.set_title(f"{speed:.2f} rad/s, {1e3 * clearance:.3f} mm", fontsize=10)
     forces = axes[:, 1::2].ravel()
     top = max(ax.get_ylim()[1] for ax in forces)
@@ -112,35 +192,55 @@ def draw_motions(folder: Path, designs: dict[str, tuple[float, float]], options:
 
 def print_table(console: Console, result: dict) -> None:
     """The closing table, the checks, and what to make of the answer."""
-    table = Table(title="RMS force on the foundation, |R_O| + |R_C|")
-    for heading in ("", "speed\nrad/s", "clearance\nmm", "centred start\nN", "contact start\nN",
-                    "ideal\nN", "capacity\nm3/h"):  # fmt: skip
+    objective = result["objective"]
+    unit = objective["unit"]
+    table = Table(title=f"{objective['meaning']}, {unit}")
+    for heading in ("", *result["optimum"]["values"], f"centred start\n{unit}",
+                    f"contact start\n{unit}", "ideal RMS\nN", "capacity\nm3/h"):  # fmt: skip
         table.add_column(heading, justify="left" if not heading else "right")
     for name, title in DESIGNS.items():
         row = result[name]
-        runs = [row["runs"][start] for start in ("centred", "contact")]
         table.add_row(
             title,
-            f"{row['speed']:.3f}",
-            f"{1e3 * row['clearance']:.4f}",
-            *(_number(run) for run in runs),
+            *(f"{value:.5g}" for value in row["values"].values()),
+            *(_number(row["runs"][start]) for start in STARTS),
             f"{row['ideal_rms']:.0f}",
             f"{row['capacity']:.2f}",
         )
     console.print(table)
+    console.print(f"± half a 95 % interval, from {_runs(result)} independent runs", highlight=False)
     for name, title in DESIGNS.items():
+        kinds = [f"{start} start {row['name']}" for start, row in result[name]["regime"].items()]
+        console.print(f"{title}: {'; '.join(kinds)}", highlight=False)
         console.print(f"{title}: {_limits(result[name]['runs'])}", highlight=False)
+    for name, slope in result["gradient_report"]["slopes"].items():
+        why = f" ({'; '.join(slope['reasons'])})" if slope["reasons"] else ""
+        console.print(
+            f"slope of {result['gradient_report']['metric']} by {name}: {slope['value']:.5g}, "
+            f"{slope['estimator']}, {slope['verdict']}{why}", highlight=False, markup=False,
+        )  # fmt: skip
     for check in result["checks"]:
         colour = "green" if check["passed"] else "red"
         console.print(f"[{colour}]{check['verdict']:>6}[/] {check['name']}: {check['detail']}")
-    console.print(result["remark"])
+    console.print(result["claim"]["words"], highlight=False)
+    console.print(result["remark"], highlight=False)
+    spent = [
+        f"{name} {seconds:.0f} s"
+        + (f" ({result['steps'][name] / 1e6:.1f}e6 steps)" if name in result["steps"] else "")
+        for name, seconds in result["seconds"].items()
+    ]
+    console.print(f"spent: {', '.join(spent)}", highlight=False)
+
+
+def _runs(result: dict) -> int:
+    return result["optimum"]["runs"][STARTS[0]]["runs"]
 
 
 def _number(run: dict) -> str:
-    """An RMS with its standard error, or what is wrong with it."""
+    """A mean with its interval, or what is wrong with it."""
     if not run["success"]:
         return "failed"
-    text = f"{run['foundation_rms']:.0f}±{run['foundation_rms_error']:.0f}"
+    text = f"{run['objective_mean']:.5g} ± {run['objective_half_width']:.2g}"
     return f"{text}, friction whirl" if run["whirl"] else text
 
 

@@ -1,0 +1,222 @@
+"""`python -m optimize.balance`: the counterweight and links that shake the foundation least."""
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+import jaxcrusher as jc
+from optimize import balance_evidence as evidence
+from optimize import balance_figure, quiet
+from optimize import balance_report as report
+from optimize.balance_options import PAPER, Options
+from optimize.compare import METHODS, Answer, Search, Smooth, require_rivals, search
+from optimize.design import Design
+from optimize.report import write_json
+
+# Gradients of the robust search at most; it starts at the optimum, and ends far earlier.
+ROBUST_GRADIENTS = 40
+
+
+class Study:
+    """A study in its folder: what was finished is written, and not done again."""
+
+    def __init__(self, options: Options):
+        options.check()
+        require_rivals()
+        self.options, self.folder = options, options.folder()
+        self.path = self.folder / "result.json"
+        self.result: dict[str, Any] = {
+            "status": "interrupted",
+            "command": options.command(),
+            "versions": {name: version(name) for name in ("jax", "diffrax", "scipy", "cma",
+                                                          "Py-BOBYQA")},
+            "options": options.numbers(),
+            "seconds": {},
+            "searches": [],
+        }  # fmt: skip
+        if self.path.exists():
+            found = _read(self.path)
+            if found.get("options") != self.result["options"]:
+                raise ValueError(
+                    f"Argument `name` must be that of a new study, but {self.path} holds one "
+                    "with other options."
+                )
+            self.result = found
+
+    def write(self) -> None:
+        """At once or not at all."""
+        write_json(self.path, self.result)
+
+    def stage(self, name: str, work: Callable[[], Any]) -> Any:
+        """The result of a stage, done now or found."""
+        if self.result.get(name) is None:
+            began = time.perf_counter()
+            self.result[name] = work()
+            self.result["seconds"][name] = time.perf_counter() - began
+            self.write()
+        return self.result[name]
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise ValueError(
+            f"Argument `name` must be that of a study that can be read, but {path} is not: {error}."
+        ) from None
+
+
+def run(options: Options, console: Console) -> dict:
+    """The whole study; returns what result.json holds."""
+    study = Study(options)
+    result = study.result
+    if result["status"] == "finished":
+        console.print(f"finished earlier: {study.path} (delete it to do it again)")
+        report.print_tables(console, result)
+        return result
+    if result["searches"]:
+        console.print(f"going on: {len(result['searches'])} searches found in {study.path}")
+    design = options.design()
+    paper = design.unit(PAPER)
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
+               TimeElapsedColumn())  # fmt: skip
+    with Progress(*columns, console=console) as bars:
+        _searches(study, design, paper, bars)
+        best = min((found for found in result["searches"] if found["best"]),
+                   key=lambda found: found["best"][-1], default=None)  # fmt: skip
+        if best is None:
+            raise RuntimeError("no search found a design with a number: all motions failed")
+        points = {"paper": paper, "optimised": np.array(best["point"])}
+        bar = bars.add_task("robust design", total=ROBUST_GRADIENTS)
+        robust = study.stage("robust", lambda: _robust(
+            options, design, points, lambda: bars.advance(bar)))  # fmt: skip
+        bars.update(bar, completed=ROBUST_GRADIENTS)
+        points["robust"] = np.array(robust["point"])
+        bar = bars.add_task("evidence", total=3)
+        study.stage("long_runs", lambda: evidence.confirm(design, points, options.settle))
+        bars.advance(bar)
+        turn = evidence.histories(design, points, options.settle)
+        study.stage("figures", lambda: {n: evidence.figures(turn[n]) for n in points})
+        bars.advance(bar)
+        study.stage("designs", lambda: _designs(design, points))
+        bars.advance(bar)
+    balance_figure.draw(study.folder / "balance.png", result, turn)
+    (study.folder / "balance.md").write_text(report.markdown(result))
+    result["status"] = "finished"
+    study.write()
+    report.print_tables(console, result)
+    console.print(f"results in {study.folder}/")
+    return result
+
+
+def _searches(study: Study, design: Design, paper: np.ndarray, bars: Progress) -> None:
+    """Every method from every start; written as each ends."""
+    options, result = study.options, study.result
+    done = {(found["method"], found["start"]) for found in result["searches"]}
+    total = options.starts * len(METHODS)
+    bar = bars.add_task("searches", total=total, completed=len(done))
+    if len(done) == total:
+        return
+    began = time.perf_counter()
+    objective, scale = quiet.quiet_objective(design, options.conditions(), options.turns, paper)
+    # A study that goes on keeps the costs it began with: every search has the same budget.
+    cost = result.setdefault("cost", {
+        "scale": scale,
+        "value_seconds": objective.value_seconds,
+        "gradient_seconds": objective.gradient_seconds,
+        "value_steps": objective.value(paper).steps,
+        "gradient_steps": objective.gradient(paper).steps,
+    })  # fmt: skip
+    objective = Smooth(objective.value, objective.gradient,
+                       cost["value_seconds"], cost["gradient_seconds"])  # fmt: skip
+    result["seconds"]["compilation"] = time.perf_counter() - began
+    starts = np.random.default_rng(options.seed).uniform(size=(options.starts, len(paper)))
+    for number, start in enumerate(starts):
+        for method in METHODS:
+            if (method, number) in done:
+                continue
+            found: Search = search(method, objective, start, options.budget, number)
+            result["searches"].append(asdict(found))
+            study.write()
+            bars.advance(bar)
+
+
+def _robust(
+    options: Options, design: Design, points: dict[str, np.ndarray], advance: Callable[[], None]
+) -> dict[str, Any]:
+    """The design of least mean + sigmas * spread, and the spread of all three."""
+    middle = options.conditions()
+    widths = dict(zip(middle, options.tolerance, strict=True))
+    conditions = quiet.tolerances(middle, widths, options.samples, options.seed)
+
+    def rms(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return quiet.sampled(point, conditions, design, options.turns)
+
+    scale = float(rms(points["paper"])[0].mean())
+
+    def gradient(point: np.ndarray) -> Answer:
+        advance()
+        value, slope = quiet.mean_and_spread(*rms(point), options.sigmas)
+        return Answer(value / scale, 0, slope / scale)
+
+    objective = Smooth(gradient, gradient, 1.0, 1.0)
+    found = search("L-BFGS-B", objective, points["optimised"], ROBUST_GRADIENTS)
+    # From the optimum at the middle of the tolerances; where that has no number, there it stays.
+    point = np.array(found.point or points["optimised"])
+    values = {name: rms(p)[0] for name, p in {**points, "robust": point}.items()}
+    return {
+        "point": point.tolist(),
+        "gradients": found.evaluations,
+        "conditions": {name: column.tolist() for name, column in conditions.items()},
+        "values": {name: column.tolist() for name, column in values.items()},
+    }
+
+
+def _designs(design: Design, points: dict[str, np.ndarray]) -> dict[str, Any]:
+    """The numbers of the designs, and what their forces are made of."""
+    chosen = {}
+    origins = evidence.origins(design, points)
+    for name, point in points.items():
+        described = design.description(point)
+        chosen[name] = {
+            "point": point.tolist(),
+            "values": {key: float(v) for key, v in design.values(point).items()},
+            "eccentricity": float(described["shaft.eccentricity"]),
+            "counterweight_mass": float(described["counterweight.mass"]),
+            "counterweight_angle": float(described["counterweight.angle"]),
+            "capacity": float(jc.CrushingChamber().capacity(described["speed"])),
+            **origins[name],
+        }
+    return {"bounds": {name: list(b) for name, b in design.bounds.items()}, "chosen": chosen}
+
+
+def main() -> None:
+    """Entry point of the command line."""
+    jc.use_all_cores()
+    jax.config.update("jax_enable_x64", True)
+    options = tyro.cli(Options, prog="python -m optimize.balance")
+    console = Console()
+    try:
+        run(options, console)
+    except (ValueError, RuntimeError) as error:
+        console.print(f"[red]error:[/] {error}", highlight=False, soft_wrap=True)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        folder = options.out / options.name
+        console.print(f"interrupted: what was finished is in {folder}/; the same command goes on")
+        sys.exit(130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,77 @@
+"""The design study in one figure."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+from optimize.balance_report import by_method
+from optimize.compare import best_so_far
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+COLOURS = {"L-BFGS-B": "C0", "CMA-ES": "C1", "Py-BOBYQA": "C2"}
+DESIGNS = {"paper": "0.5", "optimised": "C0", "robust": "C3"}
+
+
+def draw(path: Path, result: dict, turn: Mapping[str, Mapping[str, Any]]) -> None:
+    """Best so far over work and seconds, and forces and power of the designs over a turn."""
+    fig, axes = plt.subplots(2, 3, figsize=(14, 7.5), layout="constrained")
+    for ax, kind in ((axes[0, 0], "work"), (axes[0, 1], "seconds")):
+        _draw_searches(ax, result, kind)
+    angle = np.linspace(0, 360, len(turn["paper"]["foundation_force"]) + 1)[1:]
+    curves = (
+        (axes[0, 2], "foundation_force", 1e-3, r"$|R_O| + |R_C|$, kN"),
+        (axes[1, 0], "shaking_force", 1e-3, "length of the shaking force, kN"),
+        (axes[1, 1], "drive_power", 1e-3, "drive power, kW"),
+    )
+    for ax, key, factor, label in curves:
+        for name, colour in DESIGNS.items():
+            values = turn[name][key]
+            values = np.hypot(*values.T) if values.ndim == 2 else values
+            ax.plot(angle, factor * values, color=colour, label=name,
+                    linestyle="--" if name == "robust" else "-")  # fmt: skip
+        ax.set(xlabel="shaft angle, deg", ylabel=label, xlim=(0, 360), xticks=range(0, 361, 90))
+        ax.grid(alpha=0.3)
+    axes[0, 2].set_ylim(bottom=0)
+    axes[0, 2].legend()
+    loads = 1e-3 * np.array(result["robust"]["conditions"]["load"])
+    for name, colour in DESIGNS.items():
+        rms = 1e-3 * np.array(result["robust"]["values"][name])
+        filled = "none" if name == "robust" else "full"
+        axes[1, 2].plot(loads, rms, "o", color=colour, markersize=4, fillstyle=filled)
+    axes[1, 2].set(xlabel="load of the condition, kN", ylabel=r"RMS of $|R_O| + |R_C|$, kN")
+    axes[1, 2].grid(alpha=0.3)
+    fig.savefig(path, dpi=120)
+    plt.close(fig)
+
+
+def _draw_searches(ax, result: dict, kind: str) -> None:
+    """Median and range over the starts of what is still above the best, in N."""
+    scale = result["cost"]["scale"]
+    grouped = by_method(result)
+    least = min(s.best[-1] for found in grouped.values() for s in found)
+    for method, found in grouped.items():
+        if not found:
+            continue
+        totals = [getattr(s, f"total_{kind}") for s in found]
+        first = min(getattr(s, kind)[0] for s in found)
+        at = np.geomspace(max(first, 1e-3), max(totals), 300)
+        above = np.array([best_so_far(s, getattr(s, kind), at) for s in found])
+        # The best of all has nothing above it: it ends at a tenth of a newton.
+        above = np.maximum(scale * (above - least), 0.1)
+        every = np.isfinite(above).all(axis=0)
+        colour = COLOURS[method]
+        ax.fill_between(
+            at[every], above.min(0)[every], above.max(0)[every], color=colour, alpha=0.2
+        )
+        ax.plot(at[every], np.median(above, axis=0)[every], color=colour, label=method)
+    gain = scale * (1 - least)
+    ax.axhline(max(gain, 0.1), color="0.5", linestyle=":", label="paper's machine")
+    ax.set(xscale="log", yscale="log", ylabel="RMS above the best found, N",
+           xlabel="work, values" if kind == "work" else "CPU seconds")  # fmt: skip
+    ax.grid(alpha=0.3)
+    ax.legend(fontsize=8)

@@ -1,0 +1,129 @@
+"""Evaluate designs: their statistics from both starts, and what they count for."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+import jaxcrusher as jc
+from jaxcrusher.batch import map_chunks
+from jaxcrusher.capacity import CrushingChamber
+from jaxcrusher.plane import Vector
+from jaxcrusher.starts import shifted_start
+from jaxcrusher.sweep import row_of
+from optimize.design import Design
+from optimize.objectives import Objective
+
+# A machine may start either way: with its pin centred in the bore (hard impacts), and resting in
+# contact (quiet).
+STARTS = ("centred", "contact")
+
+Progress = Callable[[int, int], None]
+Rows = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """What is searched, what for, and what a design must satisfy to count."""
+
+    design: Design
+    objective: Objective
+    chamber: CrushingChamber
+    capacity_floor: float = 0.0  # m3/h
+    inside_model: bool = False  # also refuse motions outside the contact model
+
+    def capacity(self, units: Float[np.ndarray, "*batch n"]) -> np.ndarray:
+        """Crushing capacity of points of the unit box, m3/h."""
+        values = {**self.design.fixed, **self.design.values(units)}
+        speed = values.get("speed", jc.PE250X400["speed"])
+        return np.broadcast_to(np.asarray(self.chamber.capacity(speed)), np.shape(units)[:-1])
+
+
+@dataclass(frozen=True)
+class Window:
+    """Turns before statistics start, turns they cover, and the tolerance of a step."""
+
+    settle: int
+    turns: int
+    rtol: float
+
+
+def evaluate(
+    case: Case,
+    units: Float[np.ndarray, "points n"],
+    window: Window,
+    *,
+    shifts: Float[np.ndarray, "points 2"] | None = None,
+    chunk: int = 64,
+) -> Iterator[tuple[slice, Rows]]:
+    """Statistics of points of the unit box from both starts, chunk by chunk.
+
+    `shifts` moves the starts by so many clearances. Yields the points' slice and rows of shape
+    (starts, points): the variables of `jaxcrusher.sweep`, `objective` in its unit, the number
+    of `steps`, and `counts`, whether the design may be chosen (see `may_count`).
+    """
+    shifts = np.zeros((len(units), 2)) if shifts is None else shifts
+    function = eqx.Partial(_row, case=case, window=window)
+    # Chunks of one size share one program; the last repeats its last point.
+    size = -(-len(units) // -(-len(units) // chunk))
+    for first in range(0, len(units), size):
+        part = slice(first, min(first + size, len(units)))
+        index = np.minimum(np.arange(first, first + size), len(units) - 1)
+        points, moves = jnp.asarray(units[index]), jnp.asarray(shifts[index])
+        # Their starts given as numbers, all scenes run as one program.
+        scenes = [_scenes(points, moves, case, start) for start in STARTS]
+        both = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *scenes)
+        batch = (both, jnp.concatenate([points] * len(STARTS)))
+        ((_, row),) = map_chunks(function, batch, len(STARTS) * len(points))
+        used = part.stop - part.start
+        rows = {name: values.reshape(len(STARTS), -1)[:, :used] for name, values in row.items()}
+        rows["counts"] = may_count(rows, case, case.capacity(units[part]))
+        yield part, rows
+
+
+def may_count(rows: Mapping[str, Any], case: Case, capacity) -> np.ndarray:
+    """Whether the motion of each start succeeded, without whirl, within the constraints.
+
+    A whirl's numbers are outside the contact theory, whatever the objective says of it.
+    """
+    good = rows["success"].astype(bool) & ~rows["whirl"].astype(bool)
+    if case.inside_model:
+        good = good & rows["inside_model"].astype(bool)
+    return good & (np.asarray(capacity) >= case.capacity_floor * (1 - 1e-12))
+
+
+def judged(rows: Mapping[str, Any]) -> np.ndarray:
+    """The objective of the worse start, shape (points,); NaN where either does not count."""
+    worse = np.max(rows["objective"], axis=0)
+    return np.where(np.all(rows["counts"], axis=0), worse, np.nan)
+
+
+def quiet_objective(unit: Float[Array, " n"], case: Case, window: Window) -> tuple[Array, Array]:
+    """The objective of the motion that starts in contact, differentiable, and the steps taken."""
+    described = case.design.description(unit, {"start": "contact"})
+    result = jc.statistics(
+        jc.build_scene(described), window.settle, window.turns,
+        outputs=case.objective.outputs, rtol=window.rtol,
+    )  # fmt: skip
+    return case.objective.formula(result, described, case.chamber), result.outcome.steps
+
+
+@eqx.filter_jit
+def _scenes(points, shifts, case: Case, start: str) -> jc.Scene:
+    def one(unit, shift):
+        return shifted_start(case.design.scene(unit, {"start": start}), Vector(*shift))
+
+    return jax.vmap(one)(points, shifts)
+
+
+def _row(batch: tuple[jc.Scene, Array], case: Case, window: Window) -> dict[str, Array]:
+    scene, unit = batch
+    outputs = tuple(dict.fromkeys((*jc.STATISTICS, *case.objective.outputs)))
+    result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
+    objective = case.objective.formula(result, case.design.description(unit), case.chamber)
+    return row_of(result) | {"objective": objective, "steps": result.outcome.steps}

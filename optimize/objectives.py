@@ -1,0 +1,67 @@
+"""What the search can make small, by name: each a function of the statistics of a motion."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+import jaxcrusher as jc
+from jaxcrusher.capacity import CrushingChamber
+
+Formula = Callable[[jc.Statistics, Mapping[str, Any], CrushingChamber], Scalar]
+
+
+@dataclass(frozen=True)
+class Objective:
+    """A number to minimise: unit, meaning, the statistics it needs, and how it follows from them.
+
+    `formula` takes the statistics of a motion, the description of the crusher and its chamber.
+    """
+
+    unit: str
+    meaning: str
+    outputs: tuple[str, ...]
+    formula: Formula
+
+
+def _plain(name: str) -> Formula:
+    """A statistic as it is."""
+    return lambda statistics, *_: getattr(statistics, name)
+
+
+def _excess(statistics: jc.Statistics, description: Mapping[str, Any], _) -> Scalar:
+    """The RMS less that of the same machine with an ideal joint."""
+    ideal = jc.build_scene({**description, "joint": "ideal"})
+    floor = jc.statistics(ideal, 0, 1, outputs=("foundation_rms",)).foundation_rms
+    assert statistics.foundation_rms is not None and floor is not None
+    return statistics.foundation_rms - floor
+
+
+def _per_volume(name: str) -> Formula:
+    """A power (W) over the capacity (m3/h), in J/m3."""
+
+    def formula(statistics, description, chamber):
+        speed = jnp.asarray(description.get("speed", jc.PE250X400["speed"]))
+        return 3600 * getattr(statistics, name) / chamber.capacity(speed)
+
+    return formula
+
+
+OBJECTIVES = {
+    "rms": Objective("N", "RMS of |R_O| + |R_C|", ("foundation_rms",), _plain("foundation_rms")),
+    "peak": Objective("N", "peak of |R_O| + |R_C|", ("foundation_peak",),
+                      _plain("foundation_peak")),
+    "smooth_peak": Objective("N", "(mean of (|R_O| + |R_C|)^16)^(1/16)",
+                             ("foundation_smooth_peak",), _plain("foundation_smooth_peak")),
+    "mean": Objective("N", "mean of |R_O| + |R_C|", ("foundation_mean",),
+                      _plain("foundation_mean")),
+    "excess": Objective("N", "RMS less that of the ideal joint", ("foundation_rms",), _excess),
+    "joint_peak": Objective("N", "peak force in the main bearing", ("joint_peak",),
+                            _plain("joint_peak")),
+    "wear": Objective("J/m3", "normal force times surface slip, per volume crushed",
+                      ("sliding_power",), _per_volume("sliding_power")),
+    "energy": Objective("J/m3", "drive energy per volume crushed", ("drive_power",),
+                        _per_volume("drive_power")),
+}  # fmt: skip

@@ -1,0 +1,124 @@
+"""report.html: all that a search found, in one file that opens without a network."""
+
+import base64
+import html
+import os
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+
+import xarray as xr
+
+from optimize import page_data
+from optimize.markup import Html, element, join, missing, section
+from optimize.page_answer import answer
+from optimize.page_explorer import explorer
+from optimize.page_sections import checks, found, limits, others, settings
+
+# What the figures of a finished run show.
+FIGURES = {
+    "landscape.png": "The objective over the box, worse of both starts, with the paths of the "
+    "descents.",
+    "capacity.png": "Capacity over driving speed, with its floor and the box searched.",
+    "pareto.png": "RMS of the foundation force against capacity and against its peak, with what "
+    "no other cell beats in both.",
+    "motion.png": "Orbit of the pin and foundation force of the optimum and of the paper's "
+    "choice, after settling.",
+}
+# The page may fetch nothing: a browser refuses what this does not name.
+POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
+
+
+def write_page(
+    folder: Path,
+    result: Mapping,
+    landscape: xr.Dataset | None,
+    motions: xr.Dataset | None,
+    figures: Sequence[str] = tuple(FIGURES),
+) -> Path:
+    """Write report.html, at once or not at all, and return its path.
+
+    **Arguments:**
+
+    - `folder`: of the run; its name is the title. The PNG `figures` in it are embedded, but
+      only if the run finished: those of an earlier run may lie there.
+    - `result`: what result.json holds. What is missing is named, what is unknown is shown.
+    - `landscape`: as `optimize.landscape.mapped` gives it, or None.
+    - `motions`: of its cells, as `optimize.motions.cell_motions` returns them, or None.
+    """
+    result = {key: _plain(value) for key, value in result.items()}
+    finished = result.get("status") == "finished"
+    data = None if landscape is None else page_data.pack(landscape, motions, result)
+    content = element(
+        "main",
+        _head(folder.name, result),
+        answer(result),
+        explorer(data),
+        checks(result),
+        found(result),
+        _figures(folder, figures if finished else ()),
+        settings(result),
+        others(result),
+        limits(),
+    )
+    page = join([
+        Html("<!DOCTYPE html>\n"),
+        Html('<html lang="en"><head><meta charset="utf-8">'),
+        Html('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+        Html(f'<meta http-equiv="Content-Security-Policy" content="{html.escape(POLICY)}">'),
+        element("title", f"Design search {folder.name}"),
+        Html(f"<style>\n{_part('page.css')}</style></head><body>\n"),
+        content,
+        "" if data is None else page_data.script(data),
+        "" if data is None else _script(),
+        Html("\n</body></html>\n"),
+    ])  # fmt: skip
+    path = folder / "report.html"
+    partial = path.with_suffix(".partial")
+    partial.write_text(page, encoding="utf-8")
+    os.replace(partial, path)
+    return path
+
+
+def _plain(value):
+    """The same with arrays as lists."""
+    if isinstance(value, Mapping):
+        return {key: _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _script() -> Html:
+    code = _part("page_plot.js") + _part("page.js")
+    return Html(f'<script>\n(() => {{\n"use strict";\n{code}}})();\n</script>')
+
+
+def _part(name: str) -> str:
+    return files("optimize").joinpath(name).read_text(encoding="utf-8")
+
+
+def _head(name: str, result: Mapping) -> Html:
+    status = result.get("status", "unknown")
+    parts = [
+        element("h1", f"Design search “{name}”"),
+        element("p", "Made by this command:"),
+        element("code", result.get("command", "not recorded"), class_="command", tabindex="0"),
+    ]  # fmt: skip
+    if status != "finished":
+        warning = f"This run is not finished (status: {status}). What it came to is below."
+        parts.append(element("p", warning, class_="warning", role="alert"))
+    return element("header", *parts)
+
+
+def _figures(folder: Path, names: Sequence[str]) -> Html:
+    parts = []
+    for name in names:
+        path, caption = folder / name, FIGURES.get(name, name)
+        if not path.exists():
+            parts.append(element("p", f"No figure {name}.", class_="missing"))
+            continue
+        picture = base64.b64encode(path.read_bytes()).decode()
+        image = Html(f'<img src="data:image/png;base64,{picture}" alt="{html.escape(caption)}">')
+        parts.append(element("figure", image, element("figcaption", caption)))
+    return section("Figures", *(parts or [missing("figures")]))

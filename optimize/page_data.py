@@ -1,0 +1,173 @@
+"""The numbers of the report's interactive landscape, packed for its script."""
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
+
+import jaxcrusher as jc
+from jaxcrusher.sweep import LOGICAL
+from optimize.markup import Html, known
+
+# Bytes of motions in a page before base64 makes a third more of them, and the fewest instants
+# a turn that still show an orbit.
+MOST_BYTES, FEWEST_SAMPLES = 2_500_000, 32
+# What int16 says where there is no number.
+NO_VALUE = -32768
+COLOURS = 64
+
+# Outlines of the markers, as the path's commands after its first point.
+DIAMOND = "m-7 0l7 -7l7 7l-7 7"
+STAR = "m0 -10l2.4 6.8h7.1l-5.7 4.3l2.1 6.9l-5.9 -4.1l-5.9 4.1l2.1 -6.9l-5.7 -4.3h7.1"
+MARKERS = {"optimum": STAR, "seed_choice": DIAMOND}
+
+
+def pack(landscape: xr.Dataset, motions: xr.Dataset | None, result: Mapping) -> dict:
+    """Everything that the script draws, ready for JSON.
+
+    Cells are numbered as they lie in memory, the last dim fastest. Variables with other dims
+    than the cells' and `start` are left out. Motions are thinned to `MOST_BYTES`, or left out
+    if too few instants a turn would remain.
+    """
+    dims = _cell_dims(landscape)
+    parameters = _parameters(landscape, dims)
+    names = [parameter["name"] for parameter in parameters]
+    designs = {name: design_values(result.get(name), names) for name in MARKERS}
+    placed = {name: values for name, values in designs.items() if values is not None}
+    best = placed.get("optimum") or design_values(result.get("grid_best"), names)
+    wanted = set(dims)
+    drawable = [name for name in landscape if set(landscape[name].dims) - {"start"} == wanted]
+    return {
+        "parameters": parameters,
+        "shape": None if dims == ("sample",) else [landscape.sizes[name] for name in dims],
+        "starts": [str(start) for start in landscape.start.to_numpy()],
+        "variables": [_variable(landscape[name], dims) for name in drawable],
+        "designs": [
+            {"at": [shown(name, values[name])[0] for name in names[:2]], "shape": MARKERS[key]}
+            for key, values in placed.items()
+        ],
+        "first": 0 if best is None else _nearest(parameters, best),
+        "colours": [to_hex(colour) for colour in colormaps["cividis"](np.linspace(0, 1, COLOURS))],
+        "motions": None if motions is None else _pack_motions(motions, dims),
+    }
+
+
+def design_values(design: Mapping | None, names: Sequence[str]) -> dict[str, float] | None:
+    """The parameters of a design of result.json, or None if one is not known."""
+    numbers = (design or {}).get("values") or design or {}
+    if not all(known(numbers.get(name)) for name in names):
+        return None
+    return {name: float(numbers[name]) for name in names}
+
+
+def shown(name: str, value: float) -> tuple[float, str]:
+    """A parameter in the unit a reader wants, and that unit: lengths in mm."""
+    unit = jc.PARAMETERS[name].unit if name in jc.PARAMETERS else ""
+    return (1e3 * value, "mm") if unit == "m" else (value, "" if unit == "1" else unit)
+
+
+def design_unit(name: str) -> tuple[str, float]:
+    """The unit that a parameter of the design is shown in, and the factor from SI units."""
+    factor, unit = shown(name, 1.0)
+    return unit, factor
+
+
+def script(content: dict) -> Html:
+    """JSON in the page; no text in it can end the element."""
+    text = json.dumps({"landscape": content}, allow_nan=False, separators=(",", ":"))
+    text = text.replace("<", r"\u003c")
+    return Html(f'<script type="application/json" id="data">{text}</script>')
+
+
+def _cell_dims(landscape: xr.Dataset) -> tuple[str, ...]:
+    """The dims of the cells: `sample`, or the parameters in the order of the variables."""
+    dims = next(iter(landscape.values())).dims
+    return tuple(str(name) for name in dims if name != "start")
+
+
+def _parameters(landscape: xr.Dataset, dims: tuple[str, ...]) -> list[dict]:
+    """Name, meaning, unit of each parameter, and its number in every cell."""
+    if dims == ("sample",):
+        names = [str(name) for name, values in landscape.coords.items() if values.dims == dims]
+        numbers = [landscape[name].to_numpy() for name in names]
+    else:
+        names = list(dims)
+        axes = np.meshgrid(*(landscape[name].to_numpy() for name in names), indexing="ij")
+        numbers = [axis.ravel() for axis in axes]
+    return [
+        {"name": name, "label": str(landscape[name].attrs.get("long_name", name)),
+         "unit": shown(name, 0.0)[1],
+         "values": [shown(name, float(value))[0] for value in values]}
+        for name, values in zip(names, numbers, strict=True)
+    ]  # fmt: skip
+
+
+def _variable(variable: xr.DataArray, dims: tuple[str, ...]) -> dict:
+    """Name, meaning, unit and values of a variable of the landscape; texts stay texts."""
+    by_start = "start" in variable.dims
+    order = ("start", *dims) if by_start else dims
+    values = variable.transpose(*order).to_numpy().ravel()
+    about = {
+        "name": str(variable.name),
+        "label": str(variable.attrs.get("long_name", variable.name)).replace("$", ""),
+        "units": str(variable.attrs.get("units", "1")),
+        "starts": by_start,
+        "logical": values.dtype == bool or variable.name in (*LOGICAL, "counts"),
+    }  # fmt: skip
+    if values.dtype.kind not in "biuf":
+        return about | {"values": [_words(value) for value in values]}
+    return about | {"packed": _base64(values.astype("<f4"))}
+
+
+def _words(value: object) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+def _nearest(parameters: list[dict], design: dict[str, float]) -> int:
+    """The number of the cell next to a design, in shares of each parameter's range."""
+    distance = 0.0
+    for parameter in parameters:
+        values = np.array(parameter["values"])
+        offset = values - shown(parameter["name"], design[parameter["name"]])[0]
+        distance = distance + (offset / (np.ptp(values) or 1.0)) ** 2
+    return int(np.argmin(distance))
+
+
+def _pack_motions(motions: xr.Dataset, dims: tuple[str, ...]) -> dict | None:
+    kept = _thinned(motions)
+    if kept is None:
+        return None
+    turns = [float(f"{turn:.5g}") for turn in kept.turn.to_numpy()]
+    packed: dict = {"turn": turns}
+    names = {"x": "eccentricity_x", "y": "eccentricity_y", "force": "foundation_force"}
+    for short, name in names.items():
+        packed[short] = _small(kept[name].transpose("start", *dims, "instant").to_numpy())
+    packed["ideal"] = _small(kept.ideal_force.transpose(*dims, "instant").to_numpy())
+    return packed
+
+
+def _thinned(motions: xr.Dataset) -> xr.Dataset | None:
+    """Every n-th instant, n as small as the page allows; None if that shows nothing."""
+    instants = motions.sizes["instant"]
+    numbers = sum(motions[name].size for name in motions) // instants
+    stride = -(-instants // max(MOST_BYTES // (2 * numbers), 1))
+    kept = motions.isel(instant=slice(None, None, stride))
+    turns = float(motions.turn[-1] - motions.turn[0])
+    return kept if kept.sizes["instant"] >= FEWEST_SAMPLES * turns else None
+
+
+def _small(values: np.ndarray) -> dict:
+    """16-bit whole numbers, each row (last axis) by a scale of its own."""
+    finite = np.isfinite(values)
+    largest = np.abs(np.where(finite, values, 0)).max(axis=-1, keepdims=True)
+    scale = np.where(largest > 0, largest, 1) / 32767
+    whole = np.where(finite, np.rint(np.where(finite, values, 0) / scale), NO_VALUE)
+    return {"values": _base64(whole.astype("<i2")), "scale": _base64(scale.astype("<f4"))}
+
+
+def _base64(values: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode()

@@ -1,0 +1,241 @@
+"""The design study: its gradient, its searches, going on after an interruption, and errors."""
+
+import json
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from rich.console import Console
+
+import jaxcrusher as jc
+from optimize import balance, compare, quiet
+from optimize.balance_options import PAPER, Options
+from optimize.balance_report import comparison, long_runs
+from optimize.compare import Answer, Search, Smooth, search, spent_until
+from optimize.design import Design
+
+CENTRE = np.array([0.3, 1.2, 0.6])  # the second is outside the box
+
+
+def _bowl() -> Smooth:
+    """Least at CENTRE, projected on the box; a gradient counts as two values."""
+
+    def value(point):
+        return Answer(1 + float(np.sum((point - CENTRE) ** 2)), 3)
+
+    def gradient(point):
+        return Answer(*value(point)[:2], 2 * (point - CENTRE))
+
+    return Smooth(value, gradient, 1.0, 2.0)
+
+
+@pytest.mark.parametrize("method", compare.METHODS)
+def test_every_method_finds_the_bottom_of_a_bowl(method):
+    for module in ("cma", "pybobyqa"):
+        pytest.importorskip(module)
+    found = search(method, _bowl(), np.array([0.9, 0.1, 0.1]), 600, 1)
+    # The bowl is 1.04 at its least in the box; the evolution's spread shrinks slowest.
+    assert found.best[-1] == pytest.approx(1.04, abs=1e-4)
+    np.testing.assert_allclose(found.point, [0.3, 1.0, 0.6], atol=1e-2)
+    assert all(np.diff(found.best) < 0) and all(np.diff(found.work) > 0)
+    work = 2 if method == "L-BFGS-B" else 1
+    assert found.total_work == work * found.evaluations <= 600
+    assert found.steps == 3 * found.evaluations
+    again = search(method, _bowl(), np.array([0.9, 0.1, 0.1]), 600, 1)
+    assert again.point == found.point and again.evaluations == found.evaluations
+
+
+def test_a_search_stops_at_its_budget():
+    found = search("L-BFGS-B", _bowl(), np.array([0.9, 0.1, 0.1]), 3.9)
+    assert found.evaluations == 1 and found.total_work == 2.0
+
+
+def test_no_number_is_never_the_best():
+    nowhere = Smooth(*2 * (lambda point: Answer(float("nan"), 0, np.full(3, np.nan)),), 1.0, 1.0)
+    found = search("L-BFGS-B", nowhere, np.full(3, 0.5), 20)
+    assert found.best == [] and found.failures == found.evaluations > 0
+
+
+def test_gradient_against_differences():
+    """All nine parameters of the study, with the joint's clearance."""
+    options = Options()
+    design, conditions = options.design(), options.conditions()
+    function = jax.jit(lambda unit: quiet.quiet_slope(unit, conditions, design, 1))
+
+    def rms(point):
+        return float(function(point)[0][0])
+
+    # Printed for the ideal joint by two independent programs as 19 099 N; clearance adds 0.02 %.
+    assert rms(design.unit(PAPER)) == pytest.approx(19_099, rel=5e-4)
+    point, step = np.array([0.3, 0.6, 0.7, 0.4, 0.3, 0.6, 0.5, 0.4, 0.6]), 0.01
+    (_, steps), slope = function(point)
+    assert slope.shape == (9,) and steps > 100
+    differences = [(rms(point + e) - rms(point - e)) / (2 * step) for e in step * np.eye(9)]
+    # Noise of a value, 3e-3 N, over 0.02 is 0.2 N; the third derivative over a hundredth of the
+    # box leaves 1e-4 of the largest slope, some 5000 N.
+    np.testing.assert_allclose(slope, differences, rtol=0, atol=1e-3 * np.abs(slope).max())
+    # So that no parameter's slope hides in that: each is above it.
+    assert (np.abs(slope) > 5e-3 * np.abs(slope).max()).all()
+
+
+def test_counterweight_of_a_shaft_alone():
+    """With a jaw of no mass R_O is the shaft's: weight W and rotating unbalance U.
+
+    (m1 + m)^2 g^2 + omega^4 (m1 l11 - m r)^2, opposite to S1, is least at
+    m = (omega^4 r m1 l11 - m1 g^2) / (g^2 + omega^4 r^2).
+    """
+    fixed = {"joint": "ideal", "load_law": "none", "jaw.mass": 1e-9, "jaw.inertia": 1e-9,
+             "toggle.mass": 1e-9, "toggle.inertia": 1e-9, "counterweight.radius": 0.2}  # fmt: skip
+    design = Design({"counterweight.mass": (0.5, 6.0), "counterweight.angle": (2.5, 5.0)}, fixed)
+
+    @jax.jit
+    def rms(unit):
+        result = jc.statistics(design.scene(unit), 0, 1, outputs=("foundation_rms",))
+        return result.foundation_rms / 1e3
+
+    both = jax.jit(jax.value_and_grad(rms))
+
+    def gradient(point):
+        value, slope = both(jnp.asarray(point))
+        return Answer(float(value), 0, np.asarray(slope))
+
+    found = search("L-BFGS-B", Smooth(gradient, gradient, 1.0, 1.0), np.array([0.9, 0.1]), 100)
+    fast, arm = 30.0**4, 0.2
+    best = (fast * arm * 95 * 0.006 - 95 * 9.81**2) / (9.81**2 + fast * arm**2)
+    values = design.values(np.array(found.point))
+    # The search ends where the RMS changes by 1e-8; a parabola is 1e-4 wide there.
+    assert float(values["counterweight.mass"]) == pytest.approx(best, rel=3e-3)
+    assert float(values["counterweight.angle"]) == pytest.approx(np.radians(210), abs=3e-3)
+    unbalance = fast * (95 * 0.006 - best * arm) ** 2
+    least = np.sqrt((95 + best) ** 2 * 9.81**2 + unbalance) / 1e3
+    assert found.best[-1] == pytest.approx(least, rel=1e-7)
+
+
+def test_mean_and_spread_has_the_right_slope():
+    matrix = np.random.default_rng(0).normal(size=(6, 2))
+
+    def values(x):
+        return (matrix @ x) ** 2
+
+    x = np.array([0.4, 0.9])
+    slopes = 2 * (matrix @ x)[:, None] * matrix
+    value, slope = quiet.mean_and_spread(values(x), slopes, 3.0)
+    assert value == values(x).mean() + 3 * values(x).std()
+    expected = jax.grad(lambda x: jnp.mean((matrix @ x) ** 2) + 3 * jnp.std((matrix @ x) ** 2))
+    np.testing.assert_allclose(slope, expected(jnp.asarray(x)), rtol=1e-12)
+
+
+def test_tolerances_are_the_same_for_everyone():
+    middle, widths = {"load": 8800.0, "friction": 0.1}, {"load": 0.2, "friction": 0.5}
+    first, second = (quiet.tolerances(middle, widths, 20, 3) for _ in range(2))
+    np.testing.assert_array_equal(first["load"], second["load"])
+    for name, column in first.items():
+        assert column.shape == (20,) and (np.abs(column / middle[name] - 1) <= widths[name]).all()
+        assert np.ptp(column) > widths[name] * middle[name]
+
+
+def test_table_of_methods_counts_what_never_arrived():
+    rows = [
+        {"method": "L-BFGS-B", "start": 0, "best": [0.9, 0.8], "work": [2.0, 4.0],
+         "seconds": [0.1, 0.2], "evaluations": 2},
+        {"method": "CMA-ES", "start": 0, "best": [0.95], "work": [1.0], "seconds": [0.1],
+         "evaluations": 9},
+    ]  # fmt: skip
+    assert spent_until(Search(**rows[0]), rows[0]["work"], 0.85) == 4.0
+    _, table = comparison({"cost": {"scale": 1000.0}, "searches": rows})
+    assert table[0][:5] == ["L-BFGS-B", "800.00", "800.00 to 800.00", "1 of 1", "4 (4 to 4)"]
+    assert table[1][3:5] == ["0 of 1", "never (never to never)"]
+    assert table[2][1] == "none"
+
+
+@pytest.fixture
+def bowl_study(monkeypatch):
+    for module in ("cma", "pybobyqa"):
+        pytest.importorskip(module)
+    nine = Smooth(
+        lambda p: Answer(1 + float(np.sum((p - 0.4) ** 2)), 1),
+        lambda p: Answer(1 + float(np.sum((p - 0.4) ** 2)), 1, 2 * (p - 0.4)), 1.0, 10.0,
+    )  # fmt: skip
+    monkeypatch.setattr(quiet, "quiet_objective", lambda *_: (nine, 20_000.0))
+
+
+def test_an_interrupted_study_goes_on(bowl_study, tmp_path, monkeypatch):
+    options = Options(out=tmp_path, starts=2, budget=50)
+    called = []
+
+    def interrupted(method, *arguments):
+        called.append(method)
+        if len(called) == 5:
+            raise KeyboardInterrupt
+        return search(method, *arguments)
+
+    monkeypatch.setattr(balance, "search", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        balance.run(options, Console(quiet=True))
+    path = tmp_path / "balance" / "result.json"
+    kept = json.loads(path.read_text())
+    assert kept["status"] == "interrupted" and len(kept["searches"]) == 4
+
+    def end(*_):
+        raise RuntimeError("end of the searches")
+
+    monkeypatch.setattr(balance, "_robust", end)
+    with pytest.raises(RuntimeError, match="end of the searches"):
+        balance.run(options, Console(quiet=True))
+    went_on = json.loads(path.read_text())["searches"]
+    # The two that were missing, and nothing twice.
+    assert len(called) == 7 and went_on[:4] == kept["searches"] and len(went_on) == 6
+    with pytest.raises(ValueError, match=r"^Argument `name` must be that of a new study"):
+        balance.run(Options(out=tmp_path, starts=3, budget=50), Console(quiet=True))
+    path.write_text("{")
+    with pytest.raises(ValueError, match=r"^Argument `name` must be that of a study that can be"):
+        balance.run(options, Console(quiet=True))
+
+
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [({"speed": 0.0}, "speed"), ({"clearance": 200.0}, "clearance"), ({"links": 6.0}, "links"),
+     ({"starts": 0}, "starts"), ({"budget": 0}, "budget"), ({"samples": 1}, "samples"),
+     ({"tolerance": (0.5, 1.0, 0.1)}, "tolerance"), ({"sigmas": -1.0}, "sigmas"),
+     ({"seed": -1}, "seed")],
+)  # fmt: skip
+def test_bad_options(change, name, tmp_path):
+    with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
+        balance.run(Options(out=tmp_path, **change), Console(quiet=True))
+    assert "\n" not in str(error.value)
+
+
+def test_the_command_repeats_the_options():
+    assert Options(name="other").command() == "python -m optimize.balance"
+    changed = Options(starts=3, tolerance=(0.1, 0.2, 0.3)).command()
+    assert changed == "python -m optimize.balance --starts 3 --tolerance 0.1 0.2 0.3"
+
+
+def test_a_long_run_outside_the_contact_model_says_so():
+    limits = {"half_width_ratio": 0.2, "impact_speed_ratio": 0.1, "delivered_restitution": 0.9,
+              "asked_restitution": 0.9}  # fmt: skip
+    run = {"success": True, "whirl": False, "foundation_rms": 1.0, "foundation_rms_error": 0.1,
+           "validity": limits}  # fmt: skip
+    bad = run | {"whirl": True, "validity": limits | {"half_width_ratio": 1.8}}
+    found = {"paper": {"centred": run, "contact": bad},
+             "optimised": {"centred": run | {"success": False}, "contact": run}}  # fmt: skip
+    _, rows = long_runs({"long_runs": found, "options": {"settle": 5}})
+    assert rows[0][1:] == ["1 ± 0.1", "failed"]
+    assert rows[1][1].startswith("1 ± 0.1, friction whirl, contact 1.80 bore radii wide")
+
+
+def test_missing_packages_are_named(monkeypatch, tmp_path):
+    monkeypatch.setattr(compare, "_PACKAGES", {"no_such_module": "cma"})
+    with pytest.raises(ValueError, match=r"^The comparison needs cma: pip install 'jaxcrusher\["):
+        balance.run(Options(out=tmp_path), Console(quiet=True))
+
+
+def test_command_line_error_is_one_line(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["balance", "--links", "6"])
+    with pytest.raises(SystemExit) as stopped:
+        balance.main()
+    printed = capsys.readouterr().out.strip()
+    assert stopped.value.code == 2
+    assert "\n" not in printed and "`links` must lie in (0, 5] percent" in printed

@@ -1,0 +1,370 @@
+"""The report's page: self-contained, escaped, honest about gaps, and alive in a browser."""
+
+import base64
+import json
+import re
+import shutil
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import jaxcrusher as jc
+from jaxcrusher.plane import Vector
+from jaxcrusher.starts import shifted_start
+from optimize import page_data
+from optimize.design import Design
+from optimize.evaluate import Case
+from optimize.motions import cell_motions
+from optimize.objectives import OBJECTIVES
+from optimize.page import write_page
+
+SPEEDS, CLEARANCES = [25.0, 30.0, 35.0], [3e-5, 6e-5]
+EVIL = '</script><img src="http://example.org/x.png">&'
+
+LONG = "standard error of the RMS, from the scatter of ten batches of turns of the shaft"
+
+
+def hand_made_landscape() -> xr.Dataset:
+    """Cell (1, 0) whirls from the centred start, cell (2, 1) failed from it."""
+    dims, shape = ("start", "speed", "clearance"), (2, 3, 2)
+    rms = 18000.0 + 100 * np.arange(12).reshape(shape)
+    whirl, success = np.zeros(shape, bool), np.ones(shape, bool)
+    whirl[0, 1, 0], rms[0, 1, 0] = True, 5.6e6
+    success[0, 2, 1], rms[0, 2, 1] = False, np.nan
+    return xr.Dataset(
+        {
+            "foundation_rms": (dims, rms, {"units": "N", "long_name": "RMS of |R_O| + |R_C|"}),
+            "foundation_rms_error": (
+                dims,
+                np.where(success, 12.3, np.nan),
+                {"units": "N", "long_name": LONG},
+            ),
+            "whirl": (dims, whirl),
+            "success": (dims, success),
+            "inside_model": (dims, ~whirl & success),
+            "regime": (dims, np.full(shape, EVIL)),
+        },
+        {"start": ["centred", "contact"], "speed": SPEEDS, "clearance": CLEARANCES},
+    )
+
+
+def hand_made_motions(cells=(3, 2), samples=64) -> xr.Dataset:
+    """Circles: of half a clearance from the centred start, of a whole one from contact."""
+    turn = np.arange(2 * samples + 1) / samples
+    angle, shape = 2 * np.pi * turn, (2, *cells, turn.size)
+    radius = np.array([0.5, 1.0]).reshape(2, 1, 1, 1)
+    dims = ("start", "speed", "clearance", "instant")
+    force = np.broadcast_to(2e4 + 1e3 * np.sin(angle), shape).copy()
+    if cells == (3, 2):
+        force[0, 2, 1] = np.nan
+    return xr.Dataset(
+        {
+            "eccentricity_x": (dims, np.broadcast_to(radius * np.cos(angle), shape)),
+            "eccentricity_y": (dims, np.broadcast_to(radius * np.sin(angle), shape)),
+            "foundation_force": (dims, force),
+            "ideal_force": (dims[1:], np.full((*cells, turn.size), 2e4)),
+        },
+        {"start": ["centred", "contact"], "speed": np.linspace(25, 35, cells[0]),
+         "clearance": np.linspace(3e-5, 6e-5, cells[1]), "turn": ("instant", turn)},
+    )  # fmt: skip
+
+
+def hand_made_result() -> dict:
+    limits = {"half_width_ratio": 1.8, "impact_speed_ratio": 0.1,
+              "delivered_restitution": 0.9, "asked_restitution": 0.9}  # fmt: skip
+    run = {"foundation_rms": 18243.2, "foundation_rms_error": 3.6, "whirl": False,
+           "success": True, "validity": limits}  # fmt: skip
+    numbers = {"foundation_rms": 18243.2, "ideal_rms": 18240.0, "capacity": 9.41}
+    confirmed = run | {"objective_mean": 18250.1, "objective_half_width": 7.2, "runs": 6}
+    optimum = numbers | {
+        "values": {"speed": 25.0, "clearance": 6e-5},
+        "runs": {"centred": confirmed, "contact": confirmed},
+        "regime": {"centred": {"name": "periodic"}},
+    }
+    other = numbers | {
+        "speed": 39.0, "clearance": 3e-5, "foundation_rms": float("nan"),
+        "runs": {"centred": run, "contact": run | {"success": False}},
+    }  # fmt: skip
+    return {
+        "status": "finished",
+        "command": f"python -m optimize.run --name '{EVIL}'",
+        "versions": {"jax": "0.10.2"},
+        "box": {"speed": [25.0, 35.0], "clearance": [3e-5, 6e-5], "capacity_floor": 5.6},
+        "seed": 0,
+        "seconds": {"landscape": 12.5},
+        "grid_best": {"speed": 25.0, "clearance": 3e-5, "foundation_rms": 18000.0},
+        "optimum": optimum,
+        "seed_choice": other,
+        "candidates": [{"values": {"speed": 25.0, "clearance": 6e-5}, "objective": np.nan}],
+        "refinement": {"quiet_last": np.array([18243.0]),
+                       "gradient_at_best": {"speed": 220.0, "clearance": 51000.0}},
+        "checks": [{"name": "inside the box", "passed": True, "verdict": "ok", "detail": EVIL},
+                   {"name": "both starts agree", "passed": False, "verdict": "failed",
+                    "detail": ""}],
+        "remark": "Wear is not counted.",
+        "confidence": {"optimum": {"low": 18000.5, "high": None}, EVIL: [1, float("inf")]},
+    }  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("page")
+    (folder / "landscape.png").write_bytes(b"not looked at")
+    return write_page(folder, hand_made_result(), hand_made_landscape(), hand_made_motions())
+
+
+def data_of(text: str) -> dict:
+    """The page's data, as strict JSON."""
+    (found,) = re.findall(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)
+
+    def refuse(name):
+        raise ValueError(f"{name} is not JSON")
+
+    return json.loads(found, parse_constant=refuse)["landscape"]
+
+
+def unpacked(packed: dict, length: int) -> np.ndarray:
+    """16-bit whole numbers times the scale of their row."""
+    whole = np.frombuffer(base64.b64decode(packed["values"]), "<i2").reshape(-1, length)
+    scale = np.frombuffer(base64.b64decode(packed["scale"]), "<f4")
+    return np.where(whole == -32768, np.nan, whole * scale[:, None].astype(float))
+
+
+def test_page_fetches_nothing(page):
+    text = page.read_text()
+    outside = re.sub(r"<script.*?</script>", "", text, flags=re.S)
+    fetched = re.findall(r"<[^>]*?\s(?:src|href|action|data|poster)\s*=\s*\"([^\"]*)", outside)
+    assert fetched and all(address.startswith("data:image/png;base64,") for address in fetched)
+    assert "url(" not in outside.split("</style>")[0] and "@import" not in text
+    assert not re.search(r"fetch\(|XMLHttpRequest|WebSocket|import\(|<link|<iframe", text)
+    assert "default-src &#x27;none&#x27;" in text
+
+
+def test_every_text_is_escaped(page):
+    text = page.read_text()
+    assert EVIL not in text
+    # One element of data and one of code: no text opened or closed another.
+    assert text.count("<script") == text.count("</script>") == 2
+    assert text.count("&lt;/script&gt;&lt;img src=&quot;http:") == 3
+    regime = next(v for v in data_of(text)["variables"] if v["name"] == "regime")
+    assert regime["values"] == [EVIL] * 12
+
+
+def test_page_shows_what_it_knows_and_what_it_does_not(page):
+    text = page.read_text()
+    assert "18243 ± 3.6" in text and "18250 ± 7.2" in text and "1 of 2 failed." in text
+    assert "half a 95 % interval from 6 independent runs" in text
+    assert "optimum: centred start periodic" in text
+    assert "contact 1.80 bore radii wide: not Hertzian" in text
+    # A number of an unknown key, and one that JSON cannot hold.
+    assert "18000.5" in text and "1, no value" in text
+    assert "No figure capacity.png." in text
+    # Units that differ from those of result.json: 51000 N/m are 51 N/mm.
+    assert "clearance, N per mm</th><td>51</td>" in text
+    assert "clearance, mm</th><td>0.03, 0.06</td>" in text
+
+
+def test_motions_survive_packing(page):
+    motions, data = hand_made_motions(), data_of(page.read_text())
+    length = motions.sizes["instant"]
+    for short, name in (("x", "eccentricity_x"), ("force", "foundation_force")):
+        values = unpacked(data["motions"][short], length)
+        given = motions[name].to_numpy().reshape(-1, length)
+        # Half a unit of 16 bits of the largest, and a 24-bit scale.
+        np.testing.assert_allclose(values, given, rtol=1e-7, atol=0.51 / 32767 * np.nanmax(given))
+    ideal = unpacked(data["motions"]["ideal"], length)
+    np.testing.assert_allclose(ideal, 2e4, rtol=1e-7)
+    assert data["first"] == 1  # the optimum's cell: first speed, second clearance
+
+
+def test_interrupted_run_says_what_is_missing(tmp_path):
+    (tmp_path / "landscape.png").write_bytes(b"of an earlier run")
+    text = write_page(tmp_path, {"status": "interrupted"}, None, None).read_text()
+    assert "This run is not finished (status: interrupted)" in text
+    for what in ("answer", "landscape", "checks", "candidates", "figures", "versions"):
+        assert f"No {what}: the run ended before it came to that." in text
+    assert "<img" not in text and "<script" not in text
+    text = write_page(tmp_path, {}, hand_made_landscape(), None).read_text()
+    assert "No motions to draw" in text and data_of(text)["motions"] is None
+
+
+def test_page_stays_small(tmp_path):
+    for cells, drawn in (((50, 40), True), ((250, 160), False)):
+        landscape = hand_made_landscape().interp(
+            speed=np.linspace(25, 35, cells[0]), clearance=np.linspace(3e-5, 6e-5, cells[1]),
+            method="nearest",
+        )[["foundation_rms"]]  # fmt: skip
+        motions = hand_made_motions(cells, 256 if drawn else 16)
+        packed = page_data.pack(landscape, motions, {})["motions"]
+        assert (packed is not None) == drawn
+        assert len(json.dumps(packed)) < 4e6
+
+
+def test_motions_are_those_of_simulate():
+    # So fast that two turns of impacts end before trajectories diverge (like exp(200 t)).
+    design = Design({"speed": (25.0, 250.0), "clearance": (3e-5, 6e-5)}, {"friction": 0.05})
+    case = Case(design, OBJECTIVES["rms"], jc.CrushingChamber())
+    cells = xr.Dataset(coords={"speed": [25.0, 250.0], "clearance": [3e-5, 6e-5]})
+    reported = []
+    motions = cell_motions(
+        case, cells, 1, 1e-6, lambda *done: reported.append(done), turns=1, samples=64
+    )
+    assert reported[-1] == (8, 8)
+    # Of 32-bit floats. A transposed grid, swapped starts, forgotten settling would all show.
+    compare(motions, "centred", 250.0, 3e-5, 1e-6, 1e-6)
+    # A quiet contact holds the solver at its limit of stability, where rounding decides on
+    # steps: a thousand of them, each 1e-6 clearances off. Force goes like delta^1.5, and delta
+    # is 5 % of the clearance.
+    compare(motions, "contact", 25.0, 6e-5, 1e-3, 0.03)
+
+
+def compare(motions, start, speed, clearance, orbit_error, force_error) -> None:
+    """A cell against `jaxcrusher.simulate`: absolute error in clearances, relative of force."""
+    motion = motions.sel(start=start, speed=speed, clearance=clearance)
+    times = (1 + motion.turn.to_numpy()) * 2 * np.pi / speed
+    scene = jc.paper_scene(speed, clearance, start=start, friction=0.05)
+    scene = shifted_start(scene, Vector(0.0, 0.0))  # so that both starts are one program
+    expected = jc.simulate(scene, times, outputs=("eccentricity", "foundation_force"), rtol=1e-6)
+    orbit = np.stack([motion.eccentricity_x, motion.eccentricity_y], axis=-1)
+    assert np.ptp(orbit[:, 0]) > 0.3
+    np.testing.assert_allclose(orbit, expected.eccentricity / clearance, atol=orbit_error)
+    np.testing.assert_allclose(motion.foundation_force, expected.foundation_force, rtol=force_error)
+    ideal = jc.simulate(jc.ideal_scene(speed), times, outputs=("foundation_force",))
+    # 32-bit floats.
+    np.testing.assert_allclose(motion.ideal_force, ideal.foundation_force, rtol=2e-7)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Headless Chromium with its own driver; nothing is downloaded."""
+    program = shutil.which("chromium") or shutil.which("chromium-browser")
+    driver = shutil.which("chromedriver")
+    if program is None or driver is None:
+        pytest.skip("no Chromium with its driver (Debian: chromium, chromium-driver)")
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = program
+    # The sandbox refuses to run as root; containers have little shared memory.
+    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage",
+                     "--window-size=1280,900"):  # fmt: skip
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    service = webdriver.ChromeService(driver)
+    chromium = webdriver.Chrome(options=options, service=service)
+    yield chromium
+    chromium.quit()
+
+
+@pytest.fixture
+def opened(browser, page):
+    browser.get(page.as_uri())
+    yield browser
+    assert browser.get_log("browser") == []  # neither errors nor refused fetches
+
+
+def hover(browser, cell: int) -> str:
+    """Put the mouse on a cell; returns the tooltip's text."""
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    rectangle = browser.find_element("css selector", f'[data-cell="{cell}"]')
+    browser.execute_script("arguments[0].scrollIntoView({block: 'center'})", rectangle)
+    ActionChains(browser).move_to_element(rectangle).perform()
+    return browser.find_element("id", "tip").text
+
+
+def radius(browser, start: int) -> float:
+    """Half the width of the orbit drawn, in radii of the bore drawn."""
+    return browser.execute_script(
+        """const svg = document.getElementById(`orbit-${arguments[0]}`);
+        return svg.querySelector(".orbit").getBBox().width /
+               svg.querySelector(".bore").getBBox().width""",
+        start,
+    )
+
+
+def test_hover_shows_a_cell(opened):
+    text = hover(opened, 4)
+    assert text.splitlines()[0] == "speed 35 rad/s, clearance 0.03 mm"
+    assert "centred start: RMS 18\u202f400 ± 12 N" in text
+    assert "contact start: RMS 19\u202f000 ± 12 N" in text
+    # The path's coordinates have one decimal: 0.05 of some 80 units.
+    assert radius(opened, 0) == pytest.approx(0.5, abs=2e-3)
+    assert radius(opened, 1) == pytest.approx(1.0, abs=2e-3)
+    force = opened.find_element("css selector", "#force-0 .force").get_attribute("d")
+    assert len(re.findall("[ML]", force)) == 129
+    assert "kN" in opened.find_element("id", "force-0").text
+
+
+def test_cells_without_numbers_say_why(opened):
+    text = hover(opened, 5)
+    assert "centred start: failed" in text and "contact start: RMS 19\u202f100" in text
+    assert opened.find_elements("css selector", "#orbit-0 .orbit") == []
+    assert opened.find_elements("css selector", "#orbit-1 .orbit") != []
+    assert "friction whirl, out of the contact model" in hover(opened, 2)
+    fills = [cell.get_attribute("fill") for cell in opened.find_elements("class name", "cell")]
+    assert [fill.startswith("url") for fill in fills] == [False, False, True, False, False, True]
+
+
+def test_click_keeps_a_cell_and_the_mouse_leaves_it(opened):
+    hover(opened, 3)
+    opened.find_element("css selector", '[data-cell="3"]').click()
+    hover(opened, 4)
+    assert opened.find_element("id", "place").text == "speed 35 rad/s, clearance 0.03 mm"
+    from selenium.webdriver.common.action_chains import ActionChains
+
+    ActionChains(opened).move_to_element(opened.find_element("tag name", "h2")).perform()
+    assert not opened.find_element("id", "tip").is_displayed()
+    assert opened.find_element("id", "place").text == "speed 30 rad/s, clearance 0.06 mm"
+
+
+def test_keyboard_and_choices(opened):
+    place = opened.find_element("id", "place")
+    assert place.text == "speed 25 rad/s, clearance 0.06 mm"  # the optimum's cell
+    land = opened.find_element("id", "map")
+    land.send_keys("\ue014")  # right arrow
+    assert place.text == "speed 30 rad/s, clearance 0.06 mm"
+    land.send_keys("\ue015")  # down arrow
+    assert place.text == "speed 30 rad/s, clearance 0.03 mm"
+    spoken = opened.find_element("id", "spoken").get_attribute("textContent")
+    assert spoken.startswith(
+        "speed 30 rad/s, clearance 0.03 mm; centred start: RMS 5\u202f600\u202f000"
+    )
+    whirl = '[data-cell="2"]'
+    before = opened.find_element("css selector", whirl).get_attribute("fill")
+    opened.find_element("css selector", '#choose-start option[value="1"]').click()
+    # The whirl was the other start's: from contact the cell has a colour.
+    assert before.startswith("url")
+    assert opened.find_element("css selector", whirl).get_attribute("fill").startswith("#")
+    opened.find_element("css selector", '#choose-variable option[value="whirl"]').click()
+    assert "whirl" in opened.find_element("id", "bar-label").text
+
+
+def test_one_parameter_and_many(browser, tmp_path):
+    """A strip of cells, and points of a sequence with their numbers."""
+    landscape, motions = hand_made_landscape(), hand_made_motions()
+    one = landscape.isel(clearance=0, drop=True), motions.isel(clearance=0, drop=True)
+    flat = [
+        data.stack(sample=("speed", "clearance")).reset_index("sample")
+        for data in (landscape, motions)
+    ]
+    many = [data.assign_coords(friction=("sample", np.linspace(0, 0.1, 6))) for data in flat]
+    for (cells, moving), place in (
+        (one, "speed 25 rad/s"),
+        (many, "speed 25 rad/s, clearance 0.03 mm, friction 0"),
+    ):
+        browser.get(write_page(tmp_path, hand_made_result(), cells, moving).as_uri())
+        assert hover(browser, 0).splitlines()[0] == place
+        assert radius(browser, 0) == pytest.approx(0.5, abs=2e-3)
+        browser.find_element("id", "map").send_keys("\ue014")
+        assert browser.find_element("id", "place").text != place
+        assert browser.get_log("browser") == []
+
+
+def test_narrow_window_needs_no_sideways_scrolling(opened):
+    size = {"width": 390, "height": 800, "deviceScaleFactor": 1, "mobile": False}
+    opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    width = "return document.documentElement.scrollWidth"
+    assert opened.execute_script(width) <= 390
+    opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
