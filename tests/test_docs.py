@@ -1,0 +1,78 @@
+"""The site builds without a warning and leaves no name out; Python blocks run as they stand."""
+
+import ast
+import inspect
+import re
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import pytest
+
+import jaxcrusher as jc
+
+ROOT = Path(__file__).parents[1]
+# Not for users: entry points and what they are made of.
+PRIVATE = ("__main__", "commands", "reproduce")
+
+
+def python_blocks(page: str) -> list[str]:
+    return re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def documented(tmp_path_factory) -> set[str]:
+    """The names with an entry of their own in the site, which is built as its readers build it."""
+    site = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(site)],
+        cwd=ROOT, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    formulas = (site / "model.html").read_text()
+    assert formulas.count("<math") > 50 and "arithmatex" not in formulas
+    # Sphinx's format: four lines of header, then a name and its place a line.
+    inventory = zlib.decompress((site / "objects.inv").read_bytes().split(b"\n", 4)[4]).decode()
+    return {line.split()[0] for line in inventory.splitlines()}
+
+
+def test_every_public_name_is_documented(documented):
+    lines = ast.parse(inspect.getsource(jc)).body
+    exported = [line for line in lines if isinstance(line, ast.ImportFrom)]
+    names = [f"{line.module}.{line.names[0].name}" for line in exported]
+    assert len(names) > 20
+    assert sorted(set(names) - documented) == []
+
+
+def test_every_module_is_documented(documented):
+    folder = ROOT / "jaxcrusher"
+    paths = [path.relative_to(ROOT).with_suffix("") for path in folder.rglob("*.py")]
+    modules = {".".join(path.parts) for path in paths
+               if path.name != "__init__" and not set(path.parts) & set(PRIVATE)}  # fmt: skip
+    assert len(modules) > 30
+    assert sorted(modules - documented) == []
+
+
+@pytest.mark.parametrize(
+    "page", ["docs/index.md", "docs/model.md", "docs/numerics.md", "docs/gradients.md"]
+)
+def test_blocks_of_a_page_run(page, capsys):
+    namespace: dict = {"__name__": page}
+    blocks = python_blocks(page)
+    assert blocks
+    for block in blocks:
+        exec(compile(block, page, "exec"), namespace)
+    assert "nan" not in capsys.readouterr().out
+
+
+def test_blocks_of_the_readme_run_in_a_fresh_process():
+    """The first of them sets JAX up."""
+    blocks = python_blocks("README.md")
+    assert len(blocks) == 3
+    done = subprocess.run(
+        [sys.executable, "-W", "error::UserWarning", "-c", "\n".join(blocks)],
+        cwd=ROOT, capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "nan" not in done.stdout
