@@ -16,13 +16,13 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import jaxcrusher as jc
+from jaxcrusher.files import write_json
 from optimize import balance_evidence as evidence
 from optimize import balance_figure, quiet
 from optimize import balance_report as report
 from optimize.balance_options import PAPER, Options
 from optimize.compare import METHODS, Answer, Search, Smooth, require_rivals, search
 from optimize.design import Design
-from optimize.report import write_json
 
 # Gradients of the robust search at most; it starts at the optimum, and ends far earlier.
 ROBUST_GRADIENTS = 40

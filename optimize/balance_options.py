@@ -1,7 +1,6 @@
 """What the design study can be told, and the design it makes of that."""
 
 import math
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from jaxcrusher.checks import require, require_positive, require_whole, require_within
 from jaxcrusher.description import PARAMETERS, PE250X400
+from jaxcrusher.files import results_folder
 from optimize.design import CounterweightMoment, Design
 from optimize.stroke import EqualStroke
 
@@ -75,16 +75,7 @@ class Options:
 
     def folder(self) -> Path:
         """Make the results' folder; ValueError if it cannot be written."""
-        folder = self.out / self.name
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ValueError(
-                f"Argument `out` must be a folder that can be written, but {folder} is not: "
-                f"{error.strerror}."
-            ) from None
-        require(os.access(folder, os.W_OK), "out", "be a folder that can be written", folder)
-        return folder
+        return results_folder(self.out, self.name)
 
     def numbers(self) -> dict:
         """What the answer depends on, for result.json."""

@@ -23,9 +23,9 @@ from optimize.evaluate import STARTS, Case, Progress, Window, evaluate, judged
 GRID_DIMENSIONS = 2
 # Turns that the exponents of the map come from, and pieces of each: enough to tell 6 a turn
 # from none, which is what there is (`jaxcrusher.regime` looks closer at the few that matter).
-EXPONENT_TURNS, EXPONENT_SLICES = 10, 8
+EXPONENT_TURNS, EXPONENT_SLICES = 6, 8
 # An exponent below this (per turn) may be a swing that hardly damps: its tangent grows like the
-# number of turns, ln(10) / 10 a turn, times what shear there is.
+# number of turns, ln(6) / 6 a turn, times what shear there is.
 CHAOTIC = 1.0
 
 

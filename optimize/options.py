@@ -1,7 +1,6 @@
 """What the design search can be told, and the box it searches."""
 
 import math
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -11,7 +10,8 @@ import tyro
 from jaxcrusher.capacity import AFFLUENCE, CrushingChamber
 from jaxcrusher.checks import require, require_choice, require_within
 from jaxcrusher.description import CHOICES, PE250X400
-from jaxcrusher.scene_file import read_scene_file
+from jaxcrusher.files import results_folder
+from jaxcrusher.scene_file import read_scene_file, read_text, require_parameter
 from optimize.design import Design
 from optimize.evaluate import Case
 from optimize.objectives import OBJECTIVES
@@ -43,9 +43,14 @@ class Options:
     """Lowest and highest driving speed, rad/s."""
     clearance: tuple[float, float] = (0.03, 0.12)
     """Smallest and largest radial clearance, mm."""
-    design: tuple[tuple[str, float, float], ...] = ()
-    """Free parameters instead of speed and clearance: NAME LOW HIGH, again and again, in SI units;
-    names as in a scene file, such as counterweight.mass."""
+    design: Annotated[
+        tuple[tuple[str, str, str], ...],
+        tyro.conf.UseAppendAction,
+        tyro.conf.arg(metavar="NAME LOW HIGH"),
+    ] = ()
+    """A free parameter with its bounds, instead of speed and clearance, as often as needed.
+    Names as in a scene file, such as counterweight.mass; bounds are SI numbers or quantities,
+    such as "0.1 mm"."""
     scene: Path | None = None
     """TOML scene file with the crusher's other numbers; the options below go before it."""
     capacity_floor: float | None = None
@@ -64,7 +69,7 @@ class Options:
     """Gradient steps of each refinement."""
     refine: int = 3
     """Best cells to refine from; as many random points are refined too."""
-    runs: int = 6
+    runs: int = 5
     """Independent long runs from each start that confirm a candidate."""
     slip: Literal["centre", "surface"] | None = None
     """Reading of the slip speed in the friction law."""
@@ -108,26 +113,22 @@ class Options:
             require(self.capacity_floor >= 0, "capacity_floor", "be >= 0 m3/h", self.capacity_floor)
         require_choice("objective", self.objective, tuple(OBJECTIVES))
         names = [name for name, _, _ in self.design]
+        for name in names:
+            require_parameter(name)
         require(len(set(names)) == len(names), "design", "name every parameter once", names)
         self.case()
 
     def folder(self) -> Path:
         """Make the results' folder; ValueError if it cannot be written."""
-        folder = self.out / self.name
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ValueError(
-                f"Argument `out` must be a folder that can be written, but {folder} is not: "
-                f"{error.strerror}."
-            ) from None
-        require(os.access(folder, os.W_OK), "out", "be a folder that can be written", folder)
-        return folder
+        return results_folder(self.out, self.name)
 
     def bounds(self) -> dict[str, tuple[float, float]]:
         """The free parameters with their bounds, in SI units."""
         if self.design:
-            return {name: (low, high) for name, low, high in self.design}
+            return {
+                name: (float(read_text(name, low)), float(read_text(name, high)))
+                for name, low, high in self.design
+            }
         small, large = self.clearance
         return {"speed": self.speed, "clearance": (1e-3 * small, 1e-3 * large)}
 

@@ -1,12 +1,9 @@
 """What a search leaves behind: result.json, the landscape, the figures, the closing table."""
 
-import json
 import math
-import os
 from pathlib import Path
 from typing import Any
 
-import jax
 import matplotlib
 import numpy as np
 import xarray as xr
@@ -15,6 +12,8 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher import plots
+from jaxcrusher.plane import Vector
+from jaxcrusher.starts import shifted_start
 from optimize import landscape as maps
 from optimize.evaluate import STARTS, Case
 from optimize.options import Options
@@ -24,32 +23,6 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 DESIGNS = {"optimum": "optimum", "seed_choice": "paper's choice"}
-
-
-def write_json(path: Path, content: dict) -> None:
-    """Write at once or not at all; NaN becomes null."""
-
-    def clean(value):
-        if isinstance(value, np.ndarray | np.generic | jax.Array):
-            return clean(np.asarray(value).tolist())
-        if isinstance(value, dict):
-            return {key: clean(entry) for key, entry in value.items()}
-        if isinstance(value, list | tuple):
-            return [clean(entry) for entry in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
-
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(clean(content), indent=2) + "\n")
-    os.replace(partial, path)
-
-
-def write_landscape(path: Path, landscape: xr.Dataset) -> None:
-    """Write the landscape as netCDF, at once or not at all; logical variables become 0 and 1."""
-    partial = path.with_suffix(".partial")
-    logical = [name for name, values in landscape.items() if values.dtype == bool]
-    landscape = landscape.assign({name: landscape[name].astype("int8") for name in logical})
-    landscape.to_netcdf(partial, engine="scipy")
-    os.replace(partial, path)
 
 
 def draw_all(
@@ -174,7 +147,8 @@ def draw_motions(folder: Path, case: Case, options: Options, result: dict) -> No
         outputs = ("foundation_force", "eccentricity")
         ideal = jc.simulate(jc.build_scene({**described, "joint": "ideal"}), times, outputs=outputs)
         for row, start in enumerate(STARTS):
-            scene = jc.build_scene({**described, "start": start})
+            # Its start given as numbers, both run as one program.
+            scene = shifted_start(jc.build_scene({**described, "start": start}), Vector(0.0, 0.0))
             motion = jc.simulate(scene, times, outputs=outputs, rtol=1e-9)
             orbit, force = axes[row, 2 * column : 2 * column + 2]
             plots.plot_orbit(motion, clearance, orbit)
@@ -195,7 +169,8 @@ def print_table(console: Console, result: dict) -> None:
     objective = result["objective"]
     unit = objective["unit"]
     table = Table(title=f"{objective['meaning']}, {unit}")
-    for heading in ("", *result["optimum"]["values"], f"centred start\n{unit}",
+    free = [f"{name}\n{jc.PARAMETERS[name].unit}" for name in result["optimum"]["values"]]
+    for heading in ("", *free, f"centred start\n{unit}",
                     f"contact start\n{unit}", "ideal RMS\nN", "capacity\nm3/h"):  # fmt: skip
         table.add_column(heading, justify="left" if not heading else "right")
     for name, title in DESIGNS.items():

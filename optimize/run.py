@@ -7,9 +7,9 @@ import jax
 import numpy as np
 import tyro
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 import jaxcrusher as jc
+from jaxcrusher.files import progress, write_json
 from optimize import page, report, stages, verdicts
 from optimize.confirm import Confirmed
 from optimize.evaluate import STARTS, Case
@@ -32,11 +32,9 @@ def run(options: Options, console: Console) -> dict:
         "seconds": {},
         "steps": {},
     }  # fmt: skip
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-               TimeRemainingColumn())  # fmt: skip
     landscape = None
     try:
-        with Progress(*columns, console=console) as bars:
+        with progress(console) as bars:
             landscape = data = stages.explore(case, options, folder, bars, result)
             candidates, paths = stages.descend(case, options, data, bars, result)
             confirmed, reference = stages.settle_on(case, options, candidates, bars, result)
@@ -53,7 +51,7 @@ def run(options: Options, console: Console) -> dict:
         result["remark"] = verdicts.remark(result, case, options)
         result["status"] = "finished"
     finally:
-        report.write_json(folder / "result.json", result)
+        write_json(folder / "result.json", result)
         if result["status"] != "finished":
             page.write_page(folder, result, landscape, None)
     drawn = report.draw_all(folder, case, options, data, paths, result)

@@ -12,22 +12,42 @@ import xarray as xr
 from rich.console import Console
 
 import jaxcrusher as jc
-from optimize import confirm, landscape, local, stages
-from optimize.design import Design
-from optimize.evaluate import Case, Window, judged, quiet_objective
+from jaxcrusher.files import write_json
+from jaxcrusher.gradient import Slope
+from optimize import confirm, landscape, local
+from optimize.evaluate import Window, judged
 from optimize.objectives import OBJECTIVES
 from optimize.options import Options
 from optimize.pareto import nondominated
-from optimize.report import print_table, write_json
+from optimize.report import print_table
 from optimize.run import run
 
 SMALL = dict(grid=(4, 2), settle=2, turns=2, steps=6, refine=1, runs=2)
 
 
+# What the search asks of `jaxcrusher.regime` and `gradient_report`, which have tests of their own
+# and take a minute of compilation.
+QUIET = jc.Regime("periodic", ("largest exponent -0.1 a turn",), period=1)
+
+
+def report_by_hand(scene, metric, parameters, *, settle_turns, turns):
+    """Slopes for the names asked, one of them in doubt."""
+    assert isinstance(scene(**parameters), jc.Scene)
+    verdicts = dict(zip(parameters, ("ok", "doubtful"), strict=True))
+    slopes = {
+        name: Slope(name, "implicit", 2.0, 0.1, 0.0, verdict, (), {"implicit": (2.0, 0.1)})
+        for name, verdict in verdicts.items()
+    }
+    return jc.GradientReport(metric, QUIET, settle_turns + turns, (0.0, 0.1), slopes)
+
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp("results")
-    result = run(Options(out=out, name="small", **SMALL), Console(quiet=True))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(jc, "gradient_report", report_by_hand)
+        patch.setattr(jc, "regime", lambda scene, *_, **__: QUIET)
+        result = run(Options(out=out, name="small", **SMALL), Console(quiet=True))
     return out / "small", result
 
 
@@ -43,7 +63,8 @@ def test_result_holds_the_evidence(finished):
     assert result["ideal"]["foundation_rms"] <= optimum["foundation_rms"] * 1.003
     assert optimum["regime"]["contact"]["name"] == "periodic"
     assert {"speed", "clearance"} == result["gradient_report"]["slopes"].keys()
-    assert all(slope["verdict"] for slope in result["gradient_report"]["slopes"].values())
+    slopes = next(c for c in result["checks"] if "slopes" in c["name"])
+    assert not slopes["passed"] and "by clearance: doubtful" in slopes["detail"]
     # Student's quantile of two runs is 12.7: an interval of so few runs is wide, and not 0.
     assert optimum["half_width"] > 0
     assert result["claim"]["bound"] > 0 and "Global within the box to" in result["claim"]["words"]
@@ -53,7 +74,9 @@ def test_result_holds_the_evidence(finished):
     assert all(
         {"name", "verdict", "passed", "detail"} <= check.keys() for check in result["checks"]
     )
-    assert returned["optimum"] == optimum
+    assert returned["optimum"]["objective"] == optimum["objective"]
+    page = (folder / "report.html").read_text()
+    assert "optimum" in page and "http://" not in page.replace("http://www.w3.org", "")
     assert 0 < optimum["runs"]["contact"]["validity"]["half_width_ratio"] < 0.5
 
 
@@ -79,17 +102,6 @@ def test_landscape_is_labelled(finished):
         np.testing.assert_array_equal(landscape.objective, landscape.foundation_rms)
     for name in ("landscape", "capacity", "motion", "pareto"):
         assert (folder / f"{name}.png").stat().st_size > 10_000
-
-
-def test_same_case_same_landscape(finished):
-    """The engine gives the same bits for the same design; a descent and a search follow."""
-    folder, _ = finished
-    options = Options(**SMALL)
-    units = landscape.points(options.case().design, options.grid, 0, 0)
-    window = Window(options.settle, options.turns, stages.MAP_RTOL)
-    *_, (_, data) = landscape.mapped(options.case(), units, options.grid, window)
-    with xr.open_dataset(folder / "landscape.nc") as before:
-        np.testing.assert_array_equal(data.objective, before.objective)
 
 
 def test_what_does_not_count_ranks_as_nothing():
@@ -151,7 +163,6 @@ def test_interval_is_students():
 
 def test_objectives_follow_from_their_statistics():
     """Formulas on the paper's crusher, 30 rad/s and 0.06 mm, against sampled motions."""
-    design = Design({"speed": (25.0, 35.0), "clearance": (3e-5, 9e-5)})
     chamber = Options().chamber
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
     outputs = ("foundation_force", "joint_force", "drive_power", "normal_force")
@@ -182,15 +193,13 @@ def test_objectives_follow_from_their_statistics():
     assert values["energy"] == pytest.approx(expected["energy"], rel=2e-3)
     ideal = jc.statistics(jc.ideal_scene(30.0), 0, 1, outputs=("foundation_rms",)).foundation_rms
     assert values["excess"] == pytest.approx(values["rms"] - float(ideal), rel=1e-12)
-    case = Case(design, OBJECTIVES["rms"], chamber)
-    quiet, steps = quiet_objective(np.array([0.5, 0.5]), case, window)
-    assert float(quiet) == pytest.approx(values["rms"], rel=1e-9) and int(steps) > 100
 
 
 def test_free_parameters_by_name():
     """Three free parameters: a Sobol sequence instead of a grid, and constraints that hold."""
     options = Options(
-        design=(("speed", 25.0, 40.0), ("clearance", 3e-5, 12e-5), ("counterweight.mass", 0, 50.0)),
+        design=(("speed", "25", "40"), ("clearance", "30 um", "0.12 mm"),
+                ("counterweight.mass", "0", "50")),
         capacity_floor=8.0, friction=0.05,
     )  # fmt: skip
     case = options.case()
@@ -212,8 +221,8 @@ def test_free_parameters_by_name():
      ({"clearance": (0.03, 200.0)}, "clearance"), ({"speed": (0.0, 1.0)}, "speed"),
      ({"grid": (1, 5)}, "grid"), ({"friction": -0.1}, "friction"),
      ({"impact_velocity": 0.0}, "impact_velocity"), ({"capacity_floor": -1.0}, "capacity_floor"),
-     ({"design": (("speed", 30.0, 25.0),)}, "bounds of speed"), ({"runs": 1}, "runs"),
-     ({"design": (("sped", 30.0, 25.0),)}, "bounds"), ({"objective": "beauty"}, "objective")],
+     ({"design": (("speed", "30", "25"),)}, "bounds of speed"), ({"runs": 1}, "runs"),
+     ({"design": (("sped", "30", "25"),)}, "sped"), ({"objective": "beauty"}, "objective")],
 )  # fmt: skip
 def test_bad_options(change, name, tmp_path):
     with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
@@ -231,7 +240,7 @@ def test_interruption_leaves_what_was_finished(tmp_path, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(stages, "descend", interrupt)
+    monkeypatch.setattr(landscape, "exponents", interrupt)
     with pytest.raises(KeyboardInterrupt):
         run(Options(out=tmp_path, name="cut", **SMALL), Console(quiet=True))
     assert json.loads((tmp_path / "cut" / "result.json").read_text())["status"] == "interrupted"

@@ -43,21 +43,14 @@ def test_trend_of_a_decaying_swing():
     assert spread_trend(np.ones((100, 2))) == (0.0, False)
 
 
-# With the load on the closing stroke only the pin flies: chaos, and windows of short periods.
-@pytest.mark.parametrize(
-    "speed, clearance, name, period",
-    [(30.0, 0.06e-3, "chaotic", None), (35.0, 0.12e-3, "periodic", 1)],
-)
-def test_regimes_of_the_closing_stroke(speed, clearance, name, period):
-    scene = jc.paper_scene(speed, clearance, load="closing_stroke")
+# With the load on the closing stroke only the pin flies: windows of short periods, and chaos, which
+# the gradient report's test looks at.
+def test_period_one_of_the_closing_stroke():
+    scene = jc.paper_scene(35.0, 0.12e-3, load="closing_stroke")
     found = jc.regime(scene, 100, 300, tangent_turns=30)
-    assert (found.name, found.period) == (name, period), str(found)
-    if name == "chaotic":
-        # 6.3 to 7.3 a turn in four runs of other lengths and tolerances, errors 0.3 to 0.9.
-        assert found.exponents.exponents[0] == pytest.approx(6.8, abs=2.5)
-    else:
-        # The frame's alignment costs about one part in the number of turns, 30.
-        assert found.exponents.exponents[0] == pytest.approx(-0.498, abs=0.05)
+    assert (found.name, found.period) == ("periodic", 1), str(found)
+    # The frame's alignment costs about one part in the number of turns, 30.
+    assert found.exponents.exponents[0] == pytest.approx(-0.498, abs=0.05)
 
 
 def test_swing_that_decays_has_not_settled():

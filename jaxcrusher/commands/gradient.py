@@ -11,9 +11,9 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.commands.files import provenance, write_json
 from jaxcrusher.commands.options import Crusher, Results
 from jaxcrusher.description import PARAMETERS
+from jaxcrusher.files import provenance, write_json
 from jaxcrusher.scene_file import require_parameter
 from jaxcrusher.sweep import VARIABLES
 

@@ -1,6 +1,5 @@
 """Options that commands share: which crusher, which grid of crushers, where results go."""
 
-import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +9,7 @@ import tyro
 
 from jaxcrusher.checks import require, require_choice
 from jaxcrusher.description import CHOICES, PE250X400, build_scene
+from jaxcrusher.files import results_folder
 from jaxcrusher.scene_file import read_scene_file, read_text, require_parameter
 
 # Repeated options: KEY VALUE pairs, and NAME LOW HIGH COUNT.
@@ -61,15 +61,7 @@ class Results:
 
     def folder(self) -> Path:
         """Make the run's folder; ValueError if it cannot be written."""
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ValueError(
-                f"Argument `out` must be a folder that can be written, but {self.path} is not: "
-                f"{error.strerror}."
-            ) from None
-        require(os.access(self.path, os.W_OK), "out", "be a folder that can be written", self.path)
-        return self.path
+        return results_folder(self.out, self.name)
 
 
 def read_axes(over: Ranges) -> dict[str, list]:

@@ -15,9 +15,9 @@ from rich.markup import escape
 
 import jaxcrusher as jc
 from jaxcrusher.checks import require, require_positive, require_whole
-from jaxcrusher.commands.files import progress, provenance, write_json, write_netcdf
 from jaxcrusher.commands.options import Crusher, Ranges, Results, read_axes
 from jaxcrusher.description import PARAMETERS
+from jaxcrusher.files import progress, provenance, write_json, write_netcdf
 from jaxcrusher.provenance import environment
 from jaxcrusher.scene_file import read_text
 

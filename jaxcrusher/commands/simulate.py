@@ -13,8 +13,8 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher import plots
 from jaxcrusher.checks import require, require_positive, require_whole
-from jaxcrusher.commands.files import progress, provenance, write_netcdf
 from jaxcrusher.commands.options import Crusher, Results
+from jaxcrusher.files import progress, provenance, write_netcdf
 from jaxcrusher.observables import OBSERVABLES
 
 # The figure shows this many turns, the last ones.

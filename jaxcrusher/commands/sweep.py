@@ -12,8 +12,8 @@ import xarray as xr
 from rich.console import Console
 
 from jaxcrusher.checks import require
-from jaxcrusher.commands.files import progress, write_netcdf
 from jaxcrusher.commands.options import Crusher, Ranges, Results, read_axes
+from jaxcrusher.files import progress, write_netcdf
 from jaxcrusher.large_sweep import sweep_to_store
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""What commands write: labelled netCDF and JSON, whole or not at all, with their provenance."""
+"""What programs write: labelled netCDF and JSON, whole or not at all, with their provenance."""
 
 import json
 import math
@@ -10,11 +10,28 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import jax
+import numpy as np
 import xarray as xr
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from jaxcrusher.checks import require
 from jaxcrusher.provenance import environment, machine
+
+
+def results_folder(out: Path, name: str) -> Path:
+    """Make OUT/NAME; ValueError if it cannot be written."""
+    folder = out / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(
+            f"Argument `out` must be a folder that can be written, but {folder} is not: "
+            f"{error.strerror}."
+        ) from None
+    require(os.access(folder, os.W_OK), "out", "be a folder that can be written", folder)
+    return folder
 
 
 def provenance(title: str, values: Mapping[str, Any]) -> dict[str, str]:
@@ -48,6 +65,8 @@ def write_json(path: Path, content: dict) -> None:
     """Write at once or not at all; NaN becomes null."""
 
     def clean(value):
+        if isinstance(value, np.ndarray | np.generic | jax.Array):
+            return clean(np.asarray(value).tolist())
         if isinstance(value, dict):
             return {key: clean(entry) for key, entry in value.items()}
         if isinstance(value, list | tuple):
