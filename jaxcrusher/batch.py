@@ -17,6 +17,9 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
+# Applies a function to stacked scenes: the scenes and the results have one more axis, the first.
+Engine = Callable[[Callable[[Any], PyTree], PyTree], PyTree]
+
 _LOOP_FLAG = "xla_cpu_small_while_loop_byte_threshold"
 _DEVICE_FLAG = "xla_force_host_platform_device_count"
 
@@ -24,20 +27,33 @@ _DEVICE_FLAG = "xla_force_host_platform_device_count"
 def use_all_cores() -> None:
     """Ask XLA for one CPU device per core and for loops compiled to one kernel.
 
-    Call it before the first JAX computation; later it only warns (UserWarning). Flags that are
-    already in `XLA_FLAGS` stay as they are. The loop flag is internal to XLA: it makes a loop of
-    this package about ten times faster, and everything works without it.
+    Call it before the first JAX computation; later it only warns (UserWarning) and says what
+    `XLA_FLAGS` should have been. Flags that are already there stay as they are. The loop flag is
+    internal to XLA: it makes a loop of this package about five times faster, and everything works
+    without it.
     """
-    flags = os.environ.get("XLA_FLAGS", "")
-    if jax._src.xla_bridge.backends_are_initialized():  # pyright: ignore
-        if _LOOP_FLAG not in flags:
-            warnings.warn("use_all_cores() came after JAX had started: no effect.", stacklevel=2)
+    given = os.environ.get("XLA_FLAGS", "")
+    wanted = _with_flags(given)
+    if wanted == given:
         return
-    if _LOOP_FLAG not in flags and "xla_backend_extra_options" not in flags:
+    if jax._src.xla_bridge.backends_are_initialized():  # pyright: ignore
+        warnings.warn(
+            "use_all_cores() came after JAX had started and has no effect. Call it earlier, or "
+            f"start Python with XLA_FLAGS='{wanted}'.",
+            stacklevel=2,
+        )
+        return
+    os.environ["XLA_FLAGS"] = wanted
+
+
+def _with_flags(flags: str) -> str:
+    """`flags` and what they lack."""
+    if _LOOP_FLAG not in flags:
+        # XLA adds up the extra options of several flags.
         flags += f" --xla_backend_extra_options={_LOOP_FLAG}=1000000000"
     if _DEVICE_FLAG not in flags:
         flags += f" --{_DEVICE_FLAG}={_cores()}"
-    os.environ["XLA_FLAGS"] = flags.strip()
+    return flags.strip()
 
 
 def _cores() -> int:
@@ -46,18 +62,25 @@ def _cores() -> int:
 
 
 def map_chunks(
-    function: Callable[[Any], PyTree], scenes: PyTree, chunk: int = 64
+    function: Callable[[Any], PyTree],
+    scenes: PyTree,
+    chunk: int = 64,
+    engine: Engine | None = None,
 ) -> Iterator[tuple[slice, PyTree]]:
     """Apply `function` to `scenes`, stacked along the first axis of every leaf.
 
     Yields a slice of that axis and the results on it, as NumPy arrays, chunk by chunk:
     memory stays bounded, and what is finished is in the caller's hands. A `chunk` is so many
     scenes, or a few more, as many on each device. `function` should be an `equinox.Partial` of
-    a module-level function, so that chunks share one compilation.
+    a module-level function, so that chunks share one compilation. `engine` is `in_turn`,
+    `side_by_side` or a function of your own in their place; None takes the first on a CPU and the
+    second elsewhere.
     """
     leaves = [leaf for leaf in jax.tree.leaves(scenes) if eqx.is_array(leaf)]
     count = leaves[0].shape[0]
     devices = jax.devices()
+    if engine is None:
+        engine = in_turn if devices[0].platform == "cpu" else side_by_side
     size = min(chunk, count)
     size = -(-size // len(devices)) * len(devices)
     for first in range(0, count, size):
@@ -67,16 +90,24 @@ def map_chunks(
         # Interleaved: neighbours in a grid cost about the same, and each device gets both.
         order = np.argsort(np.arange(size) % len(devices), kind="stable")
         part = jax.tree.map(lambda leaf, i=index[order]: leaf[i], scenes)
-        result = _map(function, part)
+        result = _map(engine, function, part)
         back = np.argsort(order)[: rows.stop - rows.start]
         yield rows, jax.tree.map(lambda leaf, i=back: np.asarray(leaf)[i], result)
 
 
 @eqx.filter_jit
-def _map(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
+def _map(engine: Engine, function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
+    return engine(function, scenes)
+
+
+def side_by_side(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
+    """All scenes at once on one device, each step as slow as the slowest: `jax.vmap`."""
+    return jax.vmap(function)(scenes)
+
+
+def in_turn(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
+    """One scene after the other on every device; their number divides that of the scenes."""
     devices = jax.devices()
-    if devices[0].platform != "cpu":
-        return jax.vmap(function)(scenes)
     if len(devices) == 1:
         return jax.lax.map(function, scenes)
     mesh, split = Mesh(np.array(devices), ("designs",)), PartitionSpec("designs")

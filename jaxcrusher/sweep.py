@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import ArrayLike
 
-from jaxcrusher.batch import map_chunks
+from jaxcrusher.batch import Engine, map_chunks
 from jaxcrusher.checks import require, require_positive, require_x64
 from jaxcrusher.description import PE250X400
 from jaxcrusher.paper import paper_scene
@@ -47,6 +47,7 @@ def sweep(
     chunk: int = 64,
     rtol: float = 1e-9,
     progress: Callable[[int, int], None] | None = None,
+    engine: Engine | None = None,
     **options: Any,
 ) -> xr.Dataset:
     """Statistics of the paper's crusher over a grid of speeds and clearances.
@@ -57,6 +58,7 @@ def sweep(
     - `settle_turns`, `turns`, `rtol`: as in `jaxcrusher.statistics`.
     - `chunk`: designs between two reports of progress.
     - `progress`: called with the number of finished and of all designs.
+    - `engine`: as in `jaxcrusher.map_chunks`.
     - `options`: those of `jaxcrusher.paper_scene`.
 
     **Returns:** an `xarray.Dataset` with dims `speed` and `clearance`. A failed design has
@@ -78,7 +80,7 @@ def sweep(
     scenes = jax.vmap(lambda pair: paper_scene(pair[0], pair[1], **options))(jnp.asarray(pairs))
     function = eqx.Partial(statistics_row, settle_turns=settle_turns, turns=turns, rtol=rtol)
     columns = {name: np.full(len(pairs), np.nan) for name in VARIABLES}
-    for rows, values in map_chunks(function, scenes, chunk):
+    for rows, values in map_chunks(function, scenes, chunk, engine):
         for name, column in columns.items():
             column[rows] = values[name]
         if progress is not None:

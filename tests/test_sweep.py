@@ -1,12 +1,15 @@
 """The batch engine and the sweep."""
 
+import os
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.batch import map_chunks
+from jaxcrusher.batch import in_turn, map_chunks, side_by_side, use_all_cores
 
 
 def _double(x):
@@ -20,6 +23,39 @@ def test_chunks_keep_order_and_length(count, chunk):
     joined = np.concatenate([part["twice"] for _, part in parts])
     np.testing.assert_array_equal(joined, 2 * np.arange(count))
     assert [rows.start for rows, _ in parts] == [*range(0, count, parts[0][0].stop)]
+
+
+def test_the_engine_asked_for_is_used():
+    values = jnp.arange(6.0)
+    for engine in (None, in_turn, side_by_side):
+        ((_, result),) = map_chunks(eqx.Partial(_double), values, engine=engine)
+        np.testing.assert_array_equal(result["twice"], 2 * values)
+
+    def mine(function, scenes):
+        return {"twice": -function(scenes)["twice"]}
+
+    ((_, result),) = map_chunks(eqx.Partial(_double), values, engine=mine)
+    np.testing.assert_array_equal(result["twice"], -2 * values)
+
+
+def test_flags_of_the_user_stay_and_a_late_call_says_what_to_do(monkeypatch):
+    loop, devices = (
+        "xla_cpu_small_while_loop_byte_threshold",
+        "xla_force_host_platform_device_count",
+    )
+    mine = f"--xla_backend_extra_options=a=1 --{devices}=3"
+    monkeypatch.setattr(jax._src.xla_bridge, "backends_are_initialized", lambda: False)
+    monkeypatch.setenv("XLA_FLAGS", mine)
+    use_all_cores()
+    flags = os.environ["XLA_FLAGS"]
+    assert flags == f"{mine} --xla_backend_extra_options={loop}=1000000000"
+    monkeypatch.undo()
+    monkeypatch.setenv("XLA_FLAGS", mine)
+    with pytest.warns(UserWarning, match=f"has no effect.*start Python with XLA_FLAGS='{flags}'"):
+        use_all_cores()
+    assert os.environ["XLA_FLAGS"] == mine
+    monkeypatch.setenv("XLA_FLAGS", flags)
+    use_all_cores()  # nothing to do, nothing to warn of
 
 
 def test_sweep_equals_single_runs():
