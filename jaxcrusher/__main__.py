@@ -8,9 +8,9 @@ import jax
 import matplotlib
 import tyro
 from rich.console import Console
-from rich.markup import escape
 
 import jaxcrusher as jc
+from jaxcrusher.commands.ending import told_in_one_line
 from jaxcrusher.commands.gradient import Gradient
 from jaxcrusher.commands.regimes import Regimes
 from jaxcrusher.commands.simulate import Simulate
@@ -41,18 +41,13 @@ def main() -> None:
     jc.use_all_cores()
     jax.config.update("jax_enable_x64", True)
     command = parse()
-    errors = Console(stderr=True)
-    try:
-        sys.exit(command.run(Console()))
-    except (ValueError, RuntimeError, OSError, ImportError) as error:
-        line = escape(" ".join(str(error).split()))
-        errors.print(f"[red]error:[/] {line}", highlight=False, soft_wrap=True)
-        sys.exit(2)
-    except KeyboardInterrupt:
+
+    def kept() -> str:
         path = command.results.path
-        kept = f"what was finished is in {path}/" if path.exists() else "nothing was written"
-        errors.print(f"interrupted: {kept}", highlight=False, soft_wrap=True)
-        sys.exit(130)
+        return f"what was finished is in {path}/" if path.exists() else "nothing was written"
+
+    with told_in_one_line(Console(stderr=True), kept):
+        sys.exit(command.run(Console()))
 
 
 if __name__ == "__main__":

@@ -225,7 +225,8 @@ def judge(
     if not np.isfinite(value):
         refusals.append(f"{estimator} is not finite")
     elif not abs(value) > SIGNIFICANT * error:
-        refusals.append(f"slope over its error {abs(value) / error:.1f} < {SIGNIFICANT:.0f}")
+        ratio = f"{abs(value) / error:.1f}" if error > 0 else "0 / 0"
+        refusals.append(f"slope over its error {ratio} < {SIGNIFICANT:.0f}")
     if chaotic:
         if not _agree(fit, half):
             refusals.append(f"fits at two radii disagree: {fit[0]:.4g} and {half[0]:.4g}")

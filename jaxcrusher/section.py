@@ -18,8 +18,8 @@ from jaxcrusher.statistics import (
     PEAK_POWER,
     SAMPLES,
     STATISTICS,
-    _observed,
-    _problem,
+    sampled_observables,
+    statistics_problem,
 )
 
 
@@ -52,7 +52,7 @@ class _Flow(eqx.Module):
 
 def _flow_problem(outputs: tuple[str, ...], share: float) -> Problem:
     """The motion from a given state on, with statistics of a share of a turn."""
-    parts = _problem(outputs)
+    parts = statistics_problem(outputs)
 
     def initial(flow: _Flow) -> Carried:
         return Carried(flow.state, parts.initial(flow.scene).totals)
@@ -84,7 +84,7 @@ def advance(
     Differentiable by the scene and the state.
     """
     share = span / (2 * math.pi)
-    samples = max(round(share * SAMPLES), 3) if _observed(outputs) else 1
+    samples = max(round(share * SAMPLES), 3) if sampled_observables(outputs) else 1
     times = span * jnp.arange(1, samples + 1)[None] / samples
     flow, problem = _Flow(scene, state, angle), _flow_problem(outputs, share)
     (after, values), outcome = integrate(flow, times, problem=problem, method=method)

@@ -152,9 +152,9 @@ def statistics(
 def _statistics(
     scene: Scene, settle_turns: int, turns: int, outputs: tuple[str, ...], method: Integration
 ) -> Statistics:
-    grid = jnp.arange(1, SAMPLES + 1) / SAMPLES if _observed(outputs) else jnp.ones(1)
+    grid = jnp.arange(1, SAMPLES + 1) / SAMPLES if sampled_observables(outputs) else jnp.ones(1)
     times = 2 * jnp.pi * (jnp.arange(settle_turns + turns)[:, None] + grid)
-    by_turn, outcome = integrate(scene, times, problem=_problem(outputs), method=method)
+    by_turn, outcome = integrate(scene, times, problem=statistics_problem(outputs), method=method)
     kept = {name: values[settle_turns:] for name, values in by_turn.items()}
     largest = ("foundation_peak", "penetration_ratio", "impact_speed", "joint_peak")
     reduce = dict.fromkeys(largest, jnp.max)
@@ -175,7 +175,7 @@ def _statistics(
     )
 
 
-def _observed(outputs: tuple[str, ...]) -> list[str]:
+def sampled_observables(outputs: tuple[str, ...]) -> list[str]:
     """The observables to sample for these statistics."""
     names = []
     if "foundation_peak" in outputs:
@@ -189,9 +189,9 @@ def _observed(outputs: tuple[str, ...]) -> list[str]:
     return names
 
 
-def _problem(outputs: tuple[str, ...]) -> Problem:
+def statistics_problem(outputs: tuple[str, ...]) -> Problem:
     """Totals and samples by shaft angle, in radians: every design has the same span."""
-    observed = _observed(outputs)
+    observed = sampled_observables(outputs)
     wanted = {
         "mean_square": "foundation_rms" in outputs,
         "foundation_mean": "foundation_mean" in outputs,

@@ -33,8 +33,6 @@ class Confirmed:
     def half_width(self, start: int) -> float:
         """Of the 95 % confidence interval of `mean`, from the scatter between runs."""
         values = self.rows["objective"][start]
-        if len(values) < 2:
-            return float("inf")
         quantile = float(student.ppf((1 + CONFIDENCE) / 2, len(values) - 1))
         return quantile * float(values.std(ddof=1)) / len(values) ** 0.5
 

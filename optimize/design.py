@@ -93,6 +93,10 @@ class Design:
         numbers = low + jnp.asarray(unit) * (high - low)
         return {name: numbers[..., i] for i, name in enumerate(self.names)}
 
+    def numbers(self, unit: Float[ArrayLike, " n"]) -> dict[str, float]:
+        """`values` of one point, as Python's numbers."""
+        return {name: float(value) for name, value in self.values(unit).items()}
+
     def unit(self, values: Mapping[str, ArrayLike]) -> np.ndarray:
         """The inverse of `values`, with every free name; outside the bounds, outside the box."""
         rows = [

@@ -1,6 +1,6 @@
 """Evaluate designs: their statistics from both starts, and what they count for."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 import jaxcrusher as jc
 from jaxcrusher.batch import map_chunks
@@ -75,10 +75,7 @@ def evaluate(
         part = slice(first, min(first + size, len(units)))
         index = np.minimum(np.arange(first, first + size), len(units) - 1)
         points, moves = jnp.asarray(units[index]), jnp.asarray(shifts[index])
-        # Their starts given as numbers, all scenes run as one program.
-        scenes = [_scenes(points, moves, case, start) for start in STARTS]
-        both = jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *scenes)
-        batch = (both, jnp.concatenate([points] * len(STARTS)))
+        batch = (stacked_scenes(case, points, moves), jnp.concatenate([points] * len(STARTS)))
         ((_, row),) = map_chunks(function, batch, len(STARTS) * len(points))
         used = part.stop - part.start
         rows = {name: values.reshape(len(STARTS), -1)[:, :used] for name, values in row.items()}
@@ -113,12 +110,28 @@ def quiet_objective(unit: Float[Array, " n"], case: Case, window: Window) -> tup
     return case.objective.formula(result, described, case.chamber), result.outcome.steps
 
 
-@eqx.filter_jit
-def _scenes(points, shifts, case: Case, start: str) -> jc.Scene:
-    def one(unit, shift):
-        return shifted_start(case.design.scene(unit, {"start": start}), Vector(*shift))
+def started(
+    description: Mapping[str, Any], start: str, shift: Iterable[ArrayLike] = (0.0, 0.0)
+) -> jc.Scene:
+    """The scene of a description from one of the `STARTS`, `shift` clearances off.
 
-    return jax.vmap(one)(points, shifts)
+    With the start as numbers, the scenes of all starts run as one program.
+    """
+    return shifted_start(jc.build_scene({**description, "start": start}), Vector(*shift))
+
+
+@eqx.filter_jit
+def stacked_scenes(
+    case: Case, units: Float[Array, "points n"], shifts: Float[Array, "points 2"] | None = None
+) -> jc.Scene:
+    """The scenes of all points from one start, then from the other, stacked."""
+    shifts = jnp.zeros((len(units), 2)) if shifts is None else shifts
+
+    def one(unit: Array, shift: Array, start: str) -> jc.Scene:
+        return started(case.design.description(unit), start, shift)
+
+    parts = [jax.vmap(eqx.Partial(one, start=start))(units, shifts) for start in STARTS]
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 
 def _row(batch: tuple[jc.Scene, Array], case: Case, window: Window) -> dict[str, Array]:

@@ -13,11 +13,9 @@ from scipy.stats import qmc
 import jaxcrusher as jc
 from jaxcrusher.batch import map_chunks
 from jaxcrusher.chaos import lyapunov_spectrum
-from jaxcrusher.plane import Vector
-from jaxcrusher.starts import shifted_start
 from jaxcrusher.sweep import LOGICAL, VARIABLES
 from optimize.design import Design
-from optimize.evaluate import STARTS, Case, Progress, Window, evaluate, judged
+from optimize.evaluate import STARTS, Case, Progress, Window, evaluate, judged, started
 
 # More parameters than these get a Sobol sequence instead of a grid.
 GRID_DIMENSIONS = 2
@@ -126,9 +124,7 @@ def exponents(
 
 def _jacobians(batch: tuple[Array, Array], case: Case, settle: int, rtol: float):
     unit, start = batch
-    scenes = [
-        shifted_start(case.design.scene(unit, {"start": name}), Vector(0.0, 0.0)) for name in STARTS
-    ]
+    scenes = [started(case.design.description(unit), name) for name in STARTS]
     scene = jax.tree.map(lambda *leaves: jnp.stack(leaves)[start], *scenes)
     section = jc.poincare_section(scene, settle, EXPONENT_TURNS, slices=EXPONENT_SLICES, rtol=rtol)
     assert section.jacobians is not None

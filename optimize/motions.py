@@ -15,9 +15,7 @@ from jaxtyping import Array, Float
 import jaxcrusher as jc
 from jaxcrusher.batch import map_chunks
 from jaxcrusher.checks import require_whole
-from jaxcrusher.plane import Vector
-from jaxcrusher.starts import shifted_start
-from optimize.evaluate import STARTS, Case, Progress
+from optimize.evaluate import STARTS, Case, Progress, stacked_scenes
 
 # Turns drawn (the second tells whether the first repeats) and instants in each. Peaks of single
 # impacts, a tenth of a millisecond wide, fall between the instants.
@@ -68,7 +66,7 @@ def cell_motions(
     count = len(STARTS) * len(units)
     columns = {name: np.full((count, turn.size), np.nan, np.float32) for name in VARIABLES}
     function = eqx.Partial(_motion, angles=angles, rtol=rtol)
-    for rows, values in map_chunks(function, _scenes(jnp.asarray(units), case), CHUNK):
+    for rows, values in map_chunks(function, stacked_scenes(case, jnp.asarray(units)), CHUNK):
         for name, column in columns.items():
             column[rows] = values[name]
         progress(rows.stop, count)
@@ -101,20 +99,6 @@ def _cells(
     units = case.design.unit(dict(zip(names, values, strict=True)))
     # From the unit box and back, rounding may leave it.
     return np.clip(units, 0, 1), dims, shape
-
-
-@eqx.filter_jit
-def _scenes(units: Float[Array, "cells n"], case: Case) -> jc.Scene:
-    """The scenes of all cells from one start, then from the other, stacked.
-
-    Starts as numbers, so that both run as one program.
-    """
-
-    def build(start: str, unit: Array) -> jc.Scene:
-        return shifted_start(case.design.scene(unit, {"start": start}), Vector(0.0, 0.0))
-
-    parts = [jax.vmap(eqx.Partial(build, start))(units) for start in STARTS]
-    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 
 def _motion(scene: jc.Scene, angles: Float[Array, " n"], rtol: float) -> dict[str, Array]:

@@ -12,24 +12,24 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher import plots
-from jaxcrusher.plane import Vector
-from jaxcrusher.starts import shifted_start
 from optimize import landscape as maps
-from optimize.evaluate import STARTS, Case
+from optimize.evaluate import STARTS, Case, started
 from optimize.options import Options
+from optimize.page.answer import DESIGNS, outside
 from optimize.pareto import nondominated
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-DESIGNS = {"optimum": "optimum", "seed_choice": "paper's choice"}
-
 
 def draw_all(
-    folder: Path, case: Case, options: Options, data: xr.Dataset, paths: list[np.ndarray],
-    result: dict,
+    folder: Path, case: Case, options: Options, units: np.ndarray, data: xr.Dataset,
+    paths: list[np.ndarray], result: dict,
 ) -> list[str]:  # fmt: skip
-    """Every figure that the design's parameters allow; returns the names of their files."""
+    """Every figure that the design's parameters allow; returns the names of their files.
+
+    `units` are the landscape's points.
+    """
     drawn = ["pareto.png", "motion.png"]
     if "speed" in case.design.names:
         draw_capacity(folder, case, options)
@@ -37,7 +37,7 @@ def draw_all(
     if case.design.names == ("speed", "clearance"):
         draw_landscape(folder, case, data, paths, result)
         drawn.insert(0, "landscape.png")
-    draw_pareto(folder, case, data, result)
+    draw_pareto(folder, case.capacity(units), data, result)
     draw_motions(folder, case, options, result)
     return drawn
 
@@ -97,21 +97,13 @@ def draw_capacity(folder: Path, case: Case, options: Options) -> None:
     plt.close(fig)
 
 
-def draw_pareto(folder: Path, case: Case, data: xr.Dataset, result: dict) -> None:
+def draw_pareto(folder: Path, capacity: np.ndarray, data: xr.Dataset, result: dict) -> None:
     """The landscape's RMS against capacity and against the peak, with what no other beats."""
     counts = data.counts.all("start").to_numpy().ravel()
     columns = {
         name: np.where(counts, data[name].max("start").to_numpy().ravel(), np.nan) / 1e3
         for name in ("foundation_rms", "foundation_peak")
     }
-    values = {name: data[name] for name in case.design.names}
-    speed = values.get("speed", case.design.fixed.get("speed", jc.PE250X400["speed"]))
-    capacity = case.chamber.capacity(np.asarray(speed))
-    example = data.objective.isel(start=0, drop=True)
-    if "speed" in values:
-        capacity = xr.DataArray(capacity, coords=values["speed"].coords)
-        capacity = capacity.broadcast_like(example).transpose(*example.dims).to_numpy()
-    capacity = np.broadcast_to(np.asarray(capacity), example.shape).ravel()
     fig, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
     seed = result["seed_choice"]
     rms = max(run["foundation_rms"] for run in seed["runs"].values()) / 1e3
@@ -147,9 +139,7 @@ def draw_motions(folder: Path, case: Case, options: Options, result: dict) -> No
         outputs = ("foundation_force", "eccentricity")
         ideal = jc.simulate(jc.build_scene({**described, "joint": "ideal"}), times, outputs=outputs)
         for row, start in enumerate(STARTS):
-            # Its start given as numbers, both run as one program.
-            scene = shifted_start(jc.build_scene({**described, "start": start}), Vector(0.0, 0.0))
-            motion = jc.simulate(scene, times, outputs=outputs, rtol=1e-9)
+            motion = jc.simulate(started(described, start), times, outputs=outputs, rtol=1e-9)
             orbit, force = axes[row, 2 * column : 2 * column + 2]
             plots.plot_orbit(motion, clearance, orbit)
             plots.plot_force(motion, ideal, force)
@@ -221,10 +211,7 @@ def _number(run: dict) -> str:
 
 def _limits(runs: dict[str, dict]) -> str:
     """What of a design's runs is outside the contact model."""
-    found = []
-    for start, run in runs.items():
-        remarks = jc.Validity(**run["validity"]).remarks() if run["success"] else ["run failed"]
-        found += [f"{start} start, {remark}" for remark in remarks]
+    found = outside(runs)
     if found:
         return "OUTSIDE the contact model: " + "; ".join(found)
     widest = max(run["validity"]["half_width_ratio"] for run in runs.values())

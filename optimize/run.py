@@ -9,11 +9,13 @@ import tyro
 from rich.console import Console
 
 import jaxcrusher as jc
+from jaxcrusher.commands.ending import told_in_one_line
 from jaxcrusher.files import progress, write_json
-from optimize import page, report, stages, verdicts
+from optimize import landscape, report, stages, verdicts
 from optimize.confirm import Confirmed
 from optimize.evaluate import STARTS, Case
 from optimize.options import Options
+from optimize.page.document import write_page
 
 
 def run(options: Options, console: Console) -> dict:
@@ -32,11 +34,12 @@ def run(options: Options, console: Console) -> dict:
         "seconds": {},
         "steps": {},
     }  # fmt: skip
-    landscape = None
+    units = landscape.points(case.design, options.grid, options.samples, options.seed)
+    explored = None
     try:
         with progress(console) as bars:
-            landscape = data = stages.explore(case, options, folder, bars, result)
-            candidates, paths = stages.descend(case, options, data, bars, result)
+            explored = data = stages.explore(case, options, units, folder, bars, result)
+            candidates, paths = stages.descend(case, options, units, data, bars, result)
             confirmed, reference = stages.settle_on(case, options, candidates, bars, result)
             best = confirmed[int(np.nanargmin([one.value for one in confirmed]))]
             result["optimum"] = _entry(case, best)
@@ -53,9 +56,9 @@ def run(options: Options, console: Console) -> dict:
     finally:
         write_json(folder / "result.json", result)
         if result["status"] != "finished":
-            page.write_page(folder, result, landscape, None)
-    drawn = report.draw_all(folder, case, options, data, paths, result)
-    page.write_page(folder, result, data, motions, drawn)
+            write_page(folder, result, explored, None)
+    drawn = report.draw_all(folder, case, options, units, data, paths, result)
+    write_page(folder, result, data, motions, drawn)
     report.print_table(console, result)
     console.print(f"results in {folder}/")
     return result
@@ -63,7 +66,7 @@ def run(options: Options, console: Console) -> dict:
 
 def _entry(case: Case, one: Confirmed) -> dict:
     """All that result.json holds of a confirmed design."""
-    described = {**case.design.fixed, **_values(case, one.unit)}
+    described = {**case.design.fixed, **case.design.numbers(one.unit)}
     ideal = jc.statistics(
         jc.build_scene({**described, "joint": "ideal"}), 0, 1, outputs=("foundation_rms",)
     )
@@ -83,7 +86,7 @@ def _entry(case: Case, one: Confirmed) -> dict:
 def _brief(case: Case, one: Confirmed) -> dict:
     """A design's numbers and what it is judged by."""
     return {
-        "values": _values(case, one.unit),
+        "values": case.design.numbers(one.unit),
         "objective": one.value,
         "half_width": one.error,
         "worse_start": STARTS[one.worse],
@@ -102,24 +105,15 @@ def _run(one: Confirmed, start: int, restitution: float) -> dict:
     }
 
 
-def _values(case: Case, unit: np.ndarray) -> dict[str, float]:
-    return {name: float(value) for name, value in case.design.values(unit).items()}
-
-
 def main() -> None:
     """Entry point of the command line."""
     jc.use_all_cores()
     jax.config.update("jax_enable_x64", True)
     options = tyro.cli(Options, prog="python -m optimize.run")
     console = Console()
-    try:
+    kept = f"what was finished is in {options.out / options.name}/"
+    with told_in_one_line(console, lambda: kept):
         run(options, console)
-    except (ValueError, RuntimeError) as error:
-        console.print(f"[red]error:[/] {error}", highlight=False, soft_wrap=True)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        console.print(f"interrupted: what was finished is in {options.out / options.name}/")
-        sys.exit(130)
 
 
 if __name__ == "__main__":

@@ -13,10 +13,8 @@ from rich.progress import Progress as Bars
 
 import jaxcrusher as jc
 from jaxcrusher.files import write_netcdf
-from jaxcrusher.plane import Vector
-from jaxcrusher.starts import shifted_start
 from optimize import confirm, landscape, local
-from optimize.evaluate import STARTS, Case, Window, evaluate, judged
+from optimize.evaluate import STARTS, Case, Window, evaluate, judged, started
 from optimize.motions import cell_motions
 from optimize.options import Options
 
@@ -37,10 +35,11 @@ def stage(result: dict, name: str) -> Iterator[None]:
     result["seconds"][name] = time.perf_counter() - began
 
 
-def explore(case: Case, options: Options, folder: Path, bars: Bars, result: dict) -> xr.Dataset:
-    """The landscape with its exponents, written after every chunk."""
+def explore(
+    case: Case, options: Options, units: np.ndarray, folder: Path, bars: Bars, result: dict
+) -> xr.Dataset:
+    """The landscape of `units` with its exponents, written after every chunk."""
     window = Window(options.settle, options.turns, MAP_RTOL)
-    units = landscape.points(case.design, options.grid, options.samples, options.seed)
     bar = bars.add_task("landscape", total=len(units))
     data = xr.Dataset()
     with stage(result, "landscape"):
@@ -62,14 +61,13 @@ def explore(case: Case, options: Options, folder: Path, bars: Bars, result: dict
 
 
 def descend(
-    case: Case, options: Options, data: xr.Dataset, bars: Bars, result: dict
+    case: Case, options: Options, units: np.ndarray, data: xr.Dataset, bars: Bars, result: dict
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Local descents from the best points and from random ones.
+    """Local descents from the best of `units`, the landscape's points, and from random ones.
 
     Returns the candidates (m, n), the best points of the landscape first, and all paths, each
     of shape (points, n).
     """
-    units = landscape.points(case.design, options.grid, options.samples, options.seed)
     values = landscape.worst(data).to_numpy().ravel()
     best = landscape.best_points(values, units, options.refine)
     if not len(best):
@@ -167,13 +165,11 @@ def evidence(
     bar = bars.add_task("evidence", total=3)
 
     def scene(start: str, numbers: dict[str, Any]) -> jc.Scene:
-        # Its start given as numbers, every scene runs the same programs.
-        described = {**case.design.fixed, **numbers, "start": start}
-        return shifted_start(jc.build_scene(described), Vector(0.0, 0.0))
+        return started({**case.design.fixed, **numbers}, start)
 
     def regime(unit: np.ndarray) -> jc.Regime:
         settle, turns, tangent_turns = REGIME
-        motion = scene("centred", _numbers(case, unit))
+        motion = scene("centred", case.design.numbers(unit))
         found = jc.regime(motion, settle, turns, tangent_turns=tangent_turns)
         bars.advance(bar)
         return found
@@ -182,7 +178,7 @@ def evidence(
     with stage(result, "evidence"), ThreadPoolExecutor(1) as pool:
         slopes = pool.submit(
             jc.gradient_report, lambda **numbers: scene("contact", numbers),
-            case.objective.outputs[0], _numbers(case, best),
+            case.objective.outputs[0], case.design.numbers(best),
             settle_turns=options.settle, turns=options.turns,
         )  # fmt: skip
         kinds = {(name, "centred"): regime(unit)
@@ -214,7 +210,3 @@ def film(case: Case, options: Options, data: xr.Dataset, bars: Bars, result: dic
         return cell_motions(
             case, data, options.settle, MAP_RTOL, lambda done, _: bars.update(bar, completed=done)
         )
-
-
-def _numbers(case: Case, unit: np.ndarray) -> dict[str, float]:
-    return {name: float(value) for name, value in case.design.values(unit).items()}

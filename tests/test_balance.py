@@ -10,10 +10,13 @@ import pytest
 from rich.console import Console
 
 import jaxcrusher as jc
-from optimize import balance, compare, quiet
-from optimize.balance_options import PAPER, Options
-from optimize.balance_report import comparison, long_runs
-from optimize.compare import Answer, Search, Smooth, search, spent_until
+from optimize.balance import compare, quiet
+from optimize.balance import study as balance
+from optimize.balance.__main__ import main
+from optimize.balance.compare import Answer, Search, Smooth, search, spent_until
+from optimize.balance.designs import long_runs
+from optimize.balance.methods import comparison
+from optimize.balance.options import PAPER, Options
 from optimize.design import Design
 
 CENTRE = np.array([0.3, 1.2, 0.6])  # the second is outside the box
@@ -235,7 +238,7 @@ def test_missing_packages_are_named(monkeypatch, tmp_path):
 def test_command_line_error_is_one_line(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["balance", "--links", "6"])
     with pytest.raises(SystemExit) as stopped:
-        balance.main()
+        main()
     printed = capsys.readouterr().out.strip()
     assert stopped.value.code == 2
     assert "\n" not in printed and "`links` must lie in (0, 5] percent" in printed

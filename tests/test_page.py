@@ -12,12 +12,12 @@ import xarray as xr
 import jaxcrusher as jc
 from jaxcrusher.plane import Vector
 from jaxcrusher.starts import shifted_start
-from optimize import page_data
 from optimize.design import Design
 from optimize.evaluate import Case
 from optimize.motions import cell_motions
 from optimize.objectives import OBJECTIVES
-from optimize.page import write_page
+from optimize.page import data as page_data
+from optimize.page.document import write_page
 
 SPEEDS, CLEARANCES = [25.0, 30.0, 35.0], [3e-5, 6e-5]
 EVIL = '</script><img src="http://example.org/x.png">&'

@@ -57,7 +57,7 @@ class Gradient:
 
     def run(self, console: Console) -> int:
         """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
-        values = self.crusher.values()
+        values = self.crusher.moving()
         self._check(values)
         folder = self.results.folder()
 
@@ -79,8 +79,6 @@ class Gradient:
 
     def _check(self, values: dict[str, Any]) -> None:
         require_choice("metric", self.metric, tuple(METRICS))
-        require(values["joint"] == "clearance", "joint", "have clearance to move in",
-                values["joint"])  # fmt: skip
         require(len(set(self.by)) == len(self.by) > 0, "by", "name parameters, each once",
                 " ".join(self.by))  # fmt: skip
         for name in self.by:

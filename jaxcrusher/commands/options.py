@@ -44,6 +44,13 @@ class Crusher:
         build_scene(values)
         return values
 
+    def moving(self) -> dict[str, Any]:
+        """`values` of a crusher whose pin can move in its bore; ValueError for an ideal joint."""
+        values = self.values()
+        good = values["joint"] == "clearance"
+        require(good, "joint", "have clearance to move in", values["joint"])
+        return values
+
 
 @dataclass(frozen=True)
 class Results:

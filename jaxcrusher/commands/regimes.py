@@ -66,9 +66,7 @@ class Regimes:
 
     def run(self, console: Console) -> int:
         """Classify what is not done yet; 1 if a run failed. ValueError for bad options."""
-        values, designs = self.crusher.values(), self.designs()
-        require(values["joint"] == "clearance", "joint", "have clearance to move in",
-                values["joint"])  # fmt: skip
+        values, designs = self.crusher.moving(), self.designs()
         for name, least in (("settle", 0), ("turns", 1), ("tangent_turns", 1)):
             require_whole(name, getattr(self, name), least)
         require_positive("rtol", self.rtol, "")

@@ -16,11 +16,10 @@ from matplotlib.figure import Figure
 
 from jaxcrusher import plots
 from jaxcrusher.capacity import AFFLUENCE, CrushingChamber
+from jaxcrusher.plots import BLUE, GREEN, ORANGE
 from jaxcrusher.reproduce.motions import Comparison, Portrait
 from jaxcrusher.reproduce.readings import Point
 
-# Okabe and Ito's, told apart by every kind of colour vision.
-BLUE, ORANGE, GREEN = "#0072B2", "#D55E00", "#009E73"
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "grid.linewidth": 0.5,
     "axes.prop_cycle": cycler(color=[BLUE, ORANGE, GREEN]), "figure.dpi": 120,

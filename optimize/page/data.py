@@ -11,7 +11,7 @@ from matplotlib.colors import to_hex
 
 import jaxcrusher as jc
 from jaxcrusher.sweep import LOGICAL
-from optimize.markup import Html, known
+from optimize.page.markup import Html, known
 
 # Bytes of motions in a page before base64 makes a third more of them, and the fewest instants
 # a turn that still show an orbit.

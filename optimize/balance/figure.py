@@ -7,8 +7,8 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from optimize.balance_report import by_method
-from optimize.compare import best_so_far
+from optimize.balance.compare import best_so_far
+from optimize.balance.methods import by_method
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import xarray as xr
 
-from optimize import page_data
-from optimize.markup import Html, element, join, missing, section
-from optimize.page_answer import answer
-from optimize.page_explorer import explorer
-from optimize.page_sections import checks, found, limits, others, settings
+from optimize.page import data as page_data
+from optimize.page.answer import answer
+from optimize.page.explorer import explorer
+from optimize.page.markup import Html, element, join, missing, section
+from optimize.page.sections import checks, found, limits, others, settings
 
 # What the figures of a finished run show.
 FIGURES = {
@@ -90,12 +90,12 @@ def _plain(value):
 
 
 def _script() -> Html:
-    code = _part("page_plot.js") + _part("page.js")
+    code = _part("plot.js") + _part("page.js")
     return Html(f'<script>\n(() => {{\n"use strict";\n{code}}})();\n</script>')
 
 
 def _part(name: str) -> str:
-    return files("optimize").joinpath(name).read_text(encoding="utf-8")
+    return files("optimize.page").joinpath(name).read_text(encoding="utf-8")
 
 
 def _head(name: str, result: Mapping) -> Html:

@@ -1,6 +1,6 @@
 """The frame of the report's interactive landscape; page.js fills it."""
 
-from optimize.markup import Html, element
+from optimize.page.markup import Html, element
 
 
 def explorer(data: dict | None) -> Html:

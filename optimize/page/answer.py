@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 import jaxcrusher as jc
-from optimize.markup import Html, as_text, element, known, missing, section, table
-from optimize.page_data import design_unit, shown
+from optimize.page.data import design_unit, shown
+from optimize.page.markup import Html, as_text, element, known, missing, section, table
 
 DESIGNS = {"optimum": "optimum", "seed_choice": "paper's choice"}
 
@@ -18,7 +18,7 @@ def answer(result: Mapping) -> Html:
     remarks = [
         element("li", f"{title}: {remark}")
         for title, design in designs.items()
-        for remark in (_regimes(design), _outside(design.get("runs") or {}))
+        for remark in (_regimes(design), _limits(design.get("runs") or {}))
         if remark
     ]
     objective = result.get("objective") or {"meaning": "RMS of |R_O| + |R_C|", "unit": "N"}
@@ -89,8 +89,8 @@ def _run(run: Mapping | None) -> str:
     return f"{text}, friction whirl" if run.get("whirl") else text
 
 
-def _outside(runs: Mapping[str, Mapping]) -> str:
-    """What of a design's runs is outside the contact model."""
+def outside(runs: Mapping[str, Mapping]) -> list[str]:
+    """What of a design's runs is outside the contact model, run by run."""
     found = []
     for start, run in runs.items():
         limits = run.get("validity") or {}
@@ -98,6 +98,11 @@ def _outside(runs: Mapping[str, Mapping]) -> str:
             found.append(f"{start} start, not known")
             continue
         found += [f"{start} start, {remark}" for remark in jc.Validity(**limits).remarks()]
-    if found:
+    return found
+
+
+def _limits(runs: Mapping[str, Mapping]) -> str:
+    """The same in a sentence."""
+    if found := outside(runs):
         return "outside the contact model: " + "; ".join(found)
     return "inside the contact model" if runs else "no runs"

@@ -11,12 +11,10 @@ import numpy as np
 
 import jaxcrusher as jc
 from jaxcrusher.batch import map_chunks, stack
-from jaxcrusher.plane import Vector
-from jaxcrusher.starts import shifted_start
 from optimize.design import Design
+from optimize.evaluate import STARTS, started
 
 AS_IT_IS, STANDING = "as it is", "at 1 rad/s: weight and load alone"
-STARTS = ("centred", "contact")
 CONFIRM_RTOL = 1e-9
 # Instants of a turn in a history: a mean over a period is then right to rounding.
 POINTS = 720
@@ -34,10 +32,7 @@ HISTORIES = (
 def confirm(design: Design, points: Mapping[str, np.ndarray], settle: int) -> dict[str, dict]:
     """Statistics of long runs of each design, `settle` turns after as many, from both starts."""
     scenes = [
-        # With the start as numbers both run as one program.
-        shifted_start(design.scene(point, {"start": start}), Vector(0.0, 0.0))
-        for point in points.values()
-        for start in STARTS
+        started(design.description(point), start) for point in points.values() for start in STARTS
     ]
     function = eqx.Partial(_long_run, turns=settle)
     ((_, rows),) = map_chunks(function, stack(scenes), len(scenes))

@@ -1,7 +1,6 @@
-"""`python -m optimize.balance`: the counterweight and links that shake the foundation least."""
+"""The stages of the design study, each written as it ends."""
 
 import json
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -9,19 +8,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import jaxcrusher as jc
 from jaxcrusher.files import write_json
-from optimize import balance_evidence as evidence
-from optimize import balance_figure, quiet
-from optimize import balance_report as report
-from optimize.balance_options import PAPER, Options
-from optimize.compare import METHODS, Answer, Search, Smooth, require_rivals, search
+from optimize.balance import evidence, figure, quiet, report
+from optimize.balance.compare import METHODS, Answer, Search, Smooth, require_rivals, search
+from optimize.balance.options import PAPER, Options
 from optimize.design import Design
 
 # Gradients of the robust search at most; it starts at the optimum, and ends far earlier.
@@ -111,7 +106,7 @@ def run(options: Options, console: Console) -> dict:
         bars.advance(bar)
         study.stage("designs", lambda: _designs(design, points))
         bars.advance(bar)
-    balance_figure.draw(study.folder / "balance.png", result, turn)
+    figure.draw(study.folder / "balance.png", result, turn)
     (study.folder / "balance.md").write_text(report.markdown(result))
     result["status"] = "finished"
     study.write()
@@ -191,7 +186,7 @@ def _designs(design: Design, points: dict[str, np.ndarray]) -> dict[str, Any]:
         described = design.description(point)
         chosen[name] = {
             "point": point.tolist(),
-            "values": {key: float(v) for key, v in design.values(point).items()},
+            "values": design.numbers(point),
             "eccentricity": float(described["shaft.eccentricity"]),
             "counterweight_mass": float(described["counterweight.mass"]),
             "counterweight_angle": float(described["counterweight.angle"]),
@@ -199,24 +194,3 @@ def _designs(design: Design, points: dict[str, np.ndarray]) -> dict[str, Any]:
             **origins[name],
         }
     return {"bounds": {name: list(b) for name, b in design.bounds.items()}, "chosen": chosen}
-
-
-def main() -> None:
-    """Entry point of the command line."""
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
-    options = tyro.cli(Options, prog="python -m optimize.balance")
-    console = Console()
-    try:
-        run(options, console)
-    except (ValueError, RuntimeError) as error:
-        console.print(f"[red]error:[/] {error}", highlight=False, soft_wrap=True)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        folder = options.out / options.name
-        console.print(f"interrupted: what was finished is in {folder}/; the same command goes on")
-        sys.exit(130)
-
-
-if __name__ == "__main__":
-    main()

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import jaxcrusher as jc
 from jaxcrusher.sweep import VARIABLES
 from jaxcrusher.validity import ELASTIC_IMPACT_SPEED, WIDEST_CONTACT
-from optimize.markup import Html, element, missing, nested, section, table
-from optimize.page_answer import DESIGNS
-from optimize.page_data import design_unit
+from optimize.page.answer import DESIGNS
+from optimize.page.data import design_unit
+from optimize.page.markup import Html, element, missing, nested, section, table
 
 # Units of the numbers of result.json by their key; lengths of the design are shown in mm.
 FIXED_UNITS = {

@@ -13,7 +13,7 @@ from scipy.stats import qmc
 
 import jaxcrusher as jc
 from jaxcrusher.batch import map_chunks
-from optimize.compare import Answer, Smooth
+from optimize.balance.compare import Answer, Smooth
 from optimize.design import Design
 
 # A gradient's tangents share the error control and sharpen the motion: at 1e-6 its value is as

@@ -1,0 +1,1 @@
+"""The design study: counterweight and links that shake the foundation least."""
