@@ -3,7 +3,7 @@
 import jax
 import jax.core
 import numpy as np
-from jaxtyping import ArrayLike
+from jaxtyping import ArrayLike, PyTree
 
 
 def concrete(value) -> np.ndarray | None:
@@ -25,6 +25,14 @@ def require_x64() -> None:
         'be True (call jax.config.update("jax_enable_x64", True) first)',
         False,
     )
+
+
+def require_double(name: str, tree: PyTree) -> None:
+    """Every float of a PyTree, traced or not, with 64 bits."""
+    for leaf in jax.tree.leaves(tree):
+        kind = getattr(leaf, "dtype", np.dtype(float))
+        good = not np.issubdtype(kind, np.floating) or kind == np.float64
+        require(good, name, "hold 64-bit floats only", f"with {kind}")
 
 
 def require_positive(name: str, value: ArrayLike, unit: str) -> None:

@@ -18,6 +18,10 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree, Scalar
 
+# Tangents are carried in multiples of this, the last ones zero: XLA makes vector instructions of
+# loops over whole registers of doubles, and scalar ones of others (3 cost more than 4).
+REGISTER = 4
+
 
 class Carried(eqx.Module):
     """What is integrated: the motion, and totals that it does not depend on."""
@@ -128,7 +132,7 @@ def _integrate_jvp(primals, tangents, *, problem: Problem, method: Integration):
     (summary, jacobian), outcome = integrate(
         (values, scales, fixed), times, problem=augmented, method=method
     )
-    weights = ravel_pytree(args_dot)[0] / scales
+    weights = jnp.pad(ravel_pytree(args_dot)[0] / scales, (0, -values.size % REGISTER))
     summary_dot = jax.tree.map(
         lambda leaf: jnp.tensordot(weights, jnp.moveaxis(leaf, 1, 0), axes=1), jacobian
     )
@@ -150,7 +154,8 @@ def _with_tangents(problem: Problem, unravel: Callable) -> Problem:
             return jax.jvp(inner, (values, *operands), (seed, *tangents))[1]
 
         stacked = [tangents for _, tangents in operands_and_tangents]
-        derivatives = jax.vmap(one)(jnp.diag(scales), *stacked)
+        seeds = jnp.pad(jnp.diag(scales), ((0, -scales.size % REGISTER), (0, 0)))
+        derivatives = jax.vmap(one)(seeds, *stacked)
         return function(*operands, eqx.combine(unravel(values), fixed)), derivatives
 
     def initial(args):

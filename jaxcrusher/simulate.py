@@ -8,7 +8,14 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher import observables
-from jaxcrusher.checks import concrete, require, require_choice, require_positive, require_x64
+from jaxcrusher.checks import (
+    concrete,
+    require,
+    require_choice,
+    require_double,
+    require_positive,
+    require_x64,
+)
 from jaxcrusher.integrate import (
     RESULTS,
     Carried,
@@ -188,6 +195,7 @@ def integration(
     scene: Scene, rtol, solver, stepsize_controller, adjoint, max_steps, dt0
 ) -> Integration:
     """The default integration with the given parts replaced."""
+    require_double("scene", scene)
     require_positive("dt0", dt0, "in the unit of the time")
     default = default_integration(scene, rtol, float(dt0))
     return Integration(

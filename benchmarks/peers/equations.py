@@ -35,6 +35,7 @@ class Crusher:
     shaft_angle: float = math.radians(30)
     jaw_angle: float = math.radians(15)
     bore: float = 0.13
+    young: float = 207e9
     restitution: float = 0.9
     impact_velocity: float = 0.5
     v0: float = 0.1
@@ -47,7 +48,7 @@ class Crusher:
     @cached_property
     def stiffness(self) -> float:
         """K of (9)-(10), N/m^1.5."""
-        h = (1 - 0.29**2) / 207e9
+        h = (1 - 0.29**2) / self.young
         pin = self.bore - self.clearance
         return 4 / (3 * 2 * h) * math.sqrt(self.bore * pin / self.clearance)
 

@@ -26,6 +26,9 @@ A[5, :5] = 9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656
 A[6, :6] = 35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84
 ERROR = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
 
+# Fast, but with NaN and infinity kept: a trial step may leave the linkage's reach.
+compiled = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
+
 
 def numbers(crusher: Crusher) -> np.ndarray:
     """What the compiled field reads, in its order."""
@@ -40,13 +43,13 @@ def numbers(crusher: Crusher) -> np.ndarray:
     ])  # fmt: skip
 
 
-@njit(cache=True, fastmath=True)
+@compiled
 def _positive(x, width):
     blend = min(max(x + width, 0.0), 2 * width)
     return blend * blend / (4 * width) + max(x - width, 0.0)
 
 
-@njit(cache=True, fastmath=True)
+@compiled
 def field(angle, y, p, rate):
     """The rate of `y` by shaft angle, into `rate`."""
     (w, c, ox, oy, l1, l2, l3, m1, m2, m3, j2, j3, g, load, k, damping, cf, v0, v1, bore,
@@ -109,11 +112,12 @@ def field(angle, y, p, rate):
     rate[4] = force * force / (2 * math.pi)
 
 
-@njit(cache=True, fastmath=True)
-def integrate(y, p, settle, turns, rtol, h):
+@compiled
+def integrate(y, p, settle, turns, rtol, h, most=1_000_000_000):
     """Integrate `y` over whole turns; returns the mean of |R_O| + |R_C| squared and the steps.
 
-    `h` is the first step (rad). Each turn ends on its last angle, as in jaxcrusher.
+    `h` is the first step (rad). Each turn ends on its last angle, as in jaxcrusher. The mean is NaN
+    if it would take more than `most` steps, as a motion that is not finite does.
     """
     k = np.empty((7, 5))
     trial = np.empty(5)
@@ -124,6 +128,8 @@ def integrate(y, p, settle, turns, rtol, h):
         h = min(h, end)
         field(angle, y, p, k[0])
         while angle < end:
+            if steps >= most:
+                return math.nan, steps
             last = angle + h >= end
             step = end - angle if last else h
             for stage in range(1, 7):
@@ -140,7 +146,8 @@ def integrate(y, p, settle, turns, rtol, h):
                     error += ERROR[j] * k[j, i]
                 scale = rtol + rtol * max(abs(y[i]), abs(trial[i]))
                 squares += (step * error / scale) ** 2
-            size = max(math.sqrt(squares / 4), 1e-10)
+            # What is not finite is a huge error.
+            size = max(math.sqrt(squares / 4), 1e-10) if squares < 1e300 else 1e150
             steps += 1
             # PI control as diffrax writes it: pcoeff 0.4, icoeff 0.3, safety 0.9.
             factor = 0.9 * size ** (-0.7 / 5) * previous ** (0.4 / 5)

@@ -1,0 +1,132 @@
+"""The cases: one number of a base case changed at a time, and starts of every kind."""
+
+import cmath
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import equinox as eqx
+
+import jaxcrusher as jc
+from benchmarks.peers.equations import Crusher
+from jaxcrusher.description import PE250X400
+from jaxcrusher.plane import Vector, scalar
+from jaxcrusher.starts import Given, InContact
+
+Formulation = Literal["eccentricity", "multiplier"]
+FORMULATIONS: tuple[Formulation, ...] = ("eccentricity", "multiplier")
+
+# With the paper's friction of 0.1 the centred start whirls, and hides all else; 0.02 leaves
+# impacts, swings and whirls. Slip is that of the surfaces.
+BASE = Crusher(friction=0.02)
+
+# Name in a description -> field of the peers' crusher.
+FIELDS = {
+    "speed": "speed", "clearance": "clearance", "friction": "friction", "load": "load",
+    "restitution": "restitution", "young": "young",
+    "shaft.mass": "m1", "shaft.inertia": "j1", "jaw.mass": "m2", "jaw.inertia": "j2",
+    "toggle.mass": "m3", "toggle.inertia": "j3",
+}  # fmt: skip
+MASSES = ("m1", "j1", "m2", "j2", "m3", "j3")
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A quantity, its unit, its values, and the crusher's fields that it sets or multiplies."""
+
+    unit: str
+    values: tuple[float, ...]
+    fields: tuple[str, ...]
+    factor: bool = False
+
+    def crusher(self, value: float) -> Crusher:
+        """The base case with this value."""
+        scale = {name: getattr(BASE, name) if self.factor else 1.0 for name in self.fields}
+        return replace(BASE, **{name: value * size for name, size in scale.items()})
+
+
+AXES = {
+    "clearance": Axis("m", (1e-6, 1e-5, 3e-5, 6e-5, 1.2e-4, 5e-4, 2e-3), ("clearance",)),
+    "speed": Axis("rad/s", (0.5, 2.0, 8.0, 30.0, 60.0, 120.0, 200.0, 400.0), ("speed",)),
+    "stiffness": Axis("x base", (1e-2, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4), ("young",), True),
+    "restitution": Axis("1", (0.05, 0.2, 0.5, 0.7, 0.9, 1.0), ("restitution",)),
+    "friction": Axis("1", (0.0, 0.01, 0.02, 0.05, 0.1, 0.3, 1.0), ("friction",)),
+    "load": Axis("N", (0.0, 1e3, 8.8e3, 5e4, 2e5, 1e6), ("load",)),
+    "masses": Axis("x base", (1e-2, 0.1, 1.0, 10.0, 100.0), MASSES, True),
+}
+# Along every axis: at rest amid the bore, resting in it, thrown at its wall.
+STARTS = ("centred", "in contact", "violent")
+# Besides, on the base case alone: e in clearances, e' in m/s. A tilted direction, so that no
+# symmetry helps.
+TILTED = cmath.rect(1.0, 0.7)
+GIVEN: dict[str, tuple[complex, complex]] = {
+    "centred": (0j, 0j),
+    "violent": (0j, 5 * TILTED),
+    "e = 0, 1 mm/s": (0j, 1e-3 * TILTED),
+    "e = 0, 0.5 m/s": (0j, 0.5 * TILTED),
+    "grazing, at rest": (1 + 0j, 0j),
+    "grazing, 0.5 m/s along": (1 + 0j, 0.5j),
+    "grazing, 5 m/s along": (1 + 0j, 5j),
+    "grazing, 0.5 m/s into": (1 + 0j, 0.5 + 0j),
+    "10 m/s": (0j, 10 * TILTED),
+    "30 m/s": (0j, 30 * TILTED),
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A crusher and a start: `e` in m, `rate` in m/s."""
+
+    axis: str
+    value: str
+    start: str
+    crusher: Crusher
+
+    @cached_property
+    def motion(self) -> tuple[complex, complex]:
+        """Eccentricity (m) and rate (m/s) of the start, the same for all programs."""
+        if self.start == "in contact":
+            e, rate = resting(scene_of(self.crusher, "eccentricity"))
+            return complex(e.x, e.y), complex(rate.x, rate.y)
+        relative, rate = GIVEN[self.start]
+        return relative * self.crusher.clearance, rate
+
+    def scene(
+        self, formulation: Formulation, motion: tuple[complex, complex] | None = None
+    ) -> jc.Scene:
+        """Ours, of one structure for all cases: one compiled program serves them.
+
+        From another `motion` (m, m/s) if given. ValueError as `jaxcrusher.build_scene`.
+        """
+        e, rate = self.motion if motion is None else motion
+        relative = e / self.crusher.clearance
+        start = Given(Vector(relative.real, relative.imag), Vector(rate.real, rate.imag))
+        scene = scene_of(self.crusher, formulation)
+        return eqx.tree_at(lambda s: s.start, scene, start)
+
+
+def scene_of(crusher: Crusher, formulation: Formulation) -> jc.Scene:
+    """The scene of a peer's crusher, centred. ValueError as `jaxcrusher.build_scene`."""
+    values = {name: getattr(crusher, field) for name, field in FIELDS.items()}
+    jc.build_scene(values)  # as a user would, with every check
+    # A friction of zero would be left out, and be another program.
+    values |= {"friction": PE250X400["friction"], "slip": "surface", "formulation": formulation}
+    scene = jc.build_scene(values)
+    return eqx.tree_at(lambda s: s.joint.friction.coefficient, scene, scalar(crusher.friction))
+
+
+@eqx.filter_jit
+def resting(scene: jc.Scene) -> tuple[Vector, Vector]:
+    """Where the pin rests in its bore."""
+    return InContact().eccentricity(scene)
+
+
+def cases() -> Iterator[Case]:
+    """All of them, axis by axis."""
+    for name, axis in AXES.items():
+        for start in STARTS:
+            for value in axis.values:
+                yield Case(name, f"{value:g}", start, axis.crusher(value))
+    for start in GIVEN:
+        yield Case("start", start, start, BASE)

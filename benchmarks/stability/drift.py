@@ -1,0 +1,82 @@
+"""A thousand turns: what the energy ledger, the constraints and the RMS drift by."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+import jaxcrusher as jc
+from benchmarks.peers import numba_peer
+from benchmarks.stability.cases import BASE, FORMULATIONS, Case
+from benchmarks.stability.reference import members
+
+TURNS, BLOCK, MEMBERS = 1000, 100, 4
+MOST_STEPS = 50_000_000
+
+
+@dataclass(frozen=True)
+class Drift:
+    """A long run; `imbalance` and `residual` after a block of turns and after all."""
+
+    start: str
+    formulation: str
+    failure: str
+    whirl: bool
+    imbalance: tuple[float, float]  # of the energy ledger, J
+    turned_over: float  # work of the drive against it, summed without sign, J
+    residual: tuple[float, float] | None  # largest violation of a constraint, m or rad
+    rms: tuple[float, float]  # of the first and last block, N
+    reference_rms: tuple[float, float]  # the same by numba, mean of its members
+    reference_scatter: tuple[float, float]  # standard deviation of the members
+
+
+def measure(known: Mapping[str, np.ndarray]) -> Iterator[Drift]:
+    """Both formulations from each start of `known`: what `reference` says of it."""
+    for start, theirs in known.items():
+        case = Case("start", start, start, BASE)
+        for formulation in FORMULATIONS:
+            yield run(case, formulation, TURNS, BLOCK, theirs)
+
+
+def run(case: Case, formulation, turns: int, block: int, known: np.ndarray) -> Drift:
+    """One long run, ours; `known` as `reference` gives it."""
+    scene = case.scene(formulation)
+    # Odd instants, so that not the same phase is seen in every turn.
+    times = 2 * np.pi / case.crusher.speed * np.linspace(0, turns, 7 * turns + 2)
+    outputs: tuple[str, ...] = ("energy", "drive_power")
+    if formulation == "multiplier":
+        outputs += ("constraint_residual",)
+    history = jc.simulate(scene, times, outputs=outputs, rtol=1e-9, max_steps=MOST_STEPS)
+    found = jc.statistics(scene, 0, turns)
+    early = times <= times[-1] * block / turns
+
+    def both(values) -> tuple[float, float]:
+        size = abs(np.asarray(values))
+        return float(size[early].max()), float(size.max())
+
+    residual = history.constraint_residual
+    squares = np.asarray(found.turn_mean_square)
+    return Drift(
+        case.start,
+        formulation,
+        history.failure or found.failure,
+        bool(found.whirl),
+        both(history.energy.imbalance),
+        float(np.trapezoid(abs(np.asarray(history.drive_power)), times)),
+        None if residual is None else both(residual),
+        (float(np.sqrt(squares[:block].mean())), float(np.sqrt(squares[-block:].mean()))),
+        tuple(known.mean(axis=0)),
+        tuple(known.std(axis=0, ddof=1)),
+    )
+
+
+def reference(e: complex, rate: complex, turns: int = TURNS, block: int = BLOCK) -> np.ndarray:
+    """The base case's RMS over the first and the last block by numba, N, shape (members, 2)."""
+    numbers, rows = numba_peer.numbers(BASE), []
+    for place in members(BASE, e, MEMBERS):
+        relative = place / BASE.clearance
+        y = np.array([relative.real, relative.imag, rate.real, rate.imag, 0.0])
+        first, _ = numba_peer.integrate(y, numbers, 0, block, 1e-9, 1e-5, MOST_STEPS)
+        last, _ = numba_peer.integrate(y, numbers, turns - 2 * block, block, 1e-9, 1e-5, MOST_STEPS)
+        rows.append(np.sqrt([first, last]))
+    return np.array(rows)

@@ -1,0 +1,71 @@
+"""The judgement of `benchmarks.stability` tells a wrong number; what has no motion is refused."""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from benchmarks.stability import judgement
+from benchmarks.stability.cases import BASE, Case
+from benchmarks.stability.inputs import cast
+from benchmarks.stability.reference import reference
+from jaxcrusher.plane import scalar
+
+CASE = Case("start", "centred", "centred", BASE)
+
+
+@pytest.fixture(scope="module")
+def known():
+    return reference(BASE, *CASE.motion)
+
+
+def error(scene, known) -> float:
+    """Of the span, over what is allowed."""
+    found = judgement.pointwise(scene, judgement.simulate(scene), known)
+    assert found["span_ms"] > 20
+    return found["error"] / found["allowed"]
+
+
+def test_pointwise_tells_another_stiffness(known):
+    assert error(CASE.scene("eccentricity"), known) <= 1
+    softer = replace(BASE, young=0.999 * BASE.young)
+    assert error(Case("start", "", "centred", softer).scene("eccentricity"), known) > 1
+
+
+def test_statistics_tell_another_mean():
+    theirs = np.random.default_rng(0).normal(1000, 10, 24)
+    for shift, agrees in ((0.0, True), (100.0, False)):
+        _, off, allowed = judgement.statistical(np.array([1000 + shift]), theirs, 0.0)
+        assert (off <= allowed) == agrees
+    # A whirl beside quiet runs: on another branch there is nothing to agree with.
+    _, off, allowed = judgement.statistical(np.array([1e6]), theirs, 0.0)
+    assert not off <= allowed
+
+
+def test_motion_that_is_not_finite_fails():
+    scene = CASE.scene("eccentricity")
+    broken = eqx.tree_at(lambda s: s.joint.normal.stiffness, scene, scalar(float("nan")))
+    found = judgement.simulate(broken)
+    assert not found.success
+    assert found.failure
+    assert np.isnan(found.foundation_force).all()
+
+
+def test_scene_in_32_bits_is_refused():
+    with pytest.raises(ValueError, match="64-bit floats only, but is with float32"):
+        judgement.simulate(cast(CASE.scene("eccentricity")))
+    with pytest.raises(ValueError, match="64-bit floats only, but is with float32"):
+        jax.eval_shape(judgement.simulate, cast(CASE.scene("eccentricity")))
+
+
+@pytest.mark.parametrize("young, clearance", [(207e9, 0.03e-3), (207e13, 0.06e-3), (207e9, 1e-6)])
+def test_corner_stays_small_beside_the_contact(young, clearance):
+    joint = jc.build_scene({"young": young, "clearance": clearance}).joint
+    # 0.5 N of 15 kN; and |e| at touch-down right to 1e-9 clearances.
+    assert joint.normal.elastic_force(0.0) <= 0.501
+    assert joint.norm_width**2 / (2 * clearance) <= 1e-9 * clearance
+    if young == 207e9 and clearance >= 0.03e-3:
+        assert (float(joint.normal.width), float(joint.norm_width)) == (1e-8, 1e-9)
