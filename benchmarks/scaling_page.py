@@ -1,0 +1,133 @@
+"""The page and the figure of `benchmarks.scaling`."""
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+
+BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
+# The aims of the project, in values: forward by the number of parameters, and reverse.
+FORWARD_AIM, REVERSE_AIM = 1.2, 6.0
+
+
+def page(rows: list[dict[str, Any]], setting: str) -> str:
+    """The report as Markdown."""
+    designs = [r for r in rows if r["what"] == "designs"]
+    turns = [r for r in rows if r["what"] == "turns"]
+    gradients = [r for r in rows if "parameters" in r]
+    lines = [
+        "# How the cost grows",
+        "",
+        "Made by `python -m benchmarks.scaling`; not edited by hand. Quiet motions of the paper's",
+        f"box from starts in contact; medians, compilation apart (first chunk). {setting}.",
+        "",
+        "![Cost by designs, by turns, and by differentiated parameters](scaling.png)",
+        "",
+        "## Designs and turns",
+        "",
+        "Peak memory is the whole process's, with Python, JAX and the compiler: about what the",
+        "smallest run takes, if chunks bound the rest.",
+        "",
+    ]
+    for title, chosen, per in (
+        (f"Designs, over {designs[0]['turns']} turns", designs, "designs"),
+        (f"Turns, of {turns[0]['designs']} designs", turns, "turns"),
+    ):
+        lines += [
+            f"{title}:",
+            "",
+            f"| cores | {per} | ms a design | us a step | first chunk s | peak MiB |",
+            "|---|---|---|---|---|---|",
+        ]
+        for r in chosen:
+            lines.append(
+                f"| {r['cores']} | {r[per]} | {1e3 * r['seconds'] / r['designs']:.2f} | "
+                f"{1e6 * r['seconds'] / r['steps']:.2f} | {r['first_s']:.1f} | "
+                f"{r['peak_mib']:.0f} |"
+            )
+        lines += ["", _flatness(chosen, per), ""]
+    lines += _gradient_lines(gradients)
+    return "\n".join(lines) + "\n"
+
+
+def _flatness(rows: list[dict[str, Any]], per: str) -> str:
+    """How much the cost a step varies over the rows that keep every core busy."""
+    said = []
+    for cores in sorted({r["cores"] for r in rows}):
+        kept = [r for r in rows if r["cores"] == cores and r["designs"] >= 2 * cores]
+        costs = [1e6 * r["seconds"] / r["steps"] for r in kept]
+        said.append(f"{min(costs):.2f} to {max(costs):.2f} us on {_cores(cores)}")
+    return f"A step takes {' and '.join(said)}, over {per} with two designs a core or more."
+
+
+def _cores(count: int) -> str:
+    return "one core" if count == 1 else f"{count} cores"
+
+
+def _gradient_lines(rows: list[dict[str, Any]]) -> list[str]:
+    lines = [
+        "## Value and gradient",
+        "",
+        "In units of one value by the same method. Error controlled, the tangents are under the",
+        "control too and take more steps; a step's cost is then the quotient. Equal steps show the",
+        f"derivative alone. The aims: forward 1 + {FORWARD_AIM:g} a parameter, reverse with",
+        f"checkpoints {REVERSE_AIM:g} whatever their number.",
+        "",
+        "| method | parameters | cost / value | steps / value's | a step / value's | aim | "
+        "compile s | value ms |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for r in rows:
+        cost, steps = r["seconds"] / r["value_s"], r["steps"] / r["value_steps"]
+        aim = aim_of(r)
+        lines.append(
+            f"| {r['what']} | {r['parameters']} | {cost:.1f} | {steps:.2f} | "
+            f"{cost / steps:.1f} | {aim:.1f}, {'met' if cost <= aim else '**missed**'} | "
+            f"{r['first_s'] - r['seconds']:.0f} | {1e3 * r['value_s']:.1f} |"
+        )
+    return lines
+
+
+def aim_of(row: dict[str, Any]) -> float:
+    """What a value with its gradient should cost at most, in values."""
+    return REVERSE_AIM if "reverse" in row["what"] else 1 + FORWARD_AIM * row["parameters"]
+
+
+def figure(rows: list[dict[str, Any]], path: Path) -> None:
+    """Three panels: time a design by designs, by turns, and gradients by parameters."""
+    plt.rcParams.update({"font.size": 9})
+    panels, (left, middle, right) = plt.subplots(1, 3, figsize=(10, 3.4), layout="constrained")
+    for cores, colour, marker in ((1, BLUE, "o"), (2, ORANGE, "s")):
+        for axes, what, unit in ((left, "designs", "designs"), (middle, "turns", "turns")):
+            kept = [r for r in rows if r["what"] == what and r["cores"] == cores]
+            axes.semilogx(
+                [r[unit] for r in kept],
+                [1e3 * r["seconds"] / r["designs"] / r["turns"] for r in kept],
+                color=colour, marker=marker, label=_cores(cores),
+            )  # fmt: skip
+    turns, designs = (next(r[unit] for r in rows if r["what"] == what)
+                      for what, unit in (("designs", "turns"), ("turns", "designs")))  # fmt: skip
+    left.set_xlabel(f"designs, {turns} turns each")
+    middle.set_xlabel(f"turns, {designs} designs")
+    for axes in (left, middle):
+        axes.set_ylabel("ms a design and turn")
+        axes.set_ylim(bottom=0)
+        axes.legend(frameon=False)
+    gradients = [r for r in rows if "parameters" in r]
+    for method, colour, marker in zip(
+        dict.fromkeys(r["what"] for r in gradients), (BLUE, GREEN, ORANGE), "osv", strict=True
+    ):
+        kept = [r for r in gradients if r["what"] == method]
+        numbers = [r["parameters"] for r in kept]
+        right.plot(numbers, [r["seconds"] / r["value_s"] for r in kept], color=colour,
+                     marker=marker, label=method)  # fmt: skip
+        if method.startswith("reverse"):
+            right.plot(numbers, [aim_of(r) for r in kept], ":", color=colour, label="aim, reverse")
+        elif "equal" in method:
+            right.plot(numbers, [aim_of(r) for r in kept], ":", color=colour, label="aim, forward")
+    right.set(xlabel="parameters", ylabel="value and gradient / value")
+    right.set_xticks(sorted({r["parameters"] for r in gradients}))
+    right.set_ylim(bottom=0)
+    right.legend(frameon=False, fontsize=7)
+    panels.savefig(path, dpi=200)
+    plt.close(panels)

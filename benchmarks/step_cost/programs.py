@@ -1,0 +1,192 @@
+"""The programs, all integrating the same designs with the same tableau, controller and tolerance.
+
+Each is a function that runs all designs in the current process and returns what it found. For one
+core start the process with one device (`XLA_FLAGS`) and pin it.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Literal, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxcrusher as jc
+from benchmarks.peers import c_peer, numba_peer
+from benchmarks.peers.equations import Crusher
+from jaxcrusher.batch import map_chunks
+from jaxcrusher.integrate import Carried
+from jaxcrusher.observables import foundation_force
+from jaxcrusher.plane import Vector
+from jaxcrusher.simulate import default_integration
+from jaxcrusher.starts import shifted_start
+
+# The tolerance hardly matters to the quiet motion, whose steps are limited by stability.
+RTOL, FIRST_STEP = 1e-6, 1e-5
+FRICTION = 0.1
+
+
+class Designs(NamedTuple):
+    """The same crushers as scenes for ours and as numbers for the others, over whole turns."""
+
+    scenes: jc.Scene  # stacked
+    starts: np.ndarray  # (designs, 5): e / c, e' (m/s), 0
+    numbers: np.ndarray  # (designs, 24), see `numba_peer.numbers`
+    turns: int
+
+
+class Found(NamedTuple):
+    """What a program found of each design."""
+
+    rms: np.ndarray  # N
+    steps: np.ndarray  # accepted and rejected
+
+
+class Cost(NamedTuple):
+    """Medians over the repeats; the first run apart."""
+
+    wall: float  # s a step
+    cpu: float  # s a step
+    first: float  # wall seconds of the first run less a later one: trace and compile
+    found: Found
+
+
+Start = Literal["centred", "contact"]
+Program = Callable[[], Found]
+
+
+def designs(start: Start, turns: int, side: int = 8) -> Designs:
+    """`side` squared crushers round 30 rad/s and 0.06 mm, with the slip of the surfaces."""
+    speeds, clearances = np.meshgrid(np.linspace(28, 32, side), np.linspace(0.05e-3, 0.07e-3, side))
+    speeds, clearances = speeds.ravel(), clearances.ravel()
+
+    def scene(speed, clearance):
+        crusher = jc.paper_scene(speed, clearance, start=start, slip="surface", friction=FRICTION)
+        return shifted_start(crusher, Vector(0.0, 0.0))
+
+    scenes = jax.jit(jax.vmap(scene))(speeds, clearances)
+    place, rate = scenes.start.relative, scenes.start.rate
+    starts = np.stack([place.x, place.y, rate.x, rate.y, np.zeros_like(speeds)], axis=1)
+    crushers = [
+        Crusher(clearance=c, speed=w, friction=FRICTION)
+        for w, c in zip(speeds.tolist(), clearances.tolist(), strict=True)
+    ]
+    return Designs(scenes, starts, np.stack([numba_peer.numbers(c) for c in crushers]), turns)
+
+
+def statistics_of(scene: jc.Scene, turns: int) -> Found:
+    """By `jaxcrusher.statistics`."""
+    result = jc.statistics(
+        scene, 0, turns, outputs=("foundation_rms",), rtol=RTOL, solver=diffrax.Dopri5(),
+        dt0=FIRST_STEP,
+    )  # fmt: skip
+    return Found(result.foundation_rms, result.outcome.steps)  # pyright: ignore
+
+
+def _plain(scene: jc.Scene, turns: int) -> Found:
+    """`diffeqsolve` as its manual has it, of our right-hand side; all turns in one go."""
+
+    def field(angle, y, scene):
+        formulation, speed = scene.formulation, scene.drive.speed
+        snapshot = formulation.snapshot(angle / speed, y.motion, scene)
+        rate = formulation.rate(snapshot, y.motion, scene)
+        force = foundation_force(snapshot, scene)
+        return Carried(jax.tree.map(lambda leaf: leaf / speed, rate), force**2)
+
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(field),
+        diffrax.Dopri5(),
+        0.0,
+        2 * np.pi * turns,
+        FIRST_STEP,
+        Carried(scene.formulation.initial(scene), jnp.zeros(())),
+        scene,
+        stepsize_controller=default_integration(scene, RTOL, FIRST_STEP).stepsize_controller,
+        max_steps=1_000_000,
+        throw=False,
+    )
+    mean_square = solution.ys.totals[0] / (2 * np.pi * turns)  # pyright: ignore
+    return Found(jnp.sqrt(mean_square), solution.stats["num_steps"])  # pyright: ignore
+
+
+def ours(d: Designs) -> Program:
+    """The engine of `jaxcrusher.sweep`."""
+    function = eqx.Partial(statistics_of, turns=d.turns)
+
+    def run() -> Found:
+        ((_, found),) = map_chunks(function, d.scenes, chunk=len(d.starts))
+        return found
+
+    return run
+
+
+def vmap(d: Designs) -> Program:
+    """`jax.vmap` over `jaxcrusher.statistics`."""
+    return _jitted(jax.vmap(lambda scene: statistics_of(scene, d.turns)), d)
+
+
+def plain_map(d: Designs) -> Program:
+    """`jax.lax.map` over `diffrax.diffeqsolve`."""
+    return _jitted(lambda s: jax.lax.map(lambda scene: _plain(scene, d.turns), s), d)
+
+
+def plain_vmap(d: Designs) -> Program:
+    """`jax.vmap` over `diffrax.diffeqsolve`."""
+    return _jitted(jax.vmap(lambda scene: _plain(scene, d.turns)), d)
+
+
+def _jitted(function: Callable, d: Designs) -> Program:
+    compiled = eqx.filter_jit(function)
+    return lambda: jax.tree.map(np.asarray, compiled(d.scenes))
+
+
+def numba(d: Designs) -> Program:
+    """The crusher by hand for numba."""
+
+    def run() -> Found:
+        pairs = [
+            numba_peer.integrate(start.copy(), numbers, 0, d.turns, RTOL, FIRST_STEP)
+            for start, numbers in zip(d.starts, d.numbers, strict=True)
+        ]
+        mean_squares, steps = np.array(pairs).T
+        return Found(np.sqrt(mean_squares), steps)
+
+    return run
+
+
+def c(d: Designs, lanes: int) -> Program:
+    """The crusher by hand in C, in lanes."""
+
+    def run() -> Found:
+        mean_square, steps = c_peer.integrate(
+            d.starts, d.numbers, 0, d.turns, RTOL, FIRST_STEP, lanes
+        )
+        return Found(np.sqrt(mean_square), steps)
+
+    return run
+
+
+def costs(programs: dict[str, Program], repeats: int, advance=lambda: None) -> dict[str, Cost]:
+    """Seconds a step of each, taken in turn so that a slow moment of the machine meets all."""
+    first, wall, cpu, found = {}, {}, {}, {}
+    for turn in range(repeats + 1):
+        for name, program in programs.items():
+            began, began_cpu = time.perf_counter(), time.process_time()
+            found[name] = program()
+            spent = time.perf_counter() - began, time.process_time() - began_cpu
+            if turn == 0:
+                first[name], wall[name], cpu[name] = spent[0], [], []
+            else:
+                wall[name].append(spent[0])
+                cpu[name].append(spent[1])
+            advance()
+    result = {}
+    for name in programs:
+        run, steps = float(np.median(wall[name])), int(found[name].steps.sum())
+        result[name] = Cost(
+            run / steps, float(np.median(cpu[name])) / steps, first[name] - run, found[name]
+        )
+    return result

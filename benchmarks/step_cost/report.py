@@ -1,0 +1,152 @@
+"""The page and its tables, all of it computed from the rows."""
+
+import csv
+import math
+from pathlib import Path
+
+from benchmarks.setting import setting
+from benchmarks.step_cost import fewer, profile, programs
+
+DOCS = Path(__file__).parents[2] / "docs"
+OURS, VMAP = "jaxcrusher, `lax.map`", "`jax.vmap` over `jaxcrusher.statistics`"
+PLAIN = "`lax.map` over `diffrax.diffeqsolve`"
+NUMBA, C, LANES = "numba, scalar", "C, scalar", "C, 8 lanes"
+# The aims: a step of these takes at least so many of ours.
+GOALS = ((NUMBA, 2.0), (VMAP, 8.0), (LANES, 0.5))
+# Relative errors of the RMS at which methods are compared.
+ERRORS = (1e-3, 1e-4, 1e-6)
+
+
+def write(
+    costs: list[dict], counted: dict, evaluation: float, steps: list[dict], doubt: dict
+) -> str:
+    """Write docs/step_cost.md and its two csv files; returns the page."""
+    where = setting("numba")
+    for name, rows in (("step_cost", costs), ("step_cost_steps", steps)):
+        with (DOCS / f"{name}.csv").open("w", newline="") as file:
+            file.write(f"# {where}\n")
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+    page = "\n".join([
+        "# What a step costs",
+        "",
+        "Made by `python -m benchmarks.step_cost`; not edited by hand. All numbers:",
+        "[step_cost.csv](step_cost.csv), [step_cost_steps.csv](step_cost_steps.csv). Measured on",
+        f"{where}.",
+        "",
+        *_cost_lines(costs),
+        *_profile_lines(counted, evaluation, costs),
+        *_steps_lines(steps, doubt),
+    ]) + "\n"  # fmt: skip
+    (DOCS / "step_cost.md").write_text(page)
+    return page
+
+
+def _cost_lines(costs: list[dict]) -> list[str]:
+    lines = [
+        "64 crushers round 30 rad/s and 0.06 mm, one core, a process for each motion with and",
+        "without XLA's loop flag (`jaxcrusher.use_all_cores`). Dopri5, PI 0.4, 0.3, tolerance",
+        f"{programs.RTOL:g}, steps accepted and rejected. Microseconds a step, medians of repeats",
+        "taken in turn; *numbas* is CPU time in units of the scalar program for numba in the same",
+        "process, which takes the machine's mood out. *RMS* is the largest relative difference to",
+        "numba's over the crushers; impacting motions part, and theirs means nothing.",
+        "",
+        "| motion | program | XLA | wall us | CPU us | numbas | trace + compile s | steps | RMS |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row in costs:
+        compiled = f"{row['first_s']:.1f}" if row["program"] in (OURS, VMAP, PLAIN) else ""
+        differs = f"{row['difference']:.1e}" if row["motion"] == "quiet" else ""
+        lines.append(
+            f"| {row['motion']} | {row['program']} | {row['XLA']} | {row['wall_us']:.2f} | "
+            f"{row['cpu_us']:.2f} | {row['in_numba']:.2f} | {compiled} | {row['steps']} | "
+            f"{differs} |"
+        )
+    lines += ["", "Aims, in CPU time of a step:", ""]
+    for motion in dict.fromkeys(row["motion"] for row in costs):
+        least = _least(costs, motion)
+        for name, factor in GOALS:
+            if name in least:
+                ratio = least[name] / least[OURS]
+                verdict = "met" if ratio >= factor else "not met"
+                lines.append(
+                    f"- {motion}: {name} takes {ratio:.2f} of ours; aim: at least {factor:g}: "
+                    f"{verdict}."
+                )
+    return [*lines, ""]
+
+
+def _least(costs: list[dict], motion: str) -> dict[str, float]:
+    """Of each program with and without the flag, in units of numba."""
+    least: dict[str, float] = {}
+    for row in costs:
+        if row["motion"] == motion:
+            name = row["program"]
+            least[name] = min(row["in_numba"], least.get(name, math.inf))
+    return least
+
+
+def _profile_lines(counted: dict, evaluation: float, costs: list[dict]) -> list[str]:
+    heads = [*counted, "an evaluation by hand"]
+    columns = [*counted.values(), profile.BY_HAND]
+    lines = [
+        "## What the compiled program does",
+        "",
+        "Operations of XLA's program with the loop flag. A stage evaluates the equations of motion",
+        "once; a step of Dopri5 has six stages. XLA computes a value again in every fusion that",
+        "needs it; LLVM then merges some of these, so more operations here are not all lost time.",
+        "",
+        f"| | {' | '.join(heads)} |",
+        "|---|" + "---|" * len(heads),
+    ]
+    for operation in profile.COSTLY:
+        cells = [str(column[operation]) if operation in column else "" for column in columns]
+        lines.append(f"| {operation} | {' | '.join(cells)} |")
+    step = min(r["cpu_us"] for r in costs if (r["motion"], r["program"]) == ("quiet", OURS))
+    lines += [
+        "",
+        f"One evaluation alone, in a loop of its own, takes {evaluation:.3f} us of CPU time: six",
+        f"are {6 * evaluation / step:.0%} of a step of ours on the quiet motion, {step:.2f} us.",
+    ]
+    least = _least(costs, "quiet")
+    if C in least:
+        lines += [
+            "",
+            f"By hand in C the quiet motion takes {least[C]:.2f} numbas a step, in 8 lanes "
+            f"{least[LANES]:.2f}; ours {least[OURS]:.2f}.",
+        ]
+    return [*lines, ""]
+
+
+def _steps_lines(rows: list[dict], doubt: dict) -> list[str]:
+    limits = [(motion, error) for motion in fewer.MOTIONS for error in ERRORS]
+    doubts = ", ".join(f"{motion} {value:.0e}" for motion, value in doubt.items())
+    lines = [
+        "## Fewer steps at equal error",
+        "",
+        "Least evaluations of the equations a turn (steps in brackets) with which the RMS is right",
+        "to a relative error, over the tolerances "
+        f"{', '.join(f'{t:g}' for t in fewer.TOLERANCES)} and {', '.join(map(str, fewer.FIXED))}",
+        "fixed steps a turn; - where none is, bold the least of all. References at "
+        f"{fewer.REFERENCE:g} by Dopri8 and",
+        f"Tsit5 differ by {doubts}. Two turns of the quiet motion and 20 ms of impacts, 30 rad/s,",
+        "0.06 mm.",
+        "",
+        "| solver | controller | " + " | ".join(f"{m}, {e:g}" for m, e in limits) + " |",
+        "|---|---|" + "---|" * len(limits),
+    ]
+    least: dict[tuple, dict] = {}
+    for motion, error in limits:
+        good = [row for row in rows if row["motion"] == motion and row["error"] <= error]
+        for row in sorted(good, key=lambda row: row["evaluations"]):
+            for who in (None, (row["solver"], row["controller"])):
+                least.setdefault((who, motion, error), row)
+    for who in dict.fromkeys((row["solver"], row["controller"]) for row in rows):
+        cells = []
+        for limit in limits:
+            best = least.get((who, *limit))
+            cell = f"{best['evaluations']:.0f} ({best['steps']:.0f})" if best else "-"
+            cells.append(f"**{cell}**" if best and best is least[None, *limit] else cell)
+        lines.append(f"| {' | '.join((*who, *cells))} |")
+    return lines

@@ -1,0 +1,193 @@
+"""The other programs, each giving RMS and force history of a case from one run.
+
+SciPy's methods, CVODE and Dormand-Prince in numba share one right-hand side compiled by numba
+(`benchmarks.peers.numba_peer.field`, smoothed laws as ours), with the square of the force as
+another state that counts in no error norm. "events" is SciPy on the sharp laws in plain Python,
+stopped at every touch.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.integrate import RK45, solve_ivp
+from sksundae.cvode import CVODE
+
+from benchmarks.peers import numba_peer, scipy_peer
+from benchmarks.peers.exudyn_peer import Model
+from benchmarks.peers.motion import Motion
+from benchmarks.peers.numba_peer import ERROR, A, C, compiled
+from benchmarks.work_precision.cases import Answer, Case, closed_form, solved
+from benchmarks.work_precision.ours import FEW, FIRST_STEP, LADDER, MOST_STEPS
+
+# Of Dormand-Prince's dense output, fourth order (Shampine 1986).
+DENSE = np.ascontiguousarray(RK45.P)
+# So large that the integral of the square never counts.
+NEVER = 1e30
+
+
+@dataclass(frozen=True)
+class Peer:
+    """A program at one setting; `solve` gives the answer and the steps, if they are known."""
+
+    program: str
+    setting: str
+    solve: Callable[[], tuple[Answer, int | None]]
+
+
+def _start(case: Case) -> tuple[np.ndarray, np.ndarray]:
+    """State (e / c, e', 0) and the field's numbers; without friction 0."""
+    e, rate = case.relative, case.rate
+    y = np.array([e.real, e.imag, rate.real, rate.imag, 0.0])
+    return y, numba_peer.numbers(case.crusher)
+
+
+def _answer(case: Case, states: np.ndarray, p: np.ndarray) -> Answer:
+    """From states at the case's angles."""
+    rms = np.sqrt(states[-1, 4] * 2 * np.pi / case.span)
+    return Answer(rms, _forces(case.angles, np.ascontiguousarray(states), p))
+
+
+@compiled
+def _forces(angles, states, p):
+    forces, rate = np.empty(len(angles)), np.empty(5)
+    for i in range(len(angles)):
+        numba_peer.field(angles[i], states[i], p, rate)
+        forces[i] = math.sqrt(2 * math.pi * rate[4])
+    return forces
+
+
+def _by_scipy(case: Case, method: str, rtol: float) -> tuple[Answer, int | None]:
+    y, p = _start(case)
+    rate = np.empty(5)
+
+    def field(angle, y):
+        numba_peer.field(angle, y, p, rate)
+        return rate.copy()
+
+    found = solve_ivp(
+        field, (0.0, case.span), y, method, t_eval=case.angles, rtol=rtol,
+        atol=[rtol] * 4 + [NEVER], first_step=FIRST_STEP,
+    )  # fmt: skip
+    if not found.success:
+        raise RuntimeError(found.message)
+    return _answer(case, found.y.T, p), None
+
+
+def _by_cvode(case: Case, method: str, rtol: float) -> tuple[Answer, int | None]:
+    y, p = _start(case)
+
+    def field(angle, y, rate):
+        numba_peer.field(angle, y, p, rate)
+
+    solver = CVODE(
+        field, method=method, rtol=rtol, atol=np.array([rtol] * 4 + [NEVER]), first_step=FIRST_STEP,
+        max_num_steps=MOST_STEPS,
+    )  # fmt: skip
+    found = solver.solve(np.append(0.0, case.angles), y)
+    if not found.success:
+        raise RuntimeError(found.message)
+    return _answer(case, found.y[1:], p), None
+
+
+@compiled
+def _march(y, p, angles, rtol, h, dense, states, most):
+    """`numba_peer.integrate` over any span, with states at `angles`; returns the steps."""
+    k, trial, bend = np.empty((7, 5)), np.empty(5), np.empty(4)
+    angle, end, previous, steps, saved = 0.0, angles[-1], 1.0, 0, 0
+    numba_peer.field(angle, y, p, k[0])
+    while saved < len(angles) and steps < most:
+        last = angle + h >= end
+        step = end - angle if last else h
+        for stage in range(1, 7):
+            for i in range(5):
+                change = 0.0
+                for j in range(stage):
+                    change += A[stage, j] * k[j, i]
+                trial[i] = y[i] + step * change
+            numba_peer.field(angle + C[stage] * step, trial, p, k[stage])
+        squares = 0.0
+        for i in range(4):
+            error = 0.0
+            for j in range(7):
+                error += ERROR[j] * k[j, i]
+            squares += (step * error / (rtol + rtol * max(abs(y[i]), abs(trial[i])))) ** 2
+        size = max(math.sqrt(squares / 4), 1e-10) if squares < 1e300 else 1e150
+        steps += 1
+        # PI control as diffrax writes it: pcoeff 0.4, icoeff 0.3, safety 0.9.
+        factor = 0.9 * size ** (-0.7 / 5) * previous ** (0.4 / 5)
+        if size < 1:
+            after = end if last else angle + step
+            while saved < len(angles) and angles[saved] <= after:
+                x = (angles[saved] - angle) / step
+                for i in range(5):
+                    bend[:] = 0.0
+                    for j in range(7):
+                        for order in range(4):
+                            bend[order] += dense[j, order] * k[j, i]
+                    rise = x * (bend[0] + x * (bend[1] + x * (bend[2] + x * bend[3])))
+                    states[saved, i] = y[i] + step * rise
+                saved += 1
+            angle = after
+            y[:] = trial
+            k[0] = k[6]
+            previous = size
+            factor = max(factor, 1.0)
+        h = step * min(max(factor, 0.2), 10.0)
+    return steps
+
+
+def _by_numba(case: Case, rtol: float) -> tuple[Answer, int | None]:
+    y, p = _start(case)
+    states = np.full((len(case.angles), 5), np.nan)
+    steps = _march(y, p, case.angles, rtol, FIRST_STEP, DENSE, states, MOST_STEPS)
+    return _answer(case, states, p), steps
+
+
+def _by_events(case: Case, rtol: float) -> tuple[Answer, int | None]:
+    return solved(case, scipy_peer.integrate, rtol), None
+
+
+def _by_exudyn(case: Case, saves: int) -> tuple[Answer, int | None]:
+    """Fixed steps, `saves` of them between two instants of the history."""
+    every = case.angles[0] / case.crusher.speed
+    end, step = case.span / case.crusher.speed, every / saves
+    c = case.crusher
+    start = Motion(c, e=case.relative * c.clearance, rate=case.rate)
+    # Every step is seen, so that the sum is as exact as the steps.
+    force = Model(start, ideal=case.ideal).run(end, step, step)["foundation_force"]
+    squares = force**2
+    mean = (squares.sum() - (squares[0] + squares[-1]) / 2) / (len(squares) - 1)
+    return Answer(np.sqrt(mean), force[saves::saves]), saves * len(case.angles)
+
+
+def peers(case: Case, small: bool = False) -> Iterator[Peer]:
+    """All programs at all settings for a case; a few if `small`."""
+    if case.ideal:
+        for count in (16, 64) if small else (8, 16, 32, 64, 128):
+            yield Peer(
+                "NumPy, closed form",
+                f"{count} instants",
+                lambda n=count: (replace(closed_form(case, n), history=np.nan), None),
+            )
+    else:
+        for rtol in LADDER[:2] if small else LADDER:
+            label = f"rtol {rtol:.0e}"
+            yield Peer("numba Dopri5", label, lambda r=rtol: _by_numba(case, r))
+            for method in ("RK45", "DOP853", "LSODA"):
+                yield Peer(f"SciPy {method}", label, lambda r=rtol, m=method: _by_scipy(case, m, r))
+            for method in ("Adams", "BDF"):
+                yield Peer(f"CVODE {method}", label, lambda r=rtol, m=method: _by_cvode(case, m, r))
+        for rtol in FEW[:1] if small else FEW:
+            yield Peer(
+                "SciPy Radau", f"rtol {rtol:.0e}", lambda r=rtol: _by_scipy(case, "Radau", r)
+            )
+        for rtol in (1e-6,) if small else (1e-5, 1e-7, 1e-9):
+            yield Peer(
+                "SciPy DOP853, events", f"rtol {rtol:.0e}", lambda r=rtol: _by_events(case, r)
+            )
+    for count in (8,) if small else (1, 8, 64):
+        yield Peer(
+            "EXUDYN", f"{count * len(case.angles)} steps", lambda n=count: _by_exudyn(case, n)
+        )

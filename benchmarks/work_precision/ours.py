@@ -1,0 +1,134 @@
+"""Our side: RMS, force history and the RMS's slope in one compiled program of `jaxcrusher`.
+
+`jaxcrusher.statistics` integrates the square over whole turns and `jaxcrusher.simulate` looks at
+instants; here one run does both, over any span, with the same integration.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Scalar
+
+import jaxcrusher as jc
+from benchmarks.work_precision.cases import Case
+from jaxcrusher.contact import cylinder_stiffness
+from jaxcrusher.integrate import Carried, Integration, Outcome, Problem, integrate
+from jaxcrusher.observables import foundation_force
+from jaxcrusher.simulate import integration
+
+FIRST_STEP = 1e-5  # rad
+# A run that would take more is cut off, and said to have failed.
+MOST_STEPS = 2_000_000
+SOLVERS = {
+    "Tsit5": diffrax.Tsit5(),
+    "Dopri5": diffrax.Dopri5(),
+    "Dopri8": diffrax.Dopri8(),
+    "Kvaerno5": diffrax.Kvaerno5(),
+}
+LADDER = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11)
+# An implicit step costs tens of explicit ones.
+FEW = (1e-4, 1e-6, 1e-8, 1e-10)
+SINGLE = (1e-2, 1e-3, 1e-4, 1e-5)
+WIDTHS = (1e-10, 1e-7, 1e-6)  # m, of the contact's corner; 1e-8 is the default
+FIXED_STEPS = (4e-3, 1e-3, 2e-4)  # rad
+
+
+@dataclass(frozen=True)
+class Run:
+    """One of our ways to solve a case."""
+
+    program: str
+    setting: str
+    scene: jc.Scene
+    method: Integration
+    single: bool = False  # in 32-bit floats
+    with_slope: bool = True
+
+
+def _initial(scene: jc.Scene) -> Carried:
+    return Carried(scene.formulation.initial(scene), jnp.zeros(()))
+
+
+def _field(angle: Scalar, y: Carried, scene: jc.Scene) -> Carried:
+    speed = scene.drive.speed
+    snapshot = scene.formulation.snapshot(angle / speed, y.motion, scene)
+    rate = scene.formulation.rate(snapshot, y.motion, scene)
+    by_angle = jax.tree.map(lambda leaf: leaf / speed, rate)
+    return Carried(by_angle, foundation_force(snapshot, scene) ** 2)
+
+
+def _observe(angle: Scalar, y: Carried, scene: jc.Scene) -> Scalar:
+    snapshot = scene.formulation.snapshot(angle / scene.drive.speed, y.motion, scene)
+    return foundation_force(snapshot, scene)
+
+
+PROBLEM = Problem(_initial, _field, _observe, lambda forces, total: (forces, total))
+
+
+def solve(scene: jc.Scene, angles: Array, method: Integration) -> tuple[Array, Array, Outcome]:
+    """RMS (N), forces (N) at `angles` (rad) and how it ended."""
+    (forces, total), outcome = integrate(scene, angles[None], problem=PROBLEM, method=method)
+    return jnp.sqrt(total[0] / angles[-1]), forces[0], outcome
+
+
+def slope(scene: jc.Scene, angles: Array, method: Integration) -> tuple[Array, Array]:
+    """RMS (N) and its derivative by clearance (by speed for the ideal joint)."""
+
+    def rms(value):
+        return solve(_with(scene, value), angles, method)[0]
+
+    value = scene.drive.speed if scene.joint is None else scene.joint.clearance
+    return jax.jvp(rms, (value,), (jnp.ones_like(value),))
+
+
+def _with(scene: jc.Scene, value: Scalar) -> jc.Scene:
+    """The scene with another clearance, on which the stiffness depends, or another speed."""
+    if scene.joint is None:
+        return eqx.tree_at(lambda s: s.drive.speed, scene, value)
+    stiffness = cylinder_stiffness(scene.joint.bore_radius, value)
+    return eqx.tree_at(
+        lambda s: (s.joint.clearance, s.joint.normal.stiffness), scene, (value, stiffness)
+    )
+
+
+def runs(case: Case, small: bool = False) -> Iterator[Run]:
+    """All ways to solve a case; a few if `small`."""
+    formulations = ("closed",) if case.ideal else ("eccentricity", "multiplier")
+    for formulation in formulations:
+        scene = case.scene(formulation)
+        for name, solver in SOLVERS.items():
+            ladder = FEW if name == "Kvaerno5" else LADDER
+            # The other programs with tangents take too long to compile.
+            quick = name == "Tsit5" or (name != "Kvaerno5" and formulation != "multiplier")
+            for rtol in ladder[:2] if small else ladder:
+                yield Run(f"{name}, {formulation}", f"rtol {rtol:.0e}", scene,
+                          _adaptive(scene, rtol, solver), with_slope=quick)  # fmt: skip
+            if small:
+                break
+        if formulation == formulations[0]:
+            yield from _variants(scene, small)
+
+
+def _adaptive(scene: jc.Scene, rtol: float, solver=None) -> Integration:
+    return integration(scene, rtol, solver, None, None, MOST_STEPS, FIRST_STEP)
+
+
+def _variants(scene: jc.Scene, small: bool) -> Iterator[Run]:
+    """Tsit5 with fixed steps, other widths, and 32-bit floats."""
+    fixed = diffrax.ConstantStepSize()
+    for step in FIXED_STEPS[:1] if small else FIXED_STEPS:
+        method = integration(scene, 1e-9, None, fixed, None, MOST_STEPS, step)
+        yield Run("Tsit5, fixed steps", f"{step:.0e} rad", scene, method, with_slope=False)
+    for width in WIDTHS if scene.joint is not None and not small else ():
+        smoothed = eqx.tree_at(lambda s: s.joint.normal.width, scene, jnp.array(width))
+        for rtol in FEW:
+            yield Run(f"Tsit5, corner {width:.0e} m", f"rtol {rtol:.0e}", smoothed,
+                      _adaptive(scene, rtol))  # fmt: skip
+    for rtol in SINGLE[:1] if small else SINGLE:
+        method = _adaptive(scene, rtol)
+        yield Run("Tsit5, float32", f"rtol {rtol:.0e}", scene, method, single=True,
+                  with_slope=False)  # fmt: skip
