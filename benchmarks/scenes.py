@@ -5,9 +5,8 @@ quiet motion at 30 rad/s, 0.06 mm. Writes docs/scenes.md and docs/scenes.csv.
 """
 
 import csv
-import platform
 import time
-from importlib.metadata import version
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,9 @@ import numpy as np
 from rich.progress import track
 
 import jaxcrusher as jc
+from benchmarks.setting import setting
 
-RUNS = 7
+RUNS = 41
 TIMES = np.linspace(0, 2 * np.pi / 30, 513)
 # As many steps for every scene: times are then those of a step.
 STEPS = 2048
@@ -62,27 +62,29 @@ def field_operations(scene: jc.Scene) -> int:
     return operations(jax.make_jaxpr(program)(numbers).jaxpr)
 
 
-def measure(function, scene: jc.Scene) -> dict[str, float]:
-    """Operations, seconds of tracing and compiling, and the median seconds of a run."""
+def compiled(function, scene: jc.Scene) -> tuple[dict[str, float], Callable[[], Any]]:
+    """Operations, seconds of tracing and compiling; and the program, ready to run."""
     program, numbers = traced(function, scene)
     count = operations(jax.make_jaxpr(program)(numbers).jaxpr)
     began = time.perf_counter()
     lowered = program.lower(numbers)
     middle = time.perf_counter()
-    compiled = lowered.compile()
+    ready = lowered.compile()
     end = time.perf_counter()
-    jax.block_until_ready(compiled(numbers))
-    seconds = []
+    found = {"program_operations": count, "trace_s": middle - began, "compile_s": end - middle}
+    return found, lambda: jax.block_until_ready(ready(numbers))
+
+
+def median_times(programs: list[Callable[[], Any]]) -> list[float]:
+    """Milliseconds of each, run in turn so that a slow moment of the machine meets all."""
+    times = []
     for _ in range(RUNS):
-        start = time.perf_counter()
-        jax.block_until_ready(compiled(numbers))
-        seconds.append(time.perf_counter() - start)
-    return {
-        "program_operations": count,
-        "trace_s": middle - began,
-        "compile_s": end - middle,
-        "run_ms": 1e3 * float(np.median(seconds)),
-    }
+        times.append([])
+        for program in programs:
+            start = time.perf_counter()
+            program()
+            times[-1].append(1e3 * (time.perf_counter() - start))
+    return np.median(times[1:], axis=0).tolist()
 
 
 def rms_only(scene: jc.Scene):
@@ -129,12 +131,17 @@ def cases() -> list[tuple[str, jc.Scene, list]]:
 
 def main() -> None:
     """Measure every case; write the csv and the page."""
-    rows = []
+    rows, programs = [], []
     pairs = [(n, s, f) for n, s, functions in cases() for f in functions]
     for name, scene, function in track(pairs, "scenes"):
         what = (function.__doc__ or "").rstrip(".").lower()
-        rows.append({"scene": name, "computed": what, "field_operations": field_operations(scene)}
-                    | measure(function, scene))  # fmt: skip
+        found, program = compiled(function, scene)
+        rows.append(
+            {"scene": name, "computed": what, "field_operations": field_operations(scene)} | found
+        )
+        programs.append(program)
+    for row, milliseconds in zip(rows, median_times(programs), strict=True):
+        row["run_ms"] = milliseconds
     docs = Path(__file__).parents[1] / "docs"
     with (docs / "scenes.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]))
@@ -150,9 +157,10 @@ def _page(rows: list[dict]) -> str:
         "# What a scene leaves out",
         "",
         "Made by `python -m benchmarks.scenes`; not edited by hand. One turn of the quiet motion",
-        f"at 30 rad/s, 0.06 mm, in {STEPS} equal steps of Tsit5, on {platform.machine()} with jax",
-        f"{version('jax')}, diffrax {version('diffrax')}. Runs are medians of {RUNS}, in units of",
-        f"the full scene's RMS ({base:.2f} ms, {1e3 * base / STEPS:.2f} us a step).",
+        f"at 30 rad/s, 0.06 mm, in {STEPS} equal steps of Tsit5, on",
+        f"{setting()}.",
+        f"Runs are medians of {RUNS - 1} rounds, in units of the full scene's RMS ({base:.2f} ms,",
+        f"{1e3 * base / STEPS:.2f} us a step).",
         "",
         "| scene | computed | operations: field | program | trace s | compile s | run |",
         "|---|---|---|---|---|---|---|",
