@@ -113,6 +113,34 @@ def field(angle, y, p, rate):
 
 
 @compiled
+def attempt(angle, step, y, p, rtol, k, trial):
+    """One step from `y`, whose rate is k[0], into `trial`; returns its error over the allowed."""
+    for stage in range(1, 7):
+        for i in range(5):
+            change = 0.0
+            for j in range(stage):
+                change += A[stage, j] * k[j, i]
+            trial[i] = y[i] + step * change
+        field(angle + C[stage] * step, trial, p, k[stage])
+    squares = 0.0
+    for i in range(4):
+        error = 0.0
+        for j in range(7):
+            error += ERROR[j] * k[j, i]
+        scale = rtol + rtol * max(abs(y[i]), abs(trial[i]))
+        squares += (step * error / scale) ** 2
+    # What is not finite is a huge error.
+    return max(math.sqrt(squares / 4), 1e-10) if squares < 1e300 else 1e150
+
+
+@compiled
+def growth(error, previous):
+    """Of the step; PI control as diffrax writes it: pcoeff 0.4, icoeff 0.3, safety 0.9."""
+    factor = 0.9 * error ** (-0.7 / 5) * previous ** (0.4 / 5)
+    return min(max(factor, 1.0 if error < 1 else 0.2), 10.0)
+
+
+@compiled
 def integrate(y, p, settle, turns, rtol, h, most=1_000_000_000):
     """Integrate `y` over whole turns; returns the mean of |R_O| + |R_C| squared and the steps.
 
@@ -132,32 +160,15 @@ def integrate(y, p, settle, turns, rtol, h, most=1_000_000_000):
                 return math.nan, steps
             last = angle + h >= end
             step = end - angle if last else h
-            for stage in range(1, 7):
-                for i in range(5):
-                    change = 0.0
-                    for j in range(stage):
-                        change += A[stage, j] * k[j, i]
-                    trial[i] = y[i] + step * change
-                field(angle + C[stage] * step, trial, p, k[stage])
-            squares = 0.0
-            for i in range(4):
-                error = 0.0
-                for j in range(7):
-                    error += ERROR[j] * k[j, i]
-                scale = rtol + rtol * max(abs(y[i]), abs(trial[i]))
-                squares += (step * error / scale) ** 2
-            # What is not finite is a huge error.
-            size = max(math.sqrt(squares / 4), 1e-10) if squares < 1e300 else 1e150
+            error = attempt(angle, step, y, p, rtol, k, trial)
             steps += 1
-            # PI control as diffrax writes it: pcoeff 0.4, icoeff 0.3, safety 0.9.
-            factor = 0.9 * size ** (-0.7 / 5) * previous ** (0.4 / 5)
-            if size < 1:
+            if not last or error >= 1:
+                h = step * growth(error, previous)
+            if error < 1:
                 angle += step
                 y[:] = trial
                 k[0] = k[6]
-                previous = size
-                factor = max(factor, 1.0)
-            h = step * min(max(factor, 0.2), 10.0) if not last or size >= 1 else h
+                previous = error
         if turn >= settle:
             total += y[4]
     return total / turns, steps

@@ -17,7 +17,7 @@ from sksundae.cvode import CVODE
 from benchmarks.peers import numba_peer, scipy_peer
 from benchmarks.peers.exudyn_peer import Model
 from benchmarks.peers.motion import Motion
-from benchmarks.peers.numba_peer import ERROR, A, C, compiled
+from benchmarks.peers.numba_peer import compiled
 from benchmarks.work_precision.cases import Answer, Case, closed_form, solved
 from benchmarks.work_precision.ours import FEW, FIRST_STEP, LADDER, MOST_STEPS
 
@@ -100,24 +100,10 @@ def _march(y, p, angles, rtol, h, dense, states, most):
     while saved < len(angles) and steps < most:
         last = angle + h >= end
         step = end - angle if last else h
-        for stage in range(1, 7):
-            for i in range(5):
-                change = 0.0
-                for j in range(stage):
-                    change += A[stage, j] * k[j, i]
-                trial[i] = y[i] + step * change
-            numba_peer.field(angle + C[stage] * step, trial, p, k[stage])
-        squares = 0.0
-        for i in range(4):
-            error = 0.0
-            for j in range(7):
-                error += ERROR[j] * k[j, i]
-            squares += (step * error / (rtol + rtol * max(abs(y[i]), abs(trial[i])))) ** 2
-        size = max(math.sqrt(squares / 4), 1e-10) if squares < 1e300 else 1e150
+        error = numba_peer.attempt(angle, step, y, p, rtol, k, trial)
         steps += 1
-        # PI control as diffrax writes it: pcoeff 0.4, icoeff 0.3, safety 0.9.
-        factor = 0.9 * size ** (-0.7 / 5) * previous ** (0.4 / 5)
-        if size < 1:
+        h = step * numba_peer.growth(error, previous)
+        if error < 1:
             after = end if last else angle + step
             while saved < len(angles) and angles[saved] <= after:
                 x = (angles[saved] - angle) / step
@@ -132,9 +118,7 @@ def _march(y, p, angles, rtol, h, dense, states, most):
             angle = after
             y[:] = trial
             k[0] = k[6]
-            previous = size
-            factor = max(factor, 1.0)
-        h = step * min(max(factor, 0.2), 10.0)
+            previous = error
     return steps
 
 
