@@ -124,6 +124,7 @@ FIT = {"fit": (10.0, 0.5), "fit at half the radius": (10.2, 0.9)}
         (FIT | {"tangent": (10.1, 0.0)}, 5.0, False, "refused"),
         (FIT | {"tangent": (30.0, 0.0)}, 0.0, False, "refused"),
         (FIT | {"tangent": (np.nan, 0.0)}, 0.0, False, "refused"),
+        (FIT | {"tangent": (0.0, 0.0)}, 0.0, False, "refused"),
         (FIT | {"implicit": (30.0, 0.0)}, 0.0, False, "doubtful"),
         (FIT | {"implicit": (10.1, 0.0)}, 0.0, False, "ok"),
     ],
