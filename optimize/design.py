@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 import jaxcrusher as jc
-from jaxcrusher.checks import concrete, require, require_choice
-from jaxcrusher.description import check_description, check_number
+from jaxcrusher.basics.checks import concrete, require, require_choice
+from jaxcrusher.scenes.parameters import check_description, check_number
 
 
 class Completion(Protocol):

@@ -11,11 +11,11 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 import jaxcrusher as jc
-from jaxcrusher.batch import map_chunks
-from jaxcrusher.capacity import CrushingChamber
-from jaxcrusher.plane import Vector
-from jaxcrusher.starts import shifted_start
-from jaxcrusher.sweep import row_of
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.batch.engines import map_chunks
+from jaxcrusher.batch.sweep import row_of
+from jaxcrusher.crusher.capacity import CrushingChamber
+from jaxcrusher.crusher.starts import shifted_start
 from optimize.design import Design
 from optimize.objectives import Objective
 

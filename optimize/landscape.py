@@ -11,9 +11,9 @@ from jaxtyping import Array
 from scipy.stats import qmc
 
 import jaxcrusher as jc
-from jaxcrusher.batch import map_chunks
-from jaxcrusher.chaos import lyapunov_spectrum
-from jaxcrusher.sweep import LOGICAL, VARIABLES
+from jaxcrusher.batch.engines import map_chunks
+from jaxcrusher.batch.sweep import LOGICAL, VARIABLES
+from jaxcrusher.dynamics.indicators import lyapunov_spectrum
 from optimize.design import Design
 from optimize.evaluate import STARTS, Case, Progress, Window, evaluate, judged, started
 

@@ -10,7 +10,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float
 
-from jaxcrusher.batch import map_chunks
+from jaxcrusher.batch.engines import map_chunks
 from optimize.evaluate import Case, Progress, Window, quiet_objective
 
 # A quiet motion has no transient to wait for.

@@ -13,8 +13,8 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 import jaxcrusher as jc
-from jaxcrusher.batch import map_chunks
-from jaxcrusher.checks import require_whole
+from jaxcrusher.basics.checks import require_whole
+from jaxcrusher.batch.engines import map_chunks
 from optimize.evaluate import STARTS, Case, Progress, stacked_scenes
 
 # Turns drawn (the second tells whether the first repeats) and instants in each. Peaks of single

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 import jaxcrusher as jc
-from jaxcrusher.capacity import CrushingChamber
+from jaxcrusher.crusher.capacity import CrushingChamber
 
 Formula = Callable[[jc.Statistics, Mapping[str, Any], CrushingChamber], Scalar]
 

@@ -7,11 +7,11 @@ from typing import Annotated, Any, Literal
 
 import tyro
 
-from jaxcrusher.capacity import AFFLUENCE, CrushingChamber
-from jaxcrusher.checks import require, require_choice, require_within
-from jaxcrusher.description import CHOICES, PE250X400
-from jaxcrusher.files import results_folder
-from jaxcrusher.scene_file import read_scene_file, read_text, require_parameter
+from jaxcrusher.basics.checks import require, require_choice, require_within
+from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
+from jaxcrusher.files.results import results_folder
+from jaxcrusher.scenes.parameters import CHOICES, PE250X400
+from jaxcrusher.scenes.scene_file import read_scene_file, read_text, require_parameter
 from optimize.design import Design
 from optimize.evaluate import Case
 from optimize.objectives import OBJECTIVES

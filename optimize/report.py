@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxcrusher as jc
-from jaxcrusher import plots
+from jaxcrusher.pictures import plots
 from optimize import landscape as maps
 from optimize.evaluate import STARTS, Case, started
 from optimize.options import Options

@@ -10,7 +10,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.commands.ending import told_in_one_line
-from jaxcrusher.files import progress, write_json
+from jaxcrusher.files.results import progress, write_json
 from optimize import landscape, report, stages, verdicts
 from optimize.confirm import Confirmed
 from optimize.evaluate import STARTS, Case

@@ -12,7 +12,7 @@ import xarray as xr
 from rich.progress import Progress as Bars
 
 import jaxcrusher as jc
-from jaxcrusher.files import write_netcdf
+from jaxcrusher.files.results import write_netcdf
 from optimize import confirm, landscape, local
 from optimize.evaluate import STARTS, Case, Window, evaluate, judged, started
 from optimize.motions import cell_motions

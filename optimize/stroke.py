@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher import linkage
-from jaxcrusher.description import build_machine
-from jaxcrusher.machine import Machine
-from jaxcrusher.plane import Vector, direction
+from jaxcrusher.basics.plane import Vector, direction
+from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.scenes.parameters import build_machine
 
 # Angles looked at for the ends of the stroke, and Newton steps from the best of them: from
 # 2.5 deg off, three leave less than rounding.
@@ -21,7 +21,7 @@ STEPS = 5
 
 
 def exact_stroke(machine: Machine) -> Scalar:
-    """`jaxcrusher.capacity.stroke`, m, with the ends of the stroke found between its points.
+    """The stroke, m, with its ends found between the points of `jaxcrusher.crusher.capacity`.
 
     The extremes of 720 points are short by up to 1e-5 of the stroke, in steps as the ends move.
     At a stationary angle the derivative by the links is exact with the angle held.

@@ -14,10 +14,10 @@ from rich.console import Console
 from rich.progress import track
 
 import jaxcrusher as jc
-from benchmarks import clearance, longrun, pointwise, programs
 from benchmarks.comparison import Comparison, markdown_table, screen_table
+from benchmarks.crosschecks import clearance, longrun, pointwise, programs
 
-PAGE = Path(__file__).parents[1] / "docs" / "crosschecks.md"
+PAGE = Path(__file__).parents[2] / "docs" / "crosschecks.md"
 CASES = {
     "instants": pointwise.instants,
     "ideal": pointwise.ideal,

@@ -7,9 +7,7 @@ import numpy as np
 
 from benchmarks import comparison
 from benchmarks.comparison import Comparison
-from benchmarks.peers.equations import Crusher, normal_force
-from benchmarks.peers.motion import Motion
-from benchmarks.programs import (
+from benchmarks.crosschecks.programs import (
     CONTACT_POINT,
     CVODE,
     DOP853,
@@ -25,6 +23,8 @@ from benchmarks.programs import (
     simulate_ours,
     simulate_theirs,
 )
+from benchmarks.peers.equations import Crusher, normal_force
+from benchmarks.peers.motion import Motion
 
 WINDOWS = ((0, 4), (4, 8), (8, 12), (12, 16), (16, 20), (20, 30))  # ms
 # Our contact's corner is a parabola of this width (m), a quarter of it high: K (width/4)^1.5 is

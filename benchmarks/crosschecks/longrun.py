@@ -7,10 +7,10 @@ import numpy as np
 import jaxcrusher as jc
 from benchmarks import comparison
 from benchmarks.comparison import Comparison
+from benchmarks.crosschecks.programs import CVODE, EXUDYN, OURS, our_scene, timed
 from benchmarks.peers import exudyn_peer, sundials_peer
 from benchmarks.peers.equations import Crusher
 from benchmarks.peers.motion import Motion
-from benchmarks.programs import CVODE, EXUDYN, OURS, our_scene, timed
 
 SAMPLES = 4096  # a turn, of the other programs' motions
 

@@ -8,11 +8,7 @@ import numpy as np
 import jaxcrusher as jc
 from benchmarks import comparison
 from benchmarks.comparison import Comparison
-from benchmarks.peers import motion, nine_coordinates
-from benchmarks.peers.equations import Crusher
-from benchmarks.peers.exudyn_peer import Model
-from benchmarks.peers.motion import Motion
-from benchmarks.programs import (
+from benchmarks.crosschecks.programs import (
     ANGLES,
     CONTACT_POINT,
     CVODE,
@@ -31,7 +27,11 @@ from benchmarks.programs import (
     simulate_theirs,
     timed,
 )
-from jaxcrusher.drives import GivenTorque
+from benchmarks.peers import motion, nine_coordinates
+from benchmarks.peers.equations import Crusher
+from benchmarks.peers.exudyn_peer import Model
+from benchmarks.peers.motion import Motion
+from jaxcrusher.crusher.drives import GivenTorque
 
 
 def instants(count: int = 40) -> Iterator[Comparison]:

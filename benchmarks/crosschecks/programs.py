@@ -13,8 +13,8 @@ import jaxcrusher as jc
 from benchmarks.peers import exudyn_peer, nine_coordinates, scipy_peer, sundials_peer
 from benchmarks.peers.equations import Crusher
 from benchmarks.peers.motion import Motion
-from jaxcrusher.plane import Vector
-from jaxcrusher.starts import Given
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.starts import Given
 
 Formulation = Literal["eccentricity", "multiplier"]
 FORMULATIONS: tuple[Formulation, ...] = ("eccentricity", "multiplier")

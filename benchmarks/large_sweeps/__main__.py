@@ -15,10 +15,10 @@ import jax
 import numpy as np
 
 import jaxcrusher as jc
-from jaxcrusher.chunks import Plan, compute_chunk, make_plan
-from jaxcrusher.provenance import machine
-from jaxcrusher.store import ChunkStore
-from jaxcrusher.sweep import LOGICAL, VARIABLES
+from jaxcrusher.batch.plan import Plan, compute_chunk, make_plan
+from jaxcrusher.batch.store import ChunkStore
+from jaxcrusher.batch.sweep import LOGICAL, VARIABLES
+from jaxcrusher.files.provenance import machine
 
 BOX = {"speed": np.linspace(25, 40, 16), "clearance": np.linspace(0.03e-3, 0.12e-3, 8)}
 DESIGNS = 128

@@ -18,7 +18,7 @@ import numpy as np
 from rich.progress import track
 
 import jaxcrusher as jc
-from jaxcrusher.chaos import Lyapunov, lyapunov_spectrum, zero_one_test
+from jaxcrusher.dynamics.indicators import Lyapunov, lyapunov_spectrum, zero_one_test
 
 POINTS = 2000
 TANGENT_TURNS = 150
@@ -120,7 +120,7 @@ def main() -> None:
         series = points[:POINTS, 0]
         rows.append(row(name, found, interval, series, points[::stride, 0], unit, reference))
     rows.append(crusher())
-    path = Path(__file__).parents[1] / "docs" / "lyapunov.md"
+    path = Path(__file__).parents[2] / "docs" / "lyapunov.md"
     path.write_text(_table(rows))
     print(path)
 

@@ -1,1 +1,1 @@
-"""The source paper's figures redrawn and its numbers checked: `python -m jaxcrusher.reproduce`."""
+"""The source paper's figures redrawn and its numbers checked."""

@@ -1,4 +1,4 @@
-"""Redraw the paper's figures and check its numbers: `python -m jaxcrusher.reproduce`."""
+"""Redraw the paper's figures and check its numbers: `python -m benchmarks.reproduction`."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 import jaxcrusher as jc
-from jaxcrusher.reproduce import figures
-from jaxcrusher.reproduce.claims import Evidence, claims
-from jaxcrusher.reproduce.motions import compare, portraits
-from jaxcrusher.reproduce.readings import (
+from benchmarks.reproduction import figures
+from benchmarks.reproduction.claims import Evidence, claims
+from benchmarks.reproduction.motions import compare, portraits
+from benchmarks.reproduction.readings import (
     CHOICE,
     CLEARANCE_POINTS,
     POINTS,
@@ -22,8 +22,8 @@ from jaxcrusher.reproduce.readings import (
     SPEED_POINTS,
     measure,
 )
-from jaxcrusher.reproduce.report import counts, write_claims
-from jaxcrusher.reproduce.search import search, variants
+from benchmarks.reproduction.report import counts, write_claims
+from benchmarks.reproduction.search import search, variants
 
 TURN = 2 * np.pi / 30  # s
 SPEEDS = np.linspace(25, 40, 11)  # rad/s

@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 import jaxcrusher as jc
-from jaxcrusher.capacity import AFFLUENCE, CrushingChamber
-from jaxcrusher.reproduce.readings import CHOICE, SPEED_POINTS, Measurements, Point, Reading
-from jaxcrusher.reproduce.verdict import Estimate, Printed, estimate, printed
+from benchmarks.reproduction.readings import CHOICE, SPEED_POINTS, Measurements, Point, Reading
+from benchmarks.reproduction.verdict import Estimate, Printed, estimate, printed
+from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,11 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxcrusher import plots
-from jaxcrusher.capacity import AFFLUENCE, CrushingChamber
-from jaxcrusher.plots import BLUE, GREEN, ORANGE
-from jaxcrusher.reproduce.motions import Comparison, Portrait
-from jaxcrusher.reproduce.readings import Point
+from benchmarks.reproduction.motions import Comparison, Portrait
+from benchmarks.reproduction.readings import Point
+from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
+from jaxcrusher.pictures import plots
+from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE
 
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "grid.linewidth": 0.5,

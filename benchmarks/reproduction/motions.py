@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
-from jaxcrusher.batch import map_chunks, stack
-from jaxcrusher.plane import Vector
-from jaxcrusher.reproduce.readings import SETTLE_TURNS, Point, Slip, Start
-from jaxcrusher.scene import Scene
-from jaxcrusher.starts import shifted_start
+from benchmarks.reproduction.readings import SETTLE_TURNS, Point, Slip, Start
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.batch.engines import map_chunks, stack
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.starts import shifted_start
 
 SHOWN_TURNS = 2
 HISTORY = 4000  # instants over them

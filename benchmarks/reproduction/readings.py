@@ -17,12 +17,12 @@ import numpy as np
 from jaxtyping import Array
 
 import jaxcrusher as jc
-from jaxcrusher.batch import map_chunks, stack
-from jaxcrusher.paper import LoadName
-from jaxcrusher.plane import Vector
-from jaxcrusher.scene import Scene
-from jaxcrusher.starts import shifted_start
-from jaxcrusher.validity import validity
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.batch.engines import map_chunks, stack
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.joint.validity import validity
+from jaxcrusher.scenes.paper import LoadName
 
 Slip = Literal["centre", "surface"]
 Start = Literal["centred", "contact"]

@@ -3,8 +3,8 @@
 import math
 from pathlib import Path
 
-from jaxcrusher.reproduce.claims import Claim, Evidence
-from jaxcrusher.reproduce.readings import (
+from benchmarks.reproduction.claims import Claim, Evidence
+from benchmarks.reproduction.readings import (
     COMBINATIONS,
     DECIDED,
     OFFSETS,
@@ -14,10 +14,10 @@ from jaxcrusher.reproduce.readings import (
     WINDOW_TURNS,
     Reading,
 )
-from jaxcrusher.reproduce.readings import TURNS as TURNS_MEASURED
-from jaxcrusher.reproduce.search import OFFSETS as SEARCH_OFFSETS
-from jaxcrusher.reproduce.search import SETTLE, TARGETS, TURNS, Found
-from jaxcrusher.reproduce.verdict import (
+from benchmarks.reproduction.readings import TURNS as TURNS_MEASURED
+from benchmarks.reproduction.search import OFFSETS as SEARCH_OFFSETS
+from benchmarks.reproduction.search import SETTLE, TARGETS, TURNS, Found
+from benchmarks.reproduction.verdict import (
     INCONSISTENT,
     NOT_REPRODUCED,
     REPRODUCED,
@@ -160,7 +160,7 @@ def answer(found: list[Found]) -> str:
 
 
 NOTES = f"""Wang, Cui, Wang, *Appl. Sci.* 2023, 13, 238. This page and the figures beside it are
-made by `python -m jaxcrusher.reproduce`; nothing in the tables is typed in.
+made by `python -m benchmarks.reproduction`; nothing in the tables is typed in.
 
 {RULE}
 

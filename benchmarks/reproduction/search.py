@@ -12,14 +12,14 @@ import jax
 import numpy as np
 
 import jaxcrusher as jc
-from jaxcrusher.batch import map_chunks, stack
-from jaxcrusher.formulations import EccentricityFormulation, MultiplierFormulation
-from jaxcrusher.friction import AmbrosioFriction
-from jaxcrusher.plane import Vector
-from jaxcrusher.reproduce.variants import LiteralContact, PlainUnits, WeightedSlip, largest
-from jaxcrusher.scene import AbstractFormulation, Scene
-from jaxcrusher.starts import shifted_start
-from jaxcrusher.statistics import WHIRL_WINDING
+from benchmarks.reproduction.variants import LiteralContact, PlainUnits, WeightedSlip, largest
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.batch.engines import map_chunks, stack
+from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
+from jaxcrusher.crusher.scene import AbstractFormulation, Scene
+from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.joint.friction import AmbrosioFriction
+from jaxcrusher.motion.statistics import WHIRL_WINDING
 
 SPEED = 30.0  # rad/s
 # Peaks at 30 rad/s by clearance (mm), Fig. 12, N.

@@ -9,16 +9,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree, Scalar
 
-from jaxcrusher import linkage
-from jaxcrusher.formulations import EccentricityFormulation, MultiplierFormulation
-from jaxcrusher.formulations.eccentricity import EccentricityState
-from jaxcrusher.formulations.multiplier import CONTACT_TIME, MultiplierState
-from jaxcrusher.friction import AbstractSlip
-from jaxcrusher.integrate import Carried
-from jaxcrusher.plane import Vector, scalar
-from jaxcrusher.scene import AbstractFormulation, Scene
-from jaxcrusher.smooth import norm
-from jaxcrusher.snapshot import Snapshot
+from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.basics.smooth import norm
+from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
+from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
+from jaxcrusher.crusher.formulations.multiplier import CONTACT_TIME, MultiplierState
+from jaxcrusher.crusher.scene import AbstractFormulation, Scene
+from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.joint.friction import AbstractSlip
+from jaxcrusher.motion.integrate import Carried
 
 
 class WeightedSlip(AbstractSlip):

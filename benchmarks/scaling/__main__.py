@@ -20,9 +20,9 @@ import numpy as np
 from rich.progress import Progress
 
 import jaxcrusher as jc
-from benchmarks.scaling_page import figure, page
+from benchmarks.scaling.page import figure, page
 from benchmarks.setting import run_apart, setting
-from jaxcrusher.batch import map_chunks
+from jaxcrusher.batch.engines import map_chunks
 
 DESIGNS = (1, 4, 16, 64, 256, 1024, 4096, 16384)
 DESIGNS_TURNS = 10
@@ -152,7 +152,7 @@ ROWS = {"designs": len(DESIGNS), "turns": len(TURNS)}
 
 def main() -> None:
     """Run every job in a process of its own; write what has come after each row."""
-    docs = Path(__file__).parents[1] / "docs"
+    docs = Path(__file__).parents[2] / "docs"
     rows = []
     with Progress() as progress:
         total = sum(ROWS.get(what, len(DIFFERENTIATED)) for what, _ in JOBS)

@@ -142,7 +142,7 @@ def main() -> None:
         programs.append(program)
     for row, milliseconds in zip(rows, median_times(programs), strict=True):
         row["run_ms"] = milliseconds
-    docs = Path(__file__).parents[1] / "docs"
+    docs = Path(__file__).parents[2] / "docs"
     with (docs / "scenes.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()

@@ -3,7 +3,7 @@
 import jax
 
 from benchmarks.slider_crank.report import report
-from jaxcrusher.batch import use_all_cores
+from jaxcrusher.batch.engines import use_all_cores
 
 if __name__ == "__main__":
     use_all_cores()

@@ -14,20 +14,27 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
-from jaxcrusher.checks import require_x64
-from jaxcrusher.contact import (
+from jaxcrusher.basics.checks import require_x64
+from jaxcrusher.basics.plane import Vector, direction, scalar
+from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
+from jaxcrusher.crusher.linkage import turning
+from jaxcrusher.joint.clearance import ClearanceJoint, Contact
+from jaxcrusher.joint.friction import AbstractFriction
+from jaxcrusher.joint.normal import (
     AbstractImpactVelocity,
     LankaraniNikravesh,
     TrackedImpactVelocity,
     cylinder_stiffness,
 )
-from jaxcrusher.formulations.eccentricity import EccentricityState
-from jaxcrusher.friction import AbstractFriction
-from jaxcrusher.integrate import Carried, Integration, Outcome, Problem, error_norm, integrate
-from jaxcrusher.joint import ClearanceJoint, Contact
-from jaxcrusher.linkage import turning
-from jaxcrusher.plane import Vector, direction, scalar
-from jaxcrusher.simulate import failure_text, require_times
+from jaxcrusher.motion.integrate import (
+    Carried,
+    Integration,
+    Outcome,
+    Problem,
+    error_norm,
+    integrate,
+)
+from jaxcrusher.motion.simulation import failure_text, require_times
 
 
 class Link(eqx.Module):
@@ -233,7 +240,7 @@ PROBLEM = Problem(_initial, _field, _observe, lambda observed, totals: observed)
 def simulate(mechanism: SliderCrank, times: ArrayLike, rtol: float = 1e-10) -> Motion:
     """The motion at `times` (s, increasing) to a tolerance in clearances and m/s.
 
-    Differentiable by every number of the mechanism: see `jaxcrusher.integrate`.
+    Differentiable by every number of the mechanism: see `jaxcrusher.motion.integrate`.
     """
     require_x64()
     require_times(times)

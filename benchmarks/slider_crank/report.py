@@ -8,8 +8,8 @@ import numpy as np
 
 from benchmarks.peers.exudyn_slider_crank import Numbers, by_exudyn, by_scipy
 from benchmarks.slider_crank.mechanism import flores, joint_load, simulate
-from jaxcrusher.contact import ConstantImpactVelocity
-from jaxcrusher.validity import validity
+from jaxcrusher.joint.normal import ConstantImpactVelocity
+from jaxcrusher.joint.validity import validity
 
 
 def compare(impact_velocity: float | None) -> None:

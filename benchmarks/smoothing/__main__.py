@@ -70,7 +70,7 @@ def main() -> None:
         measure(scene, exact)  # compiles
         changed = [eqx.tree_at(where, scene, jnp.array(width)) for width in widths]
         rows[name] = [measure(one, exact) for one in track(changed, name)]
-    docs = Path(__file__).parents[1] / "docs"
+    docs = Path(__file__).parents[2] / "docs"
     (docs / "smoothing.md").write_text(_table(rows, own))
     _draw(docs / "smoothing.png", rows, own)
     print(f"{docs / 'smoothing.md'}, {docs / 'smoothing.png'}")

@@ -19,7 +19,7 @@ from benchmarks.stability.inputs import inputs
 from benchmarks.stability.judgement import DISAGREES, Judged, judge
 from benchmarks.stability.page import page, summary, write_csv
 from benchmarks.stability.reference import Reference, reference
-from jaxcrusher.files import progress
+from jaxcrusher.files.results import progress
 
 DOCS = Path(__file__).parents[2] / "docs"
 # Beside this process, which judges meanwhile.

@@ -10,7 +10,7 @@ import numpy as np
 
 import jaxcrusher as jc
 from benchmarks.stability.cases import BASE, Case
-from jaxcrusher.formulations import MultiplierFormulation
+from jaxcrusher.crusher.formulations import MultiplierFormulation
 
 TURNS = 20
 MOST_STEPS = 2_000_000

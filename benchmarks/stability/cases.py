@@ -10,9 +10,9 @@ import equinox as eqx
 
 import jaxcrusher as jc
 from benchmarks.peers.equations import Crusher
-from jaxcrusher.description import PE250X400
-from jaxcrusher.plane import Vector, scalar
-from jaxcrusher.starts import Given, InContact
+from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.crusher.starts import Given, InContact
+from jaxcrusher.scenes.parameters import PE250X400
 
 Formulation = Literal["eccentricity", "multiplier"]
 FORMULATIONS: tuple[Formulation, ...] = ("eccentricity", "multiplier")

@@ -9,8 +9,8 @@ import numpy as np
 
 import jaxcrusher as jc
 from benchmarks.stability.judgement import DISAGREES, REFUSED, Judged, rms_of
-from jaxcrusher.plane import Vector, scalar
-from jaxcrusher.starts import Given
+from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.crusher.starts import Given
 
 NUMBERS = {
     "clearance": (0.0, -1e-6, float("nan"), 0.13, 1.0),

@@ -11,7 +11,7 @@ from scipy import stats
 import jaxcrusher as jc
 from benchmarks.stability.cases import Case, Formulation
 from benchmarks.stability.reference import FEW, OURS, SETTLE, TIMES, TURNS, Reference, members
-from jaxcrusher.formulations import MultiplierFormulation
+from jaxcrusher.crusher.formulations import MultiplierFormulation
 
 AGREES, WHIRL, OUTSIDE = "agrees", "whirl", "outside the model"
 REFUSED, DISAGREES = "refused", "DISAGREES"

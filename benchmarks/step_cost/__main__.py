@@ -16,7 +16,7 @@ from rich.console import Console
 import jaxcrusher as jc
 from benchmarks.peers import c_peer
 from benchmarks.step_cost import fewer, profile, programs, report
-from jaxcrusher.files import progress
+from jaxcrusher.files.results import progress
 
 # Start and whole turns. With the slip of the surfaces the centred start ends in the whirl.
 MOTIONS: dict[str, tuple[programs.Start, int]] = {

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 
 import jaxcrusher as jc
 from benchmarks.step_cost.programs import Start
-from jaxcrusher.integrate import Integration, error_norm, integrate
-from jaxcrusher.plane import Vector
-from jaxcrusher.starts import shifted_start
-from jaxcrusher.statistics import statistics_problem
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.motion.integrate import Integration, error_norm, integrate
+from jaxcrusher.motion.statistics import statistics_problem
 
 # Two turns of the quiet motion; 20 ms of impacts, before their trajectories part.
 MOTIONS: dict[str, tuple[Start, float]] = {

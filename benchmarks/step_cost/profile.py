@@ -17,8 +17,8 @@ from jax.interpreters.partial_eval import dce_jaxpr
 
 import jaxcrusher as jc
 from benchmarks.step_cost.programs import Designs, statistics_of
-from jaxcrusher.observables import foundation_force
-from jaxcrusher.statistics import statistics_problem
+from jaxcrusher.crusher.observables import foundation_force
+from jaxcrusher.motion.statistics import statistics_problem
 
 EVALUATIONS = 100_000
 COSTLY = ("sine", "cosine", "power", "sqrt", "divide", "multiply", "add", "subtract", "select")

@@ -17,12 +17,12 @@ import numpy as np
 import jaxcrusher as jc
 from benchmarks.peers import c_peer, numba_peer
 from benchmarks.peers.equations import Crusher
-from jaxcrusher.batch import map_chunks
-from jaxcrusher.integrate import Carried
-from jaxcrusher.observables import foundation_force
-from jaxcrusher.plane import Vector
-from jaxcrusher.simulate import default_integration
-from jaxcrusher.starts import shifted_start
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.batch.engines import map_chunks
+from jaxcrusher.crusher.observables import foundation_force
+from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.motion.integrate import Carried
+from jaxcrusher.motion.simulation import default_integration
 
 # The tolerance hardly matters to the quiet motion, whose steps are limited by stability.
 RTOL, FIRST_STEP = 1e-6, 1e-5

@@ -13,7 +13,7 @@ from benchmarks.work_precision import ours, report
 from benchmarks.work_precision.cases import cases, reference
 from benchmarks.work_precision.measure import Compiled, of_ours, of_peers
 from benchmarks.work_precision.others import peers
-from jaxcrusher.batch import use_all_cores
+from jaxcrusher.batch.engines import use_all_cores
 
 
 def main(

@@ -11,8 +11,8 @@ import jaxcrusher as jc
 from benchmarks.peers import motion, scipy_peer, sundials_peer
 from benchmarks.peers.equations import Chain, Crusher, Shaft
 from benchmarks.peers.motion import Motion
-from jaxcrusher.plane import Vector, scalar
-from jaxcrusher.starts import Given, InContact
+from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.crusher.starts import Given, InContact
 
 SAVES = 256  # instants of a force history
 TURN = 2 * np.pi

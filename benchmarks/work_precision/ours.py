@@ -15,10 +15,10 @@ from jaxtyping import Array, Scalar
 
 import jaxcrusher as jc
 from benchmarks.work_precision.cases import Case
-from jaxcrusher.contact import cylinder_stiffness
-from jaxcrusher.integrate import Carried, Integration, Outcome, Problem, integrate
-from jaxcrusher.observables import foundation_force
-from jaxcrusher.simulate import integration
+from jaxcrusher.crusher.observables import foundation_force
+from jaxcrusher.joint.normal import cylinder_stiffness
+from jaxcrusher.motion.integrate import Carried, Integration, Outcome, Problem, integrate
+from jaxcrusher.motion.simulation import integration
 
 FIRST_STEP = 1e-5  # rad
 # A run that would take more is cut off, and said to have failed.

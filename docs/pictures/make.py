@@ -10,9 +10,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jaxcrusher as jc
-from jaxcrusher import plots
-from jaxcrusher.animation import animate
-from jaxcrusher.drawing import DRAWN, plot_mechanism
+from jaxcrusher.pictures import plots
+from jaxcrusher.pictures.film import animate
+from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
 
 HERE = Path(__file__).parent
 

@@ -7,7 +7,7 @@ outside its width (`norm`: up to width**2 / (2 |v|)).
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher.plane import Vector
+from jaxcrusher.basics.plane import Vector
 
 
 def positive_part(x: Scalar, width: Scalar) -> Scalar:

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import jax
 
-from jaxcrusher.batch import use_all_cores
-from jaxcrusher.chunks import Plan, Result, compute_chunk
-from jaxcrusher.provenance import environment
+from jaxcrusher.batch.engines import use_all_cores
+from jaxcrusher.batch.plan import Plan, Result, compute_chunk
+from jaxcrusher.files.provenance import environment
 
 if TYPE_CHECKING:
     import distributed

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import xarray as xr
 
-from jaxcrusher.checks import require_x64
-from jaxcrusher.chunks import Plan, Result, compute_chunk, make_plan
-from jaxcrusher.cluster import compute_on, connect, worker_environment
-from jaxcrusher.description import PARAMETERS
-from jaxcrusher.provenance import environment, machine
-from jaxcrusher.store import ChunkStore
+from jaxcrusher.basics.checks import require_x64
+from jaxcrusher.batch.cluster import compute_on, connect, worker_environment
+from jaxcrusher.batch.plan import Plan, Result, compute_chunk, make_plan
+from jaxcrusher.batch.store import ChunkStore
+from jaxcrusher.files.provenance import environment, machine
+from jaxcrusher.scenes.parameters import PARAMETERS
 
 if TYPE_CHECKING:
     import distributed

@@ -17,11 +17,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxcrusher.batch import map_chunks
-from jaxcrusher.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.description import CHOICES, PARAMETERS, PE250X400, build_scene
-from jaxcrusher.provenance import machine
-from jaxcrusher.sweep import statistics_row
+from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
+from jaxcrusher.batch.engines import map_chunks
+from jaxcrusher.batch.sweep import statistics_row
+from jaxcrusher.files.provenance import machine
+from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400, build_scene
 
 # A chunk's number, its variables, and a record of how they were computed.
 Result = tuple[int, dict[str, np.ndarray], dict[str, Any]]

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import zarr
 
-from jaxcrusher.chunks import Plan
-from jaxcrusher.description import PARAMETERS
-from jaxcrusher.durable import broken, checksum, lock, named, replace
-from jaxcrusher.sweep import LOGICAL, VARIABLES
+from jaxcrusher.batch.plan import Plan
+from jaxcrusher.batch.sweep import LOGICAL, VARIABLES
+from jaxcrusher.files.durable import broken, checksum, lock, named, replace
+from jaxcrusher.scenes.parameters import PARAMETERS
 
 _SIDE = ".sweep"  # the folder of settings, markers and the lock, inside the store
 

@@ -10,12 +10,12 @@ import numpy as np
 import xarray as xr
 from jaxtyping import ArrayLike
 
-from jaxcrusher.batch import Engine, map_chunks
-from jaxcrusher.checks import require, require_positive, require_x64
-from jaxcrusher.description import PE250X400
-from jaxcrusher.paper import paper_scene
-from jaxcrusher.scene import Scene, require_clearance
-from jaxcrusher.statistics import STATISTICS, Statistics, statistics
+from jaxcrusher.basics.checks import require, require_positive, require_x64
+from jaxcrusher.batch.engines import Engine, map_chunks
+from jaxcrusher.crusher.scene import Scene, require_clearance
+from jaxcrusher.motion.statistics import STATISTICS, Statistics, statistics
+from jaxcrusher.scenes.paper import paper_scene
+from jaxcrusher.scenes.parameters import PE250X400
 
 # Name -> unit and meaning of the variables of a sweep.
 VARIABLES = {

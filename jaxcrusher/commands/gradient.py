@@ -10,12 +10,12 @@ import tyro
 from rich.console import Console
 
 import jaxcrusher as jc
-from jaxcrusher.checks import require, require_choice, require_positive, require_whole
+from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
+from jaxcrusher.batch.sweep import VARIABLES
 from jaxcrusher.commands.options import Crusher, Results
-from jaxcrusher.description import PARAMETERS
-from jaxcrusher.files import provenance, write_json
-from jaxcrusher.scene_file import require_parameter
-from jaxcrusher.sweep import VARIABLES
+from jaxcrusher.files.results import provenance, write_json
+from jaxcrusher.scenes.parameters import PARAMETERS
+from jaxcrusher.scenes.scene_file import require_parameter
 
 # Name -> unit and meaning of what may be differentiated.
 METRICS = {

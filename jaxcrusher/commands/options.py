@@ -7,10 +7,10 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from jaxcrusher.checks import require, require_choice
-from jaxcrusher.description import CHOICES, PE250X400, build_scene
-from jaxcrusher.files import results_folder
-from jaxcrusher.scene_file import read_scene_file, read_text, require_parameter
+from jaxcrusher.basics.checks import require, require_choice
+from jaxcrusher.files.results import results_folder
+from jaxcrusher.scenes.parameters import CHOICES, PE250X400, build_scene
+from jaxcrusher.scenes.scene_file import read_scene_file, read_text, require_parameter
 
 # Repeated options: KEY VALUE pairs, and NAME LOW HIGH COUNT.
 Pairs = Annotated[

@@ -14,12 +14,12 @@ from rich.console import Console
 from rich.markup import escape
 
 import jaxcrusher as jc
-from jaxcrusher.checks import require, require_positive, require_whole
+from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.commands.options import Crusher, Ranges, Results, read_axes
-from jaxcrusher.description import PARAMETERS
-from jaxcrusher.files import progress, provenance, write_json, write_netcdf
-from jaxcrusher.provenance import environment
-from jaxcrusher.scene_file import read_text
+from jaxcrusher.files.provenance import environment
+from jaxcrusher.files.results import progress, provenance, write_json, write_netcdf
+from jaxcrusher.scenes.parameters import PARAMETERS
+from jaxcrusher.scenes.scene_file import read_text
 
 # Name -> unit and meaning of a row's numbers.
 COLUMNS = {

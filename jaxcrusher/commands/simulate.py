@@ -11,11 +11,11 @@ import xarray as xr
 from rich.console import Console
 
 import jaxcrusher as jc
-from jaxcrusher import plots
-from jaxcrusher.checks import require, require_positive, require_whole
+from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.commands.options import Crusher, Results
-from jaxcrusher.files import progress, provenance, write_netcdf
-from jaxcrusher.observables import OBSERVABLES
+from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.files.results import progress, provenance, write_netcdf
+from jaxcrusher.pictures import plots
 
 # The figure shows this many turns, the last ones.
 DRAWN = 2

@@ -11,10 +11,10 @@ import numpy as np
 import xarray as xr
 from rich.console import Console
 
-from jaxcrusher.checks import require
+from jaxcrusher.basics.checks import require
+from jaxcrusher.batch.large_sweep import sweep_to_store
 from jaxcrusher.commands.options import Crusher, Ranges, Results, read_axes
-from jaxcrusher.files import progress, write_netcdf
-from jaxcrusher.large_sweep import sweep_to_store
+from jaxcrusher.files.results import progress, write_netcdf
 
 if TYPE_CHECKING:
     import distributed

@@ -5,9 +5,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher import linkage
-from jaxcrusher.machine import Machine
-from jaxcrusher.plane import Vector, direction, scalar
+from jaxcrusher.basics.plane import Vector, direction, scalar
+from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.machine import Machine
 
 AFFLUENCE = 1.67  # k: greatest over least capacity, after (25)
 

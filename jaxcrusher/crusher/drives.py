@@ -6,8 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher.checks import require_positive
-from jaxcrusher.plane import scalar
+from jaxcrusher.basics.checks import require_positive
+from jaxcrusher.basics.plane import scalar
 
 
 class ShaftState(eqx.Module):

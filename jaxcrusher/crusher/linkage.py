@@ -8,8 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher.machine import Machine
-from jaxcrusher.plane import Vector
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.machine import Machine
 
 
 class Chain(eqx.Module):

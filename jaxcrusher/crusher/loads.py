@@ -5,8 +5,8 @@ import abc
 import equinox as eqx
 from jaxtyping import Scalar
 
-from jaxcrusher import smooth
-from jaxcrusher.plane import Vector, scalar
+from jaxcrusher.basics import smooth
+from jaxcrusher.basics.plane import Vector, scalar
 
 
 class AbstractLoad(eqx.Module):

@@ -8,8 +8,8 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Scalar
 
-from jaxcrusher.checks import concrete, require, require_positive
-from jaxcrusher.plane import Vector, scalar
+from jaxcrusher.basics.checks import concrete, require, require_positive
+from jaxcrusher.basics.plane import Vector, scalar
 
 
 class Shaft(eqx.Module):

@@ -6,11 +6,11 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Scalar
 
-from jaxcrusher import linkage
-from jaxcrusher.plane import Vector
-from jaxcrusher.scene import Scene
-from jaxcrusher.smooth import norm
-from jaxcrusher.snapshot import (
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.smooth import norm
+from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.snapshot import (
     Snapshot,
     moment_on_shaft,
     pin_position,

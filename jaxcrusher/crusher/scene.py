@@ -5,13 +5,13 @@ import abc
 import equinox as eqx
 from jaxtyping import PyTree, Scalar
 
-from jaxcrusher.checks import concrete, require, require_positive, require_x64
-from jaxcrusher.drives import AbstractDrive
-from jaxcrusher.joint import ClearanceJoint
-from jaxcrusher.loads import AbstractLoad
-from jaxcrusher.machine import Machine
-from jaxcrusher.plane import Vector
-from jaxcrusher.snapshot import Snapshot
+from jaxcrusher.basics.checks import concrete, require, require_positive, require_x64
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.drives import AbstractDrive
+from jaxcrusher.crusher.loads import AbstractLoad
+from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.joint.clearance import ClearanceJoint
 
 
 class AbstractStart(eqx.Module):

@@ -3,11 +3,11 @@
 import equinox as eqx
 from jaxtyping import PyTree, Scalar
 
-from jaxcrusher import linkage
-from jaxcrusher.joint import Contact
-from jaxcrusher.linkage import Chain, ChainAcceleration
-from jaxcrusher.machine import Machine
-from jaxcrusher.plane import Vector, direction
+from jaxcrusher.basics.plane import Vector, direction
+from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.linkage import Chain, ChainAcceleration
+from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.joint.clearance import Contact
 
 
 class ShaftMotion(eqx.Module):

@@ -5,11 +5,11 @@ import jax
 import numpy as np
 from jaxtyping import Scalar
 
-from jaxcrusher import linkage
-from jaxcrusher.plane import Vector
-from jaxcrusher.scene import AbstractStart, Scene
-from jaxcrusher.smooth import norm
-from jaxcrusher.snapshot import crank_motion, pin_acceleration, pin_position, pin_velocity
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.smooth import norm
+from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.scene import AbstractStart, Scene
+from jaxcrusher.crusher.snapshot import crank_motion, pin_acceleration, pin_position, pin_velocity
 
 
 class Centred(AbstractStart):

@@ -9,13 +9,13 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, ArrayLike
 
-from jaxcrusher.batch import map_chunks, stack
-from jaxcrusher.chaos import detect_period
-from jaxcrusher.checks import require, require_choice, require_whole, require_x64
-from jaxcrusher.formulations import EccentricityFormulation
-from jaxcrusher.regime import NOISE, OUTPUTS, spread_trend, turn_statistics
-from jaxcrusher.scene import Scene
-from jaxcrusher.section import initial_state, poincare_section
+from jaxcrusher.basics.checks import require, require_choice, require_whole, require_x64
+from jaxcrusher.batch.engines import map_chunks, stack
+from jaxcrusher.crusher.formulations import EccentricityFormulation
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.dynamics.indicators import detect_period
+from jaxcrusher.dynamics.regime import NOISE, OUTPUTS, spread_trend, turn_statistics
+from jaxcrusher.motion.section import initial_state, poincare_section
 
 # Name -> unit and meaning of the first coordinates of a section point.
 COORDINATES = {

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxcrusher.batch import map_chunks
+from jaxcrusher.batch.engines import map_chunks
 
 
 @dataclass(frozen=True)

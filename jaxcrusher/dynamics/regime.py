@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxcrusher.chaos import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
-from jaxcrusher.checks import require_whole
-from jaxcrusher.integrate import Outcome
-from jaxcrusher.scene import Scene
-from jaxcrusher.section import initial_state, poincare_section, whole
-from jaxcrusher.statistics import Statistics
-from jaxcrusher.tangents import SLICES
+from jaxcrusher.basics.checks import require_whole
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.dynamics.indicators import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
+from jaxcrusher.motion.integrate import Outcome
+from jaxcrusher.motion.section import initial_state, poincare_section, whole
+from jaxcrusher.motion.statistics import Statistics
+from jaxcrusher.motion.tangents import SLICES
 
 # Statistics of the motion that is classified, and after how many turns a whirl is called one.
 OUTPUTS = ("foundation_rms", "contact_fraction", "winding")

@@ -12,17 +12,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxcrusher.checks import require, require_choice
-from jaxcrusher.fit import fit_slopes
-from jaxcrusher.orbit import orbit_slopes
-from jaxcrusher.plane import Vector
-from jaxcrusher.regime import Regime, classify
-from jaxcrusher.scene import Scene
-from jaxcrusher.section import LARGEST, poincare_section, whole
-from jaxcrusher.shadowing import shadowing_slopes
-from jaxcrusher.starts import shifted_start
-from jaxcrusher.statistics import FURTHER_STATISTICS, STATISTICS
-from jaxcrusher.tangents import Tangents, changes, combine, tangents, weights
+from jaxcrusher.basics.checks import require, require_choice
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.dynamics.fits import fit_slopes
+from jaxcrusher.dynamics.regime import Regime, classify
+from jaxcrusher.dynamics.shadowing import shadowing_slopes
+from jaxcrusher.motion.section import LARGEST, poincare_section, whole
+from jaxcrusher.motion.statistics import FURTHER_STATISTICS, STATISTICS
+from jaxcrusher.motion.tangents import Tangents, changes, combine, tangents, weights
+from jaxcrusher.settled.orbit import orbit_slopes
 
 # A tangent that has grown by more than exp(3) says more of the start than of the parameter.
 GROWTH = 3.0
@@ -216,7 +216,7 @@ def judge(
     """The estimate to use, and whether to believe it.
 
     `radius` is that of the fit, in the parameter's unit; `growth` the largest exponent times the
-    turns of the tangent; `share` and `drift` those of the fit (see `jaxcrusher.fit.Fit`).
+    turns of the tangent; `share` and `drift` those of the fit (see `jaxcrusher.dynamics.fits.Fit`).
     """
     fit, half = estimates["fit"], estimates["fit at half the radius"]
     estimator = "fit" if chaotic else "implicit" if "implicit" in estimates else "tangent"

@@ -16,8 +16,8 @@ import xarray as xr
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from jaxcrusher.checks import require
-from jaxcrusher.provenance import environment, machine
+from jaxcrusher.basics.checks import require
+from jaxcrusher.files.provenance import environment, machine
 
 
 def results_folder(out: Path, name: str) -> Path:

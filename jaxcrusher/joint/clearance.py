@@ -7,10 +7,10 @@ between their centres.
 import equinox as eqx
 from jaxtyping import Scalar
 
-from jaxcrusher import smooth
-from jaxcrusher.contact import AbstractNormalLaw
-from jaxcrusher.friction import AbstractFriction
-from jaxcrusher.plane import Vector, scalar
+from jaxcrusher.basics import smooth
+from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.joint.friction import AbstractFriction
+from jaxcrusher.joint.normal import AbstractNormalLaw
 
 
 class Contact(eqx.Module):

@@ -5,8 +5,8 @@ import abc
 import equinox as eqx
 from jaxtyping import Scalar
 
-from jaxcrusher import smooth
-from jaxcrusher.plane import scalar
+from jaxcrusher.basics import smooth
+from jaxcrusher.basics.plane import scalar
 
 
 class AbstractSlip(eqx.Module):

@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher import smooth
-from jaxcrusher.plane import scalar
+from jaxcrusher.basics import smooth
+from jaxcrusher.basics.plane import scalar
 
 
 def cylinder_stiffness(bore_radius, clearance, young=207e9, poisson=0.29) -> Scalar:

@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Scalar
 
-from jaxcrusher.joint import ClearanceJoint
+from jaxcrusher.joint.clearance import ClearanceJoint
 
 # At this half-width over bore radius the parabola that Hertz puts for the bore's circle is 7 %
 # off at the edge of the contact.

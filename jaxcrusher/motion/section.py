@@ -9,11 +9,11 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree, Scalar
 
-from jaxcrusher.checks import require, require_choice, require_whole, require_x64
-from jaxcrusher.integrate import RESULTS, Carried, Integration, Outcome, Problem, integrate
-from jaxcrusher.scene import Scene
-from jaxcrusher.simulate import integration
-from jaxcrusher.statistics import (
+from jaxcrusher.basics.checks import require, require_choice, require_whole, require_x64
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.integrate import RESULTS, Carried, Integration, Outcome, Problem, integrate
+from jaxcrusher.motion.simulation import integration
+from jaxcrusher.motion.statistics import (
     FURTHER_STATISTICS,
     PEAK_POWER,
     SAMPLES,

@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
-from jaxcrusher import observables
-from jaxcrusher.checks import (
+from jaxcrusher.basics.checks import (
     concrete,
     require,
     require_choice,
@@ -16,7 +15,10 @@ from jaxcrusher.checks import (
     require_positive,
     require_x64,
 )
-from jaxcrusher.integrate import (
+from jaxcrusher.crusher import observables
+from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.integrate import (
     RESULTS,
     Carried,
     Integration,
@@ -25,8 +27,6 @@ from jaxcrusher.integrate import (
     error_norm,
     integrate,
 )
-from jaxcrusher.observables import OBSERVABLES
-from jaxcrusher.scene import Scene
 
 # The powers whose time integrals, with the energies, make the ledger.
 WORKS = {
@@ -40,7 +40,7 @@ ENERGIES = {
     "potential": observables.potential_energy,
     "elastic": observables.elastic_energy,
 }
-# What `simulate` can report; units stand in `jaxcrusher.observables.OBSERVABLES`.
+# What `simulate` can report; units stand in `jaxcrusher.crusher.observables.OBSERVABLES`.
 OUTPUTS = (*OBSERVABLES, "energy")
 
 

@@ -8,15 +8,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.checks import require, require_choice, require_whole, require_x64
-from jaxcrusher.integrate import Carried, Integration, Outcome, Problem, integrate
-from jaxcrusher.observables import FORCE_WIDTH, OBSERVABLES, drive_power, foundation_force
-from jaxcrusher.plane import Vector
-from jaxcrusher.scene import Scene
-from jaxcrusher.simulate import failure_text, integration
-from jaxcrusher.smooth import norm
-from jaxcrusher.snapshot import Snapshot
-from jaxcrusher.validity import Validity, validity
+from jaxcrusher.basics.checks import require, require_choice, require_whole, require_x64
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.smooth import norm
+from jaxcrusher.crusher.observables import FORCE_WIDTH, OBSERVABLES, drive_power, foundation_force
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.joint.validity import Validity, validity
+from jaxcrusher.motion.integrate import Carried, Integration, Outcome, Problem, integrate
+from jaxcrusher.motion.simulation import failure_text, integration
 
 # What `statistics` computes if not told otherwise; units stand at the fields of `Statistics`.
 STATISTICS = (

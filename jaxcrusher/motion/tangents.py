@@ -13,9 +13,9 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
-from jaxcrusher.scene import Scene
-from jaxcrusher.section import advance, whole
-from jaxcrusher.simulate import integration
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.section import advance, whole
+from jaxcrusher.motion.simulation import integration
 
 Build = Callable[[Array], Scene]
 

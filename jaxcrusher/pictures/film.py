@@ -11,10 +11,10 @@ from matplotlib.animation import (
     PillowWriter,
 )
 
-from jaxcrusher.checks import require, require_choice, require_whole
-from jaxcrusher.drawing import Drawing
-from jaxcrusher.scene import Scene
-from jaxcrusher.simulate import Trajectory
+from jaxcrusher.basics.checks import require, require_choice, require_whole
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.pictures.mechanism import Drawing
 
 SUFFIXES = (".gif", ".html", ".mp4")
 
@@ -32,8 +32,8 @@ def animate(
 
     The suffix of `path` chooses: `.gif`; `.html`, one page with a player (the icons on its buttons
     come from the network); or `.mp4`, which needs ffmpeg. What is drawn: see
-    `jaxcrusher.drawing.plot_mechanism`; one scale of the arrows holds for all pictures. The times
-    shown should be equally spaced.
+    `jaxcrusher.pictures.mechanism.plot_mechanism`; one scale of the arrows holds for all pictures.
+    The times shown should be equally spaced.
 
     Raises ValueError for another suffix, for .mp4 without ffmpeg, and as `plot_mechanism` does.
     """

@@ -5,10 +5,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
-from jaxcrusher.checks import require
-from jaxcrusher.plots import BLUE, GREEN, ORANGE, PURPLE
-from jaxcrusher.scene import Scene
-from jaxcrusher.simulate import Trajectory
+from jaxcrusher.basics.checks import require
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE, PURPLE
 
 # What a trajectory must hold to be drawn.
 DRAWN = (
@@ -40,7 +40,7 @@ def plot_mechanism(
     the pin in its bore with the clearance magnified (an ideal joint has none). Arrows show the
     frame's R_O on the shaft and R_C on the toggle, and F_A and the crushing load on the jaw.
 
-    Raises ValueError if the trajectory lacks one of `jaxcrusher.drawing.DRAWN`, or the instant.
+    Raises ValueError if the trajectory lacks one of `DRAWN`, or the instant.
     """
     ax = plt.subplots(figsize=(8, 6.4), layout="constrained")[1] if ax is None else ax
     Drawing(scene, trajectory, ax, [instant]).show(instant)

@@ -14,10 +14,10 @@ from jaxtyping import ArrayLike, Float
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
-from jaxcrusher.capacity import CrushingChamber
-from jaxcrusher.checks import require
-from jaxcrusher.section import Section
-from jaxcrusher.simulate import Trajectory
+from jaxcrusher.basics.checks import require
+from jaxcrusher.crusher.capacity import CrushingChamber
+from jaxcrusher.motion.section import Section
+from jaxcrusher.motion.simulation import Trajectory
 
 # Okabe and Ito's.
 BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
@@ -172,7 +172,7 @@ def plot_section(
 def plot_bifurcation(diagram: xr.DataArray, ax: Axes | None = None) -> Axes:
     """A bifurcation diagram: points of a section over a parameter.
 
-    `diagram` is a variable of a `jaxcrusher.bifurcation.bifurcation`, with a dim `turn` and one of
+    `diagram` is a variable of a `jaxcrusher.bifurcation`, with a dim `turn` and one of
     the parameter; several of them joined along a dim `direction` ("up", "down", "cold") get a
     colour and a marker each. What the axes say comes from the attributes `long_name` and `units`;
     missing points are NaN.
@@ -202,7 +202,7 @@ def plot_spectrum(
     *,
     turn_frequency: float | None = None,
 ) -> Axes:
-    """A power density (`unit`^2/Hz) over frequency (Hz), as `jaxcrusher.chaos.power_spectrum` has.
+    """A power density (`unit`^2/Hz) over frequency (Hz).
 
     `turn_frequency` marks the shaft's turns (Hz). Frequency zero is left out: the axis is
     logarithmic.

@@ -4,10 +4,10 @@ from typing import Any, Literal
 
 from jaxtyping import Scalar
 
-from jaxcrusher.checks import require_choice
-from jaxcrusher.description import CHOICES, build_machine, build_scene
-from jaxcrusher.machine import Machine
-from jaxcrusher.scene import Scene
+from jaxcrusher.basics.checks import require_choice
+from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.scenes.parameters import CHOICES, build_machine, build_scene
 
 LoadName = Literal["along_jaw", "normal_to_jaw", "closing_stroke"] | None
 

@@ -13,14 +13,27 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import ArrayLike
 
-from jaxcrusher.checks import (
+from jaxcrusher.basics.checks import (
     concrete,
     require_choice,
     require_positive,
     require_within,
     require_x64,
 )
-from jaxcrusher.contact import (
+from jaxcrusher.basics.plane import Vector, direction
+from jaxcrusher.crusher.drives import ConstantSpeed
+from jaxcrusher.crusher.formulations import (
+    ClosedLinkage,
+    EccentricityFormulation,
+    MultiplierFormulation,
+)
+from jaxcrusher.crusher.loads import AlongJaw, ClosingStroke, NormalToJaw
+from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
+from jaxcrusher.crusher.scene import Scene, require_clearance
+from jaxcrusher.crusher.starts import Centred, InContact
+from jaxcrusher.joint.clearance import ClearanceJoint
+from jaxcrusher.joint.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
+from jaxcrusher.joint.normal import (
     ConstantImpactVelocity,
     Flores,
     HuntCrossley,
@@ -28,19 +41,6 @@ from jaxcrusher.contact import (
     TrackedImpactVelocity,
     cylinder_stiffness,
 )
-from jaxcrusher.drives import ConstantSpeed
-from jaxcrusher.formulations import (
-    ClosedLinkage,
-    EccentricityFormulation,
-    MultiplierFormulation,
-)
-from jaxcrusher.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
-from jaxcrusher.joint import ClearanceJoint
-from jaxcrusher.loads import AlongJaw, ClosingStroke, NormalToJaw
-from jaxcrusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
-from jaxcrusher.plane import Vector, direction
-from jaxcrusher.scene import Scene, require_clearance
-from jaxcrusher.starts import Centred, InContact
 
 Value = ArrayLike | str
 

@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 import pint
 
-from jaxcrusher.checks import require_choice
-from jaxcrusher.description import CHOICES, PARAMETERS, PE250X400, build_scene, check_number
+from jaxcrusher.basics.checks import require_choice
+from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400, build_scene, check_number
 
 _TABLES = tuple(dict.fromkeys(name.partition(".")[0] for name in PARAMETERS if "." in name))
 

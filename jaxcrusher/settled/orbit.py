@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxcrusher.formulations import EccentricityFormulation
-from jaxcrusher.tangents import Build, Tangents, chain, changes, combine, tangents
+from jaxcrusher.crusher.formulations import EccentricityFormulation
+from jaxcrusher.motion.tangents import Build, Tangents, chain, changes, combine, tangents
 
 ITERATIONS = 8
 # Of the orbit's closure, in clearances and m/s, and the tolerance of its integration.

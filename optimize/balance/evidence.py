@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
-from jaxcrusher.batch import map_chunks, stack
+from jaxcrusher.batch.engines import map_chunks, stack
 from optimize.design import Design
 from optimize.evaluate import STARTS, started
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from jaxcrusher.checks import require, require_positive, require_whole, require_within
-from jaxcrusher.description import PARAMETERS, PE250X400
-from jaxcrusher.files import results_folder
+from jaxcrusher.basics.checks import require, require_positive, require_whole, require_within
+from jaxcrusher.files.results import results_folder
+from jaxcrusher.scenes.parameters import PARAMETERS, PE250X400
 from optimize.design import CounterweightMoment, Design
 from optimize.stroke import EqualStroke
 

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int, Scalar
 from scipy.stats import qmc
 
 import jaxcrusher as jc
-from jaxcrusher.batch import map_chunks
+from jaxcrusher.batch.engines import map_chunks
 from optimize.balance.compare import Answer, Smooth
 from optimize.design import Design
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 import jaxcrusher as jc
-from jaxcrusher.files import write_json
+from jaxcrusher.files.results import write_json
 from optimize.balance import evidence, figure, quiet, report
 from optimize.balance.compare import METHODS, Answer, Search, Smooth, require_rivals, search
 from optimize.balance.options import PAPER, Options

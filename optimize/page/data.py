@@ -10,7 +10,7 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
 import jaxcrusher as jc
-from jaxcrusher.sweep import LOGICAL
+from jaxcrusher.batch.sweep import LOGICAL
 from optimize.page.markup import Html, known
 
 # Bytes of motions in a page before base64 makes a third more of them, and the fewest instants

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 import jaxcrusher as jc
-from jaxcrusher.sweep import VARIABLES
-from jaxcrusher.validity import ELASTIC_IMPACT_SPEED, WIDEST_CONTACT
+from jaxcrusher.batch.sweep import VARIABLES
+from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CONTACT
 from optimize.page.answer import DESIGNS
 from optimize.page.data import design_unit
 from optimize.page.markup import Html, element, missing, nested, section, table

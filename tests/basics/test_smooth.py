@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher import smooth
-from jaxcrusher.plane import Vector
+from jaxcrusher.basics import smooth
+from jaxcrusher.basics.plane import Vector
 
 WIDTH = 1e-3
 OUTSIDE = np.array([-2.0, -0.01, -1.001e-3, 1.001e-3, 0.01, 2.0])

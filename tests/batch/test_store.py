@@ -19,11 +19,11 @@ import pytest
 import xarray as xr
 
 import jaxcrusher as jc
-from jaxcrusher import chunks
-from jaxcrusher.chunks import Plan, make_plan
-from jaxcrusher.cluster import compute_on, worker_environment
-from jaxcrusher.store import ChunkStore
-from jaxcrusher.sweep import LOGICAL, VARIABLES
+from jaxcrusher.batch import plan as chunks
+from jaxcrusher.batch.cluster import compute_on, worker_environment
+from jaxcrusher.batch.plan import Plan, make_plan
+from jaxcrusher.batch.store import ChunkStore
+from jaxcrusher.batch.sweep import LOGICAL, VARIABLES
 
 # The store alone is filled with made-up numbers: no JAX in it, so that it can be killed often.
 PLAN = Plan({"speed": (28.0, 30.0, 33.0), "clearance": (4e-5, 6e-5)}, {}, 0, 1, 1e-6, (1, 2))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.batch import in_turn, map_chunks, side_by_side, use_all_cores
+from jaxcrusher.batch.engines import in_turn, map_chunks, side_by_side, use_all_cores
 
 
 def _double(x):

@@ -6,9 +6,10 @@ The tolerances and their reasons are the comparisons' own.
 import numpy as np
 import pytest
 
-from benchmarks import clearance, comparison, longrun, pointwise
+from benchmarks import comparison
+from benchmarks.crosschecks import clearance, longrun, pointwise
+from benchmarks.crosschecks.programs import CVODE, DOP853, EXUDYN, IDA
 from benchmarks.peers.equations import Crusher
-from benchmarks.programs import CVODE, DOP853, EXUDYN, IDA
 
 
 def check(comparisons, programs):

@@ -9,13 +9,9 @@ import pytest
 import xarray as xr
 
 import jaxcrusher as jc
-from jaxcrusher import linkage, observables
-from jaxcrusher.formulations import EccentricityFormulation
-from jaxcrusher.formulations.multiplier import CONTACT_TIME
-from jaxcrusher.plane import Vector
-from jaxcrusher.reproduce import report
-from jaxcrusher.reproduce.claims import CHOICE, Evidence, claims
-from jaxcrusher.reproduce.readings import (
+from benchmarks.reproduction import report
+from benchmarks.reproduction.claims import CHOICE, Evidence, claims
+from benchmarks.reproduction.readings import (
     DECIDED,
     POINTS,
     READINGS,
@@ -25,9 +21,9 @@ from jaxcrusher.reproduce.readings import (
     ideal_statistics,
     measure,
 )
-from jaxcrusher.reproduce.search import TARGETS, Found, variants
-from jaxcrusher.reproduce.variants import LiteralContact, PlainUnits, WeightedSlip
-from jaxcrusher.reproduce.verdict import (
+from benchmarks.reproduction.search import TARGETS, Found, variants
+from benchmarks.reproduction.variants import LiteralContact, PlainUnits, WeightedSlip
+from benchmarks.reproduction.verdict import (
     INCONSISTENT,
     NOT_REPRODUCED,
     REPRODUCED,
@@ -37,7 +33,11 @@ from jaxcrusher.reproduce.verdict import (
     printed,
     verdict,
 )
-from jaxcrusher.scene import AbstractFormulation
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher import linkage, observables
+from jaxcrusher.crusher.formulations import EccentricityFormulation
+from jaxcrusher.crusher.formulations.multiplier import CONTACT_TIME
+from jaxcrusher.crusher.scene import AbstractFormulation
 
 
 def certain(value: float) -> Estimate:

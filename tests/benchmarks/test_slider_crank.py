@@ -10,9 +10,9 @@ import pytest
 
 import benchmarks.slider_crank.mechanism as sc
 from benchmarks.peers.exudyn_slider_crank import Numbers, Result, by_exudyn, by_scipy
-from jaxcrusher.contact import ConstantImpactVelocity, TrackedImpactVelocity
-from jaxcrusher.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
-from jaxcrusher.plane import Vector
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.joint.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
+from jaxcrusher.joint.normal import ConstantImpactVelocity, TrackedImpactVelocity
 
 MICROSECONDS = 1e-6 * np.arange(2001)
 # Faster than any impact, so that it is the impact velocity of all of them everywhere.

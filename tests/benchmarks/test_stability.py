@@ -12,7 +12,7 @@ from benchmarks.stability import judgement
 from benchmarks.stability.cases import BASE, Case
 from benchmarks.stability.inputs import cast
 from benchmarks.stability.reference import reference
-from jaxcrusher.plane import scalar
+from jaxcrusher.basics.plane import scalar
 
 CASE = Case("start", "centred", "centred", BASE)
 

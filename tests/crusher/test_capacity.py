@@ -3,8 +3,8 @@
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.capacity import AFFLUENCE, stroke
-from jaxcrusher.paper import pe250x400
+from jaxcrusher.crusher.capacity import AFFLUENCE, stroke
+from jaxcrusher.scenes.paper import pe250x400
 
 
 def test_paper_capacity():

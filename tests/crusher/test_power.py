@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher import linkage
-from jaxcrusher import observables as ob
-from jaxcrusher.drives import GivenTorque
-from jaxcrusher.formulations import EccentricityFormulation, MultiplierFormulation
-from jaxcrusher.observables import OBSERVABLES
-from jaxcrusher.plane import Vector
-from jaxcrusher.starts import Given
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher import observables as ob
+from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
+from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.starts import Given
 
 FORMULATIONS = {"eccentricity": EccentricityFormulation(), "multiplier": MultiplierFormulation()}
 # In flight, at the corner of the contact, in light and in hard contact; in or out, sliding.

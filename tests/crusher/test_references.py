@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.drives import GivenTorque
+from jaxcrusher.crusher.drives import GivenTorque
 
 # Peak force at A per window, omega = 30 rad/s, c = 0.06 mm, centred start.
 WINDOWS = [(0, 4), (4, 8), (8, 12), (12, 16), (16, 20), (20, 30)]  # ms

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from benchmarks.scenes import field_operations, operations, traced
-from jaxcrusher.machine import Jaw, Machine
-from jaxcrusher.paper import pe250x400
-from jaxcrusher.plane import Vector
-from jaxcrusher.statistics import _peak
+from benchmarks.scenes.__main__ import field_operations, operations, traced
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.machine import Jaw, Machine
+from jaxcrusher.motion.statistics import _peak
+from jaxcrusher.scenes.paper import pe250x400
 
 
 def count(function, scene):

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.bifurcation import _row, bifurcation
-from jaxcrusher.integrate import RESULTS, Outcome
-from jaxcrusher.section import initial_state
+from jaxcrusher.dynamics.bifurcation import _row, bifurcation
+from jaxcrusher.motion.integrate import RESULTS, Outcome
+from jaxcrusher.motion.section import initial_state
 
 # With the closing stroke's load one orbit of period 1, with an exponent of -0.5 a turn: 30 turns
 # leave exp(-15) of a start. (At 35.1 rad/s the period has doubled.)

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.chaos import (
+from jaxcrusher.dynamics.indicators import (
     birkhoff_average,
     detect_period,
     lyapunov_spectrum,
     power_spectrum,
     zero_one_test,
 )
-from jaxcrusher.section import poincare_section
+from jaxcrusher.motion.section import poincare_section
 
 
 def iterate(step, point, count, settle=100):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.chaos import Lyapunov
-from jaxcrusher.plane import Vector
-from jaxcrusher.regime import spread_trend, verdict
-from jaxcrusher.starts import shifted_start
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.dynamics.indicators import Lyapunov
+from jaxcrusher.dynamics.regime import spread_trend, verdict
 
 
 def lyapunov(largest, error):

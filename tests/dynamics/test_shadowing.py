@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.fit import fit_slopes
-from jaxcrusher.gradient import judge
-from jaxcrusher.shadowing import shadowing_slopes, shadowing_tangent
+from jaxcrusher.dynamics.fits import fit_slopes
+from jaxcrusher.dynamics.shadowing import shadowing_slopes, shadowing_tangent
+from jaxcrusher.dynamics.slopes import judge
 
 PEAK = 0.3
 

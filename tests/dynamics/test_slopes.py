@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.fit import fit_slopes
-from jaxcrusher.gradient import gradient_report, judge
-from jaxcrusher.orbit import periodic_orbit, periodic_slopes
-from jaxcrusher.section import whole
+from jaxcrusher.dynamics.fits import fit_slopes
+from jaxcrusher.dynamics.slopes import gradient_report, judge
+from jaxcrusher.motion.section import whole
+from jaxcrusher.settled.orbit import periodic_orbit, periodic_slopes
 
 
 def test_fit_of_lorenz():

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
+from jaxcrusher.joint.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
 
 
 def ramp(speed):

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from jaxcrusher.contact import (
+from jaxcrusher.joint.normal import (
     ConstantImpactVelocity,
     Flores,
     HuntCrossley,

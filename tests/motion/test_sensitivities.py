@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.plane import Vector
-from jaxcrusher.starts import Given
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.starts import Given
 
 DESIGN = jnp.array([30.0, 0.06e-3])
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.capacity import stroke
-from jaxcrusher.description import build_machine
+from jaxcrusher.crusher.capacity import stroke
+from jaxcrusher.scenes.parameters import build_machine
 from optimize.design import CounterweightMoment, Design
 from optimize.stroke import EqualStroke, exact_stroke
 

@@ -10,8 +10,8 @@ import pytest
 import xarray as xr
 
 import jaxcrusher as jc
-from jaxcrusher.plane import Vector
-from jaxcrusher.starts import shifted_start
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.starts import shifted_start
 from optimize.design import Design
 from optimize.evaluate import Case
 from optimize.motions import cell_motions

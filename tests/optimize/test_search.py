@@ -12,8 +12,8 @@ import xarray as xr
 from rich.console import Console
 
 import jaxcrusher as jc
-from jaxcrusher.files import write_json
-from jaxcrusher.gradient import Slope
+from jaxcrusher.dynamics.slopes import Slope
+from jaxcrusher.files.results import write_json
 from optimize import confirm, landscape, local
 from optimize.evaluate import Window, judged
 from optimize.objectives import OBJECTIVES

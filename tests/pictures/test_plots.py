@@ -19,14 +19,14 @@ from matplotlib.quiver import Quiver
 from PIL import Image
 
 import jaxcrusher as jc
-from jaxcrusher import plots
-from jaxcrusher.animation import animate
-from jaxcrusher.drawing import DRAWN, FORCES, plot_mechanism
-from jaxcrusher.observables import OBSERVABLES
-from jaxcrusher.plane import Vector
-from jaxcrusher.section import Section
-from jaxcrusher.simulate import OUTPUTS, Trajectory
-from jaxcrusher.starts import Given
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.starts import Given
+from jaxcrusher.motion.section import Section
+from jaxcrusher.motion.simulation import OUTPUTS, Trajectory
+from jaxcrusher.pictures import plots
+from jaxcrusher.pictures.film import animate
+from jaxcrusher.pictures.mechanism import DRAWN, FORCES, plot_mechanism
 
 TIMES = np.linspace(0, 0.2, 9)
 

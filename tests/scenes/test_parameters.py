@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.description import CHOICES, build_machine, check_description
-from jaxcrusher.drives import ConstantSpeed
-from jaxcrusher.formulations import EccentricityFormulation
-from jaxcrusher.machine import with_counterweight
-from jaxcrusher.plane import Vector, direction
-from jaxcrusher.snapshot import shaft_inertia
+from jaxcrusher.basics.plane import Vector, direction
+from jaxcrusher.crusher.drives import ConstantSpeed
+from jaxcrusher.crusher.formulations import EccentricityFormulation
+from jaxcrusher.crusher.machine import with_counterweight
+from jaxcrusher.crusher.snapshot import shaft_inertia
+from jaxcrusher.scenes.parameters import CHOICES, build_machine, check_description
 
 
 def test_defaults_are_tables_1_and_2():

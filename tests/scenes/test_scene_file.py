@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.description import CHOICES
-from jaxcrusher.scene_file import read_scene_file, read_text, read_value
+from jaxcrusher.scenes.parameters import CHOICES
+from jaxcrusher.scenes.scene_file import read_scene_file, read_text, read_value
 
-EXAMPLES = Path(__file__).parents[1] / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 # A unit that is not the SI unit, and its size.
 OTHER = {
     "rad/s": ("rpm", np.pi / 30), "rad": ("deg", np.pi / 180), "m": ("mm", 1e-3), "kg": ("g", 1e-3),

@@ -14,11 +14,12 @@ import xarray as xr
 from rich.console import Console
 
 import jaxcrusher as jc
-from jaxcrusher import __main__, large_sweep
-from jaxcrusher.chaos import Lyapunov
+from jaxcrusher import __main__
+from jaxcrusher.batch import large_sweep
 from jaxcrusher.commands import gradient, regimes
-from jaxcrusher.gradient import Slope
-from jaxcrusher.statistics import FURTHER_STATISTICS
+from jaxcrusher.dynamics.indicators import Lyapunov
+from jaxcrusher.dynamics.slopes import Slope
+from jaxcrusher.motion.statistics import FURTHER_STATISTICS
 
 
 def run(*arguments) -> tuple[int, str]:
@@ -230,7 +231,7 @@ def test_folder_that_cannot_be_written(tmp_path):
 
 def test_documented_commands_are_understood():
     """Each command line of the documentation and of the examples' first lines."""
-    root = Path(__file__).parents[1]
+    root = Path(__file__).parents[2]
     texts = [root / "docs" / "command_line.md", *(root / "examples").glob("*.toml")]
     command = re.compile(r"python -m jaxcrusher (\w+ --?.*|gradient .*)")
     lines = [line for text in texts for line in command.findall(text.read_text())]

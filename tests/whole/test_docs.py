@@ -12,7 +12,7 @@ import pytest
 
 import jaxcrusher as jc
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 # Not for users: entry points and what they are made of.
 PRIVATE = ("__main__", "commands", "reproduce")
 

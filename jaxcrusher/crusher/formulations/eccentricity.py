@@ -8,11 +8,11 @@ of two large numbers.
 import equinox as eqx
 from jaxtyping import Scalar
 
-from jaxcrusher import linkage
-from jaxcrusher.drives import ShaftState
-from jaxcrusher.plane import Vector
-from jaxcrusher.scene import AbstractFormulation, Scene
-from jaxcrusher.snapshot import (
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.drives import ShaftState
+from jaxcrusher.crusher.scene import AbstractFormulation, Scene
+from jaxcrusher.crusher.snapshot import (
     ShaftMotion,
     Snapshot,
     crank_motion,

@@ -11,14 +11,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher import linkage
-from jaxcrusher.formulations.eccentricity import clearance_joint
-from jaxcrusher.linear import SparseRow, solve_constrained
-from jaxcrusher.linkage import Chain, ChainAcceleration
-from jaxcrusher.machine import Machine
-from jaxcrusher.plane import Vector, direction, scalar
-from jaxcrusher.scene import AbstractFormulation, Scene
-from jaxcrusher.snapshot import (
+from jaxcrusher.basics.linear import SparseRow, solve_constrained
+from jaxcrusher.basics.plane import Vector, direction, scalar
+from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.formulations.eccentricity import clearance_joint
+from jaxcrusher.crusher.linkage import Chain, ChainAcceleration
+from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.scene import AbstractFormulation, Scene
+from jaxcrusher.crusher.snapshot import (
     Multipliers,
     ShaftMotion,
     Snapshot,

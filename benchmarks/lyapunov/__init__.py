@@ -1,0 +1,1 @@
+"""Indicators of chaos against published values."""

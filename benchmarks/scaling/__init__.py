@@ -1,0 +1,1 @@
+"""Cost over designs, turns and parameters."""

@@ -1,0 +1,1 @@
+"""What a scene leaves out and does not pay."""

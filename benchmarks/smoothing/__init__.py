@@ -1,0 +1,1 @@
+"""Errors of the smoothed laws over their widths."""

@@ -1,0 +1,1 @@
+"""What everything rests on: checks, plane vectors, smoothed corners, small linear systems."""

@@ -1,0 +1,1 @@
+"""Many crushers at once: engines, grids, stores, clusters."""

@@ -1,0 +1,1 @@
+"""The jaw crusher: its bodies, what drives and loads it, its equations of motion."""

@@ -1,0 +1,1 @@
+"""What kind of motion it is, and what a slope is worth."""

@@ -1,0 +1,1 @@
+"""What programs write: files that survive, results with their provenance."""

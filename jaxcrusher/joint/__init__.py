@@ -1,0 +1,1 @@
+"""A planar revolute joint with clearance: its laws, its contact, and where they hold."""

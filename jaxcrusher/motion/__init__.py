@@ -1,0 +1,1 @@
+"""Motions integrated in time: trajectories, statistics, sections, tangents."""

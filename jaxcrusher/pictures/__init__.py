@@ -1,0 +1,1 @@
+"""Figures, the mechanism, and its film."""

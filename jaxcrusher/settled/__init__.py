@@ -1,0 +1,1 @@
+"""The periodic motion a crusher settles on, and slopes along it."""
