@@ -75,9 +75,14 @@ def _number(value: float) -> str:
 def _cells(comparison: Comparison) -> list[str]:
     c = comparison
     return [
-        c.quantity, _number(c.ours), _number(c.theirs), c.program, f"{c.difference:.1e}",
-        f"{c.tolerance:.1e}", c.verdict,
-    ]  # fmt: skip
+        c.quantity,
+        _number(c.ours),
+        _number(c.theirs),
+        c.program,
+        f"{c.difference:.1e}",
+        f"{c.tolerance:.1e}",
+        c.verdict,
+    ]
 
 
 def screen_table(title: str, comparisons: list[Comparison]) -> Table:

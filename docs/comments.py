@@ -19,8 +19,11 @@ class Comments(griffe.Extension):
 
     def on_class_members(self, *, cls: griffe.Class, **_) -> None:
         """Gather the fields of a class in one table."""
-        fields = [field for field in cls.attributes.values()
-                  if "property" not in field.labels and not field.name.startswith("_")]  # fmt: skip
+        fields = [
+            field
+            for field in cls.attributes.values()
+            if "property" not in field.labels and not field.name.startswith("_")
+        ]
         if not fields or cls.docstring is None:
             return
         rows = [

@@ -104,9 +104,12 @@ def quiet_objective(unit: Float[Array, " n"], case: Case, window: Window) -> tup
     """The objective of the motion that starts in contact, differentiable, and the steps taken."""
     described = case.design.description(unit, {"start": "contact"})
     result = jc.statistics(
-        jc.build_scene(described), window.settle, window.turns,
-        outputs=case.objective.outputs, rtol=window.rtol,
-    )  # fmt: skip
+        jc.build_scene(described),
+        window.settle,
+        window.turns,
+        outputs=case.objective.outputs,
+        rtol=window.rtol,
+    )
     return case.objective.formula(result, described, case.chamber), result.outcome.steps
 
 

@@ -45,9 +45,12 @@ def value_and_gradient(
 
 
 def descend_by_gradients(
-    case: Case, starts: Float[np.ndarray, "runs n"], steps: int, progress: Progress,
+    case: Case,
+    starts: Float[np.ndarray, "runs n"],
+    steps: int,
+    progress: Progress,
     window: Window = GRADIENT_WINDOW,
-) -> Descent:  # fmt: skip
+) -> Descent:
     """Adam with projection on the box, from every start at once.
 
     A point whose gradient is not finite stays where it is.

@@ -71,12 +71,17 @@ def cell_motions(
             column[rows] = values[name]
         progress(rows.stop, count)
     motions = xr.Dataset(
-        {name: (("start", *dims, "instant"), column.reshape(len(STARTS), *shape, -1))
-         for name, column in columns.items()},
-        {"start": list(STARTS), **{name: landscape[name] for name in case.design.names},
-         "turn": ("instant", turn)},
+        {
+            name: (("start", *dims, "instant"), column.reshape(len(STARTS), *shape, -1))
+            for name, column in columns.items()
+        },
+        {
+            "start": list(STARTS),
+            **{name: landscape[name] for name in case.design.names},
+            "turn": ("instant", turn),
+        },
         {"settle_turns": settle, "rtol": rtol},
-    )  # fmt: skip
+    )
     for name, (unit, meaning) in VARIABLES.items():
         motions[name].attrs = {"units": unit, "long_name": meaning}
     ideal = np.asarray(_ideal_force(jnp.asarray(units), angles, case)).astype(np.float32)
@@ -107,8 +112,11 @@ def _motion(scene: jc.Scene, angles: Float[Array, " n"], rtol: float) -> dict[st
     motion = jc.simulate(scene, times, outputs=("foundation_force", "eccentricity"), rtol=rtol)
     assert motion.eccentricity is not None and motion.foundation_force is not None
     orbit = motion.eccentricity / scene.joint.clearance
-    return {"eccentricity_x": orbit[:, 0], "eccentricity_y": orbit[:, 1],
-            "foundation_force": motion.foundation_force}  # fmt: skip
+    return {
+        "eccentricity_x": orbit[:, 0],
+        "eccentricity_y": orbit[:, 1],
+        "foundation_force": motion.foundation_force,
+    }
 
 
 @eqx.filter_jit

@@ -51,17 +51,29 @@ def _per_volume(name: str) -> Formula:
 
 OBJECTIVES = {
     "rms": Objective("N", "RMS of |R_O| + |R_C|", ("foundation_rms",), _plain("foundation_rms")),
-    "peak": Objective("N", "peak of |R_O| + |R_C|", ("foundation_peak",),
-                      _plain("foundation_peak")),
-    "smooth_peak": Objective("N", "(mean of (|R_O| + |R_C|)^16)^(1/16)",
-                             ("foundation_smooth_peak",), _plain("foundation_smooth_peak")),
-    "mean": Objective("N", "mean of |R_O| + |R_C|", ("foundation_mean",),
-                      _plain("foundation_mean")),
+    "peak": Objective(
+        "N", "peak of |R_O| + |R_C|", ("foundation_peak",), _plain("foundation_peak")
+    ),
+    "smooth_peak": Objective(
+        "N",
+        "(mean of (|R_O| + |R_C|)^16)^(1/16)",
+        ("foundation_smooth_peak",),
+        _plain("foundation_smooth_peak"),
+    ),
+    "mean": Objective(
+        "N", "mean of |R_O| + |R_C|", ("foundation_mean",), _plain("foundation_mean")
+    ),
     "excess": Objective("N", "RMS less that of the ideal joint", ("foundation_rms",), _excess),
-    "joint_peak": Objective("N", "peak force in the main bearing", ("joint_peak",),
-                            _plain("joint_peak")),
-    "wear": Objective("J/m3", "normal force times surface slip, per volume crushed",
-                      ("sliding_power",), _per_volume("sliding_power")),
-    "energy": Objective("J/m3", "drive energy per volume crushed", ("drive_power",),
-                        _per_volume("drive_power")),
-}  # fmt: skip
+    "joint_peak": Objective(
+        "N", "peak force in the main bearing", ("joint_peak",), _plain("joint_peak")
+    ),
+    "wear": Objective(
+        "J/m3",
+        "normal force times surface slip, per volume crushed",
+        ("sliding_power",),
+        _per_volume("sliding_power"),
+    ),
+    "energy": Objective(
+        "J/m3", "drive energy per volume crushed", ("drive_power",), _per_volume("drive_power")
+    ),
+}

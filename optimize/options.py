@@ -27,7 +27,7 @@ NO_FLAG = tyro.conf.Suppress
 class Options:
     """Find the design of a jaw crusher that shakes its foundation least, inside a box: by default
     the driving speed and bearing clearance of a PE250x400, and the RMS of |R_O| + |R_C|.
-    """  # fmt: skip  # noqa: D205
+    """  # noqa: D205
 
     name: str = "default"
     """Name of the run: results go to OUT/NAME/."""
@@ -95,10 +95,15 @@ class Options:
         bore = 1e3 * float(PE250X400["bore_radius"])
         require(largest < bore, "clearance", f"be < {bore:g} mm", largest)
         for name, value, least in (
-            ("grid", min(self.grid), 2), ("samples", self.samples, 2), ("settle", self.settle, 0),
-            ("turns", self.turns, 2), ("steps", self.steps, 1), ("refine", self.refine, 1),
-            ("runs", self.runs, 2), ("seed", self.seed, 0),
-        ):  # fmt: skip
+            ("grid", min(self.grid), 2),
+            ("samples", self.samples, 2),
+            ("settle", self.settle, 0),
+            ("turns", self.turns, 2),
+            ("steps", self.steps, 1),
+            ("refine", self.refine, 1),
+            ("runs", self.runs, 2),
+            ("seed", self.seed, 0),
+        ):
             require(value >= least, name, f"be >= {least}", value)
         if self.friction is not None:
             require_within("friction", self.friction, 0, 10)
@@ -135,8 +140,11 @@ class Options:
     def description(self) -> dict[str, Any]:
         """The crusher's other numbers and choices: the scene file's, then the options'."""
         values: dict[str, Any] = {} if self.scene is None else dict(read_scene_file(self.scene))
-        for name, value in (("slip", self.slip), ("friction", self.friction),
-                            ("load_law", self.load)):  # fmt: skip
+        for name, value in (
+            ("slip", self.slip),
+            ("friction", self.friction),
+            ("load_law", self.load),
+        ):
             if value is not None:
                 values[name] = value
         if self.impact_velocity == "tracked":

@@ -23,9 +23,14 @@ import matplotlib.pyplot as plt
 
 
 def draw_all(
-    folder: Path, case: Case, options: Options, units: np.ndarray, data: xr.Dataset,
-    paths: list[np.ndarray], result: dict,
-) -> list[str]:  # fmt: skip
+    folder: Path,
+    case: Case,
+    options: Options,
+    units: np.ndarray,
+    data: xr.Dataset,
+    paths: list[np.ndarray],
+    result: dict,
+) -> list[str]:
     """Every figure that the design's parameters allow; returns the names of their files.
 
     `units` are the landscape's points.
@@ -63,19 +68,36 @@ def draw_landscape(
         )
     for i, path in enumerate(paths):
         values = case.design.values(path)
-        (line,) = ax.plot(values["speed"], 1e3 * values["clearance"], "w.-", linewidth=0.8,
-                          markersize=2)  # fmt: skip
+        (line,) = ax.plot(
+            values["speed"], 1e3 * values["clearance"], "w.-", linewidth=0.8, markersize=2
+        )
         if i == 0:
             handles, labels = [*handles, line], [*labels, "descents"]
-    for name, marker, colour, label in (("optimum", "*", "C3", "optimum"),
-                                        ("seed_choice", "D", "C1", "paper's choice")):  # fmt: skip
+    for name, marker, colour, label in (
+        ("optimum", "*", "C3", "optimum"),
+        ("seed_choice", "D", "C1", "paper's choice"),
+    ):
         values = result[name]["values"]
-        (mark,) = ax.plot(values["speed"], 1e3 * values["clearance"], marker, color=colour,
-                          markersize=13 if marker == "*" else 8, markeredgecolor="w",
-                          linestyle="", clip_on=False)  # fmt: skip
+        (mark,) = ax.plot(
+            values["speed"],
+            1e3 * values["clearance"],
+            marker,
+            color=colour,
+            markersize=13 if marker == "*" else 8,
+            markeredgecolor="w",
+            linestyle="",
+            clip_on=False,
+        )
         handles, labels = [*handles, mark], [*labels, label]
-    ax.legend(handles, labels, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3,
-              facecolor="0.7", fontsize=9)  # fmt: skip
+    ax.legend(
+        handles,
+        labels,
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=3,
+        facecolor="0.7",
+        fontsize=9,
+    )
     fig.savefig(folder / "landscape.png", dpi=150)
     plt.close(fig)
 
@@ -90,8 +112,9 @@ def draw_capacity(folder: Path, case: Case, options: Options) -> None:
     ax.axvspan(low, high, color="C2", alpha=0.15, label="box searched")
     reached = box["derived_speed"][1]
     if math.isfinite(reached):
-        ax.axvline(reached, color="0.4", linestyle=":",
-                   label=f"floor reached at {reached:.2f} rad/s")  # fmt: skip
+        ax.axvline(
+            reached, color="0.4", linestyle=":", label=f"floor reached at {reached:.2f} rad/s"
+        )
     ax.legend()
     fig.savefig(folder / "capacity.png", dpi=150)
     plt.close(fig)
@@ -113,13 +136,19 @@ def draw_pareto(folder: Path, capacity: np.ndarray, data: xr.Dataset, result: di
         (axes[1], columns["foundation_peak"], 1.0, r"peak of $|R_O| + |R_C|$ (kN)", peak),
     ):
         front = nondominated(np.stack([columns["foundation_rms"], sign * other], axis=-1))
-        ax.plot(columns["foundation_rms"], other, "o", color="0.7", markersize=4,
-                label="landscape")  # fmt: skip
+        ax.plot(columns["foundation_rms"], other, "o", color="0.7", markersize=4, label="landscape")
         order = np.flatnonzero(front)[np.argsort(columns["foundation_rms"][front])]
-        ax.plot(columns["foundation_rms"][order], other[order], "s-", color="C0", markersize=5,
-                label="not beaten in both")  # fmt: skip
-        ax.plot(rms, mark, "D", color="C1", markersize=9, markeredgecolor="k",
-                label="paper's choice")  # fmt: skip
+        ax.plot(
+            columns["foundation_rms"][order],
+            other[order],
+            "s-",
+            color="C0",
+            markersize=5,
+            label="not beaten in both",
+        )
+        ax.plot(
+            rms, mark, "D", color="C1", markersize=9, markeredgecolor="k", label="paper's choice"
+        )
         ax.set(xlabel=r"RMS of $|R_O| + |R_C|$, worse start (kN)", ylabel=label)
         ax.legend(fontsize=8)
     fig.savefig(folder / "pareto.png", dpi=150)
@@ -129,9 +158,13 @@ def draw_pareto(folder: Path, capacity: np.ndarray, data: xr.Dataset, result: di
 def draw_motions(folder: Path, case: Case, options: Options, result: dict) -> None:
     """Orbit and foundation force of optimum and paper's choice from both starts, settled."""
     fig, axes = plt.subplots(
-        2, 2 * len(DESIGNS), figsize=(6.2 * len(DESIGNS), 6), layout="constrained",
-        gridspec_kw={"width_ratios": [1, 1.5] * len(DESIGNS)}, squeeze=False,
-    )  # fmt: skip
+        2,
+        2 * len(DESIGNS),
+        figsize=(6.2 * len(DESIGNS), 6),
+        layout="constrained",
+        gridspec_kw={"width_ratios": [1, 1.5] * len(DESIGNS)},
+        squeeze=False,
+    )
     for column, (name, title) in enumerate(DESIGNS.items()):
         described: dict[str, Any] = {**case.design.fixed, **result[name]["values"]}
         speed, clearance = result[name]["speed"], result[name]["clearance"]
@@ -160,8 +193,14 @@ def print_table(console: Console, result: dict) -> None:
     unit = objective["unit"]
     table = Table(title=f"{objective['meaning']}, {unit}")
     free = [f"{name}\n{jc.PARAMETERS[name].unit}" for name in result["optimum"]["values"]]
-    for heading in ("", *free, f"centred start\n{unit}",
-                    f"contact start\n{unit}", "ideal RMS\nN", "capacity\nm3/h"):  # fmt: skip
+    for heading in (
+        "",
+        *free,
+        f"centred start\n{unit}",
+        f"contact start\n{unit}",
+        "ideal RMS\nN",
+        "capacity\nm3/h",
+    ):
         table.add_column(heading, justify="left" if not heading else "right")
     for name, title in DESIGNS.items():
         row = result[name]
@@ -182,8 +221,10 @@ def print_table(console: Console, result: dict) -> None:
         why = f" ({'; '.join(slope['reasons'])})" if slope["reasons"] else ""
         console.print(
             f"slope of {result['gradient_report']['metric']} by {name}: {slope['value']:.5g}, "
-            f"{slope['estimator']}, {slope['verdict']}{why}", highlight=False, markup=False,
-        )  # fmt: skip
+            f"{slope['estimator']}, {slope['verdict']}{why}",
+            highlight=False,
+            markup=False,
+        )
     for check in result["checks"]:
         colour = "green" if check["passed"] else "red"
         console.print(f"[{colour}]{check['verdict']:>6}[/] {check['name']}: {check['detail']}")

@@ -26,14 +26,17 @@ def run(options: Options, console: Console) -> dict:
         "status": "interrupted",
         "command": " ".join(["python -m optimize.run", *sys.argv[1:]]),
         "versions": {name: version(name) for name in ("jax", "diffrax", "equinox", "optax")},
-        "objective": {"name": options.objective, "unit": case.objective.unit,
-                      "meaning": case.objective.meaning},
+        "objective": {
+            "name": options.objective,
+            "unit": case.objective.unit,
+            "meaning": case.objective.meaning,
+        },
         "box": options.box(),
         "fixed": dict(case.design.fixed),
         "seed": options.seed,
         "seconds": {},
         "steps": {},
-    }  # fmt: skip
+    }
     units = landscape.points(case.design, options.grid, options.samples, options.seed)
     explored = None
     try:

@@ -50,9 +50,12 @@ def explore(
     bar = bars.add_task("regimes", total=len(STARTS) * len(units))
     with stage(result, "regimes"):
         largest, steps = landscape.exponents(
-            case, units, options.settle, MAP_RTOL,
+            case,
+            units,
+            options.settle,
+            MAP_RTOL,
             lambda done, _: bars.update(bar, completed=done),
-        )  # fmt: skip
+        )
     result["steps"]["regimes"] = steps
     data["exponent"] = data.objective.copy(data=largest.reshape(data.objective.shape))
     data.exponent.attrs = {"units": "1", "long_name": "largest Lyapunov exponent, a turn"}
@@ -146,9 +149,13 @@ def settle_on(
     bar = bars.add_task("confirmation", total=(len(candidates) + 1) * options.runs)
     with stage(result, "confirmation"):
         found = confirm.confirm(
-            case, np.concatenate([candidates, reference[None]]), options.runs, window,
-            options.seed, lambda done, _: bars.update(bar, completed=done),
-        )  # fmt: skip
+            case,
+            np.concatenate([candidates, reference[None]]),
+            options.runs,
+            window,
+            options.seed,
+            lambda done, _: bars.update(bar, completed=done),
+        )
     result["steps"]["confirmation"] = sum(int(one.rows["steps"].sum()) for one in found)
     if not any(one.counts for one in found[:-1]):
         raise RuntimeError("no candidate survived its confirmation: failed, whirl or constraint")
@@ -177,12 +184,17 @@ def evidence(
     # Most of it is compilation, on one core a program.
     with stage(result, "evidence"), ThreadPoolExecutor(1) as pool:
         slopes = pool.submit(
-            jc.gradient_report, lambda **numbers: scene("contact", numbers),
-            case.objective.outputs[0], case.design.numbers(best),
-            settle_turns=options.settle, turns=options.turns,
-        )  # fmt: skip
-        kinds = {(name, "centred"): regime(unit)
-                 for name, unit in (("optimum", best), ("seed_choice", reference))}  # fmt: skip
+            jc.gradient_report,
+            lambda **numbers: scene("contact", numbers),
+            case.objective.outputs[0],
+            case.design.numbers(best),
+            settle_turns=options.settle,
+            turns=options.turns,
+        )
+        kinds = {
+            (name, "centred"): regime(unit)
+            for name, unit in (("optimum", best), ("seed_choice", reference))
+        }
         found = slopes.result()
         bars.advance(bar)
     kinds["optimum", "contact"] = found.regime
@@ -191,13 +203,16 @@ def evidence(
         "exponent_x_horizon": found.growth,
         "slopes": {
             name: {
-                "value": slope.value, "standard_error": slope.standard_error,
-                "estimator": slope.estimator, "verdict": slope.verdict,
-                "reasons": slope.reasons, "estimates": slope.estimates,
+                "value": slope.value,
+                "standard_error": slope.standard_error,
+                "estimator": slope.estimator,
+                "verdict": slope.verdict,
+                "reasons": slope.reasons,
+                "estimates": slope.estimates,
             }
             for name, slope in found.slopes.items()
         },
-    }  # fmt: skip
+    }
     for (name, start), kind in kinds.items():
         regimes = result[name].setdefault("regime", {})
         regimes[start] = {"name": kind.name, "period": kind.period, "evidence": kind.evidence}

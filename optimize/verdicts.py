@@ -100,10 +100,14 @@ def checks(result: dict, case: Case, options: Options, best: Confirmed) -> list[
         ),
     ]
     return [
-        {"name": name, "passed": bool(passed), "verdict": "ok" if passed else "failed",
-         "detail": detail}
+        {
+            "name": name,
+            "passed": bool(passed),
+            "verdict": "ok" if passed else "failed",
+            "detail": detail,
+        }
         for name, passed, detail in rows
-    ]  # fmt: skip
+    ]
 
 
 def _number(value: float) -> str:

@@ -85,9 +85,12 @@ def page(found: dict[str, list[Comparison]], minutes: float) -> str:
     lines += [f"| {name} | {_rounded(spent)} |" for name, spent in programs.seconds.items()]
     versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     lines += [
-        "", "Rounded, compilation included; the programs did not do the same work, so this is no "
-        "ranking.", "", f"Python {platform.python_version()}, {versions}.",
-    ]  # fmt: skip
+        "",
+        "Rounded, compilation included; the programs did not do the same work, so this is no "
+        "ranking.",
+        "",
+        f"Python {platform.python_version()}, {versions}.",
+    ]
     return "\n".join(lines) + "\n"
 
 

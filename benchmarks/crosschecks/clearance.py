@@ -73,9 +73,13 @@ def _two_ends(
     for end in (0.02, 0.03):
         count = int(np.searchsorted(times, end + 1e-9))
         yield comparison.histories(
-            f"{name.replace('_', ' ')}, {1e3 * end:g} ms ({what})", ours[name][:count],
-            theirs[name][:count], program, float(limits[name][count - 1]), reason,
-        )  # fmt: skip
+            f"{name.replace('_', ' ')}, {1e3 * end:g} ms ({what})",
+            ours[name][:count],
+            theirs[name][:count],
+            program,
+            float(limits[name][count - 1]),
+            reason,
+        )
 
 
 def _against_exudyn(what, crusher, ours, theirs, limits, times) -> Iterator[Comparison]:
@@ -85,9 +89,14 @@ def _against_exudyn(what, crusher, ours, theirs, limits, times) -> Iterator[Comp
         wider = {name: limits[name] + moved[name]}
         yield from _two_ends(what, name, ours, theirs, EXUDYN, times, wider, CONTACT_POINT)
         yield from _two_ends(
-            "friction 0.1, CVODE with EXUDYN's contact point for ours", name, there, theirs,
-            EXUDYN, times, limits,
-        )  # fmt: skip
+            "friction 0.1, CVODE with EXUDYN's contact point for ours",
+            name,
+            there,
+            theirs,
+            EXUDYN,
+            times,
+            limits,
+        )
 
 
 def _windows(what, ours, theirs, times, grown, formulation) -> Iterator[Comparison]:

@@ -63,8 +63,11 @@ def _theirs(program, crusher: Crusher, starts, settle: int, turns: int) -> dict[
 
 def impacts(
     crushers=HARD,
-    members: int = 24, settle: int = 1, turns: int = 3, exudyn_members: int = 8,
-) -> Iterator[Comparison]:  # fmt: skip
+    members: int = 24,
+    settle: int = 1,
+    turns: int = 3,
+    exudyn_members: int = 8,
+) -> Iterator[Comparison]:
     """Ensembles in the first turns after random starts, while pin and bore hit each other."""
     for crusher in crushers:
         ours = _ours(crusher, _starts(crusher, members, 1), settle, turns)
@@ -115,14 +118,21 @@ def whirl(settle: int = 4, turns: int = 8) -> Iterator[Comparison]:
     # Ours comes as one number for all turns: its turns scatter as theirs do.
     error = winding.std(ddof=1) * np.sqrt(2 / turns)
     yield comparison.numbers(
-        "revolutions of the pin round the bore per turn", ours.winding, winding.mean(), CVODE,
-        4 * error / abs(winding.mean()), TURNS,
-    )  # fmt: skip
+        "revolutions of the pin round the bore per turn",
+        ours.winding,
+        winding.mean(),
+        CVODE,
+        4 * error / abs(winding.mean()),
+        TURNS,
+    )
     depth = np.linalg.norm(theirs["eccentricity"][kept], axis=1) / crusher.clearance - 1
     # Both see 1024 instants a turn.
     deepest = depth[3::4].reshape(turns, SAMPLES // 4).max(axis=1)
     yield comparison.numbers(
-        "largest penetration / clearance", ours.penetration_ratio, deepest.max(), CVODE,
+        "largest penetration / clearance",
+        ours.penetration_ratio,
+        deepest.max(),
+        CVODE,
         4 * deepest.std(ddof=1) / deepest.max(),
         "Four standard deviations of the turns' largest: the largest of all is one turn's.",
-    )  # fmt: skip
+    )

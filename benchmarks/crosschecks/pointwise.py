@@ -64,8 +64,13 @@ def instants(count: int = 40) -> Iterator[Comparison]:
                 worst = float((abs(mine - other) / (size + 1.0)).max())
                 yield Comparison(
                     f"{name.replace('_', ' ')}, {count} states ({formulation})",
-                    abs(mine).max(), abs(other).max(), program, worst, 1e-7, reason,
-                )  # fmt: skip
+                    abs(mine).max(),
+                    abs(other).max(),
+                    program,
+                    worst,
+                    1e-7,
+                    reason,
+                )
 
 
 def ideal(speeds=(25.0, 30.0, 35.0, 40.0), exudyn_steps: int = 4000) -> Iterator[Comparison]:
@@ -102,11 +107,15 @@ def ideal(speeds=(25.0, 30.0, 35.0, 40.0), exudyn_steps: int = 4000) -> Iterator
         for name in ("bearing_reaction", "toggle_reaction", "drive_torque", "foundation_force"):
             label = f"{name.replace('_', ' ')}, {speed:g} rad/s"
             yield comparison.histories(
-                label, ours[name][count // 20 :], theirs[name][count // 20 :], EXUDYN, 6e-5,
+                label,
+                ours[name][count // 20 :],
+                theirs[name][count // 20 :],
+                EXUDYN,
+                6e-5,
                 "Second order: (5 * 2 pi / 4000)^2 for the fifth harmonic and 4000 steps; rounding "
                 "gains with more. Without the first twentieth of the turn, in which the "
                 "multipliers of generalised-alpha ring.",
-            )  # fmt: skip
+            )
 
 
 def torque(
@@ -131,5 +140,9 @@ def torque(
                 label = "no friction" if friction is None else f"friction {friction:g}"
                 yield comparison.histories(
                     f"gain of shaft speed in 20 ms, rad/s ({label}, {formulation})",
-                    ours["speed_gain"], other["speed_gain"], program, limit, reason,
-                )  # fmt: skip
+                    ours["speed_gain"],
+                    other["speed_gain"],
+                    program,
+                    limit,
+                    reason,
+                )

@@ -23,8 +23,13 @@ ANGLES, NINE = "NumPy, angles", "NumPy, nine coordinates"
 DOP853, CVODE, IDA, EXUDYN = "SciPy DOP853", "SUNDIALS CVODE", "SUNDIALS IDA", "EXUDYN"
 REACTIONS = ("bearing_reaction", "elbow_reaction", "toggle_reaction", "drive_torque")
 OBSERVED = (
-    *REACTIONS, "normal_force", "friction_force", "eccentricity", "foundation_force", "shaft_speed",
-)  # fmt: skip
+    *REACTIONS,
+    "normal_force",
+    "friction_force",
+    "eccentricity",
+    "foundation_force",
+    "shaft_speed",
+)
 
 # Errors at the first contact, in clearances: the tolerance of a step times a few thousand
 # steps, for 0.06 mm.
@@ -63,9 +68,12 @@ def our_scene(
 ):
     """The scene of a peer's crusher, from eccentricity `e` (m) at `rate` (m/s)."""
     scene = jc.paper_scene(
-        crusher.speed, crusher.clearance, slip="surface", friction=crusher.friction,
+        crusher.speed,
+        crusher.clearance,
+        slip="surface",
+        friction=crusher.friction,
         formulation=formulation,
-    )  # fmt: skip
+    )
     relative = e / crusher.clearance
     start = Given(Vector(relative.real, relative.imag), Vector(rate.real, rate.imag))
     return eqx.tree_at(lambda s: s.start, scene, start)

@@ -28,9 +28,14 @@ TRIAL = {"speed": [25.0, 31.0, 40.0], "clearance": [0.03e-3, 0.07e-3, 0.09e-3, 0
 
 # Devices, designs a chunk, and flags of XLA besides those of `use_all_cores`.
 VARIANTS = [
-    (1, 12, ""), (1, 1, ""), (2, 12, ""), (3, 4, ""), (2, 2, ""),
-    (2, 12, "--xla_cpu_max_isa=AVX2"), (2, 12, "--xla_cpu_max_isa=SSE4_2"),
-]  # fmt: skip
+    (1, 12, ""),
+    (1, 1, ""),
+    (2, 12, ""),
+    (3, 4, ""),
+    (2, 2, ""),
+    (2, 12, "--xla_cpu_max_isa=AVX2"),
+    (2, 12, "--xla_cpu_max_isa=SSE4_2"),
+]
 
 
 def main() -> None:
@@ -42,14 +47,18 @@ def main() -> None:
     for start in ("contact", "centred"):
         for rtol in (1e-6, 1e-9):
             first, again = time_designs(start, rtol)
-            print(f"  {start}, rtol {rtol:g}: {1e3 * again / DESIGNS:.1f} ms, "
-                  f"and {first - again:.1f} s once for the compilation")  # fmt: skip
+            print(
+                f"  {start}, rtol {rtol:g}: {1e3 * again / DESIGNS:.1f} ms, "
+                f"and {first - again:.1f} s once for the compilation"
+            )
     for designs in (256, 1024, 4096):
         time_store(designs)
     print("bits of 12 impacting designs, 2 turns (same letters: same bits):")
     for devices, chunk, flags in VARIANTS:
-        print(f"  {devices} devices, {chunk} designs a chunk {flags}: "
-              f"{bits(devices, chunk, flags)}", flush=True)  # fmt: skip
+        print(
+            f"  {devices} devices, {chunk} designs a chunk {flags}: {bits(devices, chunk, flags)}",
+            flush=True,
+        )
 
 
 def time_designs(start: str, rtol: float) -> tuple[float, float]:
@@ -82,17 +91,26 @@ def time_store(designs: int, count: int = 20) -> None:
             verifying = perf_counter() - began
         files = [file.stat() for file in path.rglob("*") if file.is_file()]
         size, disk = sum(f.st_size for f in files), sum(512 * f.st_blocks for f in files)
-    print(f"chunks of {designs}: {size / count / designs:.0f} B a design "
-          f"({disk / count / designs:.0f} B on the disk), write {1e3 * writing / count:.0f} ms, "
-          f"verify {1e3 * verifying / count:.1f} ms, {len(files) / count:.0f} files")  # fmt: skip
+    print(
+        f"chunks of {designs}: {size / count / designs:.0f} B a design "
+        f"({disk / count / designs:.0f} B on the disk), write {1e3 * writing / count:.0f} ms, "
+        f"verify {1e3 * verifying / count:.1f} ms, {len(files) / count:.0f} files"
+    )
 
 
 def bits(devices: int, chunk: int, flags: str) -> str:
     """The hash of the trial's results, from a process of its own."""
-    environment = {**os.environ, "XLA_FLAGS":
-                   f"--xla_force_host_platform_device_count={devices} {flags}"}  # fmt: skip
-    done = subprocess.run([sys.executable, "-m", "benchmarks.large_sweeps", str(chunk)],
-                          env=environment, capture_output=True, text=True, check=True)  # fmt: skip
+    environment = {
+        **os.environ,
+        "XLA_FLAGS": f"--xla_force_host_platform_device_count={devices} {flags}",
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmarks.large_sweeps", str(chunk)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     return done.stdout.strip()
 
 

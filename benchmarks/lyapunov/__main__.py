@@ -47,10 +47,15 @@ def flow(field: Callable, interval: float) -> Callable:
 
     def step(x):
         solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(field), diffrax.Dopri8(), 0.0, interval, None, x,
+            diffrax.ODETerm(field),
+            diffrax.Dopri8(),
+            0.0,
+            interval,
+            None,
+            x,
             stepsize_controller=diffrax.PIDController(rtol=1e-10, atol=1e-10),
             adjoint=diffrax.ForwardMode(),
-        )  # fmt: skip
+        )
         assert solution.ys is not None
         return solution.ys[0]
 
@@ -82,8 +87,15 @@ SYSTEMS = {
 }
 
 
-def row(name: str, found: Lyapunov, interval: float, series: np.ndarray, strobe: np.ndarray,
-        unit: str, reference: float | None) -> str:  # fmt: skip
+def row(
+    name: str,
+    found: Lyapunov,
+    interval: float,
+    series: np.ndarray,
+    strobe: np.ndarray,
+    unit: str,
+    reference: float | None,
+) -> str:
     """A line of the table; `series` for nolds, `strobe` for the 0-1 test."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # nolds': too few neighbours, a poor fit

@@ -39,23 +39,42 @@ def _compiled(lanes: int):
     counts = np.ctypeslib.ndpointer(np.dtype(ctypes.c_long), flags="C_CONTIGUOUS")
     function.restype = None
     function.argtypes = [
-        ctypes.c_int, array, array, ctypes.c_int, ctypes.c_int, ctypes.c_double, ctypes.c_double,
-        array, counts,
-    ]  # fmt: skip
+        ctypes.c_int,
+        array,
+        array,
+        ctypes.c_int,
+        ctypes.c_int,
+        ctypes.c_double,
+        ctypes.c_double,
+        array,
+        counts,
+    ]
     return function
 
 
 def integrate(
-    starts: np.ndarray, numbers: np.ndarray, settle: int, turns: int, rtol: float, h: float,
+    starts: np.ndarray,
+    numbers: np.ndarray,
+    settle: int,
+    turns: int,
+    rtol: float,
+    h: float,
     lanes: int,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray]:
     """The mean of |R_O| + |R_C| squared and the steps of each design, as in `numba_peer`.
 
     `starts` of shape (designs, 5), `numbers` (designs, 24) by `numba_peer.numbers`; h in rad.
     """
     mean_square, steps = np.empty(len(starts)), np.empty(len(starts), ctypes.c_long)
     _compiled(lanes)(
-        len(starts), np.ascontiguousarray(starts), np.ascontiguousarray(numbers), settle, turns,
-        rtol, h, mean_square, steps,
-    )  # fmt: skip
+        len(starts),
+        np.ascontiguousarray(starts),
+        np.ascontiguousarray(numbers),
+        settle,
+        turns,
+        rtol,
+        h,
+        mean_square,
+        steps,
+    )
     return mean_square, steps

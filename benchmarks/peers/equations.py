@@ -166,9 +166,14 @@ class Touch:
 
 
 def contact(
-    crusher: Crusher, pin: complex, pin_velocity: complex, a: complex, velocity_a: complex,
-    jaw_spin: float, spin: float,
-) -> Touch:  # fmt: skip
+    crusher: Crusher,
+    pin: complex,
+    pin_velocity: complex,
+    a: complex,
+    velocity_a: complex,
+    jaw_spin: float,
+    spin: float,
+) -> Touch:
     """The contact of a pin (m, m/s, rad/s) in the jaw's bore round `a`."""
     c = crusher
     e, rate = pin - a, pin_velocity - velocity_a

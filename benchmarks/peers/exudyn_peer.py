@@ -50,36 +50,50 @@ class Model:
         # The ground's side first: forces come out in its axes.
         self._joint("O", self._marker(ground, c.bearing), self._marker(b1, -to_s1))
         self._joint("C", frame, self._marker(b3, -c.l3 / 2 + 0j))
-        add.AddObject(items.ObjectJointRevolute2D(markerNumbers=[
-            self._marker(b2, s2_to_a - 1j * c.l2), self._marker(b3, c.l3 / 2 + 0j)
-        ]))  # fmt: skip
+        add.AddObject(
+            items.ObjectJointRevolute2D(
+                markerNumbers=[
+                    self._marker(b2, s2_to_a - 1j * c.l2),
+                    self._marker(b3, c.l3 / 2 + 0j),
+                ]
+            )
+        )
         pin, bore = self._marker(b1, c.l1 - to_s1), self._marker(b2, s2_to_a)
         for name, marker in (("pin", pin), ("bore", bore)):
-            self._sensor(name, items.SensorMarker(
-                markerNumber=marker, outputVariableType=exu.OutputVariableType.Position
-            ))  # fmt: skip
+            self._sensor(
+                name,
+                items.SensorMarker(
+                    markerNumber=marker, outputVariableType=exu.OutputVariableType.Position
+                ),
+            )
         if ideal:
             self._joint("A", pin, bore)
         else:
             self._contact(pin, bore)
         self._drive(b1, n1)
         # (18): along the jaw, that is, fixed to its axes, at S2.
-        add.AddLoad(items.LoadForceVector(
-            markerNumber=self._marker(b2, 0j), loadVector=[0.0, -c.load, 0.0], bodyFixed=True
-        ))  # fmt: skip
+        add.AddLoad(
+            items.LoadForceVector(
+                markerNumber=self._marker(b2, 0j), loadVector=[0.0, -c.load, 0.0], bodyFixed=True
+            )
+        )
 
     def _body(self, mass, inertia, centre: complex, angle, velocity: complex, spin):
-        node = self.system.AddNode(items.NodeRigidBody2D(
-            referenceCoordinates=[centre.real, centre.imag, angle],
-            initialVelocities=[velocity.real, velocity.imag, spin],
-        ))  # fmt: skip
-        body = self.system.AddObject(items.ObjectRigidBody2D(
-            mass=mass, inertia=inertia, nodeNumber=node
-        ))  # fmt: skip
-        self.system.AddLoad(items.LoadMassProportional(
-            markerNumber=self.system.AddMarker(items.MarkerBodyMass(bodyNumber=body)),
-            loadVector=[0.0, -self.crusher.g, 0.0],
-        ))  # fmt: skip
+        node = self.system.AddNode(
+            items.NodeRigidBody2D(
+                referenceCoordinates=[centre.real, centre.imag, angle],
+                initialVelocities=[velocity.real, velocity.imag, spin],
+            )
+        )
+        body = self.system.AddObject(
+            items.ObjectRigidBody2D(mass=mass, inertia=inertia, nodeNumber=node)
+        )
+        self.system.AddLoad(
+            items.LoadMassProportional(
+                markerNumber=self.system.AddMarker(items.MarkerBodyMass(bodyNumber=body)),
+                loadVector=[0.0, -self.crusher.g, 0.0],
+            )
+        )
         return body, node
 
     def _marker(self, body, point: complex):
@@ -93,49 +107,72 @@ class Model:
         self.sensors[name] = self.system.AddSensor(sensor)
 
     def _joint(self, name: str, first, second):
-        joint = self.system.AddObject(items.ObjectJointGeneric(
-            markerNumbers=[first, second], constrainedAxes=[1, 1, 0, 0, 0, 0]
-        ))  # fmt: skip
-        self._sensor(name, items.SensorObject(
-            objectNumber=joint, outputVariableType=exu.OutputVariableType.ForceLocal
-        ))  # fmt: skip
+        joint = self.system.AddObject(
+            items.ObjectJointGeneric(
+                markerNumbers=[first, second], constrainedAxes=[1, 1, 0, 0, 0, 0]
+            )
+        )
+        self._sensor(
+            name,
+            items.SensorObject(
+                objectNumber=joint, outputVariableType=exu.OutputVariableType.ForceLocal
+            ),
+        )
 
     def _contact(self, pin, bore):
         c = self.crusher
-        data = self.system.AddNode(items.NodeGenericData(
-            initialCoordinates=[c.clearance, 0.0, 0.0, 0.0], numberOfDataCoordinates=4
-        ))  # fmt: skip
-        contact = self.system.AddObject(items.ObjectContactSphereSphere(
-            markerNumbers=[pin, bore], nodeNumber=data,
-            spheresRadii=[c.bore - c.clearance, c.bore], isHollowSphere1=True,
-            contactStiffness=c.stiffness, contactStiffnessExponent=1.5, impactModel=1,
-            # Its D is 3 (1 - e) / 2, so that this e makes it the law's 3 (1 - c_e^2) / 4.
-            restitutionCoefficient=(1 + c.restitution**2) / 2,
-            minimumImpactVelocity=c.impact_velocity,
-            dynamicFriction=c.friction or 0.0, frictionProportionalZone=c.v1,
-        ))  # fmt: skip
-        self._sensor("contact", items.SensorObject(
-            objectNumber=contact, outputVariableType=exu.OutputVariableType.Force
-        ))  # fmt: skip
+        data = self.system.AddNode(
+            items.NodeGenericData(
+                initialCoordinates=[c.clearance, 0.0, 0.0, 0.0], numberOfDataCoordinates=4
+            )
+        )
+        contact = self.system.AddObject(
+            items.ObjectContactSphereSphere(
+                markerNumbers=[pin, bore],
+                nodeNumber=data,
+                spheresRadii=[c.bore - c.clearance, c.bore],
+                isHollowSphere1=True,
+                contactStiffness=c.stiffness,
+                contactStiffnessExponent=1.5,
+                impactModel=1,
+                # Its D is 3 (1 - e) / 2, so that this e makes it the law's 3 (1 - c_e^2) / 4.
+                restitutionCoefficient=(1 + c.restitution**2) / 2,
+                minimumImpactVelocity=c.impact_velocity,
+                dynamicFriction=c.friction or 0.0,
+                frictionProportionalZone=c.v1,
+            )
+        )
+        self._sensor(
+            "contact",
+            items.SensorObject(
+                objectNumber=contact, outputVariableType=exu.OutputVariableType.Force
+            ),
+        )
 
     def _drive(self, body, node):
         coordinate = self.system.AddMarker(
             items.MarkerNodeCoordinate(nodeNumber=node, coordinate=2)
         )
-        self._sensor("shaft", items.SensorNode(
-            nodeNumber=node, outputVariableType=exu.OutputVariableType.AngularVelocity
-        ))  # fmt: skip
+        self._sensor(
+            "shaft",
+            items.SensorNode(
+                nodeNumber=node, outputVariableType=exu.OutputVariableType.AngularVelocity
+            ),
+        )
         if self.torque is not None:
             self.system.AddLoad(items.LoadCoordinate(markerNumber=coordinate, load=self.torque))
             return
         point = self.system.AddNode(items.NodePointGround())
         still = self.system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=point, coordinate=0))
-        drive = self.system.AddObject(items.ObjectConnectorCoordinate(
-            markerNumbers=[still, coordinate], velocityLevel=True, offset=self.crusher.speed
-        ))  # fmt: skip
-        self._sensor("drive", items.SensorObject(
-            objectNumber=drive, outputVariableType=exu.OutputVariableType.Force
-        ))  # fmt: skip
+        drive = self.system.AddObject(
+            items.ObjectConnectorCoordinate(
+                markerNumbers=[still, coordinate], velocityLevel=True, offset=self.crusher.speed
+            )
+        )
+        self._sensor(
+            "drive",
+            items.SensorObject(objectNumber=drive, outputVariableType=exu.OutputVariableType.Force),
+        )
 
     def run(
         self, end: float, step: float = 1e-6, every: float = 1e-5, radius: float = 0.9

@@ -104,9 +104,18 @@ def by_scipy(numbers: Numbers, times: np.ndarray, rtol: float = 1e-12) -> Result
     while reported < len(times):
         touch.direction, touch.terminal = (1 if velocity is None else -1), True  # pyright: ignore
         solution = solve_ivp(
-            field, (now, times[-1]), y, "DOP853", dense_output=True, events=touch, args=(velocity,),
-            rtol=rtol, atol=rtol * 1e-2, first_step=min(1e-8, times[-1] - now), max_step=1e-5,
-        )  # fmt: skip
+            field,
+            (now, times[-1]),
+            y,
+            "DOP853",
+            dense_output=True,
+            events=touch,
+            args=(velocity,),
+            rtol=rtol,
+            atol=rtol * 1e-2,
+            first_step=min(1e-8, times[-1] - now),
+            max_step=1e-5,
+        )
         if solution.status < 0:
             raise RuntimeError(f"DOP853 stopped at {now} s: {solution.message}")
         last = int(np.searchsorted(times, solution.t[-1], side="right"))
@@ -174,10 +183,8 @@ def by_exudyn(numbers: Numbers, end: float, step: float) -> Result:
         markers = [still, coordinate(slider_node, index)]
         system.AddObject(items.CoordinateConstraint(markerNumbers=markers))
     data = system.AddNode(
-        items.NodeGenericData(
-            initialCoordinates=[n.clearance, 0, 0, 0], numberOfDataCoordinates=4
-        )
-    )  # fmt: skip
+        items.NodeGenericData(initialCoordinates=[n.clearance, 0, 0, 0], numberOfDataCoordinates=4)
+    )
     journal, bearing = point(slider, 0), point(rod, length / 2)
     contact = system.AddObject(
         items.ObjectContactSphereSphere(

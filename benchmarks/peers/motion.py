@@ -82,9 +82,11 @@ class Motion:
         t3, t2, w3, w2, *free = y.tolist()
         shaft = Shaft(c, *(free or (c.speed * time, c.speed)))
         chain = Chain(c, (t3, t2), (w3, w2))
-        return shaft, chain, contact(
-            c, shaft.pin, shaft.pin_velocity, chain.a, chain.velocity_a, w2, shaft.spin
-        )  # fmt: skip
+        return (
+            shaft,
+            chain,
+            contact(c, shaft.pin, shaft.pin_velocity, chain.a, chain.velocity_a, w2, shaft.spin),
+        )
 
     def _accelerations(self, shaft: Shaft, chain: Chain, touch: Touch):
         c = self.crusher
@@ -119,7 +121,8 @@ class Motion:
                 "eccentricity": touch.eccentricity,
                 "shaft_speed": shaft.spin,
             }
-            rows.append(known | forces(
-                self.crusher, shaft, chain, touch.force, touch.point, of_chain, spin_rate
-            ))  # fmt: skip
+            rows.append(
+                known
+                | forces(self.crusher, shaft, chain, touch.force, touch.point, of_chain, spin_rate)
+            )
         return histories(rows)

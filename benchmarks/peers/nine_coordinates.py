@@ -63,18 +63,28 @@ class Instant:
         a, velocity_a = s2 - a_to_s2, u2 - 1j * w2 * a_to_s2
         self.touch = touch = contact(c, pin, pin_velocity, a, velocity_a, w2, w1)
         at_s2 = touch.force - 1j * c.load * cmath.exp(1j * t2) - 1j * c.m2 * c.g
-        self.force = np.array([
-            -touch.force.real, -touch.force.imag - c.m1 * c.g,
-            -cross(touch.point - s1, touch.force),
-            at_s2.real, at_s2.imag, cross(touch.point - s2, touch.force),
-            0.0, -c.m3 * c.g, 0.0,
-        ])  # fmt: skip
+        self.force = np.array(
+            [
+                -touch.force.real,
+                -touch.force.imag - c.m1 * c.g,
+                -cross(touch.point - s1, touch.force),
+                at_s2.real,
+                at_s2.imag,
+                cross(touch.point - s2, touch.force),
+                0.0,
+                -c.m3 * c.g,
+                0.0,
+            ]
+        )
 
     def solve(self, masses) -> np.ndarray:
         """Accelerations q'' and multipliers."""
-        system = np.block([
-            [np.diag(masses), -self.phi_q.T], [self.phi_q, np.zeros((7, 7))],
-        ])  # fmt: skip
+        system = np.block(
+            [
+                [np.diag(masses), -self.phi_q.T],
+                [self.phi_q, np.zeros((7, 7))],
+            ]
+        )
         return np.linalg.solve(system, np.concatenate([self.force, self.gamma]))
 
 
@@ -106,16 +116,18 @@ def observe(crusher: Crusher, times, states) -> dict[str, np.ndarray]:
     for time, y in zip(np.asarray(times).tolist(), states, strict=True):
         now = Instant(crusher, time, y[COORDINATES], y[VELOCITIES])
         ox, oy, bx, by, cx, cy, torque = y[MULTIPLIERS].tolist()
-        rows.append({
-            "contact_force": abs(now.touch.force),
-            "normal_force": now.touch.normal,
-            "friction_force": now.touch.tangential,
-            "eccentricity": now.touch.eccentricity,
-            "bearing_reaction": complex(ox, oy),
-            "elbow_reaction": complex(bx, by),
-            "toggle_reaction": complex(cx, cy),
-            "foundation_force": abs(complex(ox, oy)) + abs(complex(cx, cy)),
-            "drive_torque": torque,
-            "constraint_residual": abs(now.phi).max(),
-        })  # fmt: skip
+        rows.append(
+            {
+                "contact_force": abs(now.touch.force),
+                "normal_force": now.touch.normal,
+                "friction_force": now.touch.tangential,
+                "eccentricity": now.touch.eccentricity,
+                "bearing_reaction": complex(ox, oy),
+                "elbow_reaction": complex(bx, by),
+                "toggle_reaction": complex(cx, cy),
+                "foundation_force": abs(complex(ox, oy)) + abs(complex(cx, cy)),
+                "drive_torque": torque,
+                "constraint_residual": abs(now.phi).max(),
+            }
+        )
     return histories(rows)

@@ -23,9 +23,17 @@ def integrate(
     states, now, y, reported = [], 0.0, motion.start, 0
     while reported < len(times):
         solution = solve_ivp(
-            motion.field, (now, times[-1]), y, method, dense_output=True, rtol=rtol,
-            atol=rtol * 1e-2, events=touch, first_step=min(1e-7, times[-1] - now), max_step=2e-4,
-        )  # fmt: skip
+            motion.field,
+            (now, times[-1]),
+            y,
+            method,
+            dense_output=True,
+            rtol=rtol,
+            atol=rtol * 1e-2,
+            events=touch,
+            first_step=min(1e-7, times[-1] - now),
+            max_step=2e-4,
+        )
         if solution.status < 0:
             raise RuntimeError(f"SciPy's {method} stopped at {now} s: {solution.message}")
         now, y = solution.t[-1], solution.y[:, -1]

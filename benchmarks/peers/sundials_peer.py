@@ -41,9 +41,14 @@ def ida(motion: Motion, times, rtol: float = 1e-11) -> np.ndarray:
     absolute[VELOCITIES] = 10 * rtol
     absolute[MULTIPLIERS] = 1e6 * rtol
     solver = IDA(
-        residual, algebraic_idx=list(range(18, 25)), rtol=rtol, atol=absolute,
-        first_step=1e-8, max_num_steps=1_000_000, max_step=2e-4,
-    )  # fmt: skip
+        residual,
+        algebraic_idx=list(range(18, 25)),
+        rtol=rtol,
+        atol=absolute,
+        first_step=1e-8,
+        max_num_steps=1_000_000,
+        max_step=2e-4,
+    )
     y, rate = nine_coordinates.start(motion)
     return _states(solver.solve(np.asarray(times), y, rate))
 

@@ -41,8 +41,12 @@ def main(out: Path = Path("docs/reproduction")) -> None:
     jax.config.update("jax_enable_x64", True)
     out.mkdir(parents=True, exist_ok=True)
     console = Console()
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), MofNCompleteColumn(),
-               TimeElapsedColumn())  # fmt: skip
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=console) as progress, plt.rc_context(figures.STYLE):
 
         def stage(title: str, total: int) -> Callable[[str], None]:
@@ -55,9 +59,14 @@ def main(out: Path = Path("docs/reproduction")) -> None:
         for figure, variable, largest, count in BOXES:
             cells = progress.add_task(f"Figure {figure}", total=count * len(SPEEDS))
             box = jc.sweep(
-                SPEEDS, np.linspace(0.03e-3, largest, count), 20, 12, rtol=1e-6, chunk=22,
+                SPEEDS,
+                np.linspace(0.03e-3, largest, count),
+                20,
+                12,
+                rtol=1e-6,
+                chunk=22,
                 progress=lambda finished, _, task=cells: progress.update(task, completed=finished),
-            )  # fmt: skip
+            )
             figures.draw_landscape(out / f"fig{figure}.png", box[variable])
             boxes.append(box)
         programs = len({(r.slip, r.impact_velocity, r.load, r.settle) for r in READINGS})

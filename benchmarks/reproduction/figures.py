@@ -21,9 +21,13 @@ from jaxcrusher.pictures import plots
 from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE
 
 STYLE: dict[Any, Any] = {
-    "font.size": 9, "axes.grid": True, "grid.alpha": 0.3, "grid.linewidth": 0.5,
-    "axes.prop_cycle": cycler(color=[BLUE, ORANGE, GREEN]), "figure.dpi": 120,
-}  # fmt: skip
+    "font.size": 9,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "grid.linewidth": 0.5,
+    "axes.prop_cycle": cycler(color=[BLUE, ORANGE, GREEN]),
+    "figure.dpi": 120,
+}
 Draw = Callable[[Axes, Portrait], None]
 
 
@@ -47,8 +51,9 @@ def draw_comparison(path: Path, turn: Comparison, begin: Comparison) -> None:
         for (label, force), style, width in zip(run.force.items(), styles, (1, 1, 2), strict=False):
             ax.plot(run.time[label], force / 1e3, style, linewidth=width, label=label)
         ax.set(xlabel="time (s)", ylabel="force at A (kN)", title=title)
-    axes[0, 0].set(xlabel="time (s)", ylabel="displacement of B, x (mm)",
-                   title="(a) jaw displacement")  # fmt: skip
+    axes[0, 0].set(
+        xlabel="time (s)", ylabel="displacement of B, x (mm)", title="(a) jaw displacement"
+    )
     axes[0, 1].set(xlabel="time (s)", ylabel="velocity of B, x (m/s)", title="(b) jaw velocity")
     for ax in axes.flat:
         ax.legend(fontsize=8)
@@ -97,8 +102,14 @@ def foundation(ax: Axes, motion: Portrait) -> None:
     """The foundation force, and the ideal joint's."""
     turns = motion.turns - motion.turns[0]
     ax.plot(turns, motion.force / 1e3, color=BLUE, linewidth=0.7, label="with clearance")
-    ax.plot(turns, motion.ideal_force / 1e3, color=ORANGE, linestyle="--", linewidth=1.2,
-            label="ideal joint")  # fmt: skip
+    ax.plot(
+        turns,
+        motion.ideal_force / 1e3,
+        color=ORANGE,
+        linestyle="--",
+        linewidth=1.2,
+        label="ideal joint",
+    )
     ax.set(xlabel="turns of the shaft, from the 57th", ylabel="$|R_O| + |R_C|$ (kN)")
 
 
@@ -120,9 +131,14 @@ def draw_row(path: Path, draw: Draw, rows: dict[str, dict[Point, Portrait]]) -> 
     """One of Figures 8 to 13: a column a motion, a row a reading, the same axes in a row."""
     columns = list(next(iter(rows.values())))
     figure, axes = plt.subplots(
-        len(rows), len(columns), figsize=(3 * len(columns), 2.9 * len(rows)),
-        sharex="row", sharey="row", layout="constrained", squeeze=False,
-    )  # fmt: skip
+        len(rows),
+        len(columns),
+        figsize=(3 * len(columns), 2.9 * len(rows)),
+        sharex="row",
+        sharey="row",
+        layout="constrained",
+        squeeze=False,
+    )
     for line, (reading, motions) in zip(axes, rows.items(), strict=True):
         for ax, (speed, clearance) in zip(line, columns, strict=True):
             draw(ax, motions[speed, clearance])
@@ -157,8 +173,9 @@ def draw_landscape(path: Path, grid: xr.DataArray) -> None:
 
 def draw_choice(path: Path, rows: dict[str, Portrait]) -> None:
     """Figure 16: orbit, force and section of the paper's choice, a row a reading."""
-    figure, axes = plt.subplots(len(rows), 3, figsize=(10, 3 * len(rows)), layout="constrained",
-                                squeeze=False)  # fmt: skip
+    figure, axes = plt.subplots(
+        len(rows), 3, figsize=(10, 3 * len(rows)), layout="constrained", squeeze=False
+    )
     for line, (reading, motion) in zip(axes, rows.items(), strict=True):
         for ax, draw in zip(line, (orbit, foundation, section), strict=True):
             draw(ax, motion)

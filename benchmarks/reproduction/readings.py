@@ -146,16 +146,21 @@ def measure(
             for point in points
             for offset in (OFFSETS if start == "centred" else OFFSETS[:1])
         ]
-        scenes = stack([
-            shifted_start(
-                jc.paper_scene(speed, 1e-3 * c, start=start, **options), Vector(offset, 0.0)
-            )
-            for start, (speed, c), offset in runs
-        ])  # fmt: skip
+        scenes = stack(
+            [
+                shifted_start(
+                    jc.paper_scene(speed, 1e-3 * c, start=start, **options), Vector(offset, 0.0)
+                )
+                for start, (speed, c), offset in runs
+            ]
+        )
         function = eqx.Partial(
-            window_statistics, settle=settle, turns=turns,
-            windows=max(1, turns // WINDOW_TURNS), rtol=1e-6,
-        )  # fmt: skip
+            window_statistics,
+            settle=settle,
+            turns=turns,
+            windows=max(1, turns // WINDOW_TURNS),
+            rtol=1e-6,
+        )
         parts = [values for _, values in map_chunks(function, scenes)]
         joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         for reading in group:

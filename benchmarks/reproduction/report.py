@@ -143,9 +143,10 @@ def answer(found: list[Found]) -> str:
             f"{math.exp(best.distance(clearances)):.2f} there. It gives {peaks}."
         )
     whirls = [
-        one for one in found
+        one
+        for one in found
         if all(one.whirling(c) == one.statistics[c]["winding"].size for c in LARGE)
-    ]  # fmt: skip
+    ]
     if whirls:
         over_mean = [one.value(0.12) / one.value(0.12, "foundation_mean") for one in whirls]
         growth = [one.value(0.12) / one.value(0.09) for one in whirls]
@@ -199,15 +200,23 @@ the other changes of the stiffness have no ground in the paper's text."""
 def write_claims(path: Path, listed: list[Claim], evidence: Evidence, found: list[Found]) -> None:
     """The whole page."""
     parts = [
-        "# The paper's numbers, and ours", NOTES,
-        "## Claims", f"Of {len(listed)} claims: {counts(listed, evidence)}.",
+        "# The paper's numbers, and ours",
+        NOTES,
+        "## Claims",
+        f"Of {len(listed)} claims: {counts(listed, evidence)}.",
         verdict_table(listed, evidence),
-        "## The same under other readings", READING_NOTES, reading_table(listed, evidence),
-        RANKING_NOTES, ranking(listed, evidence),
-        "## Where do 1.1e6 and 1.7e6 N come from?", SEARCH_NOTES, answer(found),
+        "## The same under other readings",
+        READING_NOTES,
+        reading_table(listed, evidence),
+        RANKING_NOTES,
+        ranking(listed, evidence),
+        "## Where do 1.1e6 and 1.7e6 N come from?",
+        SEARCH_NOTES,
+        answer(found),
         search_table(found),
-        "## Figures", FIGURES,
-    ]  # fmt: skip
+        "## Figures",
+        FIGURES,
+    ]
     path.write_text("\n\n".join(parts) + "\n")
 
 

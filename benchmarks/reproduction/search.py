@@ -42,8 +42,9 @@ class Method:
 
 
 def _tolerances(rtol: float, atol: float) -> Method:
-    controller = diffrax.PIDController(rtol=rtol, atol=atol, norm=largest, dtmin=1e-12,
-                                       force_dtmin=False)  # fmt: skip
+    controller = diffrax.PIDController(
+        rtol=rtol, atol=atol, norm=largest, dtmin=1e-12, force_dtmin=False
+    )
     return Method(PlainUnits, diffrax.Dopri5(), controller)
 
 
@@ -110,8 +111,7 @@ def variants() -> list[Variant]:
         ("(19) corrected, phi as (3)", dict(contact={"folded": 1.0})),
         ("no friction torque", dict(contact={"torque": 0.0})),
         ("friction reversed", dict(friction={"coefficient": -0.1})),
-        ("friction reversed, no moments",
-         dict(friction={"coefficient": -0.1}, contact=NO_MOMENTS)),
+        ("friction reversed, no moments", dict(friction={"coefficient": -0.1}, contact=NO_MOMENTS)),
         ("v_n of (6): damping reversed", dict(restitution=NEGATIVE_DAMPING)),
         ("impact velocity tracked", dict(options={"impact_velocity": "tracked"})),
         ("impact velocity 0.05 m/s", dict(options={"impact_velocity": 0.05})),
@@ -123,7 +123,7 @@ def variants() -> list[Variant]:
         ("ode45 at a tenth of them", dict(method=_tolerances(1e-4, 1e-7))),
         ("steps of 0.5 ms", dict(method=_steps(5e-4))),
         ("steps of 0.2 ms", dict(method=_steps(2e-4))),
-    ]  # fmt: skip
+    ]
     surface: list[tuple[str, dict]] = [
         *((f"friction {c:g}", dict(friction={"coefficient": c})) for c in (0.02, 0.03, 0.05)),
         *((f"full friction at {v:g} m/s", dict(friction={"full_speed": v})) for v in (5.0, 10.0)),
@@ -172,10 +172,16 @@ class Found:
 
 def _row(scene: Scene, solver, controller, first_step: float) -> dict[str, jax.Array | None]:
     result = jc.statistics(
-        scene, SETTLE, TURNS, rtol=1e-6, solver=solver,
-        stepsize_controller=controller, dt0=first_step, max_steps=300_000,
+        scene,
+        SETTLE,
+        TURNS,
+        rtol=1e-6,
+        solver=solver,
+        stepsize_controller=controller,
+        dt0=first_step,
+        max_steps=300_000,
         outputs=("foundation_mean", "foundation_peak", "winding"),
-    )  # fmt: skip
+    )
     return {
         "foundation_mean": result.foundation_mean,
         "foundation_peak": result.foundation_peak,

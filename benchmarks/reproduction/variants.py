@@ -63,13 +63,19 @@ class LiteralContact(AbstractFormulation):
         force = Vector(self.x_sign * push.x, self.y_sign * push.y)
         from_s2 = -scene.machine.jaw.mass_centre.along(s.chain.jaw)
         moment = self.torque * s.contact.bearing_moment - (1 - self.at_joint) * from_s2.cross(force)
-        acceleration = linkage.chain_acceleration(
-            scene.machine, s.chain, s.load, force, moment
-        )  # fmt: skip
+        acceleration = linkage.chain_acceleration(scene.machine, s.chain, s.load, force, moment)
         return Snapshot(
-            s.shaft, s.chain, acceleration, s.contact, s.eccentricity, force, moment,
-            s.shaft_moment, s.load, None,
-        )  # fmt: skip
+            s.shaft,
+            s.chain,
+            acceleration,
+            s.contact,
+            s.eccentricity,
+            force,
+            moment,
+            s.shaft_moment,
+            s.load,
+            None,
+        )
 
     def rate(self, snapshot: Snapshot, state: EccentricityState, scene: Scene) -> EccentricityState:
         """As in the correct formulation."""
@@ -83,7 +89,7 @@ class LiteralContact(AbstractFormulation):
 class PlainUnits(AbstractFormulation):
     """The paper's nine coordinates with velocities in m/s and rad/s, as a program of 2022 has
     them: so a solver's tolerances mean what they meant there.
-    """  # fmt: skip  # noqa: D205
+    """  # noqa: D205
 
     multiplier: MultiplierFormulation = eqx.field(default_factory=MultiplierFormulation)
 

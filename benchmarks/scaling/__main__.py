@@ -38,12 +38,27 @@ CHUNK = 64  # designs, as `jaxcrusher.sweep` takes them
 # By how many of these the RMS is differentiated, one after the other.
 DIFFERENTIATED = (2, 8, 20)
 PARAMETERS = (
-    "speed", "clearance", "jaw.mass", "jaw.inertia", "toggle.length", "shaft.eccentricity",
-    "jaw.length", "load", "toggle.mass", "toggle.inertia", "shaft.mass",
-    "shaft.mass_centre_radius", "shaft.mass_centre_angle", "jaw.mass_centre_distance",
-    "jaw.mass_centre_angle", "bearing.distance", "bearing.inclination", "bore_radius", "friction",
+    "speed",
+    "clearance",
+    "jaw.mass",
+    "jaw.inertia",
+    "toggle.length",
+    "shaft.eccentricity",
+    "jaw.length",
+    "load",
+    "toggle.mass",
+    "toggle.inertia",
+    "shaft.mass",
+    "shaft.mass_centre_radius",
+    "shaft.mass_centre_angle",
+    "jaw.mass_centre_distance",
+    "jaw.mass_centre_angle",
+    "bearing.distance",
+    "bearing.inclination",
+    "bore_radius",
+    "friction",
     "gravity",
-)  # fmt: skip
+)
 GRADIENT_TURNS = 4
 EQUAL_STEPS = 1024  # a turn: about twice what stability asks of Tsit5 here
 METHODS: dict[str, dict[str, Any]] = {
@@ -93,9 +108,13 @@ def batch(designs: int, turns: int) -> dict[str, Any]:
     # Of the process so far: it grows with what is run, so the largest run comes last.
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     return {
-        "designs": designs, "turns": turns, "first_s": first, "seconds": again,
-        "steps": float(steps.sum()), "peak_mib": peak,
-    }  # fmt: skip
+        "designs": designs,
+        "turns": turns,
+        "first_s": first,
+        "seconds": again,
+        "steps": float(steps.sum()),
+        "peak_mib": peak,
+    }
 
 
 def _rms_and_steps(scene: jc.Scene, turns: int) -> tuple[jax.Array, jax.Array]:
@@ -125,10 +144,14 @@ def gradient(method: str, count: int) -> dict[str, Any]:
     if not np.isfinite(slopes).all():
         raise RuntimeError(f"The gradient is not finite: {slopes}.")
     return {
-        "parameters": count, "value_s": one, "seconds": again,
-        "value_first_s": first_value, "first_s": first,
-        "value_steps": int(value(point)[1]), "steps": int(steps),
-    }  # fmt: skip
+        "parameters": count,
+        "value_s": one,
+        "seconds": again,
+        "value_first_s": first_value,
+        "first_s": first,
+        "value_steps": int(value(point)[1]),
+        "steps": int(steps),
+    }
 
 
 def measure(what: str) -> Iterator[dict[str, Any]]:

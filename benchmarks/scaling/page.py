@@ -103,10 +103,14 @@ def figure(rows: list[dict[str, Any]], path: Path) -> None:
             axes.semilogx(
                 [r[unit] for r in kept],
                 [1e3 * r["seconds"] / r["designs"] / r["turns"] for r in kept],
-                color=colour, marker=marker, label=_cores(cores),
-            )  # fmt: skip
-    turns, designs = (next(r[unit] for r in rows if r["what"] == what)
-                      for what, unit in (("designs", "turns"), ("turns", "designs")))  # fmt: skip
+                color=colour,
+                marker=marker,
+                label=_cores(cores),
+            )
+    turns, designs = (
+        next(r[unit] for r in rows if r["what"] == what)
+        for what, unit in (("designs", "turns"), ("turns", "designs"))
+    )
     left.set_xlabel(f"designs, {turns} turns each")
     middle.set_xlabel(f"turns, {designs} designs")
     for axes in (left, middle):
@@ -119,8 +123,13 @@ def figure(rows: list[dict[str, Any]], path: Path) -> None:
     ):
         kept = [r for r in gradients if r["what"] == method]
         numbers = [r["parameters"] for r in kept]
-        right.plot(numbers, [r["seconds"] / r["value_s"] for r in kept], color=colour,
-                     marker=marker, label=method)  # fmt: skip
+        right.plot(
+            numbers,
+            [r["seconds"] / r["value_s"] for r in kept],
+            color=colour,
+            marker=marker,
+            label=method,
+        )
         if method.startswith("reverse"):
             right.plot(numbers, [aim_of(r) for r in kept], ":", color=colour, label="aim, reverse")
         elif "equal" in method:

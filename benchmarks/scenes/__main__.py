@@ -118,15 +118,28 @@ def cases() -> list[tuple[str, jc.Scene, list]]:
     functions = [rms_only, all_statistics, one_history, with_ledger, all_histories]
     return [
         ("ideal joint", jc.ideal_scene(30.0), [rms_only, all_histories]),
-        ("no friction, no load", jc.paper_scene(30.0, 0.06e-3, start="contact", friction=None,
-                                                load=None), [rms_only]),
+        (
+            "no friction, no load",
+            jc.paper_scene(30.0, 0.06e-3, start="contact", friction=None, load=None),
+            [rms_only],
+        ),
         ("no friction", jc.paper_scene(30.0, 0.06e-3, start="contact", friction=None), [rms_only]),
         ("full", full, functions),
-        ("full, impact velocity tracked", jc.paper_scene(
-            30.0, 0.06e-3, start="contact", slip="surface", impact_velocity="tracked"), [rms_only]),
-        ("full, multipliers", jc.paper_scene(
-            30.0, 0.06e-3, start="contact", slip="surface", formulation="multiplier"), [rms_only]),
-    ]  # fmt: skip
+        (
+            "full, impact velocity tracked",
+            jc.paper_scene(
+                30.0, 0.06e-3, start="contact", slip="surface", impact_velocity="tracked"
+            ),
+            [rms_only],
+        ),
+        (
+            "full, multipliers",
+            jc.paper_scene(
+                30.0, 0.06e-3, start="contact", slip="surface", formulation="multiplier"
+            ),
+            [rms_only],
+        ),
+    ]
 
 
 def main() -> None:

@@ -172,9 +172,7 @@ def instant(time: Scalar, state: EccentricityState | None, mechanism: SliderCran
     crank_weight = Vector(0.0, -m.crank.mass * m.gravity)
     crank_moment = pin.cross(at_pin) - 0.5 * pin.cross(crank_weight)
     position = pin.x + rod.length * u.x + e.x
-    return Instant(
-        crank, u, spin, turn, position, speed, slider, e, contact, force, crank_moment
-    )  # fmt: skip
+    return Instant(crank, u, spin, turn, position, speed, slider, e, contact, force, crank_moment)
 
 
 def rate(now: Instant, state: EccentricityState, mechanism: SliderCrank) -> EccentricityState:
@@ -250,9 +248,14 @@ def simulate(mechanism: SliderCrank, times: ArrayLike, rtol: float = 1e-10) -> M
 @eqx.filter_jit
 def _simulate(mechanism: SliderCrank, times: Array, rtol: Scalar) -> Motion:
     controller = diffrax.PIDController(
-        rtol=rtol, atol=rtol, pcoeff=0.4, icoeff=0.3, norm=error_norm, dtmin=1e-15,
+        rtol=rtol,
+        atol=rtol,
+        pcoeff=0.4,
+        icoeff=0.3,
+        norm=error_norm,
+        dtmin=1e-15,
         force_dtmin=False,
-    )  # fmt: skip
+    )
     method = Integration(diffrax.Tsit5(), controller, 10_000_000, 1e-7, None)
     seen, outcome = integrate(mechanism, times[None], problem=PROBLEM, method=method)
     instants, work, stored = jax.tree.map(lambda leaf: leaf[0], seen)

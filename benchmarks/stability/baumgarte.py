@@ -71,6 +71,12 @@ def _run(scene: jc.Scene, times, exact: np.ndarray, alpha, beta, rtol: float) ->
     off = abs(np.asarray(found.foundation_force) - exact).max() / exact.max()
     turns = times[-1] * float(scene.drive.speed) / (2 * np.pi)
     return Stabilised(
-        alpha, beta, rtol, float(violation), float(off), int(found.outcome.steps) / turns,
-        seconds, found.failure,
-    )  # fmt: skip
+        alpha,
+        beta,
+        rtol,
+        float(violation),
+        float(off),
+        int(found.outcome.steps) / turns,
+        seconds,
+        found.failure,
+    )

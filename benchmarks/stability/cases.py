@@ -23,11 +23,19 @@ BASE = Crusher(friction=0.02)
 
 # Name in a description -> field of the peers' crusher.
 FIELDS = {
-    "speed": "speed", "clearance": "clearance", "friction": "friction", "load": "load",
-    "restitution": "restitution", "young": "young",
-    "shaft.mass": "m1", "shaft.inertia": "j1", "jaw.mass": "m2", "jaw.inertia": "j2",
-    "toggle.mass": "m3", "toggle.inertia": "j3",
-}  # fmt: skip
+    "speed": "speed",
+    "clearance": "clearance",
+    "friction": "friction",
+    "load": "load",
+    "restitution": "restitution",
+    "young": "young",
+    "shaft.mass": "m1",
+    "shaft.inertia": "j1",
+    "jaw.mass": "m2",
+    "jaw.inertia": "j2",
+    "toggle.mass": "m3",
+    "toggle.inertia": "j3",
+}
 MASSES = ("m1", "j1", "m2", "j2", "m3", "j3")
 
 

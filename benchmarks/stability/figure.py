@@ -20,8 +20,12 @@ def draw(path: Path, rows: list[Judged]) -> None:
         values = [f"{value:g}" for value in axis.values]
         lines = [(start, kind) for start in STARTS for kind in FORMULATIONS]
         found = {(r.value, r.start, r.formulation): r for r in rows if r.axis == name}
-        _panel(ax, [[found.get((v, *line)) for v in values] for line in lines], values,
-               [f"{start}, {kind}" for start, kind in lines])  # fmt: skip
+        _panel(
+            ax,
+            [[found.get((v, *line)) for v in values] for line in lines],
+            values,
+            [f"{start}, {kind}" for start, kind in lines],
+        )
         ax.set_title(f"{name} ({axis.unit})" if axis.unit != "1" else name)
     found = {(r.start, r.formulation): r for r in rows if r.axis == "start"}
     cells = [[found.get((start, kind)) for start in GIVEN] for kind in FORMULATIONS]
@@ -34,9 +38,12 @@ def draw(path: Path, rows: list[Judged]) -> None:
     axes.flat[-1].set_title("starts, base case")
     axes.flat[-1].tick_params(axis="x", labelsize=7)
     patches = [Patch(color=c, label=v) for v, c in zip(VERDICTS, COLOURS, strict=True)]
-    fig.legend(handles=patches, loc="outside lower center", ncols=len(VERDICTS), title=(
-        "In a cell: steps a turn; error of the RMS; ≠ where the reference does not agree"
-    ))  # fmt: skip
+    fig.legend(
+        handles=patches,
+        loc="outside lower center",
+        ncols=len(VERDICTS),
+        title=("In a cell: steps a turn; error of the RMS; ≠ where the reference does not agree"),
+    )
     fig.savefig(path, dpi=110)
     plt.close(fig)
 

@@ -88,10 +88,18 @@ def judge(case: Case, formulation: Formulation, known: Reference) -> Judged:
     else:
         verdict = AGREES if agreement == "yes" else DISAGREES
     return Judged(
-        *labels, verdict, agreement, "; ".join(remarks), **close, rms=rms[0],
-        reference_rms=middle, rms_error=off, rms_allowed=allowed,
-        steps_a_turn=steps / (SETTLE + TURNS), seconds=seconds,
-    )  # fmt: skip
+        *labels,
+        verdict,
+        agreement,
+        "; ".join(remarks),
+        **close,
+        rms=rms[0],
+        reference_rms=middle,
+        rms_error=off,
+        rms_allowed=allowed,
+        steps_a_turn=steps / (SETTLE + TURNS),
+        seconds=seconds,
+    )
 
 
 def simulate(scene: jc.Scene) -> jc.Trajectory:

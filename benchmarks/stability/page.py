@@ -41,8 +41,19 @@ Verdicts: *agrees* with both. *whirl*: named by `Statistics.whirl`. *outside the
 number that nothing warns of and that is not the reference's. Whirls and motions outside the model
 are compared too: column "agrees"; "but for smoothing" where a hundredth of the widths agrees.
 """
-COLUMNS = ("case", "start", "formulation", "verdict", "agrees", "error / allowed", "over ms",
-           "RMS, N", "its error / allowed", "steps a turn", "remark")  # fmt: skip
+COLUMNS = (
+    "case",
+    "start",
+    "formulation",
+    "verdict",
+    "agrees",
+    "error / allowed",
+    "over ms",
+    "RMS, N",
+    "its error / allowed",
+    "steps a turn",
+    "remark",
+)
 
 
 def write_csv(path: Path, rows: list[Judged]) -> None:
@@ -54,21 +65,40 @@ def write_csv(path: Path, rows: list[Judged]) -> None:
 
 
 def page(
-    rows: list[Judged], refused: list[Judged], long: list[Drift], stabilised: list[Stabilised],
+    rows: list[Judged],
+    refused: list[Judged],
+    long: list[Drift],
+    stabilised: list[Stabilised],
     minutes: float,
-) -> str:  # fmt: skip
+) -> str:
     """The page in Markdown."""
-    lines = [INTRODUCTION.format(
-        minutes=minutes, machine=setting("scikit-sundae", "numba"), summary=summary(rows, refused),
-        speed=BASE.speed, clearance=1e3 * BASE.clearance, friction=BASE.friction, span=1e3 * SPAN,
-        promised=PROMISED, predictable=PREDICTABLE, first=SETTLE + 1, last=SETTLE + TURNS,
-        few=FEW, many=MANY, ours=OURS,
-    )]  # fmt: skip
+    lines = [
+        INTRODUCTION.format(
+            minutes=minutes,
+            machine=setting("scikit-sundae", "numba"),
+            summary=summary(rows, refused),
+            speed=BASE.speed,
+            clearance=1e3 * BASE.clearance,
+            friction=BASE.friction,
+            span=1e3 * SPAN,
+            promised=PROMISED,
+            predictable=PREDICTABLE,
+            first=SETTLE + 1,
+            last=SETTLE + TURNS,
+            few=FEW,
+            many=MANY,
+            ours=OURS,
+        )
+    ]
     for name in (*AXES, "start"):
         unit = "" if name == "start" else f", {AXES[name].unit}".removesuffix(", 1")
         lines += [f"## By {name}{unit}", "", *_table(r for r in rows if r.axis == name), ""]
-    lines += ["## Inputs without a motion", "", "| input | value | verdict | in words |",
-              "|---|---|---|---|"]  # fmt: skip
+    lines += [
+        "## Inputs without a motion",
+        "",
+        "| input | value | verdict | in words |",
+        "|---|---|---|---|",
+    ]
     lines += [f"| {r.axis} | {r.value} | {_marked(r)} | {r.remark} |" for r in refused]
     return "\n".join([*lines, "", *_drift(long), "", *_baumgarte(stabilised), ""])
 
@@ -78,8 +108,10 @@ def summary(rows: list[Judged], refused: list[Judged]) -> str:
     counts = Counter(row.verdict for row in rows)
     parts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS)
     bad = Counter(row.verdict for row in refused)
-    lines = [f"{len(rows)} motions: {parts}. {len(refused)} inputs without a motion: "
-             f"{bad['refused']} refused, {bad[DISAGREES]} not."]  # fmt: skip
+    lines = [
+        f"{len(rows)} motions: {parts}. {len(refused)} inputs without a motion: "
+        f"{bad['refused']} refused, {bad[DISAGREES]} not."
+    ]
     for row in (*rows, *refused):
         if row.agreement not in ("yes", ""):
             start = "" if row.start == row.value else row.start
@@ -97,10 +129,18 @@ def _table(rows) -> list[str]:
     lines = [f"| {' | '.join(COLUMNS)} |", "|" + "---|" * len(COLUMNS)]
     for r in rows:
         cells = (
-            r.value, r.start, r.formulation, _marked(r), r.agreement,
-            f"{r.error:.1e} / {r.allowed:.1e}", f"{r.span_ms:.1f}", f"{r.rms:.6g}",
-            f"{r.rms_error:.1e} / {r.rms_allowed:.1e}", f"{r.steps_a_turn:.0f}", r.remark,
-        )  # fmt: skip
+            r.value,
+            r.start,
+            r.formulation,
+            _marked(r),
+            r.agreement,
+            f"{r.error:.1e} / {r.allowed:.1e}",
+            f"{r.span_ms:.1f}",
+            f"{r.rms:.6g}",
+            f"{r.rms_error:.1e} / {r.rms_allowed:.1e}",
+            f"{r.steps_a_turn:.0f}",
+            r.remark,
+        )
         lines.append(f"| {' | '.join('' if 'nan' in cell else cell for cell in cells)} |")
     return lines
 
@@ -120,8 +160,10 @@ def _drift(rows: list[Drift]) -> list[str]:
     for r in rows:
         energy = " to ".join(f"{value / r.turned_over:.1e}" for value in r.imbalance)
         kept = "none" if r.residual is None else " to ".join(f"{v:.1e}" for v in r.residual)
-        theirs = (f"{mean:.6g} ± {sd:.2g}" for mean, sd in zip(r.reference_rms, r.reference_scatter,
-                                                              strict=True))  # fmt: skip
+        theirs = (
+            f"{mean:.6g} ± {sd:.2g}"
+            for mean, sd in zip(r.reference_rms, r.reference_scatter, strict=True)
+        )
         ended = r.failure or ("whirl" if r.whirl else "yes")
         lines.append(
             f"| {r.start} | {r.formulation} | {ended} | {energy} | {kept} | "
@@ -140,9 +182,13 @@ def _baumgarte(rows: list[Stabilised]) -> list[str]:
         "of (20, 20). CPU seconds of a second run.",
     ]
     for rtol in baumgarte.TOLERANCES:
-        lines += ["", f"Tolerance {rtol:g}:", "",
-                  "| alpha, 1/s | beta, 1/s | violation | error | steps a turn | CPU s | ended |",
-                  "|---|---|---|---|---|---|---|"]  # fmt: skip
+        lines += [
+            "",
+            f"Tolerance {rtol:g}:",
+            "",
+            "| alpha, 1/s | beta, 1/s | violation | error | steps a turn | CPU s | ended |",
+            "|---|---|---|---|---|---|---|",
+        ]
         for r in (row for row in rows if row.rtol == rtol):
             free = r.alpha is None
             pair = "eccentricities | " if free else f"{r.alpha:.4g} | {r.beta:.4g}"

@@ -40,8 +40,9 @@ def main() -> None:
     with progress(console) as bars:
         for job in jobs:
             bar = bars.add_task(", ".join(part for part in job if part), total=None)
-            found.append(_ask(job, lambda done, total: bars.update(
-                bar, completed=done, total=total)))  # fmt: skip  # noqa: B023
+            found.append(
+                _ask(job, lambda done, total: bars.update(bar, completed=done, total=total))
+            )  # noqa: B023
     costs = [row for rows in found[: len(MOTIONS) * 2] for row in rows]
     console.print(report.write(costs, *found[-2], *found[-1]))
 
@@ -111,13 +112,18 @@ def _costs(motion: str, flag: str) -> list[dict]:
     rms = costs[report.NUMBA].found.rms
     return [
         {
-            "motion": motion, "program": name, "XLA": flag, "wall_us": 1e6 * cost.wall,
-            "cpu_us": 1e6 * cost.cpu, "in_numba": cost.cpu / costs[report.NUMBA].cpu,
-            "first_s": cost.first, "steps": int(cost.found.steps.sum()),
+            "motion": motion,
+            "program": name,
+            "XLA": flag,
+            "wall_us": 1e6 * cost.wall,
+            "cpu_us": 1e6 * cost.cpu,
+            "in_numba": cost.cpu / costs[report.NUMBA].cpu,
+            "first_s": cost.first,
+            "steps": int(cost.found.steps.sum()),
             "difference": float(abs(cost.found.rms / rms - 1).max()),
         }
         for name, cost in costs.items()
-    ]  # fmt: skip
+    ]
 
 
 if __name__ == "__main__":

@@ -54,9 +54,13 @@ def _run(scene: jc.Scene, angle: jax.Array, method: Integration):
 def _adaptive(solver, coefficients, tolerance: float) -> Integration:
     p, i, d = coefficients
     controller = diffrax.PIDController(
-        rtol=jnp.asarray(tolerance), atol=jnp.asarray(tolerance), pcoeff=p, icoeff=i, dcoeff=d,
+        rtol=jnp.asarray(tolerance),
+        atol=jnp.asarray(tolerance),
+        pcoeff=p,
+        icoeff=i,
+        dcoeff=d,
         norm=error_norm,
-    )  # fmt: skip
+    )
     return Integration(solver, controller, 10_000_000, 1e-5, None)
 
 
@@ -101,10 +105,16 @@ def measure(advance: Callable[[], None]) -> tuple[list[dict], dict[str, float]]:
         for motion, (start, angle) in MOTIONS.items():
             rms, steps = _run(_scene(start), jnp.asarray(angle), method)
             a_turn = float(steps) * 2 * math.pi / angle
-            rows.append({
-                "motion": motion, "solver": solver, "controller": controller, "setting": setting,
-                "steps": a_turn, "evaluations": a_turn * _evaluations(method.solver),
-                "error": abs(float(rms) / reference[motion] - 1),
-            })  # fmt: skip
+            rows.append(
+                {
+                    "motion": motion,
+                    "solver": solver,
+                    "controller": controller,
+                    "setting": setting,
+                    "steps": a_turn,
+                    "evaluations": a_turn * _evaluations(method.solver),
+                    "error": abs(float(rms) / reference[motion] - 1),
+                }
+            )
         advance()
     return rows, doubt

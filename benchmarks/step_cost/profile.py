@@ -24,9 +24,17 @@ EVALUATIONS = 100_000
 COSTLY = ("sine", "cosine", "power", "sqrt", "divide", "multiply", "add", "subtract", "select")
 # The same of a traced program.
 _TRACED = {
-    "sin": "sine", "cos": "cosine", "pow": "power", "sqrt": "sqrt", "div": "divide",
-    "mul": "multiply", "add": "add", "add_any": "add", "sub": "subtract", "select_n": "select",
-}  # fmt: skip
+    "sin": "sine",
+    "cos": "cosine",
+    "pow": "power",
+    "sqrt": "sqrt",
+    "div": "divide",
+    "mul": "multiply",
+    "add": "add",
+    "add_any": "add",
+    "sub": "subtract",
+    "select_n": "select",
+}
 # What one evaluation needs: the crank's sine and cosine; delta^1.5, B's height, |e|, |R_O| and
 # |R_C| by square roots; reciprocals of |A|^2, the lever, |e| and the determinant. Divisions by
 # numbers of the design are done once, before the loop.

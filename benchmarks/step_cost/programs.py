@@ -80,9 +80,14 @@ def designs(start: Start, turns: int, side: int = 8) -> Designs:
 def statistics_of(scene: jc.Scene, turns: int) -> Found:
     """By `jaxcrusher.statistics`."""
     result = jc.statistics(
-        scene, 0, turns, outputs=("foundation_rms",), rtol=RTOL, solver=diffrax.Dopri5(),
+        scene,
+        0,
+        turns,
+        outputs=("foundation_rms",),
+        rtol=RTOL,
+        solver=diffrax.Dopri5(),
         dt0=FIRST_STEP,
-    )  # fmt: skip
+    )
     return Found(result.foundation_rms, result.outcome.steps)  # pyright: ignore
 
 

@@ -28,17 +28,22 @@ def write(
             writer = csv.DictWriter(file, list(rows[0]))
             writer.writeheader()
             writer.writerows(rows)
-    page = "\n".join([
-        "# What a step costs",
-        "",
-        "Made by `python -m benchmarks.step_cost`; not edited by hand. All numbers:",
-        "[step_cost.csv](step_cost.csv), [step_cost_steps.csv](step_cost_steps.csv). Measured on",
-        f"{where}.",
-        "",
-        *_cost_lines(costs),
-        *_profile_lines(counted, evaluation, costs),
-        *_steps_lines(steps, doubt),
-    ]) + "\n"  # fmt: skip
+    page = (
+        "\n".join(
+            [
+                "# What a step costs",
+                "",
+                "Made by `python -m benchmarks.step_cost`; not edited by hand. All numbers:",
+                "[step_cost.csv](step_cost.csv), [step_cost_steps.csv](step_cost_steps.csv).",
+                f"Measured on {where}.",
+                "",
+                *_cost_lines(costs),
+                *_profile_lines(counted, evaluation, costs),
+                *_steps_lines(steps, doubt),
+            ]
+        )
+        + "\n"
+    )
     (DOCS / "step_cost.md").write_text(page)
     return page
 

@@ -17,9 +17,10 @@ from jaxcrusher.batch.engines import use_all_cores
 
 
 def main(
-    out: Path = Path(__file__).parents[2] / "docs", scenes: tuple[str, ...] = (),
+    out: Path = Path(__file__).parents[2] / "docs",
+    scenes: tuple[str, ...] = (),
     small: bool = False,
-) -> None:  # fmt: skip
+) -> None:
     """Measure and write.
 
     Args:
@@ -37,9 +38,7 @@ def main(
             exact = references[case.name] = reference(case)
             programs, runs = list(peers(case, small)), list(ours.runs(case, small))
             progress.update(task, total=(progress.tasks[0].total or 0) + len(programs) + len(runs))
-            for make in (
-                of_peers(case, exact, programs), of_ours(case, exact, compiled, runs)
-            ):  # fmt: skip
+            for make in (of_peers(case, exact, programs), of_ours(case, exact, compiled, runs)):
                 for row in make:
                     rows.append(row)
                     table.add(row)

@@ -63,9 +63,11 @@ class Case:
         if self.ideal:
             return jc.ideal_scene(c.speed)
         scene = jc.paper_scene(
-            c.speed, c.clearance, slip="surface",
+            c.speed,
+            c.clearance,
+            slip="surface",
             formulation=formulation,  # pyright: ignore[reportArgumentType]
-        )  # fmt: skip
+        )
         start = Given(
             Vector(self.relative.real, self.relative.imag), Vector(self.rate.real, self.rate.imag)
         )
@@ -130,14 +132,28 @@ def cases() -> dict[str, Case]:
     relative = complex(e.x, e.y) / quiet.clearance
     whirl_e, whirl_rate = _after_turns(quiet, WHIRL_TURNS)
     found = [
-        Case("quiet", "contact start, friction 0.1, two turns", quiet, 2 * TURN, relative,
-             complex(rate.x, rate.y), relative_step=3e-5),
+        Case(
+            "quiet",
+            "contact start, friction 0.1, two turns",
+            quiet,
+            2 * TURN,
+            relative,
+            complex(rate.x, rate.y),
+            relative_step=3e-5,
+        ),
         Case("impacting", "centred start, no friction, 30 ms", centred(), 0.9),
-        Case("whirl", f"friction 0.1, 10 ms from the motion {WHIRL_TURNS} turns after a centred "
-             "start, when the whirl is established", quiet, 0.3, whirl_e / quiet.clearance,
-             whirl_rate, relative_step=1e-3),
+        Case(
+            "whirl",
+            f"friction 0.1, 10 ms from the motion {WHIRL_TURNS} turns after a centred "
+            "start, when the whirl is established",
+            quiet,
+            0.3,
+            whirl_e / quiet.clearance,
+            whirl_rate,
+            relative_step=1e-3,
+        ),
         Case("ideal joint", "one turn", Crusher(), TURN, ideal=True),
-    ]  # fmt: skip
+    ]
     return {case.name: case for case in found}
 
 

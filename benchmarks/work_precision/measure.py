@@ -114,9 +114,18 @@ def _our_row(case: Case, exact: Reference, compiled: Compiled, run: ours.Run) ->
         (_, slope), _, slope_s = _timed(program)
         slope_error = abs(float(slope) / exact.slope - 1)
     row = Row(
-        case.name, run.program, run.setting, *errors, slope_error, compile_s, first, run_s,
-        slope_compile_s, slope_s, int(outcome.steps),
-    )  # fmt: skip
+        case.name,
+        run.program,
+        run.setting,
+        *errors,
+        slope_error,
+        compile_s,
+        first,
+        run_s,
+        slope_compile_s,
+        slope_s,
+        int(outcome.steps),
+    )
     return row, max(run_s, np.nan_to_num(slope_s))
 
 
@@ -135,9 +144,14 @@ def of_peers(case: Case, exact: Reference, peers: list[Peer]) -> Iterator[Row]:
         if run_s > TOO_LONG:
             slow.add(peer.program)
         yield Row(
-            case.name, peer.program, peer.setting, *differences(answer, exact.answer),
-            first_s=first, run_s=run_s, steps=steps,
-        )  # fmt: skip
+            case.name,
+            peer.program,
+            peer.setting,
+            *differences(answer, exact.answer),
+            first_s=first,
+            run_s=run_s,
+            steps=steps,
+        )
 
 
 def _reason(error: Exception) -> str:

@@ -67,9 +67,15 @@ def _by_scipy(case: Case, method: str, rtol: float) -> tuple[Answer, int | None]
         return rate.copy()
 
     found = solve_ivp(
-        field, (0.0, case.span), y, method, t_eval=case.angles, rtol=rtol,
-        atol=[rtol] * 4 + [NEVER], first_step=FIRST_STEP,
-    )  # fmt: skip
+        field,
+        (0.0, case.span),
+        y,
+        method,
+        t_eval=case.angles,
+        rtol=rtol,
+        atol=[rtol] * 4 + [NEVER],
+        first_step=FIRST_STEP,
+    )
     if not found.success:
         raise RuntimeError(found.message)
     return _answer(case, found.y.T, p), None
@@ -82,9 +88,13 @@ def _by_cvode(case: Case, method: str, rtol: float) -> tuple[Answer, int | None]
         numba_peer.field(angle, y, p, rate)
 
     solver = CVODE(
-        field, method=method, rtol=rtol, atol=np.array([rtol] * 4 + [NEVER]), first_step=FIRST_STEP,
+        field,
+        method=method,
+        rtol=rtol,
+        atol=np.array([rtol] * 4 + [NEVER]),
+        first_step=FIRST_STEP,
         max_num_steps=MOST_STEPS,
-    )  # fmt: skip
+    )
     found = solver.solve(np.append(0.0, case.angles), y)
     if not found.success:
         raise RuntimeError(found.message)

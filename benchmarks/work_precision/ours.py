@@ -105,8 +105,13 @@ def runs(case: Case, small: bool = False) -> Iterator[Run]:
             # The other programs with tangents take too long to compile.
             quick = name == "Tsit5" or (name != "Kvaerno5" and formulation != "multiplier")
             for rtol in ladder[:2] if small else ladder:
-                yield Run(f"{name}, {formulation}", f"rtol {rtol:.0e}", scene,
-                          _adaptive(scene, rtol, solver), with_slope=quick)  # fmt: skip
+                yield Run(
+                    f"{name}, {formulation}",
+                    f"rtol {rtol:.0e}",
+                    scene,
+                    _adaptive(scene, rtol, solver),
+                    with_slope=quick,
+                )
             if small:
                 break
         if formulation == formulations[0]:
@@ -126,9 +131,11 @@ def _variants(scene: jc.Scene, small: bool) -> Iterator[Run]:
     for width in WIDTHS if scene.joint is not None and not small else ():
         smoothed = eqx.tree_at(lambda s: s.joint.normal.width, scene, jnp.array(width))
         for rtol in FEW:
-            yield Run(f"Tsit5, corner {width:.0e} m", f"rtol {rtol:.0e}", smoothed,
-                      _adaptive(scene, rtol))  # fmt: skip
+            yield Run(
+                f"Tsit5, corner {width:.0e} m", f"rtol {rtol:.0e}", smoothed, _adaptive(scene, rtol)
+            )
     for rtol in SINGLE[:1] if small else SINGLE:
         method = _adaptive(scene, rtol)
-        yield Run("Tsit5, float32", f"rtol {rtol:.0e}", scene, method, single=True,
-                  with_slope=False)  # fmt: skip
+        yield Run(
+            "Tsit5, float32", f"rtol {rtol:.0e}", scene, method, single=True, with_slope=False
+        )

@@ -107,8 +107,11 @@ def _command() -> str:
 
 def _attributes(plan: Plan, settings: dict[str, Any]) -> dict[str, Any]:
     """Provenance of a store, for its reader."""
-    numbers = {name: [value, PARAMETERS[name].unit] for name, value in plan.base.items()
-               if name in PARAMETERS}  # fmt: skip
+    numbers = {
+        name: [value, PARAMETERS[name].unit]
+        for name, value in plan.base.items()
+        if name in PARAMETERS
+    }
     choices = {name: value for name, value in plan.base.items() if name not in PARAMETERS}
     return {
         "title": "Statistics of jaw crushers over a grid of parameters",

@@ -69,10 +69,14 @@ class Plan:
         """Everything that decides the results, as JSON keeps it."""
         axes = {name: list(values) for name, values in self.axes.items()}
         return {
-            "order of axes": list(axes), "axes": axes, "base": self.base,
-            "settle_turns": self.settle_turns, "turns": self.turns, "rtol": self.rtol,
+            "order of axes": list(axes),
+            "axes": axes,
+            "base": self.base,
+            "settle_turns": self.settle_turns,
+            "turns": self.turns,
+            "rtol": self.rtol,
             "shape of a chunk": list(self.chunk),
-        }  # fmt: skip
+        }
 
 
 def make_plan(
@@ -98,12 +102,14 @@ def make_plan(
         require_choice("base", name, (*PARAMETERS, *CHOICES))
         require(name not in varied, "base", "name none of the axes", repr(name))
         fixed[name] = value if name in CHOICES else float(_numbers(f"base[{name!r}]", value, 0))
-    fixed = {name: fixed.get(name, default) for name, default in PE250X400.items()
-             if name not in varied}  # fmt: skip
+    fixed = {
+        name: fixed.get(name, default) for name, default in PE250X400.items() if name not in varied
+    }
     # All limits are intervals, and what keeps off the dead points is convex: the grid's corners
     # speak for what lies between.
-    ends = [values if name in CHOICES else {min(values), max(values)}
-            for name, values in varied.items()]  # fmt: skip
+    ends = [
+        values if name in CHOICES else {min(values), max(values)} for name, values in varied.items()
+    ]
     for corner in itertools.product(*ends):
         build_scene({**fixed, **dict(zip(varied, corner, strict=True))})
     return Plan(varied, fixed, settle_turns, turns, float(rtol), _chunk_shape(varied, designs))
@@ -126,8 +132,12 @@ def _numbers(called: str, values: Any, dimensions: int) -> np.ndarray:
     except (TypeError, ValueError):
         array = np.array(np.nan)
     good = array.ndim == dimensions and bool(np.all(np.isfinite(array)))
-    require(good, called, "be a finite number" if dimensions == 0 else "be a row of finite numbers",
-            repr(values))  # fmt: skip
+    require(
+        good,
+        called,
+        "be a finite number" if dimensions == 0 else "be a row of finite numbers",
+        repr(values),
+    )
     return array
 
 
@@ -147,20 +157,24 @@ def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[
     started = perf_counter()
     region = plan.region(number)
     # A short chunk repeats its last designs, so that every chunk is the same program.
-    parts = [[axis[min(part.start + i, len(axis) - 1)] for i in range(size)]
-             for axis, part, size in zip(plan.axes.values(), region, plan.chunk, strict=True)
-             ]  # fmt: skip
+    parts = [
+        [axis[min(part.start + i, len(axis) - 1)] for i in range(size)]
+        for axis, part, size in zip(plan.axes.values(), region, plan.chunk, strict=True)
+    ]
     cells = list(itertools.product(*parts))
     # XLA opens a loop over one design, and then rounds differently: each device gets two.
     lanes = max(len(cells), 2 * jax.device_count())
     cells += cells[-1:] * (lanes - len(cells))
     varied = dict(zip(plan.axes, zip(*cells, strict=True), strict=True))
     # Numbers that do not vary are traced too: a design's bits do not depend on what varies.
-    numbers = {name: jnp.asarray(varied.get(name, [plan.base.get(name)] * len(cells)))
-               for name in PARAMETERS}  # fmt: skip
+    numbers = {
+        name: jnp.asarray(varied.get(name, [plan.base.get(name)] * len(cells)))
+        for name in PARAMETERS
+    }
     choices = {name: varied[name][0] if name in varied else plan.base[name] for name in CHOICES}
-    function = eqx.Partial(_design, choices=choices, settle_turns=plan.settle_turns,
-                           turns=plan.turns, rtol=plan.rtol)  # fmt: skip
+    function = eqx.Partial(
+        _design, choices=choices, settle_turns=plan.settle_turns, turns=plan.turns, rtol=plan.rtol
+    )
     ((_, rows),) = map_chunks(function, numbers, lanes)
     size = math.prod(plan.chunk)
     kept = tuple(slice(part.stop - part.start) for part in region)

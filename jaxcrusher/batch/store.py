@@ -67,8 +67,10 @@ class ChunkStore:
     def write(self, number: int, values: dict[str, np.ndarray], record: dict[str, Any]) -> None:
         """Write a chunk and then its marker; an OSError names the chunk."""
         key = self._key(number)
-        what = (f"Chunk {key} of {self.path} could not be written; the {len(self.done)} finished "
-                "chunks are safe")  # fmt: skip
+        what = (
+            f"Chunk {key} of {self.path} could not be written; the {len(self.done)} finished "
+            "chunks are safe"
+        )
         with named(what):
             group = zarr.open_group(self.path, mode="r+")
             # Also chunks that are all False: every finished chunk has all its files.
@@ -130,18 +132,26 @@ class ChunkStore:
                 {"long_name": described.meaning, "units": described.unit} if described else {}
             )
             array = group.create_array(
-                name, shape=(len(axis),), dtype="float64" if described else "str",
-                chunks=(len(axis),), dimension_names=(name,), attributes=labels,
-            )  # fmt: skip
+                name,
+                shape=(len(axis),),
+                dtype="float64" if described else "str",
+                chunks=(len(axis),),
+                dimension_names=(name,),
+                attributes=labels,
+            )
             array[:] = np.array(axis, dtype=float if described else object)
         for name, (unit, meaning) in VARIABLES.items():
             logical = name in LOGICAL
             group.create_array(
-                name, shape=plan.shape, chunks=plan.chunk, dtype="bool" if logical else "float64",
-                fill_value=False if logical else np.nan, dimension_names=tuple(plan.axes),
+                name,
+                shape=plan.shape,
+                chunks=plan.chunk,
+                dtype="bool" if logical else "float64",
+                fill_value=False if logical else np.nan,
+                dimension_names=tuple(plan.axes),
                 chunk_key_encoding={"name": "default", "separator": "."},
                 attributes={"units": unit, "long_name": meaning},
-            )  # fmt: skip
+            )
         with warnings.catch_warnings():
             # Consolidated metadata is not yet in the text of Zarr 3; xarray asks for it.
             warnings.simplefilter("ignore")

@@ -70,8 +70,12 @@ def sweep(
     grid = {}
     for name, values, unit in (("speeds", speeds, "rad/s"), ("clearances", clearances, "m")):
         grid[name] = np.asarray(values, dtype=float)
-        require(grid[name].ndim == 1 and grid[name].size > 0, name, "have shape (n,), n > 0",
-                grid[name].shape)  # fmt: skip
+        require(
+            grid[name].ndim == 1 and grid[name].size > 0,
+            name,
+            "have shape (n,), n > 0",
+            grid[name].shape,
+        )
         require_positive(name, grid[name], unit)
     require_clearance(grid["clearances"], PE250X400["bore_radius"])
     pairs = np.stack(np.meshgrid(grid["speeds"], grid["clearances"], indexing="ij"), axis=-1)

@@ -66,21 +66,32 @@ class Gradient:
 
         with console.status("compiling and integrating: minutes"):
             report = jc.gradient_report(
-                scene, self.metric, {name: values[name] for name in self.by},
-                settle_turns=self.settle, turns=self.turns, radius=self.radius,
-                pairs=self.pairs, seed=self.seed, rtol=self.rtol,
-            )  # fmt: skip
+                scene,
+                self.metric,
+                {name: values[name] for name in self.by},
+                settle_turns=self.settle,
+                turns=self.turns,
+                radius=self.radius,
+                pairs=self.pairs,
+                seed=self.seed,
+                rtol=self.rtol,
+            )
         write_json(folder / "gradient.json", provenance("Slopes", values) | content(report))
         console.print(str(report), highlight=False, markup=False, soft_wrap=True)
         units = ", ".join(f"{name} {_unit(self.metric, name)}" for name in self.by)
-        console.print(f"units: {units}; {folder / 'gradient.json'}", highlight=False,
-                      soft_wrap=True)  # fmt: skip
+        console.print(
+            f"units: {units}; {folder / 'gradient.json'}", highlight=False, soft_wrap=True
+        )
         return 1 if report.regime.name == "failed" else 0
 
     def _check(self, values: dict[str, Any]) -> None:
         require_choice("metric", self.metric, tuple(METRICS))
-        require(len(set(self.by)) == len(self.by) > 0, "by", "name parameters, each once",
-                " ".join(self.by))  # fmt: skip
+        require(
+            len(set(self.by)) == len(self.by) > 0,
+            "by",
+            "name parameters, each once",
+            " ".join(self.by),
+        )
         for name in self.by:
             require_parameter(name)
             # The fit's radius is a share of the value.

@@ -90,8 +90,12 @@ def read_axes(over: Ranges) -> dict[str, list]:
         require(len(rest) == 3, "over", f"be {name} LOW HIGH COUNT", " ".join([name, *rest]))
         low, high = (float(read_text(name, text)) for text in rest[:2])
         count = rest[2]
-        require(count.isdecimal() and int(count) >= 2, "over",
-                f"have a whole COUNT >= 2 for {name}", count)  # fmt: skip
+        require(
+            count.isdecimal() and int(count) >= 2,
+            "over",
+            f"have a whole COUNT >= 2 for {name}",
+            count,
+        )
         require(low < high, "over", f"have LOW < HIGH for {name}", f"{rest[0]} {rest[1]}")
         axes[name] = np.linspace(low, high, int(count)).tolist()
     return axes

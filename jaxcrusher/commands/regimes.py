@@ -83,27 +83,36 @@ class Regimes:
                 kept = " (done before)" if row else ""
                 if row is None:
                     began = time.perf_counter()
-                    verdict = jc.regime(scene, self.settle, self.turns, rtol=self.rtol,
-                                        tangent_turns=self.tangent_turns)  # fmt: skip
+                    verdict = jc.regime(
+                        scene,
+                        self.settle,
+                        self.turns,
+                        rtol=self.rtol,
+                        tangent_turns=self.tangent_turns,
+                    )
                     row = _row(design, verdict, time.perf_counter() - began)
                     done.append(row)
                     content = {**attributes, "settings": settings, "rows": done}
                     write_json(folder / "regimes.json", content)
                     write_netcdf(folder / "regimes.nc", dataset(done, settings, attributes))
                 asked.append(row)
-                bars.console.print(escape(f"{_name(design)}: {row['verdict']}{kept}"),
-                                   highlight=False, soft_wrap=True)  # fmt: skip
+                bars.console.print(
+                    escape(f"{_name(design)}: {row['verdict']}{kept}"),
+                    highlight=False,
+                    soft_wrap=True,
+                )
                 bars.advance(bar)
         failed = sum(row["regime"] == "failed" for row in asked)
         remark = f", {failed} failed" if failed else ""
-        console.print(f"{len(asked)} designs{remark}; {folder / 'regimes.json'}, "
-                      f"{folder / 'regimes.nc'}", highlight=False)  # fmt: skip
+        console.print(
+            f"{len(asked)} designs{remark}; {folder / 'regimes.json'}, {folder / 'regimes.nc'}",
+            highlight=False,
+        )
         return 1 if failed else 0
 
     def designs(self) -> list[dict[str, Any]]:
         """The designs asked for, in SI units; ValueError for ones that cannot be read."""
-        require(not (self.over and self.design), "design", "stand instead of over",
-                "given with it")  # fmt: skip
+        require(not (self.over and self.design), "design", "stand instead of over", "given with it")
         if self.over:
             axes = read_axes(self.over)
             return [
@@ -113,9 +122,12 @@ class Regimes:
             return [{}]
         designs = [_design(text) for text in self.design]
         for design in designs:
-            require(list(design) == list(designs[0]), "design",
-                    f"name {', '.join(designs[0])} as the first one does",
-                    ", ".join(design))  # fmt: skip
+            require(
+                list(design) == list(designs[0]),
+                "design",
+                f"name {', '.join(designs[0])} as the first one does",
+                ", ".join(design),
+            )
         return designs
 
     def _settings(self, values: dict[str, Any], varied: list[str]) -> dict[str, Any]:
@@ -123,9 +135,12 @@ class Regimes:
         return {
             "varied": varied,
             "scene": {name: value for name, value in values.items() if name not in varied},
-            "settle": self.settle, "turns": self.turns, "tangent_turns": self.tangent_turns,
-            "rtol": self.rtol, "versions": environment()["versions"],
-        }  # fmt: skip
+            "settle": self.settle,
+            "turns": self.turns,
+            "tangent_turns": self.tangent_turns,
+            "rtol": self.rtol,
+            "versions": environment()["versions"],
+        }
 
 
 def read_rows(path: Path, settings: dict[str, Any]) -> list[dict[str, Any]]:
@@ -141,8 +156,12 @@ def read_rows(path: Path, settings: dict[str, Any]) -> list[dict[str, Any]]:
     then = before | before.get("scene", {}) | before.get("versions", {})
     differ = [name for name in {**then, **now} if then.get(name) != now.get(name)]
     named = [name for name in differ if name not in ("scene", "versions")]
-    require(not differ, "name", f"be another one for other settings: {path} has another "
-            f"{', '.join(named)}", path.parent.name)  # fmt: skip
+    require(
+        not differ,
+        "name",
+        f"be another one for other settings: {path} has another {', '.join(named)}",
+        path.parent.name,
+    )
     return rows
 
 

@@ -81,8 +81,7 @@ class Simulate:
         if failure:
             console.print(f"FAILED: {failure}", style="red", highlight=False)
         else:
-            console.print(closing(motion, summary, settle, values), highlight=False,
-                          soft_wrap=True)  # fmt: skip
+            console.print(closing(motion, summary, settle, values), highlight=False, soft_wrap=True)
         console.print(f"{folder / 'motion.nc'}, {folder / 'motion.png'}", highlight=False)
         return 1 if failure else 0
 
@@ -98,8 +97,9 @@ class Simulate:
         if self.settle is None:
             return int(span / 2)
         require_whole("settle", self.settle, 0)
-        require(self.settle < span, "settle", f"be under the time span, {span:g} turns",
-                self.settle)  # fmt: skip
+        require(
+            self.settle < span, "settle", f"be under the time span, {span:g} turns", self.settle
+        )
         return self.settle
 
 
@@ -168,6 +168,9 @@ def closing(
         parts.append("FRICTION WHIRL" if bool(summary.whirl) else "no whirl")
         assert summary.validity is not None
         remarks = summary.validity.remarks()
-        parts.append(f"OUTSIDE the contact model: {'; '.join(remarks)}" if remarks else
-                     "inside the contact model")  # fmt: skip
+        parts.append(
+            f"OUTSIDE the contact model: {'; '.join(remarks)}"
+            if remarks
+            else "inside the contact model"
+        )
     return f"{', '.join(parts)} (turns {settle + 1} to {settle + summary.turns})"

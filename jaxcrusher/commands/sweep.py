@@ -59,10 +59,16 @@ class Sweep:
         with progress(console) as bars, _workers(self.scheduler) as scheduler:
             bar = bars.add_task("designs", total=designs)
             grid = sweep_to_store(
-                folder / "sweep.zarr", axes, self.settle, self.turns, base=base,
-                chunk=self.chunk, rtol=self.rtol, scheduler=scheduler,
+                folder / "sweep.zarr",
+                axes,
+                self.settle,
+                self.turns,
+                base=base,
+                chunk=self.chunk,
+                rtol=self.rtol,
+                scheduler=scheduler,
                 progress=lambda finished, _: bars.update(bar, completed=finished),
-            )  # fmt: skip
+            )
         written = [folder / "sweep.zarr"]
         if self.netcdf:
             written.append(folder / "sweep.nc")
@@ -100,15 +106,18 @@ def closing(grid: xr.Dataset) -> str:
     grid = grid[["foundation_rms", "success", "whirl", "inside_model"]].load()
     success, whirl = grid.success.to_numpy(), grid.whirl.to_numpy()
     outside = int((success & ~whirl & ~grid.inside_model.to_numpy()).sum())
-    counts = (f"{grid.success.size} designs: {int((~success).sum())} failed, {int(whirl.sum())} "
-              f"whirl, {outside} more outside the contact model")  # fmt: skip
+    counts = (
+        f"{grid.success.size} designs: {int((~success).sum())} failed, {int(whirl.sum())} "
+        f"whirl, {outside} more outside the contact model"
+    )
     good = grid.foundation_rms.where(grid.success & ~grid.whirl)
     if not bool(good.notnull().any()):
         return counts
     best = good.isel(good.argmin(...))  # pyright: ignore
     units = {name: str(axis.attrs.get("units", "")) for name, axis in best.coords.items()}
-    design = ", ".join(f"{name} {_text(best.coords[name].item())} {units[name]}".rstrip()
-                       for name in grid.sizes)  # fmt: skip
+    design = ", ".join(
+        f"{name} {_text(best.coords[name].item())} {units[name]}".rstrip() for name in grid.sizes
+    )
     return f"{counts}; least RMS {best.item():.0f} N at {design}"
 
 

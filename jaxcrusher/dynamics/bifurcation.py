@@ -130,8 +130,11 @@ def _dataset(numbers, rows, name, units, direction, settle_turns) -> xr.Dataset:
     data = {}
     for key, (unit, meaning) in meanings.items():
         column = np.stack([row[key] for row in rows])
-        data[key] = (("value", "turn")[: column.ndim], column,
-                     {"units": unit, "long_name": meaning})  # fmt: skip
+        data[key] = (
+            ("value", "turn")[: column.ndim],
+            column,
+            {"units": unit, "long_name": meaning},
+        )
     turns = data["e_x"][1].shape[1]
     coordinates = {
         "value": ("value", numbers, {"units": units, "long_name": name}),

@@ -87,11 +87,15 @@ def zero_one_test(
     values = []
     for c in rng.uniform(np.pi / 5, 4 * np.pi / 5, frequencies):
         p, q = np.cumsum(x * np.cos(c * time)), np.cumsum(x * np.sin(c * time))
-        square = np.array([
-            np.mean((p[j : n - cut + j] - p[: n - cut]) ** 2
-                    + (q[j : n - cut + j] - q[: n - cut]) ** 2)
-            for j in lags
-        ])  # fmt: skip
+        square = np.array(
+            [
+                np.mean(
+                    (p[j : n - cut + j] - p[: n - cut]) ** 2
+                    + (q[j : n - cut + j] - q[: n - cut]) ** 2
+                )
+                for j in lags
+            ]
+        )
         oscillation = x.mean() ** 2 * (1 - np.cos(lags * c)) / (1 - np.cos(c))
         values.append(np.corrcoef(lags, square - oscillation)[0, 1])
     return float(np.median(values))

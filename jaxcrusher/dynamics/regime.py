@@ -153,9 +153,13 @@ def turn_statistics(by_turn: Mapping[str, ArrayLike], outcome: Outcome) -> Stati
     columns = {name: jnp.asarray(by_turn[name]) for name in OUTPUTS}
     rms, contact, winding = (whole(name, column) for name, column in columns.items())
     return Statistics(
-        columns["winding"].size, outcome, foundation_rms=rms, contact_fraction=contact,
-        winding=winding, turn_mean_square=columns["foundation_rms"] ** 2,
-    )  # fmt: skip
+        columns["winding"].size,
+        outcome,
+        foundation_rms=rms,
+        contact_fraction=contact,
+        winding=winding,
+        turn_mean_square=columns["foundation_rms"] ** 2,
+    )
 
 
 def verdict(exponents: Lyapunov, zero_one: float, period: int | None, trending: bool) -> str:

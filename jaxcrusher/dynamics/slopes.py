@@ -157,10 +157,17 @@ def gradient_report(
     )
     fits = []
     for share, name in ((1.0, "fit"), (0.5, "fit at half the radius")):
-        fits.append(fit_slopes(
-            value, numbers, share * radius * np.abs(numbers), pairs if chaotic else QUIET_PAIRS,
-            seed, START_SHIFT if chaotic else 0.0, chunk,
-        ))  # fmt: skip
+        fits.append(
+            fit_slopes(
+                value,
+                numbers,
+                share * radius * np.abs(numbers),
+                pairs if chaotic else QUIET_PAIRS,
+                seed,
+                START_SHIFT if chaotic else 0.0,
+                chunk,
+            )
+        )
         estimates[name] = fits[-1].slopes, fits[-1].errors
     if chaotic and metric not in LARGEST:
         estimates["shadowing"] = _shadowing(along[0], metric)
@@ -168,11 +175,14 @@ def gradient_report(
     for i, name in enumerate(names):
         single = {key: (float(a[i]), float(b[i])) for key, (a, b) in estimates.items()}
         slopes[name] = judge(
-            name, single, chaotic, radius * abs(numbers[i]),
+            name,
+            single,
+            chaotic,
+            radius * abs(numbers[i]),
             growth=float(largest) * TANGENT_TURNS,
             share=float(fits[0].shares[i]),
             drift=(float(fits[0].drifts[i]), float(fits[0].drift_errors[i])),
-        )  # fmt: skip
+        )
     growth = float(largest) * horizon, float(error) * horizon
     return GradientReport(metric, kind, horizon, growth, slopes)
 
@@ -210,9 +220,15 @@ def _metric(case, build, metric: str, settle_turns: int, turns: int, rtol: float
 
 
 def judge(
-    name: str, estimates: dict[str, tuple[float, float]], chaotic: bool, radius: float, *,
-    growth: float, share: float = 0.0, drift: tuple[float, float] = (0.0, 0.0),
-) -> Slope:  # fmt: skip
+    name: str,
+    estimates: dict[str, tuple[float, float]],
+    chaotic: bool,
+    radius: float,
+    *,
+    growth: float,
+    share: float = 0.0,
+    drift: tuple[float, float] = (0.0, 0.0),
+) -> Slope:
     """The estimate to use, and whether to believe it.
 
     `radius` is that of the fit, in the parameter's unit; `growth` the largest exponent times the
@@ -246,9 +262,15 @@ def judge(
         (refusals if estimator == "tangent" else doubts).append(notice)
     verdict = "refused" if refusals else "doubtful" if doubts else "ok"
     return Slope(
-        name, estimator, value, error, radius if chaotic else 0.0, verdict,
-        (*refusals, *doubts), estimates,
-    )  # fmt: skip
+        name,
+        estimator,
+        value,
+        error,
+        radius if chaotic else 0.0,
+        verdict,
+        (*refusals, *doubts),
+        estimates,
+    )
 
 
 def _agree(one: tuple[float, float], other: tuple[float, float]) -> bool:

@@ -67,9 +67,16 @@ class ClearanceJoint(eqx.Module):
         push = normal_force * normal
         if self.friction is None:
             return Contact(
-                penetration, penetration_rate, orbit_speed, normal_force, None, None, push,
-                None, None,
-            )  # fmt: skip
+                penetration,
+                penetration_rate,
+                orbit_speed,
+                normal_force,
+                None,
+                None,
+                push,
+                None,
+                None,
+            )
         tangent = normal.perp()
         journal_arm = self.bore_radius - length
         centre_speed = -rate.dot(tangent)

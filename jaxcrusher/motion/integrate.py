@@ -121,11 +121,14 @@ def _integrate_jvp(primals, tangents, *, problem: Problem, method: Integration):
             "Argument `times` must not be differentiated, but is traced by a derivative; "
             "the rate of an output is an output of its own."
         )
-    perturbed = eqx.filter(args, jax.tree.map(lambda leaf: leaf is not None, args_dot,
-                                              is_leaf=lambda leaf: leaf is None))  # fmt: skip
+    perturbed = eqx.filter(
+        args,
+        jax.tree.map(lambda leaf: leaf is not None, args_dot, is_leaf=lambda leaf: leaf is None),
+    )
     values, unravel = ravel_pytree(perturbed)
-    fixed = eqx.filter(args, jax.tree.map(lambda leaf: leaf is None, args_dot,
-                                          is_leaf=lambda leaf: leaf is None))  # fmt: skip
+    fixed = eqx.filter(
+        args, jax.tree.map(lambda leaf: leaf is None, args_dot, is_leaf=lambda leaf: leaf is None)
+    )
     # Tangents by relative changes of a number: of the same units and size as the state.
     scales = jnp.where(values == 0, 1.0, jnp.abs(values))
     augmented = _with_tangents(problem, unravel)
@@ -262,6 +265,8 @@ def _finite(tree: PyTree) -> Bool[Array, ""]:
 def _masked(tree: PyTree, bad: Bool[Array, "..."]) -> PyTree:
     """NaN where `bad`, which has the leading axes of every leaf."""
     return jax.tree.map(
-        lambda leaf: jnp.where(bad.reshape(bad.shape + (1,) * (leaf.ndim - bad.ndim)),
-                               jnp.nan, leaf), tree
-    )  # fmt: skip
+        lambda leaf: jnp.where(
+            bad.reshape(bad.shape + (1,) * (leaf.ndim - bad.ndim)), jnp.nan, leaf
+        ),
+        tree,
+    )

@@ -157,9 +157,14 @@ def initial_state(scene: Scene) -> Float[Array, " dims"]:
 
 @eqx.filter_jit
 def _section(
-    scene: Scene, settle_turns: int, turns: int, slices: int | None, state,
-    outputs: tuple[str, ...], method: Integration,
-) -> Section:  # fmt: skip
+    scene: Scene,
+    settle_turns: int,
+    turns: int,
+    slices: int | None,
+    state,
+    outputs: tuple[str, ...],
+    method: Integration,
+) -> Section:
     start, unravel = ravel_pytree(scene.formulation.initial(scene))
     state = start if state is None else jnp.asarray(state, dtype=float)
 

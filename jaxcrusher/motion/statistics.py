@@ -210,8 +210,11 @@ def statistics_problem(outputs: tuple[str, ...]) -> Problem:
         rates = {}
         if {"mean_square", "foundation_mean", "foundation_smooth_peak"} & set(totals):
             force = foundation_force(snapshot, scene)
-            rates = {"mean_square": force**2, "foundation_mean": force,
-                     "foundation_smooth_peak": force**PEAK_POWER}  # fmt: skip
+            rates = {
+                "mean_square": force**2,
+                "foundation_mean": force,
+                "foundation_smooth_peak": force**PEAK_POWER,
+            }
         if "sliding_power" in totals:
             rates["sliding_power"] = _sliding_power(snapshot)
         if "drive_power" in totals:

@@ -38,9 +38,13 @@ class Tangents(eqx.Module):
 
 
 def tangents(
-    build: Build, point: Float[Array, " n"], metric: str, state: Float[ArrayLike, " dims"],
-    turns: int, rtol: float,
-) -> Tangents:  # fmt: skip
+    build: Build,
+    point: Float[Array, " n"],
+    metric: str,
+    state: Float[ArrayLike, " dims"],
+    turns: int,
+    rtol: float,
+) -> Tangents:
     """Of `turns` turns of the scene `build(point)` from the section point `state`.
 
     The tangents are integrated beside the motion, under the same tolerance. Every call runs the

@@ -12,9 +12,15 @@ from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE, PURPLE
 
 # What a trajectory must hold to be drawn.
 DRAWN = (
-    "pin_position", "jaw_position", "jaw_mass_centre", "eccentricity",
-    "bearing_reaction", "toggle_reaction", "joint_force", "crushing_load",
-)  # fmt: skip
+    "pin_position",
+    "jaw_position",
+    "jaw_mass_centre",
+    "eccentricity",
+    "bearing_reaction",
+    "toggle_reaction",
+    "joint_force",
+    "crushing_load",
+)
 # Force -> symbol, colour, where it acts, and which end of the arrow is there: the frame pushes,
 # so that R_O and F_A, almost equal, do not cover each other.
 FORCES = {
@@ -80,8 +86,13 @@ class Drawing:
         if scene.joint is not None:
             self.parts.append(_Magnified(ax, radius, float(scene.joint.clearance), largest))
         right, top = bearing + HUB * radius
-        ax.set(xlim=(-0.95 * size, right + 0.63 * size), ylim=(-0.55 * size, top + 0.3 * size),
-               aspect="equal", xlabel="x (m)", ylabel="y (m)")  # fmt: skip
+        ax.set(
+            xlim=(-0.95 * size, right + 0.63 * size),
+            ylim=(-0.55 * size, top + 0.3 * size),
+            aspect="equal",
+            xlabel="x (m)",
+            ylabel="y (m)",
+        )
 
     def show(self, instant: int) -> None:
         """Move everything to one instant of the trajectory."""
@@ -97,11 +108,17 @@ class _Bodies:
     def __init__(self, ax: Axes, size: float, radius: float, bearing: np.ndarray, data: dict):
         self.radius = r = radius
         # Along B-A from A, across it towards the face.
-        self.outline = np.array([
-            (0.0, -HUB * r), (-size, -0.4 * r), (-size - FOOT * r, 0.0),
-            (-size - FOOT * r, FACE * r), (0.9 * HUB * r, FACE * r), (HUB * r, 0.5 * r),
-            (0.9 * r, -0.9 * r),
-        ])  # fmt: skip
+        self.outline = np.array(
+            [
+                (0.0, -HUB * r),
+                (-size, -0.4 * r),
+                (-size - FOOT * r, 0.0),
+                (-size - FOOT * r, FACE * r),
+                (0.9 * HUB * r, FACE * r),
+                (HUB * r, 0.5 * r),
+                (0.9 * r, -0.9 * r),
+            ]
+        )
         self.jaw = ax.add_patch(Polygon(self.outline, facecolor=JAW, edgecolor="k"))
         (self.face,) = ax.plot([], [], color="k", linewidth=3, solid_capstyle="butt")
         self.toggle = ax.add_patch(Polygon(np.zeros((4, 2)), facecolor=TOGGLE, edgecolor="k"))
@@ -116,9 +133,16 @@ class _Bodies:
             ax.add_patch(Polygon(foot, facecolor="w", edgecolor="k", hatch="////", zorder=3))
             ax.plot(*pivot, "o", color="k", markerfacecolor="w", markersize=6, zorder=4)
         self._fixed_jaw(ax, r, size, data)
-        self.names = {name: ax.annotate(name, (0, 0), textcoords="offset points", xytext=offset)
-                      for name, offset in (("O", (-18, -4)), ("A", (7, 4)), ("B", (9, -14)),
-                                           ("C", (5, 9)), ("$S_2$", (8, -4)))}  # fmt: skip
+        self.names = {
+            name: ax.annotate(name, (0, 0), textcoords="offset points", xytext=offset)
+            for name, offset in (
+                ("O", (-18, -4)),
+                ("A", (7, 4)),
+                ("B", (9, -14)),
+                ("C", (5, 9)),
+                ("$S_2$", (8, -4)),
+            )
+        }
 
     def _fixed_jaw(self, ax: Axes, r: float, size: float, data: dict) -> None:
         """Clear of the face at every time, 20 degrees off it on average."""
@@ -158,18 +182,49 @@ class _Arrows:
         self.arrows, self.labels = {}, {}
         for name, (symbol, colour, _, end) in FORCES.items():
             self.arrows[name] = ax.quiver(
-                0, 0, 0, 0, angles="xy", scale_units="xy", scale=newtons_per_metre, pivot=end,
-                color=colour, width=0.007, minlength=0, zorder=5, edgecolor="w", linewidth=0.5,
-            )  # fmt: skip
+                0,
+                0,
+                0,
+                0,
+                angles="xy",
+                scale_units="xy",
+                scale=newtons_per_metre,
+                pivot=end,
+                color=colour,
+                width=0.007,
+                minlength=0,
+                zorder=5,
+                edgecolor="w",
+                linewidth=0.5,
+            )
             self.labels[name] = ax.annotate(
-                symbol, (0, 0), color=colour, fontsize=12, fontweight="bold", zorder=6,
-                textcoords="offset points", xytext=(0, 0), ha="center", va="center",
-                bbox={"boxstyle": "round,pad=0.1", "facecolor": "w", "edgecolor": "none",
-                      "alpha": 0.8},
-            )  # fmt: skip
+                symbol,
+                (0, 0),
+                color=colour,
+                fontsize=12,
+                fontweight="bold",
+                zorder=6,
+                textcoords="offset points",
+                xytext=(0, 0),
+                ha="center",
+                va="center",
+                bbox={
+                    "boxstyle": "round,pad=0.1",
+                    "facecolor": "w",
+                    "edgecolor": "none",
+                    "alpha": 0.8,
+                },
+            )
         unit = _round_down(0.6 * largest)
-        ax.quiverkey(self.arrows["joint_force"], 0.14, 0.05, unit, f"{unit / 1e3:g} kN",
-                     labelpos="E", color="k")  # fmt: skip
+        ax.quiverkey(
+            self.arrows["joint_force"],
+            0.14,
+            0.05,
+            unit,
+            f"{unit / 1e3:g} kN",
+            labelpos="E",
+            color="k",
+        )
         # A shorter arrow leaves no room for its name.
         self.metres, self.least = 1 / newtons_per_metre, 0.1 * largest
 
@@ -196,8 +251,14 @@ class _Magnified:
         self.scale = times / radius
         gap = self.scale * clearance
         inset = ax.inset_axes((0.01, 0.52, 0.37, 0.45))
-        inset.set(xlim=(-1.35, 1.35), ylim=(-1.35, 1.35), aspect="equal", xticks=[], yticks=[],
-                  facecolor=JAW)  # fmt: skip
+        inset.set(
+            xlim=(-1.35, 1.35),
+            ylim=(-1.35, 1.35),
+            aspect="equal",
+            xticks=[],
+            yticks=[],
+            facecolor=JAW,
+        )
         inset.set_title(f"clearance {1e3 * clearance:g} mm, times {times:g}", fontsize=9)
         inset.add_patch(Circle((0, 0), 1, facecolor="w", edgecolor="k", linewidth=1.5))
         inset.add_patch(Circle((0, 0), gap, fill=False, edgecolor="0.4", linestyle="--"))
@@ -206,9 +267,19 @@ class _Magnified:
         inset.plot(0, 0, "+", color="k", markersize=9)
         (self.centre,) = inset.plot([], [], "o", color="k", markersize=4)
         self.force = inset.quiver(
-            0, 0, 0, 0, angles="xy", scale_units="xy", scale=largest / 0.7, pivot="tip",
-            color=FORCES["joint_force"][1], width=0.02, minlength=0, zorder=5,
-        )  # fmt: skip
+            0,
+            0,
+            0,
+            0,
+            angles="xy",
+            scale_units="xy",
+            scale=largest / 0.7,
+            pivot="tip",
+            color=FORCES["joint_force"][1],
+            width=0.02,
+            minlength=0,
+            zorder=5,
+        )
 
     def show(self, here: dict[str, np.ndarray]) -> None:
         centre = self.scale * here["eccentricity"]

@@ -60,15 +60,27 @@ def plot_landscape(
         # White on black, so that it reads on every colour of the map.
         for colour, width in (("k", 2.4), ("w", 1.0)):
             hatched = ax.pcolor(
-                speeds, clearances, np.where(chosen, 1.0, np.nan), shading="nearest",
-                facecolor="none", edgecolor=colour, hatch=hatch, linewidth=0,
-            )  # fmt: skip
+                speeds,
+                clearances,
+                np.where(chosen, 1.0, np.nan),
+                shading="nearest",
+                facecolor="none",
+                edgecolor=colour,
+                hatch=hatch,
+                linewidth=0,
+            )
             hatched.set_hatch_linewidth(width)
         hatched.set_label(name)
         handles.append(Patch(facecolor="0.45", edgecolor="w", hatch=hatch, label=name))
     if handles:
-        ax.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3,
-                  handleheight=1.6, handlelength=3)  # fmt: skip
+        ax.legend(
+            handles=handles,
+            loc="lower center",
+            bbox_to_anchor=(0.5, 1.0),
+            ncols=3,
+            handleheight=1.6,
+            handlelength=3,
+        )
     return ax
 
 
@@ -127,8 +139,14 @@ def plot_orbit(trajectory: Trajectory, clearance: float, ax: Axes | None = None)
 def _circle(ax: Axes, radius: float) -> None:
     """The clearance circle."""
     angle = np.linspace(0, 2 * np.pi, 361)
-    ax.plot(radius * np.cos(angle), radius * np.sin(angle), color="0.4", linestyle="--",
-            linewidth=1, label="clearance")  # fmt: skip
+    ax.plot(
+        radius * np.cos(angle),
+        radius * np.sin(angle),
+        color="0.4",
+        linestyle="--",
+        linewidth=1,
+        label="clearance",
+    )
 
 
 def plot_force(
@@ -141,8 +159,9 @@ def plot_force(
     ax.plot(trajectory.time, force, color=BLUE, linewidth=0.8, label="with clearance")
     if ideal is not None and ideal.foundation_force is not None:
         without = np.asarray(ideal.foundation_force) / 1e3
-        ax.plot(ideal.time, without, color=ORANGE, linestyle="--", linewidth=1.4,
-                label="ideal joint")  # fmt: skip
+        ax.plot(
+            ideal.time, without, color=ORANGE, linestyle="--", linewidth=1.4, label="ideal joint"
+        )
     ax.set(xlabel="time (s)", ylabel=f"${FORCE}$ (kN)")
     ax.legend()
     return ax
@@ -163,8 +182,15 @@ def plot_section(
         _circle(ax, 1.0)
         ax.set_aspect("equal")
         ax.locator_params(nbins=5)
-    ax.plot(states[:, across], states[:, up], "o", color=BLUE, markersize=2.5,
-            markeredgewidth=0, label="once a turn")  # fmt: skip
+    ax.plot(
+        states[:, across],
+        states[:, up],
+        "o",
+        color=BLUE,
+        markersize=2.5,
+        markeredgewidth=0,
+        label="once a turn",
+    )
     ax.set(xlabel=STATES[across], ylabel=STATES[up])
     return ax
 
@@ -186,8 +212,16 @@ def plot_bifurcation(diagram: xr.DataArray, ax: Axes | None = None) -> Axes:
         points = diagram.sel(direction=name).transpose(parameter, "turn").to_numpy()
         values = np.broadcast_to(diagram[parameter].to_numpy()[:, None], points.shape)
         # Hollow, so that directions which agree are both seen.
-        ax.plot(values.ravel(), points.ravel(), marker, color=colour, markersize=3.5,
-                markerfacecolor="none", markeredgewidth=0.8, label=str(name))  # fmt: skip
+        ax.plot(
+            values.ravel(),
+            points.ravel(),
+            marker,
+            color=colour,
+            markersize=3.5,
+            markerfacecolor="none",
+            markeredgewidth=0.8,
+            label=str(name),
+        )
     if diagram.sizes["direction"] > 1:
         ax.legend(markerscale=2)
     ax.set(xlabel=_label(diagram[parameter]), ylabel=_label(diagram))
@@ -210,8 +244,13 @@ def plot_spectrum(
     ax = plt.subplots()[1] if ax is None else ax
     ax.loglog(np.asarray(frequencies)[1:], np.asarray(density)[1:], color=BLUE, linewidth=0.8)
     if turn_frequency is not None:
-        ax.axvline(turn_frequency, color=ORANGE, linestyle="--", linewidth=1,
-                   label=f"turns of the shaft, {turn_frequency:.3g} Hz")  # fmt: skip
+        ax.axvline(
+            turn_frequency,
+            color=ORANGE,
+            linestyle="--",
+            linewidth=1,
+            label=f"turns of the shaft, {turn_frequency:.3g} Hz",
+        )
         ax.legend()
     ax.set(xlabel="frequency (Hz)", ylabel=f"power density ({unit}²/Hz)")
     return ax

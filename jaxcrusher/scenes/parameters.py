@@ -94,8 +94,11 @@ PARAMETERS = {
 _STARTS = {"centred": Centred, "contact": InContact}
 _SLIPS = {"centre": CentreSlip, "surface": SurfaceSlip}
 _LOADS = {"along_jaw": AlongJaw, "normal_to_jaw": NormalToJaw, "closing_stroke": ClosingStroke}
-_CONTACTS = {"lankarani_nikravesh": LankaraniNikravesh, "hunt_crossley": HuntCrossley,
-             "flores": Flores}  # fmt: skip
+_CONTACTS = {
+    "lankarani_nikravesh": LankaraniNikravesh,
+    "hunt_crossley": HuntCrossley,
+    "flores": Flores,
+}
 _FORMULATIONS = {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation}
 
 # Name -> what may be chosen, the paper's choice first.

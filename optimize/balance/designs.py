@@ -8,12 +8,16 @@ from optimize.evaluate import STARTS
 
 # Name, unit and factor of the rows of the table of designs.
 UNITS = {
-    "counterweight.moment_along": ("kg m", 1.0), "counterweight.moment_across": ("kg m", 1.0),
-    "counterweight.radius": ("m", 1.0), "jaw.mass_centre_distance": ("m", 1.0),
-    "jaw.mass_centre_angle": ("deg", 180 / np.pi), "toggle.length": ("m", 1.0),
-    "bearing.distance": ("m", 1.0), "bearing.inclination": ("deg", 180 / np.pi),
+    "counterweight.moment_along": ("kg m", 1.0),
+    "counterweight.moment_across": ("kg m", 1.0),
+    "counterweight.radius": ("m", 1.0),
+    "jaw.mass_centre_distance": ("m", 1.0),
+    "jaw.mass_centre_angle": ("deg", 180 / np.pi),
+    "toggle.length": ("m", 1.0),
+    "bearing.distance": ("m", 1.0),
+    "bearing.inclination": ("deg", 180 / np.pi),
     "jaw.length": ("m", 1.0),
-}  # fmt: skip
+}
 FIGURES = {
     "foundation_rms": ("RMS of \\|R_O\\| + \\|R_C\\|", "N", 0),
     "foundation_mean": ("its mean", "N", 0),
@@ -44,9 +48,11 @@ def designs(result: dict) -> tuple[list[str], list[list[str]]]:
             cells.append(f"{factor * design['values'][name]:.4g}{at}")
         lost = chosen["optimised"]["one_by_one"][name]
         rows.append([*cells, f"{lost:.0f}"])
-    for key, label in (("eccentricity", "eccentricity that follows, m"),
-                       ("counterweight_mass", "counterweight that follows, kg"),
-                       ("capacity", "capacity, m3/h")):  # fmt: skip
+    for key, label in (
+        ("eccentricity", "eccentricity that follows, m"),
+        ("counterweight_mass", "counterweight that follows, kg"),
+        ("capacity", "capacity, m3/h"),
+    ):
         rows.append([label, "", *(f"{round(d[key], 6):.4g}" for d in chosen.values()), ""])
     return ["parameter", "bounds", *chosen, "RMS added if it alone goes back, N"], rows
 
@@ -73,9 +79,8 @@ def long_runs(result: dict) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of the table of confirmations."""
     found = result["long_runs"]
     rows = [
-        [f"{start} start", *(_long_run(runs[start]) for runs in found.values())]
-        for start in STARTS
-    ]  # fmt: skip
+        [f"{start} start", *(_long_run(runs[start]) for runs in found.values())] for start in STARTS
+    ]
     turns = result["options"]["settle"]
     return [f"RMS over {turns} turns after {turns}, N", *found], rows
 
@@ -95,9 +100,15 @@ def robust(result: dict) -> tuple[list[str], list[list[str]]]:
     rows = []
     for name, column in result["robust"]["values"].items():
         values = np.array(column, dtype=float)
-        rows.append([name, f"{values.mean():.1f}", f"{values.std():.1f}",
-                     f"{values.mean() + sigmas * values.std():.1f}",
-                     f"{values.max():.1f}"])  # fmt: skip
+        rows.append(
+            [
+                name,
+                f"{values.mean():.1f}",
+                f"{values.std():.1f}",
+                f"{values.mean() + sigmas * values.std():.1f}",
+                f"{values.max():.1f}",
+            ]
+        )
     return ["design", "mean, N", "spread, N", f"mean + {sigmas:g} spreads, N", "worst, N"], rows
 
 
@@ -107,13 +118,19 @@ def remarks(result: dict) -> list[str]:
     before, after = (chosen[name]["variants"] for name in ("paper", "optimised"))
     old, new = found["paper"], found["optimised"]
     whole, standing = (before[key] - after[key] for key in (AS_IT_IS, STANDING))
-    inertia = {name: [v[AS_IT_IS] - v[f"{name} of a slender rod"] for v in (before, after)]
-               for name in ("J2", "J3")}  # fmt: skip
+    inertia = {
+        name: [v[AS_IT_IS] - v[f"{name} of a slender rod"] for v in (before, after)]
+        for name in ("J2", "J3")
+    }
     lost = chosen["optimised"]["one_by_one"]
     worst = sorted(lost, key=lambda name: -lost[name])[:3]
-    bounds = [name for name, unit in zip(result["designs"]["bounds"],
-                                         chosen["optimised"]["point"], strict=True)
-              if min(unit, 1 - unit) < 1e-3]  # fmt: skip
+    bounds = [
+        name
+        for name, unit in zip(
+            result["designs"]["bounds"], chosen["optimised"]["point"], strict=True
+        )
+        if min(unit, 1 - unit) < 1e-3
+    ]
     return [
         f"Of {whole:.0f} N, {standing:.0f} N come from the machine standing (weight and load at "
         f"1 rad/s, {before[STANDING]:.0f} N before): |R_O| + |R_C| contains the weight. The RMS of "

@@ -54,8 +54,7 @@ def histories(design: Design, points: Mapping[str, np.ndarray], settle: int) -> 
     scenes = stack([design.scene(point) for point in points.values()])
     function = eqx.Partial(_one_turn, settle=settle)
     ((_, rows),) = map_chunks(function, scenes, len(points))
-    return {name: {key: values[i] for key, values in rows.items()}
-            for i, name in enumerate(points)}  # fmt: skip
+    return {name: {key: values[i] for key, values in rows.items()} for i, name in enumerate(points)}
 
 
 def _one_turn(scene: jc.Scene, settle: int) -> dict[str, Any]:
@@ -93,11 +92,17 @@ def figures(history: Mapping[str, np.ndarray]) -> dict[str, float]:
 
 def variants(description: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """The same machine with one thing changed, to see what its force comes from."""
-    jaw, toggle = ({part: float(description.get(f"{name}.{part}", jc.PARAMETERS[f"{name}.{part}"]
-                                                .default)) for part in ("mass", "length")}
-                   for name in ("jaw", "toggle"))  # fmt: skip
-    slender = {f"{name}.inertia": body["mass"] * body["length"] ** 2 / 12
-               for name, body in (("jaw", jaw), ("toggle", toggle))}  # fmt: skip
+    jaw, toggle = (
+        {
+            part: float(description.get(f"{name}.{part}", jc.PARAMETERS[f"{name}.{part}"].default))
+            for part in ("mass", "length")
+        }
+        for name in ("jaw", "toggle")
+    )
+    slender = {
+        f"{name}.inertia": body["mass"] * body["length"] ** 2 / 12
+        for name, body in (("jaw", jaw), ("toggle", toggle))
+    }
     return {
         AS_IT_IS: {},
         "without load": {"load": 0.0},

@@ -32,8 +32,13 @@ def draw(path: Path, result: dict, turn: Mapping[str, Mapping[str, Any]]) -> Non
         for name, colour in DESIGNS.items():
             values = turn[name][key]
             values = np.hypot(*values.T) if values.ndim == 2 else values
-            ax.plot(angle, factor * values, color=colour, label=name,
-                    linestyle="--" if name == "robust" else "-")  # fmt: skip
+            ax.plot(
+                angle,
+                factor * values,
+                color=colour,
+                label=name,
+                linestyle="--" if name == "robust" else "-",
+            )
         ax.set(xlabel="shaft angle, deg", ylabel=label, xlim=(0, 360), xticks=range(0, 361, 90))
         ax.grid(alpha=0.3)
     axes[0, 2].set_ylim(bottom=0)
@@ -71,7 +76,11 @@ def _draw_searches(ax, result: dict, kind: str) -> None:
         ax.plot(at[every], np.median(above, axis=0)[every], color=colour, label=method)
     gain = scale * (1 - least)
     ax.axhline(max(gain, 0.1), color="0.5", linestyle=":", label="paper's machine")
-    ax.set(xscale="log", yscale="log", ylabel="RMS above the best found, N",
-           xlabel="work, values" if kind == "work" else "CPU seconds")  # fmt: skip
+    ax.set(
+        xscale="log",
+        yscale="log",
+        ylabel="RMS above the best found, N",
+        xlabel="work, values" if kind == "work" else "CPU seconds",
+    )
     ax.grid(alpha=0.3)
     ax.legend(fontsize=8)

@@ -24,15 +24,28 @@ def comparison(result: dict) -> tuple[list[str], list[list[str]]]:
             continue
         end = scale * np.array([s.best[-1] for s in found])
         work, seconds = spent[method]
-        rows.append([
-            method, f"{np.median(end):.2f}", f"{end.min():.2f} to {end.max():.2f}",
-            f"{np.isfinite(work).sum()} of {len(found)}", _range(work), _range(seconds, 2),
-            f"{np.median([s.evaluations for s in found]):.0f}",
-            f"{np.median([s.steps for s in found]):.0f}",
-        ])  # fmt: skip
-    headings = ["method", "RMS at the end, N: median", "range", "arrived",
-                "work until then, values: median (range)", "CPU seconds until then",
-                "evaluations", "integration steps"]  # fmt: skip
+        rows.append(
+            [
+                method,
+                f"{np.median(end):.2f}",
+                f"{end.min():.2f} to {end.max():.2f}",
+                f"{np.isfinite(work).sum()} of {len(found)}",
+                _range(work),
+                _range(seconds, 2),
+                f"{np.median([s.evaluations for s in found]):.0f}",
+                f"{np.median([s.steps for s in found]):.0f}",
+            ]
+        )
+    headings = [
+        "method",
+        "RMS at the end, N: median",
+        "range",
+        "arrived",
+        "work until then, values: median (range)",
+        "CPU seconds until then",
+        "evaluations",
+        "integration steps",
+    ]
     return headings, rows
 
 
@@ -41,10 +54,13 @@ def _spent(result: dict) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     grouped = by_method(result)
     goal = _goal(grouped)
     return {
-        method: (np.array([spent_until(s, s.work, goal) for s in found]),
-                 np.array([spent_until(s, s.seconds, goal) for s in found]))
-        for method, found in grouped.items() if found
-    }  # fmt: skip
+        method: (
+            np.array([spent_until(s, s.work, goal) for s in found]),
+            np.array([spent_until(s, s.seconds, goal) for s in found]),
+        )
+        for method, found in grouped.items()
+        if found
+    }
 
 
 def _goal(grouped: dict[str, list[Search]]) -> float:
@@ -60,9 +76,11 @@ def verdict(result: dict) -> str:
 
     def ranked(order: list[str], i: int, digits: int) -> str:
         return ", ".join(
-            f"{name} {spent[name][i]:.{digits}f}" if np.isfinite(spent[name][i])
-            else f"{name} never" for name in order
-        )  # fmt: skip
+            f"{name} {spent[name][i]:.{digits}f}"
+            if np.isfinite(spent[name][i])
+            else f"{name} never"
+            for name in order
+        )
 
     cost = result["cost"]["gradient_seconds"] / result["cost"]["value_seconds"]
     gradients = spent.get("L-BFGS-B", [float("inf")])[0] / cost
@@ -78,8 +96,10 @@ def verdict(result: dict) -> str:
 
 def _range(values: np.ndarray, digits: int = 0) -> str:
     """Median and range; a search that never arrived counts as infinite."""
-    low, middle, high = (f"{v:.{digits}f}" if np.isfinite(v) else "never"
-                         for v in (values.min(), _median(values), values.max()))  # fmt: skip
+    low, middle, high = (
+        f"{v:.{digits}f}" if np.isfinite(v) else "never"
+        for v in (values.min(), _median(values), values.max())
+    )
     return f"{middle} ({low} to {high})"
 
 

@@ -29,7 +29,7 @@ PAPER = {**PE250X400, "counterweight.moment_along": 0.0, "counterweight.moment_a
 class Options:
     """Choose counterweight, mass centre and links of a PE250x400 that shake its foundation least,
     at equal stroke, capacity and speed: a gradient search against two rivals without gradients.
-    """  # fmt: skip  # noqa: D205
+    """  # noqa: D205
 
     name: str = "balance"
     """Name of the study: results go to OUT/NAME/."""
@@ -66,8 +66,14 @@ class Options:
         require(good, "clearance", f"lie in (0, {bore:g}) mm", self.clearance)
         good = 0 < self.links <= MOST_LINKS
         require(good, "links", f"lie in (0, {MOST_LINKS:g}] percent", self.links)
-        for name, least in (("starts", 1), ("budget", 1), ("turns", 1), ("samples", 2),
-                            ("settle", 2), ("seed", 0)):  # fmt: skip
+        for name, least in (
+            ("starts", 1),
+            ("budget", 1),
+            ("turns", 1),
+            ("samples", 2),
+            ("settle", 2),
+            ("seed", 0),
+        ):
             require_whole(name, getattr(self, name), least)
         for width in self.tolerance:
             require_within("tolerance", width, 0.0, 0.9)

@@ -34,12 +34,13 @@ class Study:
         self.result: dict[str, Any] = {
             "status": "interrupted",
             "command": options.command(),
-            "versions": {name: version(name) for name in ("jax", "diffrax", "scipy", "cma",
-                                                          "Py-BOBYQA")},
+            "versions": {
+                name: version(name) for name in ("jax", "diffrax", "scipy", "cma", "Py-BOBYQA")
+            },
             "options": options.numbers(),
             "seconds": {},
             "searches": [],
-        }  # fmt: skip
+        }
         if self.path.exists():
             found = _read(self.path)
             if found.get("options") != self.result["options"]:
@@ -84,18 +85,26 @@ def run(options: Options, console: Console) -> dict:
         console.print(f"going on: {len(result['searches'])} searches found in {study.path}")
     design = options.design()
     paper = design.unit(PAPER)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-               TimeElapsedColumn())  # fmt: skip
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=console) as bars:
         _searches(study, design, paper, bars)
-        best = min((found for found in result["searches"] if found["best"]),
-                   key=lambda found: found["best"][-1], default=None)  # fmt: skip
+        best = min(
+            (found for found in result["searches"] if found["best"]),
+            key=lambda found: found["best"][-1],
+            default=None,
+        )
         if best is None:
             raise RuntimeError("no search found a design with a number: all motions failed")
         points = {"paper": paper, "optimised": np.array(best["point"])}
         bar = bars.add_task("robust design", total=ROBUST_GRADIENTS)
-        robust = study.stage("robust", lambda: _robust(
-            options, design, points, lambda: bars.advance(bar)))  # fmt: skip
+        robust = study.stage(
+            "robust", lambda: _robust(options, design, points, lambda: bars.advance(bar))
+        )
         bars.update(bar, completed=ROBUST_GRADIENTS)
         points["robust"] = np.array(robust["point"])
         bar = bars.add_task("evidence", total=3)
@@ -126,15 +135,19 @@ def _searches(study: Study, design: Design, paper: np.ndarray, bars: Progress) -
     began = time.perf_counter()
     objective, scale = quiet.quiet_objective(design, options.conditions(), options.turns, paper)
     # A study that goes on keeps the costs it began with: every search has the same budget.
-    cost = result.setdefault("cost", {
-        "scale": scale,
-        "value_seconds": objective.value_seconds,
-        "gradient_seconds": objective.gradient_seconds,
-        "value_steps": objective.value(paper).steps,
-        "gradient_steps": objective.gradient(paper).steps,
-    })  # fmt: skip
-    objective = Smooth(objective.value, objective.gradient,
-                       cost["value_seconds"], cost["gradient_seconds"])  # fmt: skip
+    cost = result.setdefault(
+        "cost",
+        {
+            "scale": scale,
+            "value_seconds": objective.value_seconds,
+            "gradient_seconds": objective.gradient_seconds,
+            "value_steps": objective.value(paper).steps,
+            "gradient_steps": objective.gradient(paper).steps,
+        },
+    )
+    objective = Smooth(
+        objective.value, objective.gradient, cost["value_seconds"], cost["gradient_seconds"]
+    )
     result["seconds"]["compilation"] = time.perf_counter() - began
     starts = np.random.default_rng(options.seed).uniform(size=(options.starts, len(paper)))
     for number, start in enumerate(starts):

@@ -24,9 +24,14 @@ def answer(result: Mapping) -> Html:
     objective = result.get("objective") or {"meaning": "RMS of |R_O| + |R_C|", "unit": "N"}
     unit = objective.get("unit")
     names = _values(next(iter(designs.values())))
-    headings = ("design", *(f"{name}, {design_unit(name)[0]}".rstrip(", ") for name in names),
-                f"centred start, {unit}", f"contact start, {unit}", "ideal joint's RMS, N",
-                "capacity, m³/h")  # fmt: skip
+    headings = (
+        "design",
+        *(f"{name}, {design_unit(name)[0]}".rstrip(", ") for name in names),
+        f"centred start, {unit}",
+        f"contact start, {unit}",
+        "ideal joint's RMS, N",
+        "capacity, m³/h",
+    )
     claim = (result.get("claim") or {}).get("words")
     remark = result.get("remark")
     return section(
@@ -47,17 +52,25 @@ def _values(design: Mapping) -> dict:
 
 
 def _design_row(title: str, design: Mapping) -> tuple:
-    values = [shown(name, value)[0] if known(value) else value
-              for name, value in _values(design).items()]  # fmt: skip
+    values = [
+        shown(name, value)[0] if known(value) else value for name, value in _values(design).items()
+    ]
     runs = design.get("runs") or {}
-    return (title, *(f"{value:.5g}" if known(value) else "no value" for value in values),
-            *(_run(runs.get(start)) for start in ("centred", "contact")),
-            _fixed(design.get("ideal_rms"), 0), _fixed(design.get("capacity"), 2))  # fmt: skip
+    return (
+        title,
+        *(f"{value:.5g}" if known(value) else "no value" for value in values),
+        *(_run(runs.get(start)) for start in ("centred", "contact")),
+        _fixed(design.get("ideal_rms"), 0),
+        _fixed(design.get("capacity"), 2),
+    )
 
 
 def _interval(designs: Mapping[str, Mapping]) -> str:
-    counts = {run.get("runs") for design in designs.values()
-              for run in (design.get("runs") or {}).values()}  # fmt: skip
+    counts = {
+        run.get("runs")
+        for design in designs.values()
+        for run in (design.get("runs") or {}).values()
+    }
     if counts <= {None}:
         return "± is the standard error within one run."
     return f"± is half a 95 % interval from {max(filter(None, counts))} independent runs."
@@ -65,8 +78,9 @@ def _interval(designs: Mapping[str, Mapping]) -> str:
 
 def _regimes(design: Mapping) -> str:
     """How the motions of a design move."""
-    return "; ".join(f"{start} start {kind.get('name')}"
-                     for start, kind in (design.get("regime") or {}).items())  # fmt: skip
+    return "; ".join(
+        f"{start} start {kind.get('name')}" for start, kind in (design.get("regime") or {}).items()
+    )
 
 
 def _fixed(value: float | None, digits: int, factor: float = 1.0) -> str:

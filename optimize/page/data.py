@@ -99,11 +99,14 @@ def _parameters(landscape: xr.Dataset, dims: tuple[str, ...]) -> list[dict]:
         axes = np.meshgrid(*(landscape[name].to_numpy() for name in names), indexing="ij")
         numbers = [axis.ravel() for axis in axes]
     return [
-        {"name": name, "label": str(landscape[name].attrs.get("long_name", name)),
-         "unit": shown(name, 0.0)[1],
-         "values": [shown(name, float(value))[0] for value in values]}
+        {
+            "name": name,
+            "label": str(landscape[name].attrs.get("long_name", name)),
+            "unit": shown(name, 0.0)[1],
+            "values": [shown(name, float(value))[0] for value in values],
+        }
         for name, values in zip(names, numbers, strict=True)
-    ]  # fmt: skip
+    ]
 
 
 def _variable(variable: xr.DataArray, dims: tuple[str, ...]) -> dict:
@@ -117,7 +120,7 @@ def _variable(variable: xr.DataArray, dims: tuple[str, ...]) -> dict:
         "units": str(variable.attrs.get("units", "1")),
         "starts": by_start,
         "logical": values.dtype == bool or variable.name in (*LOGICAL, "counts"),
-    }  # fmt: skip
+    }
     if values.dtype.kind not in "biuf":
         return about | {"values": [_words(value) for value in values]}
     return about | {"packed": _base64(values.astype("<f4"))}

@@ -61,18 +61,20 @@ def write_page(
         others(result),
         limits(),
     )
-    page = join([
-        Html("<!DOCTYPE html>\n"),
-        Html('<html lang="en"><head><meta charset="utf-8">'),
-        Html('<meta name="viewport" content="width=device-width, initial-scale=1">'),
-        Html(f'<meta http-equiv="Content-Security-Policy" content="{html.escape(POLICY)}">'),
-        element("title", f"Design search {folder.name}"),
-        Html(f"<style>\n{_part('page.css')}</style></head><body>\n"),
-        content,
-        "" if data is None else page_data.script(data),
-        "" if data is None else _script(),
-        Html("\n</body></html>\n"),
-    ])  # fmt: skip
+    page = join(
+        [
+            Html("<!DOCTYPE html>\n"),
+            Html('<html lang="en"><head><meta charset="utf-8">'),
+            Html('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+            Html(f'<meta http-equiv="Content-Security-Policy" content="{html.escape(POLICY)}">'),
+            element("title", f"Design search {folder.name}"),
+            Html(f"<style>\n{_part('page.css')}</style></head><body>\n"),
+            content,
+            "" if data is None else page_data.script(data),
+            "" if data is None else _script(),
+            Html("\n</body></html>\n"),
+        ]
+    )
     path = folder / "report.html"
     partial = path.with_suffix(".partial")
     partial.write_text(page, encoding="utf-8")
@@ -104,7 +106,7 @@ def _head(name: str, result: Mapping) -> Html:
         element("h1", f"Design search “{name}”"),
         element("p", "Made by this command:"),
         element("code", result.get("command", "not recorded"), class_="command", tabindex="0"),
-    ]  # fmt: skip
+    ]
     if status != "finished":
         warning = f"This run is not finished (status: {status}). What it came to is below."
         parts.append(element("p", warning, class_="warning", role="alert"))

@@ -18,23 +18,30 @@ def explorer(data: dict | None) -> Html:
     return element(
         "section",
         title,
-        element("p", "Point at a cell for its numbers and its motion; a click keeps it. With the "
-                     "keyboard: go to the map by Tab and choose by the arrow keys.",
-                class_="help"),
+        element(
+            "p",
+            "Point at a cell for its numbers and its motion; a click keeps it. With the "
+            "keyboard: go to the map by Tab and choose by the arrow keys.",
+            class_="help",
+        ),
         script,
-        element("div", _map(data, numeric, first), _motions(data), _numbers(data),
-                class_="explorer"),
+        element(
+            "div", _map(data, numeric, first), _motions(data), _numbers(data), class_="explorer"
+        ),
         element("div", id="tip", hidden="hidden"),
         element("p", id="spoken", class_="unseen", role="status"),
-    )  # fmt: skip
+    )
 
 
 def _map(data: dict, numeric: list[dict], first: str) -> Html:
     variables = [
-        _option(variable["name"], f"{variable['label']}{_unit(variable)}",
-                chosen=variable["name"] == first)
+        _option(
+            variable["name"],
+            f"{variable['label']}{_unit(variable)}",
+            chosen=variable["name"] == first,
+        )
         for variable in numeric
-    ]  # fmt: skip
+    ]
     starts = [_option("larger", "larger of both starts", chosen=True)]
     starts += [_option(str(i), f"{start} start") for i, start in enumerate(data["starts"])]
     legend = (
@@ -50,11 +57,17 @@ def _map(data: dict, numeric: list[dict], first: str) -> Html:
             element("label", "of:", element("select", *starts, id="choose-start")),
             class_="controls",
         ),
-        element("svg", id="map", viewBox="0 0 640 400", tabindex="0", role="application",
-                aria_label="Map over the design's parameters: arrow keys choose a cell"),
+        element(
+            "svg",
+            id="map",
+            viewBox="0 0 640 400",
+            tabindex="0",
+            role="application",
+            aria_label="Map over the design's parameters: arrow keys choose a cell",
+        ),
         element("p", legend, class_="legend"),
         class_="map",
-    )  # fmt: skip
+    )
 
 
 def _option(value: str, text: str, *, chosen: bool = False) -> Html:
@@ -67,8 +80,10 @@ def _unit(variable: dict) -> str:
 
 
 def _numbers(data: dict) -> Html:
-    head = element("tr", *(element("th", text, scope="col")
-                           for text in ("of this cell", *data["starts"], "unit")))  # fmt: skip
+    head = element(
+        "tr",
+        *(element("th", text, scope="col") for text in ("of this cell", *data["starts"], "unit")),
+    )
     table = element("table", element("thead", head), element("tbody", id="numbers"))
     return element("div", table, class_="wide numbers")
 
@@ -82,14 +97,24 @@ def _motions(data: dict) -> Html:
         element(
             "div",
             element("p", id=f"account-{i}"),
-            element("svg", id=f"orbit-{i}", viewBox="0 0 262 246", role="img",
-                    aria_label=f"Orbit of the pin in its clearance circle, {start} start"),
-            element("svg", id=f"force-{i}", viewBox="0 0 402 246", role="img",
-                    aria_label=f"Foundation force over the last turns, {start} start"),
+            element(
+                "svg",
+                id=f"orbit-{i}",
+                viewBox="0 0 262 246",
+                role="img",
+                aria_label=f"Orbit of the pin in its clearance circle, {start} start",
+            ),
+            element(
+                "svg",
+                id=f"force-{i}",
+                viewBox="0 0 402 246",
+                role="img",
+                aria_label=f"Foundation force over the last turns, {start} start",
+            ),
             class_="motion",
         )
         for i, start in enumerate(data["starts"])
-    ]  # fmt: skip
+    ]
     turns, instants = motions["turn"][-1], len(motions["turn"]) - 1
     legend = (
         f"After settling, {turns:g} turns seen at {instants / turns:.0f} instants each: peaks of "

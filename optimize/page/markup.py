@@ -71,10 +71,13 @@ def nested(value: object, units: Units = MappingProxyType({})) -> Html:
     """Any content of a JSON file: mappings and lists of mappings as tables, others as text."""
     if isinstance(value, Mapping):
         rows = [
-            element("tr", element("th", _with_unit(key, units), scope="row"),
-                    element("td", nested(_scaled(key, entry, units), units)))
+            element(
+                "tr",
+                element("th", _with_unit(key, units), scope="row"),
+                element("td", nested(_scaled(key, entry, units), units)),
+            )
             for key, entry in value.items()
-        ]  # fmt: skip
+        ]
         return element("table", *rows) if rows else Html("none")
     if isinstance(value, list | tuple):
         if value and all(isinstance(entry, Mapping) for entry in value):

@@ -32,11 +32,13 @@ def checks(result: Mapping) -> Html:
     if not verdicts:
         return section("Checks", missing("checks"))
     rows = [
-        (check.get("name"), element("span", check.get("verdict"),
-                                    class_="ok" if check.get("passed") else "failed"),
-         check.get("detail"))
+        (
+            check.get("name"),
+            element("span", check.get("verdict"), class_="ok" if check.get("passed") else "failed"),
+            check.get("detail"),
+        )
         for check in verdicts
-    ]  # fmt: skip
+    ]
     failed = sum(not check.get("passed") for check in verdicts)
     verdict = f"{failed} of {len(verdicts)} failed." if failed else f"All {len(verdicts)} passed."
     return section("Checks", element("p", verdict), table(("check", "verdict", "detail"), rows))
@@ -56,10 +58,20 @@ def found(result: Mapping) -> Html:
     title, content = "Refinement", dict(result.get("refinement") or {})
     # Slopes by the parameters have units of their own.
     gradient = content.pop("gradient_at_best", None)
-    parts.append(element("div", element("h3", title), element(
-        "div", nested(_flat(content), units) if content else "",
-        nested({"gradient_at_best": gradient}, slopes) if gradient else "", class_="wide",
-    ) if content or gradient else _missing_part(title)))  # fmt: skip
+    parts.append(
+        element(
+            "div",
+            element("h3", title),
+            element(
+                "div",
+                nested(_flat(content), units) if content else "",
+                nested({"gradient_at_best": gradient}, slopes) if gradient else "",
+                class_="wide",
+            )
+            if content or gradient
+            else _missing_part(title),
+        )
+    )
     for key, title in {**DESIGNS, "ideal": "ideal joint"}.items():
         if result.get(key):
             numbers = element("div", nested(result[key], units), class_="wide")
@@ -84,9 +96,14 @@ def _flat(content: object) -> object:
 def settings(result: Mapping) -> Html:
     """Box, seconds, versions, seed."""
     parts = []
-    for key, title in (("box", "Box"), ("seconds", "Seconds per stage"),
-                       ("steps", "Integration steps"), ("fixed", "Fixed of the crusher"),
-                       ("versions", "Versions"), ("seed", "Seed of random points")):  # fmt: skip
+    for key, title in (
+        ("box", "Box"),
+        ("seconds", "Seconds per stage"),
+        ("steps", "Integration steps"),
+        ("fixed", "Fixed of the crusher"),
+        ("versions", "Versions"),
+        ("seed", "Seed of random points"),
+    ):
         content = result.get(key)
         shown = (
             missing(title.lower())
@@ -101,8 +118,9 @@ def others(result: Mapping) -> Html:
     """Everything that no other section shows, as it is."""
     others = [
         element("div", element("h3", key), element("div", nested(value), class_="wide"))
-        for key, value in result.items() if key not in SHOWN
-    ]  # fmt: skip
+        for key, value in result.items()
+        if key not in SHOWN
+    ]
     return section("Further results", *others) if others else Html("")
 
 

@@ -100,10 +100,17 @@ def killed(tmp_path_factory):
     """Stores of killed processes, the signals they died of, and the files of a whole store."""
     folder = tmp_path_factory.mktemp("killed")
     done = subprocess.run(
-        [sys.executable, "-c",
-         f"from pathlib import Path; import test_store; test_store.be_killed(Path('{folder}'))"],
-        cwd=Path(__file__).parent, capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-c",
+            f"from pathlib import Path; import test_store; test_store.be_killed(Path('{folder}'))",
+        ],
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     fill(folder / "whole")
     return folder, json.loads(done.stdout), contents(folder / "whole")
@@ -245,10 +252,15 @@ def test_sigkill_then_resume_gives_the_same_bits(whole, tmp_path):
     path = tmp_path / "killed.zarr"
     # Other devices than here: the bits must not depend on their number.
     flags = re.sub(r"(device_count=)\d+", r"\g<1>1", os.environ["XLA_FLAGS"])
-    program = (f"import jax; jax.config.update('jax_enable_x64', True); from pathlib import Path; "
-               f"import test_store; test_store.sweep_slowly(Path('{path}'))")  # fmt: skip
-    process = subprocess.Popen([sys.executable, "-c", program], cwd=Path(__file__).parent,
-                               env={**os.environ, "XLA_FLAGS": flags})  # fmt: skip
+    program = (
+        f"import jax; jax.config.update('jax_enable_x64', True); from pathlib import Path; "
+        f"import test_store; test_store.sweep_slowly(Path('{path}'))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", program],
+        cwd=Path(__file__).parent,
+        env={**os.environ, "XLA_FLAGS": flags},
+    )
     try:
         while not list(path.glob(".sweep/done/*.json")):
             assert process.poll() is None
@@ -334,13 +346,20 @@ def test_missing_dask_is_one_clear_line(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize(
     "axes, options, name",
-    [({}, {}, "axes"), ({"sped": [1.0]}, {}, "axes"), ({"speed": 30.0}, {}, r"axes\['speed'\]"),
-     ({"speed": [30.0, 30.0]}, {}, r"axes\['speed'\]"), ({"speed": ["x"]}, {}, "axes"),
-     ({"speed": [-1.0, 30.0]}, {}, "speed"), ({"start": ["left"]}, {}, "start"),
-     ({"jaw.length": [0.695, 1.2]}, {}, "machine"), ({"speed": [30.0]}, {"chunk": 0}, "chunk"),
-     ({"speed": [30.0]}, {"base": {"speed": 1.0}}, "base"),
-     ({"speed": [30.0]}, {"base": {"load": None}}, r"base\['load'\]")],
-)  # fmt: skip
+    [
+        ({}, {}, "axes"),
+        ({"sped": [1.0]}, {}, "axes"),
+        ({"speed": 30.0}, {}, r"axes\['speed'\]"),
+        ({"speed": [30.0, 30.0]}, {}, r"axes\['speed'\]"),
+        ({"speed": ["x"]}, {}, "axes"),
+        ({"speed": [-1.0, 30.0]}, {}, "speed"),
+        ({"start": ["left"]}, {}, "start"),
+        ({"jaw.length": [0.695, 1.2]}, {}, "machine"),
+        ({"speed": [30.0]}, {"chunk": 0}, "chunk"),
+        ({"speed": [30.0]}, {"base": {"speed": 1.0}}, "base"),
+        ({"speed": [30.0]}, {"base": {"load": None}}, r"base\['load'\]"),
+    ],
+)
 def test_bad_arguments_make_no_store(tmp_path, axes, options, name):
     with pytest.raises(ValueError, match=f"^Argument `{name}") as error:
         jc.sweep_to_store(tmp_path / "store", axes, 0, 1, **options)

@@ -76,9 +76,13 @@ def test_sweep_equals_single_runs():
 
 @pytest.mark.parametrize(
     "speeds, clearances, name",
-    [([], [1e-4], "speeds"), ([30.0], [[1e-4]], "clearances"), ([30.0], [0.2], "clearance"),
-     ([-1.0], [1e-4], "speeds")],
-)  # fmt: skip
+    [
+        ([], [1e-4], "speeds"),
+        ([30.0], [[1e-4]], "clearances"),
+        ([30.0], [0.2], "clearance"),
+        ([-1.0], [1e-4], "speeds"),
+    ],
+)
 def test_bad_grids(speeds, clearances, name):
     with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
         jc.sweep(speeds, clearances, 0, 1)

@@ -45,9 +45,9 @@ def certain(value: float) -> Estimate:
 
 
 @pytest.mark.parametrize(
-    "text, value, rounding", [("7.4e4", 74e3, 500), ("40", 40, 0.5), ("4e4", 4e4, 5e3),
-                              ("41.45", 41.45, 0.005)],
-)  # fmt: skip
+    "text, value, rounding",
+    [("7.4e4", 74e3, 500), ("40", 40, 0.5), ("4e4", 4e4, 5e3), ("41.45", 41.45, 0.005)],
+)
 def test_last_digit(text, value, rounding):
     # Decimal fractions in binary.
     assert printed(text).value == pytest.approx(value, rel=1e-15)
@@ -194,9 +194,11 @@ def touching(formulation) -> tuple:
     """A snapshot 5 um inside the bore, sliding, and its scene."""
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
     scene = eqx.tree_at(
-        lambda s: s.formulation, scene, formulation,
+        lambda s: s.formulation,
+        scene,
+        formulation,
         is_leaf=lambda leaf: isinstance(leaf, AbstractFormulation),
-    )  # fmt: skip
+    )
     state = EccentricityFormulation().initial(scene)
     state = eqx.tree_at(
         lambda s: (s.relative_eccentricity, s.rate), state, (Vector(0.5, -0.95), Vector(0.02, 0.1))

@@ -21,9 +21,12 @@ SURFACE = AmbrosioFriction(SurfaceSlip(), 0.1, 0.0, 0.5, width=1e-5)
 CENTRE = AmbrosioFriction(CentreSlip(), 0.1, 0.1, 1.0)
 # In flight, at the corner, in light and in hard contact; in clearances and m/s.
 STATES = [
-    ((0.3, -0.5), (1.2, 0.1)), ((0.6, 0.8), (0.1, -3.0)), ((-0.72, 0.7), (0.3, 0.4)),
-    ((0.1, 1.14), (-2.0, 0.2)), ((-0.9, -0.6), (0.5, 4.0)),
-]  # fmt: skip
+    ((0.3, -0.5), (1.2, 0.1)),
+    ((0.6, 0.8), (0.1, -3.0)),
+    ((-0.72, 0.7), (0.3, 0.4)),
+    ((0.1, 1.14), (-2.0, 0.2)),
+    ((-0.9, -0.6), (0.5, 4.0)),
+]
 
 
 def motion(impact_velocity, times=MICROSECONDS, friction=None):

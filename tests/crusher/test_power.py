@@ -18,9 +18,12 @@ from jaxcrusher.crusher.starts import Given
 FORMULATIONS = {"eccentricity": EccentricityFormulation(), "multiplier": MultiplierFormulation()}
 # In flight, at the corner of the contact, in light and in hard contact; in or out, sliding.
 STATES = [
-    ((0.3, -0.5), (0.2, 0.1)), ((0.6, 0.8), (0.1, -0.3)), ((-0.72, 0.7), (0.3, 0.4)),
-    ((0.1, 1.04), (-0.2, 0.02)), ((-0.9, -0.6), (0.5, 0.9)),
-]  # fmt: skip
+    ((0.3, -0.5), (0.2, 0.1)),
+    ((0.6, 0.8), (0.1, -0.3)),
+    ((-0.72, 0.7), (0.3, 0.4)),
+    ((0.1, 1.04), (-0.2, 0.02)),
+    ((-0.9, -0.6), (0.5, 0.9)),
+]
 
 
 def placed(scene, state):
@@ -64,10 +67,14 @@ def test_power_balance(scene, name):
         s = formulation.snapshot(time, state, scene)
         rate = formulation.rate(s, state, scene)
         _, change = jax.jvp(energy, (time, state), (jnp.array(1.0), rate))
-        powers = jnp.stack([
-            ob.drive_power(s, scene), ob.load_power(s, scene),
-            -ob.contact_loss(s, scene), -ob.friction_loss(s, scene),
-        ])  # fmt: skip
+        powers = jnp.stack(
+            [
+                ob.drive_power(s, scene),
+                ob.load_power(s, scene),
+                -ob.contact_loss(s, scene),
+                -ob.friction_loss(s, scene),
+            ]
+        )
         scale = jnp.sum(jnp.abs(powers)) + jnp.abs(ob.contact_loss(s, scene))
         return change - jnp.sum(powers), scale + jnp.abs(s.joint_force.dot(s.joint_force)) ** 0.5
 

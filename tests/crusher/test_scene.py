@@ -121,20 +121,32 @@ BAD = [
     (lambda: machine(jaw=Jaw(524.0, 128.48, 0.3, Vector(0, 0))), "machine", "0.65", "0.6) m"),
     (lambda: machine(jaw=Jaw(524.0, 128.48, 0.345, Vector(0, 0))), "machine", "0.65", "0.645) m"),
     # Closes with an ideal joint, but not with the pin 3 mm off.
-    (lambda: with_machine(jc.paper_scene(30.0, 3e-3), machine(jaw=long_jaw)), "machine", "0.653",
-     "0.652) m"),
+    (
+        lambda: with_machine(jc.paper_scene(30.0, 3e-3), machine(jaw=long_jaw)),
+        "machine",
+        "0.653",
+        "0.652) m",
+    ),
     (lambda: jc.simulate(jc.ideal_scene(30.0), [0.0, 2.0, 1.0]), "times", "1.", "increase"),
     (lambda: jc.simulate(jc.ideal_scene(30.0), [-1.0, 1.0]), "times", "-1", ">= 0 s"),
     (lambda: jc.simulate(jc.ideal_scene(30.0), [0.0, np.nan]), "times", "nan", "finite"),
     (lambda: jc.simulate(jc.ideal_scene(30.0), []), "times", "(0,)", "n > 0"),
-    (lambda: jc.simulate(jc.ideal_scene(30.0), [1.0], outputs=("noise",)), "outputs", "'noise'",
-     "'normal_force'"),
+    (
+        lambda: jc.simulate(jc.ideal_scene(30.0), [1.0], outputs=("noise",)),
+        "outputs",
+        "'noise'",
+        "'normal_force'",
+    ),
     (lambda: jc.statistics(jc.ideal_scene(30.0), -1, 1), "settle_turns", "-1", ">= 0"),
     (lambda: jc.statistics(jc.ideal_scene(30.0), 0, 0), "turns", "0", ">= 1"),
     (lambda: jc.statistics(jc.ideal_scene(30.0), 0, 1.5), "turns", "1.5", "whole number"),
-    (lambda: jc.statistics(jc.ideal_scene(30.0), 0, 1, outputs=("x",)), "outputs", "'x'",
-     "'foundation_rms'"),
-]  # fmt: skip
+    (
+        lambda: jc.statistics(jc.ideal_scene(30.0), 0, 1, outputs=("x",)),
+        "outputs",
+        "'x'",
+        "'foundation_rms'",
+    ),
+]
 
 
 @pytest.mark.parametrize("make, name, value, limit", BAD)

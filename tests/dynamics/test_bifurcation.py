@@ -61,8 +61,13 @@ def test_directions_agree_on_a_quiet_range_and_hand_the_state_on():
 def test_a_whirl_is_no_point():
     turns = np.ones(20)
     outcome = Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.array(0))
-    found = {"states": np.zeros((20, 4)), "outcome": outcome, "foundation_rms": turns,
-             "contact_fraction": turns, "winding": -100 * turns}  # fmt: skip
+    found = {
+        "states": np.zeros((20, 4)),
+        "outcome": outcome,
+        "foundation_rms": turns,
+        "contact_fraction": turns,
+        "winding": -100 * turns,
+    }
     row = _row(found, 1e-9)
     assert row["whirl"] and np.isnan(row["e_x"]).all() and np.isnan(row["foundation_rms"]).all()
     assert not _row(found | {"winding": turns}, 1e-9)["whirl"]

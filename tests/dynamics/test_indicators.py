@@ -36,10 +36,15 @@ def flow(field, point, period, count, settle):
 
     def step(x):
         solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(field), diffrax.Dopri8(), 0.0, period, None, x,
+            diffrax.ODETerm(field),
+            diffrax.Dopri8(),
+            0.0,
+            period,
+            None,
+            x,
             stepsize_controller=diffrax.PIDController(rtol=1e-10, atol=1e-10),
             adjoint=diffrax.ForwardMode(),
-        )  # fmt: skip
+        )
         return solution.ys[0]
 
     return eqx.filter_jit(iterate)(step, point, count, settle)

@@ -28,9 +28,15 @@ def test_fit_of_lorenz():
 
         start = jnp.array([1.0, 1.0, 20.0, 0.0, 0.0]).at[:2].add(case["shift"])
         solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(field), diffrax.Tsit5(), 0.0, 110.0, 0.01, start,
-            stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6), max_steps=100_000,
-        )  # fmt: skip
+            diffrax.ODETerm(field),
+            diffrax.Tsit5(),
+            0.0,
+            110.0,
+            0.01,
+            start,
+            stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6),
+            max_steps=100_000,
+        )
         return solution.ys[0, 3:] / jnp.array([100, 50])
 
     fit = fit_slopes(mean_z, np.array([28.0]), np.array([2.0]), 32, 0, shift=0.5)
@@ -69,8 +75,11 @@ def test_slopes_along_a_periodic_orbit():
 def test_quiet_motion_is_believed():
     report = gradient_report(
         lambda speed, clearance: jc.paper_scene(speed, clearance, start="contact"),
-        "foundation_rms", {"speed": 30.0, "clearance": 0.06e-3}, settle_turns=2, turns=6,
-    )  # fmt: skip
+        "foundation_rms",
+        {"speed": 30.0, "clearance": 0.06e-3},
+        settle_turns=2,
+        turns=6,
+    )
     assert report.usable, str(report)
     speed, clearance = report.slopes["speed"], report.slopes["clearance"]
     assert report.regime.period == 1 and speed.estimator == "implicit"
@@ -86,8 +95,12 @@ def test_quiet_motion_is_believed():
 def test_chaos_is_refused():
     report = gradient_report(
         lambda speed: jc.paper_scene(speed, 0.06e-3, load="closing_stroke"),
-        "foundation_rms", {"speed": 30.0}, settle_turns=20, turns=5, pairs=4,
-    )  # fmt: skip
+        "foundation_rms",
+        {"speed": 30.0},
+        settle_turns=20,
+        turns=5,
+        pairs=4,
+    )
     slope = report.slopes["speed"]
     assert report.regime.name == "chaotic" and not report.usable, str(report)
     # 6.3 to 7.3 a turn in four runs of other lengths and tolerances, errors 0.3 to 0.9.
@@ -102,8 +115,11 @@ def test_chaos_is_refused():
 def test_whirl_is_refused_without_a_number():
     report = gradient_report(
         lambda speed: jc.paper_scene(speed, 0.06e-3, slip="surface"),
-        "foundation_rms", {"speed": 30.0}, settle_turns=10, turns=5,
-    )  # fmt: skip
+        "foundation_rms",
+        {"speed": 30.0},
+        settle_turns=10,
+        turns=5,
+    )
     slope = report.slopes["speed"]
     assert slope.verdict == "refused" and np.isnan(slope.value) and "whirl" in str(report)
 

@@ -37,10 +37,16 @@ def impact(law, mass, speed):
 
     duration = 2.9432 * hertz_depth(law.stiffness, mass, speed) / speed
     solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(field), diffrax.Dopri8(), 0.0, 3 * duration, 1e-3 * duration,
-        (jnp.array(0.0), speed), saveat=diffrax.SaveAt(ts=jnp.linspace(0, 3 * duration, 4001)),
-        stepsize_controller=diffrax.PIDController(rtol=1e-11, atol=1e-15), max_steps=100_000,
-    )  # fmt: skip
+        diffrax.ODETerm(field),
+        diffrax.Dopri8(),
+        0.0,
+        3 * duration,
+        1e-3 * duration,
+        (jnp.array(0.0), speed),
+        saveat=diffrax.SaveAt(ts=jnp.linspace(0, 3 * duration, 4001)),
+        stepsize_controller=diffrax.PIDController(rtol=1e-11, atol=1e-15),
+        max_steps=100_000,
+    )
     return -solution.ys[1][-1] / speed, solution.ys[0][:2000].max()
 
 

@@ -50,8 +50,9 @@ def test_a_failed_lane_leaves_the_others_alone():
         stacked,
         stacked.joint.normal.stiffness.at[0].set(jnp.nan),
     )
-    run = eqx.filter_jit(eqx.filter_vmap(
-        lambda s: jc.statistics(s, 0, 1, outputs=("foundation_rms",))))  # fmt: skip
+    run = eqx.filter_jit(
+        eqx.filter_vmap(lambda s: jc.statistics(s, 0, 1, outputs=("foundation_rms",)))
+    )
     result = run(stacked)
     assert result.success.tolist() == [False, True]
     assert np.isnan(result.foundation_rms[0])

@@ -21,10 +21,15 @@ def first_impact(design, slip="surface", rtol=1e-11, **method):
     outputs = ("foundation_force", "drive_torque", "eccentricity")
     motion = jc.simulate(scene, times, outputs=outputs, rtol=rtol, **method)
     force = motion.foundation_force
-    return jnp.stack([
-        jnp.sqrt(jnp.mean(force**2)), force.max(), jnp.mean(motion.drive_torque),
-        1e6 * motion.eccentricity[-1, 0], 1e6 * motion.eccentricity[-1, 1],
-    ])  # fmt: skip
+    return jnp.stack(
+        [
+            jnp.sqrt(jnp.mean(force**2)),
+            force.max(),
+            jnp.mean(motion.drive_torque),
+            1e6 * motion.eccentricity[-1, 0],
+            1e6 * motion.eccentricity[-1, 1],
+        ]
+    )
 
 
 def central_differences(function, point, steps):

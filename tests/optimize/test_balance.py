@@ -89,8 +89,15 @@ def test_counterweight_of_a_shaft_alone():
     (m1 + m)^2 g^2 + omega^4 (m1 l11 - m r)^2, opposite to S1, is least at
     m = (omega^4 r m1 l11 - m1 g^2) / (g^2 + omega^4 r^2).
     """
-    fixed = {"joint": "ideal", "load_law": "none", "jaw.mass": 1e-9, "jaw.inertia": 1e-9,
-             "toggle.mass": 1e-9, "toggle.inertia": 1e-9, "counterweight.radius": 0.2}  # fmt: skip
+    fixed = {
+        "joint": "ideal",
+        "load_law": "none",
+        "jaw.mass": 1e-9,
+        "jaw.inertia": 1e-9,
+        "toggle.mass": 1e-9,
+        "toggle.inertia": 1e-9,
+        "counterweight.radius": 0.2,
+    }
     design = Design({"counterweight.mass": (0.5, 6.0), "counterweight.angle": (2.5, 5.0)}, fixed)
 
     @jax.jit
@@ -141,11 +148,23 @@ def test_tolerances_are_the_same_for_everyone():
 
 def test_table_of_methods_counts_what_never_arrived():
     rows = [
-        {"method": "L-BFGS-B", "start": 0, "best": [0.9, 0.8], "work": [2.0, 4.0],
-         "seconds": [0.1, 0.2], "evaluations": 2},
-        {"method": "CMA-ES", "start": 0, "best": [0.95], "work": [1.0], "seconds": [0.1],
-         "evaluations": 9},
-    ]  # fmt: skip
+        {
+            "method": "L-BFGS-B",
+            "start": 0,
+            "best": [0.9, 0.8],
+            "work": [2.0, 4.0],
+            "seconds": [0.1, 0.2],
+            "evaluations": 2,
+        },
+        {
+            "method": "CMA-ES",
+            "start": 0,
+            "best": [0.95],
+            "work": [1.0],
+            "seconds": [0.1],
+            "evaluations": 9,
+        },
+    ]
     assert spent_until(Search(**rows[0]), rows[0]["work"], 0.85) == 4.0
     _, table = comparison({"cost": {"scale": 1000.0}, "searches": rows})
     assert table[0][:5] == ["L-BFGS-B", "800.00", "800.00 to 800.00", "1 of 1", "4 (4 to 4)"]
@@ -159,8 +178,10 @@ def bowl_study(monkeypatch):
         pytest.importorskip(module)
     nine = Smooth(
         lambda p: Answer(1 + float(np.sum((p - 0.4) ** 2)), 1),
-        lambda p: Answer(1 + float(np.sum((p - 0.4) ** 2)), 1, 2 * (p - 0.4)), 1.0, 10.0,
-    )  # fmt: skip
+        lambda p: Answer(1 + float(np.sum((p - 0.4) ** 2)), 1, 2 * (p - 0.4)),
+        1.0,
+        10.0,
+    )
     monkeypatch.setattr(quiet, "quiet_objective", lambda *_: (nine, 20_000.0))
 
 
@@ -199,11 +220,18 @@ def test_an_interrupted_study_goes_on(bowl_study, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     ("change", "name"),
-    [({"speed": 0.0}, "speed"), ({"clearance": 200.0}, "clearance"), ({"links": 6.0}, "links"),
-     ({"starts": 0}, "starts"), ({"budget": 0}, "budget"), ({"samples": 1}, "samples"),
-     ({"tolerance": (0.5, 1.0, 0.1)}, "tolerance"), ({"sigmas": -1.0}, "sigmas"),
-     ({"seed": -1}, "seed")],
-)  # fmt: skip
+    [
+        ({"speed": 0.0}, "speed"),
+        ({"clearance": 200.0}, "clearance"),
+        ({"links": 6.0}, "links"),
+        ({"starts": 0}, "starts"),
+        ({"budget": 0}, "budget"),
+        ({"samples": 1}, "samples"),
+        ({"tolerance": (0.5, 1.0, 0.1)}, "tolerance"),
+        ({"sigmas": -1.0}, "sigmas"),
+        ({"seed": -1}, "seed"),
+    ],
+)
 def test_bad_options(change, name, tmp_path):
     with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
         balance.run(Options(out=tmp_path, **change), Console(quiet=True))
@@ -217,13 +245,24 @@ def test_the_command_repeats_the_options():
 
 
 def test_a_long_run_outside_the_contact_model_says_so():
-    limits = {"half_width_ratio": 0.2, "impact_speed_ratio": 0.1, "delivered_restitution": 0.9,
-              "asked_restitution": 0.9}  # fmt: skip
-    run = {"success": True, "whirl": False, "foundation_rms": 1.0, "foundation_rms_error": 0.1,
-           "validity": limits}  # fmt: skip
+    limits = {
+        "half_width_ratio": 0.2,
+        "impact_speed_ratio": 0.1,
+        "delivered_restitution": 0.9,
+        "asked_restitution": 0.9,
+    }
+    run = {
+        "success": True,
+        "whirl": False,
+        "foundation_rms": 1.0,
+        "foundation_rms_error": 0.1,
+        "validity": limits,
+    }
     bad = run | {"whirl": True, "validity": limits | {"half_width_ratio": 1.8}}
-    found = {"paper": {"centred": run, "contact": bad},
-             "optimised": {"centred": run | {"success": False}, "contact": run}}  # fmt: skip
+    found = {
+        "paper": {"centred": run, "contact": bad},
+        "optimised": {"centred": run | {"success": False}, "contact": run},
+    }
     _, rows = long_runs({"long_runs": found, "options": {"settle": 5}})
     assert rows[0][1:] == ["1 ± 0.1", "failed"]
     assert rows[1][1].startswith("1 ± 0.1, friction whirl, contact 1.80 bore radii wide")

@@ -65,16 +65,29 @@ def hand_made_motions(cells=(3, 2), samples=64) -> xr.Dataset:
             "foundation_force": (dims, force),
             "ideal_force": (dims[1:], np.full((*cells, turn.size), 2e4)),
         },
-        {"start": ["centred", "contact"], "speed": np.linspace(25, 35, cells[0]),
-         "clearance": np.linspace(3e-5, 6e-5, cells[1]), "turn": ("instant", turn)},
-    )  # fmt: skip
+        {
+            "start": ["centred", "contact"],
+            "speed": np.linspace(25, 35, cells[0]),
+            "clearance": np.linspace(3e-5, 6e-5, cells[1]),
+            "turn": ("instant", turn),
+        },
+    )
 
 
 def hand_made_result() -> dict:
-    limits = {"half_width_ratio": 1.8, "impact_speed_ratio": 0.1,
-              "delivered_restitution": 0.9, "asked_restitution": 0.9}  # fmt: skip
-    run = {"foundation_rms": 18243.2, "foundation_rms_error": 3.6, "whirl": False,
-           "success": True, "validity": limits}  # fmt: skip
+    limits = {
+        "half_width_ratio": 1.8,
+        "impact_speed_ratio": 0.1,
+        "delivered_restitution": 0.9,
+        "asked_restitution": 0.9,
+    }
+    run = {
+        "foundation_rms": 18243.2,
+        "foundation_rms_error": 3.6,
+        "whirl": False,
+        "success": True,
+        "validity": limits,
+    }
     numbers = {"foundation_rms": 18243.2, "ideal_rms": 18240.0, "capacity": 9.41}
     confirmed = run | {"objective_mean": 18250.1, "objective_half_width": 7.2, "runs": 6}
     optimum = numbers | {
@@ -83,9 +96,11 @@ def hand_made_result() -> dict:
         "regime": {"centred": {"name": "periodic"}},
     }
     other = numbers | {
-        "speed": 39.0, "clearance": 3e-5, "foundation_rms": float("nan"),
+        "speed": 39.0,
+        "clearance": 3e-5,
+        "foundation_rms": float("nan"),
         "runs": {"centred": run, "contact": run | {"success": False}},
-    }  # fmt: skip
+    }
     return {
         "status": "finished",
         "command": f"python -m optimize.run --name '{EVIL}'",
@@ -97,14 +112,17 @@ def hand_made_result() -> dict:
         "optimum": optimum,
         "seed_choice": other,
         "candidates": [{"values": {"speed": 25.0, "clearance": 6e-5}, "objective": np.nan}],
-        "refinement": {"quiet_last": np.array([18243.0]),
-                       "gradient_at_best": {"speed": 220.0, "clearance": 51000.0}},
-        "checks": [{"name": "inside the box", "passed": True, "verdict": "ok", "detail": EVIL},
-                   {"name": "both starts agree", "passed": False, "verdict": "failed",
-                    "detail": ""}],
+        "refinement": {
+            "quiet_last": np.array([18243.0]),
+            "gradient_at_best": {"speed": 220.0, "clearance": 51000.0},
+        },
+        "checks": [
+            {"name": "inside the box", "passed": True, "verdict": "ok", "detail": EVIL},
+            {"name": "both starts agree", "passed": False, "verdict": "failed", "detail": ""},
+        ],
         "remark": "Wear is not counted.",
         "confidence": {"optimum": {"low": 18000.5, "high": None}, EVIL: [1, float("inf")]},
-    }  # fmt: skip
+    }
 
 
 @pytest.fixture(scope="module")
@@ -192,9 +210,10 @@ def test_interrupted_run_says_what_is_missing(tmp_path):
 def test_page_stays_small(tmp_path):
     for cells, drawn in (((50, 40), True), ((250, 160), False)):
         landscape = hand_made_landscape().interp(
-            speed=np.linspace(25, 35, cells[0]), clearance=np.linspace(3e-5, 6e-5, cells[1]),
+            speed=np.linspace(25, 35, cells[0]),
+            clearance=np.linspace(3e-5, 6e-5, cells[1]),
             method="nearest",
-        )[["foundation_rms"]]  # fmt: skip
+        )[["foundation_rms"]]
         motions = hand_made_motions(cells, 256 if drawn else 16)
         packed = page_data.pack(landscape, motions, {})["motions"]
         assert (packed is not None) == drawn
@@ -247,8 +266,12 @@ def browser():
     options = webdriver.ChromeOptions()
     options.binary_location = program
     # The sandbox refuses to run as root; containers have little shared memory.
-    for argument in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage",
-                     "--window-size=1280,900"):  # fmt: skip
+    for argument in (
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-dev-shm-usage",
+        "--window-size=1280,900",
+    ):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     service = webdriver.ChromeService(driver)

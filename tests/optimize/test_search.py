@@ -200,10 +200,14 @@ def test_objectives_follow_from_their_statistics():
 def test_free_parameters_by_name():
     """Three free parameters: a Sobol sequence instead of a grid, and constraints that hold."""
     options = Options(
-        design=(("speed", "25", "40"), ("clearance", "30 um", "0.12 mm"),
-                ("counterweight.mass", "0", "50")),
-        capacity_floor=8.0, friction=0.05,
-    )  # fmt: skip
+        design=(
+            ("speed", "25", "40"),
+            ("clearance", "30 um", "0.12 mm"),
+            ("counterweight.mass", "0", "50"),
+        ),
+        capacity_floor=8.0,
+        friction=0.05,
+    )
     case = options.case()
     assert case.design.names == ("speed", "clearance", "counterweight.mass")
     assert case.design.fixed["friction"] == 0.05
@@ -219,13 +223,21 @@ def test_free_parameters_by_name():
 
 @pytest.mark.parametrize(
     "change, name",
-    [({"speed": (40.0, 25.0)}, "speed"), ({"clearance": (0.1, 0.1)}, "clearance"),
-     ({"clearance": (0.03, 200.0)}, "clearance"), ({"speed": (0.0, 1.0)}, "speed"),
-     ({"grid": (1, 5)}, "grid"), ({"friction": -0.1}, "friction"),
-     ({"impact_velocity": 0.0}, "impact_velocity"), ({"capacity_floor": -1.0}, "capacity_floor"),
-     ({"design": (("speed", "30", "25"),)}, "bounds of speed"), ({"runs": 1}, "runs"),
-     ({"design": (("sped", "30", "25"),)}, "sped"), ({"objective": "beauty"}, "objective")],
-)  # fmt: skip
+    [
+        ({"speed": (40.0, 25.0)}, "speed"),
+        ({"clearance": (0.1, 0.1)}, "clearance"),
+        ({"clearance": (0.03, 200.0)}, "clearance"),
+        ({"speed": (0.0, 1.0)}, "speed"),
+        ({"grid": (1, 5)}, "grid"),
+        ({"friction": -0.1}, "friction"),
+        ({"impact_velocity": 0.0}, "impact_velocity"),
+        ({"capacity_floor": -1.0}, "capacity_floor"),
+        ({"design": (("speed", "30", "25"),)}, "bounds of speed"),
+        ({"runs": 1}, "runs"),
+        ({"design": (("sped", "30", "25"),)}, "sped"),
+        ({"objective": "beauty"}, "objective"),
+    ],
+)
 def test_bad_options(change, name, tmp_path):
     with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
         run(Options(out=tmp_path, **change), Console(quiet=True))
@@ -257,7 +269,10 @@ def test_json_has_no_nan(tmp_path):
 def test_command_line_error_is_one_line():
     done = subprocess.run(
         [sys.executable, "-m", "optimize.run", "--speed", "40", "25"],
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     assert done.returncode == 2
     assert done.stdout.strip().count("\n") == 0 and "`speed`" in done.stdout

@@ -96,9 +96,12 @@ def test_mechanism_is_to_scale(name):
     assert ax.get_aspect() == 1
     pin, elbow = motion.pin_position[instant], motion.jaw_position[instant]
     forces = arrows(ax)
-    places = {"bearing_reaction": [0.64 * np.sin(np.pi / 8), 0.64 * np.cos(np.pi / 8)],
-              "toggle_reaction": [0, 0], "joint_force": pin,
-              "crushing_load": motion.jaw_mass_centre[instant]}  # fmt: skip
+    places = {
+        "bearing_reaction": [0.64 * np.sin(np.pi / 8), 0.64 * np.cos(np.pi / 8)],
+        "toggle_reaction": [0, 0],
+        "joint_force": pin,
+        "crushing_load": motion.jaw_mass_centre[instant],
+    }
     assert len({arrow.scale for arrow in forces.values()}) == 1
     for name, arrow in forces.items():
         np.testing.assert_allclose(arrow.get_offsets()[0], places[name], atol=1e-15)
@@ -107,8 +110,10 @@ def test_mechanism_is_to_scale(name):
         # The longest arrow is shorter than the drawing, and longer than nothing.
         assert np.linalg.norm(force) / arrow.scale <= 0.4 * 0.695 * (1 + 1e-12)
     circles = [p for p in ax.patches if isinstance(p, Circle)]
-    assert {tuple(np.asarray(c.center)) for c in circles} == {tuple(map(float, pin)),
-                                                              tuple(map(float, elbow))}  # fmt: skip
+    assert {tuple(np.asarray(c.center)) for c in circles} == {
+        tuple(map(float, pin)),
+        tuple(map(float, elbow)),
+    }
     jaw, toggle = (p.get_xy() for p in ax.patches if isinstance(p, Polygon) and not p.get_hatch())
     # The toggle's rectangle runs from C to B.
     np.testing.assert_allclose(toggle[[0, 3]].mean(0), 0, atol=1e-15)
@@ -183,8 +188,10 @@ def grid():
         "whirl": [[0, 0, 0], [0, 1, 0]],
         "inside_model": [[1, 1, 0], [1, 0, 0]],
     }
-    data = xr.Dataset({name: (dims, np.array(values)) for name, values in cells.items()},
-                      {"speed": [25.0, 30.0], "clearance": [3e-5, 6e-5, 9e-5]})  # fmt: skip
+    data = xr.Dataset(
+        {name: (dims, np.array(values)) for name, values in cells.items()},
+        {"speed": [25.0, 30.0], "clearance": [3e-5, 6e-5, 9e-5]},
+    )
     data.foundation_rms.attrs = {"units": "N", "long_name": "RMS of |R_O| + |R_C|"}
     return data
 
@@ -207,8 +214,11 @@ def test_map_says_what_its_cells_are(logical):
             marked[hatched.get_label()] = [tuple(cell) for cell in np.argwhere(cells)]
             assert hatched.get_hatch()
     # (clearance, speed)
-    assert marked == {"failed": [(2, 0)], "friction whirl": [(1, 1)],
-                      "outside the contact model": [(2, 1)]}  # fmt: skip
+    assert marked == {
+        "failed": [(2, 0)],
+        "friction whirl": [(1, 1)],
+        "outside the contact model": [(2, 1)],
+    }
     assert ax.figure.axes[1].get_ylabel() == "RMS of $|R_O| + |R_C|$ (kN)"
 
 
@@ -220,8 +230,12 @@ def test_map_without_marks_has_no_legend():
 
 def test_lines_hold_the_data():
     fig, (orbit, force, spectrum, section) = plt.subplots(1, 4)
-    motion = Trajectory(jnp.arange(3.0), None, eccentricity=jnp.array([[0, 1], [2, 3], [4, 5]]),
-                        foundation_force=jnp.array([1e3, 2e3, 3e3]))  # fmt: skip
+    motion = Trajectory(
+        jnp.arange(3.0),
+        None,
+        eccentricity=jnp.array([[0, 1], [2, 3], [4, 5]]),
+        foundation_force=jnp.array([1e3, 2e3, 3e3]),
+    )
     assert plots.plot_orbit(motion, 2.0, orbit) is orbit
     np.testing.assert_allclose(np.hypot(*orbit.lines[0].get_data()), 2e3, rtol=1e-12)
     np.testing.assert_array_equal(orbit.lines[1].get_xydata(), 1e3 * motion.eccentricity)
@@ -242,10 +256,11 @@ def test_lines_hold_the_data():
 def test_bifurcation_diagram():
     values = np.arange(12.0).reshape(2, 3, 2)
     diagram = xr.DataArray(
-        values, dims=("direction", "speed", "turn"),
+        values,
+        dims=("direction", "speed", "turn"),
         coords={"direction": ["up", "down"], "speed": [25.0, 26.0, 27.0]},
         attrs={"long_name": "eccentricity"},
-    )  # fmt: skip
+    )
     diagram.speed.attrs["units"] = "rad/s"
     ax = plots.plot_bifurcation(diagram)
     assert ax.get_xlabel() == "speed (rad/s)" and ax.get_ylabel() == "eccentricity"

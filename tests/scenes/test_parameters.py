@@ -63,8 +63,9 @@ def test_counterweight_is_a_point_mass():
     about_o = both.inertia + both.mass * both.mass_centre.dot(both.mass_centre)
     before = shaft.inertia + shaft.mass * shaft.mass_centre.dot(shaft.mass_centre)
     np.testing.assert_allclose(about_o, before + 30.0 * 0.25**2, rtol=1e-14)
-    machine = build_machine({"counterweight.mass": 30.0, "counterweight.radius": 0.25,
-                             "counterweight.angle": 2.0})  # fmt: skip
+    machine = build_machine(
+        {"counterweight.mass": 30.0, "counterweight.radius": 0.25, "counterweight.angle": 2.0}
+    )
     np.testing.assert_allclose(shaft_inertia(machine), about_o, rtol=1e-14)
     nothing = with_counterweight(shaft, 0.0, Vector(1.0, 2.0))
     np.testing.assert_allclose(nothing.inertia, shaft.inertia, rtol=1e-15)

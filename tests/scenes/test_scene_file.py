@@ -13,10 +13,17 @@ from jaxcrusher.scenes.scene_file import read_scene_file, read_text, read_value
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # A unit that is not the SI unit, and its size.
 OTHER = {
-    "rad/s": ("rpm", np.pi / 30), "rad": ("deg", np.pi / 180), "m": ("mm", 1e-3), "kg": ("g", 1e-3),
-    "m/s": ("mm/s", 1e-3), "m/s2": ("cm s-2", 1e-2), "kg m2": ("kg*cm^2", 1e-4), "N": ("kN", 1e3),
-    "Pa": ("GPa", 1e9), "1": ("%", 1e-2),
-}  # fmt: skip
+    "rad/s": ("rpm", np.pi / 30),
+    "rad": ("deg", np.pi / 180),
+    "m": ("mm", 1e-3),
+    "kg": ("g", 1e-3),
+    "m/s": ("mm/s", 1e-3),
+    "m/s2": ("cm s-2", 1e-2),
+    "kg m2": ("kg*cm^2", 1e-4),
+    "N": ("kN", 1e3),
+    "Pa": ("GPa", 1e9),
+    "1": ("%", 1e-2),
+}
 
 
 def write(folder: Path, values: dict) -> Path:
@@ -24,8 +31,11 @@ def write(folder: Path, values: dict) -> Path:
     lines = [f"{name} = {value}" for name, value in values.items() if "." not in name]
     for table in dict.fromkeys(name.split(".")[0] for name in values if "." in name):
         lines.append(f"[{table}]")
-        lines += [f"{name.split('.')[1]} = {value}" for name, value in values.items()
-                  if name.startswith(f"{table}.")]  # fmt: skip
+        lines += [
+            f"{name.split('.')[1]} = {value}"
+            for name, value in values.items()
+            if name.startswith(f"{table}.")
+        ]
     file = folder / "scene.toml"
     file.write_text("\n".join(lines) + "\n")
     return file
@@ -108,14 +118,14 @@ def test_values_out_of_range_are_refused_one_by_one():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("sped = 30", '`sped` must be a known key, but is not; did you mean speed?'),
+        ("sped = 30", "`sped` must be a known key, but is not; did you mean speed?"),
         ("[jaw]\nlenght = 0.7", "`jaw.lenght` must be a known key, but is not; did you mean jaw"),
         ("[jaw]\nweight = 5", "there are jaw.mass, jaw.inertia"),
         ("mass = 5", "did you mean shaft.mass or jaw.mass"),
         ("shaft = 5", "`shaft` must be a table [shaft]"),
         ("[speed]\nx = 5", "`speed` must be a number in rad/s or a quoted quantity, but is a tab"),
         ("speed = true", "`speed` must be a number in rad/s or a quoted quantity, but is a bool"),
-        ('speed = "30"', "`speed` must be a number (rad/s) or a quoted quantity such as \"286"),
+        ('speed = "30"', '`speed` must be a number (rad/s) or a quoted quantity such as "286'),
         ('friction = "0.1"', "`friction` must be a number (1) or a quoted quantity"),
         ('speed = "5 Hz"', "has 'Hz' (turns or radians? Write rpm or rad/s)"),
         ('speed = "5 1/s"', "has '1/s' (turns or radians? Write rpm or rad/s)"),
@@ -138,7 +148,7 @@ def test_values_out_of_range_are_refused_one_by_one():
         ("speed = 30\nclearance =\n", "(at line 2, column 12)"),
         ("a = " + 3000 * "[", "is not TOML"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_name_file_and_key(text, words, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(text)

@@ -29,8 +29,20 @@ def run(*arguments) -> tuple[int, str]:
     return status, console.export_text()
 
 
-SHORT = ("--turns", 2, "--settle", 1, "--samples", 401, "--set", "start", "contact",
-         "--set", "speed", "300 rpm")  # fmt: skip
+SHORT = (
+    "--turns",
+    2,
+    "--settle",
+    1,
+    "--samples",
+    401,
+    "--set",
+    "start",
+    "contact",
+    "--set",
+    "speed",
+    "300 rpm",
+)
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +60,9 @@ def test_simulate_writes_a_labelled_motion(simulated):
     assert (out / "simulate" / "motion.png").stat().st_size > 10_000
     with xr.open_dataset(out / "simulate" / "motion.nc") as motion:
         motion.load()
-    assert all("units" in values.attrs and "long_name" in values.attrs
-               for values in motion.values())  # fmt: skip
+    assert all(
+        "units" in values.attrs and "long_name" in values.attrs for values in motion.values()
+    )
     values = json.loads(motion.attrs["scene"])
     # The command line counts, then the file, then the paper.
     assert values["speed"] == pytest.approx(10 * np.pi)
@@ -67,8 +80,11 @@ def test_simulate_says_what_the_motion_is(simulated):
     out, _, text = simulated
     with xr.open_dataset(out / "simulate" / "motion.nc") as motion:
         last = motion.foundation_force[200:-1].to_numpy()
-    found = re.search(r"R_C\| (\d+) N, contact share ([\d.]+), no whirl, inside the contact model "
-                      r"\(turns 2 to 2\)", text)  # fmt: skip
+    found = re.search(
+        r"R_C\| (\d+) N, contact share ([\d.]+), no whirl, inside the contact model "
+        r"\(turns 2 to 2\)",
+        text,
+    )
     assert found, text
     # 200 samples of a turn, quiet in the bore, and rounding to 1 N.
     assert float(found[1]) == pytest.approx(np.sqrt(np.mean(last**2)), abs=1 + 1e-3 * last[0])
@@ -85,9 +101,34 @@ def test_failed_run_is_kept_and_named(simulated):
         assert not np.isfinite(motion.foundation_force[1:]).any()
 
 
-SWEEP = ("sweep", "--over", "clearance", "0.04 mm", "0.08 mm", 2, "--over", "speed", "240 rpm",
-         30, 2, "--settle", 0, "--turns", 1, "--chunk", 2, "--rtol", 1e-5, "--netcdf",
-         "--set", "start", "contact", "--set", "speed", 99)  # fmt: skip
+SWEEP = (
+    "sweep",
+    "--over",
+    "clearance",
+    "0.04 mm",
+    "0.08 mm",
+    2,
+    "--over",
+    "speed",
+    "240 rpm",
+    30,
+    2,
+    "--settle",
+    0,
+    "--turns",
+    1,
+    "--chunk",
+    2,
+    "--rtol",
+    1e-5,
+    "--netcdf",
+    "--set",
+    "start",
+    "contact",
+    "--set",
+    "speed",
+    99,
+)
 
 
 def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypatch, capsys):
@@ -177,14 +218,32 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         asked.update(parameters, metric=metric, turns=options["turns"])
         built = scene(**{name: 2 * value for name, value in parameters.items()})
         assert float(built.machine.jaw.mass) == 1000.0 and float(built.drive.speed) == 25.0
-        slopes = {name: Slope(name, "fit", np.float64(1.5), np.nan, 0.1, "doubtful", ("why",),
-                              {"fit": (1.5, 0.1)}) for name in parameters}  # fmt: skip
+        slopes = {
+            name: Slope(
+                name, "fit", np.float64(1.5), np.nan, 0.1, "doubtful", ("why",), {"fit": (1.5, 0.1)}
+            )
+            for name in parameters
+        }
         kind = jc.Regime("chaotic", ("evidence",))
         return jc.GradientReport(metric, kind, 10, (0.5, 0.1), slopes)
 
     monkeypatch.setattr(gradient.jc, "gradient_report", report)
-    status, text = run("gradient", "contact_fraction", "--by", "jaw.mass", "--set", "jaw.mass",
-                       500, "--set", "speed", 25, "--turns", 7, "--out", tmp_path)  # fmt: skip
+    status, text = run(
+        "gradient",
+        "contact_fraction",
+        "--by",
+        "jaw.mass",
+        "--set",
+        "jaw.mass",
+        500,
+        "--set",
+        "speed",
+        25,
+        "--turns",
+        7,
+        "--out",
+        tmp_path,
+    )
     assert asked == {"jaw.mass": 500.0, "metric": "contact_fraction", "turns": 7}
     assert status == 0 and "by jaw.mass: 1.5 ± nan, fit, doubtful (why)" in text
     slope = json.loads((tmp_path / "gradient" / "gradient.json").read_text())["slopes"]["jaw.mass"]
@@ -255,8 +314,11 @@ def test_help_explains_every_option(command, capsys):
 def test_mistake_of_a_process_is_one_line():
     wrong = subprocess.run(
         [sys.executable, "-m", "jaxcrusher", "simulate", "--set", "speed", "5 [hz]"],
-        check=False, capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert wrong.returncode == 2 and wrong.stdout == ""
     assert wrong.stderr.startswith("error: Argument `speed`") and wrong.stderr.count("\n") == 1
     assert "'[hz]'" in wrong.stderr

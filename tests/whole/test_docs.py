@@ -14,7 +14,7 @@ import jaxcrusher as jc
 
 ROOT = Path(__file__).parents[2]
 # Not for users: entry points and what they are made of.
-PRIVATE = ("__main__", "commands", "reproduce")
+PRIVATE = ("__main__", "commands")
 
 
 def python_blocks(page: str) -> list[str]:
@@ -27,8 +27,12 @@ def documented(tmp_path_factory) -> set[str]:
     site = tmp_path_factory.mktemp("site")
     done = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(site)],
-        cwd=ROOT, capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     formulas = (site / "model.html").read_text()
     assert formulas.count("<math") > 50 and "arithmatex" not in formulas
@@ -48,8 +52,11 @@ def test_every_public_name_is_documented(documented):
 def test_every_module_is_documented(documented):
     folder = ROOT / "jaxcrusher"
     paths = [path.relative_to(ROOT).with_suffix("") for path in folder.rglob("*.py")]
-    modules = {".".join(path.parts) for path in paths
-               if path.name != "__init__" and not set(path.parts) & set(PRIVATE)}  # fmt: skip
+    modules = {
+        ".".join(path.parts)
+        for path in paths
+        if path.name != "__init__" and not set(path.parts) & set(PRIVATE)
+    }
     assert len(modules) > 30
     assert sorted(modules - documented) == []
 
@@ -72,7 +79,11 @@ def test_blocks_of_the_readme_run_in_a_fresh_process():
     assert len(blocks) == 3
     done = subprocess.run(
         [sys.executable, "-W", "error::UserWarning", "-c", "\n".join(blocks)],
-        cwd=ROOT, capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert "nan" not in done.stdout

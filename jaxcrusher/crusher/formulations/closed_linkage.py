@@ -51,9 +51,7 @@ class ClosedLinkage(AbstractFormulation):
             inertia = shaft_inertia(machine) + arm.cross(slope)
             shaft = ShaftMotion(shaft.crank, shaft.speed, scene.drive.acceleration(moment, inertia))
             force, acceleration = joint_force(shaft)
-        return Snapshot(
-            shaft, chain, acceleration, None, None, force, None, None, load, None
-        )  # fmt: skip
+        return Snapshot(shaft, chain, acceleration, None, None, force, None, None, load, None)
 
     def rate(self, snapshot: Snapshot, state: ShaftState | None, scene: Scene) -> ShaftState | None:
         """The shaft's, or nothing."""

@@ -72,9 +72,17 @@ class EccentricityFormulation(AbstractFormulation):
             shaft.crank, shaft.speed, scene.drive.acceleration(moment, shaft_inertia(machine))
         )
         return Snapshot(
-            shaft, chain, acceleration, contact, eccentricity, contact.force,
-            contact.bearing_moment, contact.journal_moment, load, None,
-        )  # fmt: skip
+            shaft,
+            chain,
+            acceleration,
+            contact,
+            eccentricity,
+            contact.force,
+            contact.bearing_moment,
+            contact.journal_moment,
+            load,
+            None,
+        )
 
     def rate(self, snapshot: Snapshot, state: EccentricityState, scene: Scene) -> EccentricityState:
         """By e'': the pin's acceleration less the bearing's."""

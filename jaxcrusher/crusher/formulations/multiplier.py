@@ -223,10 +223,16 @@ def _applied_forces(scene, contact, load, pin_arm: Vector, bearing_arm: Vector) 
     shaft_moment = shaft_moment if driven is None else driven
     no_moment = jnp.zeros_like(shaft_moment)
     return [
-        on_shaft.x, on_shaft.y, shaft_moment,
-        on_jaw.x, on_jaw.y, jaw_moment,
-        weights[2].x, weights[2].y, no_moment,
-    ]  # fmt: skip
+        on_shaft.x,
+        on_shaft.y,
+        shaft_moment,
+        on_jaw.x,
+        on_jaw.y,
+        jaw_moment,
+        weights[2].x,
+        weights[2].y,
+        no_moment,
+    ]
 
 
 def _constraints(
