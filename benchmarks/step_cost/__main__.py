@@ -41,8 +41,10 @@ def main() -> None:
         for job in jobs:
             bar = bars.add_task(", ".join(part for part in job if part), total=None)
             found.append(
-                _ask(job, lambda done, total: bars.update(bar, completed=done, total=total))
-            )  # noqa: B023
+                _ask(
+                    job, lambda done, total, bar=bar: bars.update(bar, completed=done, total=total)
+                )
+            )
     costs = [row for rows in found[: len(MOTIONS) * 2] for row in rows]
     console.print(report.write(costs, *found[-2], *found[-1]))
 
