@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from jax.test_util import check_grads
 from scipy.optimize import brentq
 
 from jaxcrusher.joint.normal import (
@@ -75,10 +76,38 @@ def test_delivered_restitution_by_closed_form(law, restitution, delivered):
     sharp = law(1.4e8, restitution, ConstantImpactVelocity(0.5), width=1e-13)
     rebound, _ = impact(sharp, jnp.array(1.0), slow)
     assert float(made.delivered_restitution(slow)) == pytest.approx(float(rebound), abs=1e-6)
-    # Both branches meet where the logarithms cancel; the bisection is good to 1e-12 / D^2.
-    at = 1e-4 * 0.5 / made.damping_factor()
-    below, above = (float(made.delivered_restitution(f * at)) for f in (0.999, 1.001))
-    assert below == pytest.approx(above, abs=1e-6)
+    # Both branches meet where the logarithms cancel: apart by 2/3 of the step, 2e-8 in D.
+    at = 0.01 * 0.5 / made.damping_factor()
+    below, above = (float(made.delivered_restitution(f * at)) for f in (1 - 1e-6, 1 + 1e-6))
+    assert below == pytest.approx(above, abs=2e-8)
+
+
+@pytest.mark.parametrize("law", DELIVERED)
+def test_slope_of_the_delivered_restitution(law):
+    """By the implicit function theorem, forward and backward, one by one and side by side."""
+
+    def delivered(restitution, speed=0.5):
+        made = law(1.4e8, restitution, ConstantImpactVelocity(0.5))
+        return made.delivered_restitution(jnp.asarray(speed))
+
+    def damping(restitution):
+        return law(1.4e8, restitution, ConstantImpactVelocity(0.5)).damping_factor()
+
+    restitutions = jnp.array([0.3, 0.5, 0.7, 0.9, 0.99, 0.999, 0.999999])
+    e, d = jax.vmap(delivered)(restitutions), jax.vmap(damping)(restitutions)
+    # d/dD of the equation: D / (1 + D) = (e* + D de*/dD) D e* / (1 - D e*).
+    slopes = ((1 - d * e) / (e * (1 + d)) - e) / d * jax.vmap(jax.grad(damping))(restitutions)
+    found = jax.jit(jax.vmap(jax.grad(delivered)))(restitutions)
+    # The closed form cancels like 1e-16 / D^2: of the last two only six and three digits stand.
+    np.testing.assert_allclose(found[:5], slopes[:5], rtol=1e-9)
+    np.testing.assert_allclose(found[5:], slopes[5:], rtol=1e-3)
+    # Forward and backward, once and twice: against differences of 1e-4, curved by 1e-8.
+    check_grads(delivered, (0.7,), order=2, atol=1e-6, rtol=1e-6, eps=1e-4)
+    # Without damping e* = 1 - 2 D / 3 to first order, also for an impact without speed.
+    limit = -2 / 3 * float(jax.grad(damping)(1.0))
+    assert float(jax.grad(delivered)(1.0)) == pytest.approx(limit, rel=1e-12)
+    by_speed = float(jax.grad(delivered, argnums=1)(0.7, 0.0))
+    assert by_speed == pytest.approx(-2 / 3 * float(damping(0.7)) / 0.5, rel=1e-12)
 
 
 @pytest.mark.parametrize("law", DELIVERED)
@@ -149,3 +178,6 @@ def test_closed_form_used_above():
             lambda r, d=d: d - np.log1p(d) + d * r + np.log1p(-d * r), 1e-6, min(1, 0.999999 / d)
         )
         assert root == pytest.approx(delivered, abs=6e-6)
+        # Both solve it to rounding.
+        made = law(1.0, e, ConstantImpactVelocity(1.0))
+        assert float(made.delivered_restitution(jnp.array(1.0))) == pytest.approx(root, abs=1e-11)
