@@ -42,9 +42,9 @@ def documented(tmp_path_factory) -> set[str]:
 
 
 def test_every_public_name_is_documented(documented):
-    lines = ast.parse(inspect.getsource(jc)).body
+    lines = ast.walk(ast.parse(inspect.getsource(jc)))
     exported = [line for line in lines if isinstance(line, ast.ImportFrom)]
-    names = [f"{line.module}.{line.names[0].name}" for line in exported]
+    names = [f"{line.module}.{line.names[0].name}" for line in exported if line.module != "typing"]
     assert len(names) > 20
     assert sorted(set(names) - documented) == []
 
