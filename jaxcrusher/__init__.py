@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from jaxcrusher.dynamics.slopes import GradientReport as GradientReport
     from jaxcrusher.dynamics.slopes import gradient_report as gradient_report
     from jaxcrusher.joint.validity import Validity as Validity
+    from jaxcrusher.motion.method import Method as Method
     from jaxcrusher.motion.section import Section as Section
     from jaxcrusher.motion.section import poincare_section as poincare_section
     from jaxcrusher.motion.simulation import OUTPUTS as OUTPUTS

@@ -22,6 +22,7 @@ from jaxcrusher.joint.friction import AmbrosioFriction
 from jaxcrusher.motion.statistics import WHIRL_WINDING
 
 SPEED = 30.0  # rad/s
+MOST_STEPS = 300_000  # of a turn
 # Peaks at 30 rad/s by clearance (mm), Fig. 12, N.
 TARGETS = {0.03: 6e4, 0.06: 7.4e4, 0.09: 1.1e6, 0.12: 1.7e6}
 OFFSETS = (0.0, 1e-3)  # of the centred start, in clearances
@@ -29,32 +30,31 @@ SETTLE, TURNS = 20, 4  # the centred start's transient is over by then
 
 
 @dataclass(frozen=True)
-class Method:
+class Way:
     """What makes the formulation, and how to integrate it: each compiles to one program.
 
     It is made late: importing this module must not start JAX.
     """
 
     formulation: Callable[..., AbstractFormulation]
-    solver: diffrax.AbstractSolver | None = None
-    controller: diffrax.AbstractStepSizeController | None = None
-    first_step: float = 1e-5  # in radians of shaft angle
+    method: jc.Method = jc.Method(max_steps=MOST_STEPS)
 
 
-def _tolerances(rtol: float, atol: float) -> Method:
+def _tolerances(rtol: float, atol: float) -> Way:
     controller = diffrax.PIDController(
         rtol=rtol, atol=atol, norm=largest, dtmin=1e-12, force_dtmin=False
     )
-    return Method(PlainUnits, diffrax.Dopri5(), controller)
+    return Way(PlainUnits, jc.Method(diffrax.Dopri5(), controller, MOST_STEPS))
 
 
-def _steps(seconds: float) -> Method:
-    return Method(
-        EccentricityFormulation, diffrax.Dopri5(), diffrax.ConstantStepSize(), SPEED * seconds
+def _steps(seconds: float) -> Way:
+    method = jc.Method(
+        diffrax.Dopri5(), diffrax.ConstantStepSize(), MOST_STEPS, dt0=SPEED * seconds
     )
+    return Way(EccentricityFormulation, method)
 
 
-ACCURATE = Method(LiteralContact)
+ACCURATE = Way(LiteralContact)
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Variant:
 
     name: str
     surface: bool = False
-    method: Method = ACCURATE
+    way: Way = ACCURATE
     contact: dict[str, Any] = field(default_factory=dict)  # of the formulation
     friction: dict[str, float] = field(default_factory=dict)  # fields of AmbrosioFriction
     options: dict = field(default_factory=dict)  # of jaxcrusher.paper_scene
@@ -77,7 +77,7 @@ class Variant:
         scene = jc.paper_scene(SPEED, 1e-3 * clearance * self.clearance, **self.options)
         scene = shifted_start(scene, Vector(offset, 0.0))
         law = AmbrosioFriction(WeightedSlip(float(self.surface)), **self.friction)
-        formulation = self.method.formulation(**self.contact)
+        formulation = self.way.formulation(**self.contact)
         assert scene.joint is not None
         normal = scene.joint.normal
         normal = eqx.tree_at(
@@ -118,11 +118,11 @@ def variants() -> list[Variant]:
         ("load normal to jaw", dict(options={"load": "normal_to_jaw"})),
         ("r a diametral clearance", dict(clearance=0.5)),
         ("r ten times as large", dict(clearance=10.0)),
-        ("no Baumgarte", dict(method=Method(functools.partial(MultiplierFormulation, 0.0, 0.0)))),
-        ("ode45 at its default tolerances", dict(method=_tolerances(1e-3, 1e-6))),
-        ("ode45 at a tenth of them", dict(method=_tolerances(1e-4, 1e-7))),
-        ("steps of 0.5 ms", dict(method=_steps(5e-4))),
-        ("steps of 0.2 ms", dict(method=_steps(2e-4))),
+        ("no Baumgarte", dict(way=Way(functools.partial(MultiplierFormulation, 0.0, 0.0)))),
+        ("ode45 at its default tolerances", dict(way=_tolerances(1e-3, 1e-6))),
+        ("ode45 at a tenth of them", dict(way=_tolerances(1e-4, 1e-7))),
+        ("steps of 0.5 ms", dict(way=_steps(5e-4))),
+        ("steps of 0.2 ms", dict(way=_steps(2e-4))),
     ]
     surface: list[tuple[str, dict]] = [
         *((f"friction {c:g}", dict(friction={"coefficient": c})) for c in (0.02, 0.03, 0.05)),
@@ -170,16 +170,13 @@ class Found:
         return int(np.sum(np.abs(self.statistics[clearance]["winding"]) > WHIRL_WINDING))
 
 
-def _row(scene: Scene, solver, controller, first_step: float) -> dict[str, jax.Array | None]:
+def _row(scene: Scene, method: jc.Method) -> dict[str, jax.Array | None]:
     result = jc.statistics(
         scene,
         SETTLE,
         TURNS,
         rtol=1e-6,
-        solver=solver,
-        stepsize_controller=controller,
-        dt0=first_step,
-        max_steps=300_000,
+        method=method,
         outputs=("foundation_mean", "foundation_peak", "winding"),
     )
     return {
@@ -195,15 +192,12 @@ def search(listed: list[Variant], done: Callable[[str], None] = lambda what: Non
     programs: dict[tuple, list[Variant]] = {}
     for variant in listed:
         structure = jax.tree.structure(variant.scene(0.06, 0.0))
-        programs.setdefault((id(variant.method), structure), []).append(variant)
+        programs.setdefault((id(variant.way), structure), []).append(variant)
     found = []
     for group in programs.values():
         runs = [(v, c, offset) for v in group for c in TARGETS for offset in v.start_offsets]
         scenes = stack([variant.scene(c, offset) for variant, c, offset in runs])
-        method = group[0].method
-        function = eqx.Partial(
-            _row, solver=method.solver, controller=method.controller, first_step=method.first_step
-        )
+        function = eqx.Partial(_row, method=group[0].way.method)
         parts = [values for _, values in map_chunks(function, scenes)]
         joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         for variant in group:

@@ -5,6 +5,7 @@ to two; each measurement is written as it comes.
 """
 
 import csv
+import dataclasses
 import json
 import resource
 import sys
@@ -61,13 +62,17 @@ PARAMETERS = (
 )
 GRADIENT_TURNS = 4
 EQUAL_STEPS = 1024  # a turn: about twice what stability asks of Tsit5 here
-METHODS: dict[str, dict[str, Any]] = {
-    "forward, error controlled": {},
-    "forward, equal steps": {"stepsize_controller": diffrax.ConstantStepSize()},
-    "reverse, equal steps": {
-        "stepsize_controller": diffrax.ConstantStepSize(),
-        "adjoint": diffrax.RecursiveCheckpointAdjoint(),
-    },
+EQUAL = jc.Method(
+    stepsize_controller=diffrax.ConstantStepSize(),
+    max_steps=EQUAL_STEPS + 1,
+    dt0=2 * np.pi / EQUAL_STEPS,
+)
+METHODS = {
+    "forward, error controlled": jc.Method(),
+    "forward, equal steps": EQUAL,
+    "reverse, equal steps": dataclasses.replace(
+        EQUAL, adjoint=diffrax.RecursiveCheckpointAdjoint()
+    ),
 }
 
 
@@ -125,15 +130,14 @@ def _rms_and_steps(scene: jc.Scene, turns: int) -> tuple[jax.Array, jax.Array]:
 
 def gradient(method: str, count: int) -> dict[str, Any]:
     """Value and gradient of the RMS of one quiet motion by `count` parameters, and the value."""
-    options = dict(METHODS[method])
-    if "stepsize_controller" in options:
-        options |= {"dt0": 2 * np.pi / EQUAL_STEPS, "max_steps": EQUAL_STEPS + 1}
     names = PARAMETERS[:count]
     point = np.array([jc.PARAMETERS[name].default for name in names])
 
     def rms(point):
         scene = jc.build_scene(dict(zip(names, point, strict=True)) | {"start": "contact"})
-        result = jc.statistics(scene, 0, GRADIENT_TURNS, outputs=("foundation_rms",), **options)
+        result = jc.statistics(
+            scene, 0, GRADIENT_TURNS, outputs=("foundation_rms",), method=METHODS[method]
+        )
         return result.foundation_rms, result.outcome.steps
 
     value = jax.jit(lambda point: rms(point))

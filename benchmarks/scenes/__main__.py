@@ -24,9 +24,10 @@ RUNS = 41
 TIMES = np.linspace(0, 2 * np.pi / 30, 513)
 # As many steps for every scene: times are then those of a step.
 STEPS = 2048
-FIXED: dict[str, Any] = {"stepsize_controller": diffrax.ConstantStepSize()}
-BY_ANGLE: dict[str, Any] = FIXED | {"dt0": 2 * np.pi / STEPS}
-BY_TIME: dict[str, Any] = FIXED | {"dt0": float(TIMES[-1]) / STEPS}
+BY_ANGLE, BY_TIME = (
+    jc.Method(stepsize_controller=diffrax.ConstantStepSize(), dt0=float(span) / STEPS)
+    for span in (2 * np.pi, TIMES[-1])
+)
 
 
 def operations(jaxpr) -> int:
@@ -89,27 +90,27 @@ def median_times(programs: list[Callable[[], Any]]) -> list[float]:
 
 def rms_only(scene: jc.Scene):
     """The RMS over a turn."""
-    return jc.statistics(scene, 0, 1, outputs=("foundation_rms",), **BY_ANGLE)
+    return jc.statistics(scene, 0, 1, outputs=("foundation_rms",), method=BY_ANGLE)
 
 
 def all_statistics(scene: jc.Scene):
     """Every statistic of a turn."""
-    return jc.statistics(scene, 0, 1, **BY_ANGLE)
+    return jc.statistics(scene, 0, 1, method=BY_ANGLE)
 
 
 def one_history(scene: jc.Scene):
     """The foundation force at 513 instants."""
-    return jc.simulate(scene, TIMES, outputs=("foundation_force",), **BY_TIME)
+    return jc.simulate(scene, TIMES, outputs=("foundation_force",), method=BY_TIME)
 
 
 def with_ledger(scene: jc.Scene):
     """The foundation force and the energy ledger."""
-    return jc.simulate(scene, TIMES, outputs=("foundation_force", "energy"), **BY_TIME)
+    return jc.simulate(scene, TIMES, outputs=("foundation_force", "energy"), method=BY_TIME)
 
 
 def all_histories(scene: jc.Scene):
     """Every output at 513 instants."""
-    return jc.simulate(scene, TIMES, **BY_TIME)
+    return jc.simulate(scene, TIMES, method=BY_TIME)
 
 
 def cases() -> list[tuple[str, jc.Scene, list]]:

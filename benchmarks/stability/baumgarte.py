@@ -13,7 +13,7 @@ from benchmarks.stability.cases import BASE, Case
 from jaxcrusher.crusher.formulations import MultiplierFormulation
 
 TURNS = 20
-MOST_STEPS = 2_000_000
+METHOD = jc.Method(max_steps=2_000_000)
 # The default of statistics, and one at which a drift has something to grow from.
 TOLERANCES = (1e-9, 1e-5)
 PAPER = 20.0
@@ -60,7 +60,7 @@ def _run(scene: jc.Scene, times, exact: np.ndarray, alpha, beta, rtol: float) ->
         outputs += ("constraint_residual",)
 
     def simulate() -> jc.Trajectory:
-        found = jc.simulate(scene, times, outputs=outputs, rtol=rtol, max_steps=MOST_STEPS)
+        found = jc.simulate(scene, times, outputs=outputs, rtol=rtol, method=METHOD)
         return jax.block_until_ready(found)
 
     simulate()  # compiles

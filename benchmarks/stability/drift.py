@@ -12,6 +12,7 @@ from benchmarks.stability.reference import members
 
 TURNS, BLOCK, MEMBERS = 1000, 100, 4
 MOST_STEPS = 50_000_000
+METHOD = jc.Method(max_steps=MOST_STEPS)
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def run(case: Case, formulation, turns: int, block: int, known: np.ndarray) -> D
     outputs: tuple[str, ...] = ("energy", "drive_power")
     if formulation == "multiplier":
         outputs += ("constraint_residual",)
-    history = jc.simulate(scene, times, outputs=outputs, rtol=1e-9, max_steps=MOST_STEPS)
+    history = jc.simulate(scene, times, outputs=outputs, rtol=1e-9, method=METHOD)
     found = jc.statistics(scene, 0, turns)
     early = times <= times[-1] * block / turns
 

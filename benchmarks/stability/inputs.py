@@ -61,7 +61,7 @@ def inputs() -> Iterator[Judged]:
 
 def run(scene: jc.Scene) -> jc.Statistics:
     """Two turns."""
-    return jc.statistics(scene, 1, 1, max_steps=100_000)
+    return jc.statistics(scene, 1, 1, method=jc.Method(max_steps=100_000))
 
 
 def without_x64(scene: jc.Scene) -> jc.Statistics:

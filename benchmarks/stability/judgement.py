@@ -19,6 +19,7 @@ VERDICTS = (AGREES, WHIRL, OUTSIDE, REFUSED, DISAGREES)
 
 # Steps of a span and of a turn, at most: a bound of seconds a case.
 MOST_STEPS = 1_000_000
+METHOD = jc.Method(max_steps=MOST_STEPS)
 # Errors at the first contact: of ours in clearances (the tolerance of a step, 1e-11, times a
 # few thousand), and with multipliers the rounding of positions of 0.6 m (2e-14 m a step, times
 # as many); of CVODE 1e-12 of its angles, times as many. Every contact renews them.
@@ -61,7 +62,7 @@ def judge(case: Case, formulation: Formulation, known: Reference) -> Judged:
     try:
         scene = case.scene(formulation)
         history = simulate(scene)
-        found = jc.statistics(scene, SETTLE, TURNS, max_steps=MOST_STEPS)
+        found = jc.statistics(scene, SETTLE, TURNS, method=METHOD)
     except ValueError as error:
         return Judged(*labels, REFUSED, "", str(error))
     if not (history.success and found.success):
@@ -105,7 +106,7 @@ def judge(case: Case, formulation: Formulation, known: Reference) -> Judged:
 def simulate(scene: jc.Scene) -> jc.Trajectory:
     """Ours at the reference's instants."""
     outputs = ("foundation_force", "eccentricity")
-    return jc.simulate(scene, TIMES, outputs=outputs, max_steps=MOST_STEPS)
+    return jc.simulate(scene, TIMES, outputs=outputs, method=METHOD)
 
 
 def narrow(scene: jc.Scene) -> jc.Scene:
@@ -145,7 +146,7 @@ def others(case: Case, formulation: Formulation, count: int) -> list[float]:
     e, rate = case.motion
     places = members(case.crusher, e, count)
     runs = (
-        jc.statistics(case.scene(formulation, (place, rate)), SETTLE, TURNS, max_steps=MOST_STEPS)
+        jc.statistics(case.scene(formulation, (place, rate)), SETTLE, TURNS, method=METHOD)
         for place in places
     )
     return [rms_of(run) for run in runs]

@@ -22,7 +22,7 @@ from jaxcrusher.batch.engines import map_chunks
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.motion.integrate import Carried
-from jaxcrusher.motion.simulation import default_integration
+from jaxcrusher.motion.method import resolve
 
 # The tolerance hardly matters to the quiet motion, whose steps are limited by stability.
 RTOL, FIRST_STEP = 1e-6, 1e-5
@@ -85,8 +85,7 @@ def statistics_of(scene: jc.Scene, turns: int) -> Found:
         turns,
         outputs=("foundation_rms",),
         rtol=RTOL,
-        solver=diffrax.Dopri5(),
-        dt0=FIRST_STEP,
+        method=jc.Method(diffrax.Dopri5(), dt0=FIRST_STEP),
     )
     return Found(result.foundation_rms, result.outcome.steps)  # pyright: ignore
 
@@ -109,7 +108,7 @@ def _plain(scene: jc.Scene, turns: int) -> Found:
         FIRST_STEP,
         Carried(scene.formulation.initial(scene), jnp.zeros(())),
         scene,
-        stepsize_controller=default_integration(scene, RTOL, FIRST_STEP).stepsize_controller,
+        stepsize_controller=resolve(scene, RTOL).stepsize_controller,
         max_steps=1_000_000,
         throw=False,
     )

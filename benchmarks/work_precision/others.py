@@ -19,7 +19,8 @@ from benchmarks.peers.exudyn_peer import Model
 from benchmarks.peers.motion import Motion
 from benchmarks.peers.numba_peer import compiled
 from benchmarks.work_precision.cases import Answer, Case, closed_form, solved
-from benchmarks.work_precision.ours import FEW, FIRST_STEP, LADDER, MOST_STEPS
+from benchmarks.work_precision.ours import FEW, LADDER, MOST_STEPS
+from jaxcrusher.motion.method import FIRST_STEP
 
 # Of Dormand-Prince's dense output, fourth order (Shampine 1986).
 DENSE = np.ascontiguousarray(RK45.P)

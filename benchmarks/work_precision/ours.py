@@ -18,9 +18,8 @@ from benchmarks.work_precision.cases import Case
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.joint.normal import cylinder_stiffness
 from jaxcrusher.motion.integrate import Carried, Integration, Outcome, Problem, integrate
-from jaxcrusher.motion.simulation import integration
+from jaxcrusher.motion.method import resolve
 
-FIRST_STEP = 1e-5  # rad
 # A run that would take more is cut off, and said to have failed.
 MOST_STEPS = 2_000_000
 SOLVERS = {
@@ -119,14 +118,15 @@ def runs(case: Case, small: bool = False) -> Iterator[Run]:
 
 
 def _adaptive(scene: jc.Scene, rtol: float, solver=None) -> Integration:
-    return integration(scene, rtol, solver, None, None, MOST_STEPS, FIRST_STEP)
+    return resolve(scene, rtol, jc.Method(solver, max_steps=MOST_STEPS))
 
 
 def _variants(scene: jc.Scene, small: bool) -> Iterator[Run]:
     """Tsit5 with fixed steps, other widths, and 32-bit floats."""
     fixed = diffrax.ConstantStepSize()
     for step in FIXED_STEPS[:1] if small else FIXED_STEPS:
-        method = integration(scene, 1e-9, None, fixed, None, MOST_STEPS, step)
+        method = jc.Method(stepsize_controller=fixed, max_steps=MOST_STEPS, dt0=step)
+        method = resolve(scene, 1e-9, method)
         yield Run("Tsit5, fixed steps", f"{step:.0e} rad", scene, method, with_slope=False)
     for width in WIDTHS if scene.joint is not None and not small else ():
         smoothed = eqx.tree_at(lambda s: s.joint.normal.width, scene, jnp.array(width))

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, PyTree, Scalar
 from jaxcrusher.basics.checks import require, require_choice, require_whole, require_x64
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.integrate import RESULTS, Carried, Integration, Outcome, Problem, integrate
-from jaxcrusher.motion.simulation import integration
+from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.statistics import (
     FURTHER_STATISTICS,
     PEAK_POWER,
@@ -117,7 +117,7 @@ def poincare_section(
     state: Float[Array, " dims"] | None = None,
     outputs: tuple[str, ...] = (),
     rtol: float | Scalar = 1e-9,
-    solver: diffrax.AbstractSolver | None = None,
+    method: Method = Method(),
 ) -> Section:
     """Section points of `turns` turns after `settle_turns` turns.
 
@@ -129,7 +129,7 @@ def poincare_section(
     - `state`: to start from, shape (dims,), in place of the scene's start.
     - `outputs`: statistics of each turn that come along, as in
       `jaxcrusher.statistics`.
-    - `rtol`, `solver`: as in `jaxcrusher.simulate`.
+    - `rtol`, `method`: as in `jaxcrusher.statistics`.
 
     **Returns:** a `Section`; NaN from a failure on.
 
@@ -145,8 +145,8 @@ def poincare_section(
         require_choice("outputs", name, (*STATISTICS, *FURTHER_STATISTICS))
     free = scene.drive.initial() is not None
     require(not free, "scene", "have a shaft of constant speed", scene.drive)
-    method = integration(scene, rtol, solver, None, None, None, 1e-5)
-    return _section(scene, settle_turns, turns, slices, state, tuple(outputs), method)
+    how = resolve(scene, rtol, method)
+    return _section(scene, settle_turns, turns, slices, state, tuple(outputs), how)
 
 
 @eqx.filter_jit

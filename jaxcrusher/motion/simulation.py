@@ -1,8 +1,6 @@
 """Simulate a scene and look at it at given times."""
 
-import diffrax
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
@@ -11,8 +9,6 @@ from jaxcrusher.basics.checks import (
     concrete,
     require,
     require_choice,
-    require_double,
-    require_positive,
     require_x64,
 )
 from jaxcrusher.crusher import observables
@@ -24,9 +20,11 @@ from jaxcrusher.motion.integrate import (
     Integration,
     Outcome,
     Problem,
-    error_norm,
     integrate,
 )
+from jaxcrusher.motion.method import Method, resolve
+
+FIRST_STEP = 1e-6  # s
 
 # The powers whose time integrals, with the energies, make the ledger.
 WORKS = {
@@ -129,39 +127,13 @@ def failure_text(outcome: Outcome, unit: str) -> str:
     return f"stopped at {float(outcome.reached):.6g} {unit}: {reason}"
 
 
-def default_integration(scene: Scene, rtol: float | Scalar, dt0: float) -> Integration:
-    """Tsit5 under a PI controller with equal relative and absolute tolerance.
-
-    `rtol` counts in clearances (and m/s): 1e-9 is 6e-14 m for a clearance of 0.06 mm. Steps
-    are bounded below, so that a motion that is not finite ends at once, and in number.
-    """
-    # An array, so that another value runs the same program. It may depend on the scene, but is
-    # not part of what is differentiated.
-    tolerance = jnp.asarray(scene.formulation.tolerance(scene, rtol), dtype=float)
-    tolerance = jax.lax.stop_gradient(tolerance)
-    controller = diffrax.PIDController(
-        rtol=tolerance,
-        atol=tolerance,
-        pcoeff=0.4,
-        icoeff=0.3,
-        norm=error_norm,
-        dtmin=1e-14,
-        force_dtmin=False,
-    )
-    return Integration(diffrax.Tsit5(), controller, 10_000_000, dt0, None)
-
-
 def simulate(
     scene: Scene,
     times: ArrayLike,
     *,
     outputs: tuple[str, ...] = OUTPUTS,
     rtol: float = 1e-11,
-    solver: diffrax.AbstractSolver | None = None,
-    stepsize_controller: diffrax.AbstractStepSizeController | None = None,
-    adjoint: diffrax.AbstractAdjoint | None = None,
-    max_steps: int | None = None,
-    dt0: float = 1e-6,
+    method: Method = Method(),
 ) -> Trajectory:
     """Simulate from time zero and report at `times`.
 
@@ -174,9 +146,7 @@ def simulate(
     - `rtol`: tolerance of a step, in clearances and m/s. Forces over the first 20 ms of impacts
       are right to 1e-6 at 1e-11; at 30 ms, where errors have grown like exp(200 t), to 1e-4 of
       the largest force at worst, and to 4e-3 at 1e-9 (`benchmarks/crosschecks.py`).
-    - `solver`, `stepsize_controller`, `adjoint`, `max_steps`: as in `diffrax.diffeqsolve`,
-      in place of Tsit5, a PI controller, forward sensitivities and ten million.
-    - `dt0`: the first step, s, or every step of `diffrax.ConstantStepSize`.
+    - `method`: solver, step-size controller, bounds and adjoint, see `jaxcrusher.Method`.
 
     **Returns:** a `Trajectory`.
 
@@ -187,24 +157,8 @@ def simulate(
     require_times(times)
     for name in outputs:
         require_choice("outputs", name, OUTPUTS)
-    method = integration(scene, rtol, solver, stepsize_controller, adjoint, max_steps, dt0)
-    return _simulate(scene, jnp.asarray(times, dtype=float), method, tuple(outputs))
-
-
-def integration(
-    scene: Scene, rtol, solver, stepsize_controller, adjoint, max_steps, dt0
-) -> Integration:
-    """The default integration with the given parts replaced."""
-    require_double("scene", scene)
-    require_positive("dt0", dt0, "in the unit of the time")
-    default = default_integration(scene, rtol, float(dt0))
-    return Integration(
-        default.solver if solver is None else solver,
-        default.stepsize_controller if stepsize_controller is None else stepsize_controller,
-        default.max_steps if max_steps is None else max_steps,
-        default.dt0,
-        adjoint,
-    )
+    how = resolve(scene, rtol, method, FIRST_STEP)
+    return _simulate(scene, jnp.asarray(times, dtype=float), how, tuple(outputs))
 
 
 def require_times(times: ArrayLike) -> None:

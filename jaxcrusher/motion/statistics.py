@@ -2,7 +2,6 @@
 
 import math
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -16,7 +15,8 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.joint.validity import Validity, validity
 from jaxcrusher.motion.integrate import Carried, Integration, Outcome, Problem, integrate
-from jaxcrusher.motion.simulation import failure_text, integration
+from jaxcrusher.motion.method import Method, resolve
+from jaxcrusher.motion.simulation import failure_text
 
 # What `statistics` computes if not told otherwise; units stand at the fields of `Statistics`.
 STATISTICS = (
@@ -113,11 +113,7 @@ def statistics(
     *,
     outputs: tuple[str, ...] = STATISTICS,
     rtol: float = 1e-9,
-    solver: diffrax.AbstractSolver | None = None,
-    stepsize_controller: diffrax.AbstractStepSizeController | None = None,
-    adjoint: diffrax.AbstractAdjoint | None = None,
-    max_steps: int | None = None,
-    dt0: float = 1e-5,
+    method: Method = Method(),
 ) -> Statistics:
     """Statistics over `turns` turns of the shaft, after `settle_turns` turns.
 
@@ -127,8 +123,8 @@ def statistics(
     - `settle_turns`, `turns`: whole numbers, >= 0 and >= 1.
     - `outputs`: any of `jaxcrusher.STATISTICS` and `FURTHER_STATISTICS`; the rest is neither
       computed nor traced.
-    - `rtol`, `solver`, `stepsize_controller`, `adjoint`, `max_steps`, `dt0`: as in
-      `jaxcrusher.simulate`, with time in radians of shaft angle and steps counted per turn.
+    - `rtol`, `method`: as in `jaxcrusher.simulate`, with time in radians of shaft angle and
+      steps counted per turn.
 
     **Returns:** a `Statistics`. RMS and mean are integrated with the motion; the rest is
     seen at 1024 instants a turn, the peak as the top of a parabola through three of them.
@@ -144,8 +140,8 @@ def statistics(
     if "sliding_power" in outputs:
         slides = scene.joint is not None and scene.joint.friction is not None
         require(slides, "outputs", "not ask for sliding_power without friction", outputs)
-    method = integration(scene, rtol, solver, stepsize_controller, adjoint, max_steps, dt0)
-    return _statistics(scene, settle_turns, turns, tuple(outputs), method)
+    how = resolve(scene, rtol, method)
+    return _statistics(scene, settle_turns, turns, tuple(outputs), how)
 
 
 @eqx.filter_jit

@@ -14,8 +14,8 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import advance, whole
-from jaxcrusher.motion.simulation import integration
 
 Build = Callable[[Array], Scene]
 
@@ -69,7 +69,7 @@ def _turn(
     def one(state, angle):
         def after(both):
             scene = build(both[dims:])
-            method = integration(scene, rtol, None, None, None, None, 1e-5)
+            method = resolve(scene, rtol)
             end, values, _ = advance(scene, unravel(both[:dims]), angle, span, method, (metric,))
             end = jnp.append(ravel_pytree(end)[0], values[metric])
             return end, end

@@ -26,7 +26,7 @@ def test_values_are_checked_only_where_concrete():
 def test_a_failed_run_is_reported_and_never_a_number():
     scene = jc.paper_scene(30.0, 0.06e-3)
     times = np.linspace(0, 0.01, 101)
-    motion = jc.simulate(scene, times, outputs=("normal_force",), max_steps=30)
+    motion = jc.simulate(scene, times, outputs=("normal_force",), method=jc.Method(max_steps=30))
     assert not motion.success
     assert "maximum number of solver steps" in motion.failure
     reached = float(motion.outcome.reached)
@@ -66,7 +66,9 @@ def test_nothing_finite_ends_at_once(start):
     """Also where the first state is not finite, and beside a lane that is."""
     scene = jc.paper_scene(30.0, 0.06e-3, start=start)
     broken = eqx.tree_at(lambda s: s.machine.gravity, scene, jnp.array(jnp.nan))
-    result = jc.statistics(broken, 0, 2, outputs=("foundation_rms",), max_steps=1000)
+    result = jc.statistics(
+        broken, 0, 2, outputs=("foundation_rms",), method=jc.Method(max_steps=1000)
+    )
     assert not result.success and "maximum number" not in result.failure
     assert float(result.outcome.reached) == 0 and np.isnan(result.foundation_rms)
 
@@ -81,12 +83,12 @@ def test_other_solvers_and_controllers():
     times, outputs = np.linspace(0, 5e-3, 1001), ("normal_force",)
     reference = peak(jc.simulate(scene, times, outputs=outputs))
     for solver in (diffrax.Dopri5(), diffrax.Dopri8(), diffrax.Kvaerno5()):
-        other = jc.simulate(scene, times, outputs=outputs, rtol=1e-10, solver=solver)
+        other = jc.simulate(scene, times, outputs=outputs, rtol=1e-10, method=jc.Method(solver))
         # One impact at a tolerance of 1e-10.
         assert peak(other) == pytest.approx(reference, rel=1e-6)
-    fixed = {"stepsize_controller": diffrax.ConstantStepSize(), "solver": diffrax.Dopri5()}
+    fixed = [jc.Method(diffrax.Dopri5(), diffrax.ConstantStepSize(), dt0=dt) for dt in (1e-5, 5e-6)]
     coarse, fine = (
-        peak(jc.simulate(scene, times, outputs=outputs, dt0=dt, **fixed)) for dt in (1e-5, 5e-6)
+        peak(jc.simulate(scene, times, outputs=outputs, method=method)) for method in fixed
     )
     # An impact of 0.5 ms in steps of 10 and 5 us; its corner lowers the order, to two at least.
     assert abs(coarse / reference - 1) < 1e-4
@@ -95,9 +97,7 @@ def test_other_solvers_and_controllers():
 
 def test_an_explosion_in_fixed_steps_is_a_failure():
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
-    controller = diffrax.ConstantStepSize()
-    motion = jc.simulate(
-        scene, [0.1, 2.0], outputs=("normal_force",), stepsize_controller=controller, dt0=2e-3
-    )
+    method = jc.Method(stepsize_controller=diffrax.ConstantStepSize(), dt0=2e-3)
+    motion = jc.simulate(scene, [0.1, 2.0], outputs=("normal_force",), method=method)
     assert not motion.success and "not finite" in motion.failure
     assert np.isnan(motion.normal_force).any()

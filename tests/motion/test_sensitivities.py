@@ -60,7 +60,9 @@ def test_every_way_to_differentiate_agrees():
     # The same rule, transposed: rounding only.
     np.testing.assert_allclose(jax.jit(jax.grad(peak))(DESIGN), forward, rtol=1e-9)
     checkpoints = diffrax.RecursiveCheckpointAdjoint()
-    through_steps = jax.jit(jax.grad(lambda d: peak(d, adjoint=checkpoints, max_steps=4096)))
+    through_steps = jax.jit(
+        jax.grad(lambda d: peak(d, method=jc.Method(adjoint=checkpoints, max_steps=4096)))
+    )
     # Differentiated steps and integrated tangents differ by the error of the steps.
     np.testing.assert_allclose(through_steps(DESIGN), forward, rtol=1e-5)
 

@@ -1,0 +1,82 @@
+"""How a motion is integrated: the choice offered to users, and what it comes to for a scene."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.basics.checks import require_double, require_positive, require_whole
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.integrate import Integration, error_norm
+
+MOST_STEPS = 10_000_000
+FIRST_STEP = 1e-5  # rad of shaft angle
+
+
+class Method(eqx.Module):
+    """Solver, step-size controller, bounds and adjoint; what is None is chosen for the scene.
+
+    - `solver`: any of diffrax; None is Tsit5.
+    - `stepsize_controller`: any of diffrax, which then ignores `rtol`; None is a PI controller of
+      equal relative and absolute tolerance.
+    - `max_steps`: accepted and rejected, of a turn, or of all of `simulate`; None is ten million.
+      With fewer than a motion needs the run fails, and a derivative, which may need more than
+      twice as many, is NaN.
+    - `dt0`: the first step, or every step of `diffrax.ConstantStepSize`: in rad of shaft angle,
+      and in s for `simulate`; None is 1e-5 rad, or 1e-6 s.
+    - `adjoint`: a diffrax adjoint differentiates through the steps; None is tangents beside the
+      motion, under the same error control.
+
+    Raises ValueError for a `max_steps` that is not a whole number >= 1, and a `dt0` not > 0.
+    """
+
+    solver: diffrax.AbstractSolver | None = None
+    stepsize_controller: diffrax.AbstractStepSizeController | None = None
+    max_steps: int | None = eqx.field(static=True, default=None)
+    dt0: float | None = eqx.field(static=True, default=None)
+    adjoint: diffrax.AbstractAdjoint | None = None
+
+    def __check_init__(self):
+        if self.max_steps is not None:
+            require_whole("max_steps", self.max_steps, 1)
+        if self.dt0 is not None:
+            require_positive("dt0", self.dt0, "rad of shaft angle, or s")
+
+
+def resolve(
+    scene: Scene,
+    rtol: Scalar | float,
+    method: Method = Method(),
+    first_step: float = FIRST_STEP,
+) -> Integration:
+    """The method with what it leaves open, for a scene.
+
+    `rtol` counts in clearances (and m/s): 1e-9 is 6e-14 m for a clearance of 0.06 mm. Steps
+    are bounded below, so that a motion that is not finite ends at once, and in number.
+    """
+    require_double("scene", scene)
+    return Integration(
+        method.solver or diffrax.Tsit5(),
+        method.stepsize_controller or _controller(scene, rtol),
+        method.max_steps or MOST_STEPS,
+        float(method.dt0 or first_step),
+        method.adjoint,
+    )
+
+
+def _controller(scene: Scene, rtol: Scalar | float) -> diffrax.PIDController:
+    """PI, with equal relative and absolute tolerance."""
+    # An array, so that another value runs the same program. It may depend on the scene, but is
+    # not part of what is differentiated.
+    tolerance = jnp.asarray(scene.formulation.tolerance(scene, rtol), dtype=float)
+    tolerance = jax.lax.stop_gradient(tolerance)
+    return diffrax.PIDController(
+        rtol=tolerance,
+        atol=tolerance,
+        pcoeff=0.4,
+        icoeff=0.3,
+        norm=error_norm,
+        dtmin=1e-14,
+        force_dtmin=False,
+    )
