@@ -120,9 +120,7 @@ def power_spectrum(
 
     `interval` is the time between samples (s). The density's integral is the variance.
     """
-    x = np.asarray(series, dtype=float)
-    window = np.hanning(len(x) + 1)[:-1]
-    transform = np.fft.rfft(window * (x - x.mean()))
-    density = 2 * np.abs(transform) ** 2 * interval / np.sum(window**2)
-    density[0] /= 2
-    return np.fft.rfftfreq(len(x), interval), density
+    # Half a second that `import jaxcrusher` shall not take.
+    from scipy.signal import periodogram
+
+    return periodogram(np.asarray(series, dtype=float), 1 / interval, "hann")

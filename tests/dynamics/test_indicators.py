@@ -130,6 +130,10 @@ def test_power_spectrum():
     assert abs(frequency[np.argmax(density)] - 50) <= frequency[1]
     # Parseval, up to what the window makes of an uneven number of periods.
     assert np.sum(density) * frequency[1] == pytest.approx(2, rel=1e-2)
+    # The fastest that samples can tell has one line where others have two: its power is 1 as well.
+    frequency, density = power_spectrum(np.tile([1.0, -1.0], 32), 0.5)
+    assert np.sum(density) * frequency[1] == pytest.approx(1, rel=1e-12)
+    assert np.argmax(density) == 32 and frequency[32] == 1.0
 
 
 def test_zero_one_of_a_rotation():
