@@ -9,6 +9,9 @@ from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 
+# Of a process that times compilation: programs compiled before do not count.
+NOTHING_KEPT = {"JAX_ENABLE_COMPILATION_CACHE": "0"}
+
 
 def setting(*packages: str) -> str:
     """Processor, cores, system, and the versions of Python, jaxcrusher's tools and `packages`."""
@@ -29,6 +32,7 @@ def run_apart(module: str, *arguments: str, cores: int) -> Iterator[dict]:
     """
     # The process asks XLA for its own flags.
     environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
+    environment |= NOTHING_KEPT
     command = [sys.executable, "-m", module, *arguments]
     if hasattr(os, "sched_setaffinity"):
         first = sorted(os.sched_getaffinity(0))[:cores]

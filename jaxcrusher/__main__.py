@@ -4,7 +4,6 @@ import sys
 from collections.abc import Sequence
 from typing import Annotated
 
-import jax
 import matplotlib
 import tyro
 from rich.console import Console
@@ -38,8 +37,7 @@ def parse(arguments: Sequence[str] | None = None) -> Simulate | Sweep | Regimes 
 def main() -> None:
     """Entry point of the command line: 0, 1 for a failed run, 2 for an error, 130 for Ctrl-C."""
     matplotlib.use("Agg")
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    jc.set_up()
     command = parse()
 
     def kept() -> str:

@@ -3,7 +3,6 @@
 import sys
 from importlib.metadata import version
 
-import jax
 import numpy as np
 import tyro
 from rich.console import Console
@@ -110,8 +109,7 @@ def _run(one: Confirmed, start: int, restitution: float) -> dict:
 
 def main() -> None:
     """Entry point of the command line."""
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    jc.set_up()
     options = tyro.cli(Options, prog="python -m optimize.run")
     console = Console()
     kept = f"what was finished is in {options.out / options.name}/"

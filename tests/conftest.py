@@ -1,8 +1,14 @@
-"""64-bit floats and all cores, before the first JAX computation."""
+"""A process set up before its first computation; one folder of compiled programs for this run."""
 
-import jax
+import atexit
+import os
+import shutil
+import tempfile
 
 import jaxcrusher as jc
 
-jc.use_all_cores()
-jax.config.update("jax_enable_x64", True)
+# Workers, kernels of notebooks and subprocesses inherit it.
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="jaxcrusher-")
+    atexit.register(shutil.rmtree, os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
+jc.set_up()

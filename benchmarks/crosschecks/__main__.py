@@ -117,6 +117,5 @@ def main(names: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    jc.set_up()
     main(sys.argv[1:])

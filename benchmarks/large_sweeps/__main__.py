@@ -11,7 +11,6 @@ import tempfile
 from pathlib import Path
 from time import perf_counter
 
-import jax
 import numpy as np
 
 import jaxcrusher as jc
@@ -26,7 +25,7 @@ DESIGNS = 128
 # Impacts amplify a rounding by exp(200 t): 0.4 s of them show any difference in the last bit.
 TRIAL = {"speed": [25.0, 31.0, 40.0], "clearance": [0.03e-3, 0.07e-3, 0.09e-3, 0.12e-3]}
 
-# Devices, designs a chunk, and flags of XLA besides those of `use_all_cores`.
+# Devices, designs a chunk, and flags of XLA besides those of `set_up`.
 VARIANTS = [
     (1, 12, ""),
     (1, 1, ""),
@@ -40,8 +39,7 @@ VARIANTS = [
 
 def main() -> None:
     """Print all figures."""
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    jc.set_up()
     print(machine())
     print("time of a design on all cores, 5 + 10 turns:")
     for start in ("contact", "centred"):
@@ -116,8 +114,7 @@ def bits(devices: int, chunk: int, flags: str) -> str:
 
 def trial(chunk: int) -> str:
     """The hash of the trial's results."""
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    jc.set_up()
     with tempfile.TemporaryDirectory() as folder:
         grid = jc.sweep_to_store(Path(folder) / "s", TRIAL, 0, 2, chunk=chunk, rtol=1e-6)
         digest = hashlib.sha256(b"".join(grid[name].values.tobytes() for name in VARIABLES))

@@ -160,6 +160,5 @@ def _table(rows: list[str]) -> str:
 
 
 if __name__ == "__main__":
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    jc.set_up()
     main()

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from pathlib import Path
 
-import jax
 import matplotlib.pyplot as plt
 import numpy as np
 import tyro
@@ -37,8 +36,7 @@ def main(out: Path = Path("docs/reproduction")) -> None:
     Args:
         out: Folder of the figures and of claims.md.
     """
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    jc.set_up()
     out.mkdir(parents=True, exist_ok=True)
     console = Console()
     columns = (

@@ -205,8 +205,7 @@ def _write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
 
 if __name__ == "__main__":
     if len(sys.argv) > 1:
-        jc.use_all_cores()
-        jax.config.update("jax_enable_x64", True)
+        jc.set_up()
         for row in measure(sys.argv[1]):
             print(json.dumps(row), flush=True)
     else:

@@ -124,6 +124,5 @@ def _draw(path: Path, rows: dict, own: float) -> None:
 
 
 if __name__ == "__main__":
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    jc.set_up()
     main()

@@ -8,7 +8,6 @@ import time
 from concurrent.futures import Future, ProcessPoolExecutor
 from pathlib import Path
 
-import jax
 from rich.console import Console
 
 import jaxcrusher as jc
@@ -77,6 +76,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    jc.set_up()
     main()

@@ -15,6 +15,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from benchmarks.peers import c_peer
+from benchmarks.setting import NOTHING_KEPT
 from benchmarks.step_cost import fewer, profile, programs, report
 from jaxcrusher.files.results import progress
 
@@ -52,7 +53,10 @@ def main() -> None:
 def _ask(job: tuple[str, ...], tell: Callable[[int, int], None]):
     """The answer of a process that measures `job`; `tell` hears how far it is."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "benchmarks.step_cost", *job], stdout=subprocess.PIPE, text=True
+        [sys.executable, "-m", "benchmarks.step_cost", *job],
+        env=os.environ | NOTHING_KEPT,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     assert process.stdout is not None
     answer = None
@@ -71,9 +75,9 @@ def _work(what: str, motion: str, flag: str) -> None:
     """Measure in this process, on one core, and say what was found."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
-    # Without the flag nothing is set; one core means one device anyway.
+    # Without the flag nothing else is set; one core means one device anyway.
     if flag == "loop flag":
-        jc.use_all_cores()
+        jc.set_up()
     jax.config.update("jax_enable_x64", True)
     if what == "costs":
         answer = _costs(motion, flag)

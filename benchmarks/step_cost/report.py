@@ -51,7 +51,7 @@ def write(
 def _cost_lines(costs: list[dict]) -> list[str]:
     lines = [
         "64 crushers round 30 rad/s and 0.06 mm, one core, a process for each motion with and",
-        "without XLA's loop flag (`jaxcrusher.use_all_cores`). Dopri5, PI 0.4, 0.3, tolerance",
+        "without XLA's loop flag (`jaxcrusher.set_up`). Dopri5, PI 0.4, 0.3, tolerance",
         f"{programs.RTOL:g}, steps accepted and rejected. Microseconds a step, medians of repeats",
         "taken in turn; *numbas* is CPU time in units of the scalar program for numba in the same",
         "process, which takes the machine's mood out. *RMS* is the largest relative difference to",

@@ -5,7 +5,6 @@ Writes docs/work_precision.csv as it goes, then docs/work_precision.md and .png.
 
 from pathlib import Path
 
-import jax
 import tyro
 from rich.progress import Progress
 
@@ -13,7 +12,7 @@ from benchmarks.work_precision import ours, report
 from benchmarks.work_precision.cases import cases, reference
 from benchmarks.work_precision.measure import Compiled, of_ours, of_peers
 from benchmarks.work_precision.others import peers
-from jaxcrusher.batch.engines import use_all_cores
+from jaxcrusher.basics.setup import set_up
 
 
 def main(
@@ -52,6 +51,5 @@ def main(
 
 
 if __name__ == "__main__":
-    use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    set_up()
     tyro.cli(main)

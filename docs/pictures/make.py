@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import jax
 import matplotlib
 
 matplotlib.use("Agg")
@@ -19,8 +18,7 @@ HERE = Path(__file__).parent
 
 def main() -> None:
     """The mechanism, a turn of it, and a map that names what its cells are."""
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    jc.set_up()
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
     motion = jc.simulate(scene, 2 * np.pi / 30 * np.arange(36) / 36, outputs=DRAWN, rtol=1e-9)
     fig, ax = plt.subplots(figsize=(7, 5.6), layout="constrained")

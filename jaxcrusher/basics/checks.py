@@ -22,7 +22,7 @@ def require_x64() -> None:
     require(
         jax.config.read("jax_enable_x64"),
         "jax_enable_x64",
-        'be True (call jax.config.update("jax_enable_x64", True) first)',
+        "be True (call jaxcrusher.set_up() first)",
         False,
     )
 

@@ -8,9 +8,7 @@ which Dask gives to another one.
 from collections.abc import Generator
 from typing import TYPE_CHECKING, Any
 
-import jax
-
-from jaxcrusher.batch.engines import use_all_cores
+from jaxcrusher.basics.setup import set_up
 from jaxcrusher.batch.plan import Plan, Result, compute_chunk
 from jaxcrusher.files.provenance import environment
 
@@ -31,8 +29,7 @@ def connect(address: str) -> "distributed.Client":
 
 def worker_environment() -> dict[str, Any]:
     """A worker's `environment`, after it was set up: each process has a JAX of its own."""
-    use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    set_up()
     return environment()
 
 

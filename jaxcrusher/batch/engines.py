@@ -2,11 +2,9 @@
 
 On a CPU each core maps over its designs one after the other: a batch under `jax.vmap` costs
 its slowest lane, and XLA compiles a sequential loop to one kernel if it is asked to (see
-`use_all_cores`). On a GPU or TPU the designs run side by side under `jax.vmap`.
+`jaxcrusher.set_up`). On a GPU or TPU the designs run side by side under `jax.vmap`.
 """
 
-import os
-import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -17,48 +15,10 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
+from jaxcrusher.basics.setup import remind_of_set_up
+
 # Applies a function to stacked scenes: the scenes and the results have one more axis, the first.
 Engine = Callable[[Callable[[Any], PyTree], PyTree], PyTree]
-
-_LOOP_FLAG = "xla_cpu_small_while_loop_byte_threshold"
-_DEVICE_FLAG = "xla_force_host_platform_device_count"
-
-
-def use_all_cores() -> None:
-    """Ask XLA for one CPU device per core and for loops compiled to one kernel.
-
-    Call it before the first JAX computation; later it only warns (UserWarning) and says what
-    `XLA_FLAGS` should have been. Flags that are already there stay as they are. The loop flag is
-    internal to XLA: it makes a loop of this package about five times faster, and everything works
-    without it.
-    """
-    given = os.environ.get("XLA_FLAGS", "")
-    wanted = _with_flags(given)
-    if wanted == given:
-        return
-    if jax._src.xla_bridge.backends_are_initialized():  # pyright: ignore
-        warnings.warn(
-            "use_all_cores() came after JAX had started and has no effect. Call it earlier, or "
-            f"start Python with XLA_FLAGS='{wanted}'.",
-            stacklevel=2,
-        )
-        return
-    os.environ["XLA_FLAGS"] = wanted
-
-
-def _with_flags(flags: str) -> str:
-    """`flags` and what they lack."""
-    if _LOOP_FLAG not in flags:
-        # XLA adds up the extra options of several flags.
-        flags += f" --xla_backend_extra_options={_LOOP_FLAG}=1000000000"
-    if _DEVICE_FLAG not in flags:
-        flags += f" --{_DEVICE_FLAG}={_cores()}"
-    return flags.strip()
-
-
-def _cores() -> int:
-    """The cores this process may use; not every system tells."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def map_chunks(
@@ -76,6 +36,7 @@ def map_chunks(
     `side_by_side` or a function of your own in their place; None takes the first on a CPU and the
     second elsewhere.
     """
+    remind_of_set_up("A batch")
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
     scenes = jax.tree.map(np.asarray, scenes)
     count = jax.tree.leaves(scenes)[0].shape[0]

@@ -23,6 +23,8 @@ def environment() -> dict[str, Any]:
         "versions": {name: version(name) for name in PACKAGES},
         "backend": jax.default_backend(),
         "XLA_FLAGS": " ".join(sorted(deciding)),
+        # A program that may raise an error while it runs is compiled differently.
+        "EQX_ON_ERROR": os.environ.get("EQX_ON_ERROR", "raise"),
     }
 
 

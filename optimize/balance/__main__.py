@@ -1,6 +1,5 @@
 """`python -m optimize.balance`: the counterweight and links that shake the foundation least."""
 
-import jax
 import tyro
 from rich.console import Console
 
@@ -12,8 +11,7 @@ from optimize.balance.study import run
 
 def main() -> None:
     """Entry point of the command line."""
-    jc.use_all_cores()
-    jax.config.update("jax_enable_x64", True)
+    jc.set_up()
     options = tyro.cli(Options, prog="python -m optimize.balance")
     console = Console()
     folder = options.out / options.name

@@ -1,15 +1,12 @@
 """The batch engine and the sweep."""
 
-import os
-
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.batch.engines import in_turn, map_chunks, side_by_side, use_all_cores
+from jaxcrusher.batch.engines import in_turn, map_chunks, side_by_side
 
 
 def _double(x):
@@ -36,26 +33,6 @@ def test_the_engine_asked_for_is_used():
 
     ((_, result),) = map_chunks(eqx.Partial(_double), values, engine=mine)
     np.testing.assert_array_equal(result["twice"], -2 * values)
-
-
-def test_flags_of_the_user_stay_and_a_late_call_says_what_to_do(monkeypatch):
-    loop, devices = (
-        "xla_cpu_small_while_loop_byte_threshold",
-        "xla_force_host_platform_device_count",
-    )
-    mine = f"--xla_backend_extra_options=a=1 --{devices}=3"
-    monkeypatch.setattr(jax._src.xla_bridge, "backends_are_initialized", lambda: False)
-    monkeypatch.setenv("XLA_FLAGS", mine)
-    use_all_cores()
-    flags = os.environ["XLA_FLAGS"]
-    assert flags == f"{mine} --xla_backend_extra_options={loop}=1000000000"
-    monkeypatch.undo()
-    monkeypatch.setenv("XLA_FLAGS", mine)
-    with pytest.warns(UserWarning, match=f"has no effect.*start Python with XLA_FLAGS='{flags}'"):
-        use_all_cores()
-    assert os.environ["XLA_FLAGS"] == mine
-    monkeypatch.setenv("XLA_FLAGS", flags)
-    use_all_cores()  # nothing to do, nothing to warn of
 
 
 def test_sweep_equals_single_runs():

@@ -1,0 +1,124 @@
+"""What a process is set up with before its first computation.
+
+JAX reads all of this when it starts its backend, so it cannot be changed afterwards. Nothing here
+imports JAX before it has to: Equinox reads its own setting when it is imported.
+"""
+
+import hashlib
+import os
+import platform
+import sys
+import warnings
+from importlib.metadata import version
+from pathlib import Path
+
+import platformdirs
+
+# XLA compiles a whole loop to one kernel where the loop is smaller than this. Internal to XLA:
+# a loop of this package runs about seven times faster with it, and works without it.
+_LOOP_FLAG = "xla_cpu_small_while_loop_byte_threshold"
+_DEVICE_FLAG = "xla_force_host_platform_device_count"
+
+
+def set_up() -> None:
+    """Set JAX up: 64-bit floats, all cores, fast loops, and programs that are compiled once.
+
+    Call it before the first computation, best right after `import jaxcrusher`; a second call does
+    nothing. Later it can only warn (UserWarning) and say how Python should have been started.
+
+    - JAX computes in 64-bit floats.
+    - Each core is a device of JAX, and XLA compiles a loop to one kernel. What `XLA_FLAGS` holds
+      of this already stays as it is.
+    - Compiled programs are kept in the user's cache folder (or `JAX_COMPILATION_CACHE_DIR`), for
+      this version of the package, of XLA and of the processor; a folder that cannot be written is
+      only read, or not used. `JAX_ENABLE_COMPILATION_CACHE=0` turns that off.
+    - A program is kept only if it raises no errors while it runs, so Equinox is told to return
+      NaN in place of them: a solve of your own by diffrax that fails is then NaN and raises
+      nothing. With `EQX_ON_ERROR=raise` in the environment it raises, and nothing is kept.
+    """
+    if "equinox" not in sys.modules:
+        os.environ.setdefault("EQX_ON_ERROR", "nan")
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    _keep_programs()
+    given = os.environ.get("XLA_FLAGS", "")
+    # XLA adds up the extra options of several flags.
+    loop = "" if _LOOP_FLAG in given else f" --xla_backend_extra_options={_LOOP_FLAG}=1000000000"
+    cores = None if _DEVICE_FLAG in given or jax.config.jax_num_cpu_devices > 0 else _cores()
+    if not loop and cores is None:
+        return
+    if _started():
+        devices = "" if cores is None else f" --{_DEVICE_FLAG}={cores}"
+        warnings.warn(
+            "set_up() came after JAX had started and has no effect on cores and loops. Call it "
+            f"earlier, or start Python with XLA_FLAGS='{(given + loop + devices).strip()}'.",
+            stacklevel=2,
+        )
+        return
+    os.environ["XLA_FLAGS"] = (given + loop).strip()
+    if cores is not None:
+        jax.config.update("jax_num_cpu_devices", cores)
+
+
+# Its name when it did less.
+use_all_cores = set_up
+
+
+def remind_of_set_up(work: str) -> None:
+    """Say once, where `work` is long and runs on a CPU, what would make it several times faster."""
+    import jax
+
+    slow = _LOOP_FLAG not in os.environ.get("XLA_FLAGS", "")
+    if slow and jax.default_backend() == "cpu":
+        # The same text from the same place: Python's own filter shows it once.
+        warnings.warn(
+            f"{work} would run several times faster after jaxcrusher.set_up(), called before the "
+            "first computation of the process.",
+            stacklevel=3,
+        )
+
+
+def _cores() -> int:
+    """The cores this process may use; not every system tells."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _started() -> bool:
+    """Whether JAX's backend has started: from then on it refuses to change this setting."""
+    import jax
+
+    before = jax.config.jax_num_cpu_devices
+    try:
+        jax.config.update("jax_num_cpu_devices", before + 1)
+    except RuntimeError:
+        return True
+    jax.config.update("jax_num_cpu_devices", before)
+    return False
+
+
+def _keep_programs() -> None:
+    """Let JAX keep all that it compiles, in the folder that the user chose or in one of ours."""
+    import jax
+
+    chosen = jax.config.jax_compilation_cache_dir
+    folder = Path(chosen) if chosen else platformdirs.user_cache_path("jaxcrusher") / _kind()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return
+    # Where it cannot write, JAX would say so at every program.
+    least = 0.0 if os.access(folder, os.W_OK) else float("inf")
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", least)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+
+
+def _kind() -> str:
+    """Package, XLA and processor: machine code of one processor may not run on another."""
+    processor = platform.processor() + platform.machine()
+    if (information := Path("/proc/cpuinfo")).exists():
+        lines = set(information.read_text().splitlines())
+        processor += "".join(sorted(line for line in lines if line.startswith(("model", "flags"))))
+    digest = hashlib.sha256(processor.encode()).hexdigest()[:8]
+    return f"{version('jaxcrusher')}-jaxlib{version('jaxlib')}-{digest}"
