@@ -45,7 +45,7 @@ def set_up() -> None:
     given = os.environ.get("XLA_FLAGS", "")
     # XLA adds up the extra options of several flags.
     loop = "" if _LOOP_FLAG in given else f" --xla_backend_extra_options={_LOOP_FLAG}=1000000000"
-    cores = None if _DEVICE_FLAG in given or jax.config.jax_num_cpu_devices > 0 else _cores()
+    cores = None if _DEVICE_FLAG in given or _setting("jax_num_cpu_devices") > 0 else _cores()
     if not loop and cores is None:
         return
     if _started():
@@ -79,6 +79,13 @@ def remind_of_set_up(work: str) -> None:
         )
 
 
+def _setting(name: str):
+    """One of JAX's; its type checker's view of them is not complete."""
+    import jax
+
+    return getattr(jax.config, name)
+
+
 def _cores() -> int:
     """The cores this process may use; not every system tells."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -88,7 +95,7 @@ def _started() -> bool:
     """Whether JAX's backend has started: from then on it refuses to change this setting."""
     import jax
 
-    before = jax.config.jax_num_cpu_devices
+    before = _setting("jax_num_cpu_devices")
     try:
         jax.config.update("jax_num_cpu_devices", before + 1)
     except RuntimeError:
@@ -101,7 +108,7 @@ def _keep_programs() -> None:
     """Let JAX keep all that it compiles, in the folder that the user chose or in one of ours."""
     import jax
 
-    chosen = jax.config.jax_compilation_cache_dir
+    chosen = _setting("jax_compilation_cache_dir")
     folder = Path(chosen) if chosen else platformdirs.user_cache_path("jaxcrusher") / _kind()
     try:
         folder.mkdir(parents=True, exist_ok=True)
