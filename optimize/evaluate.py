@@ -75,8 +75,8 @@ def evaluate(
         part = slice(first, min(first + size, len(units)))
         index = np.minimum(np.arange(first, first + size), len(units) - 1)
         points, moves = jnp.asarray(units[index]), jnp.asarray(shifts[index])
-        batch = (stacked_scenes(case, points, moves), jnp.concatenate([points] * len(STARTS)))
-        ((_, row),) = map_chunks(function, batch, len(STARTS) * len(points))
+        scenes = stacked_scenes(case, points, moves)
+        ((_, row),) = map_chunks(function, scenes, len(STARTS) * len(points))
         used = part.stop - part.start
         rows = {name: values.reshape(len(STARTS), -1)[:, :used] for name, values in row.items()}
         rows["counts"] = may_count(rows, case, case.capacity(units[part]))
@@ -102,15 +102,15 @@ def judged(rows: Mapping[str, Any]) -> np.ndarray:
 
 def quiet_objective(unit: Float[Array, " n"], case: Case, window: Window) -> tuple[Array, Array]:
     """The objective of the motion that starts in contact, differentiable, and the steps taken."""
-    described = case.design.description(unit, {"start": "contact"})
+    scene = case.design.scene(unit, {"start": "contact"})
     result = jc.statistics(
-        jc.build_scene(described),
+        scene,
         window.settle,
         window.turns,
         outputs=case.objective.outputs,
         rtol=window.rtol,
     )
-    return case.objective.formula(result, described, case.chamber), result.outcome.steps
+    return case.objective.formula(result, scene, case.chamber), result.outcome.steps
 
 
 def started(
@@ -137,9 +137,8 @@ def stacked_scenes(
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 
-def _row(batch: tuple[jc.Scene, Array], case: Case, window: Window) -> dict[str, Array]:
-    scene, unit = batch
+def _row(scene: jc.Scene, case: Case, window: Window) -> dict[str, Array]:
     outputs = tuple(dict.fromkeys((*jc.STATISTICS, *case.objective.outputs)))
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
-    objective = case.objective.formula(result, case.design.description(unit), case.chamber)
+    objective = case.objective.formula(result, scene, case.chamber)
     return row_of(result) | {"objective": objective, "steps": result.outcome.steps}

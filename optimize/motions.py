@@ -124,7 +124,7 @@ def _ideal_force(units: Float[Array, "m n"], angles: Float[Array, " k"], case: C
     """The ideal joint's foundation force (N): nothing to integrate, so all cells at once."""
 
     def force(unit):
-        scene = case.design.scene(unit, {"joint": "ideal"})
+        scene = case.design.scene(unit).ideal()
         motion = jc.simulate(scene, angles / scene.drive.speed, outputs=("foundation_force",))
         assert motion.foundation_force is not None
         return motion.foundation_force

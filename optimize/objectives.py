@@ -1,23 +1,21 @@
 """What the search can make small, by name: each a function of the statistics of a motion."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
-import jax.numpy as jnp
 from jaxtyping import Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
 
-Formula = Callable[[jc.Statistics, Mapping[str, Any], CrushingChamber], Scalar]
+Formula = Callable[[jc.Statistics, jc.Scene, CrushingChamber], Scalar]
 
 
 @dataclass(frozen=True)
 class Objective:
     """A number to minimise: unit, meaning, the statistics it needs, and how it follows from them.
 
-    `formula` takes the statistics of a motion, the description of the crusher and its chamber.
+    `formula` takes the statistics of a motion, its scene and the crusher's chamber.
     """
 
     unit: str
@@ -31,10 +29,9 @@ def _plain(name: str) -> Formula:
     return lambda statistics, *_: getattr(statistics, name)
 
 
-def _excess(statistics: jc.Statistics, description: Mapping[str, Any], _) -> Scalar:
+def _excess(statistics: jc.Statistics, scene: jc.Scene, _) -> Scalar:
     """The RMS less that of the same machine with an ideal joint."""
-    ideal = jc.build_scene({**description, "joint": "ideal"})
-    floor = jc.statistics(ideal, 0, 1, outputs=("foundation_rms",)).foundation_rms
+    floor = jc.statistics(scene.ideal(), 0, 1, outputs=("foundation_rms",)).foundation_rms
     assert statistics.foundation_rms is not None and floor is not None
     return statistics.foundation_rms - floor
 
@@ -42,9 +39,8 @@ def _excess(statistics: jc.Statistics, description: Mapping[str, Any], _) -> Sca
 def _per_volume(name: str) -> Formula:
     """A power (W) over the capacity (m3/h), in J/m3."""
 
-    def formula(statistics, description, chamber):
-        speed = jnp.asarray(description.get("speed", jc.PE250X400["speed"]))
-        return 3600 * getattr(statistics, name) / chamber.capacity(speed)
+    def formula(statistics, scene, chamber):
+        return 3600 * getattr(statistics, name) / chamber.capacity(scene.drive.speed)
 
     return formula
 

@@ -170,7 +170,7 @@ def draw_motions(folder: Path, case: Case, options: Options, result: dict) -> No
         speed, clearance = result[name]["speed"], result[name]["clearance"]
         times = 2 * np.pi / speed * (options.settle + np.linspace(0, 2, 4001))
         outputs = ("foundation_force", "eccentricity")
-        ideal = jc.simulate(jc.build_scene({**described, "joint": "ideal"}), times, outputs=outputs)
+        ideal = jc.simulate(jc.build_scene(described).ideal(), times, outputs=outputs)
         for row, start in enumerate(STARTS):
             motion = jc.simulate(started(described, start), times, outputs=outputs, rtol=1e-9)
             orbit, force = axes[row, 2 * column : 2 * column + 2]

@@ -69,9 +69,7 @@ def run(options: Options, console: Console) -> dict:
 def _entry(case: Case, one: Confirmed) -> dict:
     """All that result.json holds of a confirmed design."""
     described = {**case.design.fixed, **case.design.numbers(one.unit)}
-    ideal = jc.statistics(
-        jc.build_scene({**described, "joint": "ideal"}), 0, 1, outputs=("foundation_rms",)
-    )
+    ideal = jc.statistics(jc.build_scene(described).ideal(), 0, 1, outputs=("foundation_rms",))
     complete = {**jc.PE250X400, **described}
     return _brief(case, one) | {
         "speed": float(complete["speed"]),

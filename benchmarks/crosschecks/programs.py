@@ -71,7 +71,7 @@ def our_scene(
         crusher.speed,
         crusher.clearance,
         slip="surface",
-        friction=crusher.friction,
+        friction=crusher.friction or 0.0,
         formulation=formulation,
     )
     relative = e / crusher.clearance

@@ -111,7 +111,7 @@ def row(
 
 def crusher() -> str:
     """The chaotic crusher: 30 rad/s, 0.06 mm, the load on the closing stroke."""
-    scene = jc.paper_scene(30.0, 0.06e-3, load="closing_stroke")
+    scene = jc.paper_scene(30.0, 0.06e-3, load_law="closing_stroke")
     section = jc.poincare_section(scene, 100, POINTS, rtol=1e-10)
     further = jc.poincare_section(
         scene, 0, TANGENT_TURNS, slices=SLICES, state=section.states[-1], rtol=1e-10

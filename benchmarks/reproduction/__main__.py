@@ -67,7 +67,7 @@ def main(out: Path = Path("docs/reproduction")) -> None:
             )
             figures.draw_landscape(out / f"fig{figure}.png", box[variable])
             boxes.append(box)
-        programs = len({(r.slip, r.impact_velocity, r.load, r.settle) for r in READINGS})
+        programs = len({(r.slip, r.impact_law, r.load_law, r.settle) for r in READINGS})
         measured = measure(READINGS, done=stage("Readings", programs))
         listed = variants()
         found = search(listed, stage("Where 1.1e6 N comes from", len(listed)))

@@ -22,7 +22,6 @@ from jaxcrusher.batch.engines import map_chunks, stack
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.joint.validity import validity
-from jaxcrusher.scenes.paper import LoadName
 
 Slip = Literal["centre", "surface"]
 Start = Literal["centred", "contact"]
@@ -47,15 +46,15 @@ class Reading:
     """One way to read the paper; the default is the one this package decided for."""
 
     slip: Slip = "centre"
-    impact_velocity: float | Literal["tracked"] = 0.5
+    impact_law: Literal["constant", "tracked"] = "constant"
     start: Start = "centred"
-    load: LoadName = "along_jaw"
+    load_law: str = "along_jaw"
     force: str = "sum"
     settle: int = SETTLE_TURNS
 
     def options(self) -> dict[str, Any]:
         """The options of `jaxcrusher.paper_scene`, without the start."""
-        return {"slip": self.slip, "impact_velocity": self.impact_velocity, "load": self.load}
+        return {"slip": self.slip, "impact_law": self.impact_law, "load_law": self.load_law}
 
 
 DECIDED = Reading()
@@ -63,17 +62,17 @@ DECIDED = Reading()
 SINGLE_CHANGES = {
     "decided": DECIDED,
     "surface slip": Reading(slip="surface"),
-    "tracked impact velocity": Reading(impact_velocity="tracked"),
+    "tracked impact velocity": Reading(impact_law="tracked"),
     "start in contact": Reading(start="contact"),
-    "load normal to jaw": Reading(load="normal_to_jaw"),
+    "load normal to jaw": Reading(load_law="normal_to_jaw"),
     "net force": Reading(force="net"),
     "settled 5 turns": Reading(settle=5),
 }
 # Every combination, but for the load, which is changed alone.
 COMBINATIONS = [
-    Reading(slip, velocity, start, "along_jaw", force)
-    for slip, velocity, start, force in itertools.product(
-        get_args(Slip), (0.5, "tracked"), get_args(Start), tuple(FORCES)
+    Reading(slip, law, start, "along_jaw", force)
+    for slip, law, start, force in itertools.product(
+        get_args(Slip), ("constant", "tracked"), get_args(Start), tuple(FORCES)
     )
 ]
 READINGS = list(dict.fromkeys([*COMBINATIONS, *SINGLE_CHANGES.values()]))
@@ -107,9 +106,9 @@ def _peaks(force: Array | None, windows: int) -> Array:
 
 
 @functools.cache
-def ideal_statistics(speed: float, load: LoadName) -> dict[str, np.ndarray]:
+def ideal_statistics(speed: float, load_law: str) -> dict[str, np.ndarray]:
     """The same of the ideal joint, over one turn."""
-    seen = window_statistics(jc.ideal_scene(speed, load=load), 0, 1, 1, 1e-9)
+    seen = window_statistics(jc.ideal_scene(speed, load_law=load_law), 0, 1, 1, 1e-9)
     return {name: np.asarray(value) for name, value in seen.items()}
 
 
@@ -169,7 +168,7 @@ def measure(
                 own = {name: values[rows] for name, values in joined.items()}
                 found[reading, point] = Measured(own)
             for speed in {speed for speed, _ in points}:
-                found[reading, (speed, 0.0)] = Measured(ideal_statistics(speed, reading.load))
+                found[reading, (speed, 0.0)] = Measured(ideal_statistics(speed, reading.load_law))
         done(", ".join(f"{name} {value}" for name, value in options.items()))
     return found
 

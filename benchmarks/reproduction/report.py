@@ -99,7 +99,8 @@ def ranking(listed: list[Claim], evidence: Evidence) -> str:
         runs = [evidence.measurements[reading, point]["hertzian"] for point in POINTS]
         outside = sum(int((~run).sum()) for run in runs)
         of = sum(run.size for run in runs)
-        cells = [reading.slip, str(reading.impact_velocity), reading.start]
+        velocity = "tracked" if reading.impact_law == "tracked" else "0.5"
+        cells = [reading.slip, velocity, reading.start]
         name = "\\|R_O\\|+\\|R_C\\|" if reading.force == "sum" else "\\|R_O+R_C\\|"
         rows.append((met, [*cells, name, f"{met} of {len(able)}", f"{outside} of {of}"]))
     rows.sort(key=lambda row: -row[0])

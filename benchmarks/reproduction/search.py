@@ -16,7 +16,8 @@ from benchmarks.reproduction.variants import LiteralContact, PlainUnits, Weighte
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import map_chunks, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
-from jaxcrusher.crusher.scene import AbstractFormulation, Scene
+from jaxcrusher.crusher.interfaces import AbstractFormulation
+from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.joint.friction import AmbrosioFriction
 from jaxcrusher.motion.statistics import WHIRL_WINDING
@@ -113,9 +114,9 @@ def variants() -> list[Variant]:
         ("friction reversed", dict(friction={"coefficient": -0.1})),
         ("friction reversed, no moments", dict(friction={"coefficient": -0.1}, contact=NO_MOMENTS)),
         ("v_n of (6): damping reversed", dict(restitution=NEGATIVE_DAMPING)),
-        ("impact velocity tracked", dict(options={"impact_velocity": "tracked"})),
+        ("impact velocity tracked", dict(options={"impact_law": "tracked"})),
         ("impact velocity 0.05 m/s", dict(options={"impact_velocity": 0.05})),
-        ("load normal to jaw", dict(options={"load": "normal_to_jaw"})),
+        ("load normal to jaw", dict(options={"load_law": "normal_to_jaw"})),
         ("r a diametral clearance", dict(clearance=0.5)),
         ("r ten times as large", dict(clearance=10.0)),
         ("no Baumgarte", dict(way=Way(functools.partial(MultiplierFormulation, 0.0, 0.0)))),

@@ -15,7 +15,7 @@ from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
 from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
 from jaxcrusher.crusher.formulations.multiplier import CONTACT_TIME, MultiplierState
-from jaxcrusher.crusher.scene import AbstractFormulation, Scene
+from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.joint.friction import AbstractSlip
 from jaxcrusher.motion.integrate import Carried
@@ -47,11 +47,11 @@ class LiteralContact(AbstractFormulation):
     at_joint: Scalar = eqx.field(converter=scalar, default=1.0)
     torque: Scalar = eqx.field(converter=scalar, default=1.0)
 
-    def initial(self, scene: Scene) -> EccentricityState:
+    def initial(self, scene: AbstractScene) -> EccentricityState:
         """As in the correct formulation."""
         return EccentricityFormulation().initial(scene)
 
-    def snapshot(self, time: Scalar, state: EccentricityState, scene: Scene) -> Snapshot:
+    def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
         """The correct snapshot with the contact's force and moment replaced."""
         s = EccentricityFormulation().snapshot(time, state, scene)
         assert scene.joint is not None and s.contact is not None and s.eccentricity is not None
@@ -77,11 +77,13 @@ class LiteralContact(AbstractFormulation):
             None,
         )
 
-    def rate(self, snapshot: Snapshot, state: EccentricityState, scene: Scene) -> EccentricityState:
+    def rate(
+        self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene
+    ) -> EccentricityState:
         """As in the correct formulation."""
         return EccentricityFormulation().rate(snapshot, state, scene)
 
-    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
+    def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """As in the correct formulation."""
         return EccentricityFormulation().tolerance(scene, rtol)
 
@@ -93,20 +95,22 @@ class PlainUnits(AbstractFormulation):
 
     multiplier: MultiplierFormulation = eqx.field(default_factory=MultiplierFormulation)
 
-    def initial(self, scene: Scene) -> MultiplierState:
+    def initial(self, scene: AbstractScene) -> MultiplierState:
         """At the scene's start."""
         return _rescaled(self.multiplier.initial(scene), 1 / CONTACT_TIME)
 
-    def snapshot(self, time: Scalar, state: MultiplierState, scene: Scene) -> Snapshot:
+    def snapshot(self, time: Scalar, state: MultiplierState, scene: AbstractScene) -> Snapshot:
         """That of the multiplier formulation."""
         return self.multiplier.snapshot(time, _rescaled(state, CONTACT_TIME), scene)
 
-    def rate(self, snapshot: Snapshot, state: MultiplierState, scene: Scene) -> MultiplierState:
+    def rate(
+        self, snapshot: Snapshot, state: MultiplierState, scene: AbstractScene
+    ) -> MultiplierState:
         """The derivatives q' and q'', per second."""
         inner = self.multiplier.rate(snapshot, _rescaled(state, CONTACT_TIME), scene)
         return _rescaled(inner, 1 / CONTACT_TIME)
 
-    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
+    def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Not adapted to the clearance."""
         return rtol
 

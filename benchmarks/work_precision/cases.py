@@ -62,12 +62,7 @@ class Case:
         c = self.crusher
         if self.ideal:
             return jc.ideal_scene(c.speed)
-        scene = jc.paper_scene(
-            c.speed,
-            c.clearance,
-            slip="surface",
-            formulation=formulation,  # pyright: ignore[reportArgumentType]
-        )
+        scene = jc.paper_scene(c.speed, c.clearance, slip="surface", formulation=formulation)
         start = Given(
             Vector(self.relative.real, self.relative.imag), Vector(self.rate.real, self.rate.imag)
         )

@@ -71,7 +71,7 @@ class Simulate:
             write_netcdf(folder / "motion.nc", dataset(motion, values))
             bars.update(bar, completed=1, description="figure")
             drawn = times >= (0 if motion.failure else times[-1] - DRAWN * turn)
-            draw(folder / "motion.png", motion, values, drawn)
+            draw(folder / "motion.png", motion, scene, drawn)
             bars.update(bar, completed=2, description="statistics")
             summary = None
             if bool(motion.success) and whole >= 1:
@@ -123,7 +123,7 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, attributes)
 
 
-def draw(path: Path, motion: jc.Trajectory, values: dict[str, Any], drawn: np.ndarray) -> None:
+def draw(path: Path, motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) -> None:
     """Orbit and foundation force at the instants `drawn`; without an orbit for an ideal joint."""
     assert motion.foundation_force is not None and motion.eccentricity is not None
     part = jc.Trajectory(
@@ -133,17 +133,17 @@ def draw(path: Path, motion: jc.Trajectory, values: dict[str, Any], drawn: np.nd
         eccentricity=motion.eccentricity[drawn],
     )
     fig = plt.figure(figsize=(10, 4), layout="constrained")
-    if values["joint"] == "ideal":
+    if scene.joint is None:
         ax = fig.add_subplot()
         plots.plot_force(part, ax=ax).set_title("ideal joint")
         ax.legend().remove()
     else:
         orbit, force = fig.subplots(1, 2, width_ratios=[1, 1.6])
-        plots.plot_orbit(part, values["clearance"], orbit)
-        orbit.set_title(f"radial clearance {1e3 * values['clearance']:.4g} mm")
-        scene = jc.build_scene({**values, "joint": "ideal"})
-        ideal = jc.simulate(scene, part.time, outputs=("foundation_force",))
-        plots.plot_force(part, ideal, force).set_title(f"{values['speed']:.4g} rad/s")
+        clearance, speed = float(scene.joint.clearance), float(scene.drive.speed)
+        plots.plot_orbit(part, clearance, orbit)
+        orbit.set_title(f"radial clearance {1e3 * clearance:.4g} mm")
+        ideal = jc.simulate(scene.ideal(), part.time, outputs=("foundation_force",))
+        plots.plot_force(part, ideal, force).set_title(f"{speed:.4g} rad/s")
     fig.savefig(path, dpi=150)
     plt.close(fig)
 

@@ -8,14 +8,15 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.crusher import linkage
-from jaxcrusher.crusher.scene import AbstractStart, Scene
+from jaxcrusher.crusher.interfaces import AbstractScene, AbstractStart
+from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import crank_motion, pin_acceleration, pin_position, pin_velocity
 
 
 class Centred(AbstractStart):
     """e = e' = 0 relative to the ideal motion, the paper's initial condition: a hard start."""
 
-    def eccentricity(self, scene: Scene) -> tuple[Vector, Vector]:
+    def eccentricity(self, scene: AbstractScene) -> tuple[Vector, Vector]:
         """Zero and zero."""
         return Vector(0.0, 0.0), Vector(0.0, 0.0)
 
@@ -43,7 +44,7 @@ class InContact(AbstractStart):
 
     refinements: int = eqx.field(static=True, default=2)
 
-    def eccentricity(self, scene: Scene) -> tuple[Vector, Vector]:
+    def eccentricity(self, scene: AbstractScene) -> tuple[Vector, Vector]:
         """By collocation at nine instants within 0.1 rad of the shaft about time zero."""
         points, matrix = _chebyshev(9)
         times = 0.1 / scene.drive.speed * points
@@ -62,7 +63,9 @@ class InContact(AbstractStart):
         return jax.tree.map(lambda leaf: leaf[middle], (e, rate(e)))
 
 
-def _resting(time: Scalar, e: Vector, rate: Vector, curvature: Vector, scene: Scene) -> Vector:
+def _resting(
+    time: Scalar, e: Vector, rate: Vector, curvature: Vector, scene: AbstractScene
+) -> Vector:
     """The eccentricity that carries the joint force of a jaw whose bearing is e off the pin."""
     assert scene.joint is not None
     machine = scene.machine
@@ -87,7 +90,7 @@ class Given(AbstractStart):
     relative: Vector
     rate: Vector = eqx.field(default_factory=lambda: Vector(0.0, 0.0))
 
-    def eccentricity(self, scene: Scene) -> tuple[Vector, Vector]:
+    def eccentricity(self, scene: AbstractScene) -> tuple[Vector, Vector]:
         """As given."""
         assert scene.joint is not None
         return scene.joint.clearance * self.relative, self.rate

@@ -15,6 +15,7 @@ from jaxtyping import ArrayLike
 
 from jaxcrusher.basics.checks import (
     concrete,
+    require,
     require_choice,
     require_positive,
     require_within,
@@ -112,6 +113,9 @@ CHOICES = {
     "formulation": tuple(_FORMULATIONS),
 }
 
+# Numbers whose law is a choice of its own.
+_LAWS = {"load": "load_law", "impact_velocity": "impact_law"}
+
 # Widths of the contact's corner and of |e| (m), and what narrows them where the contact is stiffer
 # or the clearance smaller than in the paper's box: the penetration under this force (N), so that
 # the corner is off by 0.5 N at touch-down at most, and this share of the clearance.
@@ -139,8 +143,13 @@ def check_description(values: Mapping[str, Any]) -> None:
 
 
 def check_number(name: str, value: ArrayLike) -> None:
-    """ValueError if a parameter's value, scalar or array, lies outside its limits."""
+    """ValueError if a parameter's value is no number, scalar or array, or outside its limits."""
     parameter = PARAMETERS[name]
+    if value is None or isinstance(value, str):
+        law = _LAWS.get(name)
+        listed = f"; its law, one of {CHOICES[law]}, is `{law}`" if law else ""
+        unit = "" if parameter.unit == "1" else f" in {parameter.unit}"
+        require(False, name, f"be a number{unit} ({parameter.meaning}{listed})", repr(value))
     if parameter.limits is None:
         require_positive(name, value, parameter.unit)
     else:

@@ -131,7 +131,7 @@ def origins(design: Design, points: Mapping[str, np.ndarray]) -> dict[str, dict[
             rows.append(design.description(back))
             names.append((name, "one_by_one", parameter))
     # No integration: the joint's force follows from the shaft's motion.
-    scenes = stack([jc.build_scene({**row, "joint": "ideal"}) for row in rows])
+    scenes = stack([jc.build_scene(row).ideal() for row in rows])
     ((_, rms),) = map_chunks(_ideal_rms, scenes, len(rows))
     found: dict[str, dict[str, dict]] = {}
     for (name, kind, entry), value in zip(names, rms.tolist(), strict=True):

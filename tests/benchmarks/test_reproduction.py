@@ -37,7 +37,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import linkage, observables
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.formulations.multiplier import CONTACT_TIME
-from jaxcrusher.crusher.scene import AbstractFormulation
+from jaxcrusher.crusher.interfaces import AbstractFormulation
 
 
 def certain(value: float) -> Estimate:

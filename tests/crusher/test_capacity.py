@@ -4,7 +4,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import AFFLUENCE, stroke
-from jaxcrusher.scenes.paper import pe250x400
+from jaxcrusher.scenes.parameters import build_machine
 
 
 def test_paper_capacity():
@@ -31,6 +31,6 @@ def test_floor_and_speed_limit():
 
 def test_stroke_of_the_mechanism():
     # 7.45 mm, an independent figure of three digits.
-    assert float(stroke(pe250x400())) == pytest.approx(7.45e-3, abs=5e-6)
-    chamber = jc.chamber_from_stroke(pe250x400(), 0.034)
+    assert float(stroke(build_machine({}))) == pytest.approx(7.45e-3, abs=5e-6)
+    chamber = jc.chamber_from_stroke(build_machine({}), 0.034)
     assert float(chamber.double_width) == pytest.approx(0.068 - 7.45e-3, abs=5e-6)

@@ -37,10 +37,10 @@ def with_formulation(scene, name):
 
 def scenes():
     for options in (
-        {"friction": None, "load": None},
+        {"friction": 0.0, "load_law": "none"},
         {"slip": "surface"},
-        {"slip": "centre", "load": "closing_stroke"},
-        {"slip": "surface", "load": "normal_to_jaw", "impact_velocity": "tracked"},
+        {"slip": "centre", "load_law": "closing_stroke"},
+        {"slip": "surface", "load_law": "normal_to_jaw", "impact_law": "tracked"},
     ):
         yield jc.paper_scene(30.0, 0.06e-3, **options)
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
@@ -104,11 +104,11 @@ def test_formulations_agree_at_an_instant(slip):
             np.testing.assert_allclose(other[name], one[name], rtol=0, atol=1e-8 * scale + 1e-12)
 
 
-@pytest.mark.parametrize("load", ["along_jaw", "normal_to_jaw", None])
-def test_reactions_carry_the_whole_machine(load):
+@pytest.mark.parametrize("law", ["along_jaw", "normal_to_jaw", "none"])
+def test_reactions_carry_the_whole_machine(law):
     """R_O + R_C + weights + load = sum of m a, and M0 closes the moments about O."""
-    clearance = placed(jc.paper_scene(30.0, 0.06e-3, slip="surface", load=load), STATES[3])
-    for scene in (clearance, jc.ideal_scene(30.0, load=load)):
+    clearance = placed(jc.paper_scene(30.0, 0.06e-3, slip="surface", load_law=law), STATES[3])
+    for scene in (clearance, jc.ideal_scene(30.0, load_law=law)):
         state = scene.formulation.initial(scene)
         s = scene.formulation.snapshot(jnp.array(0.0), state, scene)
         m = scene.machine

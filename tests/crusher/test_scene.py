@@ -13,7 +13,7 @@ from benchmarks.scenes.__main__ import field_operations, operations, traced
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.machine import Jaw, Machine
 from jaxcrusher.motion.statistics import _peak
-from jaxcrusher.scenes.paper import pe250x400
+from jaxcrusher.scenes.parameters import build_machine
 
 
 def count(function, scene):
@@ -24,13 +24,13 @@ def count(function, scene):
 
 def test_what_is_left_out_is_not_traced():
     full = jc.paper_scene(30.0, 0.06e-3, slip="surface")
-    frictionless = jc.paper_scene(30.0, 0.06e-3, friction=None)
+    frictionless = jc.paper_scene(30.0, 0.06e-3, friction=0)
     assert (
         field_operations(jc.ideal_scene(30.0))
         < field_operations(frictionless)
         < field_operations(full)
     )
-    unloaded = jc.paper_scene(30.0, 0.06e-3, slip="surface", load=None)
+    unloaded = jc.paper_scene(30.0, 0.06e-3, slip="surface", load_law="none")
     assert field_operations(unloaded) < field_operations(full)
     times = jnp.linspace(0, 1e-3, 5)
 
@@ -89,7 +89,7 @@ def test_peak_between_samples():
 
 
 def machine(**changes):
-    m = pe250x400()
+    m = build_machine({})
     parts = {n: getattr(m, n) for n in ("shaft", "jaw", "toggle", "bearing", "gravity")}
     return Machine(**(parts | changes))
 
@@ -110,10 +110,24 @@ BAD = [
     (lambda: jc.ideal_scene(-1.0), "speed", "-1.0", "> 0 rad/s"),
     (lambda: jc.paper_scene(30.0, 6e-5, friction=-0.1), "friction", "-0.1", "[0, 10]"),
     (lambda: jc.paper_scene(30.0, 6e-5, impact_velocity=0.0), "impact_velocity", "0.0", "> 0"),
-    (lambda: jc.paper_scene(30.0, 6e-5, impact_velocity="x"), "impact_velocity", "'x'", "tracked"),
+    (
+        lambda: jc.paper_scene(30.0, 6e-5, friction=None),
+        "friction",
+        "None",
+        "0 leaves friction out",
+    ),
+    # Of an earlier dialect, in which a law stood in place of its number.
+    (lambda: jc.paper_scene(30.0, 6e-5, load="closing_stroke"), "load", "stroke'", "`load_law`"),
+    (lambda: jc.ideal_scene(30.0, load=None), "load", "None", "'along_jaw', 'normal_to_jaw'"),
+    (
+        lambda: jc.paper_scene(30.0, 6e-5, impact_velocity="tracked"),
+        "impact_velocity",
+        "'tracked'",
+        "`impact_law`",
+    ),
     (lambda: jc.paper_scene(30.0, 6e-5, start="middle"), "start", "'middle'", "'contact'"),
     (lambda: jc.paper_scene(30.0, 6e-5, slip="no"), "slip", "'no'", "'surface'"),
-    (lambda: jc.paper_scene(30.0, 6e-5, load="up"), "load", "'up'", "'along_jaw'"),
+    (lambda: jc.paper_scene(30.0, 6e-5, load_law="up"), "load_law", "'up'", "'along_jaw'"),
     (lambda: jc.paper_scene(30.0, 6e-5, formulation="x"), "formulation", "'x'", "'multiplier'"),
     (lambda: machine(jaw=Jaw(-524.0, 128.48, 0.695, Vector(0, 0))), "jaw.mass", "-524", "> 0 kg"),
     (lambda: machine(jaw=Jaw(524.0, 0.0, 0.695, Vector(0, 0))), "jaw.inertia", "0.0", "> 0"),

@@ -19,7 +19,7 @@ KEYS = ["e_x", "e_y", "rate_x", "rate_y"]
 
 
 def scene(speed):
-    return jc.paper_scene(speed, 0.12e-3, load="closing_stroke")
+    return jc.paper_scene(speed, 0.12e-3, load_law="closing_stroke")
 
 
 def broken(speed):

@@ -46,7 +46,7 @@ def test_trend_of_a_decaying_swing():
 # With the load on the closing stroke only the pin flies: windows of short periods, and chaos, which
 # the gradient report's test looks at.
 def test_period_one_of_the_closing_stroke():
-    scene = jc.paper_scene(35.0, 0.12e-3, load="closing_stroke")
+    scene = jc.paper_scene(35.0, 0.12e-3, load_law="closing_stroke")
     found = jc.regime(scene, 100, 300, tangent_turns=30)
     assert (found.name, found.period) == ("periodic", 1), str(found)
     # The frame's alignment costs about one part in the number of turns, 30.

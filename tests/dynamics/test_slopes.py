@@ -48,7 +48,7 @@ def test_fit_of_lorenz():
 
 
 def closing(point):
-    return jc.paper_scene(point[0], point[1], load="closing_stroke")
+    return jc.paper_scene(point[0], point[1], load_law="closing_stroke")
 
 
 def test_slopes_along_a_periodic_orbit():
@@ -94,7 +94,7 @@ def test_quiet_motion_is_believed():
 
 def test_chaos_is_refused():
     report = gradient_report(
-        lambda speed: jc.paper_scene(speed, 0.06e-3, load="closing_stroke"),
+        lambda speed: jc.paper_scene(speed, 0.06e-3, load_law="closing_stroke"),
         "foundation_rms",
         {"speed": 30.0},
         settle_turns=20,

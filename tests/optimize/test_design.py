@@ -130,7 +130,7 @@ def test_a_linkage_that_does_not_close():
         design.scene(np.array([1.0]))
 
     def rms(unit):
-        scene = design.scene(unit, {"joint": "ideal"})
+        scene = design.scene(unit).ideal()
         return jc.statistics(scene, 0, 1, outputs=("foundation_rms",)).foundation_rms
 
     # Traced, it has no number.

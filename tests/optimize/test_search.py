@@ -186,7 +186,7 @@ def test_objectives_follow_from_their_statistics():
     outputs = tuple({name for o in OBJECTIVES.values() for name in o.outputs})
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
     for name, objective in OBJECTIVES.items():
-        values[name] = float(objective.formula(result, {"speed": 30.0}, chamber))
+        values[name] = float(objective.formula(result, scene, chamber))
     # Sampling of a smooth periodic function; capacity to its four digits.
     for name in ("rms", "mean", "peak", "smooth_peak", "joint_peak"):
         assert values[name] == pytest.approx(expected[name], rel=1e-5), name

@@ -50,6 +50,13 @@ def test_every_choice_makes_another_scene():
             assert not eqx.tree_equal(plain, jc.build_scene({name: choice})), (name, choice)
 
 
+@pytest.mark.parametrize("formulation", CHOICES["formulation"])
+def test_ideal_twin_differs_in_its_joint_only(formulation):
+    values = {"speed": 33.0, "jaw.mass": 500.0, "gravity": 9.0, "load_law": "closing_stroke"}
+    scene = jc.build_scene({**values, "formulation": formulation, "start": "contact"})
+    assert eqx.tree_equal(scene.ideal(), jc.build_scene({**values, "joint": "ideal"}))
+
+
 def test_counterweight_is_a_point_mass():
     """Mass, first moment and moment of inertia about O add up."""
     shaft = build_machine({}).shaft

@@ -6,7 +6,7 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.drives import ShaftState
-from jaxcrusher.crusher.scene import AbstractFormulation, Scene
+from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
 from jaxcrusher.crusher.snapshot import (
     ShaftMotion,
     Snapshot,
@@ -22,11 +22,11 @@ from jaxcrusher.crusher.snapshot import (
 class ClosedLinkage(AbstractFormulation):
     """One degree of freedom or none: kinematics forwards, forces backwards."""
 
-    def initial(self, scene: Scene) -> ShaftState | None:
+    def initial(self, scene: AbstractScene) -> ShaftState | None:
         """The shaft's, or nothing."""
         return scene.drive.initial()
 
-    def snapshot(self, time: Scalar, state: ShaftState | None, scene: Scene) -> Snapshot:
+    def snapshot(self, time: Scalar, state: ShaftState | None, scene: AbstractScene) -> Snapshot:
         """Inverse dynamics; a free shaft is solved for its acceleration first."""
         machine = scene.machine
         shaft = crank_motion(*scene.drive.motion(time, state))
@@ -53,10 +53,12 @@ class ClosedLinkage(AbstractFormulation):
             force, acceleration = joint_force(shaft)
         return Snapshot(shaft, chain, acceleration, None, None, force, None, None, load, None)
 
-    def rate(self, snapshot: Snapshot, state: ShaftState | None, scene: Scene) -> ShaftState | None:
+    def rate(
+        self, snapshot: Snapshot, state: ShaftState | None, scene: AbstractScene
+    ) -> ShaftState | None:
         """The shaft's, or nothing."""
         return scene.drive.rate(snapshot.shaft.speed, snapshot.shaft.acceleration)
 
-    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
+    def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Angles and speeds of order one."""
         return rtol

@@ -11,7 +11,7 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.drives import ShaftState
-from jaxcrusher.crusher.scene import AbstractFormulation, Scene
+from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
 from jaxcrusher.crusher.snapshot import (
     ShaftMotion,
     Snapshot,
@@ -36,7 +36,7 @@ class EccentricityState(eqx.Module):
 class EccentricityFormulation(AbstractFormulation):
     """Newton-Euler of the open chain C-B-A, in eccentricity coordinates."""
 
-    def initial(self, scene: Scene) -> EccentricityState:
+    def initial(self, scene: AbstractScene) -> EccentricityState:
         """As the scene's start says."""
         joint, start = clearance_joint(scene)
         eccentricity, rate = start.eccentricity(scene)
@@ -47,7 +47,7 @@ class EccentricityFormulation(AbstractFormulation):
             scene.drive.initial(),
         )
 
-    def snapshot(self, time: Scalar, state: EccentricityState, scene: Scene) -> Snapshot:
+    def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
         """Contact first, then the chain's two equations."""
         machine, (joint, _) = scene.machine, clearance_joint(scene)
         shaft = crank_motion(*scene.drive.motion(time, state.shaft))
@@ -84,7 +84,9 @@ class EccentricityFormulation(AbstractFormulation):
             None,
         )
 
-    def rate(self, snapshot: Snapshot, state: EccentricityState, scene: Scene) -> EccentricityState:
+    def rate(
+        self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene
+    ) -> EccentricityState:
         """By e'': the pin's acceleration less the bearing's."""
         machine, (joint, _) = scene.machine, clearance_joint(scene)
         assert snapshot.contact is not None
@@ -98,12 +100,12 @@ class EccentricityFormulation(AbstractFormulation):
             scene.drive.rate(snapshot.shaft.speed, snapshot.shaft.acceleration),
         )
 
-    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
+    def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """The state is e / c itself."""
         return rtol
 
 
-def clearance_joint(scene: Scene):
+def clearance_joint(scene: AbstractScene):
     """The scene's joint and start, which a formulation with clearance cannot do without."""
     if scene.joint is None or scene.start is None:
         raise ValueError(

@@ -15,9 +15,9 @@ from jaxcrusher.basics.linear import SparseRow, solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, scalar
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.formulations.eccentricity import clearance_joint
+from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
 from jaxcrusher.crusher.linkage import Chain, ChainAcceleration
 from jaxcrusher.crusher.machine import Machine
-from jaxcrusher.crusher.scene import AbstractFormulation, Scene
 from jaxcrusher.crusher.snapshot import (
     Multipliers,
     ShaftMotion,
@@ -98,7 +98,7 @@ class MultiplierFormulation(AbstractFormulation):
     alpha: Scalar = eqx.field(converter=scalar, default=20.0)
     beta: Scalar = eqx.field(converter=scalar, default=20.0)
 
-    def initial(self, scene: Scene) -> MultiplierState:
+    def initial(self, scene: AbstractScene) -> MultiplierState:
         """The scene's start, on the constraints to rounding."""
         machine, (joint, start) = scene.machine, clearance_joint(scene)
         angle, speed = scene.drive.motion(scalar(0.0), scene.drive.initial())
@@ -127,7 +127,7 @@ class MultiplierFormulation(AbstractFormulation):
         memory = joint.normal.impact_velocity.initial()
         return MultiplierState(position, velocity * CONTACT_TIME, memory)
 
-    def snapshot(self, time: Scalar, state: MultiplierState, scene: Scene) -> Snapshot:
+    def snapshot(self, time: Scalar, state: MultiplierState, scene: AbstractScene) -> Snapshot:
         """Solve (20) for the accelerations and the multipliers."""
         machine, (joint, _) = scene.machine, clearance_joint(scene)
         q, velocity = state.position, state.velocity * (1 / CONTACT_TIME)
@@ -180,7 +180,9 @@ class MultiplierFormulation(AbstractFormulation):
             ),
         )
 
-    def rate(self, snapshot: Snapshot, state: MultiplierState, scene: Scene) -> MultiplierState:
+    def rate(
+        self, snapshot: Snapshot, state: MultiplierState, scene: AbstractScene
+    ) -> MultiplierState:
         """Velocities and accelerations, q' and q''."""
         joint, _ = clearance_joint(scene)
         assert snapshot.contact is not None and snapshot.multipliers is not None
@@ -190,7 +192,7 @@ class MultiplierFormulation(AbstractFormulation):
             joint.memory_rate(snapshot.contact, state.impact_velocity),
         )
 
-    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
+    def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Positions of the order of 1 m count against the clearance, down to their rounding."""
         joint, _ = clearance_joint(scene)
         return jnp.maximum(rtol * joint.clearance, 2e-14)
@@ -236,7 +238,7 @@ def _applied_forces(scene, contact, load, pin_arm: Vector, bearing_arm: Vector) 
 
 
 def _constraints(
-    scene: Scene, time: Scalar, q: Coordinates, velocity: Coordinates, arms: _Arms
+    scene: AbstractScene, time: Scalar, q: Coordinates, velocity: Coordinates, arms: _Arms
 ) -> tuple[list[SparseRow], list[Scalar], list[Scalar], list[Scalar]]:
     """Phi_q, Phi, Phi' and gamma of (13)-(15): O, B, C, and the drive."""
     machine, one = scene.machine, jnp.ones_like(time)

@@ -1,0 +1,57 @@
+"""What a scene, a start and a formulation know of each other."""
+
+import abc
+
+import equinox as eqx
+from jaxtyping import PyTree, Scalar
+
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.drives import AbstractDrive
+from jaxcrusher.crusher.loads import AbstractLoad
+from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.joint.clearance import ClearanceJoint
+
+
+class AbstractScene(eqx.Module):
+    """Who takes part, as starts and formulations see it; the one there is: `Scene`."""
+
+    machine: eqx.AbstractVar[Machine]
+    drive: eqx.AbstractVar[AbstractDrive]
+    joint: eqx.AbstractVar[ClearanceJoint | None]
+    load: eqx.AbstractVar[AbstractLoad | None]
+    formulation: eqx.AbstractVar["AbstractFormulation"]
+    start: eqx.AbstractVar["AbstractStart | None"]
+
+
+class AbstractStart(eqx.Module):
+    """Where the pin starts in its bore."""
+
+    @abc.abstractmethod
+    def eccentricity(self, scene: AbstractScene) -> tuple[Vector, Vector]:
+        """The eccentricity e (m) and its rate (m/s) at time zero."""
+
+
+class AbstractFormulation(eqx.Module):
+    """How the equations of motion of a scene are written and solved for the accelerations.
+
+    A state is a PyTree of scalars. `time` is in seconds.
+    """
+
+    @abc.abstractmethod
+    def initial(self, scene: AbstractScene) -> PyTree[Scalar]:
+        """The state at time zero."""
+
+    @abc.abstractmethod
+    def snapshot(self, time: Scalar, state: PyTree[Scalar], scene: AbstractScene) -> Snapshot:
+        """All accelerations and forces at a state."""
+
+    @abc.abstractmethod
+    def rate(
+        self, snapshot: Snapshot, state: PyTree[Scalar], scene: AbstractScene
+    ) -> PyTree[Scalar]:
+        """The time derivative of the state, per second."""
+
+    @abc.abstractmethod
+    def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
+        """The solver's tolerance for an error of `rtol` clearances in the eccentricity."""
