@@ -202,8 +202,9 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
     """The loop over segments."""
     start, y = jnp.zeros_like(times[0, 0]), problem.initial(args)
     success = RESULTS.promote(diffrax.RESULTS.successful)
-    # diffrax traces a vector field about ten times; an inlined jit remembers the first.
+    # diffrax traces what it integrates about ten times; an inlined jit remembers the first.
     field = diffrax.ODETerm(jax.jit(problem.field, inline=True))
+    observe = jax.jit(problem.observe, inline=True)
     if not jax.tree.leaves(y):
         return _evaluate(args, times, y, problem), Outcome(success, times[-1, -1], jnp.array(0))
 
@@ -223,7 +224,7 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
             saveat=diffrax.SaveAt(
                 subs=[
                     diffrax.SubSaveAt(t1=True),
-                    diffrax.SubSaveAt(ts=saves, fn=problem.observe),
+                    diffrax.SubSaveAt(ts=saves, fn=observe),
                 ]
             ),
             stepsize_controller=method.stepsize_controller,
