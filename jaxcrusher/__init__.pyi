@@ -1,6 +1,7 @@
 # The public names, and where each lives.
 from .basics.setup import set_up as set_up
 from .basics.setup import use_all_cores as use_all_cores
+from .batch.engines import map_all as map_all
 from .batch.engines import map_chunks as map_chunks
 from .batch.large_sweep import sweep_to_store as sweep_to_store
 from .batch.sweep import sweep as sweep

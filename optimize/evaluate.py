@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_chunks
+from jaxcrusher.batch.engines import map_all
 from jaxcrusher.batch.sweep import row_of
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.starts import shifted_start
@@ -76,7 +76,7 @@ def evaluate(
         index = np.minimum(np.arange(first, first + size), len(units) - 1)
         points, moves = jnp.asarray(units[index]), jnp.asarray(shifts[index])
         scenes = stacked_scenes(case, points, moves)
-        ((_, row),) = map_chunks(function, scenes, len(STARTS) * len(points))
+        row = map_all(function, scenes, len(STARTS) * len(points))
         used = part.stop - part.start
         rows = {name: values.reshape(len(STARTS), -1)[:, :used] for name, values in row.items()}
         rows["counts"] = may_count(rows, case, case.capacity(units[part]))

@@ -11,7 +11,7 @@ from jaxtyping import Array
 from scipy.stats import qmc
 
 import jaxcrusher as jc
-from jaxcrusher.batch.engines import map_chunks
+from jaxcrusher.batch.engines import map_all
 from jaxcrusher.batch.sweep import LOGICAL, VARIABLES
 from jaxcrusher.dynamics.indicators import lyapunov_spectrum
 from optimize.design import Design
@@ -111,15 +111,12 @@ def exponents(
     function = eqx.Partial(_jacobians, case=case, settle=settle, rtol=rtol)
     every = jnp.asarray(np.concatenate([units] * len(STARTS)))
     starts = jnp.repeat(jnp.arange(len(STARTS)), len(units))
-    flat, taken = largest.reshape(-1), 0
-    for rows, (jacobians, steps) in map_chunks(function, (every, starts), chunk):
-        taken += int(steps.sum())
-        for i, products in zip(range(rows.start, rows.stop), jacobians, strict=True):
-            if np.isfinite(products).all():
-                spectrum = lyapunov_spectrum(products, slices=EXPONENT_SLICES)
-                flat[i] = spectrum.exponents[0]
-        progress(rows.stop, len(every))
-    return largest, taken
+    jacobians, steps = map_all(function, (every, starts), chunk, progress=progress)
+    for i, products in enumerate(jacobians):
+        if np.isfinite(products).all():
+            spectrum = lyapunov_spectrum(products, slices=EXPONENT_SLICES)
+            largest.flat[i] = spectrum.exponents[0]
+    return largest, int(steps.sum())
 
 
 def _jacobians(batch: tuple[Array, Array], case: Case, settle: int, rtol: float):

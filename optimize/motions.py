@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_whole
-from jaxcrusher.batch.engines import map_chunks
+from jaxcrusher.batch.engines import map_all
 from optimize.evaluate import STARTS, Case, Progress, stacked_scenes
 
 # Turns drawn (the second tells whether the first repeats) and instants in each. Peaks of single
@@ -63,16 +63,15 @@ def cell_motions(
     turn = np.arange(turns * samples + 1) / samples
     angles = jnp.asarray(2 * np.pi * (settle + turn))
     units, dims, shape = _cells(case, landscape)
-    count = len(STARTS) * len(units)
-    columns = {name: np.full((count, turn.size), np.nan, np.float32) for name in VARIABLES}
     function = eqx.Partial(_motion, angles=angles, rtol=rtol)
-    for rows, values in map_chunks(function, stacked_scenes(case, jnp.asarray(units)), CHUNK):
-        for name, column in columns.items():
-            column[rows] = values[name]
-        progress(rows.stop, count)
+    scenes = stacked_scenes(case, jnp.asarray(units))
+    columns = map_all(function, scenes, CHUNK, progress=progress)
     motions = xr.Dataset(
         {
-            name: (("start", *dims, "instant"), column.reshape(len(STARTS), *shape, -1))
+            name: (
+                ("start", *dims, "instant"),
+                column.astype(np.float32).reshape(len(STARTS), *shape, -1),
+            )
             for name, column in columns.items()
         },
         {

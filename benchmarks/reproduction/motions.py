@@ -10,7 +10,7 @@ import numpy as np
 import jaxcrusher as jc
 from benchmarks.reproduction.readings import SETTLE_TURNS, Point, Slip, Start
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_chunks, stack
+from jaxcrusher.batch.engines import map_all, stack
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 
@@ -63,8 +63,7 @@ def portraits(points: list[Point], slip: Slip) -> dict[Point, Portrait]:
             for speed, c in points
         ]
     )
-    parts = [values for _, values in map_chunks(eqx.Partial(_row), scenes)]
-    joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    joined = map_all(eqx.Partial(_row), scenes)
     turns = SETTLE_TURNS + SHOWN_TURNS * np.arange(HISTORY) / HISTORY
     found = {}
     for i, (speed, clearance) in enumerate(points):

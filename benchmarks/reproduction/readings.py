@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_chunks, stack
+from jaxcrusher.batch.engines import map_all, stack
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.joint.validity import validity
@@ -160,8 +160,7 @@ def measure(
             windows=max(1, turns // WINDOW_TURNS),
             rtol=1e-6,
         )
-        parts = [values for _, values in map_chunks(function, scenes)]
-        joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        joined = map_all(function, scenes)
         for reading in group:
             for point in points:
                 rows = [i for i, run in enumerate(runs) if run[:2] == (reading.start, point)]

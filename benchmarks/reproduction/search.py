@@ -14,7 +14,7 @@ import numpy as np
 import jaxcrusher as jc
 from benchmarks.reproduction.variants import LiteralContact, PlainUnits, WeightedSlip, largest
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_chunks, stack
+from jaxcrusher.batch.engines import map_all, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
 from jaxcrusher.crusher.interfaces import AbstractFormulation
 from jaxcrusher.crusher.scene import Scene
@@ -199,8 +199,7 @@ def search(listed: list[Variant], done: Callable[[str], None] = lambda what: Non
         runs = [(v, c, offset) for v in group for c in TARGETS for offset in v.start_offsets]
         scenes = stack([variant.scene(c, offset) for variant, c, offset in runs])
         function = eqx.Partial(_row, method=group[0].way.method)
-        parts = [values for _, values in map_chunks(function, scenes)]
-        joined = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        joined = map_all(function, scenes)
         for variant in group:
             by_clearance = {}
             for c in TARGETS:

@@ -23,7 +23,7 @@ from rich.progress import Progress
 import jaxcrusher as jc
 from benchmarks.scaling.page import figure, page
 from benchmarks.setting import run_apart, setting
-from jaxcrusher.batch.engines import map_chunks
+from jaxcrusher.batch.engines import map_all, map_chunks
 
 DESIGNS = (1, 4, 16, 64, 256, 1024, 4096, 16384)
 DESIGNS_TURNS = 10
@@ -102,12 +102,12 @@ def batch(designs: int, turns: int) -> dict[str, Any]:
     found = []
 
     def run() -> None:
-        found[:] = [np.stack(part) for _, part in map_chunks(function, scenes, CHUNK)]
+        found[:] = map_all(function, scenes, CHUNK)
 
     # Later chunks run the program of the first.
     first = seconds(lambda: next(map_chunks(function, scenes, CHUNK)))
     again = median_seconds(run)
-    rms, steps = np.concatenate(found, axis=1)
+    rms, steps = found
     if not np.isfinite(rms).all():
         raise RuntimeError(f"{np.sum(~np.isfinite(rms))} of {designs} designs failed.")
     # Of the process so far: it grows with what is run, so the largest run comes last.

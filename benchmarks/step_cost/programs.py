@@ -18,7 +18,7 @@ import jaxcrusher as jc
 from benchmarks.peers import c_peer, numba_peer
 from benchmarks.peers.equations import Crusher
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_chunks
+from jaxcrusher.batch.engines import map_all
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.motion.integrate import Carried
@@ -121,8 +121,7 @@ def ours(d: Designs) -> Program:
     function = eqx.Partial(statistics_of, turns=d.turns)
 
     def run() -> Found:
-        ((_, found),) = map_chunks(function, d.scenes, chunk=len(d.starts))
-        return found
+        return map_all(function, d.scenes, chunk=len(d.starts))
 
     return run
 

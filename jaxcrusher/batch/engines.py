@@ -57,6 +57,25 @@ def map_chunks(
         yield rows, jax.tree.map(lambda leaf, i=back: np.asarray(leaf)[i], result)
 
 
+def map_all(
+    function: Callable[[Any], PyTree],
+    scenes: PyTree,
+    chunk: int = 64,
+    engine: Engine | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> PyTree:
+    """The results of `map_chunks`, joined: NumPy arrays, stacked like the scenes.
+
+    `progress` is called after each chunk with the number of finished and of all scenes.
+    """
+    parts, count = [], len(jax.tree.leaves(scenes)[0])
+    for rows, results in map_chunks(function, scenes, chunk, engine):
+        parts.append(results)
+        if progress is not None:
+            progress(rows.stop, count)
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+
+
 @eqx.filter_jit
 def _map(engine: Engine, function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
     return engine(function, scenes)

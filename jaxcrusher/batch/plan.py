@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.batch.engines import map_chunks
+from jaxcrusher.batch.engines import map_all
 from jaxcrusher.batch.sweep import statistics_row
 from jaxcrusher.files.provenance import machine
 from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400, build_scene
@@ -175,7 +175,7 @@ def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[
     function = eqx.Partial(
         _design, choices=choices, settle_turns=plan.settle_turns, turns=plan.turns, rtol=plan.rtol
     )
-    ((_, rows),) = map_chunks(function, numbers, lanes)
+    rows = map_all(function, numbers, lanes)
     size = math.prod(plan.chunk)
     kept = tuple(slice(part.stop - part.start) for part in region)
     values = {name: column[:size].reshape(plan.chunk)[kept] for name, column in rows.items()}

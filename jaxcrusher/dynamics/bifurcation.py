@@ -10,7 +10,7 @@ import xarray as xr
 from jaxtyping import Array, ArrayLike
 
 from jaxcrusher.basics.checks import require, require_choice, require_whole, require_x64
-from jaxcrusher.batch.engines import map_chunks, stack
+from jaxcrusher.batch.engines import map_all, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.indicators import detect_period
@@ -78,11 +78,8 @@ def bifurcation(
     run = eqx.Partial(_run, settle_turns=settle_turns, turns=turns, rtol=rtol)
     count, rows = len(scenes), [{}] * len(numbers)
     if direction == "cold":
-        for place, found in map_chunks(run, stack(scenes), chunk):
-            for i in range(place.start, place.stop):
-                rows[i] = _row(jax.tree.map(lambda leaf, k=i - place.start: leaf[k], found), rtol)
-            if progress is not None:
-                progress(place.stop, count)
+        found = map_all(run, stack(scenes), chunk, progress=progress)
+        rows = [_row(jax.tree.map(lambda leaf, i=i: leaf[i], found), rtol) for i in range(count)]
     else:
         order = range(count) if direction == "up" else range(count - 1, -1, -1)
         state = None

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxcrusher.batch.engines import map_chunks
+from jaxcrusher.batch.engines import map_all
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,7 @@ def fit_slopes(
         "point": jnp.asarray(point + signs * radius * np.repeat(offsets, 2, axis=0)),
         "shift": jnp.asarray(shifts),
     }
-    parts = [np.asarray(part) for _, part in map_chunks(value, cases, chunk)]
-    both = np.concatenate(parts).reshape(pairs, 2, 2)
+    both = map_all(value, cases, chunk).reshape(pairs, 2, 2)
     half = (both[:, 0] - both[:, 1]) / 2
     if not np.isfinite(half).all():
         nothing, unknown = np.full(len(point), np.nan), np.full(len(point), np.inf)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.batch.engines import in_turn, map_chunks, side_by_side
+from jaxcrusher.batch.engines import in_turn, map_all, map_chunks, side_by_side
 
 
 def _double(x):
@@ -20,18 +20,22 @@ def test_chunks_keep_order_and_length(count, chunk):
     joined = np.concatenate([part["twice"] for _, part in parts])
     np.testing.assert_array_equal(joined, 2 * np.arange(count))
     assert [rows.start for rows, _ in parts] == [*range(0, count, parts[0][0].stop)]
+    seen = []
+    whole = map_all(eqx.Partial(_double), values, chunk, progress=lambda *p: seen.append(p))
+    np.testing.assert_array_equal(whole["twice"], joined)
+    assert seen == [(rows.stop, count) for rows, _ in parts]
 
 
 def test_the_engine_asked_for_is_used():
     values = jnp.arange(6.0)
     for engine in (None, in_turn, side_by_side):
-        ((_, result),) = map_chunks(eqx.Partial(_double), values, engine=engine)
+        result = map_all(eqx.Partial(_double), values, engine=engine)
         np.testing.assert_array_equal(result["twice"], 2 * values)
 
     def mine(function, scenes):
         return {"twice": -function(scenes)["twice"]}
 
-    ((_, result),) = map_chunks(eqx.Partial(_double), values, engine=mine)
+    result = map_all(eqx.Partial(_double), values, engine=mine)
     np.testing.assert_array_equal(result["twice"], -2 * values)
 
 
