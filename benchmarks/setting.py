@@ -6,8 +6,8 @@ import platform
 import subprocess
 import sys
 from collections.abc import Iterator
-from importlib.metadata import version
-from pathlib import Path
+
+from jaxcrusher.files.provenance import processor, versions
 
 # Of a process that times compilation: programs compiled before do not count.
 NOTHING_KEPT = {"JAX_ENABLE_COMPILATION_CACHE": "0"}
@@ -15,13 +15,12 @@ NOTHING_KEPT = {"JAX_ENABLE_COMPILATION_CACHE": "0"}
 
 def setting(*packages: str) -> str:
     """Processor, cores, system, and the versions of Python, jaxcrusher's tools and `packages`."""
-    model = platform.processor() or platform.machine()
-    if Path("/proc/cpuinfo").exists():
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        model = next((line.split(":")[1].strip() for line in lines if "model name" in line), model)
-    names = ("jax", "jaxlib", "diffrax", "numpy", *packages)
-    versions = [f"Python {platform.python_version()}", *(f"{n} {version(n)}" for n in names)]
-    return f"{model}, {os.cpu_count()} cores, {platform.system()}; {', '.join(versions)}"
+    known = versions("numpy", *packages)
+    listed = ", ".join(f"{name} {number}" for name, number in known.items())
+    return (
+        f"{processor()}, {os.cpu_count()} cores, {platform.system()}; "
+        f"Python {platform.python_version()}, {listed}"
+    )
 
 
 def run_apart(module: str, *arguments: str, cores: int) -> Iterator[dict]:

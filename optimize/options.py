@@ -1,33 +1,15 @@
-"""What the design search can be told, and the box it searches."""
+"""What the design search can be told. Imports no JAX."""
 
-import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
-
-from jaxcrusher.basics.checks import require, require_choice, require_within
-from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
-from jaxcrusher.files.results import results_folder
-from jaxcrusher.scenes.parameters import CHOICES, PE250X400
-from jaxcrusher.scenes.scene_file import read_scene_file, read_text, require_parameter
-from optimize.design import Design
-from optimize.evaluate import Case
-from optimize.objectives import OBJECTIVES
-
-# The paper's choice, Section 5.3.
-SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
-# The paper's greatest capacity, to which its floor refers, is that at 25 rad/s.
-GREATEST_AT = 25.0
-NO_FLAG = tyro.conf.Suppress
 
 
 @dataclass(frozen=True)
 class Options:
-    """Find the design of a jaw crusher that shakes its foundation least, inside a box: by default
-    the driving speed and bearing clearance of a PE250x400, and the RMS of |R_O| + |R_C|.
-    """  # noqa: D205
+    """What to search, and how hard."""
 
     name: str = "default"
     """Name of the run: results go to OUT/NAME/."""
@@ -81,113 +63,8 @@ class Options:
     """Impact velocity of the contact law, m/s, or tracked."""
     seed: int = 0
     """Seed of the random refinement points and of the confirmation's starts."""
-    chamber: Annotated[CrushingChamber, NO_FLAG] = field(default_factory=CrushingChamber)
 
-    def check(self) -> None:
-        """Raise ValueError for a value outside its limits, before anything is compiled."""
-        for name, (low, high), unit in (
-            ("speed", self.speed, "rad/s"),
-            ("clearance", self.clearance, "mm"),
-        ):
-            good = math.isfinite(low) and math.isfinite(high) and 0 < low < high
-            require(good, name, f"be a box 0 < LOW < HIGH {unit}", (low, high))
-        largest = self.clearance[1]
-        bore = 1e3 * float(PE250X400["bore_radius"])
-        require(largest < bore, "clearance", f"be < {bore:g} mm", largest)
-        for name, value, least in (
-            ("grid", min(self.grid), 2),
-            ("samples", self.samples, 2),
-            ("settle", self.settle, 0),
-            ("turns", self.turns, 2),
-            ("steps", self.steps, 1),
-            ("refine", self.refine, 1),
-            ("runs", self.runs, 2),
-            ("seed", self.seed, 0),
-        ):
-            require(value >= least, name, f"be >= {least}", value)
-        if self.friction is not None:
-            require_within("friction", self.friction, 0, 10)
-        if self.slip is not None:
-            require_choice("slip", self.slip, CHOICES["slip"])
-        if self.load is not None:
-            require_choice("load", self.load, CHOICES["load_law"])
-        if isinstance(self.impact_velocity, float | int):
-            good = math.isfinite(self.impact_velocity) and self.impact_velocity > 0
-            require(good, "impact_velocity", "be > 0 m/s", self.impact_velocity)
-        if self.capacity_floor is not None:
-            require(self.capacity_floor >= 0, "capacity_floor", "be >= 0 m3/h", self.capacity_floor)
-        require_choice("objective", self.objective, tuple(OBJECTIVES))
-        names = [name for name, _, _ in self.design]
-        for name in names:
-            require_parameter(name)
-        require(len(set(names)) == len(names), "design", "name every parameter once", names)
-        self.case()
-
+    @property
     def folder(self) -> Path:
-        """Make the results' folder; ValueError if it cannot be written."""
-        return results_folder(self.out, self.name)
-
-    def bounds(self) -> dict[str, tuple[float, float]]:
-        """The free parameters with their bounds, in SI units."""
-        if self.design:
-            return {
-                name: (float(read_text(name, low)), float(read_text(name, high)))
-                for name, low, high in self.design
-            }
-        small, large = self.clearance
-        return {"speed": self.speed, "clearance": (1e-3 * small, 1e-3 * large)}
-
-    def description(self) -> dict[str, Any]:
-        """The crusher's other numbers and choices: the scene file's, then the options'."""
-        values: dict[str, Any] = {} if self.scene is None else dict(read_scene_file(self.scene))
-        for name, value in (
-            ("slip", self.slip),
-            ("friction", self.friction),
-            ("load_law", self.load),
-        ):
-            if value is not None:
-                values[name] = value
-        if self.impact_velocity == "tracked":
-            values["impact_law"] = "tracked"
-        elif self.impact_velocity is not None:
-            values |= {"impact_law": "constant", "impact_velocity": self.impact_velocity}
-        require(values.get("joint") != "ideal", "scene", "have a joint with clearance", "ideal")
-        # The search tries both starts itself.
-        values.pop("start", None)
-        return values
-
-    def case(self) -> Case:
-        """What is searched and what for."""
-        bounds = self.bounds()
-        fixed = {name: v for name, v in self.description().items() if name not in bounds}
-        return Case(
-            Design(bounds, fixed),
-            OBJECTIVES[self.objective],
-            self.chamber,
-            self.floor(),
-            self.inside_model,
-        )
-
-    def reference(self) -> dict[str, float]:
-        """The free parameters of the design to compare with: the paper's choice."""
-        base = {**PE250X400, **self.description()}
-        if not self.design:
-            base |= {"speed": SEED_SPEED, "clearance": SEED_CLEARANCE}
-        return {name: float(base[name]) for name in self.bounds()}
-
-    def floor(self) -> float:
-        """The least capacity, m3/h."""
-        if self.capacity_floor is not None:
-            return self.capacity_floor
-        return float(self.chamber.capacity(GREATEST_AT)) / AFFLUENCE
-
-    def box(self) -> dict:
-        """The box searched, and the range of speeds that the capacity equations give."""
-        return {
-            **{name: list(limits) for name, limits in self.bounds().items()},
-            "capacity_floor": self.floor(),
-            "derived_speed": [
-                float(self.chamber.lowest_speed()),
-                float(self.chamber.highest_speed(self.floor())),
-            ],
-        }
+        """The folder of this run."""
+        return self.out / self.name

@@ -4,22 +4,21 @@ import math
 from pathlib import Path
 from typing import Any
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from rich.console import Console
 from rich.table import Table
 
 import jaxcrusher as jc
+from jaxcrusher.files.results import write_figure
 from jaxcrusher.pictures import plots
 from optimize import landscape as maps
+from optimize import problem
 from optimize.evaluate import STARTS, Case, started
 from optimize.options import Options
 from optimize.page.answer import DESIGNS, outside
 from optimize.pareto import nondominated
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 
 
 def draw_all(
@@ -98,17 +97,16 @@ def draw_landscape(
         facecolor="0.7",
         fontsize=9,
     )
-    fig.savefig(folder / "landscape.png", dpi=150)
-    plt.close(fig)
+    write_figure(folder / "landscape.png", fig)
 
 
 def draw_capacity(folder: Path, case: Case, options: Options) -> None:
     """Capacity over speed, with the box searched."""
-    box = options.box()
+    box = problem.box(options)
     low, high = case.design.bounds["speed"]
     fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
     speeds = np.linspace(0.6 * low, 1.25 * high, 200)
-    plots.plot_capacity(options.chamber, speeds, box["capacity_floor"], ax)
+    plots.plot_capacity(case.chamber, speeds, box["capacity_floor"], ax)
     ax.axvspan(low, high, color="C2", alpha=0.15, label="box searched")
     reached = box["derived_speed"][1]
     if math.isfinite(reached):
@@ -116,8 +114,7 @@ def draw_capacity(folder: Path, case: Case, options: Options) -> None:
             reached, color="0.4", linestyle=":", label=f"floor reached at {reached:.2f} rad/s"
         )
     ax.legend()
-    fig.savefig(folder / "capacity.png", dpi=150)
-    plt.close(fig)
+    write_figure(folder / "capacity.png", fig)
 
 
 def draw_pareto(folder: Path, capacity: np.ndarray, data: xr.Dataset, result: dict) -> None:
@@ -151,8 +148,7 @@ def draw_pareto(folder: Path, capacity: np.ndarray, data: xr.Dataset, result: di
         )
         ax.set(xlabel=r"RMS of $|R_O| + |R_C|$, worse start (kN)", ylabel=label)
         ax.legend(fontsize=8)
-    fig.savefig(folder / "pareto.png", dpi=150)
-    plt.close(fig)
+    write_figure(folder / "pareto.png", fig)
 
 
 def draw_motions(folder: Path, case: Case, options: Options, result: dict) -> None:
@@ -183,8 +179,7 @@ def draw_motions(folder: Path, case: Case, options: Options, result: dict) -> No
     for ax in forces:
         ax.set_ylim(0, top)
         ax.legend(loc="lower right", fontsize=8)
-    fig.savefig(folder / "motion.png", dpi=150)
-    plt.close(fig)
+    write_figure(folder / "motion.png", fig)
 
 
 def print_table(console: Console, result: dict) -> None:

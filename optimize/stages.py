@@ -12,8 +12,9 @@ import xarray as xr
 from rich.progress import Progress as Bars
 
 import jaxcrusher as jc
+from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
-from optimize import confirm, landscape, local
+from optimize import confirm, landscape, local, problem
 from optimize.evaluate import STARTS, Case, Window, evaluate, judged, started
 from optimize.motions import cell_motions
 from optimize.options import Options
@@ -41,9 +42,18 @@ def explore(
     """The landscape of `units` with its exponents, written after every chunk."""
     window = Window(options.settle, options.turns, MAP_RTOL)
     bar = bars.add_task("landscape", total=len(units))
+    attributes = provenance(
+        "Landscape of a design search",
+        scene={**jc.PE250X400, **case.design.fixed},
+        box=problem.box(options),
+        settle_turns=window.settle,
+        turns=window.turns,
+        rtol=window.rtol,
+    )
     data = xr.Dataset()
     with stage(result, "landscape"):
         for done, data in landscape.mapped(case, units, options.grid, window):
+            data.attrs = attributes
             write_netcdf(folder / "landscape.nc", data)
             bars.update(bar, completed=done)
     result["steps"]["landscape"] = int(data.steps.sum())
@@ -144,7 +154,7 @@ def settle_on(
     case: Case, options: Options, candidates: np.ndarray, bars: Bars, result: dict
 ) -> tuple[list[confirm.Confirmed], confirm.Confirmed]:
     """Independent long runs of the candidates and of the design to compare with."""
-    reference = case.design.unit(options.reference())
+    reference = case.design.unit(problem.reference(options))
     window = Window(LONGER * options.settle, LONGER * options.turns, CONFIRM_RTOL)
     bar = bars.add_task("confirmation", total=(len(candidates) + 1) * options.runs)
     with stage(result, "confirmation"):

@@ -1,23 +1,18 @@
-"""Compare jaxcrusher with other programs: `python -m benchmarks.crosschecks [CASE ...]`.
+"""All comparisons, on the screen and as a page."""
 
-Without a case all are run, and docs/crosschecks.md is written.
-"""
-
-import platform
-import sys
 import time
-from importlib.metadata import version
+from collections.abc import Sequence
 from pathlib import Path
 
-import jax
 from rich.console import Console
-from rich.progress import track
 
-import jaxcrusher as jc
 from benchmarks.comparison import Comparison, markdown_table, screen_table
 from benchmarks.crosschecks import clearance, longrun, pointwise, programs
+from benchmarks.setting import setting
+from jaxcrusher.files.progress import progress
+from jaxcrusher.files.provenance import command
+from jaxcrusher.files.results import results_folder, write_text
 
-PAGE = Path(__file__).parents[2] / "docs" / "crosschecks.md"
 CASES = {
     "instants": pointwise.instants,
     "ideal": pointwise.ideal,
@@ -28,12 +23,12 @@ CASES = {
     "swings": longrun.swings,
     "whirl": longrun.whirl,
 }
-PACKAGES = ("jaxcrusher", "jax", "diffrax", "numpy", "scipy", "scikit-sundae", "exudyn")
+PACKAGES = ("scipy", "scikit-sundae", "exudyn")
 
 INTRODUCTION = """\
 # Cross-checks
 
-Made by `python -m benchmarks.crosschecks`, {minutes:.0f} minutes on {cores}; not edited by hand.
+Made by `{command}` in {minutes:.0f} minutes; not edited by hand.
 A case alone: `python -m benchmarks.crosschecks CASE`.
 
 {summary}
@@ -76,20 +71,18 @@ def summary(found: dict[str, list[Comparison]]) -> str:
 
 def page(found: dict[str, list[Comparison]], minutes: float) -> str:
     """The page in Markdown."""
-    cores = f"{platform.machine()}, {jax.local_device_count()} cores"
-    lines = [INTRODUCTION.format(minutes=minutes, cores=cores, summary=summary(found))]
+    lines = [INTRODUCTION.format(command=command(), minutes=minutes, summary=summary(found))]
     for name, comparisons in found.items():
-        command = f"`python -m benchmarks.crosschecks {name}`"
-        lines += [f"## {CHAPTERS[name]}", "", command, "", *markdown_table(comparisons), ""]
+        alone = f"`python -m benchmarks.crosschecks {name}`"
+        lines += [f"## {CHAPTERS[name]}", "", alone, "", *markdown_table(comparisons), ""]
     lines += ["## Programs", "", "| program | all its runs above, s |", "|---|---|"]
     lines += [f"| {name} | {_rounded(spent)} |" for name, spent in programs.seconds.items()]
-    versions = ", ".join(f"{name} {version(name)}" for name in PACKAGES)
     lines += [
         "",
         "Rounded, compilation included; the programs did not do the same work, so this is no "
         "ranking.",
         "",
-        f"Python {platform.python_version()}, {versions}.",
+        f"On {setting(*PACKAGES)}.",
     ]
     return "\n".join(lines) + "\n"
 
@@ -98,24 +91,15 @@ def _rounded(spent: float) -> str:
     return f"{spent:.0f}" if spent < 10 else f"{round(spent, -1):.0f}"
 
 
-def main(names: list[str]) -> None:
+def run(names: Sequence[str], out: Path) -> None:
     """Run the named cases, or all and write the page."""
-    unknown = [name for name in names if name not in CASES]
-    if unknown:
-        raise SystemExit(f"Argument CASE must be one of {', '.join(CASES)}, but is {unknown[0]}.")
+    folder = None if names else results_folder(out)
     console, begin, found = Console(), time.perf_counter(), {}
     for name in names or CASES:
-        chapter = []
-        for comparison in track(CASES[name](), description=f"{name:10}", console=console):
-            chapter.append(comparison)
-        found[name] = chapter
-        console.print(screen_table(CHAPTERS[name], chapter))
+        with progress(console) as bars:
+            found[name] = list(bars.track(CASES[name](), description=name))
+        console.print(screen_table(CHAPTERS[name], found[name]))
     console.print(summary(found))
-    if not names:
-        PAGE.write_text(page(found, (time.perf_counter() - begin) / 60))
-        console.print(f"Wrote {PAGE}")
-
-
-if __name__ == "__main__":
-    jc.set_up()
-    main(sys.argv[1:])
+    if folder is not None:
+        write_text(folder / "crosschecks.md", page(found, (time.perf_counter() - begin) / 60))
+        console.print(f"{folder / 'crosschecks.md'}")

@@ -1,9 +1,5 @@
-"""What a large sweep costs in time and storage, and what its bits depend on.
+"""What a large sweep costs in time and storage, and what its bits depend on."""
 
-`python -m benchmarks.large_sweeps` prints the figures of docs/large_sweeps.md, in minutes.
-"""
-
-import hashlib
 import os
 import subprocess
 import sys
@@ -13,7 +9,6 @@ from time import perf_counter
 
 import numpy as np
 
-import jaxcrusher as jc
 from jaxcrusher.batch.plan import Plan, compute_chunk, make_plan
 from jaxcrusher.batch.store import ChunkStore
 from jaxcrusher.batch.sweep import LOGICAL, VARIABLES
@@ -21,9 +16,6 @@ from jaxcrusher.files.provenance import machine
 
 BOX = {"speed": np.linspace(25, 40, 16), "clearance": np.linspace(0.03e-3, 0.12e-3, 8)}
 DESIGNS = 128
-
-# Impacts amplify a rounding by exp(200 t): 0.4 s of them show any difference in the last bit.
-TRIAL = {"speed": [25.0, 31.0, 40.0], "clearance": [0.03e-3, 0.07e-3, 0.09e-3, 0.12e-3]}
 
 # Devices, designs a chunk, and flags of XLA besides those of `set_up`.
 VARIANTS = [
@@ -37,9 +29,8 @@ VARIANTS = [
 ]
 
 
-def main() -> None:
+def run() -> None:
     """Print all figures."""
-    jc.set_up()
     print(machine())
     print("time of a design on all cores, 5 + 10 turns:")
     for start in ("contact", "centred"):
@@ -103,26 +94,10 @@ def bits(devices: int, chunk: int, flags: str) -> str:
         "XLA_FLAGS": f"--xla_force_host_platform_device_count={devices} {flags}",
     }
     done = subprocess.run(
-        [sys.executable, "-m", "benchmarks.large_sweeps", str(chunk)],
+        [sys.executable, "-m", "benchmarks.large_sweeps.bits", str(chunk)],
         env=environment,
         capture_output=True,
         text=True,
         check=True,
     )
     return done.stdout.strip()
-
-
-def trial(chunk: int) -> str:
-    """The hash of the trial's results."""
-    jc.set_up()
-    with tempfile.TemporaryDirectory() as folder:
-        grid = jc.sweep_to_store(Path(folder) / "s", TRIAL, 0, 2, chunk=chunk, rtol=1e-6)
-        digest = hashlib.sha256(b"".join(grid[name].values.tobytes() for name in VARIABLES))
-    return digest.hexdigest()[:8]
-
-
-if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        print(trial(int(sys.argv[1])))
-    else:
-        main()

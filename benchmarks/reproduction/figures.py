@@ -4,19 +4,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
 
-import matplotlib
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from cycler import cycler
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from benchmarks.reproduction.motions import Comparison, Portrait
 from benchmarks.reproduction.readings import Point
 from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
+from jaxcrusher.files.results import write_figure
 from jaxcrusher.pictures import plots
 from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE
 
@@ -29,12 +26,6 @@ STYLE: dict[Any, Any] = {
     "figure.dpi": 120,
 }
 Draw = Callable[[Axes, Portrait], None]
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write and close."""
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
 
 
 def draw_comparison(path: Path, turn: Comparison, begin: Comparison) -> None:
@@ -57,7 +48,7 @@ def draw_comparison(path: Path, turn: Comparison, begin: Comparison) -> None:
     axes[0, 1].set(xlabel="time (s)", ylabel="velocity of B, x (m/s)", title="(b) jaw velocity")
     for ax in axes.flat:
         ax.legend(fontsize=8)
-    save(figure, path)
+    write_figure(path, figure, dpi=120)
 
 
 def draw_stroke(path: Path, times: np.ndarray, by_clearance: dict[float, np.ndarray]) -> None:
@@ -72,7 +63,7 @@ def draw_stroke(path: Path, times: np.ndarray, by_clearance: dict[float, np.ndar
     above.set(ylabel="displacement of B, x (mm)", title="30 rad/s")
     below.set(xlabel="time (s)", ylabel="difference (µm)")
     above.legend(title="radial clearance")
-    save(figure, path)
+    write_figure(path, figure, dpi=120)
 
 
 def draw_capacity(path: Path) -> None:
@@ -86,7 +77,7 @@ def draw_capacity(path: Path) -> None:
     high = float(chamber.highest_speed(floor))
     ax.plot(high, floor, "o", color=ORANGE, label=f"by (21)-(25), {high:.2f} rad/s")
     ax.legend()
-    save(figure, path)
+    write_figure(path, figure, dpi=120)
 
 
 def orbit(ax: Axes, motion: Portrait) -> None:
@@ -149,7 +140,7 @@ def draw_row(path: Path, draw: Draw, rows: dict[str, dict[Point, Portrait]]) -> 
         square(line)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-    save(figure, path)
+    write_figure(path, figure, dpi=120)
 
 
 def draw_landscape(path: Path, grid: xr.DataArray) -> None:
@@ -168,7 +159,7 @@ def draw_landscape(path: Path, grid: xr.DataArray) -> None:
     flat.contour(filled, colors="k", linewidths=0.4)
     figure.colorbar(filled, ax=flat, label=label)
     flat.set(xlabel="clearance (mm)", ylabel="speed (rad/s)")
-    save(figure, path)
+    write_figure(path, figure, dpi=120)
 
 
 def draw_choice(path: Path, rows: dict[str, Portrait]) -> None:
@@ -182,4 +173,4 @@ def draw_choice(path: Path, rows: dict[str, Portrait]) -> None:
             ax.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
         square(line)
         line[0].set_title(f"39 rad/s, 0.03 mm, {reading}", fontsize=9)
-    save(figure, path)
+    write_figure(path, figure, dpi=120)

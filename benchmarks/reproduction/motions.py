@@ -8,6 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
+from benchmarks.peers.equations import Crusher
+from benchmarks.peers.exudyn_peer import Model
+from benchmarks.peers.motion import Motion
 from benchmarks.reproduction.readings import SETTLE_TURNS, Point, Slip, Start
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import map_all, stack
@@ -86,10 +89,9 @@ class Comparison:
 
 
 def compare(start: Start, end: float, step: float) -> Comparison:
-    """30 rad/s, 0.06 mm, surface slip, `end` seconds from `start`, by all programs there are.
+    """30 rad/s, 0.06 mm, surface slip, `end` seconds from `start`, by ours and by EXUDYN.
 
-    EXUDYN stands in for the paper's Adams where it and the benchmarks are installed; `step` (s)
-    is its.
+    EXUDYN stands in for the paper's Adams; `step` (s) is its.
     """
     times = np.linspace(0, end, 3001)
     clock, force, motion = {}, {}, {}
@@ -100,12 +102,6 @@ def compare(start: Start, end: float, step: float) -> Comparison:
         clock[label] = times
         force[label] = np.linalg.norm(np.asarray(run.joint_force), axis=1)
         motion[label] = (np.asarray(run.jaw_displacement)[:, 0], np.asarray(run.jaw_velocity)[:, 0])
-    try:
-        from benchmarks.peers.equations import Crusher
-        from benchmarks.peers.exudyn_peer import Model
-        from benchmarks.peers.motion import Motion
-    except ImportError:
-        return Comparison(clock, force, motion)
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface", start=start)
     assert scene.start is not None
     e, rate = scene.start.eccentricity(scene)

@@ -26,6 +26,8 @@ from benchmarks.reproduction.verdict import (
     Estimate,
     verdict,
 )
+from jaxcrusher.files.provenance import command
+from jaxcrusher.files.results import write_text
 
 SMALL, LARGE = (0.03, 0.06), (0.09, 0.12)  # mm
 
@@ -162,7 +164,7 @@ def answer(found: list[Found]) -> str:
 
 
 NOTES = f"""Wang, Cui, Wang, *Appl. Sci.* 2023, 13, 238. This page and the figures beside it are
-made by `python -m benchmarks.reproduction`; nothing in the tables is typed in.
+made by `{{command}}`; nothing in the tables is typed in.
 
 {RULE}
 
@@ -202,7 +204,7 @@ def write_claims(path: Path, listed: list[Claim], evidence: Evidence, found: lis
     """The whole page."""
     parts = [
         "# The paper's numbers, and ours",
-        NOTES,
+        NOTES.format(command=command()),
         "## Claims",
         f"Of {len(listed)} claims: {counts(listed, evidence)}.",
         verdict_table(listed, evidence),
@@ -218,14 +220,14 @@ def write_claims(path: Path, listed: list[Claim], evidence: Evidence, found: lis
         "## Figures",
         FIGURES,
     ]
-    path.write_text("\n\n".join(parts) + "\n")
+    write_text(path, "\n\n".join(parts) + "\n")
 
 
 FIGURES = """Rows of Figures 8 to 13 and 16: slip of the centres (decided) above, of the surfaces
 below; centred start, from turn 57. Poincaré maps show 200 turns.
 
-- `fig05.png`: 30 rad/s, 0.06 mm, surface slip. EXUDYN, where installed, takes the place of Adams in
-  (c) and (d); its sensors here give no motion of B. (a) to (c): first turn of a start in contact,
+- `fig05.png`: 30 rad/s, 0.06 mm, surface slip. EXUDYN takes the place of Adams in (c) and (d);
+  its sensors here give no motion of B. (a) to (c): first turn of a start in contact,
   where motions can be compared pointwise; (d): first 30 ms of the centred start. The paper's window
   after 12 s cannot be compared curve by curve: impacting motions part like exp(200 t).
 - `fig07a.png`, `fig07b.png`: displacement of B at two clearances; capacity over speed.

@@ -1,13 +1,11 @@
-"""Redraw the paper's figures and check its numbers: `python -m benchmarks.reproduction`."""
+"""The paper's figures, redrawn, and its numbers, checked."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-import tyro
 from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 import jaxcrusher as jc
 from benchmarks.reproduction import figures
@@ -23,6 +21,8 @@ from benchmarks.reproduction.readings import (
 )
 from benchmarks.reproduction.report import counts, write_claims
 from benchmarks.reproduction.search import search, variants
+from jaxcrusher.files.progress import progress
+from jaxcrusher.files.results import results_folder
 
 TURN = 2 * np.pi / 30  # s
 SPEEDS = np.linspace(25, 40, 11)  # rad/s
@@ -30,32 +30,21 @@ SPEEDS = np.linspace(25, 40, 11)  # rad/s
 BOXES = ((14, "foundation_rms", 0.12e-3, 10), (15, "foundation_peak", 0.06e-3, 7))
 
 
-def main(out: Path = Path("docs/reproduction")) -> None:
-    """Redraw every figure of the paper's results and check its numbers; about five minutes.
-
-    Args:
-        out: Folder of the figures and of claims.md.
-    """
-    jc.set_up()
-    out.mkdir(parents=True, exist_ok=True)
+def run(out: Path) -> None:
+    """Draw everything, and judge every claim."""
+    results_folder(out)
     console = Console()
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console) as progress, plt.rc_context(figures.STYLE):
+    with progress(console, remaining=False) as bars, plt.rc_context(figures.STYLE):
 
         def stage(title: str, total: int) -> Callable[[str], None]:
-            task = progress.add_task(title, total=total)
-            return lambda what: progress.advance(task)
+            task = bars.add_task(title, total=total)
+            return lambda what: bars.advance(task)
 
         draw_validation(out, stage("Figures 5 and 7", 3))
         draw_motions(out, stage("Figures 8 to 13 and 16", 3))
         boxes = []
         for figure, variable, largest, count in BOXES:
-            cells = progress.add_task(f"Figure {figure}", total=count * len(SPEEDS))
+            cells = bars.add_task(f"Figure {figure}", total=count * len(SPEEDS))
             box = jc.sweep(
                 SPEEDS,
                 np.linspace(0.03e-3, largest, count),
@@ -63,7 +52,7 @@ def main(out: Path = Path("docs/reproduction")) -> None:
                 12,
                 rtol=1e-6,
                 chunk=22,
-                progress=lambda finished, _, task=cells: progress.update(task, completed=finished),
+                progress=lambda finished, _, task=cells: bars.update(task, completed=finished),
             )
             figures.draw_landscape(out / f"fig{figure}.png", box[variable])
             boxes.append(box)
@@ -107,7 +96,3 @@ def draw_motions(out: Path, done: Callable[[str], None]) -> None:
         out / "fig16.png", {name: motions[CHOICE] for name, motions in rows.items()}
     )
     done("")
-
-
-if __name__ == "__main__":
-    tyro.cli(main)

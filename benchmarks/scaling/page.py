@@ -1,9 +1,11 @@
 """The page and the figure of `benchmarks.scaling`."""
 
-from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
+
+from jaxcrusher.files.provenance import command
 
 BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
 # The aims of the project, in values: forward by the number of parameters, and reverse.
@@ -18,7 +20,7 @@ def page(rows: list[dict[str, Any]], setting: str) -> str:
     lines = [
         "# How the cost grows",
         "",
-        "Made by `python -m benchmarks.scaling`; not edited by hand. Quiet motions of the paper's",
+        f"Made by `{command()}`; not edited by hand. Quiet motions of the paper's",
         f"box from starts in contact; medians, compilation apart (first chunk). {setting}.",
         "",
         "![Cost by designs, by turns, and by differentiated parameters](scaling.png)",
@@ -93,7 +95,7 @@ def aim_of(row: dict[str, Any]) -> float:
     return REVERSE_AIM if "reverse" in row["what"] else 1 + FORWARD_AIM * row["parameters"]
 
 
-def figure(rows: list[dict[str, Any]], path: Path) -> None:
+def figure(rows: list[dict[str, Any]]) -> Figure:
     """Three panels: time a design by designs, by turns, and gradients by parameters."""
     plt.rcParams.update({"font.size": 9})
     panels, (left, middle, right) = plt.subplots(1, 3, figsize=(10, 3.4), layout="constrained")
@@ -138,5 +140,4 @@ def figure(rows: list[dict[str, Any]], path: Path) -> None:
     right.set_xticks(sorted({r["parameters"] for r in gradients}))
     right.set_ylim(bottom=0)
     right.legend(frameon=False, fontsize=7)
-    panels.savefig(path, dpi=200)
-    plt.close(panels)
+    return panels

@@ -1,172 +1,13 @@
-"""`python -m benchmarks.scaling`: cost by designs, turns, cores and differentiated parameters.
+"""Every measurement in a process of its own, and what becomes of them."""
 
-Writes docs/scaling.md, .csv and .png. Measured in processes of their own, pinned to one core or
-to two; each measurement is written as it comes.
-"""
-
-import csv
-import dataclasses
-import json
-import resource
-import sys
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import diffrax
-import equinox as eqx
-import jax
-import numpy as np
-from rich.progress import Progress
-
-import jaxcrusher as jc
+from benchmarks.scaling.measure import DESIGNS, DIFFERENTIATED, METHODS, TURNS
 from benchmarks.scaling.page import figure, page
 from benchmarks.setting import run_apart, setting
-from jaxcrusher.batch.engines import map_all, map_chunks
-
-DESIGNS = (1, 4, 16, 64, 256, 1024, 4096, 16384)
-DESIGNS_TURNS = 10
-TURNS = (10, 30, 100, 300, 1000)
-TURNS_DESIGNS = 8
-RTOL = 1e-6
-REPEATS = 5
-# A run longer than this is not repeated.
-LONG = 5.0  # s
-ENOUGH = 0.5  # s; a median needs no more
-CHUNK = 64  # designs, as `jaxcrusher.sweep` takes them
-
-# By how many of these the RMS is differentiated, one after the other.
-DIFFERENTIATED = (2, 8, 20)
-PARAMETERS = (
-    "speed",
-    "clearance",
-    "jaw.mass",
-    "jaw.inertia",
-    "toggle.length",
-    "shaft.eccentricity",
-    "jaw.length",
-    "load",
-    "toggle.mass",
-    "toggle.inertia",
-    "shaft.mass",
-    "shaft.mass_centre_radius",
-    "shaft.mass_centre_angle",
-    "jaw.mass_centre_distance",
-    "jaw.mass_centre_angle",
-    "bearing.distance",
-    "bearing.inclination",
-    "bore_radius",
-    "friction",
-    "gravity",
-)
-GRADIENT_TURNS = 4
-EQUAL_STEPS = 1024  # a turn: about twice what stability asks of Tsit5 here
-EQUAL = jc.Method(
-    stepsize_controller=diffrax.ConstantStepSize(),
-    max_steps=EQUAL_STEPS + 1,
-    dt0=2 * np.pi / EQUAL_STEPS,
-)
-METHODS = {
-    "forward, error controlled": jc.Method(),
-    "forward, equal steps": EQUAL,
-    "reverse, equal steps": dataclasses.replace(
-        EQUAL, adjoint=diffrax.RecursiveCheckpointAdjoint()
-    ),
-}
-
-
-def seconds(run: Callable[[], Any]) -> float:
-    """Of one run."""
-    began = time.perf_counter()
-    jax.block_until_ready(run())
-    return time.perf_counter() - began
-
-
-def median_seconds(run: Callable[[], Any]) -> float:
-    """Of several runs, many of short ones, or of one that is long."""
-    times = [seconds(run)]
-    while times[-1] < LONG and (len(times) < REPEATS or sum(times) < ENOUGH):
-        times.append(seconds(run))
-    return float(np.median(times))
-
-
-def batch(designs: int, turns: int) -> dict[str, Any]:
-    """A sweep of quiet motions over the paper's box: seconds, steps, peak memory."""
-    random = np.random.default_rng(0)
-    speeds, clearances = random.uniform([25, 0.03e-3], [40, 0.12e-3], (designs, 2)).T
-    scenes = jax.jit(jax.vmap(lambda w, c: jc.paper_scene(w, c, start="contact")))(
-        speeds, clearances
-    )
-    function = eqx.Partial(_rms_and_steps, turns=turns)
-    found = []
-
-    def run() -> None:
-        found[:] = map_all(function, scenes, CHUNK)
-
-    # Later chunks run the program of the first.
-    first = seconds(lambda: next(map_chunks(function, scenes, CHUNK)))
-    again = median_seconds(run)
-    rms, steps = found
-    if not np.isfinite(rms).all():
-        raise RuntimeError(f"{np.sum(~np.isfinite(rms))} of {designs} designs failed.")
-    # Of the process so far: it grows with what is run, so the largest run comes last.
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return {
-        "designs": designs,
-        "turns": turns,
-        "first_s": first,
-        "seconds": again,
-        "steps": float(steps.sum()),
-        "peak_mib": peak,
-    }
-
-
-def _rms_and_steps(scene: jc.Scene, turns: int) -> tuple[jax.Array, jax.Array]:
-    result = jc.statistics(scene, 0, turns, outputs=("foundation_rms",), rtol=RTOL)
-    assert result.foundation_rms is not None
-    return result.foundation_rms, result.outcome.steps
-
-
-def gradient(method: str, count: int) -> dict[str, Any]:
-    """Value and gradient of the RMS of one quiet motion by `count` parameters, and the value."""
-    names = PARAMETERS[:count]
-    point = np.array([jc.PARAMETERS[name].default for name in names])
-
-    def rms(point):
-        scene = jc.build_scene(dict(zip(names, point, strict=True)) | {"start": "contact"})
-        result = jc.statistics(
-            scene, 0, GRADIENT_TURNS, outputs=("foundation_rms",), method=METHODS[method]
-        )
-        return result.foundation_rms, result.outcome.steps
-
-    value = jax.jit(lambda point: rms(point))
-    both = jax.jit(jax.value_and_grad(rms, has_aux=True))
-    first_value, one = seconds(lambda: value(point)), median_seconds(lambda: value(point))
-    first, again = seconds(lambda: both(point)), median_seconds(lambda: both(point))
-    (_, steps), slopes = both(point)
-    if not np.isfinite(slopes).all():
-        raise RuntimeError(f"The gradient is not finite: {slopes}.")
-    return {
-        "parameters": count,
-        "value_s": one,
-        "seconds": again,
-        "value_first_s": first_value,
-        "first_s": first,
-        "value_steps": int(value(point)[1]),
-        "steps": int(steps),
-    }
-
-
-def measure(what: str) -> Iterator[dict[str, Any]]:
-    """The rows of one process."""
-    if what == "designs":
-        yield from (batch(count, DESIGNS_TURNS) for count in DESIGNS)
-    elif what == "turns":
-        yield from (batch(TURNS_DESIGNS, count) for count in TURNS)
-    else:
-        yield from (gradient(what, count) for count in DIFFERENTIATED)
-
+from jaxcrusher.files.progress import progress
+from jaxcrusher.files.results import results_folder, write_figure, write_table, write_text
 
 # What to measure, and on how many cores.
 JOBS = (
@@ -177,36 +18,18 @@ JOBS = (
 ROWS = {"designs": len(DESIGNS), "turns": len(TURNS)}
 
 
-def main() -> None:
-    """Run every job in a process of its own; write what has come after each row."""
-    docs = Path(__file__).parents[2] / "docs"
-    rows = []
-    with Progress() as progress:
+def run(out: Path) -> None:
+    """Run every job; write what has come after each row."""
+    folder = results_folder(out)
+    rows: list[dict[str, Any]] = []
+    with progress() as bars:
         total = sum(ROWS.get(what, len(DIFFERENTIATED)) for what, _ in JOBS)
-        task = progress.add_task("scaling", total=total)
+        task = bars.add_task("scaling", total=total)
         for what, cores in JOBS:
-            for row in run_apart("benchmarks.scaling", what, cores=cores):
+            for row in run_apart("benchmarks.scaling.worker", what, cores=cores):
                 rows.append({"what": what, "cores": cores} | row)
-                _write_csv(docs / "scaling.csv", rows)
-                progress.advance(task)
-    figure(rows, docs / "scaling.png")
-    (docs / "scaling.md").write_text(page(rows, setting()))
-    print((docs / "scaling.md").read_text())
-
-
-def _write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    with path.open("w", newline="") as file:
-        file.write(f"# {setting()}\n")
-        writer = csv.DictWriter(file, names)
-        writer.writeheader()
-        writer.writerows(rows)
-
-
-if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        jc.set_up()
-        for row in measure(sys.argv[1]):
-            print(json.dumps(row), flush=True)
-    else:
-        main()
+                write_table(folder / "scaling.csv", rows, setting())
+                bars.advance(task)
+    write_figure(folder / "scaling.png", figure(rows), dpi=200)
+    write_text(folder / "scaling.md", page(rows, setting()))
+    print((folder / "scaling.md").read_text(encoding="utf-8"))

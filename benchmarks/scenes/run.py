@@ -1,24 +1,20 @@
-"""`python -m benchmarks.scenes`: what each thing left out of a scene saves.
+"""Operations, trace and compile time, and the time of a run, of scenes that leave things out."""
 
-Operations of the traced program, trace and compile time, and the time of a run: one turn of the
-quiet motion at 30 rad/s, 0.06 mm. Writes docs/scenes.md and docs/scenes.csv.
-"""
-
-import csv
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import diffrax
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from rich.progress import track
 
 import jaxcrusher as jc
+from benchmarks.scenes.operations import field_operations, operations, traced
 from benchmarks.setting import setting
+from jaxcrusher.files.progress import progress
+from jaxcrusher.files.provenance import command
+from jaxcrusher.files.results import results_folder, write_table, write_text
 
 RUNS = 41
 TIMES = np.linspace(0, 2 * np.pi / 30, 513)
@@ -28,39 +24,6 @@ BY_ANGLE, BY_TIME = (
     jc.Method(stepsize_controller=diffrax.ConstantStepSize(), dt0=float(span) / STEPS)
     for span in (2 * np.pi, TIMES[-1])
 )
-
-
-def operations(jaxpr) -> int:
-    """Equations of a traced program, with those of its inner programs."""
-    total = 0
-    for equation in jaxpr.eqns:
-        inner = [
-            leaf
-            for value in equation.params.values()
-            for leaf in jax.tree.leaves(value, is_leaf=lambda x: hasattr(x, "jaxpr"))
-        ]
-        programs = [getattr(leaf, "jaxpr", leaf) for leaf in inner]
-        programs = [program for program in programs if hasattr(program, "eqns")]
-        total += sum(operations(program) for program in programs) if programs else 1
-    return total
-
-
-def traced(function, scene: jc.Scene):
-    """The program of `function(scene)`, its numbers as arguments."""
-    numbers, rest = eqx.partition(scene, eqx.is_array)
-    return jax.jit(lambda numbers: jax.tree.leaves(function(eqx.combine(numbers, rest)))), numbers
-
-
-def field_operations(scene: jc.Scene) -> int:
-    """Operations of one evaluation of the equations of motion."""
-    state = scene.formulation.initial(scene)
-
-    def rate(scene):
-        snapshot = scene.formulation.snapshot(jnp.array(0.1), state, scene)
-        return scene.formulation.rate(snapshot, state, scene), snapshot.joint_force
-
-    program, numbers = traced(rate, scene)
-    return operations(jax.make_jaxpr(program)(numbers).jaxpr)
 
 
 def compiled(function, scene: jc.Scene) -> tuple[dict[str, float], Callable[[], Any]]:
@@ -141,34 +104,32 @@ def cases() -> list[tuple[str, jc.Scene, list]]:
     ]
 
 
-def main() -> None:
+def run(out: Path) -> None:
     """Measure every case; write the csv and the page."""
-    rows, programs = [], []
+    folder, rows, programs = results_folder(out), [], []
     pairs = [(n, s, f) for n, s, functions in cases() for f in functions]
-    for name, scene, function in track(pairs, "scenes"):
-        what = (function.__doc__ or "").rstrip(".").lower()
-        found, program = compiled(function, scene)
-        rows.append(
-            {"scene": name, "computed": what, "field_operations": field_operations(scene)} | found
-        )
-        programs.append(program)
+    with progress() as bars:
+        for name, scene, function in bars.track(pairs, description="scenes"):
+            what = (function.__doc__ or "").rstrip(".").lower()
+            found, program = compiled(function, scene)
+            field = field_operations(scene)
+            rows.append({"scene": name, "computed": what, "field_operations": field} | found)
+            programs.append(program)
     for row, milliseconds in zip(rows, median_times(programs), strict=True):
         row["run_ms"] = milliseconds
-    docs = Path(__file__).parents[2] / "docs"
-    with (docs / "scenes.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
-    (docs / "scenes.md").write_text(_page(rows))
-    print((docs / "scenes.md").read_text())
+    write_table(folder / "scenes.csv", rows)
+    text = page(rows)
+    write_text(folder / "scenes.md", text)
+    print(text)
 
 
-def _page(rows: list[dict]) -> str:
+def page(rows: list[dict]) -> str:
+    """The page in Markdown."""
     base = next(r for r in rows if r["scene"] == "full" and "rms" in r["computed"])["run_ms"]
     lines = [
         "# What a scene leaves out",
         "",
-        "Made by `python -m benchmarks.scenes`; not edited by hand. One turn of the quiet motion",
+        f"Made by `{command()}`; not edited by hand. One turn of the quiet motion",
         f"at 30 rad/s, 0.06 mm, in {STEPS} equal steps of Tsit5, on",
         f"{setting()}.",
         f"Runs are medians of {RUNS - 1} rounds, in units of the full scene's RMS ({base:.2f} ms,",
@@ -183,8 +144,3 @@ def _page(rows: list[dict]) -> str:
         for r in rows
     ]
     return "\n".join(lines) + "\n"
-
-
-if __name__ == "__main__":
-    jc.set_up()
-    main()

@@ -8,6 +8,7 @@ import numpy as np
 
 from benchmarks.peers.exudyn_slider_crank import Numbers, by_exudyn, by_scipy
 from benchmarks.slider_crank.mechanism import flores, joint_load, simulate
+from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.joint.normal import ConstantImpactVelocity
 from jaxcrusher.joint.validity import validity
 
@@ -114,12 +115,13 @@ def draw(path: Path, turns: int = 2) -> None:
         f"Slider-crank, {60 * float(mechanism.speed) / (2 * np.pi):.0f} rpm, "
         f"dry clearance joint between rod and slider, first {turns} turns"
     )
-    figure.savefig(path, dpi=150)
+    write_figure(path, figure)
     print(f"\n{path}")
 
 
-def report() -> None:
+def run(out: Path) -> None:
     """The comparison, the energy, the model's limits, and the figure."""
+    folder = results_folder(out)
     compare(None)
     compare(20.0)
     mechanism = flores()
@@ -136,4 +138,4 @@ def report() -> None:
     limits = validity(mechanism.joint, depth, contact.penetration_rate.max())
     print("outside the contact model: " + ("; ".join(limits.remarks()) or "nothing"))
     long_run(5, 20)
-    draw(Path(__file__).parents[2] / "docs" / "slider_crank.png")
+    draw(folder / "slider_crank.png")

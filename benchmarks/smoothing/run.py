@@ -1,9 +1,4 @@
-"""`python -m benchmarks.smoothing`: the error of each smoothing width, against its run time.
-
-The reference is SciPy's DOP853 on the published laws without smoothing, stopped at every touch.
-The motion is the first 20 ms of a centred start with surface slip: impacts and free flight.
-Writes docs/smoothing.md and docs/smoothing.png.
-"""
+"""The error of each smoothing width, against its run time."""
 
 import time
 from pathlib import Path
@@ -13,12 +8,15 @@ import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
-from rich.progress import track
+from matplotlib.figure import Figure
 
 import jaxcrusher as jc
 from benchmarks.peers import scipy_peer
 from benchmarks.peers.equations import Crusher
 from benchmarks.peers.motion import Motion
+from jaxcrusher.files.progress import progress
+from jaxcrusher.files.provenance import command
+from jaxcrusher.files.results import results_folder, write_figure, write_text
 
 TIMES = 1e-5 * np.arange(2001)
 OUTPUTS = ("normal_force", "friction_force", "eccentricity")
@@ -45,35 +43,35 @@ def reference(speed: float) -> tuple[np.ndarray, float]:
 def measure(scene: jc.Scene, exact: np.ndarray) -> tuple[float, float]:
     """Largest error of the contact force over its largest value, and seconds (median) of a run."""
 
-    def run():
+    def once():
         motion = jc.simulate(scene, TIMES, outputs=OUTPUTS)
         return jax.block_until_ready(motion)
 
-    motion, seconds = run(), []
+    motion, seconds = once(), []
     if not bool(motion.success):
         raise RuntimeError(motion.failure)
     for _ in range(RUNS):
         began = time.perf_counter()
-        run()
+        once()
         seconds.append(time.perf_counter() - began)
     force = np.hypot(motion.normal_force, motion.friction_force)
     return float(np.abs(force - exact).max() / exact.max()), float(np.median(seconds))
 
 
-def main() -> None:
+def run(out: Path) -> None:
     """Measure every width with the others at their defaults; write the table and the figure."""
-    rows, own = {}, 0.0
-    for name, (where, _, widths, speed) in WIDTHS.items():
-        exact, error = reference(speed)
-        own = max(own, error)
-        scene = jc.paper_scene(speed, 0.06e-3, slip="surface")
-        measure(scene, exact)  # compiles
-        changed = [eqx.tree_at(where, scene, jnp.array(width)) for width in widths]
-        rows[name] = [measure(one, exact) for one in track(changed, name)]
-    docs = Path(__file__).parents[2] / "docs"
-    (docs / "smoothing.md").write_text(_table(rows, own))
-    _draw(docs / "smoothing.png", rows, own)
-    print(f"{docs / 'smoothing.md'}, {docs / 'smoothing.png'}")
+    folder, rows, own = results_folder(out), {}, 0.0
+    with progress() as bars:
+        for name, (where, _, widths, speed) in WIDTHS.items():
+            exact, error = reference(speed)
+            own = max(own, error)
+            scene = jc.paper_scene(speed, 0.06e-3, slip="surface")
+            measure(scene, exact)  # compiles
+            changed = [eqx.tree_at(where, scene, jnp.array(width)) for width in widths]
+            rows[name] = [measure(one, exact) for one in bars.track(changed, description=name)]
+    write_text(folder / "smoothing.md", _table(rows, own))
+    write_figure(folder / "smoothing.png", _draw(rows, own))
+    print(f"{folder / 'smoothing.md'}, {folder / 'smoothing.png'}")
 
 
 def default(name: str) -> float:
@@ -85,7 +83,7 @@ def _table(rows: dict, own: float) -> str:
     lines = [
         "# Smoothing",
         "",
-        "Made by `python -m benchmarks.smoothing`; not edited by hand. Error: the largest",
+        f"Made by `{command()}`; not edited by hand. Error: the largest",
         "difference of the contact force over 20 ms of impacts (centred start, surface slip,",
         "0.06 mm) from SciPy's DOP853 on the laws without smoothing, over its largest value. Time:",
         "that of a run against the default's. One width is changed at a time.",
@@ -109,7 +107,7 @@ def _table(rows: dict, own: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _draw(path: Path, rows: dict, own: float) -> None:
+def _draw(rows: dict, own: float) -> Figure:
     fig, axes = plt.subplots(1, len(WIDTHS), figsize=(11, 3.6), layout="constrained", sharey=True)
     for ax, (name, (_, unit, widths, speed)) in zip(axes, WIDTHS.items(), strict=True):
         ax.loglog(widths, [error for error, _ in rows[name]], "o-", color="C0", label="error")
@@ -119,10 +117,4 @@ def _draw(path: Path, rows: dict, own: float) -> None:
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("largest error of the contact force")
     axes[0].legend()
-    fig.savefig(path, dpi=150)
-    plt.close(fig)
-
-
-if __name__ == "__main__":
-    jc.set_up()
-    main()
+    return fig

@@ -1,10 +1,9 @@
 """The heat map: one panel an axis, one row a start and formulation, one colour a verdict."""
 
-from pathlib import Path
-
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from benchmarks.stability.cases import AXES, FORMULATIONS, GIVEN, STARTS
@@ -13,8 +12,8 @@ from benchmarks.stability.judgement import VERDICTS, Judged
 COLOURS = ("#a6dba0", "#9ecae1", "#fee391", "#d9d9d9", "#e34a33")
 
 
-def draw(path: Path, rows: list[Judged]) -> None:
-    """Write the figure."""
+def draw(rows: list[Judged]) -> Figure:
+    """The figure of all rows."""
     fig, axes = plt.subplots(4, 2, figsize=(15, 13), layout="constrained")
     for ax, (name, axis) in zip(axes.flat, AXES.items(), strict=False):
         values = [f"{value:g}" for value in axis.values]
@@ -44,8 +43,7 @@ def draw(path: Path, rows: list[Judged]) -> None:
         ncols=len(VERDICTS),
         title=("In a cell: steps a turn; error of the RMS; ≠ where the reference does not agree"),
     )
-    fig.savefig(path, dpi=110)
-    plt.close(fig)
+    return fig
 
 
 def _panel(ax, cells: list[list[Judged | None]], columns: list[str], lines: list[str]) -> None:

@@ -1,9 +1,6 @@
 """The page and the csv of the stability run."""
 
-import csv
 from collections import Counter
-from dataclasses import asdict, fields
-from pathlib import Path
 
 from benchmarks.setting import setting
 from benchmarks.stability import baumgarte, drift
@@ -12,12 +9,12 @@ from benchmarks.stability.cases import AXES, BASE
 from benchmarks.stability.drift import Drift
 from benchmarks.stability.judgement import DISAGREES, PREDICTABLE, PROMISED, VERDICTS, Judged
 from benchmarks.stability.reference import FEW, MANY, OURS, SETTLE, SPAN, TURNS
+from jaxcrusher.files.provenance import command
 
 INTRODUCTION = """\
 # Stiff and extreme cases
 
-Made by `python -m benchmarks.stability`, not edited by hand; {minutes:.0f} minutes on
-{machine}.
+Made by `{command}` in {minutes:.0f} minutes; not edited by hand. {machine}.
 
 ![Verdicts](stability.png)
 
@@ -56,14 +53,6 @@ COLUMNS = (
 )
 
 
-def write_csv(path: Path, rows: list[Judged]) -> None:
-    """Every row with every field."""
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, [field.name for field in fields(Judged)])
-        writer.writeheader()
-        writer.writerows(asdict(row) for row in rows)
-
-
 def page(
     rows: list[Judged],
     refused: list[Judged],
@@ -74,6 +63,7 @@ def page(
     """The page in Markdown."""
     lines = [
         INTRODUCTION.format(
+            command=command(),
             minutes=minutes,
             machine=setting("scikit-sundae", "numba"),
             summary=summary(rows, refused),

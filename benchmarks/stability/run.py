@@ -1,26 +1,26 @@
-"""`python -m benchmarks.stability`: every stiff and extreme case, judged; about eight minutes.
+"""Every stiff and extreme case, judged beside the references that other processes make."""
 
-Writes docs/stability.md, docs/stability.csv and docs/stability.png.
-"""
-
+import contextlib
 import multiprocessing
+import signal
 import time
+from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
 
-import jaxcrusher as jc
 from benchmarks.stability import baumgarte, drift
 from benchmarks.stability.cases import BASE, FORMULATIONS, Case, cases
 from benchmarks.stability.figure import draw
 from benchmarks.stability.inputs import inputs
 from benchmarks.stability.judgement import DISAGREES, Judged, judge
-from benchmarks.stability.page import page, summary, write_csv
+from benchmarks.stability.page import page, summary
 from benchmarks.stability.reference import Reference, reference
-from jaxcrusher.files.results import progress
+from jaxcrusher.files.progress import progress
+from jaxcrusher.files.results import results_folder, write_figure, write_table, write_text
 
-DOCS = Path(__file__).parents[2] / "docs"
 # Beside this process, which judges meanwhile.
 WORKERS = 2
 # Of one reference, s.
@@ -40,12 +40,27 @@ def judged(case: Case, known: Future[Reference]) -> list[Judged]:
     return [judge(case, kind, found) for kind in FORMULATIONS]
 
 
-def main() -> None:
+@contextlib.contextmanager
+def _pool() -> Iterator[ProcessPoolExecutor]:
+    """Processes for the references. Ctrl-C is this process's to answer: it ends them."""
+    pool = ProcessPoolExecutor(
+        WORKERS,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=signal.signal,
+        initargs=(signal.SIGINT, signal.SIG_IGN),
+    )
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def run(out: Path) -> None:
     """Judge everything; write the page, the csv and the figure."""
+    folder = results_folder(out)
     begin, console, rows = time.perf_counter(), Console(), []
     everything = list(cases())
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(WORKERS, mp_context=context) as pool, progress(console) as bar:
+    with _pool() as pool, progress(console) as bar:
         known = {}
         for case in everything:
             key = (case.crusher, *case.motion)
@@ -66,15 +81,9 @@ def main() -> None:
             )
         )
         stabilised = list(bar.track(baumgarte.measure(), 52, description="Baumgarte"))
-    write_csv(DOCS / "stability.csv", rows + refused)
-    draw(DOCS / "stability.png", rows)
+    write_table(folder / "stability.csv", map(asdict, rows + refused))
+    write_figure(folder / "stability.png", draw(rows), dpi=110)
     minutes = (time.perf_counter() - begin) / 60
-    text = page(rows, refused, long, stabilised, minutes)
-    (DOCS / "stability.md").write_text(text)
+    write_text(folder / "stability.md", page(rows, refused, long, stabilised, minutes))
     console.print(summary(rows, refused))
-    console.print(f"Wrote {DOCS / 'stability.md'}, .csv and .png")
-
-
-if __name__ == "__main__":
-    jc.set_up()
-    main()
+    console.print(f"{folder / 'stability.md'}, .csv and .png")

@@ -1,13 +1,13 @@
 """The page and its tables, all of it computed from the rows."""
 
-import csv
 import math
 from pathlib import Path
 
 from benchmarks.setting import setting
 from benchmarks.step_cost import fewer, profile, programs
+from jaxcrusher.files.provenance import command
+from jaxcrusher.files.results import write_table, write_text
 
-DOCS = Path(__file__).parents[2] / "docs"
 OURS, VMAP = "jaxcrusher, `lax.map`", "`jax.vmap` over `jaxcrusher.statistics`"
 PLAIN = "`lax.map` over `diffrax.diffeqsolve`"
 NUMBA, C, LANES = "numba, scalar", "C, scalar", "C, 8 lanes"
@@ -18,22 +18,23 @@ ERRORS = (1e-3, 1e-4, 1e-6)
 
 
 def write(
-    costs: list[dict], counted: dict, evaluation: float, steps: list[dict], doubt: dict
+    folder: Path,
+    costs: list[dict],
+    counted: dict,
+    evaluation: float,
+    steps: list[dict],
+    doubt: dict,
 ) -> str:
-    """Write docs/step_cost.md and its two csv files; returns the page."""
+    """Write step_cost.md and its two csv files; returns the page."""
     where = setting("numba")
     for name, rows in (("step_cost", costs), ("step_cost_steps", steps)):
-        with (DOCS / f"{name}.csv").open("w", newline="") as file:
-            file.write(f"# {where}\n")
-            writer = csv.DictWriter(file, list(rows[0]))
-            writer.writeheader()
-            writer.writerows(rows)
+        write_table(folder / f"{name}.csv", rows, where)
     page = (
         "\n".join(
             [
                 "# What a step costs",
                 "",
-                "Made by `python -m benchmarks.step_cost`; not edited by hand. All numbers:",
+                f"Made by `{command()}`; not edited by hand. All numbers:",
                 "[step_cost.csv](step_cost.csv), [step_cost_steps.csv](step_cost_steps.csv).",
                 f"Measured on {where}.",
                 "",
@@ -44,7 +45,7 @@ def write(
         )
         + "\n"
     )
-    (DOCS / "step_cost.md").write_text(page)
+    write_text(folder / "step_cost.md", page)
     return page
 
 

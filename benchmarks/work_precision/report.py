@@ -1,17 +1,16 @@
 """The rows as csv, page and figure."""
 
-import csv
 from collections.abc import Callable
-from dataclasses import astuple, fields
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
 from benchmarks.setting import setting
 from benchmarks.work_precision import ours
 from benchmarks.work_precision.cases import Case, Reference
 from benchmarks.work_precision.measure import Row
+from jaxcrusher.files.provenance import command
 
 PACKAGES = ("scipy", "numba", "exudyn", "scikit-sundae")
 # Heading -> error, run time, and the level asked for.
@@ -26,22 +25,6 @@ GOALS: dict[str, tuple[Callable[[Row], float], Callable[[Row], float], float]] =
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 MARKERS = "osD^vP*Xh<>d"
 OURS = ("eccentricity", "closed")
-
-
-class Table:
-    """The csv, written row by row: a stop loses nothing."""
-
-    def __init__(self, path: Path):
-        """A new file, headed by machine and versions."""
-        self.file = path.open("w", newline="")
-        self.file.write(f"# {setting(*PACKAGES)}\n")
-        self.writer = csv.writer(self.file)
-        self.writer.writerow([field.name for field in fields(Row)])
-
-    def add(self, row: Row) -> None:
-        """Write one more."""
-        self.writer.writerow(astuple(row))
-        self.file.flush()
 
 
 def reaching(rows: list[Row], error: Callable, seconds: Callable, level: float) -> float:
@@ -99,7 +82,7 @@ def page(cases: list[Case], references: dict[str, Reference], rows: list[Row]) -
     lines = [
         "# Error against run time",
         "",
-        "Made by `python -m benchmarks.work_precision`; not edited by hand. Every row:",
+        f"Made by `{command()}`; not edited by hand. Every row:",
         "[work_precision.csv](work_precision.csv).",
         "",
         f"{setting(*PACKAGES)}.",
@@ -167,7 +150,7 @@ def _failures(rows: list[Row]) -> list[str]:
     return ["## Failed or left out", "", *(failed or ["None."])]
 
 
-def draw(path: Path, cases: list[Case], rows: list[Row]) -> None:
+def draw(cases: list[Case], rows: list[Row]) -> Figure:
     """A row of panels a scene: errors of RMS and history over run time."""
     names, solvers = list(programs(rows)), tuple(ours.SOLVERS)
     fig, axes = plt.subplots(len(cases), 2, figsize=(10, 3.1 * len(cases) + 1.5), squeeze=False)
@@ -199,5 +182,4 @@ def draw(path: Path, cases: list[Case], rows: list[Row]) -> None:
         handles.values(), handles.keys(), loc="lower center", ncols=4, fontsize=8, frameon=False
     )
     fig.tight_layout(rect=(0, 1.5 / fig.get_figheight(), 1, 1))
-    fig.savefig(path, dpi=150)
-    plt.close(fig)
+    return fig

@@ -1,37 +1,39 @@
-"""Redraw this folder's pictures: `python docs/pictures/make.py`, about a minute."""
+"""`python docs/pictures/make.py`: this folder's pictures."""
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-import numpy as np
-
-import jaxcrusher as jc
-from jaxcrusher.pictures import plots
-from jaxcrusher.pictures.film import animate
-from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
-
-HERE = Path(__file__).parent
+from jaxcrusher.commands.program import program
 
 
-def main() -> None:
-    """The mechanism, a turn of it, and a map that names what its cells are."""
-    jc.set_up()
+def main(out: Path = Path("results/pictures")) -> None:
+    """Draw the pictures of the documentation, about a minute: the mechanism, a turn of it, a map.
+
+    Args:
+        out: Folder that they are written to; docs/pictures for the documentation's own.
+    """
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    import jaxcrusher as jc
+    from jaxcrusher.files.results import results_folder, write_figure
+    from jaxcrusher.pictures import plots
+    from jaxcrusher.pictures.film import animate
+    from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
+
+    folder = results_folder(out)
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
     motion = jc.simulate(scene, 2 * np.pi / 30 * np.arange(36) / 36, outputs=DRAWN, rtol=1e-9)
     fig, ax = plt.subplots(figsize=(7, 5.6), layout="constrained")
     plot_mechanism(scene, motion, 12, ax)
-    fig.savefig(HERE / "mechanism.png", dpi=90)
-    animate(scene, motion, HERE / "turn.gif", dpi=55)
+    write_figure(folder / "mechanism.png", fig, dpi=90)
+    animate(scene, motion, folder / "turn.gif", dpi=55)
 
     speeds, clearances = np.linspace(25, 40, 12), np.linspace(0.03e-3, 0.12e-3, 7)
     grid = jc.sweep(speeds, clearances, 15, 10, slip="surface", friction=0.05, rtol=1e-6)
     fig, ax = plt.subplots(figsize=(7, 4.2), layout="constrained")
     plots.plot_sweep(grid, ax=ax)
-    fig.savefig(HERE / "whirls.png", dpi=90)
+    write_figure(folder / "whirls.png", fig, dpi=90)
 
 
 if __name__ == "__main__":
-    main()
+    program(main)

@@ -2,12 +2,8 @@
 
 import contextlib
 import functools
-import json
 import math
-import shlex
-import sys
 from collections.abc import Callable, Generator, Mapping
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +13,7 @@ from jaxcrusher.basics.checks import require_x64
 from jaxcrusher.batch.cluster import compute_on, connect, worker_environment
 from jaxcrusher.batch.plan import Plan, Result, compute_chunk, make_plan
 from jaxcrusher.batch.store import ChunkStore
-from jaxcrusher.files.provenance import environment, machine
+from jaxcrusher.files.provenance import environment, machine, provenance
 from jaxcrusher.scenes.parameters import PARAMETERS
 
 if TYPE_CHECKING:
@@ -100,11 +96,6 @@ def _compute_here(plan: Plan, numbers: list[int]) -> Generator[Result, None, Non
         yield number, *compute_chunk(plan, number)
 
 
-def _command() -> str:
-    """The command line, its program without its folder."""
-    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
-
-
 def _attributes(plan: Plan, settings: dict[str, Any]) -> dict[str, Any]:
     """Provenance of a store, for its reader."""
     numbers = {
@@ -112,16 +103,13 @@ def _attributes(plan: Plan, settings: dict[str, Any]) -> dict[str, Any]:
         for name, value in plan.base.items()
         if name in PARAMETERS
     }
-    choices = {name: value for name, value in plan.base.items() if name not in PARAMETERS}
-    return {
-        "title": "Statistics of jaw crushers over a grid of parameters",
-        "source": f"jaxcrusher {settings['versions']['jaxcrusher']}",
-        "history": f"{datetime.now(UTC).isoformat(timespec='seconds')}: {_command()}",
-        "parameters": json.dumps(numbers),
-        "choices": json.dumps(choices),
-        "settle_turns": plan.settle_turns,
-        "turns": plan.turns,
-        "rtol": plan.rtol,
-        "environment": json.dumps(settings),
-        "machine": f"{machine()}; that of each chunk stands in .sweep/done",
-    }
+    return provenance(
+        "Statistics of jaw crushers over a grid of parameters",
+        settings,
+        parameters=numbers,
+        choices={name: value for name, value in plan.base.items() if name not in PARAMETERS},
+        settle_turns=plan.settle_turns,
+        turns=plan.turns,
+        rtol=plan.rtol,
+        machine=f"{machine()}; that of each chunk stands in .sweep/done",
+    )

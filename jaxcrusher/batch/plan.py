@@ -8,7 +8,6 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from time import perf_counter
 from typing import Any
 
@@ -20,7 +19,7 @@ import numpy as np
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
 from jaxcrusher.batch.engines import map_all
 from jaxcrusher.batch.sweep import statistics_row
-from jaxcrusher.files.provenance import machine
+from jaxcrusher.files.provenance import machine, now
 from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400, build_scene
 
 # A chunk's number, its variables, and a record of how they were computed.
@@ -183,7 +182,7 @@ def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[
         "machine": machine(),
         "designs": plan.size(number),
         "seconds": round(perf_counter() - started, 3),
-        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+        "finished": now(),
     }
     return values, record
 

@@ -19,6 +19,7 @@ import zarr
 from jaxcrusher.batch.plan import Plan
 from jaxcrusher.batch.sweep import LOGICAL, VARIABLES
 from jaxcrusher.files.durable import broken, checksum, lock, named, replace
+from jaxcrusher.files.resume import require_same
 from jaxcrusher.scenes.parameters import PARAMETERS
 
 _SIDE = ".sweep"  # the folder of settings, markers and the lock, inside the store
@@ -44,7 +45,7 @@ class ChunkStore:
             self._lock = lock(side / "lock", f"The store {path}")
             try:
                 # What a killed run left half written.
-                for leftover in path.rglob("*.partial"):
+                for leftover in path.rglob("*.partial*"):
                     leftover.unlink()
                 if not (side / "settings.json").exists():
                     self._create(settings, attributes)
@@ -171,7 +172,7 @@ class ChunkStore:
         try:
             kept = json.loads(file.read_bytes())
             fault = broken(self.path, dict(kept["sha256"]))
-            before = _flat(kept["settings"])
+            before = dict(kept["settings"])
         except (ValueError, KeyError, TypeError, AttributeError):
             fault, before = "its settings are not readable", {}
         if fault:
@@ -179,33 +180,8 @@ class ChunkStore:
                 f"The store {self.path} is corrupt ({fault}). Delete {file} and start again: it is "
                 "written anew, and no finished chunk is computed again."
             )
-        now = _flat(json.loads(_json(settings)))
-        names = [name for name in {**before, **now} if before.get(name) != now.get(name)]
-        if names:
-            different = "; ".join(
-                f"{name}: {_short(before.get(name))} there, {_short(now.get(name))} here"
-                for name in names
-            )
-            raise ValueError(
-                f"Argument `store` must hold a sweep of the same settings, but in {self.path} "
-                f"differ {different}."
-            )
+        require_same(file, before, json.loads(_json(settings)), "store")
 
 
 def _json(content: dict[str, Any]) -> bytes:
     return json.dumps(content, indent=1).encode()
-
-
-def _flat(settings: dict[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested settings by dotted names."""
-    flat = {}
-    for name, value in settings.items():
-        flat |= (
-            _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {prefix + name: value}
-        )
-    return flat
-
-
-def _short(value: Any) -> str:
-    text = "nothing" if value is None else json.dumps(value)
-    return text if len(text) <= 60 else f"{text[:28]} ... {text[-28:]}"

@@ -1,18 +1,12 @@
-"""Options that commands share: which crusher, which grid of crushers, where results go."""
+"""The command line of `python -m jaxcrusher`: what each command can be told. Imports no JAX."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-import numpy as np
 import tyro
 
-from jaxcrusher.basics.checks import require, require_choice
-from jaxcrusher.files.results import results_folder
-from jaxcrusher.scenes.parameters import CHOICES, PE250X400, build_scene
-from jaxcrusher.scenes.scene_file import read_scene_file, read_text, require_parameter
-
-# Repeated options: KEY VALUE pairs, and NAME LOW HIGH COUNT.
+# Repeated options: KEY VALUE pairs, NAME LOW HIGH COUNT, and whole designs.
 Pairs = Annotated[
     tuple[tuple[str, str], ...],
     tyro.conf.UseAppendAction,
@@ -22,6 +16,9 @@ Ranges = Annotated[
     tuple[tuple[str, ...], ...],
     tyro.conf.UseAppendAction,
     tyro.conf.arg(metavar="NAME LOW HIGH COUNT"),
+]
+Designs = Annotated[
+    tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE,...")
 ]
 
 
@@ -35,22 +32,6 @@ class Crusher:
     """A key of the scene file and its value, over the file's: an SI number or a quantity, as in
     --set clearance "0.06 mm" --set jaw.mass 500. May be repeated."""
 
-    def values(self) -> dict[str, Any]:
-        """Every name of `jaxcrusher.PE250X400` with its value; ValueError as a scene file's."""
-        values = dict(PE250X400)
-        if self.scene is not None:
-            values |= read_scene_file(self.scene)
-        values |= {name: read_text(name, text) for name, text in self.overrides}
-        build_scene(values)
-        return values
-
-    def moving(self) -> dict[str, Any]:
-        """`values` of a crusher whose pin can move in its bore; ValueError for an ideal joint."""
-        values = self.values()
-        good = values["joint"] == "clearance"
-        require(good, "joint", "have clearance to move in", values["joint"])
-        return values
-
 
 @dataclass(frozen=True)
 class Results:
@@ -62,40 +43,125 @@ class Results:
     """Folder of all results."""
 
     @property
-    def path(self) -> Path:
+    def folder(self) -> Path:
         """The folder of this run."""
         return self.out / self.name
 
-    def folder(self) -> Path:
-        """Make the run's folder; ValueError if it cannot be written."""
-        return results_folder(self.out, self.name)
 
+@dataclass(frozen=True)
+class Simulate:
+    """Simulate one crusher.
 
-def read_axes(over: Ranges) -> dict[str, list]:
-    """The axes of a grid: name -> values in SI units, or choices.
-
-    Raises ValueError for an unknown or repeated name, a bad bound or count, and no axis at all.
+    Writes OUT/NAME/motion.nc (forces, positions, powers and energies over time) and motion.png
+    (orbit of the pin and force on the foundation, the last two turns, with the ideal joint's).
+    Ten turns take about 20 s, most of it compilation.
     """
-    require(len(over) > 0, "over", "be given at least once: NAME LOW HIGH COUNT", "missing")
-    axes: dict[str, list] = {}
-    for name, *rest in over:
-        require(name not in axes, "over", "name a parameter once", f"given twice for {name}")
-        if name in CHOICES:
-            for choice in rest:
-                require_choice(name, choice, CHOICES[name])
-            require(len(rest) > 0, "over", f"name choices of {name}", "empty")
-            axes[name] = rest
-            continue
-        require_parameter(name)
-        require(len(rest) == 3, "over", f"be {name} LOW HIGH COUNT", " ".join([name, *rest]))
-        low, high = (float(read_text(name, text)) for text in rest[:2])
-        count = rest[2]
-        require(
-            count.isdecimal() and int(count) >= 2,
-            "over",
-            f"have a whole COUNT >= 2 for {name}",
-            count,
-        )
-        require(low < high, "over", f"have LOW < HIGH for {name}", f"{rest[0]} {rest[1]}")
-        axes[name] = np.linspace(low, high, int(count)).tolist()
-    return axes
+
+    crusher: Crusher = field(default_factory=Crusher)
+    turns: float = 10.0
+    """Time span in turns of the shaft."""
+    seconds: float | None = None
+    """Time span in s, in place of --turns."""
+    samples: int = 10_001
+    """Instants written, evenly over the time span."""
+    settle: int | None = None
+    """Turns before the closing line's statistics start; half of the time span."""
+    rtol: float = 1e-11
+    """Tolerance of a step, in clearances and m/s."""
+    results: Results = field(default_factory=lambda: Results("simulate"))
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Statistics over a grid of crushers, kept chunk by chunk.
+
+    Writes the Zarr store OUT/NAME/sweep.zarr, which xarray opens. Interrupted or killed, the same
+    command goes on where it was. About 20 s of compilation, then about a second a design and
+    core with the default turns.
+    """
+
+    crusher: Crusher = field(default_factory=Crusher)
+    over: Ranges = ()
+    """A parameter and its range in SI units or quantities, as in --over speed 25 40 16 or --over
+    clearance "0.03 mm" "0.12 mm" 10; or a choice and what to choose, as in --over start centred
+    contact. May be repeated: the grid is the product of all."""
+    settle: int = 40
+    """Turns of the shaft before statistics start."""
+    turns: int = 40
+    """Turns of the shaft that statistics cover."""
+    chunk: int = 64
+    """Designs kept at once: what an interruption can lose. Take more for large sweeps; each chunk
+    is a file of every variable."""
+    rtol: float = 1e-9
+    """Tolerance of a step, in clearances and m/s."""
+    scheduler: str | None = None
+    """Address of a Dask scheduler, as tcp://host:8786, or a number of local worker processes;
+    this process without."""
+    netcdf: bool = False
+    """Also write OUT/NAME/sweep.nc at the end."""
+    results: Results = field(default_factory=lambda: Results("sweep"))
+
+
+@dataclass(frozen=True)
+class Regimes:
+    """Classify the motion of some designs: periodic, chaotic, whirl and so on.
+
+    Writes OUT/NAME/regimes.json and regimes.nc after each design; the same command does not do
+    again what is done, and may name further designs. With the default turns about a minute for
+    the first design, most of it compilation, and 5 to 30 s for each of the others.
+    """
+
+    crusher: Crusher = field(default_factory=Crusher)
+    over: Ranges = ()
+    """A parameter and its range, or a choice and what to choose, as in sweep; the grid is the
+    product of all."""
+    design: Designs = ()
+    """A design of a list instead, as in --design "speed=25,clearance=0.03 mm". May be repeated;
+    all name the same keys. Without --over and --design: the crusher as it is."""
+    settle: int = 200
+    """Turns of the shaft before the motion is looked at."""
+    turns: int = 1000
+    """Turns of which the section is looked at."""
+    tangent_turns: int = 100
+    """Further turns for the exponents."""
+    rtol: float = 1e-10
+    """Tolerance of a step, in clearances and m/s."""
+    results: Results = field(default_factory=lambda: Results("regimes"))
+
+
+@dataclass(frozen=True)
+class Gradient:
+    """Slopes of a statistic by some parameters, each with a verdict: ok, doubtful or refused.
+
+    Writes OUT/NAME/gradient.json. With the default turns one to four minutes, most of it
+    compilation; a chaotic motion takes longer than a periodic one.
+    """
+
+    metric: Annotated[str, tyro.conf.Positional] = "foundation_rms"
+    """The statistic: foundation_rms, foundation_mean, foundation_peak, foundation_smooth_peak,
+    joint_peak (N), contact_fraction, penetration_ratio, winding (1), impact_speed (m/s),
+    sliding_power or drive_power (W)."""
+    crusher: Crusher = field(default_factory=Crusher)
+    by: tuple[str, ...] = ("speed", "clearance")
+    """Keys of the scene file to differentiate by; slopes are in SI units."""
+    settle: int = 50
+    """Turns of the shaft before the statistic starts."""
+    turns: int = 50
+    """Turns of the shaft that the statistic covers."""
+    radius: float = 0.01
+    """Radius of the fit beside the derivative, as a share of each parameter's value."""
+    pairs: int = 32
+    """Pairs of runs of a fit of a chaotic motion."""
+    seed: int = 0
+    """Seed of the fit's random runs."""
+    rtol: float = 1e-9
+    """Tolerance of a step, in clearances and m/s."""
+    results: Results = field(default_factory=lambda: Results("gradient"))
+
+
+Command = (
+    Annotated[Simulate, tyro.conf.subcommand("simulate")]
+    | Annotated[Sweep, tyro.conf.subcommand("sweep")]
+    | Annotated[Regimes, tyro.conf.subcommand("regimes")]
+    | Annotated[Gradient, tyro.conf.subcommand("gradient")]
+)

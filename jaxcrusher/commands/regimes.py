@@ -3,21 +3,21 @@
 import itertools
 import json
 import time
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-import tyro
 import xarray as xr
 from rich.console import Console
 from rich.markup import escape
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
-from jaxcrusher.commands.options import Crusher, Ranges, Results, read_axes
-from jaxcrusher.files.provenance import environment
-from jaxcrusher.files.results import progress, provenance, write_json, write_netcdf
+from jaxcrusher.commands.crushers import read_axes, read_moving
+from jaxcrusher.commands.options import Regimes
+from jaxcrusher.files.progress import progress
+from jaxcrusher.files.provenance import provenance, versions
+from jaxcrusher.files.results import results_folder, write_json, write_netcdf
+from jaxcrusher.files.resume import earlier
 from jaxcrusher.scenes.parameters import PARAMETERS
 from jaxcrusher.scenes.scene_file import read_text
 
@@ -33,136 +33,84 @@ COLUMNS = {
     "winding": ("1", "revolutions of the pin round the bore per turn"),
     "seconds": ("s", "time it took"),
 }
-Designs = Annotated[
-    tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE,...")
-]
 
 
-@dataclass(frozen=True)
-class Regimes:
-    """Classify the motion of some designs: periodic, chaotic, whirl and so on.
-
-    Writes OUT/NAME/regimes.json and regimes.nc after each design; the same command does not do
-    again what is done, and may name further designs. With the default turns about a minute for
-    the first design, most of it compilation, and 5 to 30 s for each of the others.
-    """
-
-    crusher: Crusher = field(default_factory=Crusher)
-    over: Ranges = ()
-    """A parameter and its range, or a choice and what to choose, as in sweep; the grid is the
-    product of all."""
-    design: Designs = ()
-    """A design of a list instead, as in --design "speed=25,clearance=0.03 mm". May be repeated;
-    all name the same keys. Without --over and --design: the crusher as it is."""
-    settle: int = 200
-    """Turns of the shaft before the motion is looked at."""
-    turns: int = 1000
-    """Turns of which the section is looked at."""
-    tangent_turns: int = 100
-    """Further turns for the exponents."""
-    rtol: float = 1e-10
-    """Tolerance of a step, in clearances and m/s."""
-    results: Results = field(default_factory=lambda: Results("regimes"))
-
-    def run(self, console: Console) -> int:
-        """Classify what is not done yet; 1 if a run failed. ValueError for bad options."""
-        values, designs = self.crusher.moving(), self.designs()
-        for name, least in (("settle", 0), ("turns", 1), ("tangent_turns", 1)):
-            require_whole(name, getattr(self, name), least)
-        require_positive("rtol", self.rtol, "")
-        scenes = [jc.build_scene({**values, **design}) for design in designs]
-        settings = self._settings(values, list(designs[0]))
-        folder = self.results.folder()
-        done = read_rows(folder / "regimes.json", settings)
-        attributes = provenance("Regimes of a jaw crusher's motion", values)
-        asked = []
-        with progress(console) as bars:
-            bar = bars.add_task("designs", total=len(designs))
-            for design, scene in zip(designs, scenes, strict=True):
-                row = next((row for row in done if row["design"] == design), None)
-                kept = " (done before)" if row else ""
-                if row is None:
-                    began = time.perf_counter()
-                    verdict = jc.regime(
-                        scene,
-                        self.settle,
-                        self.turns,
-                        rtol=self.rtol,
-                        tangent_turns=self.tangent_turns,
-                    )
-                    row = _row(design, verdict, time.perf_counter() - began)
-                    done.append(row)
-                    content = {**attributes, "settings": settings, "rows": done}
-                    write_json(folder / "regimes.json", content)
-                    write_netcdf(folder / "regimes.nc", dataset(done, settings, attributes))
-                asked.append(row)
-                bars.console.print(
-                    escape(f"{_name(design)}: {row['verdict']}{kept}"),
-                    highlight=False,
-                    soft_wrap=True,
+def run(options: Regimes, console: Console) -> int:
+    """Classify what is not done yet; 1 if a run failed. ValueError for bad options."""
+    values, designs = read_moving(options.crusher), read_designs(options)
+    for name, least in (("settle", 0), ("turns", 1), ("tangent_turns", 1)):
+        require_whole(name, getattr(options, name), least)
+    require_positive("rtol", options.rtol, "")
+    scenes = [jc.build_scene({**values, **design}) for design in designs]
+    settings = _settings(options, values, list(designs[0]))
+    folder = results_folder(options.results.folder)
+    kept = earlier(folder / "regimes.json", settings, "name")
+    done = kept["rows"] if kept else []
+    attributes = provenance("Regimes of a jaw crusher's motion", scene=values)
+    asked = []
+    with progress(console) as bars:
+        bar = bars.add_task("designs", total=len(designs))
+        for design, scene in zip(designs, scenes, strict=True):
+            row = next((row for row in done if row["design"] == design), None)
+            remark = " (done before)" if row else ""
+            if row is None:
+                began = time.perf_counter()
+                verdict = jc.regime(
+                    scene,
+                    options.settle,
+                    options.turns,
+                    rtol=options.rtol,
+                    tangent_turns=options.tangent_turns,
                 )
-                bars.advance(bar)
-        failed = sum(row["regime"] == "failed" for row in asked)
-        remark = f", {failed} failed" if failed else ""
-        console.print(
-            f"{len(asked)} designs{remark}; {folder / 'regimes.json'}, {folder / 'regimes.nc'}",
-            highlight=False,
-        )
-        return 1 if failed else 0
-
-    def designs(self) -> list[dict[str, Any]]:
-        """The designs asked for, in SI units; ValueError for ones that cannot be read."""
-        require(not (self.over and self.design), "design", "stand instead of over", "given with it")
-        if self.over:
-            axes = read_axes(self.over)
-            return [
-                dict(zip(axes, cell, strict=True)) for cell in itertools.product(*axes.values())
-            ]
-        if not self.design:
-            return [{}]
-        designs = [_design(text) for text in self.design]
-        for design in designs:
-            require(
-                list(design) == list(designs[0]),
-                "design",
-                f"name {', '.join(designs[0])} as the first one does",
-                ", ".join(design),
-            )
-        return designs
-
-    def _settings(self, values: dict[str, Any], varied: list[str]) -> dict[str, Any]:
-        """Everything that decides the rows besides their designs, as JSON keeps it."""
-        return {
-            "varied": varied,
-            "scene": {name: value for name, value in values.items() if name not in varied},
-            "settle": self.settle,
-            "turns": self.turns,
-            "tangent_turns": self.tangent_turns,
-            "rtol": self.rtol,
-            "versions": environment()["versions"],
-        }
-
-
-def read_rows(path: Path, settings: dict[str, Any]) -> list[dict[str, Any]]:
-    """The rows done before; ValueError if they were made with other settings."""
-    if not path.exists():
-        return []
-    try:
-        content = json.loads(path.read_text())
-        rows, before = list(content["rows"]), dict(content["settings"])
-    except (ValueError, KeyError, TypeError):
-        raise ValueError(f"{path} is not readable; choose another --name, or delete it.") from None
-    now = settings | settings["scene"] | settings["versions"]
-    then = before | before.get("scene", {}) | before.get("versions", {})
-    differ = [name for name in {**then, **now} if then.get(name) != now.get(name)]
-    named = [name for name in differ if name not in ("scene", "versions")]
-    require(
-        not differ,
-        "name",
-        f"be another one for other settings: {path} has another {', '.join(named)}",
-        path.parent.name,
+                row = _row(design, verdict, time.perf_counter() - began)
+                done.append(row)
+                content = {**attributes, "settings": settings, "rows": done}
+                write_json(folder / "regimes.json", content)
+                write_netcdf(folder / "regimes.nc", dataset(done, settings, attributes))
+            asked.append(row)
+            line = escape(f"{_name(design)}: {row['verdict']}{remark}")
+            bars.console.print(line, highlight=False, soft_wrap=True)
+            bars.advance(bar)
+    failed = sum(row["regime"] == "failed" for row in asked)
+    remark = f", {failed} failed" if failed else ""
+    console.print(
+        f"{len(asked)} designs{remark}; {folder / 'regimes.json'}, {folder / 'regimes.nc'}",
+        highlight=False,
     )
-    return rows
+    return 1 if failed else 0
+
+
+def read_designs(options: Regimes) -> list[dict[str, Any]]:
+    """The designs asked for, in SI units; ValueError for ones that cannot be read."""
+    both = bool(options.over and options.design)
+    require(not both, "design", "stand instead of over", "given with it")
+    if options.over:
+        axes = read_axes(options.over)
+        return [dict(zip(axes, cell, strict=True)) for cell in itertools.product(*axes.values())]
+    if not options.design:
+        return [{}]
+    designs = [_design(text) for text in options.design]
+    for design in designs:
+        require(
+            list(design) == list(designs[0]),
+            "design",
+            f"name {', '.join(designs[0])} as the first one does",
+            ", ".join(design),
+        )
+    return designs
+
+
+def _settings(options: Regimes, values: dict[str, Any], varied: list[str]) -> dict[str, Any]:
+    """Everything that decides the rows besides their designs."""
+    return {
+        "varied": varied,
+        "scene": {name: value for name, value in values.items() if name not in varied},
+        "settle": options.settle,
+        "turns": options.turns,
+        "tangent_turns": options.tangent_turns,
+        "rtol": options.rtol,
+        "versions": versions(),
+    }
 
 
 def dataset(rows: list[dict], settings: dict, attributes: dict[str, str]) -> xr.Dataset:

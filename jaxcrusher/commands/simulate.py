@@ -1,20 +1,22 @@
 """`python -m jaxcrusher simulate`: one crusher's motion, as a file and a picture."""
 
 import math
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from matplotlib.figure import Figure
 from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
-from jaxcrusher.commands.options import Crusher, Results
+from jaxcrusher.commands.crushers import read_crusher
+from jaxcrusher.commands.options import Simulate
 from jaxcrusher.crusher.observables import OBSERVABLES
-from jaxcrusher.files.results import progress, provenance, write_netcdf
+from jaxcrusher.files.progress import progress
+from jaxcrusher.files.provenance import provenance
+from jaxcrusher.files.results import results_folder, write_figure, write_netcdf
 from jaxcrusher.pictures import plots
 
 # The figure shows this many turns, the last ones.
@@ -32,75 +34,54 @@ LEDGER = {
 }
 
 
-@dataclass(frozen=True)
-class Simulate:
-    """Simulate one crusher.
+def run(options: Simulate, console: Console) -> int:
+    """Simulate, write, print; 1 if the integration failed. ValueError for bad options."""
+    values = read_crusher(options.crusher)
+    span = _span(options, values["speed"])
+    settle = _settle(options, span)
+    require_whole("samples", options.samples, 2)
+    require_positive("rtol", options.rtol, "")
+    folder = results_folder(options.results.folder)
+    scene, turn = jc.build_scene(values), 2 * np.pi / values["speed"]
+    times = np.linspace(0, span * turn, options.samples)
+    whole = int(span) - settle
+    with progress(console) as bars:
+        bar = bars.add_task("simulation", total=3)
+        motion = jc.simulate(scene, times, rtol=options.rtol)
+        write_netcdf(folder / "motion.nc", dataset(motion, values))
+        bars.update(bar, completed=1, description="figure")
+        drawn = times >= (0 if motion.failure else times[-1] - DRAWN * turn)
+        write_figure(folder / "motion.png", draw(motion, scene, drawn))
+        bars.update(bar, completed=2, description="statistics")
+        summary = None
+        if bool(motion.success) and whole >= 1:
+            summary = jc.statistics(scene, settle, whole, rtol=options.rtol)
+        bars.update(bar, completed=3, description="simulation")
+    failure = motion.failure or (summary.failure if summary else "")
+    if failure:
+        console.print(f"FAILED: {failure}", style="red", highlight=False)
+    else:
+        console.print(closing(motion, summary, settle, values), highlight=False, soft_wrap=True)
+    console.print(f"{folder / 'motion.nc'}, {folder / 'motion.png'}", highlight=False)
+    return 1 if failure else 0
 
-    Writes OUT/NAME/motion.nc (forces, positions, powers and energies over time) and motion.png
-    (orbit of the pin and force on the foundation, the last two turns, with the ideal joint's).
-    Ten turns take about 20 s, most of it compilation.
-    """
 
-    crusher: Crusher = field(default_factory=Crusher)
-    turns: float = 10.0
-    """Time span in turns of the shaft."""
-    seconds: float | None = None
-    """Time span in s, in place of --turns."""
-    samples: int = 10_001
-    """Instants written, evenly over the time span."""
-    settle: int | None = None
-    """Turns before the closing line's statistics start; half of the time span."""
-    rtol: float = 1e-11
-    """Tolerance of a step, in clearances and m/s."""
-    results: Results = field(default_factory=lambda: Results("simulate"))
+def _span(options: Simulate, speed: float) -> float:
+    """The time span in turns."""
+    if options.seconds is not None:
+        require_positive("seconds", options.seconds, "s")
+        return options.seconds * speed / (2 * np.pi)
+    require_positive("turns", options.turns, "")
+    return options.turns
 
-    def run(self, console: Console) -> int:
-        """Simulate, write, print; 1 if the integration failed. ValueError for bad options."""
-        values = self.crusher.values()
-        span = self._span(values["speed"])
-        settle = self._settle(span)
-        require_whole("samples", self.samples, 2)
-        require_positive("rtol", self.rtol, "")
-        folder = self.results.folder()
-        scene, turn = jc.build_scene(values), 2 * np.pi / values["speed"]
-        times = np.linspace(0, span * turn, self.samples)
-        whole = int(span) - settle
-        with progress(console) as bars:
-            bar = bars.add_task("simulation", total=3)
-            motion = jc.simulate(scene, times, rtol=self.rtol)
-            write_netcdf(folder / "motion.nc", dataset(motion, values))
-            bars.update(bar, completed=1, description="figure")
-            drawn = times >= (0 if motion.failure else times[-1] - DRAWN * turn)
-            draw(folder / "motion.png", motion, scene, drawn)
-            bars.update(bar, completed=2, description="statistics")
-            summary = None
-            if bool(motion.success) and whole >= 1:
-                summary = jc.statistics(scene, settle, whole, rtol=self.rtol)
-            bars.update(bar, completed=3, description="simulation")
-        failure = motion.failure or (summary.failure if summary else "")
-        if failure:
-            console.print(f"FAILED: {failure}", style="red", highlight=False)
-        else:
-            console.print(closing(motion, summary, settle, values), highlight=False, soft_wrap=True)
-        console.print(f"{folder / 'motion.nc'}, {folder / 'motion.png'}", highlight=False)
-        return 1 if failure else 0
 
-    def _span(self, speed: float) -> float:
-        """The time span in turns."""
-        if self.seconds is not None:
-            require_positive("seconds", self.seconds, "s")
-            return self.seconds * speed / (2 * np.pi)
-        require_positive("turns", self.turns, "")
-        return self.turns
-
-    def _settle(self, span: float) -> int:
-        if self.settle is None:
-            return int(span / 2)
-        require_whole("settle", self.settle, 0)
-        require(
-            self.settle < span, "settle", f"be under the time span, {span:g} turns", self.settle
-        )
-        return self.settle
+def _settle(options: Simulate, span: float) -> int:
+    if options.settle is None:
+        return int(span / 2)
+    require_whole("settle", options.settle, 0)
+    good = options.settle < span
+    require(good, "settle", f"be under the time span, {span:g} turns", options.settle)
+    return options.settle
 
 
 def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
@@ -118,12 +99,12 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
         "time": ("time", np.asarray(motion.time), {"units": "s", "long_name": "time"}),
         "direction": ("direction", ["x", "y"], {"long_name": "to the right and up"}),
     }
-    attributes = provenance("Motion of a jaw crusher", values)
-    attributes["failure"] = motion.failure or "none"
+    failure = motion.failure or "none"
+    attributes = provenance("Motion of a jaw crusher", scene=values, failure=failure)
     return xr.Dataset(variables, coordinates, attributes)
 
 
-def draw(path: Path, motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) -> None:
+def draw(motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) -> Figure:
     """Orbit and foundation force at the instants `drawn`; without an orbit for an ideal joint."""
     assert motion.foundation_force is not None and motion.eccentricity is not None
     part = jc.Trajectory(
@@ -144,8 +125,7 @@ def draw(path: Path, motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) 
         orbit.set_title(f"radial clearance {1e3 * clearance:.4g} mm")
         ideal = jc.simulate(scene.ideal(), part.time, outputs=("foundation_force",))
         plots.plot_force(part, ideal, force).set_title(f"{speed:.4g} rad/s")
-    fig.savefig(path, dpi=150)
-    plt.close(fig)
+    return fig
 
 
 def closing(

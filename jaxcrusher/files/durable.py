@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import os
 import platform
+import uuid
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -17,14 +18,29 @@ def named(what: str) -> Iterator[None]:
         raise OSError(error.errno, f"{what}: {error.strerror or error}") from error
 
 
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[Path]:
+    """A path to write to, beside `path`, whose place it takes at the end.
+
+    So `path` is there whole or not at all, also through a power cut. Every call has a name of its
+    own: two that write one file, or files that differ in their suffix, do not meet. After an error
+    nothing is left of it.
+    """
+    partial = path.with_name(f"{path.stem}.{uuid.uuid4().hex}.partial{path.suffix}")
+    try:
+        yield partial
+        with open(partial, "rb+") as file:
+            os.fsync(file.fileno())
+        os.replace(partial, path)
+    except BaseException:
+        partial.unlink(missing_ok=True)
+        raise
+
+
 def replace(path: Path, content: bytes) -> None:
     """Put a file in place, whole or not at all, also through a power cut."""
-    partial = path.with_name(f"{path.name}.partial")
-    with open(partial, "wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(partial, path)
+    with writing(path) as partial:
+        partial.write_bytes(content)
 
 
 def checksum(path: Path, *, sync: bool = False) -> str:

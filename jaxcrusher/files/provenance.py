@@ -1,15 +1,62 @@
 """What decides the bits of a result besides its parameters, and what computed it."""
 
+import json
 import os
 import platform
+import shlex
+import sys
+from collections.abc import Mapping
+from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import jax
-
 # Packages whose version can change the last bit of a result.
 PACKAGES = ("jaxcrusher", "jax", "jaxlib", "diffrax", "equinox")
+
+
+def provenance(
+    title: str, program: Mapping[str, Any] | None = None, **further: Any
+) -> dict[str, Any]:
+    """Attributes of a result: its command, versions, machine, and what is `further` to be kept.
+
+    `program` is the `environment` that computed it, that of this process if None. Mappings become
+    JSON, since a file's attributes have no parts.
+    """
+    program = environment() if program is None else program
+    kept = {
+        "title": title,
+        "source": f"jaxcrusher {program['versions']['jaxcrusher']}",
+        "history": f"{now()}: {command()}",
+        "environment": program,
+        "machine": machine(),
+        **further,
+    }
+    return {
+        name: json.dumps(dict(value)) if isinstance(value, Mapping) else value
+        for name, value in kept.items()
+    }
+
+
+def now() -> str:
+    """The time in UTC, to a second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def command() -> str:
+    """The command line of this process, as a shell takes it."""
+    return shlex.join([*program_words(), *sys.argv[1:]])
+
+
+def program_words() -> list[str]:
+    """The command line of this process without its arguments: `python -m jaxcrusher`."""
+    given, words = sys.argv[1:], sys.orig_argv
+    before, after = words[: len(words) - len(given)], words[len(words) - len(given) :]
+    # A script that an installer put beside the interpreter is on the user's path, as that is.
+    installed = Path(sys.argv[0]).parent == Path(words[0]).parent and len(before) == 2
+    if after != given or installed:
+        return [Path(sys.argv[0]).name]
+    return ["python", *before[1:]]
 
 
 def environment() -> dict[str, Any]:
@@ -17,10 +64,12 @@ def environment() -> dict[str, Any]:
 
     The number of devices is left out, because no result depends on it.
     """
+    import jax
+
     flags = os.environ.get("XLA_FLAGS", "").split()
     deciding = [flag for flag in flags if "host_platform_device_count" not in flag]
     return {
-        "versions": {name: version(name) for name in PACKAGES},
+        "versions": versions(),
         "backend": jax.default_backend(),
         "XLA_FLAGS": " ".join(sorted(deciding)),
         # A program that may raise an error while it runs is compiled differently.
@@ -28,10 +77,23 @@ def environment() -> dict[str, Any]:
     }
 
 
+def versions(*further: str) -> dict[str, str]:
+    """Of the packages that decide bits, and of `further` ones."""
+    return {name: version(name) for name in (*PACKAGES, *further)}
+
+
 def machine() -> str:
     """Processor, devices, system and host name, for the record."""
-    model = platform.processor()
+    import jax
+
+    devices = jax.device_count()
+    return f"{processor()}, {devices} devices, {platform.platform()}, {platform.node()}"
+
+
+def processor() -> str:
+    """The processor's name, as far as the system tells."""
+    model = platform.processor() or platform.machine()
     if Path("/proc/cpuinfo").exists():
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         model = next((line.split(":")[1].strip() for line in lines if "model name" in line), model)
-    return f"{model}, {jax.device_count()} devices, {platform.platform()}, {platform.node()}"
+    return model

@@ -1,89 +1,80 @@
-"""What programs write: labelled netCDF and JSON, whole or not at all, with their provenance."""
+"""What programs write, whole or not at all: JSON, netCDF, text, tables, figures."""
 
+import csv
+import io
 import json
 import math
 import os
-import shlex
-import sys
-from collections.abc import Mapping
-from datetime import UTC, datetime
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import jax
-import numpy as np
-import xarray as xr
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from jaxcrusher.files.durable import replace, writing
 
-from jaxcrusher.basics.checks import require
-from jaxcrusher.files.provenance import environment, machine
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 
-def results_folder(out: Path, name: str) -> Path:
-    """Make OUT/NAME; ValueError if it cannot be written."""
-    folder = out / name
+def results_folder(folder: Path) -> Path:
+    """Make a folder for results; ValueError if it cannot be written."""
+    fault = ""
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK):
+            fault = "it may not be written"
     except OSError as error:
+        fault = error.strerror or str(error)
+    if fault:
         raise ValueError(
-            f"Argument `out` must be a folder that can be written, but {folder} is not: "
-            f"{error.strerror}."
-        ) from None
-    require(os.access(folder, os.W_OK), "out", "be a folder that can be written", folder)
+            f"Argument `out` must be a folder that can be written, but {folder} is not: {fault}."
+        )
     return folder
 
 
-def provenance(title: str, values: Mapping[str, Any]) -> dict[str, str]:
-    """Attributes of a result: the command, the crusher (SI units, as JSON), versions, machine."""
-    program = environment()
-    return {
-        "title": title,
-        "source": f"jaxcrusher {program['versions']['jaxcrusher']}",
-        "history": f"{datetime.now(UTC).isoformat(timespec='seconds')}: {command()}",
-        "scene": json.dumps(dict(values)),
-        "environment": json.dumps(program),
-        "machine": machine(),
-    }
+def write_text(path: Path, text: str) -> None:
+    """Text in UTF-8, wherever the program runs."""
+    replace(path, text.encode())
 
 
-def command() -> str:
-    """The command line, as a shell takes it."""
-    return shlex.join(["python", "-m", "jaxcrusher", *sys.argv[1:]])
-
-
-def write_netcdf(path: Path, dataset: xr.Dataset) -> None:
-    """Write at once or not at all; logical variables become 0 and 1."""
-    partial = path.with_suffix(".partial")
-    logical = [name for name, values in dataset.items() if values.dtype == bool]
-    dataset = dataset.assign({name: dataset[name].astype("int8") for name in logical})
-    dataset.to_netcdf(partial, engine="scipy")
-    os.replace(partial, path)
-
-
-def write_json(path: Path, content: dict) -> None:
-    """Write at once or not at all; NaN becomes null."""
+def write_json(path: Path, content: Mapping[str, Any]) -> None:
+    """JSON; NaN becomes null, arrays become lists."""
 
     def clean(value):
-        if isinstance(value, np.ndarray | np.generic | jax.Array):
-            return clean(np.asarray(value).tolist())
-        if isinstance(value, dict):
+        if hasattr(value, "tolist"):
+            return clean(value.tolist())
+        if isinstance(value, Mapping):
             return {key: clean(entry) for key, entry in value.items()}
         if isinstance(value, list | tuple):
             return [clean(entry) for entry in value]
         return None if isinstance(value, float) and not math.isfinite(value) else value
 
-    partial = path.with_suffix(".partial")
-    partial.write_text(json.dumps(clean(content), indent=2) + "\n")
-    os.replace(partial, path)
+    write_text(path, json.dumps(clean(content), indent=2) + "\n")
 
 
-def progress(console: Console) -> Progress:
-    """Bars with what is done and the time left."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-    )
-    return Progress(*columns, console=console)
+def write_netcdf(path: Path, dataset: "xr.Dataset") -> None:
+    """NetCDF 3; logical variables become 0 and 1."""
+    logical = [name for name, values in dataset.items() if values.dtype == bool]
+    dataset = dataset.assign({name: dataset[name].astype("int8") for name in logical})
+    with writing(path) as partial:
+        dataset.to_netcdf(partial, engine="scipy")
+
+
+def write_table(path: Path, rows: Iterable[Mapping[str, Any]], remark: str = "") -> None:
+    """Rows of named values as CSV, `remark` in a first line of its own behind a "#"."""
+    rows = list(rows)
+    text = io.StringIO(f"# {remark}\n" if remark else "", newline="")
+    text.seek(0, io.SEEK_END)
+    writer = csv.DictWriter(text, list(dict.fromkeys(name for row in rows for name in row)))
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(path, text.getvalue())
+
+
+def write_figure(path: Path, figure: "Figure", dpi: int = 150) -> None:
+    """A picture of a figure, which is closed."""
+    import matplotlib.pyplot as plt
+
+    with writing(path) as partial:
+        figure.savefig(partial, dpi=dpi)
+    plt.close(figure)

@@ -1,23 +1,25 @@
 """`python -m optimize.balance`: the counterweight and links that shake the foundation least."""
 
-import tyro
-from rich.console import Console
-
-import jaxcrusher as jc
-from jaxcrusher.commands.ending import told_in_one_line
+from jaxcrusher.commands.program import keeping, program
 from optimize.balance.options import Options
-from optimize.balance.study import run
+
+
+def study(options: Options) -> None:
+    """Choose counterweight, mass centre and links of a PE250x400 that shake its foundation least,
+    at equal stroke, capacity and speed: a gradient search against two rivals without gradients.
+    Interrupted, the same command goes on where it was.
+    """  # noqa: D205
+    from rich.console import Console
+
+    from optimize.balance.study import run
+
+    with keeping(options.folder):
+        run(options, Console())
 
 
 def main() -> None:
     """Entry point of the command line."""
-    jc.set_up()
-    options = tyro.cli(Options, prog="python -m optimize.balance")
-    console = Console()
-    folder = options.out / options.name
-    kept = f"what was finished is in {folder}/; the same command goes on"
-    with told_in_one_line(console, lambda: kept):
-        run(options, console)
+    program(study)
 
 
 if __name__ == "__main__":

@@ -81,7 +81,7 @@ def long_runs(result: dict) -> tuple[list[str], list[list[str]]]:
     rows = [
         [f"{start} start", *(_long_run(runs[start]) for runs in found.values())] for start in STARTS
     ]
-    turns = result["options"]["settle"]
+    turns = result["settings"]["settle"]
     return [f"RMS over {turns} turns after {turns}, N", *found], rows
 
 
@@ -96,7 +96,7 @@ def _long_run(run: dict) -> str:
 
 def robust(result: dict) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of the table of tolerances."""
-    sigmas = result["options"]["sigmas"]
+    sigmas = result["settings"]["sigmas"]
     rows = []
     for name, column in result["robust"]["values"].items():
         values = np.array(column, dtype=float)

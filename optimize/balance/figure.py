@@ -4,14 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib
+import matplotlib.pyplot as plt
 import numpy as np
 
+from jaxcrusher.files.results import write_figure
 from optimize.balance.compare import best_so_far
 from optimize.balance.methods import by_method
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 
 COLOURS = {"L-BFGS-B": "C0", "CMA-ES": "C1", "Py-BOBYQA": "C2"}
 DESIGNS = {"paper": "0.5", "optimised": "C0", "robust": "C3"}
@@ -50,8 +48,7 @@ def draw(path: Path, result: dict, turn: Mapping[str, Mapping[str, Any]]) -> Non
         axes[1, 2].plot(loads, rms, "o", color=colour, markersize=4, fillstyle=filled)
     axes[1, 2].set(xlabel="load of the condition, kN", ylabel=r"RMS of $|R_O| + |R_C|$, kN")
     axes[1, 2].grid(alpha=0.3)
-    fig.savefig(path, dpi=120)
-    plt.close(fig)
+    write_figure(path, fig, dpi=120)
 
 
 def _draw_searches(ax, result: dict, kind: str) -> None:

@@ -21,7 +21,7 @@ def print_tables(console: Console, result: dict) -> None:
 
 def markdown(result: dict) -> str:
     """The study as a page."""
-    options, cost = result["options"], result["cost"]
+    options, cost = result["settings"], result["cost"]
     gain = result["figures"]["paper"]["foundation_rms"]
     least = result["figures"]["optimised"]["foundation_rms"]
     ratio = cost["gradient_seconds"] / cost["value_seconds"]

@@ -1,22 +1,23 @@
 """The stages of the design study, each written as it ends."""
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict
-from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import Progress
 
 import jaxcrusher as jc
-from jaxcrusher.files.results import write_json
-from optimize.balance import evidence, figure, quiet, report
+from jaxcrusher.files.progress import progress
+from jaxcrusher.files.provenance import command, versions
+from jaxcrusher.files.results import results_folder, write_json, write_text
+from jaxcrusher.files.resume import earlier
+from optimize.balance import evidence, figure, problem, quiet, report
 from optimize.balance.compare import METHODS, Answer, Search, Smooth, require_rivals, search
-from optimize.balance.options import PAPER, Options
+from optimize.balance.options import Options
+from optimize.balance.problem import PAPER
 from optimize.design import Design
 
 # Gradients of the robust search at most; it starts at the optimum, and ends far earlier.
@@ -27,28 +28,19 @@ class Study:
     """A study in its folder: what was finished is written, and not done again."""
 
     def __init__(self, options: Options):
-        options.check()
+        problem.check(options)
         require_rivals()
-        self.options, self.folder = options, options.folder()
+        self.options, self.folder = options, results_folder(options.folder)
         self.path = self.folder / "result.json"
-        self.result: dict[str, Any] = {
+        settings = problem.settings(options)
+        self.result: dict[str, Any] = earlier(self.path, settings, "name") or {
             "status": "interrupted",
-            "command": options.command(),
-            "versions": {
-                name: version(name) for name in ("jax", "diffrax", "scipy", "cma", "Py-BOBYQA")
-            },
-            "options": options.numbers(),
+            "command": command(),
+            "versions": versions("scipy", "cma", "Py-BOBYQA"),
+            "settings": settings,
             "seconds": {},
             "searches": [],
         }
-        if self.path.exists():
-            found = _read(self.path)
-            if found.get("options") != self.result["options"]:
-                raise ValueError(
-                    f"Argument `name` must be that of a new study, but {self.path} holds one "
-                    "with other options."
-                )
-            self.result = found
 
     def write(self) -> None:
         """At once or not at all."""
@@ -64,15 +56,6 @@ class Study:
         return self.result[name]
 
 
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        return json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise ValueError(
-            f"Argument `name` must be that of a study that can be read, but {path} is not: {error}."
-        ) from None
-
-
 def run(options: Options, console: Console) -> dict:
     """The whole study; returns what result.json holds."""
     study = Study(options)
@@ -83,15 +66,9 @@ def run(options: Options, console: Console) -> dict:
         return result
     if result["searches"]:
         console.print(f"going on: {len(result['searches'])} searches found in {study.path}")
-    design = options.design()
+    design = problem.design(options)
     paper = design.unit(PAPER)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console) as bars:
+    with progress(console, remaining=False) as bars:
         _searches(study, design, paper, bars)
         best = min(
             (found for found in result["searches"] if found["best"]),
@@ -116,7 +93,7 @@ def run(options: Options, console: Console) -> dict:
         study.stage("designs", lambda: _designs(design, points))
         bars.advance(bar)
     figure.draw(study.folder / "balance.png", result, turn)
-    (study.folder / "balance.md").write_text(report.markdown(result))
+    write_text(study.folder / "balance.md", report.markdown(result))
     result["status"] = "finished"
     study.write()
     report.print_tables(console, result)
@@ -133,7 +110,9 @@ def _searches(study: Study, design: Design, paper: np.ndarray, bars: Progress) -
     if len(done) == total:
         return
     began = time.perf_counter()
-    objective, scale = quiet.quiet_objective(design, options.conditions(), options.turns, paper)
+    objective, scale = quiet.quiet_objective(
+        design, problem.conditions(options), options.turns, paper
+    )
     # A study that goes on keeps the costs it began with: every search has the same budget.
     cost = result.setdefault(
         "cost",
@@ -164,7 +143,7 @@ def _robust(
     options: Options, design: Design, points: dict[str, np.ndarray], advance: Callable[[], None]
 ) -> dict[str, Any]:
     """The design of least mean + sigmas * spread, and the spread of all three."""
-    middle = options.conditions()
+    middle = problem.conditions(options)
     widths = dict(zip(middle, options.tolerance, strict=True))
     conditions = quiet.tolerances(middle, widths, options.samples, options.seed)
 

@@ -2,13 +2,13 @@
 
 import base64
 import html
-import os
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
 import xarray as xr
 
+from jaxcrusher.files.results import write_text
 from optimize.page import data as page_data
 from optimize.page.answer import answer
 from optimize.page.explorer import explorer
@@ -76,9 +76,7 @@ def write_page(
         ]
     )
     path = folder / "report.html"
-    partial = path.with_suffix(".partial")
-    partial.write_text(page, encoding="utf-8")
-    os.replace(partial, path)
+    write_text(path, page)
     return path
 
 

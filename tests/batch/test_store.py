@@ -127,7 +127,7 @@ def test_killed_in_the_middle_of_a_write(killed, size):
     folder, died, whole = killed
     assert died[-2:] == [signal.SIGXFSZ] * 2
     torn = folder / f"torn{size}"
-    assert [file.stat().st_size for file in torn.rglob("*.partial")] == [size]
+    assert [file.stat().st_size for file in torn.rglob("*.partial*")] == [size]
     assert fill(torn) == [0, 1, 2]
     assert contents(torn) == whole
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from benchmarks.scenes.__main__ import field_operations, operations, traced
+from benchmarks.scenes.operations import field_operations, operations, traced
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.machine import Jaw, Machine
 from jaxcrusher.motion.statistics import _peak

@@ -10,13 +10,14 @@ import pytest
 from rich.console import Console
 
 import jaxcrusher as jc
-from optimize.balance import compare, quiet
+from optimize.balance import compare, problem, quiet
 from optimize.balance import study as balance
 from optimize.balance.__main__ import main
 from optimize.balance.compare import Answer, Search, Smooth, search, spent_until
 from optimize.balance.designs import long_runs
 from optimize.balance.methods import comparison
-from optimize.balance.options import PAPER, Options
+from optimize.balance.options import Options
+from optimize.balance.problem import PAPER
 from optimize.design import Design
 
 CENTRE = np.array([0.3, 1.2, 0.6])  # the second is outside the box
@@ -64,7 +65,7 @@ def test_no_number_is_never_the_best():
 def test_gradient_against_differences():
     """All nine parameters of the study, with the joint's clearance."""
     options = Options()
-    design, conditions = options.design(), options.conditions()
+    design, conditions = problem.design(options), problem.conditions(options)
     function = jax.jit(lambda unit: quiet.quiet_slope(unit, conditions, design, 1))
 
     def rms(point):
@@ -211,10 +212,10 @@ def test_an_interrupted_study_goes_on(bowl_study, tmp_path, monkeypatch):
     went_on = json.loads(path.read_text())["searches"]
     # The two that were missing, and nothing twice.
     assert len(called) == 7 and went_on[:4] == kept["searches"] and len(went_on) == 6
-    with pytest.raises(ValueError, match=r"^Argument `name` must be that of a new study"):
+    with pytest.raises(ValueError, match=r"`name` .* differ starts: 2 there, 3 here\.$"):
         balance.run(Options(out=tmp_path, starts=3, budget=50), Console(quiet=True))
     path.write_text("{")
-    with pytest.raises(ValueError, match=r"^Argument `name` must be that of a study that can be"):
+    with pytest.raises(ValueError, match=r"^Argument `name` must be that of a run that can be"):
         balance.run(options, Console(quiet=True))
 
 
@@ -238,12 +239,6 @@ def test_bad_options(change, name, tmp_path):
     assert "\n" not in str(error.value)
 
 
-def test_the_command_repeats_the_options():
-    assert Options(name="other").command() == "python -m optimize.balance"
-    changed = Options(starts=3, tolerance=(0.1, 0.2, 0.3)).command()
-    assert changed == "python -m optimize.balance --starts 3 --tolerance 0.1 0.2 0.3"
-
-
 def test_a_long_run_outside_the_contact_model_says_so():
     limits = {
         "half_width_ratio": 0.2,
@@ -263,7 +258,7 @@ def test_a_long_run_outside_the_contact_model_says_so():
         "paper": {"centred": run, "contact": bad},
         "optimised": {"centred": run | {"success": False}, "contact": run},
     }
-    _, rows = long_runs({"long_runs": found, "options": {"settle": 5}})
+    _, rows = long_runs({"long_runs": found, "settings": {"settle": 5}})
     assert rows[0][1:] == ["1 ± 0.1", "failed"]
     assert rows[1][1].startswith("1 ± 0.1, friction whirl, contact 1.80 bore radii wide")
 
@@ -278,6 +273,6 @@ def test_command_line_error_is_one_line(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["balance", "--links", "6"])
     with pytest.raises(SystemExit) as stopped:
         main()
-    printed = capsys.readouterr().out.strip()
+    printed = capsys.readouterr().err.strip()
     assert stopped.value.code == 2
     assert "\n" not in printed and "`links` must lie in (0, 5] percent" in printed

@@ -31,7 +31,7 @@ def test_every_name_of_the_package_is_there():
 
 
 def test_other_names_are_refused():
-    with pytest.raises(AttributeError, match="module 'jaxcrusher' has no attribute 'simulat'"):
+    with pytest.raises(AttributeError, match="simulat"):
         _ = jc.simulat
     with pytest.raises(ImportError, match="cannot import name 'simulat'"):
         from jaxcrusher import simulat  # noqa: F401

@@ -1,0 +1,33 @@
+"""`python -m benchmarks.large_sweeps.bits`: the hash of some results, in a process of its own."""
+
+from typing import Annotated
+
+import tyro
+
+from jaxcrusher.commands.program import program
+
+# Impacts amplify a rounding by exp(200 t): 0.4 s of them show any difference in the last bit.
+TRIAL = {"speed": [25.0, 31.0, 40.0], "clearance": [0.03e-3, 0.07e-3, 0.09e-3, 0.12e-3]}
+
+
+def main(chunk: Annotated[int, tyro.conf.Positional]) -> None:
+    """Print a hash of the results of twelve impacting designs.
+
+    Args:
+        chunk: Designs a chunk.
+    """
+    import hashlib
+    import tempfile
+    from pathlib import Path
+
+    import jaxcrusher as jc
+    from jaxcrusher.batch.sweep import VARIABLES
+
+    with tempfile.TemporaryDirectory() as folder:
+        grid = jc.sweep_to_store(Path(folder) / "s", TRIAL, 0, 2, chunk=chunk, rtol=1e-6)
+        digest = hashlib.sha256(b"".join(grid[name].values.tobytes() for name in VARIABLES))
+    print(digest.hexdigest()[:8])
+
+
+if __name__ == "__main__":
+    program(main)

@@ -1,0 +1,71 @@
+"""Maps and flows with published Lyapunov exponents."""
+
+from collections.abc import Callable
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+
+def iterate(
+    step: Callable, start: list[float], count: int, settle: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points of a map and its Jacobians along them."""
+
+    @eqx.filter_jit
+    def run(x):
+        def one(x, _):
+            return step(x), (x, jax.jacfwd(step)(x))
+
+        x, _ = jax.lax.scan(lambda x, _: (step(x), None), x, length=settle)
+        return jax.lax.scan(one, x, length=count)[1]
+
+    points, jacobians = run(jnp.asarray(start))
+    return np.asarray(points), np.asarray(jacobians)
+
+
+def flow(field: Callable, interval: float) -> Callable:
+    """The map of a flow over `interval`, by Dopri8 at 1e-10."""
+
+    def step(x):
+        solution = diffrax.diffeqsolve(
+            diffrax.ODETerm(field),
+            diffrax.Dopri8(),
+            0.0,
+            interval,
+            None,
+            x,
+            stepsize_controller=diffrax.PIDController(rtol=1e-10, atol=1e-10),
+            adjoint=diffrax.ForwardMode(),
+        )
+        assert solution.ys is not None
+        return solution.ys[0]
+
+    return step
+
+
+def lorenz(t, x, args):
+    """Sigma = 10, rho = 28, beta = 8 / 3."""
+    return jnp.stack([10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]])
+
+
+def duffing(t, x, args):
+    """Omega = 1, f = 0.3, d = 0.2, beta = -1."""
+    return jnp.stack([x[1], x[0] - x[0] ** 3 - 0.2 * x[1] + 0.3 * jnp.cos(t)])
+
+
+def henon(x):
+    """With a = 1.4, b = 0.3."""
+    return jnp.stack([1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]])
+
+
+# Name -> step, start, interval of the samples, samples between two points of the 0-1 test (a flow
+# sampled too finely misleads it), unit of the exponent, and the published one.
+SYSTEMS = {
+    "logistic map, r = 4": (lambda x: 4 * x * (1 - x), [0.3], 1.0, 1, "step", np.log(2)),
+    "Hénon map": (henon, [0.1, 0.1], 1.0, 1, "step", 0.419),
+    "Lorenz": (flow(lorenz, 0.05), [1.0, 1.0, 20.0], 0.05, 10, "time", 0.9056),
+    "Duffing": (flow(duffing, 2 * np.pi), [0.5, 0.0], 2 * np.pi, 1, "time", 0.1589),
+}

@@ -1,0 +1,157 @@
+"""What one process measures: batches of designs, and gradients."""
+
+import dataclasses
+import resource
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import numpy as np
+
+import jaxcrusher as jc
+from jaxcrusher.batch.engines import map_all, map_chunks
+
+DESIGNS = (1, 4, 16, 64, 256, 1024, 4096, 16384)
+DESIGNS_TURNS = 10
+TURNS = (10, 30, 100, 300, 1000)
+TURNS_DESIGNS = 8
+RTOL = 1e-6
+REPEATS = 5
+# A run longer than this is not repeated.
+LONG = 5.0  # s
+ENOUGH = 0.5  # s; a median needs no more
+CHUNK = 64  # designs, as `jaxcrusher.sweep` takes them
+
+# By how many of these the RMS is differentiated, one after the other.
+DIFFERENTIATED = (2, 8, 20)
+PARAMETERS = (
+    "speed",
+    "clearance",
+    "jaw.mass",
+    "jaw.inertia",
+    "toggle.length",
+    "shaft.eccentricity",
+    "jaw.length",
+    "load",
+    "toggle.mass",
+    "toggle.inertia",
+    "shaft.mass",
+    "shaft.mass_centre_radius",
+    "shaft.mass_centre_angle",
+    "jaw.mass_centre_distance",
+    "jaw.mass_centre_angle",
+    "bearing.distance",
+    "bearing.inclination",
+    "bore_radius",
+    "friction",
+    "gravity",
+)
+GRADIENT_TURNS = 4
+EQUAL_STEPS = 1024  # a turn: about twice what stability asks of Tsit5 here
+EQUAL = jc.Method(
+    stepsize_controller=diffrax.ConstantStepSize(),
+    max_steps=EQUAL_STEPS + 1,
+    dt0=2 * np.pi / EQUAL_STEPS,
+)
+METHODS = {
+    "forward, error controlled": jc.Method(),
+    "forward, equal steps": EQUAL,
+    "reverse, equal steps": dataclasses.replace(
+        EQUAL, adjoint=diffrax.RecursiveCheckpointAdjoint()
+    ),
+}
+
+
+def seconds(run: Callable[[], Any]) -> float:
+    """Of one run."""
+    began = time.perf_counter()
+    jax.block_until_ready(run())
+    return time.perf_counter() - began
+
+
+def median_seconds(run: Callable[[], Any]) -> float:
+    """Of several runs, many of short ones, or of one that is long."""
+    times = [seconds(run)]
+    while times[-1] < LONG and (len(times) < REPEATS or sum(times) < ENOUGH):
+        times.append(seconds(run))
+    return float(np.median(times))
+
+
+def batch(designs: int, turns: int) -> dict[str, Any]:
+    """A sweep of quiet motions over the paper's box: seconds, steps, peak memory."""
+    random = np.random.default_rng(0)
+    speeds, clearances = random.uniform([25, 0.03e-3], [40, 0.12e-3], (designs, 2)).T
+    scenes = jax.jit(jax.vmap(lambda w, c: jc.paper_scene(w, c, start="contact")))(
+        speeds, clearances
+    )
+    function = eqx.Partial(_rms_and_steps, turns=turns)
+    found = []
+
+    def run() -> None:
+        found[:] = map_all(function, scenes, CHUNK)
+
+    # Later chunks run the program of the first.
+    first = seconds(lambda: next(map_chunks(function, scenes, CHUNK)))
+    again = median_seconds(run)
+    rms, steps = found
+    if not np.isfinite(rms).all():
+        raise RuntimeError(f"{np.sum(~np.isfinite(rms))} of {designs} designs failed.")
+    # Of the process so far: it grows with what is run, so the largest run comes last.
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return {
+        "designs": designs,
+        "turns": turns,
+        "first_s": first,
+        "seconds": again,
+        "steps": float(steps.sum()),
+        "peak_mib": peak,
+    }
+
+
+def _rms_and_steps(scene: jc.Scene, turns: int) -> tuple[jax.Array, jax.Array]:
+    result = jc.statistics(scene, 0, turns, outputs=("foundation_rms",), rtol=RTOL)
+    assert result.foundation_rms is not None
+    return result.foundation_rms, result.outcome.steps
+
+
+def gradient(method: str, count: int) -> dict[str, Any]:
+    """Value and gradient of the RMS of one quiet motion by `count` parameters, and the value."""
+    names = PARAMETERS[:count]
+    point = np.array([jc.PARAMETERS[name].default for name in names])
+
+    def rms(point):
+        scene = jc.build_scene(dict(zip(names, point, strict=True)) | {"start": "contact"})
+        result = jc.statistics(
+            scene, 0, GRADIENT_TURNS, outputs=("foundation_rms",), method=METHODS[method]
+        )
+        return result.foundation_rms, result.outcome.steps
+
+    value = jax.jit(lambda point: rms(point))
+    both = jax.jit(jax.value_and_grad(rms, has_aux=True))
+    first_value, one = seconds(lambda: value(point)), median_seconds(lambda: value(point))
+    first, again = seconds(lambda: both(point)), median_seconds(lambda: both(point))
+    (_, steps), slopes = both(point)
+    if not np.isfinite(slopes).all():
+        raise RuntimeError(f"The gradient is not finite: {slopes}.")
+    return {
+        "parameters": count,
+        "value_s": one,
+        "seconds": again,
+        "value_first_s": first_value,
+        "first_s": first,
+        "value_steps": int(value(point)[1]),
+        "steps": int(steps),
+    }
+
+
+def measure(what: str) -> Iterator[dict[str, Any]]:
+    """The rows of one process."""
+    if what == "designs":
+        yield from (batch(count, DESIGNS_TURNS) for count in DESIGNS)
+    elif what == "turns":
+        yield from (batch(TURNS_DESIGNS, count) for count in TURNS)
+    else:
+        yield from (gradient(what, count) for count in DIFFERENTIATED)

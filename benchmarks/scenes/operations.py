@@ -1,0 +1,40 @@
+"""How many operations a program has, before XLA."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+import jaxcrusher as jc
+
+
+def operations(jaxpr) -> int:
+    """Equations of a traced program, with those of its inner programs."""
+    total = 0
+    for equation in jaxpr.eqns:
+        inner = [
+            leaf
+            for value in equation.params.values()
+            for leaf in jax.tree.leaves(value, is_leaf=lambda x: hasattr(x, "jaxpr"))
+        ]
+        programs = [getattr(leaf, "jaxpr", leaf) for leaf in inner]
+        programs = [program for program in programs if hasattr(program, "eqns")]
+        total += sum(operations(program) for program in programs) if programs else 1
+    return total
+
+
+def traced(function, scene: jc.Scene):
+    """The program of `function(scene)`, its numbers as arguments."""
+    numbers, rest = eqx.partition(scene, eqx.is_array)
+    return jax.jit(lambda numbers: jax.tree.leaves(function(eqx.combine(numbers, rest)))), numbers
+
+
+def field_operations(scene: jc.Scene) -> int:
+    """Operations of one evaluation of the equations of motion."""
+    state = scene.formulation.initial(scene)
+
+    def rate(scene):
+        snapshot = scene.formulation.snapshot(jnp.array(0.1), state, scene)
+        return scene.formulation.rate(snapshot, state, scene), snapshot.joint_force
+
+    program, numbers = traced(rate, scene)
+    return operations(jax.make_jaxpr(program)(numbers).jaxpr)

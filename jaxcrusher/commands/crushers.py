@@ -1,0 +1,58 @@
+"""The crushers and the grids that a command line names, in SI units."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxcrusher.basics.checks import require, require_choice
+from jaxcrusher.commands.options import Crusher, Ranges
+from jaxcrusher.scenes.parameters import CHOICES, PE250X400, build_scene
+from jaxcrusher.scenes.scene_file import read_scene_file, read_text, require_parameter
+
+
+def read_crusher(crusher: Crusher) -> dict[str, Any]:
+    """Every name of `jaxcrusher.PE250X400` with its value; ValueError as a scene file's."""
+    values = dict(PE250X400)
+    if crusher.scene is not None:
+        values |= read_scene_file(crusher.scene)
+    values |= {name: read_text(name, text) for name, text in crusher.overrides}
+    build_scene(values)
+    return values
+
+
+def read_moving(crusher: Crusher) -> dict[str, Any]:
+    """A crusher whose pin can move in its bore; ValueError for an ideal joint too."""
+    values = read_crusher(crusher)
+    good = values["joint"] == "clearance"
+    require(good, "joint", "have clearance to move in", values["joint"])
+    return values
+
+
+def read_axes(over: Ranges) -> dict[str, list]:
+    """The axes of a grid: name -> values in SI units, or choices.
+
+    Raises ValueError for an unknown or repeated name, a bad bound or count, and no axis at all.
+    """
+    require(len(over) > 0, "over", "be given at least once: NAME LOW HIGH COUNT", "missing")
+    axes: dict[str, list] = {}
+    for name, *rest in over:
+        require(name not in axes, "over", "name a parameter once", f"given twice for {name}")
+        if name in CHOICES:
+            for choice in rest:
+                require_choice(name, choice, CHOICES[name])
+            require(len(rest) > 0, "over", f"name choices of {name}", "empty")
+            axes[name] = rest
+            continue
+        require_parameter(name)
+        require(len(rest) == 3, "over", f"be {name} LOW HIGH COUNT", " ".join([name, *rest]))
+        low, high = (float(read_text(name, text)) for text in rest[:2])
+        count = rest[2]
+        require(
+            count.isdecimal() and int(count) >= 2,
+            "over",
+            f"have a whole COUNT >= 2 for {name}",
+            count,
+        )
+        require(low < high, "over", f"have LOW < HIGH for {name}", f"{rest[0]} {rest[1]}")
+        axes[name] = np.linspace(low, high, int(count)).tolist()
+    return axes

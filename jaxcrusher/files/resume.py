@@ -1,0 +1,57 @@
+"""Going on with what an earlier run left, only if it was made with the same settings."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+
+def earlier(path: Path, settings: Mapping[str, Any], argument: str) -> dict[str, Any] | None:
+    """What a JSON file with the same `settings` holds, or None where there is none.
+
+    Raises ValueError for a file that cannot be read and for other settings, naming what differs
+    and the `argument` that chooses the file.
+    """
+    if not path.exists():
+        return None
+    try:
+        content = json.loads(path.read_bytes())
+        before = dict(content["settings"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ValueError(
+            f"Argument `{argument}` must be that of a run that can be read, but {path} is not: "
+            f"{type(error).__name__}: {error}. Choose another, or delete it."
+        ) from None
+    require_same(path, before, json.loads(json.dumps(settings)), argument)
+    return content
+
+
+def require_same(
+    path: Path, before: Mapping[str, Any], now: Mapping[str, Any], argument: str
+) -> None:
+    """ValueError that names the settings, as JSON keeps them, in which `path` differs from now."""
+    then, here = _flat(before), _flat(now)
+    differ = "; ".join(
+        f"{name}: {_short(then.get(name))} there, {_short(here.get(name))} here"
+        for name in {**then, **here}
+        if then.get(name) != here.get(name)
+    )
+    if differ:
+        raise ValueError(
+            f"Argument `{argument}` must be that of a run with the same settings, but in {path} "
+            f"differ {differ}."
+        )
+
+
+def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested settings by dotted names."""
+    flat = {}
+    for name, value in settings.items():
+        inner = isinstance(value, Mapping)
+        flat |= _flat(value, f"{prefix}{name}.") if inner else {prefix + name: value}
+    return flat
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:28]} ... {text[-28:]}"

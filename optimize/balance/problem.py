@@ -1,0 +1,71 @@
+"""The problem that the options of the design study describe."""
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from jaxcrusher.basics.checks import require, require_positive, require_whole, require_within
+from jaxcrusher.scenes.parameters import PARAMETERS, PE250X400
+from optimize.balance.options import MOST_LINKS, Options
+from optimize.design import CounterweightMoment, Design
+from optimize.stroke import EqualStroke
+
+LINKS = ("toggle.length", "bearing.distance", "bearing.inclination", "jaw.length")
+# A flywheel of this crusher has room for it; 14 kg m at the smallest radius are 200 kg.
+COUNTERWEIGHT = {
+    "counterweight.moment_along": (-14.0, 14.0),
+    "counterweight.moment_across": (-14.0, 14.0),
+    "counterweight.radius": (0.1, 0.35),
+}
+# No counterweight: the paper's machine, at the radius of the description.
+PAPER = {**PE250X400, "counterweight.moment_along": 0.0, "counterweight.moment_across": 0.0}
+
+
+def check(options: Options) -> None:
+    """Raise ValueError for a value outside its limits, before anything is compiled."""
+    require_positive("speed", options.speed, "rad/s")
+    bore = 1e3 * float(PE250X400["bore_radius"])
+    good = math.isfinite(options.clearance) and 0 < options.clearance < bore
+    require(good, "clearance", f"lie in (0, {bore:g}) mm", options.clearance)
+    good = 0 < options.links <= MOST_LINKS
+    require(good, "links", f"lie in (0, {MOST_LINKS:g}] percent", options.links)
+    for name, least in (
+        ("starts", 1),
+        ("budget", 1),
+        ("turns", 1),
+        ("samples", 2),
+        ("settle", 2),
+        ("seed", 0),
+    ):
+        require_whole(name, getattr(options, name), least)
+    for width in options.tolerance:
+        require_within("tolerance", width, 0.0, 0.9)
+    require_within("sigmas", options.sigmas, 0.0, 10.0)
+
+
+def settings(options: Options) -> dict[str, Any]:
+    """What the answer depends on."""
+    kept = asdict(options)
+    return {name: kept[name] for name in kept if name not in ("name", "out")}
+
+
+def conditions(options: Options) -> dict[str, float]:
+    """The clearance (m), friction and load (N) that the machine is meant for."""
+    described = {**PE250X400, "clearance": 1e-3 * options.clearance}
+    return {name: float(described[name]) for name in ("clearance", "friction", "load")}
+
+
+def design(options: Options) -> Design:
+    """Nine free parameters; the eccentricity follows from the paper's stroke."""
+    bounds = {
+        **COUNTERWEIGHT,
+        "jaw.mass_centre_distance": (0.27, 0.33),
+        "jaw.mass_centre_angle": (float(np.radians(5)), float(np.radians(25))),
+    }
+    for name in LINKS:
+        value = PARAMETERS[name].default
+        bounds[name] = (value * (1 - options.links / 100), value * (1 + options.links / 100))
+    fixed = {"speed": options.speed, "start": "contact", **conditions(options)}
+    return Design(bounds, fixed, (CounterweightMoment(), EqualStroke.of({})))

@@ -1,0 +1,75 @@
+"""Files are written whole or not at all."""
+
+import json
+import os
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+
+from jaxcrusher.files import results
+from jaxcrusher.files.durable import writing
+
+
+def test_writers_at_one_time_do_not_meet(tmp_path):
+    """Of one file, and of two that differ in their suffix."""
+    names = ("a.json", "a.nc", "a.json")
+    with (
+        writing(tmp_path / names[0]) as first,
+        writing(tmp_path / names[1]) as second,
+        writing(tmp_path / names[2]) as third,
+    ):
+        for path, text in zip((first, second, third), "123", strict=True):
+            path.write_text(text)
+    # The last to end was the first to begin.
+    assert (tmp_path / "a.json").read_text() == "1" and (tmp_path / "a.nc").read_text() == "2"
+    assert sorted(os.listdir(tmp_path)) == ["a.json", "a.nc"]
+
+
+def test_a_failed_writer_leaves_what_was_there(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text("before")
+    with pytest.raises(ZeroDivisionError), writing(path) as partial:
+        partial.write_text("half")
+        _ = 1 / 0
+    assert path.read_text() == "before" and os.listdir(tmp_path) == ["a.json"]
+
+
+@pytest.mark.parametrize("suffix", ["txt", "json", "nc", "csv", "png"])
+def test_every_file_is_on_the_disk_before_it_takes_its_place(tmp_path, monkeypatch, suffix):
+    path = tmp_path / f"a.{suffix}"
+    synced = []
+    fsync = os.fsync
+    monkeypatch.setattr(os, "fsync", lambda fd: (synced.append(os.fstat(fd)), fsync(fd)))
+    write = {
+        "txt": lambda: results.write_text(path, "±"),
+        "json": lambda: results.write_json(path, {"a": 1}),
+        "nc": lambda: results.write_netcdf(path, xr.Dataset({"a": ("x", [True, False])})),
+        "csv": lambda: results.write_table(path, [{"a": 1}]),
+        "png": lambda: results.write_figure(path, plt.figure()),
+    }
+    write[suffix]()
+    assert [(stat.st_ino, stat.st_size) for stat in synced] == [
+        (path.stat().st_ino, path.stat().st_size)
+    ]
+    assert os.listdir(tmp_path) == [path.name]
+    # As any file of this user, not one of his own only.
+    (tmp_path / "plain").write_text("")
+    assert path.stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_json_has_no_nan_and_no_arrays(tmp_path):
+    content = {"a": [np.nan, 1.0], "b": {"c": np.inf}, "d": np.arange(2), "e": np.float64(2)}
+    results.write_json(tmp_path / "x.json", content)
+    assert json.loads((tmp_path / "x.json").read_text()) == {
+        "a": [None, 1.0],
+        "b": {"c": None},
+        "d": [0, 1],
+        "e": 2.0,
+    }
+
+
+def test_rows_of_a_table_may_lack_columns(tmp_path):
+    results.write_table(tmp_path / "x.csv", [{"a": 1, "b": "p, q"}, {"b": 2, "c": 3}], "why")
+    assert (tmp_path / "x.csv").read_bytes() == b'# why\na,b,c\r\n1,"p, q",\r\n,2,3\r\n'

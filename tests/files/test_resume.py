@@ -1,0 +1,36 @@
+"""Work goes on only with the same settings."""
+
+import pytest
+
+from jaxcrusher.files.results import write_json
+from jaxcrusher.files.resume import earlier
+
+SETTINGS = {"turns": 5, "scene": {"speed": 30.0, "start": "contact"}, "width": (1, 2)}
+
+
+def test_the_same_settings_find_what_is_there(tmp_path):
+    path = tmp_path / "x.json"
+    assert earlier(path, SETTINGS, "name") is None
+    write_json(path, {"settings": SETTINGS, "rows": [1]})
+    kept = earlier(path, SETTINGS, "name")
+    assert kept is not None and kept["rows"] == [1]
+
+
+def test_what_differs_is_named(tmp_path):
+    path = tmp_path / "x.json"
+    write_json(path, {"settings": SETTINGS})
+    others = {**SETTINGS, "scene": {"speed": 31.0, "start": "contact"}, "rtol": 1e-9}
+    with pytest.raises(ValueError) as error:
+        earlier(path, others, "name")
+    assert str(error.value) == (
+        f"Argument `name` must be that of a run with the same settings, but in {path} differ "
+        "scene.speed: 30.0 there, 31.0 here; rtol: nothing there, 1e-09 here."
+    )
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"settings": 3}'])
+def test_a_file_that_cannot_be_read_is_named(text, tmp_path):
+    path = tmp_path / "x.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"^Argument `name` must be that of a run that can be rea"):
+        earlier(path, SETTINGS, "name")
