@@ -1,12 +1,13 @@
 """Confirmation: long independent runs of the candidates, with confidence intervals."""
 
-from dataclasses import dataclass
-from typing import Any
-
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Float
 from scipy.stats import t as student
 
-from optimize.evaluate import STARTS, Case, Progress, Window, evaluate
+import jaxcrusher as jc
+from optimize.answer import Confirmed, Runs
+from optimize.evaluate import STARTS, Case, Progress, Rows, Window, evaluate
 
 CONFIDENCE = 0.95
 # Starts of independent runs are shifted at random by up to this many clearances: a swing or a
@@ -14,46 +15,10 @@ CONFIDENCE = 0.95
 SHIFT = 0.05
 
 
-@dataclass(frozen=True)
-class Confirmed:
-    """A design's independent runs: rows of shape (starts, runs), one per variable."""
-
-    unit: np.ndarray
-    rows: dict[str, np.ndarray]
-
-    @property
-    def counts(self) -> bool:
-        """No run failed, whirled or broke a constraint."""
-        return bool(self.rows["counts"].all())
-
-    def mean(self, start: int) -> float:
-        """The mean objective of the runs from one start."""
-        return float(self.rows["objective"][start].mean())
-
-    def half_width(self, start: int) -> float:
-        """Of the 95 % confidence interval of `mean`, from the scatter between runs."""
-        values = self.rows["objective"][start]
-        quantile = float(student.ppf((1 + CONFIDENCE) / 2, len(values) - 1))
-        return quantile * float(values.std(ddof=1)) / len(values) ** 0.5
-
-    @property
-    def worse(self) -> int:
-        """The start with the larger mean."""
-        return int(np.argmax([self.mean(i) for i in range(len(STARTS))]))
-
-    @property
-    def value(self) -> float:
-        """What the design is judged by; NaN if a run does not count."""
-        return self.mean(self.worse) if self.counts else float("nan")
-
-    @property
-    def error(self) -> float:
-        """Half the width of the confidence interval of `value`."""
-        return self.half_width(self.worse)
-
-    def first(self, start: int) -> dict[str, Any]:
-        """The variables of the first run, whose start is not shifted."""
-        return {name: values[start, 0].item() for name, values in self.rows.items()}
+def interval(values: Float[np.ndarray, " runs"]) -> tuple[float, float]:
+    """The mean of independent runs, and half of its 95 % confidence interval, by their scatter."""
+    quantile = float(student.ppf((1 + CONFIDENCE) / 2, len(values) - 1))
+    return float(values.mean()), quantile * float(values.std(ddof=1)) / len(values) ** 0.5
 
 
 def confirm(
@@ -74,6 +39,35 @@ def confirm(
     whole = {name: np.concatenate([rows[name] for rows in parts], axis=1) for name in parts[0]}
     grouped = {name: v.reshape(len(STARTS), len(units), runs) for name, v in whole.items()}
     return [
-        Confirmed(unit, {name: values[:, i] for name, values in grouped.items()})
+        confirmed(case, unit, {name: values[:, i] for name, values in grouped.items()})
         for i, unit in enumerate(units)
     ]
+
+
+def confirmed(case: Case, unit: Float[np.ndarray, " n"], rows: Rows) -> Confirmed:
+    """A point of the unit box with its runs: `rows` of shape (starts, runs)."""
+    values = case.design.numbers(unit)
+    described = {**jc.PE250X400, **case.design.fixed, **values}
+    intervals = [interval(numbers) for numbers in rows["objective"]]
+    worse = int(np.argmax([mean for mean, _ in intervals]))
+    mean, half_width = intervals[worse]
+    ideal = jc.statistics(jc.build_scene(described).ideal(), 0, 1, outputs=("foundation_rms",))
+    runs = {}
+    for i, (start, numbers) in enumerate(zip(STARTS, intervals, strict=True)):
+        by_run = {name: column[i] for name, column in rows.items()}
+        limits = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
+        first = [by_run[name][0] for name in limits]
+        validity = jc.Validity(*map(jnp.asarray, (*first, described["restitution"])))
+        runs[start] = Runs(*numbers, validity, by_run)
+    return Confirmed(
+        values,
+        mean if rows["counts"].all() else float("nan"),
+        half_width,
+        STARTS[worse],
+        float(described["speed"]),
+        float(described["clearance"]),
+        float(rows["foundation_rms"].mean(axis=1).max()),
+        float(np.asarray(ideal.foundation_rms)),
+        float(case.capacity(unit)),
+        runs,
+    )

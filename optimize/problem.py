@@ -7,6 +7,7 @@ from jaxcrusher.basics.checks import require, require_choice, require_within
 from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
 from jaxcrusher.scenes.parameters import CHOICES, PE250X400
 from jaxcrusher.scenes.scene_file import read_scene_file, read_text, require_parameter
+from optimize.answer import Box
 from optimize.design import Design
 from optimize.evaluate import Case
 from optimize.objectives import OBJECTIVES
@@ -120,14 +121,8 @@ def floor(options: Options) -> float:
     return float(CrushingChamber().capacity(GREATEST_AT)) / AFFLUENCE
 
 
-def box(options: Options) -> dict:
+def box(case: Case) -> Box:
     """The box searched, and the range of speeds that the capacity equations give."""
-    chamber = CrushingChamber()
-    return {
-        **{name: list(limits) for name, limits in bounds(options).items()},
-        "capacity_floor": floor(options),
-        "derived_speed": [
-            float(chamber.lowest_speed()),
-            float(chamber.highest_speed(floor(options))),
-        ],
-    }
+    chamber, floor = case.chamber, case.capacity_floor
+    speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(floor))
+    return Box(dict(case.design.bounds), floor, speeds)

@@ -1,9 +1,10 @@
-"""The stages of a search, each with its seconds and integration steps in the result."""
+"""The stages of a search, each with its seconds and integration steps."""
 
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,10 @@ from rich.progress import Progress as Bars
 import jaxcrusher as jc
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
-from optimize import confirm, landscape, local, problem
-from optimize.evaluate import STARTS, Case, Window, evaluate, judged, started
+from optimize import landscape, local, problem
+from optimize.answer import Answer, Confirmed, Refinement
+from optimize.confirm import SHIFT, confirm
+from optimize.evaluate import STARTS, Case, Progress, Window, evaluate, judged, started
 from optimize.motions import cell_motions
 from optimize.options import Options
 
@@ -28,59 +31,60 @@ LONGER = 3
 REGIME = (60, 200, 20)
 
 
-@contextmanager
-def stage(result: dict, name: str) -> Iterator[None]:
-    """Books the seconds of a stage."""
-    began = time.perf_counter()
-    yield
-    result["seconds"][name] = time.perf_counter() - began
+@dataclass(frozen=True)
+class Search:
+    """What every stage works on: the case, what was asked for, and where its progress is told."""
+
+    case: Case
+    options: Options
+    bars: Bars
+
+    @contextmanager
+    def stage(self, answer: Answer, name: str, total: int) -> Iterator[Progress]:
+        """A bar for a stage, whose seconds are booked when it ends; yields its progress."""
+        bar = self.bars.add_task(name, total=total)
+        began = time.perf_counter()
+        yield lambda done, _: self.bars.update(bar, completed=done)
+        answer.seconds[name] = time.perf_counter() - began
 
 
-def explore(
-    case: Case, options: Options, units: np.ndarray, folder: Path, bars: Bars, result: dict
-) -> xr.Dataset:
+def explore(search: Search, answer: Answer, units: np.ndarray, folder: Path) -> xr.Dataset:
     """The landscape of `units` with its exponents, written after every chunk."""
+    case, options = search.case, search.options
     window = Window(options.settle, options.turns, MAP_RTOL)
-    bar = bars.add_task("landscape", total=len(units))
     attributes = provenance(
         "Landscape of a design search",
         scene={**jc.PE250X400, **case.design.fixed},
-        box=problem.box(options),
+        box=asdict(answer.box),
         settle_turns=window.settle,
         turns=window.turns,
         rtol=window.rtol,
     )
     data = xr.Dataset()
-    with stage(result, "landscape"):
+    with search.stage(answer, "landscape", len(units)) as progress:
         for done, data in landscape.mapped(case, units, options.grid, window):
             data.attrs = attributes
             write_netcdf(folder / "landscape.nc", data)
-            bars.update(bar, completed=done)
-    result["steps"]["landscape"] = int(data.steps.sum())
-    bar = bars.add_task("regimes", total=len(STARTS) * len(units))
-    with stage(result, "regimes"):
-        largest, steps = landscape.exponents(
-            case,
-            units,
-            options.settle,
-            MAP_RTOL,
-            lambda done, _: bars.update(bar, completed=done),
-        )
-    result["steps"]["regimes"] = steps
+            progress(done, len(units))
+    answer.steps["landscape"] = int(data.steps.sum())
+    with search.stage(answer, "regimes", len(STARTS) * len(units)) as progress:
+        largest, steps = landscape.exponents(case, units, options.settle, MAP_RTOL, progress)
+    answer.steps["regimes"] = steps
     data["exponent"] = data.objective.copy(data=largest.reshape(data.objective.shape))
     data.exponent.attrs = {"units": "1", "long_name": "largest Lyapunov exponent, a turn"}
     write_netcdf(folder / "landscape.nc", data)
     return data
 
 
-def descend(
-    case: Case, options: Options, units: np.ndarray, data: xr.Dataset, bars: Bars, result: dict
-) -> tuple[np.ndarray, list[np.ndarray]]:
+def refine(
+    search: Search, answer: Answer, units: np.ndarray, data: xr.Dataset
+) -> tuple[np.ndarray, Answer]:
     """Local descents from the best of `units`, the landscape's points, and from random ones.
 
-    Returns the candidates (m, n), the best points of the landscape first, and all paths, each
-    of shape (points, n).
+    Returns the candidates (m, n), the best points of the landscape first, and the answer with
+    its descents.
     """
+    case, options = search.case, search.options
     values = landscape.worst(data).to_numpy().ravel()
     best = landscape.best_points(values, units, options.refine)
     if not len(best):
@@ -92,33 +96,44 @@ def descend(
     exponent = data.exponent.to_numpy().reshape(len(STARTS), -1).max(axis=0)[nearest]
     # A NaN exponent, of a failed motion, has no gradient either.
     regular = exponent < landscape.CHAOTIC
-    summary = [
-        {"start": case.design.values(unit), "exponent": value, "by": "gradient" if g else "fits"}
-        for unit, value, g in zip(starts, exponent, regular, strict=True)
-    ]
-    paths: list[np.ndarray] = []
-    with stage(result, "refinement"):
-        result["refinement"] = {"runs": summary}
-        result["steps"]["refinement"] = 0
+    steps = options.steps if regular.any() else 0
+    found, ends, taken = [], [], 0
+    with search.stage(answer, "refinement", steps + int((~regular).sum())) as progress:
         if regular.any():
-            bar = bars.add_task("gradient descent", total=options.steps)
-            descent = local.descend_by_gradients(
-                case, starts[regular], options.steps, lambda n, _: bars.update(bar, completed=n)
-            )
-            result["steps"]["refinement"] += descent.steps
-            paths += list(np.moveaxis(descent.path, 1, 0))
-            result["refinement"] |= _gradients(case, descent)
-        for unit in starts[~regular]:
-            bar = bars.add_task("descent by fits", total=None)
+            descent = local.descend_by_gradients(case, starts[regular], steps, progress)
+            taken += descent.steps
+            ends.append(descent.path[-1])
+            found += _by_gradients(case, descent, exponent[regular])
+        for i, unit in enumerate(starts[~regular]):
             objective = _NoisyObjective(case, Window(options.settle, options.turns, MAP_RTOL))
-            path, _, _ = local.descend_by_fits(objective, unit, seed=options.seed)
-            result["steps"]["refinement"] += objective.steps
-            paths.append(path)
-            bars.update(bar, total=1, completed=1)
-    ends = np.stack([path[-1] for path in paths])
+            path, means, _ = local.descend_by_fits(objective, unit, seed=options.seed)
+            taken += objective.steps
+            ends.append(path[-1:])
+            growth = float(exponent[~regular][i])
+            found.append(
+                Refinement("fits", growth, _path(case, path), float(means[0]), float(means[-1]), {})
+            )
+            progress(steps + i + 1, 0)
+    answer.steps["refinement"] = taken
     # Descents that meet need one confirmation.
-    _, first = np.unique(np.round(np.concatenate([best, ends]), 4), axis=0, return_index=True)
-    return np.concatenate([best, ends])[np.sort(first)], paths
+    candidates = np.concatenate([best, *ends])
+    _, first = np.unique(np.round(candidates, 4), axis=0, return_index=True)
+    return candidates[np.sort(first)], replace(answer, refinement=tuple(found))
+
+
+def _by_gradients(case: Case, descent: local.Descent, exponent: np.ndarray) -> list[Refinement]:
+    widths = np.array([high - low for low, high in case.design.bounds.values()])
+    found = []
+    for i, growth in enumerate(exponent.tolist()):
+        slopes = dict(zip(case.design.names, (descent.gradient[i] / widths).tolist(), strict=True))
+        first, last = float(descent.values[0, i]), float(descent.values[-1, i])
+        path = _path(case, descent.path[:, i])
+        found.append(Refinement("gradient", growth, path, first, last, slopes))
+    return found
+
+
+def _path(case: Case, units: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: np.asarray(values) for name, values in case.design.values(units).items()}
 
 
 class _NoisyObjective:
@@ -130,7 +145,7 @@ class _NoisyObjective:
     def __call__(self, units: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """Values (m,) of points (m, n), each start shifted as its number says."""
         draws = [np.random.default_rng(number) for number in numbers]
-        shifts = np.stack([rng.uniform(-confirm.SHIFT, confirm.SHIFT, 2) for rng in draws])
+        shifts = np.stack([rng.uniform(-SHIFT, SHIFT, 2) for rng in draws])
         values = np.full(len(units), np.nan)
         for part, rows in evaluate(self.case, units, self.window, shifts=shifts):
             values[part] = judged(rows)
@@ -138,100 +153,69 @@ class _NoisyObjective:
         return values
 
 
-def _gradients(case: Case, descent: local.Descent) -> dict[str, Any]:
-    """First and last quiet objective, and the gradient at the best end, in SI units."""
-    best = int(np.nanargmin(descent.values[-1]))
-    widths = [high - low for low, high in case.design.bounds.values()]
-    slopes = descent.gradient[best] / widths
-    return {
-        "quiet_first": descent.values[0],
-        "quiet_last": descent.values[-1],
-        "gradient_at_best": dict(zip(case.design.names, slopes, strict=True)),
-    }
-
-
 def settle_on(
-    case: Case, options: Options, candidates: np.ndarray, bars: Bars, result: dict
-) -> tuple[list[confirm.Confirmed], confirm.Confirmed]:
+    search: Search, answer: Answer, candidates: np.ndarray
+) -> tuple[list[Confirmed], Confirmed]:
     """Independent long runs of the candidates and of the design to compare with."""
-    reference = case.design.unit(problem.reference(options))
+    case, options = search.case, search.options
+    points = np.concatenate([candidates, case.design.unit(problem.reference(options))[None]])
     window = Window(LONGER * options.settle, LONGER * options.turns, CONFIRM_RTOL)
-    bar = bars.add_task("confirmation", total=(len(candidates) + 1) * options.runs)
-    with stage(result, "confirmation"):
-        found = confirm.confirm(
-            case,
-            np.concatenate([candidates, reference[None]]),
-            options.runs,
-            window,
-            options.seed,
-            lambda done, _: bars.update(bar, completed=done),
-        )
-    result["steps"]["confirmation"] = sum(int(one.rows["steps"].sum()) for one in found)
-    if not any(one.counts for one in found[:-1]):
+    with search.stage(answer, "confirmation", len(points) * options.runs) as progress:
+        found = confirm(case, points, options.runs, window, options.seed, progress)
+    answer.steps["confirmation"] = sum(
+        int(runs.by_run["steps"].sum()) for one in found for runs in one.runs.values()
+    )
+    if np.isnan([one.objective for one in found[:-1]]).all():
         raise RuntimeError("no candidate survived its confirmation: failed, whirl or constraint")
     return found[:-1], found[-1]
 
 
-def evidence(
-    case: Case, options: Options, best: np.ndarray, reference: np.ndarray, bars: Bars, result: dict
-) -> None:
-    """The slopes of the quiet motion at the best, with verdicts, and regimes.
+def weigh(search: Search, answer: Answer, best: Confirmed, reference: Confirmed) -> Answer:
+    """The answer with the slopes of the quiet motion at the best, with verdicts, and regimes.
 
     That of the best from both starts, and of the design to compare with from the centred one.
     """
-    bar = bars.add_task("evidence", total=3)
+    case, options = search.case, search.options
 
     def scene(start: str, numbers: dict[str, Any]) -> jc.Scene:
         return started({**case.design.fixed, **numbers}, start)
 
-    def regime(unit: np.ndarray) -> jc.Regime:
+    def regime(design: Confirmed) -> jc.Regime:
         settle, turns, tangent_turns = REGIME
-        motion = scene("centred", case.design.numbers(unit))
-        found = jc.regime(motion, settle, turns, tangent_turns=tangent_turns)
-        bars.advance(bar)
-        return found
+        motion = scene("centred", design.values)
+        return jc.regime(motion, settle, turns, tangent_turns=tangent_turns)
 
     # Most of it is compilation, on one core a program.
-    with stage(result, "evidence"), ThreadPoolExecutor(1) as pool:
+    with search.stage(answer, "evidence", 3) as progress, ThreadPoolExecutor(1) as pool:
         slopes = pool.submit(
             jc.gradient_report,
             lambda **numbers: scene("contact", numbers),
             case.objective.outputs[0],
-            case.design.numbers(best),
+            best.values,
             settle_turns=options.settle,
             turns=options.turns,
         )
-        kinds = {
-            (name, "centred"): regime(unit)
-            for name, unit in (("optimum", best), ("seed_choice", reference))
-        }
+        kinds = []
+        for design in (best, reference):
+            kinds.append(_kept(regime(design)))
+            progress(len(kinds), 3)
         found = slopes.result()
-        bars.advance(bar)
-    kinds["optimum", "contact"] = found.regime
-    result["gradient_report"] = {
-        "metric": found.metric,
-        "exponent_x_horizon": found.growth,
-        "slopes": {
-            name: {
-                "value": slope.value,
-                "standard_error": slope.standard_error,
-                "estimator": slope.estimator,
-                "verdict": slope.verdict,
-                "reasons": slope.reasons,
-                "estimates": slope.estimates,
-            }
-            for name, slope in found.slopes.items()
-        },
-    }
-    for (name, start), kind in kinds.items():
-        regimes = result[name].setdefault("regime", {})
-        regimes[start] = {"name": kind.name, "period": kind.period, "evidence": kind.evidence}
+        progress(3, 3)
+    quiet = _kept(found.regime)
+    return replace(
+        answer,
+        optimum=replace(best, regime={"centred": kinds[0], "contact": quiet}),
+        seed_choice=replace(reference, regime={"centred": kinds[1]}),
+        gradient_report=replace(found, regime=quiet),
+    )
 
 
-def film(case: Case, options: Options, data: xr.Dataset, bars: Bars, result: dict) -> xr.Dataset:
+def _kept(regime: jc.Regime) -> jc.Regime:
+    """The verdict with its indicators, without the motion they are of."""
+    return replace(regime, statistics=None, state=None)
+
+
+def film(search: Search, answer: Answer, data: xr.Dataset) -> xr.Dataset:
     """The motion of every point of the landscape, for the page."""
-    bar = bars.add_task("motions", total=len(STARTS) * data.objective[0].size)
-    with stage(result, "motions"):
-        return cell_motions(
-            case, data, options.settle, MAP_RTOL, lambda done, _: bars.update(bar, completed=done)
-        )
+    with search.stage(answer, "motions", len(STARTS) * data.objective[0].size) as progress:
+        return cell_motions(search.case, data, search.options.settle, MAP_RTOL, progress)

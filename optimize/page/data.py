@@ -2,7 +2,6 @@
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
@@ -10,8 +9,8 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
 import jaxcrusher as jc
-from jaxcrusher.batch.sweep import LOGICAL
-from optimize.page.markup import Html, known
+from optimize.answer import Answer
+from optimize.page.markup import Html
 
 # Bytes of motions in a page before base64 makes a third more of them, and the fewest instants
 # a turn that still show an orbit.
@@ -23,45 +22,34 @@ COLOURS = 64
 # Outlines of the markers, as the path's commands after its first point.
 DIAMOND = "m-7 0l7 -7l7 7l-7 7"
 STAR = "m0 -10l2.4 6.8h7.1l-5.7 4.3l2.1 6.9l-5.9 -4.1l-5.9 4.1l2.1 -6.9l-5.7 -4.3h7.1"
-MARKERS = {"optimum": STAR, "seed_choice": DIAMOND}
+MARKERS = {"optimum": STAR, "paper's choice": DIAMOND}
 
 
-def pack(landscape: xr.Dataset, motions: xr.Dataset | None, result: Mapping) -> dict:
+def pack(landscape: xr.Dataset, motions: xr.Dataset | None, answer: Answer) -> dict:
     """Everything that the script draws, ready for JSON.
 
-    Cells are numbered as they lie in memory, the last dim fastest. Variables with other dims
-    than the cells' and `start` are left out. Motions are thinned to `MOST_BYTES`, or left out
-    if too few instants a turn would remain.
+    Cells are numbered as they lie in memory, the last dim fastest. Motions are thinned to
+    `MOST_BYTES`, or left out if too few instants a turn would remain.
     """
     dims = _cell_dims(landscape)
     parameters = _parameters(landscape, dims)
-    names = [parameter["name"] for parameter in parameters]
-    designs = {name: design_values(result.get(name), names) for name in MARKERS}
-    placed = {name: values for name, values in designs.items() if values is not None}
-    best = placed.get("optimum") or design_values(result.get("grid_best"), names)
-    wanted = set(dims)
-    drawable = [name for name in landscape if set(landscape[name].dims) - {"start"} == wanted]
+    best = answer.optimum
     return {
         "parameters": parameters,
         "shape": None if dims == ("sample",) else [landscape.sizes[name] for name in dims],
         "starts": [str(start) for start in landscape.start.to_numpy()],
-        "variables": [_variable(landscape[name], dims) for name in drawable],
+        "variables": [_variable(values, dims) for values in landscape.values()],
         "designs": [
-            {"at": [shown(name, values[name])[0] for name in names[:2]], "shape": MARKERS[key]}
-            for key, values in placed.items()
+            {
+                "at": [shown(name, value)[0] for name, value in design.values.items()][:2],
+                "shape": MARKERS[title],
+            }
+            for title, design in answer.designs.items()
         ],
-        "first": 0 if best is None else _nearest(parameters, best),
+        "first": 0 if best is None else _nearest(parameters, best.values),
         "colours": [to_hex(colour) for colour in colormaps["cividis"](np.linspace(0, 1, COLOURS))],
         "motions": None if motions is None else _pack_motions(motions, dims),
     }
-
-
-def design_values(design: Mapping | None, names: Sequence[str]) -> dict[str, float] | None:
-    """The parameters of a design of result.json, or None if one is not known."""
-    numbers = (design or {}).get("values") or design or {}
-    if not all(known(numbers.get(name)) for name in names):
-        return None
-    return {name: float(numbers[name]) for name in names}
 
 
 def shown(name: str, value: float) -> tuple[float, str]:
@@ -101,7 +89,7 @@ def _parameters(landscape: xr.Dataset, dims: tuple[str, ...]) -> list[dict]:
     return [
         {
             "name": name,
-            "label": str(landscape[name].attrs.get("long_name", name)),
+            "label": str(landscape[name].attrs["long_name"]),
             "unit": shown(name, 0.0)[1],
             "values": [shown(name, float(value))[0] for value in values],
         }
@@ -110,24 +98,15 @@ def _parameters(landscape: xr.Dataset, dims: tuple[str, ...]) -> list[dict]:
 
 
 def _variable(variable: xr.DataArray, dims: tuple[str, ...]) -> dict:
-    """Name, meaning, unit and values of a variable of the landscape; texts stay texts."""
-    by_start = "start" in variable.dims
-    order = ("start", *dims) if by_start else dims
-    values = variable.transpose(*order).to_numpy().ravel()
-    about = {
+    """Name, meaning, unit and values of a variable of the landscape, start by start."""
+    values = variable.transpose("start", *dims).to_numpy()
+    return {
         "name": str(variable.name),
-        "label": str(variable.attrs.get("long_name", variable.name)).replace("$", ""),
-        "units": str(variable.attrs.get("units", "1")),
-        "starts": by_start,
-        "logical": values.dtype == bool or variable.name in (*LOGICAL, "counts"),
+        "label": str(variable.attrs["long_name"]).replace("$", ""),
+        "units": str(variable.attrs["units"]),
+        "logical": values.dtype == bool,
+        "packed": _base64(values.astype("<f4")),
     }
-    if values.dtype.kind not in "biuf":
-        return about | {"values": [_words(value) for value in values]}
-    return about | {"packed": _base64(values.astype("<f4"))}
-
-
-def _words(value: object) -> str:
-    return value.decode() if isinstance(value, bytes) else str(value)
 
 
 def _nearest(parameters: list[dict], design: dict[str, float]) -> int:

@@ -2,18 +2,18 @@
 
 import base64
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
 import xarray as xr
 
 from jaxcrusher.files.results import write_text
+from optimize.answer import Answer
 from optimize.page import data as page_data
-from optimize.page.answer import answer
+from optimize.page import sections
 from optimize.page.explorer import explorer
 from optimize.page.markup import Html, element, join, missing, section
-from optimize.page.sections import checks, found, limits, others, settings
 
 # What the figures of a finished run show.
 FIGURES = {
@@ -31,35 +31,33 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-s
 
 def write_page(
     folder: Path,
-    result: Mapping,
+    answer: Answer,
     landscape: xr.Dataset | None,
     motions: xr.Dataset | None,
-    figures: Sequence[str] = tuple(FIGURES),
+    figures: Sequence[str],
 ) -> Path:
     """Write report.html, at once or not at all, and return its path.
 
     **Arguments:**
 
-    - `folder`: of the run; its name is the title. The PNG `figures` in it are embedded, but
-      only if the run finished: those of an earlier run may lie there.
-    - `result`: what result.json holds. What is missing is named, what is unknown is shown.
+    - `folder`: of the run; its name is the title.
+    - `answer`: as far as the search came; what is missing is named.
     - `landscape`: as `optimize.landscape.mapped` gives it, or None.
     - `motions`: of its cells, as `optimize.motions.cell_motions` returns them, or None.
+    - `figures`: of `FIGURES`, those that this run drew: others in the folder are an earlier run's.
     """
-    result = {key: _plain(value) for key, value in result.items()}
-    finished = result.get("status") == "finished"
-    data = None if landscape is None else page_data.pack(landscape, motions, result)
+    data = None if landscape is None else page_data.pack(landscape, motions, answer)
     content = element(
         "main",
-        _head(folder.name, result),
-        answer(result),
+        _head(folder.name, answer),
+        sections.answer(answer),
         explorer(data),
-        checks(result),
-        found(result),
-        _figures(folder, figures if finished else ()),
-        settings(result),
-        others(result),
-        limits(),
+        sections.checks(answer),
+        sections.slopes(answer),
+        sections.search(answer),
+        _figures(folder, figures),
+        sections.settings(answer),
+        sections.limits(),
     )
     page = join(
         [
@@ -80,15 +78,6 @@ def write_page(
     return path
 
 
-def _plain(value):
-    """The same with arrays as lists."""
-    if isinstance(value, Mapping):
-        return {key: _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    return value.tolist() if hasattr(value, "tolist") else value
-
-
 def _script() -> Html:
     code = _part("plot.js") + _part("page.js")
     return Html(f'<script>\n(() => {{\n"use strict";\n{code}}})();\n</script>')
@@ -98,15 +87,14 @@ def _part(name: str) -> str:
     return files("optimize.page").joinpath(name).read_text(encoding="utf-8")
 
 
-def _head(name: str, result: Mapping) -> Html:
-    status = result.get("status", "unknown")
+def _head(name: str, answer: Answer) -> Html:
     parts = [
         element("h1", f"Design search “{name}”"),
         element("p", "Made by this command:"),
-        element("code", result.get("command", "not recorded"), class_="command", tabindex="0"),
+        element("code", answer.command, class_="command", tabindex="0"),
     ]
-    if status != "finished":
-        warning = f"This run is not finished (status: {status}). What it came to is below."
+    if not answer.finished:
+        warning = f"This run is not finished (status: {answer.status}). What it came to is below."
         parts.append(element("p", warning, class_="warning", role="alert"))
     return element("header", *parts)
 
@@ -114,11 +102,8 @@ def _head(name: str, result: Mapping) -> Html:
 def _figures(folder: Path, names: Sequence[str]) -> Html:
     parts = []
     for name in names:
-        path, caption = folder / name, FIGURES.get(name, name)
-        if not path.exists():
-            parts.append(element("p", f"No figure {name}.", class_="missing"))
-            continue
-        picture = base64.b64encode(path.read_bytes()).decode()
-        image = Html(f'<img src="data:image/png;base64,{picture}" alt="{html.escape(caption)}">')
-        parts.append(element("figure", image, element("figcaption", caption)))
+        picture = base64.b64encode((folder / name).read_bytes()).decode()
+        caption = html.escape(FIGURES[name])
+        image = Html(f'<img src="data:image/png;base64,{picture}" alt="{caption}">')
+        parts.append(element("figure", image, element("figcaption", FIGURES[name])))
     return section("Figures", *(parts or [missing("figures")]))

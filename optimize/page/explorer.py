@@ -9,9 +9,6 @@ def explorer(data: dict | None) -> Html:
     if data is None:
         text = "No landscape: the run ended before it came to that."
         return element("section", title, element("p", text, class_="missing"))
-    numeric = [variable for variable in data["variables"] if "packed" in variable]
-    names = [variable["name"] for variable in numeric]
-    first = next((name for name in ("objective", "foundation_rms") if name in names), names[0])
     script = element(
         "noscript", element("p", "The map needs JavaScript, which is off.", class_="warning")
     )
@@ -25,22 +22,20 @@ def explorer(data: dict | None) -> Html:
             class_="help",
         ),
         script,
-        element(
-            "div", _map(data, numeric, first), _motions(data), _numbers(data), class_="explorer"
-        ),
+        element("div", _map(data), _motions(data), _numbers(data), class_="explorer"),
         element("div", id="tip", hidden="hidden"),
         element("p", id="spoken", class_="unseen", role="status"),
     )
 
 
-def _map(data: dict, numeric: list[dict], first: str) -> Html:
+def _map(data: dict) -> Html:
     variables = [
         _option(
             variable["name"],
             f"{variable['label']}{_unit(variable)}",
-            chosen=variable["name"] == first,
+            chosen=variable["name"] == "objective",
         )
-        for variable in numeric
+        for variable in data["variables"]
     ]
     starts = [_option("larger", "larger of both starts", chosen=True)]
     starts += [_option(str(i), f"{start} start") for i, start in enumerate(data["starts"])]

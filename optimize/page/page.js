@@ -11,12 +11,11 @@ const columns = shape ? shape[0] : cells, rows = shape && shape.length > 1 ? sha
 // The numbers ---------------------------------------------------------------------------
 
 for (const variable of variables)
-  if (variable.packed) variable.values = new Float32Array(bytes(variable.packed));
+  variable.values = new Float32Array(bytes(variable.packed));
 const byName = Object.fromEntries(variables.map((variable) => [variable.name, variable]));
 
 function at(name, start, cell) {
-  const variable = byName[name];
-  return variable && variable.values[variable.starts ? start * cells + cell : cell];
+  return byName[name].values[start * cells + cell];
 }
 
 function faults(cell, start) {
@@ -40,9 +39,9 @@ function account(cell, start) {
   const rms = number(at("foundation_rms", start, cell));
   const error = at("foundation_rms_error", start, cell);
   const scatter = Number.isFinite(error) ? ` ± ${number(Number(error.toPrecision(2)))}` : "";
-  const objective = at("objective", start, cell), { label, units } = byName.objective ?? {};
+  const objective = at("objective", start, cell), { label, units } = byName.objective;
   // The objective is often the RMS itself.
-  const other = objective === undefined || objective === at("foundation_rms", start, cell)
+  const other = objective === at("foundation_rms", start, cell)
     ? [] : [`${label} ${number(objective)} ${units}`];
   return [`${starts[start]} start: RMS ${rms}${scatter} N`, ...other, ...named].join(", ");
 }
@@ -84,8 +83,6 @@ function axis(parameter, limits, count) {
 }
 
 function shown(cell) {
-  const variable = byName[view.variable];
-  if (!variable.starts) return variable.values[cell];
   if (view.start !== "larger") return at(view.variable, Number(view.start), cell);
   const values = starts.map((_, start) => at(view.variable, start, cell));
   return values.every(Number.isFinite) ? Math.max(...values) : NaN;
@@ -245,14 +242,11 @@ function drawTable(cell) {
     const row = document.createElement("tr");
     const value = (start) => {
       const entry = at(variable.name, start, cell);
-      if (typeof entry === "string") return entry;
       return variable.logical ? ["no", "yes"][entry] ?? "no value" : number(entry);
     };
     const unit = variable.units === "1" ? "" : variable.units;
-    const texts = variable.starts ? starts.map((_, start) => value(start)) : [value(0)];
-    for (const text of [variable.label, ...texts, unit])
+    for (const text of [variable.label, ...starts.map((_, start) => value(start)), unit])
       row.appendChild(document.createElement("td")).textContent = text;
-    if (!variable.starts) row.children[1].colSpan = starts.length;
     return row;
   }));
 }

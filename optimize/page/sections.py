@@ -1,127 +1,180 @@
-"""The sections of the report's page that tell result.json in tables."""
+"""The sections of the report's page that tell the answer in tables."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 
 import jaxcrusher as jc
 from jaxcrusher.batch.sweep import VARIABLES
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CONTACT
-from optimize.page.answer import DESIGNS
-from optimize.page.data import design_unit
-from optimize.page.markup import Html, element, missing, nested, section, table
-
-# Units of the numbers of result.json by their key; lengths of the design are shown in mm.
-FIXED_UNITS = {
-    "derived_speed": ("rad/s", 1.0),
-    "capacity": ("m³/h", 1.0),
-    "capacity_floor": ("m³/h", 1.0),
-    "ideal_rms": ("N", 1.0),
-}
-FIXED_UNITS |= {name: (unit, 1.0) for name, (unit, _) in VARIABLES.items() if unit != "1"}
-FIXED_UNITS |= {name: design_unit(name) for name in jc.PARAMETERS if design_unit(name)[0]}
-OF_OBJECTIVE = ("objective", "half_width", "objective_mean", "objective_half_width")
-# Keys of result.json that a section of its own shows; any other is shown as it is.
-SHOWN = set(
-    "status command versions objective box fixed seed steps seconds grid_best optimum claim "
-    "seed_choice ideal candidates refinement checks remark".split()
-)
+from optimize import words
+from optimize.answer import Answer, Confirmed, Refinement
+from optimize.page.data import design_unit, shown
+from optimize.page.markup import Html, as_text, element, missing, section, table
 
 
-def checks(result: Mapping) -> Html:
+def answer(found: Answer) -> Html:
+    """The closing table, what is outside the model, and what the search leaves out."""
+    if not found.designs:
+        return section("The answer", missing("answer"))
+    objective, unit = found.objective, found.objective.unit
+    rows = [
+        (
+            title,
+            *(f"{shown(name, value)[0]:.5g}" for name, value in design.values.items()),
+            *(words.interval(runs) for runs in design.runs.values()),
+            f"{design.ideal_rms:.0f}",
+            f"{design.capacity:.2f}",
+        )
+        for title, design in found.designs.items()
+    ]
+    starts = next(iter(found.designs.values())).runs
+    headings = (
+        "design",
+        *map(_with_unit, found.box.bounds),
+        *(f"{start} start, {unit}" for start in starts),
+        "ideal joint's RMS, N",
+        "capacity, m³/h",
+    )
+    remarks = [
+        element("li", f"{title}: {remark}")
+        for title, design in found.designs.items()
+        for remark in (words.regimes(design), words.limits(design))
+        if remark
+    ]
+    return section(
+        "The answer",
+        table(headings, rows, caption=f"{objective.meaning}, {unit}"),
+        element("p", f"{words.error(found)}."),
+        element("ul", *remarks),
+        element("p", found.claim.words) if found.claim else missing("claim"),
+        element("h3", "What the search leaves out"),
+        element("p", found.remark) if found.remark else missing("remark"),
+    )
+
+
+def checks(found: Answer) -> Html:
     """What was checked, each with its verdict."""
-    verdicts = result.get("checks")
-    if not verdicts:
+    if not found.checks:
         return section("Checks", missing("checks"))
     rows = [
         (
-            check.get("name"),
-            element("span", check.get("verdict"), class_="ok" if check.get("passed") else "failed"),
-            check.get("detail"),
+            check.name,
+            element("span", check.verdict, class_="ok" if check.passed else "failed"),
+            check.detail,
         )
-        for check in verdicts
+        for check in found.checks
     ]
-    failed = sum(not check.get("passed") for check in verdicts)
-    verdict = f"{failed} of {len(verdicts)} failed." if failed else f"All {len(verdicts)} passed."
+    failed, count = sum(not check.passed for check in found.checks), len(rows)
+    verdict = f"{failed} of {count} failed." if failed else f"All {count} passed."
     return section("Checks", element("p", verdict), table(("check", "verdict", "detail"), rows))
 
 
-def found(result: Mapping) -> Html:
-    """Candidates, the grid's best cell, the refinement, and the long runs in full."""
-    unit = (result.get("objective") or {}).get("unit", "N")
-    units = {**FIXED_UNITS, **dict.fromkeys(OF_OBJECTIVE, (unit, 1.0))}
-    slopes = {name: (f"{unit} per {of}", 1 / factor) for name, (of, factor) in units.items()}
-    parts: list[object] = []
-    for key, title in (("grid_best", "Best cell of the grid"), ("candidates", "Candidates")):
-        content = result.get(key)
-        told = nested(_flat(content), units) if content else _missing_part(title)
-        parts.append(element("div", element("h3", title), element("div", told, class_="wide")))
-    parts = [element("div", *parts, class_="columns")]
-    title, content = "Refinement", dict(result.get("refinement") or {})
-    # Slopes by the parameters have units of their own.
-    gradient = content.pop("gradient_at_best", None)
-    parts.append(
-        element(
-            "div",
-            element("h3", title),
-            element(
-                "div",
-                nested(_flat(content), units) if content else "",
-                nested({"gradient_at_best": gradient}, slopes) if gradient else "",
-                class_="wide",
+def slopes(found: Answer) -> Html:
+    """The slopes at the optimum, in the units of the tables."""
+    report = found.gradient_report
+    if report is None:
+        return section("Slopes at the optimum", missing("slopes"))
+    unit = VARIABLES[report.metric][0]
+    rows = []
+    for slope in report.slopes.values():
+        of, factor = design_unit(slope.parameter)
+        rows.append(
+            (
+                f"{slope.parameter}, {unit} per {of}",
+                slope.value / factor,
+                slope.standard_error / factor,
+                slope.estimator,
+                slope.verdict,
+                "; ".join(slope.reasons),
             )
-            if content or gradient
-            else _missing_part(title),
         )
+    headings = ("by", "slope", "standard error", "estimator", "verdict", "why")
+    about = f"Of {report.metric}, quiet motion, {report.regime}."
+    return section("Slopes at the optimum", element("p", about), table(headings, rows))
+
+
+def search(found: Answer) -> Html:
+    """Candidates, descents, and the long runs in full."""
+    unit, parameters = found.objective.unit, list(map(_with_unit, found.box.bounds))
+    candidates = table(
+        ("", *parameters, f"objective, {unit}", f"±, {unit}", "worse start"),
+        (
+            (
+                "landscape's best point" if i == 0 else i,
+                *(shown(name, value)[0] for name, value in one.values.items()),
+                one.objective,
+                one.half_width,
+                one.worse_start,
+            )
+            for i, one in enumerate(found.candidates)
+        ),
     )
-    for key, title in {**DESIGNS, "ideal": "ideal joint"}.items():
-        if result.get(key):
-            numbers = element("div", nested(result[key], units), class_="wide")
-            parts.append(element("details", element("summary", f"All numbers: {title}"), numbers))
-    return section("How it was found", *parts)
+    ends = [f"{name} {end}" for end in ("first", "last") for name in parameters]
+    descents = table(
+        ("", "by", "exponent, a turn", *ends, f"first, {unit}", f"last, {unit}"),
+        ((i + 1, *_descent(one)) for i, one in enumerate(found.refinement)),
+    )
+    return section(
+        "How it was found",
+        element("h3", "Candidates"),
+        candidates if found.candidates else missing("candidates"),
+        element("h3", "Refinement"),
+        descents if found.refinement else missing("refinement"),
+        *(_all_numbers(title, design, unit) for title, design in found.designs.items()),
+    )
 
 
-def _missing_part(title: str) -> Html:
-    return missing(title[0].lower() + title[1:])
+def _descent(one: Refinement) -> Iterable[object]:
+    path = one.path.items()
+    ends = (shown(name, float(points[end]))[0] for end in (0, -1) for name, points in path)
+    return (one.by, one.exponent, *ends, one.first, one.last)
 
 
-def _flat(content: object) -> object:
-    """The same with each design's parameters beside its other numbers."""
-    if isinstance(content, list | tuple):
-        return [_flat(entry) for entry in content]
-    if not isinstance(content, Mapping):
-        return content
-    rest = {key: _flat(entry) for key, entry in content.items() if key not in ("values", "start")}
-    return {**content.get("values", {}), **content.get("start", {}), **rest}
-
-
-def settings(result: Mapping) -> Html:
-    """Box, seconds, versions, seed."""
-    parts = []
-    for key, title in (
-        ("box", "Box"),
-        ("seconds", "Seconds per stage"),
-        ("steps", "Integration steps"),
-        ("fixed", "Fixed of the crusher"),
-        ("versions", "Versions"),
-        ("seed", "Seed of random points"),
-    ):
-        content = result.get(key)
-        shown = (
-            missing(title.lower())
-            if content is None
-            else nested(content, FIXED_UNITS if key in ("box", "fixed") else {})
+def _all_numbers(title: str, design: Confirmed, unit: str) -> Html:
+    """Every variable of every run of a design."""
+    units = {name: of for name, (of, _) in VARIABLES.items()} | {"objective": unit}
+    first, *_ = design.runs.values()
+    rows = [
+        (
+            name,
+            *(", ".join(map(as_text, runs.by_run[name].tolist())) for runs in design.runs.values()),
+            units.get(name, "1"),
         )
-        parts.append(element("div", element("h3", title), shown))
-    return section("How it was run", element("div", *parts, class_="columns"))
-
-
-def others(result: Mapping) -> Html:
-    """Everything that no other section shows, as it is."""
-    others = [
-        element("div", element("h3", key), element("div", nested(value), class_="wide"))
-        for key, value in result.items()
-        if key not in SHOWN
+        for name in first.by_run
     ]
-    return section("Further results", *others) if others else Html("")
+    headings = ("of each run", *(f"{start} start" for start in design.runs), "unit")
+    return element("details", element("summary", f"All numbers: {title}"), table(headings, rows))
+
+
+def settings(found: Answer) -> Html:
+    """Box, seconds, versions, seed."""
+    box = found.box
+    limits = [
+        (_with_unit(name), *(shown(name, value)[0] for value in ends))
+        for name, ends in box.bounds.items()
+    ]
+    limits += [
+        ("capacity, m³/h", box.capacity_floor, "none"),
+        ("speed by capacity, rad/s", *box.derived_speed),
+    ]
+    stages = [(name, spent, found.steps.get(name, "")) for name, spent in found.seconds.items()]
+    fixed = [(name, value, _unit(name)) for name, value in found.fixed.items()]
+    parts = (
+        ("Box", table(("", "lowest", "highest"), limits)),
+        ("Stages", table(("", "seconds", "steps"), stages) if stages else missing("stages")),
+        ("Fixed of the crusher", table(("", "value", "unit"), fixed) if fixed else "nothing"),
+        ("Versions", table(("", "version"), found.versions.items())),
+        ("Seed of random points", found.seed),
+    )
+    columns = (element("div", element("h3", title), content) for title, content in parts)
+    return section("How it was run", element("div", *columns, class_="columns"))
+
+
+def _with_unit(name: str) -> str:
+    return f"{name}, {design_unit(name)[0]}".rstrip(", ")
+
+
+def _unit(name: str) -> str:
+    return jc.PARAMETERS[name].unit if name in jc.PARAMETERS else ""
 
 
 def limits() -> Html:

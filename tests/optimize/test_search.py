@@ -1,17 +1,19 @@
 """The design search, end to end on a small box, and what it refuses."""
 
-import copy
 import io
 import json
 import subprocess
 import sys
+from dataclasses import asdict, replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
 from rich.console import Console
 
 import jaxcrusher as jc
+from jaxcrusher.batch.sweep import VARIABLES
 from jaxcrusher.dynamics.slopes import Slope
 from optimize import confirm, landscape, local, problem
 from optimize.evaluate import Window, judged
@@ -61,7 +63,7 @@ def test_result_holds_the_evidence(finished):
     # The RMS rises with the speed, so the search must end at the box's lower edge.
     assert optimum["speed"] == pytest.approx(25.0, abs=0.5)
     assert optimum["foundation_rms"] < result["seed_choice"]["foundation_rms"]
-    assert result["ideal"]["foundation_rms"] <= optimum["foundation_rms"] * 1.003
+    assert optimum["ideal_rms"] <= optimum["foundation_rms"] * 1.003
     assert optimum["regime"]["contact"]["name"] == "periodic"
     assert {"speed", "clearance"} == result["gradient_report"]["slopes"].keys()
     slopes = next(c for c in result["checks"] if "slopes" in c["name"])
@@ -71,22 +73,25 @@ def test_result_holds_the_evidence(finished):
     assert result["claim"]["bound"] > 0 and "Global within the box to" in result["claim"]["words"]
     stages_ = ("landscape", "regimes", "refinement", "confirmation")
     assert all(result["steps"][name] > 1000 for name in stages_)
-    assert result["box"]["speed"] == [25.0, 40.0]
-    assert all(
-        {"name", "verdict", "passed", "detail"} <= check.keys() for check in result["checks"]
-    )
-    assert returned["optimum"]["objective"] == optimum["objective"]
+    assert result["box"]["bounds"]["speed"] == [25.0, 40.0]
+    assert all({"name", "passed", "detail"} == check.keys() for check in result["checks"])
+    assert returned.optimum.objective == optimum["objective"]
+    # All that the answer holds is in the file, and what a run is judged by follows from it.
+    assert result.keys() == asdict(returned).keys()
+    values = optimum["runs"][optimum["worse_start"]]["by_run"]["objective"]
+    assert len(values) == 2 and optimum["objective"] == pytest.approx(np.mean(values), rel=1e-15)
     page = (folder / "report.html").read_text()
     assert "optimum" in page and "http://" not in page.replace("http://www.w3.org", "")
     assert 0 < optimum["runs"]["contact"]["validity"]["half_width_ratio"] < 0.5
 
 
 def test_closing_table_names_what_is_outside_the_model(finished):
-    _, result = finished
+    _, answer = finished
     console = Console(record=True, quiet=False, file=io.StringIO(), width=200)
-    outside = copy.deepcopy(result)
-    outside["optimum"]["runs"]["centred"]["validity"]["half_width_ratio"] = 1.8
-    print_table(console, outside)
+    runs = answer.optimum.runs["centred"]
+    wide = replace(runs, validity=replace(runs.validity, half_width_ratio=jnp.array(1.8)))
+    optimum = replace(answer.optimum, runs=answer.optimum.runs | {"centred": wide})
+    print_table(console, replace(answer, optimum=optimum))
     text = console.export_text()
     assert "optimum: OUTSIDE the contact model: centred start, contact 1.80 bore radii" in text
     assert "paper's choice: inside the contact model" in text
@@ -100,7 +105,7 @@ def test_landscape_is_labelled(finished):
         # Where it comes from, and what the searched crusher is besides.
         assert landscape.attrs["source"].startswith("jaxcrusher ")
         assert json.loads(landscape.attrs["scene"])["jaw.mass"] == 524.0
-        assert json.loads(landscape.attrs["box"])["speed"] == [25.0, 40.0]
+        assert json.loads(landscape.attrs["box"])["bounds"]["speed"] == [25.0, 40.0]
         assert landscape.sizes["speed"] == 4
         assert np.isfinite(landscape.foundation_rms).all()
         assert np.isfinite(landscape.exponent).all()
@@ -156,14 +161,23 @@ def test_nondominated_points():
 
 def test_interval_is_students():
     """Of 1, 2, 3: mean 2, standard error 1/sqrt(3), quantile 4.303 at two degrees of freedom."""
-    objective = np.array([[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]])
-    one = confirm.Confirmed(
-        np.zeros(2), {"objective": objective, "counts": np.ones((2, 3), dtype=bool)}
-    )
-    assert one.worse == 0 and one.value == 2.0
-    assert one.error == pytest.approx(4.302653 / np.sqrt(3), rel=1e-6)
-    one.rows["counts"][1, 2] = False
-    assert np.isnan(one.value)
+    mean, half_width = confirm.interval(np.array([1.0, 2.0, 3.0]))
+    assert mean == 2.0 and half_width == pytest.approx(4.302653 / np.sqrt(3), rel=1e-6)
+
+
+def test_a_design_is_judged_by_its_worse_start():
+    case = problem.case(Options())
+    rows = {name: np.ones((2, 3)) for name in VARIABLES}
+    rows |= {
+        "objective": np.array([[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]),
+        "counts": np.ones((2, 3), dtype=bool),
+    }
+    one = confirm.confirmed(case, np.zeros(2), rows)
+    assert one.worse_start == "centred" and one.objective == 2.0
+    assert one.half_width == one.runs["centred"].objective_half_width > 1
+    # A single run that does not count, of either start, leaves no number to choose by.
+    rows["counts"][1, 2] = False
+    assert np.isnan(confirm.confirmed(case, np.zeros(2), rows).objective)
 
 
 def test_objectives_follow_from_their_statistics():

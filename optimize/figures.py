@@ -1,0 +1,169 @@
+"""The figures that a search leaves behind."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+
+import jaxcrusher as jc
+from jaxcrusher.files.results import write_figure
+from jaxcrusher.pictures import plots
+from optimize import landscape as maps
+from optimize.answer import Answer, Box, Confirmed
+from optimize.evaluate import Case, started
+from optimize.options import Options
+from optimize.pareto import nondominated
+
+MARKS = {"optimum": ("*", "C3", 13), "paper's choice": ("D", "C1", 8)}
+
+
+def draw_all(
+    folder: Path,
+    case: Case,
+    options: Options,
+    units: np.ndarray,
+    data: xr.Dataset,
+    answer: Answer,
+) -> list[str]:
+    """Every figure that the design's parameters allow; returns the names of their files.
+
+    `units` are the landscape's points.
+    """
+    drawn = ["pareto.png", "motion.png"]
+    if "speed" in case.design.names:
+        draw_capacity(folder, case, answer.box)
+        drawn.insert(0, "capacity.png")
+    if case.design.names == ("speed", "clearance"):
+        draw_landscape(folder, answer, data)
+        drawn.insert(0, "landscape.png")
+    draw_pareto(folder, case.capacity(units), answer.designs["paper's choice"], data)
+    draw_motions(folder, case, options, answer)
+    return drawn
+
+
+def draw_landscape(folder: Path, answer: Answer, data: xr.Dataset) -> None:
+    """Map with what moves how, descents, optimum and the design to compare with."""
+    fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
+    exponent = data.exponent.max("start")
+    marks = {
+        "failed": ~data.success.all("start"),
+        "whirl": data.whirl.any("start"),
+        "chaotic": exponent > maps.CHAOTIC,
+        "outside the contact model": ~data.inside_model.all("start"),
+    }
+    plots.plot_landscape(maps.worst(data), ax, marks=marks)
+    handles, labels = [], []
+    legend = ax.get_legend()
+    if legend is not None:
+        handles = [handle for handle in legend.legend_handles if handle is not None]
+        labels = [text.get_text() for text in legend.get_texts()]
+    for i, descent in enumerate(answer.refinement):
+        across, up = descent.path["speed"], 1e3 * descent.path["clearance"]
+        (line,) = ax.plot(across, up, "w.-", linewidth=0.8, markersize=2)
+        if i == 0:
+            handles, labels = [*handles, line], [*labels, "descents"]
+    for title, design in answer.designs.items():
+        marker, colour, size = MARKS[title]
+        (mark,) = ax.plot(
+            design.speed,
+            1e3 * design.clearance,
+            marker,
+            color=colour,
+            markersize=size,
+            markeredgecolor="w",
+            linestyle="",
+            clip_on=False,
+        )
+        handles, labels = [*handles, mark], [*labels, title]
+    ax.legend(
+        handles,
+        labels,
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=3,
+        facecolor="0.7",
+        fontsize=9,
+    )
+    write_figure(folder / "landscape.png", fig)
+
+
+def draw_capacity(folder: Path, case: Case, box: Box) -> None:
+    """Capacity over speed, with the box searched."""
+    low, high = box.bounds["speed"]
+    fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
+    speeds = np.linspace(0.6 * low, 1.25 * high, 200)
+    plots.plot_capacity(case.chamber, speeds, box.capacity_floor, ax)
+    ax.axvspan(low, high, color="C2", alpha=0.15, label="box searched")
+    reached = box.derived_speed[1]
+    if math.isfinite(reached):
+        ax.axvline(
+            reached, color="0.4", linestyle=":", label=f"floor reached at {reached:.2f} rad/s"
+        )
+    ax.legend()
+    write_figure(folder / "capacity.png", fig)
+
+
+def draw_pareto(folder: Path, capacity: np.ndarray, paper: Confirmed, data: xr.Dataset) -> None:
+    """The landscape's RMS against capacity and against the peak, with what no other beats."""
+    counts = data.counts.all("start").to_numpy().ravel()
+    columns = {
+        name: np.where(counts, data[name].max("start").to_numpy().ravel(), np.nan) / 1e3
+        for name in ("foundation_rms", "foundation_peak")
+    }
+    fig, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
+    rms, peak = (max(runs.first(name) for runs in paper.runs.values()) / 1e3 for name in columns)
+    for ax, other, sign, label, mark in (
+        (axes[0], capacity, -1.0, "capacity (m³/h)", paper.capacity),
+        (axes[1], columns["foundation_peak"], 1.0, r"peak of $|R_O| + |R_C|$ (kN)", peak),
+    ):
+        front = nondominated(np.stack([columns["foundation_rms"], sign * other], axis=-1))
+        ax.plot(columns["foundation_rms"], other, "o", color="0.7", markersize=4, label="landscape")
+        order = np.flatnonzero(front)[np.argsort(columns["foundation_rms"][front])]
+        ax.plot(
+            columns["foundation_rms"][order],
+            other[order],
+            "s-",
+            color="C0",
+            markersize=5,
+            label="not beaten in both",
+        )
+        ax.plot(
+            rms, mark, "D", color="C1", markersize=9, markeredgecolor="k", label="paper's choice"
+        )
+        ax.set(xlabel=r"RMS of $|R_O| + |R_C|$, worse start (kN)", ylabel=label)
+        ax.legend(fontsize=8)
+    write_figure(folder / "pareto.png", fig)
+
+
+def draw_motions(folder: Path, case: Case, options: Options, answer: Answer) -> None:
+    """Orbit and foundation force of optimum and paper's choice from both starts, settled."""
+    fig, axes = plt.subplots(
+        2,
+        2 * len(answer.designs),
+        figsize=(6.2 * len(answer.designs), 6),
+        layout="constrained",
+        gridspec_kw={"width_ratios": [1, 1.5] * len(answer.designs)},
+        squeeze=False,
+    )
+    for column, (title, design) in enumerate(answer.designs.items()):
+        described: dict[str, Any] = {**case.design.fixed, **design.values}
+        speed, clearance = design.speed, design.clearance
+        times = 2 * np.pi / speed * (options.settle + np.linspace(0, 2, 4001))
+        outputs = ("foundation_force", "eccentricity")
+        ideal = jc.simulate(jc.build_scene(described).ideal(), times, outputs=outputs)
+        for row, start in enumerate(design.runs):
+            motion = jc.simulate(started(described, start), times, outputs=outputs, rtol=1e-9)
+            orbit, force = axes[row, 2 * column : 2 * column + 2]
+            plots.plot_orbit(motion, clearance, orbit)
+            plots.plot_force(motion, ideal, force)
+            orbit.set_title(f"{title}, start {start}", fontsize=10)
+            force.set_title(f"{speed:.2f} rad/s, {1e3 * clearance:.3f} mm", fontsize=10)
+    forces = axes[:, 1::2].ravel()
+    top = max(ax.get_ylim()[1] for ax in forces)
+    for ax in forces:
+        ax.set_ylim(0, top)
+        ax.legend(loc="lower right", fontsize=8)
+    write_figure(folder / "motion.png", fig)
