@@ -73,7 +73,7 @@ def slopes(found: Answer) -> Html:
     report = found.gradient_report
     if report is None:
         return section("Slopes at the optimum", missing("slopes"))
-    unit = VARIABLES[report.metric][0]
+    unit, _ = VARIABLES.get(report.metric, ("its unit", ""))
     rows = []
     for slope in report.slopes.values():
         of, factor = design_unit(slope.parameter)
