@@ -60,8 +60,6 @@ def _check(options: Gradient, values: dict[str, Any]) -> None:
     require(once, "by", "name parameters, each once", " ".join(options.by))
     for name in options.by:
         require_parameter(name)
-        # The fit's radius is a share of the value.
-        require(values[name] != 0, name, "not be 0 where a slope is wanted", values[name])
     for name, least in (("settle", 0), ("turns", 1), ("pairs", 2), ("seed", 0)):
         require_whole(name, getattr(options, name), least)
     require_positive("radius", options.radius, "")

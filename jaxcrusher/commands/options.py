@@ -149,7 +149,7 @@ class Gradient:
     turns: int = 50
     """Turns of the shaft that the statistic covers."""
     radius: float = 0.01
-    """Radius of the fit beside the derivative, as a share of each parameter's value."""
+    """Radius of what checks a derivative, as a share of each value (of its scale where it is 0)."""
     pairs: int = 32
     """Pairs of runs of a fit of a chaotic motion."""
     seed: int = 0

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jaxcrusher.basics.checks import require
 from jaxcrusher.batch.engines import map_all
 
 
@@ -40,11 +41,15 @@ def fit_slopes(
     over the first half of it. The two runs of a pair share their start (random within `shift`)
     and lie at opposite points of the box `point` ± `radius`, so that curvature and much of the
     noise cancel in their difference. A run that is not finite makes every slope NaN.
+
+    Raises ValueError for fewer pairs than twice the parameters: the errors need residuals.
     """
+    require(pairs >= 2 * len(point), "pairs", "be at least twice the parameters", pairs)
     rng = np.random.default_rng(seed)
     offsets = rng.uniform(0.3, 1.0, (pairs, len(point)))
-    # Signs in turn rather than by chance: no two parameters go together.
-    offsets *= np.where((np.arange(pairs)[:, None] >> np.arange(len(point))) & 1, 1, -1)
+    # Signs of a Hadamard matrix rather than by chance: no two parameters go together.
+    common = np.arange(pairs)[:, None] & np.arange(1, len(point) + 1)
+    offsets *= np.where(np.bitwise_count(common) % 2, 1, -1)
     shifts = np.repeat(rng.uniform(-shift, shift, (pairs, 2)), 2, axis=0)
     signs = np.tile([1.0, -1.0], pairs)[:, None]
     cases = {

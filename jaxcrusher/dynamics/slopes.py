@@ -5,7 +5,8 @@ none at a point: its tangent grows without bound, and a slope exists only at a f
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,47 +17,30 @@ from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
-from jaxcrusher.dynamics.fits import fit_slopes
+from jaxcrusher.dynamics.fits import Fit, fit_slopes
+from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
 from jaxcrusher.dynamics.shadowing import shadowing_slopes
 from jaxcrusher.motion.section import LARGEST, poincare_section, whole
 from jaxcrusher.motion.statistics import FURTHER_STATISTICS, STATISTICS
-from jaxcrusher.motion.tangents import Tangents, changes, combine, tangents, weights
-from jaxcrusher.settled.orbit import orbit_slopes
+from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangents, weights
+from jaxcrusher.scenes.parameters import PARAMETERS
+from jaxcrusher.settled.orbit import (
+    multipliers,
+    orbit_differences,
+    periodic_orbit,
+    periodic_slopes,
+)
 
-# A tangent that has grown by more than exp(3) says more of the start than of the parameter.
-GROWTH = 3.0
-# Slopes known worse than this many standard errors are not known in sign.
-SIGNIFICANT = 3.0
-# Two estimates agree within this share, or two standard errors of their difference.
-AGREEMENT = 0.05
-# A fit that rests on one pair of runs is an accident.
-LARGEST_SHARE = 0.2
 # A chaotic run forgets a start shifted by this many clearances.
 START_SHIFT = 1e-3
-# Pairs of runs that check a derivative.
+# Pairs of runs that check a derivative, at least.
 QUIET_PAIRS = 6
+# The integration's tolerance on an orbit that tells what it leaves in a slope.
+COARSE_RTOL = 1e-7
 # Turns whose tangents are integrated, and the tolerance and turns that tell a regime.
 TANGENT_TURNS = 40
 REGIME_RTOL, REGIME_TURNS = 1e-10, 200
-
-
-@dataclass(frozen=True)
-class Slope:
-    """The slope of a statistic by one parameter, in their units.
-
-    `verdict` is "ok", "doubtful" or "refused"; `radius` is that of the fit, 0 for a derivative.
-    `estimates` holds every estimate made: name -> (slope, standard error).
-    """
-
-    parameter: str
-    estimator: str
-    value: float
-    standard_error: float
-    radius: float
-    verdict: str
-    reasons: tuple[str, ...]
-    estimates: dict[str, tuple[float, float]] = field(repr=False)
 
 
 @dataclass(frozen=True)
@@ -85,7 +69,7 @@ class GradientReport:
                 f"{s.verdict}{why}"
             )
             others = (
-                f"{name} {value:.5g} ± {error:.2g}"
+                f"{name} {value:.5g}" + (f" ± {error:.2g}" if error else "")
                 for name, (value, error) in s.estimates.items()
                 if name != s.estimator
             )
@@ -114,20 +98,25 @@ def gradient_report(
     - `metric`: any of the outputs of `jaxcrusher.statistics`.
     - `parameters`: name -> value: the design.
     - `settle_turns`, `turns`, `rtol`: of every run, as in `jaxcrusher.statistics`.
-    - `radius`: of the fit, as a share of each value; a second fit has half of it.
-    - `pairs`, `seed`: of runs of a fit, and for the random choice of them.
+    - `radius`: of neighbouring orbits and of fits (a second one has half of it), as a share of
+      each value, or where that is 0 of the scale `jaxcrusher.PARAMETERS` has for the name.
+    - `pairs`, `seed`: of runs of a fit, and for the random choice of them. There are at least
+      twice as many pairs as parameters.
 
     **Returns:** a `GradientReport`. Periodic motions get the implicit formula on their orbit,
-    other motions that do not grow the forward tangent over the turns after settling, chaotic ones
-    the fit; the others stand beside it. A failed motion and a whirl are refused. Standard errors:
-    of the implicit formula what a tolerance a hundred times coarser changes, of the tangent half
-    the difference of the two halves of its window, of the fit that of its residuals.
+    beside differences of neighbouring orbits; other motions that do not grow the forward tangent
+    over the turns after settling, chaotic ones the fit; the others stand beside it. A failed
+    motion and a whirl are refused. Standard errors: of the implicit formula what a tolerance
+    10 000 times coarser changes, of the tangent half the difference of the two halves of its
+    window, of the fit that of its residuals; differences of orbits have none.
 
-    Raises ValueError for an unknown metric, for no parameters, and for an ideal joint.
+    Raises ValueError for an unknown metric, for no parameters, for a value of 0 without a scale,
+    and for an ideal joint.
     """
     require_choice("metric", metric, (*STATISTICS, *FURTHER_STATISTICS))
     require(bool(parameters), "parameters", "name at least one number", parameters)
     names, numbers = tuple(parameters), np.array([*parameters.values()], dtype=float)
+    radii = radius * np.array([_scale(name, value) for name, value in parameters.items()])
     point = jnp.asarray(numbers)
     build = eqx.Partial(_build, scene=scene, names=names)
     here = build(point)
@@ -146,49 +135,59 @@ def gradient_report(
         return GradientReport(metric, kind, horizon, (np.nan, np.nan), slopes)
     largest, error = kind.exponents.exponents[0], kind.exponents.errors[0]
     chaotic = kind.exponents.positive
-    estimates: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    if kind.name == "periodic":
-        assert kind.period is not None and kind.state is not None
-        found = orbit_slopes(build, point, metric, kind.state, kind.period)
-        estimates |= {} if found is None else {"implicit": found}
-    estimates["tangent"] = _tangent(along[0], metric)
-    value = eqx.Partial(
-        _metric, build=build, metric=metric, settle_turns=settle_turns, turns=turns, rtol=rtol
-    )
-    fits = []
-    for share, name in ((1.0, "fit"), (0.5, "fit at half the radius")):
-        fits.append(
-            fit_slopes(
-                value,
-                numbers,
-                share * radius * np.abs(numbers),
-                pairs if chaotic else QUIET_PAIRS,
-                seed,
-                START_SHIFT if chaotic else 0.0,
-                chunk,
-            )
+    estimates: dict[str, tuple[np.ndarray, np.ndarray]] = {"tangent": _tangent(along[0], metric)}
+    evidence: dict[str, Any] = {"multipliers": np.nan}
+    fits: list[Fit] = []
+    period, orbit = kind.period, None
+    if period is not None and kind.state is not None:
+        orbit = periodic_orbit(build, point, metric, kind.state, period)
+    if period is not None and orbit is not None:
+        evidence["multipliers"] = multipliers(orbit[1])
+        implicit = periodic_slopes(orbit[1], metric)
+        coarse = tangents(build, point, metric, orbit[0], period, COARSE_RTOL)
+        estimates["implicit"] = implicit, np.abs(periodic_slopes(coarse, metric) - implicit)
+        differences = orbit_differences(build, numbers, metric, orbit, period, radii)
+        estimates["orbits"] = differences, np.zeros_like(differences)
+    else:
+        value = eqx.Partial(
+            _metric, build=build, metric=metric, settle_turns=settle_turns, turns=turns, rtol=rtol
         )
-        estimates[name] = fits[-1].slopes, fits[-1].errors
+        count = max(pairs if chaotic else QUIET_PAIRS, 2 * len(names))
+        shift = START_SHIFT if chaotic else 0.0
+        for share, name in zip((1.0, 0.5), FITS, strict=True):
+            fits.append(fit_slopes(value, numbers, share * radii, count, seed, shift, chunk))
+            estimates[name] = fits[-1].slopes, fits[-1].errors
     if chaotic and metric not in LARGEST:
         estimates["shadowing"] = _shadowing(along[0], metric)
+    evidence["growth"] = float(largest * TANGENT_TURNS) if chaotic else _growth(along[0])
     slopes = {}
     for i, name in enumerate(names):
         single = {key: (float(a[i]), float(b[i])) for key, (a, b) in estimates.items()}
-        slopes[name] = judge(
-            name,
-            single,
-            chaotic,
-            radius * abs(numbers[i]),
-            growth=float(largest) * TANGENT_TURNS,
-            share=float(fits[0].shares[i]),
-            drift=(float(fits[0].drifts[i]), float(fits[0].drift_errors[i])),
-        )
+        if fits:
+            evidence["share"] = float(fits[0].shares[i])
+            evidence["drift"] = float(fits[0].drifts[i]), float(fits[0].drift_errors[i])
+        slopes[name] = judge(name, single, chaotic, radii[i], **evidence)
     growth = float(largest) * horizon, float(error) * horizon
     return GradientReport(metric, kind, horizon, growth, slopes)
 
 
 def _build(values: Float[Array, " n"], scene: Callable[..., Scene], names: tuple) -> Scene:
     return scene(**dict(zip(names, values, strict=True)))
+
+
+def _scale(name: str, value: float) -> float:
+    """What a radius is a share of: the value, or where it is 0 the parameter's own scale."""
+    if value != 0:
+        return abs(value)
+    known = name in PARAMETERS
+    require(known, name, "have a scale (be one of jaxcrusher.PARAMETERS) or not be 0", value)
+    return PARAMETERS[name].scale
+
+
+def _growth(along: Tangents) -> float:
+    """The logarithm of the spectral radius of all slices together: no unit, no norm enters it."""
+    matrix, _ = chain(along)
+    return float(np.log(np.max(np.abs(np.linalg.eigvals(matrix)))))
 
 
 def _tangent(along: Tangents, metric: str) -> tuple[np.ndarray, np.ndarray]:
@@ -217,64 +216,3 @@ def _metric(case, build, metric: str, settle_turns: int, turns: int, rtol: float
     section = poincare_section(scene, settle_turns, turns, outputs=(metric,), rtol=rtol)
     values = section.values[metric]
     return jnp.stack([whole(metric, values), whole(metric, values[: -(-turns // 2)])])
-
-
-def judge(
-    name: str,
-    estimates: dict[str, tuple[float, float]],
-    chaotic: bool,
-    radius: float,
-    *,
-    growth: float,
-    share: float = 0.0,
-    drift: tuple[float, float] = (0.0, 0.0),
-) -> Slope:
-    """The estimate to use, and whether to believe it.
-
-    `radius` is that of the fit, in the parameter's unit; `growth` the largest exponent times the
-    turns of the tangent; `share` and `drift` those of the fit (see `jaxcrusher.dynamics.fits.Fit`).
-    """
-    fit, half = estimates["fit"], estimates["fit at half the radius"]
-    estimator = "fit" if chaotic else "implicit" if "implicit" in estimates else "tangent"
-    value, error = estimates[estimator]
-    refusals, doubts = [], []
-    if not np.isfinite(value):
-        refusals.append(f"{estimator} is not finite")
-    elif not abs(value) > SIGNIFICANT * error:
-        ratio = f"{abs(value) / error:.1f}" if error > 0 else "0 / 0"
-        refusals.append(f"slope over its error {ratio} < {SIGNIFICANT:.0f}")
-    if chaotic:
-        if not _agree(fit, half):
-            refusals.append(f"fits at two radii disagree: {fit[0]:.4g} and {half[0]:.4g}")
-        if share > LARGEST_SHARE:
-            refusals.append(f"one pair of runs makes {100 * share:.0f} % of the fit")
-        if not abs(drift[0]) <= AGREEMENT * abs(value) + 2 * drift[1]:
-            refusals.append(f"doubling the window moves the fit by {drift[0]:.4g}")
-        if "shadowing" in estimates and not _agree(estimates["shadowing"], fit):
-            doubts.append(f"shadowing {estimates['shadowing'][0]:.4g} disagrees with the fit")
-    elif not (_agree((value, error), fit) or _agree((value, error), half)):
-        against = f"{estimator} {value:.4g} and fits {fit[0]:.4g}, {half[0]:.4g} disagree"
-        # The orbit's slope is exact where it stands, but not over the radius; a tangent that
-        # disagrees has grown.
-        (doubts if estimator == "implicit" else refusals).append(against)
-    if growth > GROWTH and not chaotic:
-        notice = f"the tangent grows by exp({growth:.1f}) > exp({GROWTH:.0f})"
-        (refusals if estimator == "tangent" else doubts).append(notice)
-    verdict = "refused" if refusals else "doubtful" if doubts else "ok"
-    return Slope(
-        name,
-        estimator,
-        value,
-        error,
-        radius if chaotic else 0.0,
-        verdict,
-        (*refusals, *doubts),
-        estimates,
-    )
-
-
-def _agree(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Within the share of agreement of the larger, or two standard errors of the difference."""
-    apart = abs(one[0] - other[0])
-    allowed = AGREEMENT * max(abs(one[0]), abs(other[0])) + 2 * np.hypot(one[1], other[1])
-    return bool(np.isfinite(apart) and apart <= allowed)

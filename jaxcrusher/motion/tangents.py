@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
+from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.method import resolve
@@ -50,21 +50,18 @@ def tangents(
     The tangents are integrated beside the motion, under the same tolerance. Every call runs the
     same compiled turn, whatever its length, tolerance, state and point.
     """
-    scene = build(point)
-    like, state = scene.formulation.initial(scene), jnp.asarray(state)
-    parts = []
+    state, parts = jnp.asarray(state), []
     for _ in range(turns):
-        state, *part = _turn(build, point, state, like, jnp.asarray(rtol, dtype=float), metric)
+        state, *part = _turn(build, point, state, jnp.asarray(rtol, dtype=float), metric)
         parts.append(part)
     return Tangents(np.asarray(state), *(np.concatenate(leaf) for leaf in zip(*parts, strict=True)))
 
 
 @eqx.filter_jit
-def _turn(
-    build: Build, point: Array, state: Array, like: PyTree[Scalar], rtol: Scalar, metric: str
-):
+def _turn(build: Build, point: Array, state: Array, rtol: Scalar, metric: str):
+    scene = build(point)
     span = 2 * jnp.pi / SLICES
-    dims, (_, unravel) = state.size, ravel_pytree(like)
+    dims, (_, unravel) = state.size, ravel_pytree(scene.formulation.initial(scene))
 
     def one(state, angle):
         def after(both):

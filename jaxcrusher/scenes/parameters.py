@@ -48,12 +48,21 @@ Value = ArrayLike | str
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of a description, in SI units. `limits` None means finite and > 0."""
+    """A number of a description, in SI units. `limits` None means finite and > 0.
+
+    `zero_scale` is the scale where the default is 0.
+    """
 
     default: float
     unit: str
     meaning: str
     limits: tuple[float, float] | None = None
+    zero_scale: float | None = None
+
+    @property
+    def scale(self) -> float:
+        """What a small change is small against, > 0."""
+        return abs(self.default) if self.zero_scale is None else self.zero_scale
 
 
 _TURN = (-2 * np.pi, 2 * np.pi)
@@ -87,7 +96,7 @@ PARAMETERS = {
     "toggle.length": Parameter(0.3, "m", "l3, from C to B"),
     "bearing.distance": Parameter(0.64, "m", "from C to O"),
     "bearing.inclination": Parameter(np.radians(22.5), "rad", "of C-O, off the vertical", _TURN),
-    "counterweight.mass": Parameter(0.0, "kg", "of a point mass on the shaft", (0, 1e5)),
+    "counterweight.mass": Parameter(0.0, "kg", "of a point mass on the shaft", (0, 1e5), 100.0),
     "counterweight.radius": Parameter(0.2, "m", "of the counterweight about O", (0, 5)),
     "counterweight.angle": Parameter(np.pi, "rad", "of the counterweight, ahead of O-A", _TURN),
 }

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jaxcrusher.dynamics.fits import fit_slopes
+from jaxcrusher.dynamics.judgement import judge
 from jaxcrusher.dynamics.shadowing import shadowing_slopes, shadowing_tangent
-from jaxcrusher.dynamics.slopes import judge
 
 PEAK = 0.3
 

@@ -14,7 +14,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.batch.sweep import VARIABLES
-from jaxcrusher.dynamics.slopes import Slope
+from jaxcrusher.dynamics.judgement import Slope
 from optimize import confirm, landscape, local, problem
 from optimize.evaluate import Window, judged
 from optimize.objectives import OBJECTIVES
