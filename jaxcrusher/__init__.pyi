@@ -20,7 +20,8 @@ from .motion.section import poincare_section as poincare_section
 from .motion.simulation import OUTPUTS as OUTPUTS
 from .motion.simulation import Trajectory as Trajectory
 from .motion.simulation import simulate as simulate
-from .motion.statistics import STATISTICS as STATISTICS
+from .motion.statistic import FURTHER_STATISTICS as FURTHER_STATISTICS
+from .motion.statistic import STATISTICS as STATISTICS
 from .motion.statistics import Statistics as Statistics
 from .motion.statistics import statistics as statistics
 from .scenes.paper import ideal_scene as ideal_scene

@@ -124,7 +124,6 @@ def _jacobians(batch: tuple[Array, Array], case: Case, settle: int, rtol: float)
     scenes = [started(case.design.description(unit), name) for name in STARTS]
     scene = jax.tree.map(lambda *leaves: jnp.stack(leaves)[start], *scenes)
     section = jc.poincare_section(scene, settle, EXPONENT_TURNS, slices=EXPONENT_SLICES, rtol=rtol)
-    assert section.jacobians is not None
     return section.jacobians, section.outcome.steps
 
 

@@ -109,7 +109,6 @@ def _motion(scene: jc.Scene, angles: Float[Array, " n"], rtol: float) -> dict[st
     """One motion at these shaft angles (rad)."""
     times = angles / scene.drive.speed
     motion = jc.simulate(scene, times, outputs=("foundation_force", "eccentricity"), rtol=rtol)
-    assert motion.eccentricity is not None and motion.foundation_force is not None
     orbit = motion.eccentricity / scene.joint.clearance
     return {
         "eccentricity_x": orbit[:, 0],
@@ -125,7 +124,6 @@ def _ideal_force(units: Float[Array, "m n"], angles: Float[Array, " k"], case: C
     def force(unit):
         scene = case.design.scene(unit).ideal()
         motion = jc.simulate(scene, angles / scene.drive.speed, outputs=("foundation_force",))
-        assert motion.foundation_force is not None
         return motion.foundation_force
 
     return jax.vmap(force)(units)

@@ -7,6 +7,7 @@ from jaxtyping import Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
+from jaxcrusher.motion.statistic import STATISTIC
 
 Formula = Callable[[jc.Statistics, jc.Scene, CrushingChamber], Scalar]
 
@@ -24,15 +25,15 @@ class Objective:
     formula: Formula
 
 
-def _plain(name: str) -> Formula:
+def _plain(name: str) -> Objective:
     """A statistic as it is."""
-    return lambda statistics, *_: getattr(statistics, name)
+    statistic = STATISTIC[name]
+    return Objective(statistic.unit, statistic.meaning, (name,), lambda found, *_: found[name])
 
 
 def _excess(statistics: jc.Statistics, scene: jc.Scene, _) -> Scalar:
     """The RMS less that of the same machine with an ideal joint."""
     floor = jc.statistics(scene.ideal(), 0, 1, outputs=("foundation_rms",)).foundation_rms
-    assert statistics.foundation_rms is not None and floor is not None
     return statistics.foundation_rms - floor
 
 
@@ -40,29 +41,18 @@ def _per_volume(name: str) -> Formula:
     """A power (W) over the capacity (m3/h), in J/m3."""
 
     def formula(statistics, scene, chamber):
-        return 3600 * getattr(statistics, name) / chamber.capacity(scene.drive.speed)
+        return 3600 * statistics[name] / chamber.capacity(scene.drive.speed)
 
     return formula
 
 
 OBJECTIVES = {
-    "rms": Objective("N", "RMS of |R_O| + |R_C|", ("foundation_rms",), _plain("foundation_rms")),
-    "peak": Objective(
-        "N", "peak of |R_O| + |R_C|", ("foundation_peak",), _plain("foundation_peak")
-    ),
-    "smooth_peak": Objective(
-        "N",
-        "(mean of (|R_O| + |R_C|)^16)^(1/16)",
-        ("foundation_smooth_peak",),
-        _plain("foundation_smooth_peak"),
-    ),
-    "mean": Objective(
-        "N", "mean of |R_O| + |R_C|", ("foundation_mean",), _plain("foundation_mean")
-    ),
+    "rms": _plain("foundation_rms"),
+    "peak": _plain("foundation_peak"),
+    "smooth_peak": _plain("foundation_smooth_peak"),
+    "mean": _plain("foundation_mean"),
     "excess": Objective("N", "RMS less that of the ideal joint", ("foundation_rms",), _excess),
-    "joint_peak": Objective(
-        "N", "peak force in the main bearing", ("joint_peak",), _plain("joint_peak")
-    ),
+    "joint_peak": _plain("joint_peak"),
     "wear": Objective(
         "J/m3",
         "normal force times surface slip, per volume crushed",

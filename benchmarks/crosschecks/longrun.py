@@ -111,7 +111,7 @@ def whirl(settle: int = 4, turns: int = 8) -> Iterator[Comparison]:
     force = theirs["foundation_force"][kept].reshape(turns, SAMPLES)
     rms = np.sqrt((force**2).mean(axis=1))
     yield comparison.samples(
-        "RMS of |R_O| + |R_C|, N", np.sqrt(np.asarray(ours.turn_mean_square)), rms, CVODE, TURNS
+        "RMS of |R_O| + |R_C|, N", ours.by_turn["foundation_rms"], rms, CVODE, TURNS
     )
     angle = np.unwrap(np.arctan2(theirs["eccentricity"][:, 1], theirs["eccentricity"][:, 0]))
     winding = np.diff(angle[settle * SAMPLES :: SAMPLES]) / (2 * np.pi)

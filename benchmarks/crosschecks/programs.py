@@ -85,7 +85,7 @@ def simulate_ours(scene, times) -> dict[str, np.ndarray]:
         found = jc.simulate(scene, times, outputs=OBSERVED)
         if not found.success:
             raise RuntimeError(f"jaxcrusher {found.failure}")
-        known = {name: np.asarray(getattr(found, name)) for name in OBSERVED}
+        known = {name: np.asarray(found[name]) for name in OBSERVED}
     known["contact_force"] = np.hypot(known["normal_force"], known["friction_force"])
     known["speed_gain"] = known["shaft_speed"] - float(scene.drive.speed)
     return known

@@ -126,7 +126,6 @@ def peak_phase(speed: float) -> float:
     motion = jc.simulate(
         jc.ideal_scene(speed), 2 * np.pi / speed * turns, outputs=("normal_force",)
     )
-    assert motion.normal_force is not None
     return float(turns[jnp.argmax(motion.normal_force)])
 
 

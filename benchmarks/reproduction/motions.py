@@ -49,7 +49,6 @@ def _row(scene: Scene) -> dict:
     )
     depths, rates = motion.penetration_ratio, motion.penetration_rate
     orbit, force = motion.eccentricity, motion.foundation_force
-    assert depths is not None and rates is not None and orbit is not None and force is not None
     section = jnp.stack([1e6 * scene.joint.clearance * depths, 1e3 * rates], axis=1)
     return {
         "orbit": 1e3 * orbit[:HISTORY],

@@ -89,19 +89,17 @@ def window_statistics(
     motion = jc.simulate(scene, times, outputs=names, rtol=rtol)
     seen = {"collision_peak": _peaks(motion.normal_force, windows)}
     for name, output in FORCES.items():
-        force = getattr(motion, output)
+        force = motion[output]
         seen[f"{name}_mean"] = jnp.mean(force)
         seen[f"{name}_rms"] = jnp.sqrt(jnp.mean(force**2))
         seen[f"{name}_peak"] = _peaks(force, windows)
     if scene.joint is not None:
-        assert motion.penetration_ratio is not None and motion.penetration_rate is not None
         deepest, fastest = jnp.max(motion.penetration_ratio), jnp.max(motion.penetration_rate)
         seen["hertzian"] = validity(scene.joint, deepest, fastest).hertzian
     return seen
 
 
-def _peaks(force: Array | None, windows: int) -> Array:
-    assert force is not None
+def _peaks(force: Array, windows: int) -> Array:
     return jnp.max(force.reshape(windows, -1), axis=1)
 
 

@@ -83,6 +83,10 @@ class LiteralContact(AbstractFormulation):
         """As in the correct formulation."""
         return EccentricityFormulation().rate(snapshot, state, scene)
 
+    def unwound(self, state: EccentricityState) -> EccentricityState:
+        """As in the correct formulation."""
+        return EccentricityFormulation().unwound(state)
+
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """As in the correct formulation."""
         return EccentricityFormulation().tolerance(scene, rtol)
@@ -109,6 +113,10 @@ class PlainUnits(AbstractFormulation):
         """The derivatives q' and q'', per second."""
         inner = self.multiplier.rate(snapshot, _rescaled(state, CONTACT_TIME), scene)
         return _rescaled(inner, 1 / CONTACT_TIME)
+
+    def unwound(self, state: MultiplierState) -> MultiplierState:
+        """That of the multiplier formulation."""
+        return self.multiplier.unwound(state)
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Not adapted to the clearance."""

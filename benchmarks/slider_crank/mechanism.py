@@ -32,9 +32,10 @@ from jaxcrusher.motion.integrate import (
     Outcome,
     Problem,
     error_norm,
+    failure_text,
     integrate,
 )
-from jaxcrusher.motion.simulation import failure_text, require_times
+from jaxcrusher.motion.simulation import require_times
 
 
 class Link(eqx.Module):
@@ -232,7 +233,7 @@ def _observe(time: Scalar, y: Carried, mechanism: SliderCrank) -> PyTree:
     return now, y.totals, energy(now, mechanism)
 
 
-PROBLEM = Problem(_initial, _field, _observe, lambda observed, totals: observed)
+PROBLEM = Problem(_initial, _field, _observe, lambda observed, end: observed)
 
 
 def simulate(mechanism: SliderCrank, times: ArrayLike, rtol: float = 1e-10) -> Motion:

@@ -55,17 +55,17 @@ def run(case: Case, formulation, turns: int, block: int, known: np.ndarray) -> D
         size = abs(np.asarray(values))
         return float(size[early].max()), float(size.max())
 
-    residual = history.constraint_residual
-    squares = np.asarray(found.turn_mean_square)
+    residual = history.values.get("constraint_residual")
+    squares = found.by_turn["foundation_rms"] ** 2
     return Drift(
         case.start,
         formulation,
         history.failure or found.failure,
         bool(found.whirl),
         both(history.energy.imbalance),
-        float(np.trapezoid(abs(np.asarray(history.drive_power)), times)),
+        float(np.trapezoid(abs(history.drive_power), times)),
         None if residual is None else both(residual),
-        (float(np.sqrt(squares[:block].mean())), float(np.sqrt(squares[-block:].mean()))),
+        (float(squares[:block].mean()) ** 0.5, float(squares[-block:].mean()) ** 0.5),
         tuple(known.mean(axis=0)),
         tuple(known.std(axis=0, ddof=1)),
     )

@@ -154,7 +154,6 @@ def others(case: Case, formulation: Formulation, count: int) -> list[float]:
 
 def rms_of(found: jc.Statistics) -> float:
     """RMS of |R_O| + |R_C|, N."""
-    assert found.foundation_rms is not None
     return float(found.foundation_rms)
 
 

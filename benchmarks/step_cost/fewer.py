@@ -12,6 +12,7 @@ import jaxcrusher as jc
 from benchmarks.step_cost.programs import Start
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.motion.flow import Flow
 from jaxcrusher.motion.integrate import Integration, error_norm, integrate
 from jaxcrusher.motion.statistics import statistics_problem
 
@@ -45,10 +46,11 @@ def _scene(start: Start) -> jc.Scene:
 @eqx.filter_jit
 def _run(scene: jc.Scene, angle: jax.Array, method: Integration):
     """RMS (N) over `angle` (rad) from the start, and the steps."""
-    problem = statistics_problem(("foundation_rms",))
-    by_turn, outcome = integrate(scene, angle.reshape(1, 1), problem=problem, method=method)
-    mean_square = by_turn["mean_square"][0] * 2 * jnp.pi / angle
-    return jnp.sqrt(mean_square), outcome.steps
+    problem = statistics_problem(("foundation_rms",), angle / (2 * math.pi))
+    (_, values), outcome = integrate(
+        Flow(scene), angle.reshape(1, 1), problem=problem, method=method
+    )
+    return values["foundation_rms"][0], outcome.steps
 
 
 def _adaptive(solver, coefficients, tolerance: float) -> Integration:

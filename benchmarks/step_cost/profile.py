@@ -18,6 +18,7 @@ from jax.interpreters.partial_eval import dce_jaxpr
 import jaxcrusher as jc
 from benchmarks.step_cost.programs import Designs, statistics_of
 from jaxcrusher.crusher.observables import foundation_force
+from jaxcrusher.motion.flow import Flow
 from jaxcrusher.motion.statistics import statistics_problem
 
 EVALUATIONS = 100_000
@@ -115,14 +116,14 @@ def evaluation(d: Designs) -> float:
 
     @jax.jit
     def run(numbers):
-        scene = eqx.combine(numbers, rest)
+        flow = Flow(eqx.combine(numbers, rest))
 
         def body(_, carry):
             angle, y = carry
-            rate = problem.field(angle, y, scene)
+            rate = problem.field(angle, y, flow)
             return angle + 1e-9, jax.tree.map(lambda leaf, dot: leaf + 1e-12 * dot, y, rate)
 
-        return jax.lax.fori_loop(0, EVALUATIONS, body, (0.0, problem.initial(scene)))
+        return jax.lax.fori_loop(0, EVALUATIONS, body, (0.0, problem.initial(flow)))
 
     jax.block_until_ready(run(numbers))
     seconds = []

@@ -21,6 +21,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import map_all
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.motion.flow import by_angle
 from jaxcrusher.motion.integrate import Carried
 from jaxcrusher.motion.method import resolve
 
@@ -94,11 +95,8 @@ def _plain(scene: jc.Scene, turns: int) -> Found:
     """`diffeqsolve` as its manual has it, of our right-hand side; all turns in one go."""
 
     def field(angle, y, scene):
-        formulation, speed = scene.formulation, scene.drive.speed
-        snapshot = formulation.snapshot(angle / speed, y.motion, scene)
-        rate = formulation.rate(snapshot, y.motion, scene)
-        force = foundation_force(snapshot, scene)
-        return Carried(jax.tree.map(lambda leaf: leaf / speed, rate), force**2)
+        rate, snapshot = by_angle(angle, y.motion, scene)
+        return Carried(rate, foundation_force(snapshot, scene) ** 2)
 
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(field),

@@ -17,6 +17,7 @@ import jaxcrusher as jc
 from benchmarks.work_precision.cases import Case
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.joint.normal import cylinder_stiffness
+from jaxcrusher.motion.flow import by_angle
 from jaxcrusher.motion.integrate import Carried, Integration, Outcome, Problem, integrate
 from jaxcrusher.motion.method import resolve
 
@@ -53,19 +54,16 @@ def _initial(scene: jc.Scene) -> Carried:
 
 
 def _field(angle: Scalar, y: Carried, scene: jc.Scene) -> Carried:
-    speed = scene.drive.speed
-    snapshot = scene.formulation.snapshot(angle / speed, y.motion, scene)
-    rate = scene.formulation.rate(snapshot, y.motion, scene)
-    by_angle = jax.tree.map(lambda leaf: leaf / speed, rate)
-    return Carried(by_angle, foundation_force(snapshot, scene) ** 2)
+    rate, snapshot = by_angle(angle, y.motion, scene)
+    return Carried(rate, foundation_force(snapshot, scene) ** 2)
 
 
 def _observe(angle: Scalar, y: Carried, scene: jc.Scene) -> Scalar:
-    snapshot = scene.formulation.snapshot(angle / scene.drive.speed, y.motion, scene)
+    _, snapshot = by_angle(angle, y.motion, scene)
     return foundation_force(snapshot, scene)
 
 
-PROBLEM = Problem(_initial, _field, _observe, lambda forces, total: (forces, total))
+PROBLEM = Problem(_initial, _field, _observe, lambda forces, end: (forces, end.totals))
 
 
 def solve(scene: jc.Scene, angles: Array, method: Integration) -> tuple[Array, Array, Outcome]:

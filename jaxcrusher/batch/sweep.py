@@ -13,24 +13,19 @@ from jaxtyping import ArrayLike
 from jaxcrusher.basics.checks import require, require_positive, require_x64
 from jaxcrusher.batch.engines import Engine, map_chunks
 from jaxcrusher.crusher.scene import Scene, require_clearance
-from jaxcrusher.motion.statistics import STATISTICS, Statistics, statistics
+from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
+from jaxcrusher.motion.statistics import Statistics, statistics
 from jaxcrusher.scenes.paper import paper_scene
 from jaxcrusher.scenes.parameters import PE250X400
 
 # Name -> unit and meaning of the variables of a sweep.
 VARIABLES = {
-    "foundation_rms": ("N", "RMS of |R_O| + |R_C|"),
-    "foundation_mean": ("N", "mean of |R_O| + |R_C|"),
-    "foundation_peak": ("N", "peak of |R_O| + |R_C|"),
+    **{name: (STATISTIC[name].unit, STATISTIC[name].meaning) for name in STATISTICS},
     "foundation_rms_error": ("N", "standard error of the RMS"),
-    "contact_fraction": ("1", "share of time in contact"),
-    "penetration_ratio": ("1", "largest penetration / clearance"),
-    "impact_speed": ("m/s", "fastest approach of pin and bore"),
     "half_width_ratio": ("1", "Hertz's half-width / bore radius"),
     "impact_speed_ratio": ("1", "fastest approach / elastic limit"),
     "delivered_restitution": ("1", "restitution of the fastest impact"),
     "inside_model": ("1", "Hertzian contact and elastic impacts"),
-    "winding": ("1", "revolutions of the pin round the bore per turn"),
     "whirl": ("1", "friction whirl"),
     "success": ("1", "integrated to the end"),
     "reached": ("rad", "shaft angle at the end, or at the failure"),
@@ -95,18 +90,17 @@ def sweep(
 def statistics_row(
     scene: Scene, settle_turns: int, turns: int, rtol: float
 ) -> dict[str, jax.Array]:
-    """One design's `VARIABLES`; the contact's limits of an ideal joint are NaN, and inside."""
+    """One design's `VARIABLES`; an ideal joint is inside the limits of contact."""
     return row_of(statistics(scene, settle_turns, turns, rtol=rtol))
 
 
 def row_of(result: Statistics) -> dict[str, jax.Array]:
     """The `VARIABLES` of one design's statistics."""
-    row = {name: getattr(result, name) for name in STATISTICS}
+    row = {name: result[name] for name in STATISTICS}
     row |= {name: getattr(result, name) for name in ("foundation_rms_error", "whirl", "success")}
     limits = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
-    row |= {name: getattr(result.validity, name, jnp.array(jnp.nan)) for name in limits}
-    inside = jnp.array(True) if result.validity is None else result.validity.inside
-    return row | {"inside_model": inside, "reached": result.outcome.reached}
+    row |= {name: getattr(result.validity, name) for name in limits}
+    return row | {"inside_model": result.validity.inside, "reached": result.outcome.reached}
 
 
 def _dataset(speeds, clearances, columns, settle_turns, turns, options) -> xr.Dataset:

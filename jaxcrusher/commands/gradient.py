@@ -7,22 +7,13 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.batch.sweep import VARIABLES
 from jaxcrusher.commands.crushers import read_moving
 from jaxcrusher.commands.options import Gradient
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import results_folder, write_json
+from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.parameters import PARAMETERS
 from jaxcrusher.scenes.scene_file import require_parameter
-
-# Name -> unit and meaning of what may be differentiated.
-METRICS = {
-    **{name: VARIABLES[name] for name in jc.STATISTICS},
-    "foundation_smooth_peak": ("N", "peak of |R_O| + |R_C|, smoothed"),
-    "joint_peak": ("N", "largest force in the main bearing"),
-    "sliding_power": ("W", "mean of F_n |surface slip|: wear"),
-    "drive_power": ("W", "mean power of the drive"),
-}
 
 
 def run(options: Gradient, console: Console) -> int:
@@ -55,7 +46,7 @@ def run(options: Gradient, console: Console) -> int:
 
 
 def _check(options: Gradient, values: dict[str, Any]) -> None:
-    require_choice("metric", options.metric, tuple(METRICS))
+    require_choice("metric", options.metric, tuple(STATISTIC))
     once = len(set(options.by)) == len(options.by) > 0
     require(once, "by", "name parameters, each once", " ".join(options.by))
     for name in options.by:
@@ -84,4 +75,4 @@ def content(report: jc.GradientReport) -> dict[str, Any]:
 
 def _unit(metric: str, name: str) -> str:
     """The unit of a slope."""
-    return f"({METRICS[metric][0]})/({PARAMETERS[name].unit})"
+    return f"({STATISTIC[metric].unit})/({PARAMETERS[name].unit})"

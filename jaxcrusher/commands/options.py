@@ -138,9 +138,8 @@ class Gradient:
     """
 
     metric: Annotated[str, tyro.conf.Positional] = "foundation_rms"
-    """The statistic: foundation_rms, foundation_mean, foundation_peak, foundation_smooth_peak,
-    joint_peak (N), contact_fraction, penetration_ratio, winding (1), impact_speed (m/s),
-    sliding_power or drive_power (W)."""
+    """The statistic, as jaxcrusher.statistics names them: foundation_rms, winding, drive_power and
+    so on; an unknown one, as in "gradient any", lists them all."""
     crusher: Crusher = field(default_factory=Crusher)
     by: tuple[str, ...] = ("speed", "clearance")
     """Keys of the scene file to differentiate by; slopes are in SI units."""

@@ -14,10 +14,12 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.commands.crushers import read_axes, read_moving
 from jaxcrusher.commands.options import Regimes
+from jaxcrusher.dynamics.regime import OUTPUTS
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance, versions
 from jaxcrusher.files.results import results_folder, write_json, write_netcdf
 from jaxcrusher.files.resume import earlier
+from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.parameters import PARAMETERS
 from jaxcrusher.scenes.scene_file import read_text
 
@@ -28,9 +30,7 @@ COLUMNS = {
     "largest_exponent_error": ("1", "its standard error"),
     "zero_one": ("1", "0-1 test: 0 order, 1 chaos"),
     "trend": ("1", "change of the section's spread, as a share"),
-    "foundation_rms": ("N", "RMS of |R_O| + |R_C|"),
-    "contact_fraction": ("1", "share of time in contact"),
-    "winding": ("1", "revolutions of the pin round the bore per turn"),
+    **{name: (STATISTIC[name].unit, STATISTIC[name].meaning) for name in OUTPUTS},
     "seconds": ("s", "time it took"),
 }
 
@@ -142,10 +142,7 @@ def _row(design: dict[str, Any], verdict: jc.Regime, seconds: float) -> dict[str
         "trend": verdict.trend,
         "seconds": round(seconds, 3),
     }
-    for name in ("foundation_rms", "contact_fraction", "winding"):
-        value = getattr(summary, name, None)
-        row[name] = None if value is None else float(np.asarray(value))
-    return row
+    return row | {name: None if summary is None else float(summary[name]) for name in OUTPUTS}
 
 
 def _design(text: str) -> dict[str, Any]:

@@ -88,7 +88,7 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
     """The motion with units, long names and provenance."""
     variables: dict[str, Any] = {}
     for name, observable in OBSERVABLES.items():
-        array = np.asarray(getattr(motion, name))
+        array = np.asarray(motion[name])
         dims = ("time", "direction")[: array.ndim]
         labels = {"units": observable.unit, "long_name": observable.meaning}
         variables[name] = (dims, array, labels)
@@ -106,13 +106,8 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
 
 def draw(motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) -> Figure:
     """Orbit and foundation force at the instants `drawn`; without an orbit for an ideal joint."""
-    assert motion.foundation_force is not None and motion.eccentricity is not None
-    part = jc.Trajectory(
-        motion.time[drawn],
-        motion.outcome,
-        foundation_force=motion.foundation_force[drawn],
-        eccentricity=motion.eccentricity[drawn],
-    )
+    seen = {name: motion[name][drawn] for name in ("foundation_force", "eccentricity")}
+    part = jc.Trajectory(motion.time[drawn], motion.outcome, seen)
     fig = plt.figure(figsize=(10, 4), layout="constrained")
     if scene.joint is None:
         ax = fig.add_subplot()
@@ -134,7 +129,7 @@ def closing(
     """RMS, contact share, whirl and what is outside the model, on one line."""
     ideal = values["joint"] == "ideal"
     if summary is None:
-        rms = float(np.sqrt(np.mean(np.asarray(motion.foundation_force) ** 2)))
+        rms = float(np.sqrt(np.mean(motion.foundation_force**2)))
         contact = "" if ideal else f", contact share {float(motion.contact_fraction):.3f}"
         return (
             f"RMS of |R_O| + |R_C| {rms:.0f} N{contact}, over the samples (no whole turn after "
@@ -142,11 +137,10 @@ def closing(
         )
     error = float(summary.foundation_rms_error)
     scatter = f" ± {error:.2g}" if math.isfinite(error) else ""
-    parts = [f"RMS of |R_O| + |R_C| {float(np.asarray(summary.foundation_rms)):.0f}{scatter} N"]
+    parts = [f"RMS of |R_O| + |R_C| {float(summary.foundation_rms):.0f}{scatter} N"]
     if not ideal:
-        parts.append(f"contact share {float(np.asarray(summary.contact_fraction)):.3f}")
+        parts.append(f"contact share {float(summary.contact_fraction):.3f}")
         parts.append("FRICTION WHIRL" if bool(summary.whirl) else "no whirl")
-        assert summary.validity is not None
         remarks = summary.validity.remarks()
         parts.append(
             f"OUTSIDE the contact model: {'; '.join(remarks)}"

@@ -16,6 +16,15 @@ class ShaftState(eqx.Module):
     angle: Scalar
     relative_speed: Scalar
 
+    def unwound(self) -> "ShaftState":
+        """With the angle counted from the nearest whole turn."""
+        return ShaftState(from_nearest_turn(self.angle), self.relative_speed)
+
+
+def from_nearest_turn(angle: Scalar) -> Scalar:
+    """The same angle (rad), between -pi and pi."""
+    return angle - 2 * jnp.pi * jnp.round(angle / (2 * jnp.pi))
+
 
 class AbstractDrive(eqx.Module):
     """A drive; the shaft starts at angle 0 with `speed`.

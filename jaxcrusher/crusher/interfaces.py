@@ -53,5 +53,12 @@ class AbstractFormulation(eqx.Module):
         """The time derivative of the state, per second."""
 
     @abc.abstractmethod
+    def unwound(self, state: PyTree[Scalar]) -> PyTree[Scalar]:
+        """The same state, its shaft angle (if it holds one) counted from the nearest whole turn.
+
+        So a motion goes on from the end of a turn as from angle zero.
+        """
+
+    @abc.abstractmethod
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """The solver's tolerance for an error of `rtol` clearances in the eccentricity."""

@@ -1,7 +1,7 @@
 """Bifurcation diagrams: section points over a parameter, swept up, down or from cold starts."""
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Literal
 
 import equinox as eqx
 import jax
@@ -14,8 +14,10 @@ from jaxcrusher.batch.engines import map_all, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.indicators import detect_period
-from jaxcrusher.dynamics.regime import NOISE, OUTPUTS, spread_trend, turn_statistics
-from jaxcrusher.motion.section import initial_state, poincare_section
+from jaxcrusher.dynamics.regime import NOISE, OUTPUTS, spread_trend
+from jaxcrusher.motion.flow import initial_state
+from jaxcrusher.motion.section import Section, poincare_section
+from jaxcrusher.motion.statistic import STATISTIC
 
 # Name -> unit and meaning of the first coordinates of a section point.
 COORDINATES = {
@@ -75,7 +77,7 @@ def bifurcation(
     require(
         moves, "scene", "make scenes with clearance, in the eccentricity formulation", scenes[0]
     )
-    run = eqx.Partial(_run, settle_turns=settle_turns, turns=turns, rtol=rtol)
+    run = eqx.Partial(_run, settle=settle_turns, turns=turns, rtol=rtol)
     count, rows = len(scenes), [{}] * len(numbers)
     if direction == "cold":
         found = map_all(run, stack(scenes), chunk, progress=progress)
@@ -86,26 +88,24 @@ def bifurcation(
         for done, i in enumerate(order, 1):
             begin = initial_state(scenes[i]) if state is None else state
             found = run(scenes[i], begin)
-            rows[i] = _row(jax.tree.map(np.asarray, found), rtol)
-            state = found["states"][-1] if rows[i]["success"] else None
+            rows[i] = _row(found, rtol)
+            state = found.state if rows[i]["success"] else None
             if progress is not None:
                 progress(done, count)
     return _dataset(numbers, rows, name, units, direction, settle_turns)
 
 
 def _run(
-    scene: Scene, state: Array | None = None, *, settle_turns: int, turns: int, rtol: float
-) -> dict[str, Any]:
-    """Section points, the outcome, and statistics of each turn."""
-    section = poincare_section(scene, settle_turns, turns, state=state, outputs=OUTPUTS, rtol=rtol)
-    return {"states": section.states, "outcome": section.outcome, **section.values}
+    scene: Scene, state: Array | None = None, *, settle: int, turns: int, rtol: float
+) -> Section:
+    return poincare_section(scene, settle, turns, state=state, outputs=OUTPUTS, rtol=rtol)
 
 
-def _row(found: dict[str, Any], rtol: float) -> dict[str, np.ndarray]:
+def _row(found: Section, rtol: float) -> dict[str, np.ndarray]:
     """What the diagram holds of one value."""
-    states, success = found["states"].copy(), bool(found["outcome"].success)
-    whirl = success and bool(turn_statistics(found, found["outcome"]).whirl)
-    rms, period, settled = found["foundation_rms"].copy(), None, False
+    states, rms = np.array(found.states), np.array(found.foundation_rms)
+    success, period, settled = bool(found.success), None, False
+    whirl = success and bool(found.statistics.whirl)
     if whirl or not success:
         states[:], rms[:] = np.nan, np.nan
     else:
@@ -117,8 +117,9 @@ def _row(found: dict[str, Any], rtol: float) -> dict[str, np.ndarray]:
 
 
 def _dataset(numbers, rows, name, units, direction, settle_turns) -> xr.Dataset:
+    rms = STATISTIC["foundation_rms"]
     meanings = COORDINATES | {
-        "foundation_rms": ("N", "RMS of |R_O| + |R_C|"),
+        "foundation_rms": (rms.unit, rms.meaning),
         "success": ("1", "integrated to the end"),
         "whirl": ("1", "friction whirl"),
         "settled": ("1", "the points repeat, or their spread has no trend"),

@@ -1,19 +1,20 @@
 """What kind of motion it is: a verdict on which several indicators must agree."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.indicators import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
+from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.integrate import Outcome
-from jaxcrusher.motion.section import initial_state, poincare_section, whole
+from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.statistics import Statistics
-from jaxcrusher.motion.tangents import SLICES
+from jaxcrusher.motion.tangents import SLICES, Tangents
 
 # Statistics of the motion that is classified, and after how many turns a whirl is called one.
 OUTPUTS = ("foundation_rms", "contact_fraction", "winding")
@@ -71,11 +72,10 @@ def regime(
     """
     require_whole("tangent_turns", tangent_turns, 1)
 
-    def jacobians(state: Float[Array, " dims"]) -> np.ndarray:
-        further = poincare_section(scene, 0, tangent_turns, slices=SLICES, state=state, rtol=rtol)
-        return np.asarray(further.jacobians)
+    def further(state: Float[Array, " dims"]) -> Section:
+        return poincare_section(scene, 0, tangent_turns, slices=SLICES, state=state, rtol=rtol)
 
-    return classify(scene, settle_turns, turns, rtol, jacobians)
+    return classify(scene, settle_turns, turns, rtol, further)
 
 
 def classify(
@@ -83,24 +83,25 @@ def classify(
     settle_turns: int,
     turns: int,
     rtol: float,
-    jacobians: Callable[[Array], np.ndarray],
+    further: Callable[[Array], Section | Tangents],
 ) -> Regime:
     """`regime`, with the Jacobians made by the caller.
 
-    `jacobians` maps the last section point to those of the `SLICES` slices of each of the next
-    turns, shape (slices, dims, dims); it is not called for a whirl or a failure.
+    `further` maps the last section point to the `SLICES` slices of each of the next turns, with
+    their Jacobians; it is not called for a whirl or a failure.
     """
-    points, last, summary = _record(scene, settle_turns, turns, rtol)
+    record = _record(scene, settle_turns, turns, rtol)
+    points, summary = np.asarray(record.states), record.statistics
     if not bool(summary.success):
         return Regime("failed", (summary.failure,), statistics=summary)
     if bool(summary.whirl):
-        assert summary.winding is not None
         winding = f"winds {float(summary.winding):.0f} times a turn round its bore"
         return Regime("whirl", (winding,), statistics=summary)
-    matrices = jacobians(last)
-    if not np.isfinite(matrices).all():
-        return Regime("failed", ("the tangents are not finite",), statistics=summary)
-    exponents = lyapunov_spectrum(matrices, slices=SLICES)
+    along = further(summary.state)
+    if not np.isfinite(along.jacobians).all():
+        why = f"the tangents are not finite; {along.failure}".rstrip("; ")
+        return Regime("failed", (why,), statistics=summary)
+    exponents = lyapunov_spectrum(along.jacobians, slices=SLICES)
     # The coordinate that spreads most: a constant one holds no motion.
     zero_one = zero_one_test(points[:, int(np.argmax(np.ptp(points, axis=0)))])
     period = detect_period(points, noise=NOISE * rtol)
@@ -117,49 +118,34 @@ def classify(
     return Regime(name, tuple(evidence), found, exponents, zero_one, trend, summary, points[-1])
 
 
-def _record(
-    scene: Scene, settle_turns: int, turns: int, rtol: float
-) -> tuple[np.ndarray, Float[Array, " dims"], Statistics]:
-    """Section points, the last of them, and statistics; a whirl or a failure ends it early.
+def _record(scene: Scene, settle_turns: int, turns: int, rtol: float) -> Section:
+    """Section points with the `OUTPUTS` of each turn; a whirl or a failure ends it early.
 
     Turn by turn: one program serves any number of them.
     """
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
-    state, points, rows, steps = initial_state(scene), [], [], 0
+    state, steps, seen = initial_state(scene), 0, []
     for i in range(settle_turns + turns):
         turn = poincare_section(scene, 0, 1, state=state, outputs=OUTPUTS, rtol=rtol)
-        state = turn.states[-1]
-        steps = steps + turn.outcome.steps
+        state, steps = turn.state, steps + turn.outcome.steps
         reached = 2 * np.pi * i + turn.outcome.reached
-        outcome = Outcome(turn.outcome.result, reached, steps)
-        if i >= settle_turns or not bool(outcome.success):
-            points.append(np.asarray(state))
-            rows.append({name: float(value[0]) for name, value in turn.values.items()})
-        if not bool(outcome.success):
-            break
-        if len(rows) == WHIRL_TURNS and bool(_summary(rows, outcome).whirl):
-            break
-    return np.array(points), state, _summary(rows, outcome)
+        failed = not bool(turn.success)
+        if i >= settle_turns or failed:
+            seen.append(turn)
+        last = failed or i == settle_turns + turns - 1
+        if last or len(seen) == WHIRL_TURNS:
+            record = _joined(seen, Outcome(turn.outcome.result, reached, steps))
+            if last or bool(record.statistics.whirl):
+                break
+    return record
 
 
-def _summary(rows: list[dict[str, float]], outcome: Outcome) -> Statistics:
-    columns = {name: np.array([row[name] for row in rows]) for name in OUTPUTS}
-    return turn_statistics(columns, outcome)
-
-
-def turn_statistics(by_turn: Mapping[str, ArrayLike], outcome: Outcome) -> Statistics:
-    """Statistics of consecutive turns, from the `OUTPUTS` of each."""
-    columns = {name: jnp.asarray(by_turn[name]) for name in OUTPUTS}
-    rms, contact, winding = (whole(name, column) for name, column in columns.items())
-    return Statistics(
-        columns["winding"].size,
-        outcome,
-        foundation_rms=rms,
-        contact_fraction=contact,
-        winding=winding,
-        turn_mean_square=columns["foundation_rms"] ** 2,
-    )
+def _joined(turns: list[Section], outcome: Outcome) -> Section:
+    """Consecutive turns as one section."""
+    values = {name: jnp.concatenate([turn[name] for turn in turns]) for name in OUTPUTS}
+    states = jnp.concatenate([turn.states for turn in turns])
+    return Section(states, turns[0].jacobians, outcome, values)
 
 
 def verdict(exponents: Lyapunov, zero_one: float, period: int | None, trending: bool) -> str:

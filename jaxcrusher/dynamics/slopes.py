@@ -21,8 +21,9 @@ from jaxcrusher.dynamics.fits import Fit, fit_slopes
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
 from jaxcrusher.dynamics.shadowing import shadowing_slopes
-from jaxcrusher.motion.section import LARGEST, poincare_section, whole
-from jaxcrusher.motion.statistics import FURTHER_STATISTICS, STATISTICS
+from jaxcrusher.motion.section import poincare_section
+from jaxcrusher.motion.statistic import STATISTIC, PowerMean
+from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangents, weights
 from jaxcrusher.scenes.parameters import PARAMETERS
 from jaxcrusher.settled.orbit import (
@@ -113,7 +114,7 @@ def gradient_report(
     Raises ValueError for an unknown metric, for no parameters, for a value of 0 without a scale,
     and for an ideal joint.
     """
-    require_choice("metric", metric, (*STATISTICS, *FURTHER_STATISTICS))
+    require_choice("metric", metric, tuple(STATISTIC))
     require(bool(parameters), "parameters", "name at least one number", parameters)
     names, numbers = tuple(parameters), np.array([*parameters.values()], dtype=float)
     radii = radius * np.array([_scale(name, value) for name, value in parameters.items()])
@@ -124,11 +125,11 @@ def gradient_report(
     horizon = settle_turns + turns
     along: list[Tangents] = []
 
-    def jacobians(state: Float[Array, " dims"]) -> np.ndarray:
+    def further(state: Float[Array, " dims"]) -> Tangents:
         along.append(tangents(build, point, metric, state, TANGENT_TURNS, rtol))
-        return along[-1].jacobians
+        return along[-1]
 
-    kind = classify(here, settle_turns, max(turns, REGIME_TURNS), REGIME_RTOL, jacobians)
+    kind = classify(here, settle_turns, max(turns, REGIME_TURNS), REGIME_RTOL, further)
     if kind.exponents is None:
         why = (f"the motion is {kind.name}: outside the model",)
         slopes = {n: Slope(n, "none", np.nan, np.nan, 0.0, "refused", why, {}) for n in names}
@@ -157,7 +158,7 @@ def gradient_report(
         for share, name in zip((1.0, 0.5), FITS, strict=True):
             fits.append(fit_slopes(value, numbers, share * radii, count, seed, shift, chunk))
             estimates[name] = fits[-1].slopes, fits[-1].errors
-    if chaotic and metric not in LARGEST:
+    if chaotic and isinstance(STATISTIC[metric].reduction, PowerMean):
         estimates["shadowing"] = _shadowing(along[0], metric)
     evidence["growth"] = float(largest * TANGENT_TURNS) if chaotic else _growth(along[0])
     slopes = {}
@@ -214,5 +215,5 @@ def _metric(case, build, metric: str, settle_turns: int, turns: int, rtol: float
     """
     scene = shifted_start(build(case["point"]), Vector(*case["shift"]))
     section = poincare_section(scene, settle_turns, turns, outputs=(metric,), rtol=rtol)
-    values = section.values[metric]
-    return jnp.stack([whole(metric, values), whole(metric, values[: -(-turns // 2)])])
+    windows = section[metric], section[metric][: -(-turns // 2)]
+    return jnp.stack([over_pieces(metric, values) for values in windows])

@@ -60,11 +60,17 @@ class Validity(eqx.Module):
         return found
 
 
-def validity(joint: ClearanceJoint, penetration_ratio: Scalar, impact_speed: Scalar) -> Validity:
+def validity(
+    joint: ClearanceJoint | None, penetration_ratio: Scalar, impact_speed: Scalar
+) -> Validity:
     """The limits of a motion with these largest penetration/clearance and approach (m/s).
 
-    Hertz's half-width is sqrt(R delta) with R = R_i R_j / (R_i - R_j).
+    Hertz's half-width is sqrt(R delta) with R = R_i R_j / (R_i - R_j). An ideal joint has neither
+    contact nor impacts, and its restitution is NaN.
     """
+    if joint is None:
+        none = jnp.full_like(impact_speed, jnp.nan)
+        return Validity(penetration_ratio, impact_speed, none, none)
     pin_ratio = 1 - joint.clearance / joint.bore_radius
     half_width = jnp.sqrt(pin_ratio * jnp.maximum(penetration_ratio, 0))
     return Validity(

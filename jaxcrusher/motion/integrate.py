@@ -41,13 +41,13 @@ class Problem(eqx.Module):
     """The functions of an integration; `args` is what they depend on.
 
     The independent variable is the caller's. `observe` is evaluated at every saved time, and
-    `summarise` reduces the stacked observations of one segment with the totals at its end.
+    `summarise` reduces the stacked observations of one segment with what is carried at its end.
     """
 
     initial: Callable[[PyTree], Any]  # args -> Carried
     field: Callable[[Scalar, Any, PyTree], Any]  # time, state, args -> Carried
     observe: Callable[[Scalar, Any, PyTree], PyTree]  # time, state, args
-    summarise: Callable[[PyTree, PyTree], PyTree]  # observations, totals
+    summarise: Callable[[PyTree, Any], PyTree]  # observations, Carried
 
 
 class Integration(eqx.Module):
@@ -82,6 +82,21 @@ class Outcome(eqx.Module):
     def success(self) -> Bool[Array, ""]:
         """Came to its end."""
         return self.result == RESULTS.successful
+
+
+def failure_text(outcome: Outcome, unit: str) -> str:
+    """One line on a failed integration, empty for one that succeeded (concrete values only).
+
+    `unit` is that of the independent variable.
+    """
+    if bool(outcome.success):
+        return ""
+    if bool(outcome.result == RESULTS.max_steps_reached):
+        # That of diffrax names an argument that is not here.
+        reason = "The bound of steps was reached; `method=jc.Method(max_steps=...)` sets another."
+    else:
+        reason = " ".join(str(RESULTS[outcome.result]).split())
+    return f"stopped at {float(outcome.reached):.6g} {unit}: {reason}"
 
 
 def error_norm(error: PyTree) -> Scalar:
@@ -171,24 +186,17 @@ def _with_tangents(problem: Problem, unravel: Callable) -> Problem:
     def observe(time, y, args):
         return along_each(lambda s, a: problem.observe(time, s, a), args, (y.state, y.tangents))
 
-    def summarise(observed, totals):
-        primal = (observed[0], totals.state)
+    def summarise(observed, end):
+        primal = (observed[0], end.state)
         # Observations are stacked over the saved times first, then over the tangents.
         by_tangent = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 1, 0), observed[1])
         summary = problem.summarise(*primal)
         derivative = jax.vmap(lambda *dot: jax.jvp(problem.summarise, primal, dot)[1])(
-            by_tangent, totals.tangents
+            by_tangent, end.tangents
         )
         return summary, derivative
 
     return Problem(initial, field, observe, summarise)
-
-
-def _totals(y: Carried | Sensitive) -> PyTree:
-    """The totals of a state, or those of a state and its tangents."""
-    if isinstance(y, Sensitive):
-        return Sensitive(_totals(y.state), _totals(y.tangents))
-    return y.totals
 
 
 def _restarted(y: Carried | Sensitive) -> Carried | Sensitive:
@@ -242,8 +250,7 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
             result, reached, before.steps + jnp.asarray(solution.stats["num_steps"], int)
         )
         observed = _masked(solution.ys[1], dead | ~jnp.isfinite(solution.ts[1]))
-        totals = _masked(_totals(y), ~after.success)
-        summary = problem.summarise(observed, totals)
+        summary = problem.summarise(observed, _masked(y, ~after.success))
         return (saves[-1], _restarted(y), after), summary
 
     able = RESULTS.where(_finite(y), success, RESULTS.not_finite)
@@ -255,7 +262,7 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
 def _evaluate(args, times, y: PyTree, problem: Problem) -> PyTree:
     """The summaries of a scene that has nothing to integrate."""
     observed = jax.vmap(jax.vmap(lambda time: problem.observe(time, y, args)))(times)
-    return jax.vmap(lambda segment: problem.summarise(segment, _totals(y)))(observed)
+    return jax.vmap(lambda segment: problem.summarise(segment, y))(observed)
 
 
 def _finite(tree: PyTree) -> Bool[Array, ""]:

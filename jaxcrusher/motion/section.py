@@ -1,111 +1,151 @@
 """The once-per-turn map of a motion: its section points, and its Jacobians."""
 
 import math
+from collections.abc import Callable, Iterable, Mapping
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float, PyTree, Scalar
+from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import require, require_choice, require_whole, require_x64
+from jaxcrusher.basics.checks import require, require_whole, require_x64
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.motion.integrate import RESULTS, Carried, Integration, Outcome, Problem, integrate
+from jaxcrusher.motion.flow import Flow, flat, unflattened
+from jaxcrusher.motion.integrate import RESULTS, Integration, Outcome, failure_text, integrate
 from jaxcrusher.motion.method import Method, resolve
+from jaxcrusher.motion.named import AbstractNamed
+from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.motion.statistics import (
-    FURTHER_STATISTICS,
-    PEAK_POWER,
-    SAMPLES,
-    STATISTICS,
-    sampled_observables,
+    Statistics,
+    instants,
+    over_pieces,
+    require_statistics,
     statistics_problem,
 )
 
 
-class Section(eqx.Module):
+class Section(eqx.Module, AbstractNamed):
     """States at the end of each turn, where the shaft is again at angle zero.
 
     With the default formulation a state is (e_x / c, e_y / c, e_x', e_y') in 1 and m/s, and
-    after them the memory of a tracked impact velocity.
+    after them the memory of a tracked impact velocity. NaN from a failure on.
     """
 
     states: Float[Array, "turns dims"]
-    jacobians: Float[Array, "turns*slices dims dims"] | None  # of each slice of a turn
+    jacobians: Float[Array, "turns*slices dims dims"]  # of each slice of a turn
     outcome: Outcome
-    values: dict[str, Float[Array, " turns"]]  # statistics of each turn, as far as asked for
+    values: Mapping[str, Float[Array, " turns"]]  # statistics of each turn, as far as asked for
+
+    def could_hold(self) -> Iterable[str]:
+        """Every statistic there is."""
+        return STATISTIC
+
+    @property
+    def state(self) -> Float[Array, " dims"]:
+        """The last one, to go on from."""
+        return self.states[..., -1, :]
+
+    @property
+    def statistics(self) -> Statistics:
+        """Those that were asked for, over all turns."""
+        values = {name: over_pieces(name, by_turn) for name, by_turn in self.values.items()}
+        return Statistics(len(self.states), self.outcome, values, self.values, self.state)
 
     @property
     def slices(self) -> int:
         """Jacobians a turn."""
-        assert self.jacobians is not None
         return self.jacobians.shape[0] // self.states.shape[0]
 
+    @property
+    def success(self) -> Bool[Array, ""]:
+        """Whether the integration came to its end."""
+        return self.outcome.success
 
-class _Flow(eqx.Module):
-    """Where and when a piece of motion starts."""
-
-    scene: Scene
-    state: PyTree[Scalar]
-    angle: Scalar  # of the shaft, rad
-
-
-def _flow_problem(outputs: tuple[str, ...], share: float) -> Problem:
-    """The motion from a given state on, with statistics of a share of a turn."""
-    parts = statistics_problem(outputs)
-
-    def initial(flow: _Flow) -> Carried:
-        return Carried(flow.state, parts.initial(flow.scene).totals)
-
-    def field(angle: Scalar, y: Carried, flow: _Flow) -> Carried:
-        return parts.field(flow.angle + angle, y, flow.scene)
-
-    def observe(angle: Scalar, y: Carried, flow: _Flow) -> tuple[PyTree, PyTree]:
-        return y.motion, parts.observe(flow.angle + angle, y, flow.scene)
-
-    def summarise(seen: tuple[PyTree, PyTree], totals: PyTree) -> tuple[PyTree, PyTree]:
-        motion, observed = seen
-        means = {name: total / share for name, total in totals.items()}
-        return jax.tree.map(lambda leaf: leaf[-1], motion), parts.summarise(observed, means)
-
-    return Problem(initial, field, observe, summarise)
+    @property
+    def failure(self) -> str:
+        """Why and when the integration stopped, or nothing (concrete values only)."""
+        return failure_text(self.outcome, "rad of shaft angle")
 
 
 def advance(
-    scene: Scene,
-    state: PyTree[Scalar],
-    angle: Scalar,
-    span: float,
-    method: Integration,
-    outputs: tuple[str, ...] = (),
+    flow: Flow, span: float, method: Integration, outputs: tuple[str, ...] = ()
 ) -> tuple[PyTree[Scalar], dict[str, Scalar], Outcome]:
-    """The state `span` radians of shaft angle after `angle`, and statistics on the way there.
+    """The state after `span` radians of shaft angle, and statistics on the way there.
 
     Differentiable by the scene and the state.
     """
     share = span / (2 * math.pi)
-    samples = max(round(share * SAMPLES), 3) if sampled_observables(outputs) else 1
-    times = span * jnp.arange(1, samples + 1)[None] / samples
-    flow, problem = _Flow(scene, state, angle), _flow_problem(outputs, share)
-    (after, values), outcome = integrate(flow, times, problem=problem, method=method)
-    after, values = jax.tree.map(lambda leaf: leaf[0], (after, values))
-    if "mean_square" in values:
-        values["foundation_rms"] = jnp.sqrt(values.pop("mean_square"))
-    if "foundation_smooth_peak" in values:
-        values["foundation_smooth_peak"] **= 1 / PEAK_POWER
-    return after, values, outcome
+    times = 2 * math.pi * instants(outputs, share)[None]
+    problem = statistics_problem(outputs, share)
+    (states, values), outcome = integrate(flow, times, problem=problem, method=method)
+    return *jax.tree.map(lambda leaf: leaf[0], (states, values)), outcome
 
 
-# Statistics that are the largest of many samples rather than means.
-LARGEST = ("foundation_peak", "penetration_ratio", "impact_speed", "joint_peak")
+class Slices(eqx.Module):
+    """Consecutive slices of a motion: state x, parameters p, statistics m of each slice alone."""
+
+    jacobians: Float[Array, "slices dims dims"]  # dx_after / dx_before
+    forcing: Float[Array, "slices dims n"]  # dx_after / dp
+    values: dict[str, Float[Array, " slices"]]  # m
+    by_state: dict[str, Float[Array, "slices dims"]]  # dm / dx_before
+    by_parameter: dict[str, Float[Array, "slices n"]]  # dm / dp
 
 
-def whole(name: str, values: Float[Array, " n"]) -> Scalar:
-    """The statistic `name` over n equal pieces of a motion, from that of each."""
-    if name in LARGEST:
-        return jnp.max(values)
-    power = {"foundation_rms": 2, "foundation_smooth_peak": PEAK_POWER}.get(name, 1)
-    return jnp.mean(values**power) ** (1 / power)
+def turn_in_slices(
+    build: Callable[[Array], Scene],
+    point: Float[Array, " n"],
+    state: Float[Array, " dims"],
+    count: int,
+    method: Integration,
+    outputs: tuple[str, ...] = (),
+) -> tuple[Float[Array, " dims"], Slices, Outcome]:
+    """One turn of the scene `build(point)` from a section point, in `count` slices.
+
+    The tangents of a slice by the state and by p are integrated beside it, from the identity and
+    zero on.
+    """
+    span, dims = 2 * math.pi / count, state.size
+    _, unravel = ravel_pytree(unflattened(state, build(point)))
+
+    def one(carry, angle):
+        state, before = carry
+
+        def after(both):
+            flow = Flow(build(both[dims:]), unravel(both[:dims]), angle)
+            end, values, outcome = advance(flow, span, method, outputs)
+            found = ravel_pytree(end)[0], values
+            return found, (*found, outcome)
+
+        derivatives, (end, values, outcome) = jax.jacfwd(after, has_aux=True)(
+            jnp.concatenate([state, point])
+        )
+        (matrix, forcing), slopes = _split(derivatives[0], dims), derivatives[1]
+        slopes = {name: _split(slope, dims) for name, slope in slopes.items()}
+        by_state, by_parameter = ({name: s[i] for name, s in slopes.items()} for i in (0, 1))
+        carry = end, first_failure(before, outcome)
+        return carry, Slices(matrix, forcing, values, by_state, by_parameter)
+
+    (state, outcome), slices = jax.lax.scan(one, (state, fine()), span * jnp.arange(count))
+    return flat(unravel(state), build(point)), slices, outcome
+
+
+def _split(derivative: Float[Array, "... both"], dims: int) -> tuple[Array, Array]:
+    """By the state and by the parameters."""
+    return derivative[..., :dims], derivative[..., dims:]
+
+
+def fine() -> Outcome:
+    """Of a motion that has not begun."""
+    return Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.array(0))
+
+
+def first_failure(before: Outcome, after: Outcome) -> Outcome:
+    """The outcome of two consecutive pieces; a NaN state makes the second fail at once."""
+    reached = before.reached + jnp.where(before.success, after.reached, 0)
+    result = RESULTS.where(before.success, after.result, before.result)
+    return Outcome(result, reached, before.steps + after.steps)
 
 
 def poincare_section(
@@ -113,8 +153,8 @@ def poincare_section(
     settle_turns: int,
     turns: int,
     *,
-    slices: int | None = None,
-    state: Float[Array, " dims"] | None = None,
+    slices: int = 0,
+    state: Float[ArrayLike, " dims"] | None = None,
     outputs: tuple[str, ...] = (),
     rtol: float | Scalar = 1e-9,
     method: Method = Method(),
@@ -124,8 +164,8 @@ def poincare_section(
     **Arguments:**
 
     - `scene`: with a shaft of constant speed.
-    - `slices`: with it, the Jacobian of each of so many slices of a turn comes along; more
-      slices for faster growth, since a Jacobian of condition 1e16 holds nothing.
+    - `slices`: the Jacobian of each of so many slices of a turn comes along; more slices for
+      faster growth, since a Jacobian of condition 1e16 holds nothing.
     - `state`: to start from, shape (dims,), in place of the scene's start.
     - `outputs`: statistics of each turn that come along, as in
       `jaxcrusher.statistics`.
@@ -133,16 +173,14 @@ def poincare_section(
 
     **Returns:** a `Section`; NaN from a failure on.
 
-    Raises ValueError for counts that are not whole numbers in range, for a free shaft and for
-    unknown outputs.
+    Raises ValueError for counts that are not whole numbers in range, for a free shaft, for
+    unknown outputs and for a state of another shape.
     """
     require_x64()
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
-    if slices is not None:
-        require_whole("slices", slices, 1)
-    for name in outputs:
-        require_choice("outputs", name, (*STATISTICS, *FURTHER_STATISTICS))
+    require_whole("slices", slices, 0)
+    require_statistics(outputs)
     free = scene.drive.initial() is not None
     require(not free, "scene", "have a shaft of constant speed", scene.drive)
     how = resolve(scene, rtol, method)
@@ -150,67 +188,42 @@ def poincare_section(
 
 
 @eqx.filter_jit
-def initial_state(scene: Scene) -> Float[Array, " dims"]:
-    """Where the scene starts, as a section point."""
-    return ravel_pytree(scene.formulation.initial(scene))[0]
-
-
-@eqx.filter_jit
 def _section(
     scene: Scene,
     settle_turns: int,
     turns: int,
-    slices: int | None,
-    state,
+    slices: int,
+    state: ArrayLike | None,
     outputs: tuple[str, ...],
     method: Integration,
 ) -> Section:
-    start, unravel = ravel_pytree(scene.formulation.initial(scene))
-    state = start if state is None else jnp.asarray(state, dtype=float)
-
-    def flow(state, angle, span, outputs):
-        after, values, outcome = advance(scene, unravel(state), angle, span, method, outputs)
-        return ravel_pytree(after)[0], values, outcome
+    begin = Flow(scene, unflattened(state, scene)).initial()
+    start, unravel = ravel_pytree(begin)
 
     def turn(carry, outputs):
         state, before = carry
-        after, values, outcome = flow(state, jnp.zeros(()), 2 * jnp.pi, outputs)
-        outcome = _first_failure(before, outcome, 2 * jnp.pi)
-        return (after, outcome), (after, values)
+        flow = Flow(scene, unravel(state))
+        after, values, outcome = advance(flow, 2 * math.pi, method, outputs)
+        after = flat(after, scene)
+        return (after, first_failure(before, outcome)), (after, values)
 
-    def sliced_turn(carry, _):
-        count = slices or 1
-        span = 2 * jnp.pi / count
+    def sliced_turn(carry):
+        state, before = carry
+        after, found, outcome = turn_in_slices(
+            lambda _: scene, jnp.zeros(0), state, slices, method, outputs
+        )
+        values = {name: over_pieces(name, parts) for name, parts in found.values.items()}
+        return (after, first_failure(before, outcome)), (after, values, found.jacobians)
 
-        def one(carry, angle):
-            state, before = carry
-
-            def after(state):
-                end, values, outcome = flow(state, angle, span, outputs)
-                return end, (end, values, outcome)
-
-            jacobian, (end, values, outcome) = jax.jacfwd(after, has_aux=True)(state)
-            return (end, _first_failure(before, outcome, span)), (jacobian, values)
-
-        carry, (jacobians, values) = jax.lax.scan(one, carry, span * jnp.arange(count))
-        values = {name: whole(name, parts) for name, parts in values.items()}
-        return carry, (carry[0], values, jacobians)
-
-    fine = Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.array(0))
-    carry = (state, fine)
+    carry = (start, fine())
     if settle_turns:
         carry, _ = jax.lax.scan(lambda carry, _: turn(carry, ()), carry, length=settle_turns)
-    if slices is None:
-        (_, outcome), (states, values) = jax.lax.scan(
-            lambda carry, _: turn(carry, outputs), carry, length=turns
-        )
-        return Section(states, None, outcome, values)
-    (_, outcome), (states, values, jacobians) = jax.lax.scan(sliced_turn, carry, length=turns)
-    return Section(states, jacobians.reshape(-1, *jacobians.shape[2:]), outcome, values)
-
-
-def _first_failure(before: Outcome, outcome: Outcome, span: float) -> Outcome:
-    """The outcome of two consecutive pieces; a NaN state makes the second fail at once."""
-    reached = before.reached + jnp.where(before.success, outcome.reached, 0)
-    result = RESULTS.where(before.success, outcome.result, before.result)
-    return Outcome(result, reached, before.steps + outcome.steps)
+    if slices:
+        step = lambda carry, _: sliced_turn(carry)  # noqa: E731
+        (_, outcome), (states, values, jacobians) = jax.lax.scan(step, carry, length=turns)
+        jacobians = jacobians.reshape(-1, *jacobians.shape[2:])
+    else:
+        step = lambda carry, _: turn(carry, outputs)  # noqa: E731
+        (_, outcome), (states, values) = jax.lax.scan(step, carry, length=turns)
+        jacobians = jnp.zeros((0, start.size, start.size))
+    return Section(states, jacobians, outcome, values)

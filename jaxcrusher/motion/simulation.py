@@ -1,9 +1,13 @@
 """Simulate a scene and look at it at given times."""
 
+from collections.abc import Iterable, Mapping
+from typing import cast
+
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
+from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import (
     concrete,
@@ -14,15 +18,17 @@ from jaxcrusher.basics.checks import (
 from jaxcrusher.crusher import observables
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.flow import Flow, unflattened
 from jaxcrusher.motion.integrate import (
-    RESULTS,
     Carried,
     Integration,
     Outcome,
     Problem,
+    failure_text,
     integrate,
 )
 from jaxcrusher.motion.method import Method, resolve
+from jaxcrusher.motion.named import AbstractNamed
 
 FIRST_STEP = 1e-6  # s
 
@@ -62,8 +68,8 @@ class Energy(eqx.Module):
         return balance - balance[0]
 
 
-class Trajectory(eqx.Module):
-    """A motion at given times; forces in N, lengths in m, what was not asked for is None.
+class Trajectory(eqx.Module, AbstractNamed):
+    """A motion at given times, by name: units and meanings stand in `OBSERVABLES`.
 
     Vectors have shape (times, 2), x to the right and y up. A failed simulation has
     `success` False, NaN from the failure on, and says why in `failure`.
@@ -71,31 +77,19 @@ class Trajectory(eqx.Module):
 
     time: Float[Array, " times"]  # s
     outcome: Outcome
-    normal_force: Float[Array, " times"] | None = None  # F_n at A
-    friction_force: Float[Array, " times"] | None = None  # F_t at A, on the jaw
-    foundation_force: Float[Array, " times"] | None = None  # |R_O| + |R_C|
-    net_foundation_force: Float[Array, " times"] | None = None  # |R_O + R_C|
-    shaking_force: Float[Array, "times 2"] | None = None
-    joint_force: Float[Array, "times 2"] | None = None  # on the jaw at A
-    bearing_reaction: Float[Array, "times 2"] | None = None  # R_O, on the shaft
-    elbow_reaction: Float[Array, "times 2"] | None = None  # R_B, on the jaw
-    toggle_reaction: Float[Array, "times 2"] | None = None  # R_C, on the toggle
-    drive_torque: Float[Array, " times"] | None = None  # N m
-    drive_power: Float[Array, " times"] | None = None  # W
-    shaft_speed: Float[Array, " times"] | None = None  # rad/s
-    eccentricity: Float[Array, "times 2"] | None = None  # A_shaft - A_jaw
-    penetration_ratio: Float[Array, " times"] | None = None  # delta / c, negative in flight
-    penetration_rate: Float[Array, " times"] | None = None  # delta', m/s
-    crushing_load: Float[Array, "times 2"] | None = None  # on the jaw at S2
-    pin_position: Float[Array, "times 2"] | None = None  # A, the centre of the shaft's pin
-    jaw_position: Float[Array, "times 2"] | None = None  # of its lower end B
-    jaw_mass_centre: Float[Array, "times 2"] | None = None  # S2
-    jaw_velocity: Float[Array, "times 2"] | None = None  # of B, m/s
-    constraint_residual: Float[Array, " times"] | None = None  # multiplier form, m or rad
-    energy: Energy | None = None
+    values: Mapping[str, Float[Array, " times"] | Float[Array, "times 2"] | Energy]
+
+    def could_hold(self) -> Iterable[str]:
+        """`OUTPUTS`."""
+        return OUTPUTS
 
     @property
-    def success(self) -> Array:
+    def energy(self) -> Energy:
+        """The energy ledger."""
+        return cast(Energy, self["energy"])
+
+    @property
+    def success(self) -> Bool[Array, ""]:
         """Whether the integration came to its end."""
         return self.outcome.success
 
@@ -105,26 +99,14 @@ class Trajectory(eqx.Module):
         return failure_text(self.outcome, "s")
 
     @property
-    def jaw_displacement(self) -> Array:
-        """The displacement of B since the first time, shape (times, 2), m."""
-        if self.jaw_position is None:
-            raise ValueError("Argument `outputs` must contain 'jaw_position', but does not.")
-        return self.jaw_position - self.jaw_position[0]
+    def jaw_displacement(self) -> Float[Array, "times 2"]:
+        """The displacement of B since the first time, m."""
+        return self["jaw_position"] - self["jaw_position"][0]
 
     @property
-    def contact_fraction(self) -> Array:
+    def contact_fraction(self) -> Scalar:
         """The share of the given times at which pin and bore touch."""
-        if self.penetration_ratio is None:
-            raise ValueError("Argument `outputs` must contain 'penetration_ratio', but does not.")
-        return jnp.mean((self.penetration_ratio > 0).astype(float))
-
-
-def failure_text(outcome: Outcome, unit: str) -> str:
-    """One line on a failed integration, empty for one that succeeded."""
-    if bool(outcome.success):
-        return ""
-    reason = " ".join(str(RESULTS[outcome.result]).split())
-    return f"stopped at {float(outcome.reached):.6g} {unit}: {reason}"
+        return jnp.mean((self["penetration_ratio"] > 0).astype(float))
 
 
 def simulate(
@@ -132,7 +114,8 @@ def simulate(
     times: ArrayLike,
     *,
     outputs: tuple[str, ...] = OUTPUTS,
-    rtol: float = 1e-11,
+    state: Float[ArrayLike, " dims"] | None = None,
+    rtol: float | Scalar = 1e-11,
     method: Method = Method(),
 ) -> Trajectory:
     """Simulate from time zero and report at `times`.
@@ -143,6 +126,8 @@ def simulate(
     - `times`: shape (times,), in s, increasing, not negative.
     - `outputs`: the names of what to compute, any of `jaxcrusher.OUTPUTS`; the rest is
       neither computed nor traced.
+    - `state`: at time zero, in place of the scene's start: shape (dims,), with the shaft at angle
+      zero, as `Statistics.state` and `Section.state` have it.
     - `rtol`: tolerance of a step, in clearances and m/s. Forces over the first 20 ms of impacts
       are right to 1e-6 at 1e-11; at 30 ms, where errors have grown like exp(200 t), to 1e-4 of
       the largest force at worst, and to 4e-3 at 1e-9 (`benchmarks/crosschecks.py`).
@@ -150,15 +135,15 @@ def simulate(
 
     **Returns:** a `Trajectory`.
 
-    Raises ValueError for unordered, negative or not finite times and for unknown outputs. A
-    failed integration does not raise: see `Trajectory.success` and `.failure`.
+    Raises ValueError for unordered, negative or not finite times, unknown outputs and a state of
+    another shape. A failed integration does not raise: see `Trajectory.success` and `.failure`.
     """
     require_x64()
     require_times(times)
     for name in outputs:
         require_choice("outputs", name, OUTPUTS)
     how = resolve(scene, rtol, method, FIRST_STEP)
-    return _simulate(scene, jnp.asarray(times, dtype=float), how, tuple(outputs))
+    return _simulate(scene, jnp.asarray(times, dtype=float), state, how, tuple(outputs))
 
 
 def require_times(times: ArrayLike) -> None:
@@ -175,40 +160,39 @@ def require_times(times: ArrayLike) -> None:
 
 @eqx.filter_jit
 def _simulate(
-    scene: Scene, times: Array, method: Integration, outputs: tuple[str, ...]
+    scene: Scene,
+    times: Array,
+    state: ArrayLike | None,
+    method: Integration,
+    outputs: tuple[str, ...],
 ) -> Trajectory:
-    problem = _problem(outputs)
-    values, outcome = integrate(scene, times[None], problem=problem, method=method)
-    return Trajectory(times, outcome, **{name: _first(value) for name, value in values.items()})
-
-
-def _first(value: PyTree) -> PyTree:
-    """Drop the axis of the one segment."""
-    if isinstance(value, dict):
-        return Energy(**{name: leaf[0] for name, leaf in value.items()})
-    return value[0]
+    flow, problem = Flow(scene, unflattened(state, scene)), _problem(outputs)
+    seen, outcome = integrate(flow, times[None], problem=problem, method=method)
+    return Trajectory(times, outcome, jax.tree.map(lambda leaf: leaf[0], seen))
 
 
 def _problem(outputs: tuple[str, ...]) -> Problem:
     """Observe the named outputs, in real time."""
-    with_energy = "energy" in outputs
-    names = [name for name in outputs if name != "energy"]
+    works = WORKS if "energy" in outputs else {}
 
-    def initial(scene: Scene) -> Carried:
-        totals = {name: jnp.zeros(()) for name in WORKS} if with_energy else {}
-        return Carried(scene.formulation.initial(scene), totals)
+    def initial(flow: Flow) -> Carried:
+        return Carried(flow.initial(), dict.fromkeys(works, jnp.zeros(())))
 
-    def field(time: Scalar, y: Carried, scene: Scene) -> Carried:
-        snapshot = scene.formulation.snapshot(time, y.motion, scene)
-        powers = {name: WORKS[name](snapshot, scene) for name in y.totals}
-        return Carried(scene.formulation.rate(snapshot, y.motion, scene), powers)
+    def field(time: Scalar, y: Carried, flow: Flow) -> Carried:
+        formulation, scene = flow.scene.formulation, flow.scene
+        snapshot = formulation.snapshot(time, y.motion, scene)
+        powers = {name: power(snapshot, scene) for name, power in works.items()}
+        return Carried(formulation.rate(snapshot, y.motion, scene), powers)
 
-    def observe(time: Scalar, y: Carried, scene: Scene) -> dict[str, PyTree]:
-        snapshot = scene.formulation.snapshot(time, y.motion, scene)
-        seen: dict[str, PyTree] = {name: OBSERVABLES[name](snapshot, scene) for name in names}
-        if with_energy:
-            stored = {name: energy(snapshot, scene) for name, energy in ENERGIES.items()}
-            seen["energy"] = stored | y.totals
-        return seen
+    def observe(time: Scalar, y: Carried, flow: Flow) -> dict[str, PyTree]:
+        snapshot = flow.scene.formulation.snapshot(time, y.motion, flow.scene)
 
-    return Problem(initial, field, observe, lambda observed, totals: observed)
+        def seen(name: str) -> PyTree:
+            if name != "energy":
+                return OBSERVABLES[name](snapshot, flow.scene)
+            stored = {name: energy(snapshot, flow.scene) for name, energy in ENERGIES.items()}
+            return Energy(**stored, **y.totals)
+
+        return {name: seen(name) for name in outputs}
+
+    return Problem(initial, field, observe, lambda observed, end: observed)

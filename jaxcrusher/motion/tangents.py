@@ -10,12 +10,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.integrate import failure_text
 from jaxcrusher.motion.method import resolve
-from jaxcrusher.motion.section import advance, whole
+from jaxcrusher.motion.section import fine, first_failure, turn_in_slices
+from jaxcrusher.motion.statistics import over_pieces
 
 Build = Callable[[Array], Scene]
 
@@ -35,6 +36,7 @@ class Tangents(eqx.Module):
     values: Float[np.ndarray, " slices"]  # m
     by_state: Float[np.ndarray, "slices dims"]  # dm / dx_before
     by_parameter: Float[np.ndarray, "slices n"]  # dm / dp
+    failure: str = ""  # why and when it ended early
 
 
 def tangents(
@@ -50,33 +52,27 @@ def tangents(
     The tangents are integrated beside the motion, under the same tolerance. Every call runs the
     same compiled turn, whatever its length, tolerance, state and point.
     """
-    state, parts = jnp.asarray(state), []
+    state, parts, outcome = jnp.asarray(state), [], fine()
     for _ in range(turns):
-        state, *part = _turn(build, point, state, jnp.asarray(rtol, dtype=float), metric)
+        state, part, after = _turn(build, point, state, jnp.asarray(rtol, dtype=float), metric)
         parts.append(part)
-    return Tangents(np.asarray(state), *(np.concatenate(leaf) for leaf in zip(*parts, strict=True)))
+        outcome = first_failure(outcome, after)
+    along = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+    return Tangents(
+        np.asarray(state),
+        along.jacobians,
+        along.forcing,
+        along.values[metric],
+        along.by_state[metric],
+        along.by_parameter[metric],
+        failure_text(outcome, "rad of shaft angle"),
+    )
 
 
 @eqx.filter_jit
 def _turn(build: Build, point: Array, state: Array, rtol: Scalar, metric: str):
-    scene = build(point)
-    span = 2 * jnp.pi / SLICES
-    dims, (_, unravel) = state.size, ravel_pytree(scene.formulation.initial(scene))
-
-    def one(state, angle):
-        def after(both):
-            scene = build(both[dims:])
-            method = resolve(scene, rtol)
-            end, values, _ = advance(scene, unravel(both[:dims]), angle, span, method, (metric,))
-            end = jnp.append(ravel_pytree(end)[0], values[metric])
-            return end, end
-
-        by_both, end = jax.jacfwd(after, has_aux=True)(jnp.concatenate([state, point]))
-        matrix, forcing = by_both[:dims, :dims], by_both[:dims, dims:]
-        return end[:dims], (matrix, forcing, end[dims], by_both[dims, :dims], by_both[dims, dims:])
-
-    state, parts = jax.lax.scan(one, state, span * jnp.arange(SLICES))
-    return state, *parts
+    method = resolve(build(point), rtol)
+    return turn_in_slices(build, point, state, SLICES, method, (metric,))
 
 
 def chain(parts: Tangents) -> tuple[np.ndarray, np.ndarray]:
@@ -102,7 +98,7 @@ def changes(parts: Tangents, moved: Float[np.ndarray, "dims n"]) -> Float[np.nda
 
 def weights(metric: str, values: Float[np.ndarray, " slices"]) -> Float[np.ndarray, " slices"]:
     """The derivative of the statistic over all slices by that of each."""
-    return np.asarray(jax.grad(lambda values: whole(metric, values))(jnp.asarray(values)))
+    return np.asarray(jax.grad(lambda values: over_pieces(metric, values))(jnp.asarray(values)))
 
 
 def combine(

@@ -61,13 +61,12 @@ class Drawing:
 
     def __init__(self, scene: Scene, trajectory: Trajectory, ax: Axes, instants: list[int]):
         for name in DRAWN:
-            missing = getattr(trajectory, name) is None
-            require(not missing, "trajectory", f"hold '{name}'", "without it")
+            require(name in trajectory.values, "trajectory", f"hold '{name}'", "without it")
         count = len(trajectory.time)
         good = len(instants) > 0 and all(-count <= i < count for i in instants)
         require(good, "instant", f"be the index of one of {count} times", instants)
         self.time = np.asarray(trajectory.time)
-        self.data = {name: np.asarray(getattr(trajectory, name)) for name in DRAWN}
+        self.data = {name: np.asarray(trajectory[name]) for name in DRAWN}
         bearing = np.array([float(scene.machine.bearing.x), float(scene.machine.bearing.y)])
         self.data["bearing"] = np.broadcast_to(bearing, (count, 2))
         self.data["toggle_pivot"] = np.zeros((count, 2))

@@ -127,8 +127,7 @@ def plot_capacity(
 def plot_orbit(trajectory: Trajectory, clearance: float, ax: Axes | None = None) -> Axes:
     """The pin's centre in its clearance circle (mm)."""
     ax = plt.subplots()[1] if ax is None else ax
-    assert trajectory.eccentricity is not None
-    orbit = 1e3 * np.asarray(trajectory.eccentricity)
+    orbit = 1e3 * trajectory.eccentricity
     _circle(ax, 1e3 * clearance)
     ax.plot(orbit[:, 0], orbit[:, 1], color=BLUE, linewidth=0.6, label="pin centre")
     ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)", aspect="equal")
@@ -154,11 +153,10 @@ def plot_force(
 ) -> Axes:
     """The foundation force (kN) over time (s), with the ideal joint's if given."""
     ax = plt.subplots()[1] if ax is None else ax
-    assert trajectory.foundation_force is not None
-    force = np.asarray(trajectory.foundation_force) / 1e3
+    force = trajectory.foundation_force / 1e3
     ax.plot(trajectory.time, force, color=BLUE, linewidth=0.8, label="with clearance")
-    if ideal is not None and ideal.foundation_force is not None:
-        without = np.asarray(ideal.foundation_force) / 1e3
+    if ideal is not None:
+        without = ideal.foundation_force / 1e3
         ax.plot(
             ideal.time, without, color=ORANGE, linestyle="--", linewidth=1.4, label="ideal joint"
         )
@@ -176,15 +174,14 @@ def plot_section(
     eccentricity in clearances, come with the clearance circle.
     """
     ax = plt.subplots()[1] if ax is None else ax
-    states = np.asarray(section.states)
     across, up = coordinates
     if set(coordinates) == {0, 1}:
         _circle(ax, 1.0)
         ax.set_aspect("equal")
         ax.locator_params(nbins=5)
     ax.plot(
-        states[:, across],
-        states[:, up],
+        section.states[:, across],
+        section.states[:, up],
         "o",
         color=BLUE,
         markersize=2.5,

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from jaxcrusher.crusher.formulations import EccentricityFormulation
-from jaxcrusher.motion.section import whole
+from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import Build, Tangents, chain, changes, combine, tangents
 
 ITERATIONS = 8
@@ -94,4 +94,4 @@ def orbit_differences(
 
 
 def _value(along: Tangents, metric: str) -> float:
-    return float(whole(metric, jnp.asarray(along.values)))
+    return float(over_pieces(metric, jnp.asarray(along.values)))

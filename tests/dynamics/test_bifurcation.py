@@ -8,8 +8,9 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.dynamics.bifurcation import _row, bifurcation
+from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.integrate import RESULTS, Outcome
-from jaxcrusher.motion.section import initial_state
+from jaxcrusher.motion.section import Section
 
 # With the closing stroke's load one orbit of period 1, with an exponent of -0.5 a turn: 30 turns
 # leave exp(-15) of a start. (At 35.1 rad/s the period has doubled.)
@@ -61,16 +62,14 @@ def test_directions_agree_on_a_quiet_range_and_hand_the_state_on():
 def test_a_whirl_is_no_point():
     turns = np.ones(20)
     outcome = Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.array(0))
-    found = {
-        "states": np.zeros((20, 4)),
-        "outcome": outcome,
-        "foundation_rms": turns,
-        "contact_fraction": turns,
-        "winding": -100 * turns,
-    }
-    row = _row(found, 1e-9)
+
+    def found(winding):
+        values = {"foundation_rms": turns, "contact_fraction": turns, "winding": winding * turns}
+        return Section(np.zeros((20, 4)), np.zeros((0, 4, 4)), outcome, values)
+
+    row = _row(found(-100), 1e-9)
     assert row["whirl"] and np.isnan(row["e_x"]).all() and np.isnan(row["foundation_rms"]).all()
-    assert not _row(found | {"winding": turns}, 1e-9)["whirl"]
+    assert not _row(found(1), 1e-9)["whirl"]
 
 
 def test_bad_arguments():

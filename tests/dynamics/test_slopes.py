@@ -10,7 +10,7 @@ import jaxcrusher as jc
 from jaxcrusher.dynamics.fits import fit_slopes
 from jaxcrusher.dynamics.judgement import judge
 from jaxcrusher.dynamics.slopes import gradient_report
-from jaxcrusher.motion.section import whole
+from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.settled.orbit import periodic_orbit, periodic_slopes
 
 
@@ -67,7 +67,7 @@ def test_slopes_along_a_periodic_orbit():
         return found[1]
 
     def rms(point):
-        return float(whole("foundation_rms", jnp.asarray(orbit(point).values)))
+        return float(over_pieces("foundation_rms", jnp.asarray(orbit(point).values)))
 
     slopes = periodic_slopes(orbit(point), "foundation_rms")
     for i, step in enumerate((1e-2, 1e-8)):

@@ -56,7 +56,7 @@ def drawn(name):
 
         return jax.vmap(at)(times)
 
-    return scene, Trajectory(times, None, **observe(scene, times))
+    return scene, Trajectory(times, None, observe(scene, times))
 
 
 both = pytest.mark.parametrize("name", ["ideal", "clearance"])
@@ -172,7 +172,7 @@ def test_film_without_ffmpeg_or_of_another_kind(tmp_path, monkeypatch):
 
 def test_what_cannot_be_drawn():
     scene, turn = drawn("ideal")
-    part = Trajectory(turn.time, None, pin_position=turn.pin_position)
+    part = Trajectory(turn.time, None, {"pin_position": turn.pin_position})
     for motion, instant, name in ((part, 0, "trajectory"), (turn, len(TIMES), "instant")):
         with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
             plot_mechanism(scene, motion, instant)
@@ -233,8 +233,10 @@ def test_lines_hold_the_data():
     motion = Trajectory(
         jnp.arange(3.0),
         None,
-        eccentricity=jnp.array([[0, 1], [2, 3], [4, 5]]),
-        foundation_force=jnp.array([1e3, 2e3, 3e3]),
+        {
+            "eccentricity": jnp.array([[0, 1], [2, 3], [4, 5]]),
+            "foundation_force": jnp.array([1e3, 2e3, 3e3]),
+        },
     )
     assert plots.plot_orbit(motion, 2.0, orbit) is orbit
     np.testing.assert_allclose(np.hypot(*orbit.lines[0].get_data()), 2e3, rtol=1e-12)

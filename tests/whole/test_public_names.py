@@ -28,6 +28,10 @@ def test_every_name_of_the_package_is_there():
     from jaxcrusher.motion.simulation import simulate
 
     assert jc.simulate is simulate
+    # No function hides a module of its name.
+    import jaxcrusher.motion.statistics as module
+
+    assert module.statistics is jc.statistics and not callable(module)
 
 
 def test_other_names_are_refused():

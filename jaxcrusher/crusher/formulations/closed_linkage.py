@@ -59,6 +59,10 @@ class ClosedLinkage(AbstractFormulation):
         """The shaft's, or nothing."""
         return scene.drive.rate(snapshot.shaft.speed, snapshot.shaft.acceleration)
 
+    def unwound(self, state: ShaftState | None) -> ShaftState | None:
+        """The shaft's, or nothing."""
+        return None if state is None else state.unwound()
+
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Angles and speeds of order one."""
         return rtol

@@ -100,6 +100,12 @@ class EccentricityFormulation(AbstractFormulation):
             scene.drive.rate(snapshot.shaft.speed, snapshot.shaft.acceleration),
         )
 
+    def unwound(self, state: EccentricityState) -> EccentricityState:
+        """Only a free shaft's angle is part of the state."""
+        if state.shaft is None:
+            return state
+        return eqx.tree_at(lambda s: s.shaft, state, state.shaft.unwound())
+
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """The state is e / c itself."""
         return rtol

@@ -14,6 +14,7 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.linear import SparseRow, solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, scalar
 from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.drives import from_nearest_turn
 from jaxcrusher.crusher.formulations.eccentricity import clearance_joint
 from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
 from jaxcrusher.crusher.linkage import Chain, ChainAcceleration
@@ -191,6 +192,11 @@ class MultiplierFormulation(AbstractFormulation):
             snapshot.multipliers.acceleration * CONTACT_TIME,
             joint.memory_rate(snapshot.contact, state.impact_velocity),
         )
+
+    def unwound(self, state: MultiplierState) -> MultiplierState:
+        """theta1 stands in the drive's constraint."""
+        angle = from_nearest_turn(state.position.shaft.angle)
+        return eqx.tree_at(lambda s: s.position.shaft.angle, state, angle)
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Positions of the order of 1 m count against the clearance, down to their rounding."""

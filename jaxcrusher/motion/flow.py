@@ -1,0 +1,58 @@
+"""A piece of motion: of which scene, from which state and shaft angle on."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
+
+from jaxcrusher.basics.checks import require
+from jaxcrusher.basics.plane import scalar
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.snapshot import Snapshot
+
+
+class Flow(eqx.Module):
+    """What a motion depends on; without a state it begins with the scene's start."""
+
+    scene: Scene
+    state: PyTree[Scalar] | None = None
+    angle: Scalar = eqx.field(converter=scalar, default=0.0)  # of the shaft, rad
+
+    def initial(self) -> PyTree[Scalar]:
+        """The state to begin with."""
+        return self.scene.formulation.initial(self.scene) if self.state is None else self.state
+
+
+def by_angle(angle: Scalar, state: PyTree[Scalar], scene: Scene) -> tuple[PyTree[Scalar], Snapshot]:
+    """The derivative of the state by the shaft angle (rad), and the snapshot that it is of.
+
+    By angle every design has the same span. A free shaft counts by its drive's nominal speed.
+    """
+    speed = scene.drive.speed
+    snapshot = scene.formulation.snapshot(angle / speed, state, scene)
+    rate = scene.formulation.rate(snapshot, state, scene)
+    return jax.tree.map(lambda leaf: leaf / speed, rate), snapshot
+
+
+@eqx.filter_jit
+def initial_state(scene: Scene) -> Float[Array, " dims"]:
+    """Where the scene starts, as a section point."""
+    return flat(scene.formulation.initial(scene), scene)
+
+
+def flat(state: PyTree[Scalar], scene: Scene) -> Float[Array, " dims"]:
+    """A state as a section point: its shaft angle is counted from the nearest whole turn."""
+    return ravel_pytree(scene.formulation.unwound(state))[0].astype(float)
+
+
+def unflattened(state: Float[ArrayLike, " dims"] | None, scene: Scene) -> PyTree[Scalar] | None:
+    """The state of a section point; None, which stands for the scene's start, remains.
+
+    Raises ValueError for another shape than the scene's states have.
+    """
+    if state is None:
+        return None
+    start, unravel = ravel_pytree(scene.formulation.initial(scene))
+    require(jnp.shape(state) == start.shape, "state", f"have shape {start.shape}", jnp.shape(state))
+    return unravel(jnp.asarray(state, dtype=start.dtype))

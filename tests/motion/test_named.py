@@ -1,0 +1,68 @@
+"""Results by name: what was asked for is there, and what was not says so."""
+
+import copy
+import pickle
+
+import jax
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.motion.section import Section
+
+
+@pytest.fixture(scope="module")
+def results():
+    scene = jc.ideal_scene(30.0)
+    motion = jc.simulate(scene, [0.0, 0.1], outputs=("drive_torque",))
+    return motion, jc.statistics(scene, 0, 1, outputs=("foundation_mean",))
+
+
+def test_what_was_asked_for_is_there(results):
+    motion, summary = results
+    assert motion.drive_torque.shape == (2,) and motion["drive_torque"] is motion.drive_torque
+    assert [*summary.values] == ["foundation_mean"] and summary.foundation_mean.shape == ()
+    assert "drive_torque" in dir(motion) and "success" in dir(motion)
+    section = Section(np.zeros((2, 4)), np.zeros((0, 4, 4)), None, {"winding": np.ones(2)})
+    assert section.winding.sum() == 2 and section.slices == 0
+
+
+def test_what_was_not_asked_for_says_so(results):
+    motion, summary = results
+    for result, name in ((motion, "normal_force"), (summary, "drive_power")):
+        words = f"^`{name}` was not asked for: name it in `outputs`.$"
+        with pytest.raises(AttributeError, match=words):
+            getattr(result, name)
+        with pytest.raises(KeyError, match=words[1:-1]):
+            result[name]
+        assert not hasattr(result, name) and getattr(result, name, None) is None
+    with pytest.raises(
+        AttributeError, match=r"^There is no `foundation_rsm`, but foundation_mean\.$"
+    ):
+        _ = summary.foundation_rsm
+    # What is made of others names the one that is missing.
+    for result, name, missing in (
+        (motion, "energy", "energy"),
+        (motion, "jaw_displacement", "jaw_position"),
+        (motion, "contact_fraction", "penetration_ratio"),
+        (summary, "whirl", "contact_fraction"),
+        (summary, "foundation_rms_error", "foundation_rms"),
+    ):
+        with pytest.raises(KeyError, match=f"`{missing}` was not asked for"):
+            getattr(result, name)
+    with pytest.raises(
+        ValueError, match=r"^Argument `outputs` must contain 'penetration_ratio' and"
+    ):
+        _ = summary.validity
+
+
+def test_results_are_pytrees_that_can_be_copied_and_kept(results):
+    for result in results:
+        for other in (
+            jax.tree.map(lambda leaf: leaf, result),
+            copy.deepcopy(result),
+            pickle.loads(pickle.dumps(result)),
+        ):
+            assert type(other) is type(result)
+            for name in result.values:
+                np.testing.assert_array_equal(other[name], result[name])

@@ -1,0 +1,94 @@
+"""A motion goes on from the state of another as if it had not stopped."""
+
+import equinox as eqx
+import jax
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.motion.flow import initial_state
+
+RMS = "foundation_rms"
+OUTPUTS = (RMS, "winding")
+
+
+def quiet(**values):
+    return jc.paper_scene(30.0, 0.06e-3, start="contact", **values)
+
+
+def free():
+    """A shaft that nothing holds at its speed."""
+    return eqx.tree_at(lambda s: s.drive, quiet(), GivenTorque(100.0, 30.0))
+
+
+@pytest.mark.parametrize(
+    ("scene", "dims", "rtol"),
+    [
+        # What steps of 1e-9 leave in quiet motion, measured 2e-9.
+        (quiet(), 4, 1e-7),
+        (quiet(impact_law="tracked"), 5, 1e-7),
+        (free(), 6, 1e-7),
+        # Its tolerance is 2e-14 m at best, 3e-10 clearances a step: measured 1e-6.
+        (quiet(formulation="multiplier"), 18, 1e-4),
+        # The mean alone is integrated, to 1e-9.
+        (jc.ideal_scene(30.0), 0, 1e-8),
+    ],
+    ids=["prescribed speed", "tracked impact velocity", "free shaft", "multiplier", "ideal"],
+)
+def test_a_motion_goes_on(scene, dims, rtol):
+    """Turn by turn, each from the state of the last, as three turns in one go."""
+    whole = jc.statistics(scene, 0, 3, outputs=OUTPUTS)
+    state = initial_state(scene)
+    assert state.shape == (dims,)
+    for turn in range(3):
+        one = jc.statistics(scene, 0, 1, outputs=OUTPUTS, state=state)
+        for name in OUTPUTS:
+            np.testing.assert_allclose(one[name], whole.by_turn[name][turn], rtol=rtol, atol=rtol)
+        state = one.state
+    np.testing.assert_allclose(state, whole.state, rtol=0, atol=10 * rtol)
+    if dims in (4, 18):
+        # The multiplier form's crank angle is a coordinate: it must not be a turn ahead.
+        section = jc.poincare_section(scene, 1, 2, outputs=OUTPUTS)
+        np.testing.assert_allclose(section.foundation_rms, whole.by_turn[RMS][1:], rtol=rtol)
+        np.testing.assert_allclose(section.state, whole.state, rtol=0, atol=10 * rtol)
+    if dims == 6:
+        # No turn of a shaft that gathers speed is like the first.
+        assert float(one.foundation_rms) > 2 * float(whole.by_turn[RMS][0])
+
+
+def test_histories_go_on():
+    scene, turn = quiet(), 2 * np.pi / 30
+    times = np.linspace(0, turn, 101)
+    whole = jc.simulate(scene, times + turn, outputs=("foundation_force",), rtol=1e-9)
+    state = jc.statistics(scene, 0, 1, outputs=OUTPUTS, state=initial_state(scene)).state
+    further = jc.simulate(scene, times, outputs=("foundation_force",), rtol=1e-9, state=state)
+    # A swing of 1e-7 clearances times the contact's stiffness.
+    np.testing.assert_allclose(further.foundation_force, whole.foundation_force, rtol=1e-5)
+
+
+def test_slopes_by_the_state():
+    """The derivative by the state that a turn begins with is the section's Jacobian."""
+    scene = quiet()
+
+    def end(state):
+        return jc.statistics(scene, 0, 1, outputs=(RMS,), state=state).state
+
+    start = initial_state(scene)
+    expected = jc.poincare_section(scene, 0, 1, slices=1, state=start).jacobians[0]
+    # The same tangents, to the tolerance.
+    np.testing.assert_allclose(jax.jacfwd(end)(start), expected, rtol=1e-5, atol=1e-7)
+
+
+@pytest.mark.parametrize("run", [jc.statistics, jc.poincare_section, jc.simulate])
+def test_a_state_of_another_shape_is_refused(run):
+    arguments = ([0.0, 0.1],) if run is jc.simulate else (0, 1)
+    with pytest.raises(
+        ValueError, match=r"^Argument `state` must have shape \(4,\), but is \(5,\)"
+    ):
+        run(quiet(), *arguments, state=np.zeros(5))
+
+
+def test_a_free_shaft_has_no_section():
+    with pytest.raises(ValueError, match=r"^Argument `scene` must have a shaft of constant speed"):
+        jc.poincare_section(free(), 0, 1, state=np.zeros(6))

@@ -1,0 +1,122 @@
+"""The table of statistics: one entry makes a statistic wherever statistics are known."""
+
+import math
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.motion.statistic import STATISTIC, PowerMean, Sampled, Statistic
+from jaxcrusher.motion.statistics import over_pieces
+from jaxcrusher.motion.tangents import SLICES, combine, tangents
+
+
+def eccentricity(s, scene):
+    """The length of e in clearances."""
+    return jnp.hypot(s.eccentricity.x, s.eccentricity.y) / scene.joint.clearance
+
+
+OWN = {
+    "rms_eccentricity": Statistic("1", "RMS of |e| / clearance", eccentricity, PowerMean(2)),
+    "least_eccentricity": Statistic(
+        "1", "least |e| / clearance", eccentricity, Sampled(jnp.min, jnp.min)
+    ),
+}
+
+
+@pytest.fixture
+def own(monkeypatch):
+    for name, statistic in OWN.items():
+        monkeypatch.setitem(STATISTIC, name, statistic)
+    return tuple(OWN)
+
+
+def contact(speed=30.0, clearance=0.06e-3):
+    return jc.paper_scene(speed, clearance, start="contact")
+
+
+def test_an_entry_makes_a_statistic(own):
+    """In statistics, sections whole and in slices, and tangents."""
+    scene, turns = contact(), 2
+    found = jc.statistics(scene, 1, turns, outputs=own)
+    times = 2 * np.pi / 30 * np.linspace(1, 1 + turns, turns * 1024 + 1)
+    seen = np.linalg.norm(jc.simulate(scene, times, outputs=("eccentricity",)).eccentricity, axis=1)
+    seen /= 0.06e-3
+    # The trapezium rule of 1024 points a turn of a 130 Hz swing, and steps of 1e-9.
+    rms = np.sqrt(np.trapezoid(seen**2) / (seen.size - 1))
+    assert float(found.rms_eccentricity) == pytest.approx(rms, rel=1e-6)
+    # The same instants but the first.
+    assert float(found.least_eccentricity) == pytest.approx(seen[1:].min(), rel=1e-6)
+    np.testing.assert_allclose(
+        np.sqrt(np.mean(found.by_turn["rms_eccentricity"] ** 2)), found.rms_eccentricity, rtol=1e-12
+    )
+
+    # Turns begin anew in a section, and slices in a turn; quiet motion keeps the tolerance.
+    whole = jc.poincare_section(scene, 1, turns, outputs=own)
+    sliced = jc.poincare_section(scene, 1, turns, outputs=own, slices=4)
+    for section in (whole, sliced):
+        for name in own:
+            np.testing.assert_allclose(section[name], found.by_turn[name], rtol=1e-6)
+            assert float(section.statistics[name]) == pytest.approx(float(found[name]), rel=1e-6)
+    assert whole.slices == 0 and sliced.slices == 4
+    assert whole.jacobians.shape == (0, 4, 4) and sliced.jacobians.shape == (turns * 4, 4, 4)
+
+    # The tangents' slices are those of the turn.
+    along = tangents(
+        lambda point: contact(point[0]), jnp.array([30.0]), own[0], whole.states[0], 1, 1e-9
+    )
+    assert along.values.shape == (SLICES,) and along.failure == ""
+    assert np.isfinite(combine(own[0], along.values, along.by_parameter)).all()
+    turn = float(over_pieces(own[0], jnp.asarray(along.values)))
+    assert turn == pytest.approx(float(found.by_turn[own[0]][1]), rel=1e-6)
+
+    with pytest.raises(
+        ValueError, match=r"^Argument `outputs` must be one of .*'rms_eccentricity'"
+    ):
+        jc.statistics(scene, 0, 1, outputs=("rms_eccentricty",))
+
+
+def test_every_statistic_has_a_unit_and_a_meaning():
+    assert (*jc.STATISTICS, *jc.FURTHER_STATISTICS) == tuple(STATISTIC)
+    for name, statistic in STATISTIC.items():
+        assert statistic.unit in {"N", "W", "m/s", "1"}, name
+        assert len(statistic.meaning) > 8, name
+
+
+def test_turns_reduce_as_the_motion_does():
+    """The statistic of a motion, from those of its pieces, is that of the whole."""
+    q = np.array([3.0, 4.0, 12.0, 5.0])
+    for name, expected in (
+        ("foundation_rms", math.sqrt(np.mean(q**2))),
+        ("foundation_mean", 6.0),
+        ("foundation_peak", 12.0),
+        ("contact_fraction", 6.0),
+        ("foundation_smooth_peak", np.mean(q**16) ** (1 / 16)),
+    ):
+        found = STATISTIC[name].reduction.of_pieces(jnp.asarray(q))
+        assert float(found) == pytest.approx(expected, rel=1e-12), name
+
+
+def test_a_failure_is_no_number_in_any_statistic():
+    """Also where it is a share of samples that are not numbers."""
+    method = jc.Method(max_steps=300)
+    section = jc.poincare_section(contact(), 0, 2, outputs=jc.STATISTICS, method=method)
+    assert not section.success and "jc.Method(max_steps=" in section.failure
+    for name in jc.STATISTICS:
+        assert np.isnan(section[name]).all(), name
+    assert np.isnan(section.state).all()
+
+
+def test_wear_needs_friction():
+    smooth = jc.paper_scene(30.0, 0.06e-3, friction=0)
+    for run in (jc.statistics, jc.poincare_section):
+        with pytest.raises(ValueError, match=r"^Argument `outputs` must not ask for sliding_power"):
+            run(smooth, 0, 1, outputs=("sliding_power",))
+
+
+def test_an_ideal_joint_keeps_to_the_limits_of_contact():
+    limits = jc.statistics(jc.ideal_scene(30.0), 0, 1).validity
+    assert bool(limits.inside) and limits.remarks() == []
+    assert float(limits.half_width_ratio) == 0 == float(limits.impact_speed_ratio)
+    assert np.isnan(limits.delivered_restitution)
