@@ -7,10 +7,17 @@ import subprocess
 import sys
 from collections.abc import Iterator
 
+from jaxcrusher.basics.setup import set_up
 from jaxcrusher.files.provenance import processor, versions
 
 # Of a process that times compilation: programs compiled before do not count.
 NOTHING_KEPT = {"JAX_ENABLE_COMPILATION_CACHE": "0"}
+
+
+def set_up_to_time() -> None:
+    """`jaxcrusher.set_up` of a program that times compilation."""
+    os.environ |= NOTHING_KEPT
+    set_up()
 
 
 def setting(*packages: str) -> str:

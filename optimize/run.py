@@ -16,10 +16,5 @@ def search(options: Options) -> None:
         run(options, Console())
 
 
-def main() -> None:
-    """Entry point of the command line."""
-    program(search)
-
-
 if __name__ == "__main__":
-    main()
+    program(search)

@@ -1,5 +1,6 @@
 """`python -m benchmarks.large_sweeps`: what a large sweep costs, and what its bits depend on."""
 
+from benchmarks.setting import set_up_to_time
 from jaxcrusher.commands.program import program
 
 
@@ -14,4 +15,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    program(main)
+    program(main, set_up_to_time)

@@ -10,9 +10,9 @@ import numpy as np
 
 
 def iterate(
-    step: Callable, start: list[float], count: int, settle: int
+    step: Callable, start: list[float], count: int, settle: int = 100
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points of a map and its Jacobians along them."""
+    """Points of a map and its Jacobians along them, shapes (count, n) and (count, n, n)."""
 
     @eqx.filter_jit
     def run(x):
@@ -26,7 +26,7 @@ def iterate(
     return np.asarray(points), np.asarray(jacobians)
 
 
-def flow(field: Callable, interval: float) -> Callable:
+def flow(field: Callable, interval: float, parameter: float | None = None) -> Callable:
     """The map of a flow over `interval`, by Dopri8 at 1e-10."""
 
     def step(x):
@@ -37,6 +37,7 @@ def flow(field: Callable, interval: float) -> Callable:
             interval,
             None,
             x,
+            parameter,
             stepsize_controller=diffrax.PIDController(rtol=1e-10, atol=1e-10),
             adjoint=diffrax.ForwardMode(),
         )
@@ -46,12 +47,12 @@ def flow(field: Callable, interval: float) -> Callable:
     return step
 
 
-def lorenz(t, x, args):
-    """Sigma = 10, rho = 28, beta = 8 / 3."""
-    return jnp.stack([10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]])
+def lorenz(t, x, rho):
+    """Sigma = 10, beta = 8 / 3."""
+    return jnp.stack([10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]])
 
 
-def duffing(t, x, args):
+def duffing(t, x, _):
     """Omega = 1, f = 0.3, d = 0.2, beta = -1."""
     return jnp.stack([x[1], x[0] - x[0] ** 3 - 0.2 * x[1] + 0.3 * jnp.cos(t)])
 
@@ -61,11 +62,16 @@ def henon(x):
     return jnp.stack([1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]])
 
 
+def logistic(r: float) -> Callable:
+    """The map x -> r x (1 - x)."""
+    return lambda x: r * x * (1 - x)
+
+
 # Name -> step, start, interval of the samples, samples between two points of the 0-1 test (a flow
 # sampled too finely misleads it), unit of the exponent, and the published one.
 SYSTEMS = {
-    "logistic map, r = 4": (lambda x: 4 * x * (1 - x), [0.3], 1.0, 1, "step", np.log(2)),
+    "logistic map, r = 4": (logistic(4.0), [0.3], 1.0, 1, "step", np.log(2)),
     "Hénon map": (henon, [0.1, 0.1], 1.0, 1, "step", 0.419),
-    "Lorenz": (flow(lorenz, 0.05), [1.0, 1.0, 20.0], 0.05, 10, "time", 0.9056),
+    "Lorenz": (flow(lorenz, 0.05, 28.0), [1.0, 1.0, 20.0], 0.05, 10, "time", 0.9056),
     "Duffing": (flow(duffing, 2 * np.pi), [0.5, 0.0], 2 * np.pi, 1, "time", 0.1589),
 }

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from benchmarks.setting import set_up_to_time
 from jaxcrusher.commands.program import program
 
 
@@ -20,4 +21,4 @@ def main(out: Path = Path("results/scenes")) -> None:
 
 
 if __name__ == "__main__":
-    program(main)
+    program(main, set_up_to_time)

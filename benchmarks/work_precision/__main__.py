@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from benchmarks.setting import set_up_to_time
 from jaxcrusher.commands.program import program
 
 
@@ -23,4 +24,4 @@ def main(
 
 
 if __name__ == "__main__":
-    program(main)
+    program(main, set_up_to_time)

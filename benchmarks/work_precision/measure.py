@@ -1,7 +1,7 @@
 """Errors and times of every program on a case; each row as soon as it is known."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,16 +86,45 @@ def of_ours(
     case: Case, exact: Reference, compiled: Compiled, runs: list[ours.Run]
 ) -> Iterator[Row]:
     """Rows of this package; with slopes where the run wants them."""
+
+    def measure(run: ours.Run) -> tuple[Row, float]:
+        with jax.enable_x64(not run.single):
+            return _our_row(case, exact, compiled, run)
+
+    return _rows(case, runs, measure)
+
+
+def of_peers(case: Case, exact: Reference, peers: list[Peer]) -> Iterator[Row]:
+    """Rows of the other programs, which have no slopes."""
+
+    def measure(peer: Peer) -> tuple[Row, float]:
+        (answer, steps), first, run_s = _timed(peer.solve)
+        row = Row(
+            case.name,
+            peer.program,
+            peer.setting,
+            *differences(answer, exact.answer),
+            first_s=first,
+            run_s=run_s,
+            steps=steps,
+        )
+        return row, run_s
+
+    return _rows(case, peers, measure)
+
+
+def _rows(case: Case, runs: Sequence[Any], measure: Callable) -> Iterator[Row]:
+    """`measure` gives the row of a run and its seconds; one that fails does not lose the others."""
     slow = set()
     for run in runs:
         if run.program in slow:
             yield Row(case.name, run.program, run.setting, failure="left out: too slow before")
             continue
         try:
-            with jax.enable_x64(not run.single):
-                row, seconds = _our_row(case, exact, compiled, run)
-        except Exception as error:  # one program must not lose the others
-            yield Row(case.name, run.program, run.setting, failure=_reason(error))
+            row, seconds = measure(run)
+        except Exception as error:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+            yield Row(case.name, run.program, run.setting, failure=reason)
             continue
         if seconds > TOO_LONG:
             slow.add(run.program)
@@ -127,32 +156,3 @@ def _our_row(case: Case, exact: Reference, compiled: Compiled, run: ours.Run) ->
         int(outcome.steps),
     )
     return row, max(run_s, np.nan_to_num(slope_s))
-
-
-def of_peers(case: Case, exact: Reference, peers: list[Peer]) -> Iterator[Row]:
-    """Rows of the other programs, which have no slopes."""
-    slow = set()
-    for peer in peers:
-        if peer.program in slow:
-            yield Row(case.name, peer.program, peer.setting, failure="left out: too slow before")
-            continue
-        try:
-            (answer, steps), first, run_s = _timed(peer.solve)
-        except Exception as error:  # one program must not lose the others
-            yield Row(case.name, peer.program, peer.setting, failure=_reason(error))
-            continue
-        if run_s > TOO_LONG:
-            slow.add(peer.program)
-        yield Row(
-            case.name,
-            peer.program,
-            peer.setting,
-            *differences(answer, exact.answer),
-            first_s=first,
-            run_s=run_s,
-            steps=steps,
-        )
-
-
-def _reason(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())[:160]

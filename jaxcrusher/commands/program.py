@@ -17,6 +17,8 @@ from typing import NoReturn
 from jaxcrusher.basics.setup import set_up
 from jaxcrusher.files.provenance import program_words
 
+EXTRA = "the extra `bench` has all: pip install 'jaxcrusher[bench]'."
+
 
 def program(
     main: Callable[..., int | None], prepare: Callable[[], None] | None = set_up
@@ -24,7 +26,8 @@ def program(
     """Run `main` with the options of the command line; its signature and docstring are the help.
 
     Exits with what `main` returns, with 2 for an error and with 130 for Ctrl-C, each of these with
-    one line on stderr. `prepare` is called between the options and `main`.
+    one line on stderr (`python -X dev` shows where an error is from). `prepare` is called between
+    the options and `main`.
     """
     # A file or a pipe may be of any encoding: what it has no sign for becomes a "?".
     for stream in (sys.stdout, sys.stderr):
@@ -37,12 +40,11 @@ def program(
         if prepare is not None:
             prepare()
         status = run()
-    except ModuleNotFoundError as error:
-        extra = "the extra `bench` has all: pip install 'jaxcrusher[bench]'"
-        _tell(f"error: {error.name} is missing; {extra}.")
-        status = 2
     except (ValueError, RuntimeError, OSError, ImportError) as error:
-        _tell(f"error: {error}")
+        if sys.flags.dev_mode:
+            raise
+        missing = isinstance(error, ModuleNotFoundError)
+        _tell(f"error: {f'{error.name} is missing; {EXTRA}' if missing else error}")
         status = 2
     except KeyboardInterrupt as stop:
         _tell(": ".join(["interrupted", *map(str, stop.args)]))

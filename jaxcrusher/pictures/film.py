@@ -13,6 +13,7 @@ from matplotlib.animation import (
 
 from jaxcrusher.basics.checks import require, require_choice, require_whole
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.files.durable import writing
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.pictures.mechanism import Drawing
 
@@ -49,7 +50,7 @@ def animate(
         fig.draw_without_rendering()
         fig.set_layout_engine("none")
         # Not FuncAnimation, which draws every picture three times.
-        with writer.saving(fig, str(path), dpi):
+        with writing(path) as partial, writer.saving(fig, str(partial), dpi):
             for instant in shown:
                 drawing.show(instant)
                 writer.grab_frame()

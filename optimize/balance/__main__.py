@@ -17,10 +17,5 @@ def study(options: Options) -> None:
         run(options, Console())
 
 
-def main() -> None:
-    """Entry point of the command line."""
-    program(study)
-
-
 if __name__ == "__main__":
-    main()
+    program(study)

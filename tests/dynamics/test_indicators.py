@@ -1,13 +1,12 @@
 """Indicators against systems whose numbers are known, and the crusher's own section."""
 
-import diffrax
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from benchmarks.lyapunov.systems import duffing, flow, henon, iterate, logistic, lorenz
 from jaxcrusher.dynamics.indicators import (
     birkhoff_average,
     detect_period,
@@ -16,46 +15,6 @@ from jaxcrusher.dynamics.indicators import (
     zero_one_test,
 )
 from jaxcrusher.motion.section import poincare_section
-
-
-def iterate(step, point, count, settle=100):
-    """Points of a map and its Jacobians along them."""
-
-    def one(x, _):
-        return step(x), (x, jax.jacfwd(step)(x))
-
-    def settled(x, _):
-        return step(x), None
-
-    x, _ = jax.lax.scan(settled, jnp.asarray(point), length=settle)
-    return jax.lax.scan(one, x, length=count)[1]
-
-
-def flow(field, point, period, count, settle):
-    """The stroboscopic map of a flow, by Dopri8 at 1e-10."""
-
-    def step(x):
-        solution = diffrax.diffeqsolve(
-            diffrax.ODETerm(field),
-            diffrax.Dopri8(),
-            0.0,
-            period,
-            None,
-            x,
-            stepsize_controller=diffrax.PIDController(rtol=1e-10, atol=1e-10),
-            adjoint=diffrax.ForwardMode(),
-        )
-        return solution.ys[0]
-
-    return eqx.filter_jit(iterate)(step, point, count, settle)
-
-
-def henon(x):
-    return jnp.stack([1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]])
-
-
-def logistic(r):
-    return lambda x: r * x * (1 - x)
 
 
 def test_linear_map():
@@ -90,12 +49,7 @@ def test_logistic():
 
 
 def test_lorenz():
-    def field(t, x, args):
-        return jnp.stack(
-            [10 * (x[1] - x[0]), x[0] * (28 - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]]
-        )
-
-    _, jacobians = flow(field, [1.0, 1.0, 20.0], 0.5, 2000, 50)
+    _, jacobians = iterate(flow(lorenz, 0.5, 28.0), [1.0, 1.0, 20.0], 2000, 50)
     found = lyapunov_spectrum(jacobians, slices=2)
     # 5 %, what ChaosTools.jl asks of chaotic flows; zero within its own error.
     assert found.exponents[0] == pytest.approx(0.9056, rel=0.05)
@@ -106,11 +60,8 @@ def test_lorenz():
 
 
 def test_duffing():
-    def field(t, x, args):
-        return jnp.stack([x[1], x[0] - x[0] ** 3 - 0.2 * x[1] + 0.3 * jnp.cos(t)])
-
     period = 2 * np.pi
-    _, jacobians = flow(field, [0.5, 0.0], period, 3000, 50)
+    _, jacobians = iterate(flow(duffing, period), [0.5, 0.0], 3000, 50)
     found = lyapunov_spectrum(jacobians)
     assert found.exponents[0] / period == pytest.approx(0.1589, rel=0.05)
     assert found.exponents.sum() / period == pytest.approx(-0.2, rel=1e-5)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from benchmarks.lyapunov.systems import lorenz
 from jaxcrusher.dynamics.fits import fit_slopes
 from jaxcrusher.dynamics.judgement import judge
 from jaxcrusher.dynamics.slopes import gradient_report
@@ -22,10 +23,9 @@ def test_fit_of_lorenz():
         rho = case["point"][0]
 
         def field(t, y, args):
-            x = y[:3]
-            rate = [10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]]
-            half = (t > 10) & (t < 60)
-            return jnp.stack([*rate, jnp.where(t > 10, x[2], 0.0), jnp.where(half, x[2], 0.0)])
+            late, half = t > 10, (t > 10) & (t < 60)
+            means = jnp.stack([jnp.where(late, y[2], 0.0), jnp.where(half, y[2], 0.0)])
+            return jnp.concatenate([lorenz(t, y[:3], rho), means])
 
         start = jnp.array([1.0, 1.0, 20.0, 0.0, 0.0]).at[:2].add(case["shift"])
         solution = diffrax.diffeqsolve(

@@ -10,9 +10,10 @@ import pytest
 from rich.console import Console
 
 import jaxcrusher as jc
+from jaxcrusher.commands.program import program
 from optimize.balance import compare, problem, quiet
 from optimize.balance import study as balance
-from optimize.balance.__main__ import main
+from optimize.balance.__main__ import study
 from optimize.balance.compare import Answer, Search, Smooth, search, spent_until
 from optimize.balance.designs import long_runs
 from optimize.balance.methods import comparison
@@ -272,7 +273,7 @@ def test_missing_packages_are_named(monkeypatch, tmp_path):
 def test_command_line_error_is_one_line(monkeypatch, capsys):
     monkeypatch.setattr(sys, "argv", ["balance", "--links", "6"])
     with pytest.raises(SystemExit) as stopped:
-        main()
+        program(study)
     printed = capsys.readouterr().err.strip()
     assert stopped.value.code == 2
     assert "\n" not in printed and "`links` must lie in (0, 5] percent" in printed

@@ -92,6 +92,12 @@ def test_missing_package_is_one_line(run):
     )
 
 
+def test_developers_see_where_an_error_is_from(run):
+    done = run("-X", "dev", "-m", "benchmarks.lyapunov", jax="raise ValueError('here')")
+    assert done.returncode == 1 and done.stderr.endswith("ValueError: here\n")
+    assert "Traceback" in done.stderr and "jax.py" in done.stderr
+
+
 def test_console_of_another_encoding_loses_signs_only(run, tmp_path):
     (tmp_path / "program.py").write_text(
         "from rich.console import Console\n"
