@@ -1,0 +1,140 @@
+"""Periodic solutions of a forced second-order system by Fourier collocation.
+
+x'' = f(t, x, x', args) with f of period T in t. The unknowns are x at equally spaced times of
+the period; x' and x'' follow from the trigonometric polynomial through them. Time is given, not
+found: the orbit has no freedom of phase, and no multiplier that is always 1.
+"""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.linalg import lu_solve
+from jaxtyping import Array, Float, PyTree, Scalar
+
+from jaxcrusher.settled.newton import Factors, Root, newton
+from jaxcrusher.settled.trigonometric import differentiation, nodes, resample
+
+# time, x, x', args -> x''; x of shape (dims,)
+Acceleration = Callable[[Scalar, Array, Array, PyTree], Array]
+
+# Of the last step, in the unit of x: rounding leaves some 1e-13 of the differentiation matrix.
+TOLERANCE, MAX_STEPS = 1e-10, 40
+# What the factors of a Jacobian one step away leave of a slope, each time it is put right.
+REFINEMENTS = 3
+
+
+class System(eqx.Module):
+    """x'' = acceleration(t, x, x', args), with everything of `period` in t."""
+
+    acceleration: Acceleration = eqx.field(static=True)
+    period: Scalar
+    args: PyTree
+
+    def residual(self, x: Float[Array, "nodes dims"]) -> Float[Array, "nodes dims"]:
+        """What the nodes' acceleration exceeds x'' by."""
+        times, rate, second = self._motion(x)
+        along = jax.vmap(self.acceleration, in_axes=(0, 0, 0, None))
+        return along(times, x, rate, self.args) - second
+
+    def jacobian(self, x: Float[Array, "nodes dims"]) -> Float[Array, "nodes dims nodes dims"]:
+        """Of the residual; full where differentiation joins the nodes, in blocks by f."""
+        times, rate, _ = self._motion(x)
+        by_x, by_rate = self.slopes(times, x, rate)
+        first, second = self._matrices(len(x))
+        eye_nodes, eye = np.eye(len(x)), np.eye(x.shape[1])
+        return (
+            jnp.einsum("iab,ij->iajb", by_x, eye_nodes)
+            + jnp.einsum("iab,ij->iajb", by_rate, first)
+            - jnp.einsum("ab,ij->iajb", eye, second)
+        )
+
+    def slopes(
+        self, times: Float[Array, " n"], x: Float[Array, "n dims"], rate: Float[Array, "n dims"]
+    ) -> tuple[Float[Array, "n dims dims"], Float[Array, "n dims dims"]]:
+        """df/dx and df/dx' at some instants."""
+        by_both = jax.jacfwd(self.acceleration, argnums=(1, 2))
+        # One by one: XLA makes one kernel of the loop, but fifty of derivatives side by side,
+        # which took 13 times as long on a CPU.
+        return jax.lax.map(lambda instant: by_both(*instant, self.args), (times, x, rate))
+
+    def at(
+        self, x: Float[Array, "nodes dims"], points: int, shift: float = 0.0
+    ) -> tuple[Float[Array, " points"], Float[Array, "points dims"], Float[Array, "points dims"]]:
+        """Times, x and x' at equally spaced `points` of the period, of the orbit through `x`.
+
+        `shift` in steps between the points.
+        """
+        rate = 2 * np.pi / self.period * resample(x, points, shift, 1)
+        return self.period * (np.arange(points) + shift) / points, resample(x, points, shift), rate
+
+    def _matrices(self, count: int) -> tuple[Array, Array]:
+        pace = 2 * np.pi / self.period
+        first, second = differentiation(count)
+        return pace * first, pace**2 * second
+
+    def _motion(self, x: Array) -> tuple[Array, Array, Array]:
+        first, second = self._matrices(len(x))
+        return self.period * nodes(len(x)), first @ x, second @ x
+
+
+def collocate(
+    system: System,
+    guess: Float[Array, "nodes dims"],
+    *,
+    tolerance: float = TOLERANCE,
+    max_steps: int = MAX_STEPS,
+) -> tuple[Float[Array, "nodes dims"], Root]:
+    """The orbit near `guess`, an even number of nodes, and how the search for it ended.
+
+    `tolerance` bounds the last step, in the unit of x: choose that of order one. Differentiable
+    by the system's numbers in both directions, by the implicit function theorem and never through
+    Newton's steps; the guess has no slope. Where the search failed the orbit is NaN.
+    """
+    system_now, guess = jax.lax.stop_gradient((system, guess))
+    shape = guess.shape
+    root = newton(
+        lambda x: system_now.residual(x.reshape(shape)).ravel(),
+        lambda x: system_now.jacobian(x.reshape(shape)).reshape(guess.size, guess.size),
+        guess.ravel(),
+        tolerance,
+        max_steps,
+    )
+    x = jnp.where(root.success, root.point, jnp.nan).reshape(shape)
+    return _attached(system, x, root.factors), root
+
+
+@eqx.filter_custom_jvp
+def _attached(
+    system: System, x: Float[Array, "nodes dims"], factors: Factors
+) -> Float[Array, "nodes dims"]:
+    """`x`, as the function of the system's numbers that the residual makes it."""
+    return x
+
+
+@_attached.def_jvp
+def _attached_jvp(primals, tangents):
+    system, x, factors = primals
+    x = _attached(system, x, factors)
+
+    def moved(change: Array) -> Array:
+        return jax.jvp(system.residual, (x,), (change,))[1]
+
+    def solve(apply: Callable, right: Array, transposed: int) -> Array:
+        # The factors belong to a point a small step away: each pass squares what that leaves.
+        found = jnp.zeros_like(right)
+        for _ in range(1 + REFINEMENTS):
+            left = (right - apply(found)).ravel()
+            found = found + lu_solve(factors, left, trans=transposed).reshape(right.shape)
+        return found
+
+    _, forcing = eqx.filter_jvp(lambda system: system.residual(x), (system,), (tangents[0],))
+    change = jax.lax.custom_linear_solve(
+        moved,
+        -forcing,
+        lambda apply, right: solve(apply, right, 0),
+        lambda apply, right: solve(apply, right, 1),
+    )
+    return x, change

@@ -1,0 +1,71 @@
+"""Trigonometric polynomials through values at equally spaced points of one period.
+
+Real, of degree N / 2 for an even number N of points, the highest harmonic a cosine: what the
+values at the points determine (Trefethen, Spectral Methods in MATLAB, 2000, chapter 3). Places
+are counted in periods, derivatives are by the phase, which is 2 pi a period.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Scalar
+
+# From the highest of many samples to the top between them.
+SUMMIT_STEPS = 4
+
+
+def nodes(count: int) -> Float[np.ndarray, " count"]:
+    """`count` equally spaced points of [0, 1)."""
+    return np.arange(count) / count
+
+
+def differentiation(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """The matrices from values at the nodes to the first two derivatives there."""
+    spectrum, harmonics = np.fft.rfft(np.eye(count), axis=0), np.arange(count // 2 + 1)[:, None]
+    first, second = (
+        np.fft.irfft((1j * harmonics) ** order * spectrum, count, axis=0) for order in (1, 2)
+    )
+    return first, second
+
+
+def resample(
+    x: Float[Array, "count ..."], points: int, shift: float = 0.0, order: int = 0
+) -> Float[Array, "points ..."]:
+    """A derivative (0: the value) at equally spaced points, the first `shift` steps after zero.
+
+    Fewer points than nodes leave the highest harmonics out.
+    """
+    count, kept = len(x), min(len(x), points) // 2 + 1
+    harmonics = np.arange(kept)
+    turned = (1j * harmonics) ** order * np.exp(2j * np.pi * shift / points * harmonics)
+    if points > count:
+        turned[-1] /= 2
+    spectrum = jnp.fft.rfft(x, axis=0)[:kept] * (points / count)
+    return jnp.fft.irfft(spectrum * turned.reshape(-1, *[1] * (x.ndim - 1)), points, axis=0)
+
+
+def evaluate(x: Float[Array, "count ..."], place: Scalar, order: int = 0) -> Float[Array, "..."]:
+    """A derivative (0: the value) at any one place."""
+    count = len(x)
+    harmonics = np.arange(count // 2 + 1)
+    weights = np.where((harmonics == 0) | (harmonics == count // 2), 1.0, 2.0) / count
+    turned = weights * (1j * harmonics) ** order * jnp.exp(2j * np.pi * place * harmonics)
+    return jnp.tensordot(turned, jnp.fft.rfft(x, axis=0), axes=1).real
+
+
+def summit(samples: Float[Array, " count"]) -> Scalar:
+    """The greatest value of the polynomial, whose samples show where it is.
+
+    Its slope is that of the value where the top now stands.
+    """
+    still = jax.lax.stop_gradient(samples)
+    top = jnp.argmax(still) / len(samples)
+    near = top
+
+    def climb(_, place):
+        bend = evaluate(still, place, 2)
+        step = -evaluate(still, place, 1) / jnp.where(bend < 0, bend, -jnp.inf) / (2 * np.pi)
+        return jnp.clip(place + step, near - 1 / len(samples), near + 1 / len(samples))
+
+    top = jax.lax.fori_loop(0, SUMMIT_STEPS, climb, top)
+    return jnp.maximum(evaluate(samples, top), jnp.max(samples))
