@@ -29,3 +29,5 @@ from .scenes.paper import paper_scene as paper_scene
 from .scenes.parameters import PARAMETERS as PARAMETERS
 from .scenes.parameters import PE250X400 as PE250X400
 from .scenes.parameters import build_scene as build_scene
+from .settled.periodic_orbit import PeriodicOrbit as PeriodicOrbit
+from .settled.periodic_orbit import periodic_orbit as periodic_orbit

@@ -56,14 +56,14 @@ class InContact(AbstractStart):
         zero = 0 * times
         e = Vector(zero, zero)
         for _ in range(1 + self.refinements):
-            e = jax.vmap(_resting, in_axes=(0, 0, 0, 0, None))(
+            e = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))(
                 times, e, rate(e), rate(rate(e)), scene
             )
         middle = len(points) // 2
         return jax.tree.map(lambda leaf: leaf[middle], (e, rate(e)))
 
 
-def _resting(
+def resting(
     time: Scalar, e: Vector, rate: Vector, curvature: Vector, scene: AbstractScene
 ) -> Vector:
     """The eccentricity that carries the joint force of a jaw whose bearing is e off the pin."""

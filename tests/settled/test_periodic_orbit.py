@@ -1,0 +1,140 @@
+"""The crusher's settled motion: numbers known from 30 000 turns, multipliers, slopes, refusals."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.motion.section import poincare_section
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3))
+
+
+@pytest.mark.parametrize(
+    ("speed", "clearance", "rms", "digits", "turns"),
+    [
+        # RMS of another program's 10 000 and 30 000 turns, which the swing leaves 1e-7 off, and
+        # of collocation by a third; turns in which the swing falls to 1/e.
+        (25.0, 0.03e-3, 18243.4112, 5e-5, 4700),
+        (30.0, 0.06e-3, 19102.316, 1e-3, 14300),
+        (39.0, 0.03e-3, 21796.415, 3e-3, 6930),
+    ],
+)
+def test_settled_rms(speed, clearance, rms, digits, turns):
+    found = jc.periodic_orbit(jc.paper_scene(speed, clearance))
+    assert found.success and found.stable and found.failure == ""
+    np.testing.assert_allclose(found.foundation_rms, rms, atol=digits)
+    np.testing.assert_allclose(found.settling_turns, turns, rtol=0.01)
+    assert found.error < 1e-8 and found.least_penetration > 0
+
+
+@pytest.mark.parametrize(
+    ("speed", "clearance", "rms"),
+    [(27.0, 0.05e-3, 15256.015326), (30.0, 0.06e-3, 15835.128865)],
+)
+def test_load_normal_to_the_jaw(speed, clearance, rms):
+    scene = jc.paper_scene(speed, clearance, load_law="normal_to_jaw")
+    # As many digits as are known.
+    np.testing.assert_allclose(jc.periodic_orbit(scene).foundation_rms, rms, atol=1e-6)
+
+
+def test_multipliers_against_the_section(orbit):
+    """The Jacobian of the once-per-turn map, by tangents under the integrator's error control."""
+    start = orbit.state()
+    state = jnp.concatenate([start.relative_eccentricity.array(), start.rate.array()])
+    section = poincare_section(orbit.scene, 0, 1, slices=8, state=state, rtol=1e-11)
+    assert section.jacobians is not None
+    product = np.linalg.multi_dot([np.asarray(m) for m in section.jacobians[::-1]])
+    expected = np.sort_complex(np.linalg.eigvals(product))
+    found = np.sort_complex(np.asarray(orbit.multipliers))
+    # Both err by some 1e-8; a matrix far from normal doubles digits lost.
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert orbit.multipliers_error < 1e-7
+    # A memory of thousands of turns is known as the distance from 1: 7e-5.
+    lost = 1 - np.max(np.abs(expected))
+    np.testing.assert_allclose(1 - orbit.largest_multiplier, lost, rtol=1e-3)
+
+
+def test_statistics_of_the_motion(orbit):
+    """Those of `statistics` over the turn from the orbit's own state."""
+    start = orbit.state()
+    state = jnp.concatenate([start.relative_eccentricity.array(), start.rate.array()])
+    names = ("foundation_rms", "foundation_mean", "foundation_peak", "penetration_ratio")
+    section = poincare_section(orbit.scene, 0, 1, state=state, outputs=names, rtol=1e-11)
+    for name in names:
+        # A peak between samples is off by (pi 30 / 1024)^2 / 2 of the swing's small share.
+        allowed = 1e-9 if name in ("foundation_rms", "foundation_mean") else 1e-6
+        np.testing.assert_allclose(getattr(orbit, name), section.values[name][0], rtol=allowed)
+    angles = 2 * np.pi * np.arange(500) / 500
+    seen = orbit.motion(angles, ("foundation_force", "eccentricity", "penetration_ratio"))
+    rms = jnp.sqrt(jnp.mean(seen["foundation_force"] ** 2))
+    # 500 instants see what 1024 do, to some 1e-12.
+    np.testing.assert_allclose(rms, orbit.foundation_rms, rtol=1e-10)
+    assert seen["eccentricity"].shape == (500, 2)
+    assert seen["penetration_ratio"].min() >= orbit.least_penetration
+    assert orbit.validity.inside
+
+
+def rms(numbers, slip="centre"):
+    scene = jc.paper_scene(numbers[0], numbers[1], slip=slip)
+    return jc.periodic_orbit(scene).foundation_rms
+
+
+def test_slopes_by_differences():
+    """Forward, reverse and central differences of orbits."""
+    at, steps = jnp.array([27.0, 0.05e-3]), np.diag([1e-3, 1e-9])
+    value = jax.jit(rms)
+    reverse, forward = jax.jit(jax.grad(rms))(at), jax.jit(jax.jacfwd(rms))(at)
+    np.testing.assert_allclose(reverse, forward, rtol=1e-10)
+    for i, step in enumerate(steps):
+        difference = (value(at + step) - value(at - step)) / (2 * step[i])
+        # Rounding of 1e-12 of the RMS over the step, and its square, leave some 1e-7.
+        np.testing.assert_allclose(reverse[i], difference, rtol=1e-6)
+    # Published with the trial that this grew from.
+    np.testing.assert_allclose(reverse[0], 163.534, rtol=5e-6)
+
+
+def test_an_ideal_joint_is_a_sum():
+    scene = jc.ideal_scene(30.0)
+    found = jc.periodic_orbit(scene)
+    assert found.success and found.stable and found.eccentricity is None
+    section = poincare_section(scene, 0, 1, outputs=("foundation_rms", "foundation_peak"))
+    np.testing.assert_allclose(found.foundation_rms, section.values["foundation_rms"][0], rtol=1e-8)
+    # The parabola through three samples.
+    np.testing.assert_allclose(
+        found.foundation_peak, section.values["foundation_peak"][0], rtol=1e-6
+    )
+    forces = found.motion(np.linspace(0, 6, 7), ("foundation_force",))["foundation_force"]
+    assert forces.max() < found.foundation_peak
+
+
+@pytest.mark.parametrize("load_law", ["closing_stroke", "none"])
+def test_no_orbit_that_keeps_contact(load_law):
+    """The load leaves the jaw within the turn: contact is lost, and nothing is returned."""
+    found = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3, load_law=load_law))
+    assert not found.success and not found.stable and found.failure
+    for number in (found.foundation_rms, found.foundation_peak, found.error, found.multipliers):
+        assert np.isnan(number).all()
+
+
+def test_refusals():
+    """What collocation in the eccentricity cannot do, each in a line."""
+    scene = jc.paper_scene(30.0, 0.06e-3)
+    free = eqx.tree_at(lambda s: s.drive, scene, GivenTorque(100.0, 30.0))
+    for bad, words in (
+        (jc.paper_scene(30.0, 0.06e-3, formulation="multiplier"), "by eccentricity"),
+        (jc.paper_scene(30.0, 0.06e-3, impact_law="tracked"), "constant impact velocity"),
+        (free, "constant speed"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            jc.periodic_orbit(bad)
+    with pytest.raises(ValueError, match="nodes"):
+        jc.periodic_orbit(scene, nodes=31)
+    with pytest.raises(ValueError, match="period"):
+        jc.periodic_orbit(scene, period=0)
