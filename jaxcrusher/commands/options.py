@@ -158,9 +158,24 @@ class Gradient:
     results: Results = field(default_factory=lambda: Results("gradient"))
 
 
+@dataclass(frozen=True)
+class Orbit:
+    """The settled motion of a crusher: RMS, multipliers, and slopes by every number of it.
+
+    Solved for, not waited for: half a minute, most of it compilation. Writes OUT/NAME/orbit.json
+    and orbit.png (orbit of the pin, and force on the foundation with the ideal joint's).
+    """
+
+    crusher: Crusher = field(default_factory=Crusher)
+    period: int = 1
+    """Turns after which the motion repeats."""
+    results: Results = field(default_factory=lambda: Results("orbit"))
+
+
 Command = (
     Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Regimes, tyro.conf.subcommand("regimes")]
     | Annotated[Gradient, tyro.conf.subcommand("gradient")]
+    | Annotated[Orbit, tyro.conf.subcommand("orbit")]
 )

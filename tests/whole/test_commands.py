@@ -327,3 +327,22 @@ def test_mistake_of_a_process_is_one_line():
     assert wrong.returncode == 2 and wrong.stdout == ""
     assert wrong.stderr.startswith("error: Argument `speed`") and wrong.stderr.count("\n") == 1
     assert "'[hz]'" in wrong.stderr
+
+
+def test_orbit_solves_for_the_settled_motion(tmp_path):
+    """RMS, multipliers, and a slope by every number; no file where there is no orbit."""
+    status, text = run(
+        "orbit", "--out", tmp_path, "--set", "speed", "27", "--set", "clearance", 5e-5
+    )
+    assert status == 0 and "settles in" in text
+    kept = json.loads((tmp_path / "orbit" / "orbit.json").read_text())
+    assert kept["stable"] and kept["foundation_rms"] == pytest.approx(18524.15958, rel=1e-9)
+    slopes = kept["slopes_of_foundation_rms"]
+    assert set(slopes) == set(jc.PARAMETERS)
+    assert slopes["speed"] == pytest.approx(163.534, rel=1e-5)
+    assert re.search(r"speed\s.*27\s.*163.53", text)
+    assert (tmp_path / "orbit" / "orbit.png").stat().st_size > 10_000
+    bad = ("orbit", "--out", tmp_path, "--name", "none", "--set", "load_law", "none")
+    status, text = run(*bad)
+    assert status == 1 and "no settled motion" in text
+    assert not (tmp_path / "none" / "orbit.json").exists()

@@ -1,0 +1,115 @@
+"""`python -m jaxcrusher orbit`: the settled motion, solved for, and its slopes by every number."""
+
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+import jaxcrusher as jc
+from jaxcrusher.commands.crushers import read_crusher
+from jaxcrusher.commands.options import Orbit
+from jaxcrusher.files.provenance import provenance
+from jaxcrusher.files.results import results_folder, write_json
+from jaxcrusher.scenes.parameters import PARAMETERS
+
+ANGLES = 720  # of the picture, a turn
+
+
+def run(options: Orbit, console: Console) -> int:
+    """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
+    values = read_crusher(options.crusher)
+    folder = results_folder(options.results.folder)
+    numbers = {name: jnp.asarray(values[name], dtype=float) for name in PARAMETERS}
+
+    def solve(numbers: dict[str, Any], nodes: int | None = None) -> jc.PeriodicOrbit:
+        scene = jc.build_scene({**values, **numbers})
+        return jc.periodic_orbit(scene, period=options.period, nodes=nodes)
+
+    with console.status("solving"):
+        orbit = solve(numbers)
+    if not bool(orbit.success):
+        console.print(f"no settled motion: {orbit.failure}", highlight=False, soft_wrap=True)
+        return 1
+    nodes = None if orbit.eccentricity is None else len(orbit.eccentricity) // options.period
+    with console.status("differentiating"):
+        by_number = jax.jit(jax.grad(lambda n: solve(n, nodes).foundation_rms))(numbers)
+    slopes = {name: float(slope) for name, slope in by_number.items()}
+    path = folder / "orbit.json"
+    write_json(path, provenance("Settled motion", scene=values) | content(orbit, slopes))
+    draw(orbit, folder / "orbit.png")
+    for line in summary(orbit):
+        console.print(line, highlight=False, soft_wrap=True)
+    console.print(table(float(orbit.foundation_rms), slopes, values))
+    console.print(str(path), highlight=False, soft_wrap=True)
+    return 0
+
+
+def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:
+    """The pin in its bore, and the force on the foundation beside the ideal joint's."""
+    angles = 2 * np.pi * np.arange(ANGLES * orbit.period + 1) / ANGLES
+    seen = orbit.motion(angles, ("foundation_force", "eccentricity"))
+    ideal = jc.periodic_orbit(orbit.scene.ideal()).motion(angles, ("foundation_force",))
+    fig, (pin, force) = plt.subplots(1, 2, figsize=(10, 4), width_ratios=[1, 1.6])
+    if orbit.scene.joint is None:
+        pin.set_axis_off()
+    else:
+        clearance = float(orbit.scene.joint.clearance)
+        pin.add_patch(plt.Circle((0, 0), 1, fill=False, color="0.6"))  # pyright: ignore
+        pin.plot(*(np.asarray(seen["eccentricity"]).T / clearance))
+        pin.set(aspect="equal", xlabel="e_x / c", ylabel="e_y / c")
+        pin.set_title(f"radial clearance {1e3 * clearance:.4g} mm")
+    force.plot(np.degrees(angles), 1e-3 * seen["foundation_force"], label="settled")
+    force.plot(np.degrees(angles), 1e-3 * ideal["foundation_force"], ":", label="ideal joint")
+    force.set(xlabel="shaft angle, degrees", ylabel="|R_O| + |R_C|, kN")
+    force.legend()
+    fig.tight_layout()
+    fig.savefig(path, dpi=120)
+    plt.close(fig)
+
+
+def summary(orbit: jc.PeriodicOrbit) -> list[str]:
+    """The motion in a few lines."""
+    lines = [
+        f"RMS {float(orbit.foundation_rms):.4f} N (error {float(orbit.error):.1g} of it), mean "
+        f"{float(orbit.foundation_mean):.4f} N, peak {float(orbit.foundation_peak):.4f} N"
+    ]
+    if orbit.eccentricity is None:
+        return [*lines, "an ideal joint: nothing swings"]
+    moduli = ", ".join(f"{abs(value):.6f}" for value in np.asarray(orbit.multipliers))
+    settles = f"settles in {float(orbit.settling_turns):.4g} turns"
+    return [
+        *lines,
+        f"multipliers {moduli} a period: {settles if bool(orbit.stable) else 'unstable'}",
+        f"least penetration {float(orbit.least_penetration):.4g} clearances",
+    ]
+
+
+def table(rms: float, slopes: dict[str, float], values: dict[str, Any]) -> Table:
+    """Slopes by every parameter, the largest percent per percent first."""
+    shares = {name: slope * values[name] / rms for name, slope in slopes.items()}
+    found = Table("parameter", "value", "slope of the RMS", "unit", "% per %")
+    for name in sorted(shares, key=lambda name: -abs(shares[name])):
+        unit = PARAMETERS[name].unit
+        per = "N" if unit == "1" else f"N/({unit})" if "/" in unit or " " in unit else f"N/{unit}"
+        row = f"{values[name]:.6g}", f"{slopes[name]:.6g}", per, f"{shares[name]:.4g}"
+        found.add_row(name, *row)
+    return found
+
+
+def content(orbit: jc.PeriodicOrbit, slopes: dict[str, float]) -> dict[str, Any]:
+    """An orbit as JSON keeps it."""
+    names = ("foundation_rms", "foundation_mean", "foundation_peak", "error", "least_penetration")
+    values = np.asarray(orbit.multipliers)
+    return {
+        "period": orbit.period,
+        **{name: float(getattr(orbit, name)) for name in names},
+        "multipliers": [[float(value.real), float(value.imag)] for value in values],
+        "stable": bool(orbit.stable),
+        "settling_turns": float(orbit.settling_turns),
+        "slopes_of_foundation_rms": slopes,
+    }
