@@ -3,7 +3,6 @@ from .basics.setup import set_up as set_up
 from .basics.setup import use_all_cores as use_all_cores
 from .batch.engines import map_all as map_all
 from .batch.engines import map_chunks as map_chunks
-from .batch.large_sweep import sweep_to_store as sweep_to_store
 from .batch.sweep import sweep as sweep
 from .crusher.capacity import CrushingChamber as CrushingChamber
 from .crusher.capacity import chamber_from_stroke as chamber_from_stroke

@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Float
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import map_all
-from jaxcrusher.batch.sweep import row_of
+from jaxcrusher.batch.rows import row_of
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.starts import shifted_start
 from optimize.design import Design

@@ -12,7 +12,7 @@ from scipy.stats import qmc
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import map_all
-from jaxcrusher.batch.sweep import LOGICAL, VARIABLES
+from jaxcrusher.batch.rows import LOGICAL, VARIABLES
 from jaxcrusher.dynamics.indicators import lyapunov_spectrum
 from optimize.design import Design
 from optimize.evaluate import STARTS, Case, Progress, Window, evaluate, judged, started

@@ -10,8 +10,8 @@ from time import perf_counter
 import numpy as np
 
 from jaxcrusher.batch.plan import Plan, compute_chunk, make_plan
+from jaxcrusher.batch.rows import LOGICAL, VARIABLES
 from jaxcrusher.batch.store import ChunkStore
-from jaxcrusher.batch.sweep import LOGICAL, VARIABLES
 from jaxcrusher.files.provenance import machine
 
 BOX = {"speed": np.linspace(25, 40, 16), "clearance": np.linspace(0.03e-3, 0.12e-3, 8)}

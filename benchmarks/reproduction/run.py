@@ -46,8 +46,7 @@ def run(out: Path) -> None:
         for figure, variable, largest, count in BOXES:
             cells = bars.add_task(f"Figure {figure}", total=count * len(SPEEDS))
             box = jc.sweep(
-                SPEEDS,
-                np.linspace(0.03e-3, largest, count),
+                {"speed": SPEEDS, "clearance": np.linspace(0.03e-3, largest, count)},
                 20,
                 12,
                 rtol=1e-6,

@@ -28,8 +28,8 @@ def main(out: Path = Path("results/pictures")) -> None:
     write_figure(folder / "mechanism.png", fig, dpi=90)
     animate(scene, motion, folder / "turn.gif", dpi=55)
 
-    speeds, clearances = np.linspace(25, 40, 12), np.linspace(0.03e-3, 0.12e-3, 7)
-    grid = jc.sweep(speeds, clearances, 15, 10, slip="surface", friction=0.05, rtol=1e-6)
+    axes = {"speed": np.linspace(25, 40, 12), "clearance": np.linspace(0.03e-3, 0.12e-3, 7)}
+    grid = jc.sweep(axes, 15, 10, base={"slip": "surface", "friction": 0.05}, rtol=1e-6)
     fig, ax = plt.subplots(figsize=(7, 4.2), layout="constrained")
     plots.plot_sweep(grid, ax=ax)
     write_figure(folder / "whirls.png", fig, dpi=90)

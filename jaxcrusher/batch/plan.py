@@ -17,9 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.batch.engines import map_all
-from jaxcrusher.batch.sweep import statistics_row
+from jaxcrusher.batch.engines import Engine, map_all
+from jaxcrusher.batch.rows import row_of
 from jaxcrusher.files.provenance import machine, now
+from jaxcrusher.motion.statistics import statistics
 from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400, build_scene
 
 # A chunk's number, its variables, and a record of how they were computed.
@@ -31,7 +32,7 @@ class Plan:
     """The grid product of `axes`, with every other parameter as in `base`.
 
     `axes` maps names to tuples of numbers or of choices, `base` names to values. `chunk` is the
-    shape of a chunk: one choice, or some of the numbers, of each axis.
+    shape of a chunk: one choice, or some of the numbers, of each axis. `engine` as in `map_chunks`.
     """
 
     axes: dict[str, tuple]
@@ -40,6 +41,7 @@ class Plan:
     turns: int
     rtol: float
     chunk: tuple[int, ...]
+    engine: Engine | None = None
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -64,9 +66,20 @@ class Plan:
         """The designs of a chunk."""
         return math.prod(part.stop - part.start for part in self.region(number))
 
+    def coordinates(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+        """The values along each axis, and their labels."""
+        return {
+            name: (np.array(values, float), {"long_name": of.meaning, "units": of.unit})
+            if (of := PARAMETERS.get(name))
+            else (np.array(values, object), {})
+            for name, values in self.axes.items()
+        }
+
     def settings(self) -> dict[str, Any]:
         """Everything that decides the results, as JSON keeps it."""
         axes = {name: list(values) for name, values in self.axes.items()}
+        # A class's name where the engine is an object.
+        engine = getattr(self.engine, "__qualname__", type(self.engine).__qualname__)
         return {
             "order of axes": list(axes),
             "axes": axes,
@@ -75,6 +88,7 @@ class Plan:
             "turns": self.turns,
             "rtol": self.rtol,
             "shape of a chunk": list(self.chunk),
+            **({} if self.engine is None else {"engine": engine}),
         }
 
 
@@ -85,12 +99,14 @@ def make_plan(
     turns: int,
     rtol: float,
     designs: int,
+    engine: Engine | None = None,
 ) -> Plan:
     """A checked plan with at most `designs` designs a chunk.
 
     Raises ValueError for unknown names, and for values that no crusher can be built from.
     """
-    require(len(axes) > 0, "axes", "name at least one parameter", dict(axes))
+    good = isinstance(axes, Mapping) and len(axes) > 0
+    require(good, "axes", 'map names to values, as {"speed": [30.0, 32.0]}', repr(axes))
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     require_positive("rtol", rtol, "")
@@ -111,7 +127,8 @@ def make_plan(
     ]
     for corner in itertools.product(*ends):
         build_scene({**fixed, **dict(zip(varied, corner, strict=True))})
-    return Plan(varied, fixed, settle_turns, turns, float(rtol), _chunk_shape(varied, designs))
+    shape = _chunk_shape(varied, designs)
+    return Plan(varied, fixed, settle_turns, turns, float(rtol), shape, engine)
 
 
 def _axis(name: str, values: Any) -> tuple:
@@ -174,7 +191,7 @@ def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[
     function = eqx.Partial(
         _design, choices=choices, settle_turns=plan.settle_turns, turns=plan.turns, rtol=plan.rtol
     )
-    rows = map_all(function, numbers, lanes)
+    rows = map_all(function, numbers, lanes, plan.engine)
     size = math.prod(plan.chunk)
     kept = tuple(slice(part.stop - part.start) for part in region)
     values = {name: column[:size].reshape(plan.chunk)[kept] for name, column in rows.items()}
@@ -188,4 +205,5 @@ def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[
 
 
 def _design(numbers, choices, settle_turns, turns, rtol):
-    return statistics_row(build_scene({**numbers, **choices}), settle_turns, turns, rtol)
+    scene = build_scene({**numbers, **choices})
+    return row_of(statistics(scene, settle_turns, turns, rtol=rtol))

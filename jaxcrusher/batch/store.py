@@ -17,10 +17,9 @@ import numpy as np
 import zarr
 
 from jaxcrusher.batch.plan import Plan
-from jaxcrusher.batch.sweep import LOGICAL, VARIABLES
+from jaxcrusher.batch.rows import LOGICAL, VARIABLES
 from jaxcrusher.files.durable import broken, checksum, lock, named, replace
 from jaxcrusher.files.resume import require_same
-from jaxcrusher.scenes.parameters import PARAMETERS
 
 _SIDE = ".sweep"  # the folder of settings, markers and the lock, inside the store
 
@@ -127,20 +126,16 @@ class ChunkStore:
         plan, side = self._plan, self.path / _SIDE
         made = side / "new"
         group = zarr.create_group(made, overwrite=True, zarr_format=3, attributes=attributes)
-        for name, axis in plan.axes.items():
-            described = PARAMETERS.get(name)
-            labels: dict[str, Any] = (
-                {"long_name": described.meaning, "units": described.unit} if described else {}
-            )
+        for name, (values, labels) in plan.coordinates().items():
             array = group.create_array(
                 name,
-                shape=(len(axis),),
-                dtype="float64" if described else "str",
-                chunks=(len(axis),),
+                shape=values.shape,
+                dtype="str" if values.dtype == object else "float64",
+                chunks=values.shape,
                 dimension_names=(name,),
                 attributes=labels,
             )
-            array[:] = np.array(axis, dtype=float if described else object)
+            array[:] = values
         for name, (unit, meaning) in VARIABLES.items():
             logical = name in LOGICAL
             group.create_array(

@@ -1,121 +1,167 @@
-"""Sweep driving speed and clearance: labelled statistics over a grid."""
+"""Sweeps of any parameters, in memory or into a Zarr store, here or on a Dask cluster."""
 
-from collections.abc import Callable
-from typing import Any
+import contextlib
+import functools
+import math
+from collections.abc import Callable, Generator, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import ArrayLike
 
-from jaxcrusher.basics.checks import require, require_positive, require_x64
-from jaxcrusher.batch.engines import Engine, map_chunks
-from jaxcrusher.crusher.scene import Scene, require_clearance
-from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
-from jaxcrusher.motion.statistics import Statistics, statistics
-from jaxcrusher.scenes.paper import paper_scene
-from jaxcrusher.scenes.parameters import PE250X400
+from jaxcrusher.basics.checks import require_x64
+from jaxcrusher.batch.cluster import compute_on, connect, worker_environment
+from jaxcrusher.batch.engines import Engine
+from jaxcrusher.batch.plan import Plan, Result, compute_chunk, make_plan
+from jaxcrusher.batch.rows import LOGICAL, VARIABLES
+from jaxcrusher.batch.store import ChunkStore
+from jaxcrusher.files.provenance import environment, provenance
+from jaxcrusher.scenes.parameters import PARAMETERS
 
-# Name -> unit and meaning of the variables of a sweep.
-VARIABLES = {
-    **{name: (STATISTIC[name].unit, STATISTIC[name].meaning) for name in STATISTICS},
-    "foundation_rms_error": ("N", "standard error of the RMS"),
-    "half_width_ratio": ("1", "Hertz's half-width / bore radius"),
-    "impact_speed_ratio": ("1", "fastest approach / elastic limit"),
-    "delivered_restitution": ("1", "restitution of the fastest impact"),
-    "inside_model": ("1", "Hertzian contact and elastic impacts"),
-    "whirl": ("1", "friction whirl"),
-    "success": ("1", "integrated to the end"),
-    "reached": ("rad", "shaft angle at the end, or at the failure"),
-}
-LOGICAL = ("whirl", "success", "inside_model")
+if TYPE_CHECKING:
+    import distributed
+
+# Computes chunks by their numbers, and yields them as they finish.
+Compute = Callable[[list[int]], Generator[Result, None, None]]
 
 
 def sweep(
-    speeds: ArrayLike,
-    clearances: ArrayLike,
+    axes: Mapping[str, Any],
     settle_turns: int,
     turns: int,
     *,
+    base: Mapping[str, Any] | None = None,
+    store: str | Path | None = None,
     chunk: int = 64,
     rtol: float = 1e-9,
     progress: Callable[[int, int], None] | None = None,
     engine: Engine | None = None,
-    **options: Any,
+    scheduler: "str | distributed.Client | None" = None,
 ) -> xr.Dataset:
-    """Statistics of the paper's crusher over a grid of speeds and clearances.
+    """Statistics over the grid product of any parameters, in memory or in a Zarr store.
+
+    Both give the same bits. A sweep into a store is kept chunk by chunk: killed at any moment and
+    called again with the same arguments, it goes on where it was and ends with the same bits as an
+    unbroken run. Called on a finished store, it verifies it.
 
     **Arguments:**
 
-    - `speeds`, `clearances`: shapes (n,) and (m,), rad/s and m.
+    - `axes`: names of `jaxcrusher.PE250X400` -> values, shape (n,), in SI units, or choices.
     - `settle_turns`, `turns`, `rtol`: as in `jaxcrusher.statistics`.
-    - `chunk`: designs between two reports of progress.
-    - `progress`: called with the number of finished and of all designs.
+    - `base`: names -> values of what does not vary, where it is not the paper's.
+    - `store`: None, or the store's folder; new, or one of an earlier call with the same arguments.
+    - `chunk`: designs at most in a chunk: between two reports of progress, what a kill can lose,
+      and a file of each variable. A store of many designs wants 1000 and more.
+    - `progress`: called with the number of finished and of all designs, first at the start.
     - `engine`: as in `jaxcrusher.map_chunks`.
-    - `options`: those of `jaxcrusher.paper_scene`.
+    - `scheduler`: None for this machine; else a `distributed.Client` or a scheduler's address.
 
-    **Returns:** an `xarray.Dataset` with dims `speed` and `clearance`. A failed design has
-    `success` False and NaN; it does not stop the others.
+    **Returns:** an `xarray.Dataset` with a dimension for each axis, opened from the store if there
+    is one. A failed design has `success` False and NaN; it does not stop the others.
 
-    Raises ValueError as `paper_scene` and `statistics` do.
+    Raises ValueError for bad arguments and for a store with other settings, naming what differs;
+    RuntimeError for a store in use, for corrupt chunks and for workers that fail; OSError for what
+    cannot be written, naming the chunk; ImportError for `scheduler` without the extra `cluster`.
     """
     require_x64()
-    grid = {}
-    for name, values, unit in (("speeds", speeds, "rad/s"), ("clearances", clearances, "m")):
-        grid[name] = np.asarray(values, dtype=float)
-        require(
-            grid[name].ndim == 1 and grid[name].size > 0,
-            name,
-            "have shape (n,), n > 0",
-            grid[name].shape,
-        )
-        require_positive(name, grid[name], unit)
-    require_clearance(grid["clearances"], PE250X400["bore_radius"])
-    pairs = np.stack(np.meshgrid(grid["speeds"], grid["clearances"], indexing="ij"), axis=-1)
-    pairs = pairs.reshape(-1, 2)
-    paper_scene(*pairs[0], **options)  # checks the options before anything is compiled
-    scenes = jax.vmap(lambda pair: paper_scene(pair[0], pair[1], **options))(jnp.asarray(pairs))
-    function = eqx.Partial(statistics_row, settle_turns=settle_turns, turns=turns, rtol=rtol)
-    columns = {name: np.full(len(pairs), np.nan) for name in VARIABLES}
-    for rows, values in map_chunks(function, scenes, chunk, engine):
-        for name, column in columns.items():
-            column[rows] = values[name]
-        if progress is not None:
-            progress(rows.stop, len(pairs))
-    return _dataset(grid["speeds"], grid["clearances"], columns, settle_turns, turns, options)
+    plan = make_plan(axes, base or {}, settle_turns, turns, rtol, chunk, engine)
+    with _workers(plan, scheduler) as (settings, compute):
+        attributes = _attributes(plan, settings)
+        if store is None:
+            memory = Memory(plan)
+            _fill(memory, plan, compute, progress)
+            return memory.dataset(attributes)
+        attributes["machine"] += "; that of each chunk stands in .sweep/done"
+        with ChunkStore(Path(store), plan, plan.settings() | settings, attributes) as kept:
+            _fill(kept, plan, compute, progress)
+        return xr.open_zarr(store)
 
 
-def statistics_row(
-    scene: Scene, settle_turns: int, turns: int, rtol: float
-) -> dict[str, jax.Array]:
-    """One design's `VARIABLES`; an ideal joint is inside the limits of contact."""
-    return row_of(statistics(scene, settle_turns, turns, rtol=rtol))
+class Memory:
+    """What a `ChunkStore` keeps on the disk, as arrays."""
+
+    def __init__(self, plan: Plan):
+        self._plan, self.done = plan, set()
+        self._columns = {
+            name: np.full(plan.shape, False if name in LOGICAL else np.nan) for name in VARIABLES
+        }
+
+    def write(self, number: int, values: dict[str, np.ndarray], record: dict[str, Any]) -> None:
+        """Keep a chunk; its record is not."""
+        for name, column in self._columns.items():
+            column[self._plan.region(number)] = values[name]
+        self.done.add(number)
+
+    def dataset(self, attributes: dict[str, Any]) -> xr.Dataset:
+        """The same as that of the store."""
+        data = {
+            name: (tuple(self._plan.axes), column, {"units": unit, "long_name": meaning})
+            for (name, column), (unit, meaning) in zip(
+                self._columns.items(), VARIABLES.values(), strict=True
+            )
+        }
+        coordinates = {
+            name: (name, values, labels)
+            for name, (values, labels) in self._plan.coordinates().items()
+        }
+        return xr.Dataset(data, coordinates, attributes)
 
 
-def row_of(result: Statistics) -> dict[str, jax.Array]:
-    """The `VARIABLES` of one design's statistics."""
-    row = {name: result[name] for name in STATISTICS}
-    row |= {name: getattr(result, name) for name in ("foundation_rms_error", "whirl", "success")}
-    limits = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
-    row |= {name: getattr(result.validity, name) for name in limits}
-    return row | {"inside_model": result.validity.inside, "reached": result.outcome.reached}
+def _fill(
+    kept: Memory | ChunkStore,
+    plan: Plan,
+    compute: Compute,
+    progress: Callable[[int, int], None] | None,
+) -> None:
+    """Compute what is missing, and write it as it comes."""
+    report = progress or (lambda finished, of: None)
+    finished, total = sum(map(plan.size, kept.done)), math.prod(plan.shape)
+    report(finished, total)
+    missing = [n for n in range(math.prod(plan.chunks)) if n not in kept.done]
+    with contextlib.closing(compute(missing)) as results:
+        for number, values, record in results:
+            kept.write(number, values, record)
+            finished += plan.size(number)
+            report(finished, total)
 
 
-def _dataset(speeds, clearances, columns, settle_turns, turns, options) -> xr.Dataset:
-    shape = (len(speeds), len(clearances))
-    data = {}
-    for name, (unit, meaning) in VARIABLES.items():
-        values = columns[name].reshape(shape)
-        if name in LOGICAL:
-            values = values == 1
-        attributes = {"units": unit, "long_name": meaning}
-        data[name] = (("speed", "clearance"), values, attributes)
-    coordinates = {
-        "speed": ("speed", speeds, {"units": "rad/s", "long_name": "driving speed"}),
-        "clearance": ("clearance", clearances, {"units": "m", "long_name": "radial clearance"}),
+@contextlib.contextmanager
+def _workers(
+    plan: Plan, scheduler: "str | distributed.Client | None"
+) -> Iterator[tuple[dict[str, Any], Compute]]:
+    """The environment that computes, and how."""
+    if scheduler is None:
+        yield environment(), functools.partial(_compute_here, plan)
+        return
+    client = connect(scheduler) if isinstance(scheduler, str) else scheduler
+    try:
+        # Waits for the first worker.
+        settings = client.submit(worker_environment, pure=False).result()
+        yield settings, functools.partial(compute_on, client, plan, settings)
+    finally:
+        if client is not scheduler:
+            client.close()
+
+
+def _compute_here(plan: Plan, numbers: list[int]) -> Generator[Result, None, None]:
+    for number in numbers:
+        yield number, *compute_chunk(plan, number)
+
+
+def _attributes(plan: Plan, settings: dict[str, Any]) -> dict[str, Any]:
+    """Provenance, for the reader."""
+    numbers = {
+        name: [value, PARAMETERS[name].unit]
+        for name, value in plan.base.items()
+        if name in PARAMETERS
     }
-    attributes = {name: str(value) for name, value in options.items()}
-    attributes |= {"settle_turns": settle_turns, "turns": turns}
-    return xr.Dataset(data, coordinates, attributes)
+    return provenance(
+        "Statistics of jaw crushers over a grid of parameters",
+        settings,
+        parameters=numbers,
+        choices={name: value for name, value in plan.base.items() if name not in PARAMETERS},
+        settle_turns=plan.settle_turns,
+        turns=plan.turns,
+        rtol=plan.rtol,
+    )

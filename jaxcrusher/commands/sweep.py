@@ -11,7 +11,7 @@ import xarray as xr
 from rich.console import Console
 
 from jaxcrusher.basics.checks import require
-from jaxcrusher.batch.large_sweep import sweep_to_store
+from jaxcrusher.batch.sweep import sweep
 from jaxcrusher.commands.crushers import read_axes, read_crusher
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
@@ -29,12 +29,12 @@ def run(options: Sweep, console: Console) -> int:
     designs = math.prod(len(axis) for axis in axes.values())
     with progress(console) as bars, _workers(options.scheduler) as scheduler:
         bar = bars.add_task("designs", total=designs)
-        grid = sweep_to_store(
-            folder / "sweep.zarr",
+        grid = sweep(
             axes,
             options.settle,
             options.turns,
             base=base,
+            store=folder / "sweep.zarr",
             chunk=options.chunk,
             rtol=options.rtol,
             scheduler=scheduler,

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 import jaxcrusher as jc
-from jaxcrusher.batch.sweep import VARIABLES
+from jaxcrusher.batch.rows import VARIABLES
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CONTACT
 from optimize import words
 from optimize.answer import Answer, Confirmed, Refinement

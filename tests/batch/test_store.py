@@ -10,6 +10,7 @@ import time
 import warnings
 from collections.abc import Callable
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -21,8 +22,9 @@ import jaxcrusher as jc
 from jaxcrusher.batch import plan as chunks
 from jaxcrusher.batch.cluster import compute_on, worker_environment
 from jaxcrusher.batch.plan import Plan, make_plan
+from jaxcrusher.batch.rows import LOGICAL, VARIABLES
 from jaxcrusher.batch.store import ChunkStore
-from jaxcrusher.batch.sweep import LOGICAL, VARIABLES
+from jaxcrusher.batch.sweep import Memory
 
 # The store alone is filled with made-up numbers: no JAX in it, so that it can be killed often.
 PLAN = Plan({"speed": (28.0, 30.0, 33.0), "clearance": (4e-5, 6e-5)}, {}, 0, 1, 1e-6, (1, 2))
@@ -32,13 +34,17 @@ SIZES = (1, 900)  # bytes: inside a chunk's first file, inside its marker
 
 def fill(path: Path, settings: dict = SETTINGS, plan: Plan = PLAN) -> list[int]:
     """Fill a store; returns the chunks that were missing."""
-    written = []
     with ChunkStore(path, plan, settings, {}) as store:
-        for number in sorted(set(range(3)) - store.done):
-            random = np.random.default_rng(number)
-            values = {name: random.random((1, 2)) for name in VARIABLES}
-            store.write(number, values | {name: values[name] > 0.5 for name in LOGICAL}, {})
-            written.append(number)
+        return write_missing(store)
+
+
+def write_missing(kept: ChunkStore | Memory) -> list[int]:
+    """Write what is missing of three chunks."""
+    written = sorted(set(range(3)) - kept.done)
+    for number in written:
+        random = np.random.default_rng(number)
+        values = {name: random.random((1, 2)) for name in VARIABLES}
+        kept.write(number, values | {name: values[name] > 0.5 for name in LOGICAL}, {})
     return written
 
 
@@ -199,6 +205,20 @@ def test_corrupt_metadata_are_named_and_written_again(tmp_path, name):
     assert contents(store) == whole
 
 
+def test_memory_holds_what_the_store_holds(tmp_path):
+    """Also of a choice, and where only the first chunk is there."""
+    plan = replace(PLAN, axes={"speed": (28.0, 30.0, 33.0), "start": ("centred", "contact")})
+    memory = Memory(plan)
+    memory.done |= {1, 2}
+    write_missing(memory)
+    with ChunkStore(tmp_path / "store", plan, SETTINGS, {}) as store:
+        store.done |= {1, 2}
+        write_missing(store)
+    kept = xr.open_zarr(tmp_path / "store").load()
+    xr.testing.assert_identical(memory.dataset({}), kept)
+    assert bool(kept.foundation_rms[1:].isnull().all()) and not bool(kept.success[1:].any())
+
+
 def test_foreign_folder_is_refused(tmp_path):
     (tmp_path / "letters.txt").write_text("Dear")
     with pytest.raises(ValueError, match=r"^Argument `store` must be new or a sweep's store"):
@@ -214,7 +234,7 @@ IDEAL = dict(settle_turns=0, turns=1, base={"joint": "ideal", "load": 5e3}, rtol
 def whole(tmp_path_factory):
     """An unbroken run, in chunks of two designs and of one."""
     path, seen = tmp_path_factory.mktemp("stores") / "whole.zarr", []
-    jc.sweep_to_store(path, AXES, **IDEAL, chunk=2, progress=lambda *counts: seen.append(counts))
+    jc.sweep(AXES, **IDEAL, store=path, chunk=2, progress=lambda *counts: seen.append(counts))
     assert seen == [(0, 6), (2, 6), (3, 6), (5, 6), (6, 6)]
     return path
 
@@ -233,9 +253,10 @@ def test_store_opens_with_units_and_provenance(whole):
     assert float(there.foundation_rms) == pytest.approx(float(one.foundation_rms), rel=1e-5)
 
 
-def test_bits_do_not_depend_on_neighbours_or_what_varies(whole, tmp_path):
+def test_bits_do_not_depend_on_memory_neighbours_or_what_varies(whole):
+    _assert_whole(jc.sweep(AXES, **IDEAL, chunk=4), whole)
     rest = dict(IDEAL, base={**IDEAL["base"], "shaft.eccentricity": 0.012})
-    row = jc.sweep_to_store(tmp_path / "row", {"speed": [33.0, 29.0, 28.0]}, **rest, chunk=2)
+    row = jc.sweep({"speed": [33.0, 29.0, 28.0]}, **rest, chunk=2)
     column = xr.open_zarr(whole).sel({"shaft.eccentricity": 0.012})
     for name in VARIABLES:
         _assert_equal_bits(row.sel(speed=[28.0, 33.0])[name], column[name])
@@ -244,7 +265,7 @@ def test_bits_do_not_depend_on_neighbours_or_what_varies(whole, tmp_path):
 def sweep_slowly(path: Path) -> None:
     """The sweep of `whole`, with a pause after each chunk."""
     jc.set_up()
-    jc.sweep_to_store(path, AXES, **IDEAL, chunk=2, progress=lambda *_: time.sleep(0.5))
+    jc.sweep(AXES, **IDEAL, store=path, chunk=2, progress=lambda *_: time.sleep(0.5))
 
 
 def test_sigkill_then_resume_gives_the_same_bits(whole, tmp_path):
@@ -265,13 +286,13 @@ def test_sigkill_then_resume_gives_the_same_bits(whole, tmp_path):
             assert process.poll() is None
             time.sleep(0.05)
         with pytest.raises(RuntimeError, match=f"in use by process {process.pid} on"):
-            jc.sweep_to_store(path, AXES, **IDEAL, chunk=2)
+            jc.sweep(AXES, **IDEAL, store=path, chunk=2)
         time.sleep(np.random.default_rng().uniform(0, 1))
     finally:
         process.kill()
         process.wait()
     seen = []
-    resumed = jc.sweep_to_store(path, AXES, **IDEAL, chunk=2, progress=lambda *c: seen.append(c))
+    resumed = jc.sweep(AXES, **IDEAL, store=path, chunk=2, progress=lambda *c: seen.append(c))
     assert seen[0][0] in (2, 3, 5) and seen[-1] == (6, 6)
     _assert_whole(resumed, whole)
 
@@ -306,9 +327,8 @@ def test_cluster_with_a_killed_worker_loses_nothing(whole, tmp_path):
         distributed.Client(here) as client,
     ):
         pids = client.run(os.getpid)
-        grid = jc.sweep_to_store(
-            tmp_path / "store.zarr", AXES, **IDEAL, chunk=1, progress=kill_one, scheduler=client
-        )
+        store = tmp_path / "store.zarr"
+        grid = jc.sweep(AXES, **IDEAL, store=store, chunk=1, progress=kill_one, scheduler=client)
     assert killed
     _assert_whole(grid, whole)
 
@@ -316,7 +336,7 @@ def test_cluster_with_a_killed_worker_loses_nothing(whole, tmp_path):
 def test_every_device_gets_two_designs(monkeypatch):
     seen = []
 
-    def echo(function, numbers, lanes):
+    def echo(function, numbers, lanes, engine):
         seen.append(lanes)
         return dict.fromkeys(VARIABLES, np.asarray(numbers["clearance"]))
 
@@ -340,13 +360,14 @@ def test_failing_worker_names_the_chunk():
 def test_missing_dask_is_one_clear_line(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ImportError, match=r"needs Dask: pip install 'jaxcrusher\[cluster\]'\.$"):
-        jc.sweep_to_store(tmp_path / "s", AXES, **IDEAL, scheduler="tcp://127.0.0.1:1")
+        jc.sweep(AXES, **IDEAL, store=tmp_path / "s", scheduler="tcp://127.0.0.1:1")
 
 
 @pytest.mark.parametrize(
     "axes, options, name",
     [
         ({}, {}, "axes"),
+        ([30.0, 32.0], {}, "axes"),
         ({"sped": [1.0]}, {}, "axes"),
         ({"speed": 30.0}, {}, r"axes\['speed'\]"),
         ({"speed": [30.0, 30.0]}, {}, r"axes\['speed'\]"),
@@ -361,5 +382,5 @@ def test_missing_dask_is_one_clear_line(monkeypatch, tmp_path):
 )
 def test_bad_arguments_make_no_store(tmp_path, axes, options, name):
     with pytest.raises(ValueError, match=f"^Argument `{name}") as error:
-        jc.sweep_to_store(tmp_path / "store", axes, 0, 1, **options)
+        jc.sweep(axes, 0, 1, store=tmp_path / "store", **options)
     assert "\n" not in str(error.value) and not (tmp_path / "store").exists()

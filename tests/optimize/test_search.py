@@ -13,7 +13,7 @@ import xarray as xr
 from rich.console import Console
 
 import jaxcrusher as jc
-from jaxcrusher.batch.sweep import VARIABLES
+from jaxcrusher.batch.rows import VARIABLES
 from jaxcrusher.dynamics.judgement import Slope
 from optimize import confirm, landscape, local, problem
 from optimize.evaluate import Window, judged

@@ -15,7 +15,7 @@ import xarray as xr
 
 import jaxcrusher as jc
 from jaxcrusher import __main__
-from jaxcrusher.batch import large_sweep
+from jaxcrusher.batch import sweep
 from jaxcrusher.commands import gradient, regimes
 from jaxcrusher.commands.program import parse
 from jaxcrusher.dynamics.indicators import Lyapunov
@@ -135,7 +135,7 @@ SWEEP = (
 
 def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypatch, capsys):
     computed = []
-    whole = large_sweep.compute_chunk
+    whole = sweep.compute_chunk
 
     def interrupted(plan, number):
         if number == 1:
@@ -147,13 +147,13 @@ def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypa
         return whole(plan, number)
 
     line = [str(word) for word in (*SWEEP, "--out", tmp_path)]
-    monkeypatch.setattr(large_sweep, "compute_chunk", interrupted)
+    monkeypatch.setattr(sweep, "compute_chunk", interrupted)
     monkeypatch.setattr(sys, "argv", ["jaxcrusher", *line])
     with pytest.raises(SystemExit) as stop:
         __main__.main()
     assert stop.value.code == 130
     assert f"interrupted: what was finished is in {tmp_path}/sweep/" in capsys.readouterr().err
-    monkeypatch.setattr(large_sweep, "compute_chunk", counted)
+    monkeypatch.setattr(sweep, "compute_chunk", counted)
     status, text = run(*line)
     assert status == 0 and computed == [1]
     with xr.open_zarr(tmp_path / "sweep" / "sweep.zarr") as grid:
