@@ -23,10 +23,10 @@ from .motion.statistic import FURTHER_STATISTICS as FURTHER_STATISTICS
 from .motion.statistic import STATISTICS as STATISTICS
 from .motion.statistics import Statistics as Statistics
 from .motion.statistics import statistics as statistics
+from .scenes.build import build_scene as build_scene
 from .scenes.paper import ideal_scene as ideal_scene
 from .scenes.paper import paper_scene as paper_scene
 from .scenes.parameters import PARAMETERS as PARAMETERS
 from .scenes.parameters import PE250X400 as PE250X400
-from .scenes.parameters import build_scene as build_scene
 from .settled.periodic_orbit import PeriodicOrbit as PeriodicOrbit
 from .settled.periodic_orbit import periodic_orbit as periodic_orbit

@@ -5,6 +5,7 @@ from typing import Any
 
 from jaxcrusher.basics.checks import require, require_choice, require_within
 from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
+from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.parameters import CHOICES, PE250X400
 from jaxcrusher.scenes.scene_file import read_scene_file, read_text, require_parameter
 from optimize.answer import Box
@@ -60,6 +61,7 @@ def check(options: Options) -> None:
         require_parameter(name)
     require(len(set(names)) == len(names), "design", "name every parameter once", names)
     case(options)
+    build_scene(description(options))
 
 
 def bounds(options: Options) -> dict[str, tuple[float, float]]:

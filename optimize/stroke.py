@@ -11,7 +11,7 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.machine import Machine
-from jaxcrusher.scenes.parameters import build_machine
+from jaxcrusher.scenes.build import build_machine
 
 # Angles looked at for the ends of the stroke, and Newton steps from the best of them: from
 # 2.5 deg off, three leave less than rounding.

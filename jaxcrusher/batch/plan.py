@@ -21,7 +21,8 @@ from jaxcrusher.batch.engines import Engine, map_all
 from jaxcrusher.batch.rows import row_of
 from jaxcrusher.files.provenance import machine, now
 from jaxcrusher.motion.statistics import statistics
-from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400, build_scene
+from jaxcrusher.scenes.build import build_scene
+from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400
 
 # A chunk's number, its variables, and a record of how they were computed.
 Result = tuple[int, dict[str, np.ndarray], dict[str, Any]]

@@ -6,25 +6,28 @@ import numpy as np
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
-from jaxcrusher.scenes.parameters import CHOICES, PE250X400, build_scene
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.scenes.build import build_scene
+from jaxcrusher.scenes.parameters import CHOICES, PE250X400
 from jaxcrusher.scenes.scene_file import read_scene_file, read_text, require_parameter
 
 
-def read_crusher(crusher: Crusher) -> dict[str, Any]:
-    """Every name of `jaxcrusher.PE250X400` with its value; ValueError as a scene file's."""
+def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
+    """Every name of `jaxcrusher.PE250X400` with its value, and the scene that they make.
+
+    Raises ValueError as `read_scene_file` and `build_scene` do.
+    """
     values = dict(PE250X400)
     if crusher.scene is not None:
         values |= read_scene_file(crusher.scene)
     values |= {name: read_text(name, text) for name, text in crusher.overrides}
-    build_scene(values)
-    return values
+    return values, build_scene(values)
 
 
 def read_moving(crusher: Crusher) -> dict[str, Any]:
     """A crusher whose pin can move in its bore; ValueError for an ideal joint too."""
-    values = read_crusher(crusher)
-    good = values["joint"] == "clearance"
-    require(good, "joint", "have clearance to move in", values["joint"])
+    values, scene = read_crusher(crusher)
+    require(scene.joint is not None, "joint", "have clearance to move in", values["joint"])
     return values
 
 

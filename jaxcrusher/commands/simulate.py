@@ -36,13 +36,13 @@ LEDGER = {
 
 def run(options: Simulate, console: Console) -> int:
     """Simulate, write, print; 1 if the integration failed. ValueError for bad options."""
-    values = read_crusher(options.crusher)
+    values, scene = read_crusher(options.crusher)
     span = _span(options, values["speed"])
     settle = _settle(options, span)
     require_whole("samples", options.samples, 2)
     require_positive("rtol", options.rtol, "")
     folder = results_folder(options.results.folder)
-    scene, turn = jc.build_scene(values), 2 * np.pi / values["speed"]
+    turn = 2 * np.pi / values["speed"]
     times = np.linspace(0, span * turn, options.samples)
     whole = int(span) - settle
     with progress(console) as bars:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def run(options: Sweep, console: Console) -> int:
     """Sweep and print a closing line; ValueError for bad options."""
-    values, axes = read_crusher(options.crusher), read_axes(options.over)
+    (values, _), axes = read_crusher(options.crusher), read_axes(options.over)
     base = {name: value for name, value in values.items() if name not in axes}
     folder = results_folder(options.results.folder)
     designs = math.prod(len(axis) for axis in axes.values())

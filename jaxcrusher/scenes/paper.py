@@ -3,7 +3,8 @@
 from jaxtyping import ArrayLike
 
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.scenes.parameters import Value, build_scene
+from jaxcrusher.scenes.build import build_scene
+from jaxcrusher.scenes.parameters import Value
 
 
 def paper_scene(speed: ArrayLike, clearance: ArrayLike, **values: Value) -> Scene:

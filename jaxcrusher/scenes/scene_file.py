@@ -26,7 +26,7 @@ import numpy as np
 import pint
 
 from jaxcrusher.basics.checks import require_choice
-from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400, build_scene, check_number
+from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400, check_number
 
 _TABLES = tuple(dict.fromkeys(name.partition(".")[0] for name in PARAMETERS if "." in name))
 
@@ -42,8 +42,8 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
     """The values for `jaxcrusher.build_scene` in a TOML file, numbers in SI units.
 
     Raises ValueError of one line, with the file and the key, for a file that cannot be read or is
-    not TOML, a key that is unknown, a wrong type or unit, a number outside its limits, an unknown
-    choice, and a crusher that does not assemble.
+    not TOML, a key that is unknown, a wrong type or unit, a number outside its limits, and an
+    unknown choice. Whether the values make a crusher together, `build_scene` says.
     """
     path = Path(path)
     try:
@@ -60,7 +60,6 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
             if name in values:
                 raise ValueError(f"Argument `{name}` must be given once, but is given twice.")
             values[name] = read_value(name, value)
-        build_scene(values)
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
     return values

@@ -4,7 +4,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import AFFLUENCE, stroke
-from jaxcrusher.scenes.parameters import build_machine
+from jaxcrusher.scenes.build import build_machine
 
 
 def test_paper_capacity():

@@ -13,7 +13,7 @@ from benchmarks.scenes.operations import field_operations, operations, traced
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.machine import Jaw, Machine
 from jaxcrusher.motion.statistic import top
-from jaxcrusher.scenes.parameters import build_machine
+from jaxcrusher.scenes.build import build_machine
 
 
 def count(function, scene):

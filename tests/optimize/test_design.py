@@ -7,7 +7,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import stroke
-from jaxcrusher.scenes.parameters import build_machine
+from jaxcrusher.scenes.build import build_machine
 from optimize.design import CounterweightMoment, Design
 from optimize.stroke import EqualStroke, exact_stroke
 

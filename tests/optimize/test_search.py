@@ -261,6 +261,12 @@ def test_bad_options(change, name, tmp_path):
     assert "\n" not in str(error.value)
 
 
+def test_a_scene_file_that_makes_no_crusher(tmp_path):
+    (tmp_path / "long.toml").write_text('[jaw]\nlength = "3 m"')
+    with pytest.raises(ValueError, match=r"^Argument `machine` must close without a dead point"):
+        run(Options(out=tmp_path, scene=tmp_path / "long.toml"), Console(quiet=True))
+
+
 def test_folder_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ValueError, match=r"^Argument `out` must be a folder that can be written"):

@@ -12,7 +12,8 @@ from jaxcrusher.crusher.drives import ConstantSpeed
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.machine import with_counterweight
 from jaxcrusher.crusher.snapshot import shaft_inertia
-from jaxcrusher.scenes.parameters import CHOICES, build_machine, check_description
+from jaxcrusher.scenes.build import build_machine
+from jaxcrusher.scenes.parameters import CHOICES, check_description
 
 
 def test_defaults_are_tables_1_and_2():

@@ -263,6 +263,10 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
     [
         ("simulate --set sped 3", "`sped` must be a known key"),
         ("simulate --set clearance 0.5", "`clearance` must be smaller than the bore radius"),
+        ("simulate --scene {long}", "`machine` must close without a dead point"),
+        ("sweep --over speed 25 40 2 --scene {long}", "`machine` must close"),
+        ("regimes --scene {long}", "`machine` must close"),
+        ("gradient --scene {long}", "`machine` must close"),
         ("simulate --turns -1", "`turns` must be finite and > 0"),
         ("simulate --turns 2 --settle 5", "`settle` must be under the time span, 2 turns"),
         ("simulate --samples 1", "`samples` must be a whole number >= 2"),
@@ -282,9 +286,12 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
     ],
 )
 def test_mistakes_are_named_before_anything_is_computed(line, words, tmp_path):
+    (tmp_path / "long.toml").write_text('[jaw]\nlength = "3 m"')
     with pytest.raises(ValueError) as error:
-        run(*shlex.split(line), "--out", tmp_path)
+        run(*shlex.split(line.format(long=tmp_path / "long.toml")), "--out", tmp_path / "out")
     assert words in str(error.value) and "\n" not in str(error.value)
+    # Nothing is left but where the sweep itself looks at its numbers.
+    assert not (tmp_path / "out").exists() or "settle_turns" in words
 
 
 def test_folder_that_cannot_be_written(tmp_path):

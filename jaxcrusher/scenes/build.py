@@ -1,0 +1,109 @@
+"""The scene and the machine of a description."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax.lax import stop_gradient
+
+from jaxcrusher.basics.checks import concrete, require_x64
+from jaxcrusher.basics.plane import Vector, direction
+from jaxcrusher.crusher.drives import ConstantSpeed
+from jaxcrusher.crusher.formulations import (
+    ClosedLinkage,
+    EccentricityFormulation,
+    MultiplierFormulation,
+)
+from jaxcrusher.crusher.loads import AlongJaw, ClosingStroke, NormalToJaw
+from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
+from jaxcrusher.crusher.scene import Scene, require_clearance
+from jaxcrusher.crusher.starts import Centred, InContact
+from jaxcrusher.joint.clearance import ClearanceJoint
+from jaxcrusher.joint.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
+from jaxcrusher.joint.normal import (
+    ConstantImpactVelocity,
+    Flores,
+    HuntCrossley,
+    LankaraniNikravesh,
+    TrackedImpactVelocity,
+    cylinder_stiffness,
+)
+from jaxcrusher.scenes.parameters import PE250X400, Value, check_description
+
+# What the names of `jaxcrusher.scenes.parameters.CHOICES` stand for.
+_STARTS = {"centred": Centred, "contact": InContact}
+_SLIPS = {"centre": CentreSlip, "surface": SurfaceSlip}
+_LOADS = {"along_jaw": AlongJaw, "normal_to_jaw": NormalToJaw, "closing_stroke": ClosingStroke}
+_CONTACTS = {
+    "lankarani_nikravesh": LankaraniNikravesh,
+    "hunt_crossley": HuntCrossley,
+    "flores": Flores,
+}
+_FORMULATIONS = {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation}
+
+# Widths of the contact's corner and of |e| (m), and what narrows them where the contact is stiffer
+# or the clearance smaller than in the paper's box: the penetration under this force (N), so that
+# the corner is off by 0.5 N at touch-down at most, and this share of the clearance.
+_CORNER, _CORNER_FORCE = 1e-8, 4.0
+_NORM, _NORM_SHARE = 1e-9, 4e-5
+
+
+def build_scene(values: Mapping[str, Value]) -> Scene:
+    """The scene of a description; names that are missing take the paper's value.
+
+    `values` maps names of `PARAMETERS` to scalars in SI units, which may be traced, and names of
+    `CHOICES` to one of theirs. A friction of exactly 0 that is not traced leaves friction out.
+
+    Raises ValueError as `check_description` does, and as `Scene` and `Machine` do.
+    """
+    require_x64()
+    check_description(values)
+    v: dict[str, Any] = {**PE250X400, **values}
+    law = None if v["load_law"] == "none" else _LOADS[v["load_law"]](v["load"])
+    if v["joint"] == "ideal":
+        return Scene(build_machine(v), ConstantSpeed(v["speed"]), None, law, ClosedLinkage(), None)
+    return Scene(
+        build_machine(v),
+        ConstantSpeed(v["speed"]),
+        _joint(v),
+        law,
+        _FORMULATIONS[v["formulation"]](),
+        _STARTS[v["start"]](),
+    )
+
+
+def build_machine(values: Mapping[str, Any]) -> Machine:
+    """The machine of a description, as in `build_scene`.
+
+    Names that are not the machine's are passed over. Raises ValueError as `Machine` does.
+    """
+    v: dict[str, Any] = {**PE250X400, **values}
+    s1 = v["shaft.mass_centre_radius"] * direction(v["shaft.mass_centre_angle"])
+    shaft = Shaft(v["shaft.mass"], v["shaft.inertia"], v["shaft.eccentricity"], s1)
+    # The paper's: S2 = A + l21 (sin(theta2 + 15 deg), -cos(theta2 + 15 deg)).
+    s2 = -v["jaw.mass_centre_distance"] * direction(v["jaw.mass_centre_angle"])
+    tilt = v["bearing.inclination"]
+    weight = v["counterweight.radius"] * direction(v["counterweight.angle"])
+    return Machine(
+        with_counterweight(shaft, v["counterweight.mass"], weight),
+        Jaw(v["jaw.mass"], v["jaw.inertia"], v["jaw.length"], s2),
+        Toggle(v["toggle.mass"], v["toggle.inertia"], v["toggle.length"]),
+        v["bearing.distance"] * Vector(jnp.sin(tilt), jnp.cos(tilt)),
+        v["gravity"],
+    )
+
+
+def _joint(v: Mapping[str, Any]) -> ClearanceJoint:
+    require_clearance(v["clearance"], v["bore_radius"])
+    tracked = v["impact_law"] == "tracked"
+    velocity = TrackedImpactVelocity() if tracked else ConstantImpactVelocity(v["impact_velocity"])
+    stiffness = cylinder_stiffness(v["bore_radius"], v["clearance"], v["young"], v["poisson"])
+    # No part of the model, so no derivative: each would be one more tangent to integrate.
+    width = stop_gradient(jnp.minimum(_CORNER, (_CORNER_FORCE / stiffness) ** (2 / 3)))
+    normal = _CONTACTS[v["contact_law"]](stiffness, v["restitution"], velocity, width=width)
+    known = concrete(v["friction"])
+    left_out = known is not None and bool(np.all(known == 0))
+    friction = None if left_out else AmbrosioFriction(_SLIPS[v["slip"]](), v["friction"])
+    norm_width = stop_gradient(jnp.minimum(_NORM, _NORM_SHARE * v["clearance"]))
+    return ClearanceJoint(v["bore_radius"], v["clearance"], normal, friction, norm_width)
