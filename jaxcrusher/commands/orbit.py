@@ -14,7 +14,7 @@ import jaxcrusher as jc
 from jaxcrusher.commands.crushers import read_crusher
 from jaxcrusher.commands.options import Orbit
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import results_folder, write_json
+from jaxcrusher.files.results import results_folder, write_figure, write_json
 from jaxcrusher.scenes.parameters import PARAMETERS
 
 ANGLES = 720  # of the picture, a turn
@@ -22,7 +22,7 @@ ANGLES = 720  # of the picture, a turn
 
 def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
-    values = read_crusher(options.crusher)
+    values, _ = read_crusher(options.crusher)
     folder = results_folder(options.results.folder)
     numbers = {name: jnp.asarray(values[name], dtype=float) for name in PARAMETERS}
 
@@ -68,7 +68,7 @@ def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:
     force.set(xlabel="shaft angle, degrees", ylabel="|R_O| + |R_C|, kN")
     force.legend()
     fig.tight_layout()
-    fig.savefig(path, dpi=120)
+    write_figure(path, fig, dpi=120)
     plt.close(fig)
 
 
@@ -104,7 +104,7 @@ def table(rms: float, slopes: dict[str, float], values: dict[str, Any]) -> Table
 def content(orbit: jc.PeriodicOrbit, slopes: dict[str, float]) -> dict[str, Any]:
     """An orbit as JSON keeps it."""
     names = ("foundation_rms", "foundation_mean", "foundation_peak", "error", "least_penetration")
-    values = np.asarray(orbit.multipliers)
+    values = [] if orbit.multipliers is None else np.asarray(orbit.multipliers)
     return {
         "period": orbit.period,
         **{name: float(getattr(orbit, name)) for name in names},
