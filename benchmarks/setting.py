@@ -48,12 +48,17 @@ def run_apart(module: str, *arguments: str, cores: int) -> Iterator[dict]:
         command = [sys.executable, "-c", pin, *command]
     else:
         environment["XLA_FLAGS"] = f"--xla_force_host_platform_device_count={cores}"
-    process = subprocess.Popen(
+    with subprocess.Popen(
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    assert process.stdout is not None and process.stderr is not None
-    for line in process.stdout:
-        yield json.loads(line)
-    said = process.stderr.read()
-    if process.wait() != 0:
+    ) as process:
+        assert process.stdout is not None and process.stderr is not None
+        try:
+            for line in process.stdout:
+                yield json.loads(line)
+            said = process.stderr.read()
+            process.wait()
+        finally:
+            # Who stops listening ends it.
+            process.terminate()
+    if process.returncode != 0:
         raise RuntimeError(f"{module} {' '.join(arguments)} failed: {said.strip()[-2000:]}")

@@ -53,8 +53,8 @@ def program_words() -> list[str]:
     given, words = sys.argv[1:], sys.orig_argv
     before, after = words[: len(words) - len(given)], words[len(words) - len(given) :]
     # A script that an installer put beside the interpreter is on the user's path, as that is.
-    installed = Path(sys.argv[0]).parent == Path(words[0]).parent and len(before) == 2
-    if after != given or installed:
+    script = Path(sys.argv[0]).absolute()
+    if after != given or (len(before) == 2 and script.parent == Path(sys.executable).parent):
         return [Path(sys.argv[0]).name]
     return ["python", *before[1:]]
 

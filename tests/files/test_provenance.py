@@ -5,6 +5,7 @@ import os
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -20,9 +21,15 @@ def test_the_command_pasted_into_a_shell_is_the_same_command(how, tmp_path):
 
     def said(command: str) -> str:
         # The shell's `python` is the one of this test.
-        command = command.replace("python", shlex.quote(sys.executable), 1)
+        path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
         done = subprocess.run(
-            command, shell=True, cwd=tmp_path, capture_output=True, text=True, check=True
+            command,
+            shell=True,
+            cwd=tmp_path,
+            env=os.environ | {"PATH": path},
+            capture_output=True,
+            text=True,
+            check=True,
         )
         return done.stdout.rstrip("\n")
 
