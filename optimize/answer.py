@@ -18,6 +18,7 @@ class Runs:
     objective_mean: float
     objective_half_width: float  # of the mean's confidence interval, from the scatter of the runs
     validity: jc.Validity  # of the first run
+    state: np.ndarray  # at the end of the first run, as in `jaxcrusher.Section`
     by_run: dict[str, np.ndarray]  # every variable, shape (runs,); the first start is not shifted
 
     @property

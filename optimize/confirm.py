@@ -37,7 +37,10 @@ def confirm(
         parts.append(rows)
         progress(part.stop, len(points))
     whole = {name: np.concatenate([rows[name] for rows in parts], axis=1) for name in parts[0]}
-    grouped = {name: v.reshape(len(STARTS), len(units), runs) for name, v in whole.items()}
+    grouped = {
+        name: values.reshape(len(STARTS), len(units), runs, *values.shape[2:])
+        for name, values in whole.items()
+    }
     return [
         confirmed(case, unit, {name: values[:, i] for name, values in grouped.items()})
         for i, unit in enumerate(units)
@@ -45,7 +48,7 @@ def confirm(
 
 
 def confirmed(case: Case, unit: Float[np.ndarray, " n"], rows: Rows) -> Confirmed:
-    """A point of the unit box with its runs: `rows` of shape (starts, runs)."""
+    """A point of the unit box with its runs: `rows` of shape (starts, runs, ...)."""
     values = case.design.numbers(unit)
     described = {**jc.PE250X400, **case.design.fixed, **values}
     intervals = [interval(numbers) for numbers in rows["objective"]]
@@ -58,7 +61,8 @@ def confirmed(case: Case, unit: Float[np.ndarray, " n"], rows: Rows) -> Confirme
         limits = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
         first = [by_run[name][0] for name in limits]
         validity = jc.Validity(*map(jnp.asarray, (*first, described["restitution"])))
-        runs[start] = Runs(*numbers, validity, by_run)
+        state = by_run.pop("state")[0]
+        runs[start] = Runs(*numbers, validity, state, by_run)
     return Confirmed(
         values,
         mean if rows["counts"].all() else float("nan"),

@@ -65,7 +65,8 @@ def evaluate(
 
     `shifts` moves the starts by so many clearances. Yields the points' slice and rows of shape
     (starts, points): the variables of `jaxcrusher.sweep`, `objective` in its unit, the number
-    of `steps`, and `counts`, whether the design may be chosen (see `may_count`).
+    of `steps`, `counts`, whether the design may be chosen (see `may_count`), and the `state` at
+    the end, (starts, points, dims), to go on from.
     """
     shifts = np.zeros((len(units), 2)) if shifts is None else shifts
     function = eqx.Partial(_row, case=case, window=window)
@@ -78,7 +79,10 @@ def evaluate(
         scenes = stacked_scenes(case, points, moves)
         row = map_all(function, scenes, len(STARTS) * len(points))
         used = part.stop - part.start
-        rows = {name: values.reshape(len(STARTS), -1)[:, :used] for name, values in row.items()}
+        rows = {
+            name: values.reshape(len(STARTS), size, *values.shape[1:])[:, :used]
+            for name, values in row.items()
+        }
         rows["counts"] = may_count(rows, case, case.capacity(units[part]))
         yield part, rows
 
@@ -141,4 +145,5 @@ def _row(scene: jc.Scene, case: Case, window: Window) -> dict[str, Array]:
     outputs = tuple(dict.fromkeys((*jc.STATISTICS, *case.objective.outputs)))
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
     objective = case.objective.formula(result, scene, case.chamber)
-    return row_of(result) | {"objective": objective, "steps": result.outcome.steps}
+    further = {"objective": objective, "steps": result.outcome.steps, "state": result.state}
+    return row_of(result) | further

@@ -14,19 +14,13 @@ from jaxcrusher.pictures import plots
 from optimize import landscape as maps
 from optimize.answer import Answer, Box, Confirmed
 from optimize.evaluate import Case, started
-from optimize.options import Options
 from optimize.pareto import nondominated
 
 MARKS = {"optimum": ("*", "C3", 13), "paper's choice": ("D", "C1", 8)}
 
 
 def draw_all(
-    folder: Path,
-    case: Case,
-    options: Options,
-    units: np.ndarray,
-    data: xr.Dataset,
-    answer: Answer,
+    folder: Path, case: Case, units: np.ndarray, data: xr.Dataset, answer: Answer
 ) -> list[str]:
     """Every figure that the design's parameters allow; returns the names of their files.
 
@@ -40,7 +34,7 @@ def draw_all(
         draw_landscape(folder, answer, data)
         drawn.insert(0, "landscape.png")
     draw_pareto(folder, case.capacity(units), answer.designs["paper's choice"], data)
-    draw_motions(folder, case, options, answer)
+    draw_motions(folder, case, answer)
     return drawn
 
 
@@ -138,8 +132,8 @@ def draw_pareto(folder: Path, capacity: np.ndarray, paper: Confirmed, data: xr.D
     write_figure(folder / "pareto.png", fig)
 
 
-def draw_motions(folder: Path, case: Case, options: Options, answer: Answer) -> None:
-    """Orbit and foundation force of optimum and paper's choice from both starts, settled."""
+def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
+    """Orbit and foundation force of optimum and paper's choice after their long runs."""
     fig, axes = plt.subplots(
         2,
         2 * len(answer.designs),
@@ -151,11 +145,12 @@ def draw_motions(folder: Path, case: Case, options: Options, answer: Answer) -> 
     for column, (title, design) in enumerate(answer.designs.items()):
         described: dict[str, Any] = {**case.design.fixed, **design.values}
         speed, clearance = design.speed, design.clearance
-        times = 2 * np.pi / speed * (options.settle + np.linspace(0, 2, 4001))
+        times = 2 * np.pi / speed * np.linspace(0, 2, 4001)
         outputs = ("foundation_force", "eccentricity")
         ideal = jc.simulate(jc.build_scene(described).ideal(), times, outputs=outputs)
-        for row, start in enumerate(design.runs):
-            motion = jc.simulate(started(described, start), times, outputs=outputs, rtol=1e-9)
+        for row, (start, runs) in enumerate(design.runs.items()):
+            scene = started(described, start)
+            motion = jc.simulate(scene, times, outputs=outputs, state=runs.state, rtol=1e-9)
             orbit, force = axes[row, 2 * column : 2 * column + 2]
             plots.plot_orbit(motion, clearance, orbit)
             plots.plot_force(motion, ideal, force)

@@ -3,11 +3,10 @@
 from collections.abc import Iterator
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array
+from jaxtyping import Array, Float
 from scipy.stats import qmc
 
 import jaxcrusher as jc
@@ -15,7 +14,7 @@ from jaxcrusher.batch.engines import map_all
 from jaxcrusher.batch.rows import LOGICAL, VARIABLES
 from jaxcrusher.dynamics.indicators import lyapunov_spectrum
 from optimize.design import Design
-from optimize.evaluate import STARTS, Case, Progress, Window, evaluate, judged, started
+from optimize.evaluate import STARTS, Case, Progress, Window, evaluate, judged, stacked_scenes
 
 # More parameters than these get a Sobol sequence instead of a grid.
 GRID_DIMENSIONS = 2
@@ -42,24 +41,26 @@ def mapped(
     """The landscape after each chunk of its `points`: how many are finished, and the dataset.
 
     Dims are `start` and the parameters of a grid, or `sample`; what is not finished is NaN and
-    has `counts` 0. Variables as in `jaxcrusher.sweep`, with `objective`, `counts`, `steps`.
+    has `counts` 0. Variables as in `jaxcrusher.sweep`, with `objective`, `counts`, `steps` and
+    the `state` at the end, whose last dim is `coordinate`.
     """
-    names = [*VARIABLES, "objective", "counts", "steps"]
-    columns = {name: np.full((len(STARTS), len(units)), np.nan) for name in names}
+    columns: dict[str, np.ndarray] = {}
     for part, rows in evaluate(case, units, window, chunk=chunk):
-        for name, column in columns.items():
-            column[:, part] = rows[name]
+        for name, values in rows.items():
+            shape = (len(STARTS), len(units), *values.shape[2:])
+            columns.setdefault(name, np.full(shape, np.nan))[:, part] = values
         yield part.stop, dataset(case, units, grid, columns)
 
 
 def dataset(case: Case, units: np.ndarray, grid: tuple[int, int], columns: dict) -> xr.Dataset:
-    """Columns of shape (starts, points) as a labelled landscape."""
+    """Columns of shape (starts, points, ...) as a labelled landscape."""
     design = case.design
     values = {name: np.asarray(numbers) for name, numbers in design.values(units).items()}
     meanings = VARIABLES | {
         "objective": (case.objective.unit, case.objective.meaning),
         "counts": ("1", "may be chosen: succeeded, no whirl, inside the constraints"),
         "steps": ("1", "integration steps"),
+        "state": ("1, m/s", "state at the end, as in jaxcrusher.Section"),
     }
     coordinates: dict = {"start": list(STARTS)}
     if len(design.names) > GRID_DIMENSIONS:
@@ -74,11 +75,12 @@ def dataset(case: Case, units: np.ndarray, grid: tuple[int, int], columns: dict)
     data = {}
     sizes = [len(coordinates[name]) for name in dims] if dims != ("sample",) else [len(units)]
     for name, column in columns.items():
-        numbers = column.reshape(len(STARTS), *sizes)
+        numbers = column.reshape(len(STARTS), *sizes, *column.shape[2:])
         if name in (*LOGICAL, "counts"):
             numbers = numbers == 1
         unit, meaning = meanings[name]
-        data[name] = (("start", *dims), numbers, {"units": unit, "long_name": meaning})
+        every = ("start", *dims, "coordinate")[: numbers.ndim]
+        data[name] = (every, numbers, {"units": unit, "long_name": meaning})
     result = xr.Dataset(data, coordinates)
     for name in design.names:
         parameter = jc.PARAMETERS[name]
@@ -101,17 +103,23 @@ def best_points(values: np.ndarray, units: np.ndarray, count: int) -> np.ndarray
 
 
 def exponents(
-    case: Case, units: np.ndarray, settle: int, rtol: float, progress: Progress, *, chunk: int = 64
+    case: Case,
+    units: np.ndarray,
+    states: Float[np.ndarray, "starts points dims"],
+    rtol: float,
+    progress: Progress,
+    *,
+    chunk: int = 64,
 ) -> tuple[np.ndarray, int]:
-    """The largest Lyapunov exponent a turn of points from both starts, (starts, points).
+    """The largest Lyapunov exponent a turn of points going on from `states`, (starts, points).
 
     NaN where the motion failed. Also the integration steps taken.
     """
-    largest = np.full((len(STARTS), len(units)), np.nan)
-    function = eqx.Partial(_jacobians, case=case, settle=settle, rtol=rtol)
-    every = jnp.asarray(np.concatenate([units] * len(STARTS)))
-    starts = jnp.repeat(jnp.arange(len(STARTS)), len(units))
-    jacobians, steps = map_all(function, (every, starts), chunk, progress=progress)
+    scenes = stacked_scenes(case, jnp.asarray(units))
+    batch = (scenes, states.reshape(-1, states.shape[-1]))
+    function = eqx.Partial(_jacobians, rtol=rtol)
+    jacobians, steps = map_all(function, batch, chunk, progress=progress)
+    largest = np.full(states.shape[:2], np.nan)
     for i, products in enumerate(jacobians):
         if np.isfinite(products).all():
             spectrum = lyapunov_spectrum(products, slices=EXPONENT_SLICES)
@@ -119,11 +127,10 @@ def exponents(
     return largest, int(steps.sum())
 
 
-def _jacobians(batch: tuple[Array, Array], case: Case, settle: int, rtol: float):
-    unit, start = batch
-    scenes = [started(case.design.description(unit), name) for name in STARTS]
-    scene = jax.tree.map(lambda *leaves: jnp.stack(leaves)[start], *scenes)
-    section = jc.poincare_section(scene, settle, EXPONENT_TURNS, slices=EXPONENT_SLICES, rtol=rtol)
+def _jacobians(batch: tuple[jc.Scene, Array], rtol: float):
+    scene, state = batch
+    turns, slices = EXPONENT_TURNS, EXPONENT_SLICES
+    section = jc.poincare_section(scene, 0, turns, slices=slices, state=state, rtol=rtol)
     return section.jacobians, section.outcome.steps
 
 

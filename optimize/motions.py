@@ -1,8 +1,7 @@
 """The motion of every cell of the landscape: what the report's page draws.
 
-A drawing needs the orbit and the force at some hundred instants of the last turns, not their
-statistics: it settles like the landscape and stops after two turns, so that it costs about
-half of it.
+A drawing needs the orbit and the force at some hundred instants of two turns, not their
+statistics: it goes on where the landscape's window ended.
 """
 
 import equinox as eqx
@@ -15,7 +14,7 @@ from jaxtyping import Array, Float
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.batch.engines import map_all
-from optimize.evaluate import STARTS, Case, Progress, stacked_scenes
+from optimize.evaluate import Case, Progress, stacked_scenes
 
 # Turns drawn (the second tells whether the first repeats) and instants in each. Peaks of single
 # impacts, a tenth of a millisecond wide, fall between the instants.
@@ -32,89 +31,74 @@ VARIABLES = {
 
 def cell_motions(
     case: Case,
+    units: Float[np.ndarray, "points n"],
     landscape: xr.Dataset,
-    settle: int,
     rtol: float,
     progress: Progress,
     *,
     turns: int = TURNS,
     samples: int = SAMPLES,
-) -> xr.Dataset:
-    """The last `turns` turns of every cell, from both starts, after `settle` turns.
+) -> tuple[xr.Dataset, int]:
+    """The `turns` turns of every cell, from both starts, after those of the landscape.
 
     **Arguments:**
 
     - `case`: what the landscape is of.
-    - `landscape`: its coordinates are the cells; dims are the design's parameters, or `sample`.
-    - `settle`, `turns`, `samples`: whole numbers; turns before, turns drawn, instants in each.
+    - `units`: the landscape's points.
+    - `landscape`: with the `state` of every cell to go on from.
     - `rtol`: as in `jaxcrusher.simulate`.
     - `progress`: called with the number of finished and of all motions.
+    - `turns`, `samples`: whole numbers; turns drawn, instants in each.
 
     **Returns:** an `xarray.Dataset` of 32-bit floats with dim `start`, the landscape's, and
     `instant`: `eccentricity_x` and `eccentricity_y` of the pin in clearances,
     `foundation_force` in N, all NaN where a motion failed; and `ideal_force`, the ideal
-    joint's, without `start`. The coordinate `turn` counts from the end of settling.
+    joint's, without `start`. The coordinate `turn` counts from the landscape's end. Also the
+    integration steps taken.
 
     Raises ValueError for counts out of range.
     """
-    require_whole("settle", settle, 0)
     require_whole("turns", turns, 1)
     require_whole("samples", samples, 8)
     turn = np.arange(turns * samples + 1) / samples
-    angles = jnp.asarray(2 * np.pi * (settle + turn))
-    units, dims, shape = _cells(case, landscape)
+    angles, points = jnp.asarray(2 * np.pi * turn), jnp.asarray(units)
+    states = landscape.state.to_numpy().reshape(-1, landscape.sizes["coordinate"])
     function = eqx.Partial(_motion, angles=angles, rtol=rtol)
-    scenes = stacked_scenes(case, jnp.asarray(units))
-    columns = map_all(function, scenes, CHUNK, progress=progress)
+    batch = (stacked_scenes(case, points), states)
+    columns, steps = map_all(function, batch, CHUNK, progress=progress)
+    *dims, _ = landscape.state.dims
+    *shape, _ = landscape.state.shape
+    found = {
+        name: ((*dims, "instant"), columns[name].reshape(*shape, -1), unit, meaning)
+        for name, (unit, meaning) in VARIABLES.items()
+    }
+    ideal = np.asarray(_ideal_force(points, angles, case)).reshape(*shape[1:], -1)
+    meaning = "|R_O| + |R_C| of the ideal joint"
+    found["ideal_force"] = ((*dims[1:], "instant"), ideal, "N", meaning)
+    coordinates = {name: landscape[name] for name in ("start", *case.design.names)}
     motions = xr.Dataset(
         {
-            name: (
-                ("start", *dims, "instant"),
-                column.astype(np.float32).reshape(len(STARTS), *shape, -1),
-            )
-            for name, column in columns.items()
+            name: (along, values.astype(np.float32), {"units": unit, "long_name": meaning})
+            for name, (along, values, unit, meaning) in found.items()
         },
-        {
-            "start": list(STARTS),
-            **{name: landscape[name] for name in case.design.names},
-            "turn": ("instant", turn),
-        },
-        {"settle_turns": settle, "rtol": rtol},
+        coordinates | {"turn": ("instant", turn)},
     )
-    for name, (unit, meaning) in VARIABLES.items():
-        motions[name].attrs = {"units": unit, "long_name": meaning}
-    ideal = np.asarray(_ideal_force(jnp.asarray(units), angles, case)).astype(np.float32)
-    attributes = {"units": "N", "long_name": "|R_O| + |R_C| of the ideal joint"}
-    motions["ideal_force"] = ((*dims, "instant"), ideal.reshape(*shape, -1), attributes)
-    return motions
+    return motions, int(steps.sum())
 
 
-def _cells(
-    case: Case, landscape: xr.Dataset
-) -> tuple[np.ndarray, tuple[str, ...], tuple[int, ...]]:
-    """The cells as points of the unit box (cells, n), and the dims and shape they come in."""
-    names = case.design.names
-    values = [landscape[name].to_numpy() for name in names]
-    if "sample" in landscape.dims:
-        dims, shape = ("sample",), (landscape.sizes["sample"],)
-    else:
-        dims, shape = names, tuple(len(axis) for axis in values)
-        values = [axis.ravel() for axis in np.meshgrid(*values, indexing="ij")]
-    units = case.design.unit(dict(zip(names, values, strict=True)))
-    # From the unit box and back, rounding may leave it.
-    return np.clip(units, 0, 1), dims, shape
-
-
-def _motion(scene: jc.Scene, angles: Float[Array, " n"], rtol: float) -> dict[str, Array]:
-    """One motion at these shaft angles (rad)."""
+def _motion(batch: tuple[jc.Scene, Array], angles: Float[Array, " n"], rtol: float):
+    """One motion at these shaft angles (rad), and its steps."""
+    scene, state = batch
+    outputs = ("foundation_force", "eccentricity")
     times = angles / scene.drive.speed
-    motion = jc.simulate(scene, times, outputs=("foundation_force", "eccentricity"), rtol=rtol)
+    motion = jc.simulate(scene, times, outputs=outputs, state=state, rtol=rtol)
     orbit = motion.eccentricity / scene.joint.clearance
-    return {
+    columns = {
         "eccentricity_x": orbit[:, 0],
         "eccentricity_y": orbit[:, 1],
         "foundation_force": motion.foundation_force,
     }
+    return columns, motion.outcome.steps
 
 
 @eqx.filter_jit

@@ -43,7 +43,7 @@ def run(options: Options, console: Console) -> Answer:
                 claim=verdicts.claim(data, best, candidates[0]),
             )
             answer = stages.weigh(search, answer, best, reference)
-            motions = stages.film(search, answer, data)
+            motions = stages.film(search, answer, units, data)
         checks = verdicts.checks(answer, case, options)
         remark = verdicts.remark(best, case, options)
         answer = replace(answer, checks=checks, remark=remark, status="finished")
@@ -51,7 +51,7 @@ def run(options: Options, console: Console) -> Answer:
         write_json(folder / "result.json", asdict(answer))
         if not answer.finished:
             write_page(folder, answer, explored, None, ())
-    drawn = figures.draw_all(folder, case, options, units, data, answer)
+    drawn = figures.draw_all(folder, case, units, data, answer)
     write_page(folder, answer, data, motions, drawn)
     report.print_table(console, answer)
     console.print(f"results in {folder}/")

@@ -67,8 +67,9 @@ def explore(search: Search, answer: Answer, units: np.ndarray, folder: Path) -> 
             write_netcdf(folder / "landscape.nc", data)
             progress(done, len(units))
     answer.steps["landscape"] = int(data.steps.sum())
-    with search.stage(answer, "regimes", len(STARTS) * len(units)) as progress:
-        largest, steps = landscape.exponents(case, units, options.settle, MAP_RTOL, progress)
+    with search.stage(answer, "regimes", data.objective.size) as progress:
+        states = data.state.to_numpy().reshape(len(STARTS), len(units), -1)
+        largest, steps = landscape.exponents(case, units, states, MAP_RTOL, progress)
     answer.steps["regimes"] = steps
     data["exponent"] = data.objective.copy(data=largest.reshape(data.objective.shape))
     data.exponent.attrs = {"units": "1", "long_name": "largest Lyapunov exponent, a turn"}
@@ -215,7 +216,8 @@ def _kept(regime: jc.Regime) -> jc.Regime:
     return replace(regime, statistics=None, state=None)
 
 
-def film(search: Search, answer: Answer, data: xr.Dataset) -> xr.Dataset:
-    """The motion of every point of the landscape, for the page."""
-    with search.stage(answer, "motions", len(STARTS) * data.objective[0].size) as progress:
-        return cell_motions(search.case, data, search.options.settle, MAP_RTOL, progress)
+def film(search: Search, answer: Answer, units: np.ndarray, data: xr.Dataset) -> xr.Dataset:
+    """The motion of every point of the landscape after its window, for the page."""
+    with search.stage(answer, "motions", data.objective.size) as progress:
+        found, answer.steps["motions"] = cell_motions(search.case, units, data, MAP_RTOL, progress)
+    return found

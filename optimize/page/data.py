@@ -38,7 +38,11 @@ def pack(landscape: xr.Dataset, motions: xr.Dataset | None, answer: Answer) -> d
         "parameters": parameters,
         "shape": None if dims == ("sample",) else [landscape.sizes[name] for name in dims],
         "starts": [str(start) for start in landscape.start.to_numpy()],
-        "variables": [_variable(values, dims) for values in landscape.values()],
+        "variables": [
+            _variable(values, dims)
+            for values in landscape.values()
+            if "coordinate" not in values.dims
+        ],
         "designs": [
             {
                 "at": [shown(name, value)[0] for name, value in design.values.items()][:2],

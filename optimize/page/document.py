@@ -23,7 +23,7 @@ FIGURES = {
     "pareto.png": "RMS of the foundation force against capacity and against its peak, with what "
     "no other cell beats in both.",
     "motion.png": "Orbit of the pin and foundation force of the optimum and of the paper's "
-    "choice, after settling.",
+    "choice, after their long runs.",
 }
 # The page may fetch nothing: a browser refuses what this does not name.
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
