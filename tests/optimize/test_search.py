@@ -16,7 +16,7 @@ import jaxcrusher as jc
 from jaxcrusher.batch.rows import VARIABLES
 from jaxcrusher.dynamics.judgement import Slope
 from optimize import confirm, landscape, local, problem
-from optimize.evaluate import Window, judged
+from optimize.evaluate import Window, judged, started
 from optimize.objectives import OBJECTIVES
 from optimize.options import Options
 from optimize.pareto import nondominated
@@ -110,6 +110,15 @@ def test_landscape_is_labelled(finished):
         assert np.isfinite(landscape.foundation_rms).all()
         assert np.isfinite(landscape.exponent).all()
         np.testing.assert_array_equal(landscape.objective, landscape.foundation_rms)
+        # The state to go on from is that cell's own: a quiet motion is right to 1e-3 clearances
+        # and m/s at this tolerance (rounding decides on the solver's steps), and neighbours differ
+        # by more.
+        cell = landscape.isel(start=1, speed=2, clearance=1)
+        scene = started({name: float(cell[name]) for name in ("speed", "clearance")}, "contact")
+        state = jc.statistics(scene, 2, 2, outputs=("foundation_rms",), rtol=1e-6).state
+        np.testing.assert_allclose(cell.state, state, atol=1e-3)
+        others = np.abs(landscape.state - cell.state).max("coordinate").to_numpy()
+        assert np.sort(others.ravel())[1] > 2e-3
     for name in ("landscape", "capacity", "motion", "pareto"):
         assert (folder / f"{name}.png").stat().st_size > 10_000
 
@@ -169,6 +178,7 @@ def test_a_design_is_judged_by_its_worse_start():
     case = problem.case(Options())
     rows = {name: np.ones((2, 3)) for name in VARIABLES}
     rows |= {
+        "state": np.zeros((2, 3, 4)),
         "objective": np.array([[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]),
         "counts": np.ones((2, 3), dtype=bool),
     }
