@@ -199,6 +199,7 @@ def _section(
 ) -> Section:
     begin = Flow(scene, unflattened(state, scene)).initial()
     start, unravel = ravel_pytree(begin)
+    start = start.astype(float)  # of an ideal joint it is empty, and JAX would take 32 bits
 
     def turn(carry, outputs):
         state, before = carry

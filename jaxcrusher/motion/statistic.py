@@ -127,4 +127,7 @@ _FURTHER = {
 # Name -> unit, meaning, quantity and reduction of what `statistics` computes when asked, the first
 # of them without being asked.
 STATISTIC = {**_BY_DEFAULT, **_FURTHER}
-STATISTICS, FURTHER_STATISTICS = tuple(_BY_DEFAULT), tuple(_FURTHER)
+# What `statistics` computes without being asked.
+STATISTICS = tuple(_BY_DEFAULT)
+# What it computes when asked.
+FURTHER_STATISTICS = tuple(_FURTHER)

@@ -96,7 +96,8 @@ def test_quiet_motion_is_believed():
             # the tangent over 40 turns, which holds some of the swing.
             for other, share in (("orbits", 1e-3), ("tangent", 5e-3)):
                 assert slope.value == pytest.approx(slope.estimates[other][0], rel=share), name
-            assert 0 < slope.standard_error < 1e-4 * abs(slope.value)
+            # Of the counterweight both tolerances may agree to the last bit.
+            assert 0 <= slope.standard_error < 1e-4 * abs(slope.value)
         slopes[speed] = report.slopes
     # Differences over 15 turns, 2-8 um apart, gave 220.13 and 51 218 to 51 238.
     assert slopes[30.0]["speed"].value == pytest.approx(220.13, rel=1e-3)

@@ -117,7 +117,7 @@ def test_an_ideal_joint_is_a_sum():
 @pytest.mark.parametrize("load_law", ["closing_stroke", "none"])
 def test_no_orbit_that_keeps_contact(load_law):
     """The load leaves the jaw within the turn: contact is lost, and nothing is returned."""
-    found = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3, load_law=load_law))
+    found = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3, load_law=load_law), nodes=96)
     assert not found.success and not found.stable and found.failure
     for number in (found.foundation_rms, found.foundation_peak, found.error, found.multipliers):
         assert np.isnan(number).all()
