@@ -8,9 +8,11 @@ import pytest
 
 import jaxcrusher as jc
 from benchmarks.lyapunov.systems import lorenz
+from jaxcrusher.dynamics import slopes
 from jaxcrusher.dynamics.fits import fit_slopes
 from jaxcrusher.dynamics.judgement import judge
 from jaxcrusher.dynamics.slopes import gradient_report
+from jaxcrusher.motion import method
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.settled.orbit import periodic_orbit, periodic_slopes
 
@@ -127,6 +129,24 @@ def test_chaos_is_refused():
     # What a plain derivative would have handed out.
     tangent = slope.estimates["tangent"][0]
     assert not abs(tangent) < 1e6
+
+
+def test_tangents_that_fail_say_why(monkeypatch):
+    """A turn takes 560 steps alone, and 1280 with its tangents."""
+    monkeypatch.setattr(method, "MOST_STEPS", 900)
+    monkeypatch.setattr(slopes, "REGIME_TURNS", 1)
+    report = gradient_report(
+        lambda speed: jc.paper_scene(speed, 0.06e-3, start="contact"),
+        "foundation_rms",
+        {"speed": 30.0},
+        settle_turns=0,
+        turns=1,
+    )
+    assert report.regime.name == "failed" and bool(report.regime.statistics.success)
+    assert "the tangents are not finite; stopped at" in str(report)
+    assert "jc.Method(max_steps=...)" in str(report)
+    slope = report.slopes["speed"]
+    assert slope.verdict == "refused" and np.isnan(slope.value)
 
 
 def test_whirl_is_refused_without_a_number():
