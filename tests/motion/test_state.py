@@ -25,11 +25,11 @@ def free():
 @pytest.mark.parametrize(
     ("scene", "dims", "rtol"),
     [
-        # What steps of 1e-9 leave in quiet motion, measured 2e-9.
+        # What steps of 1e-9 leave in quiet motion: states were up to 2e-8 apart.
         (quiet(), 4, 1e-7),
         (quiet(impact_law="tracked"), 5, 1e-7),
         (free(), 6, 1e-7),
-        # Its tolerance is 2e-14 m at best, 3e-10 clearances a step: measured 1e-6.
+        # Its tolerance is 2e-14 m at best, 3e-10 clearances a step; three thousand steps.
         (quiet(formulation="multiplier"), 18, 1e-4),
         # The mean alone is integrated, to 1e-9.
         (jc.ideal_scene(30.0), 0, 1e-8),
