@@ -8,8 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.plane import Vector, direction
-from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.capacity import lower_end
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.scenes.build import build_machine
 
@@ -27,12 +26,6 @@ def exact_stroke(machine: Machine) -> Scalar:
     At a stationary angle the derivative by the links is exact with the angle held.
     """
     held = jax.lax.stop_gradient(machine)
-
-    def lower_end(angle: Scalar, machine: Machine) -> Scalar:
-        pin = machine.bearing + machine.shaft.eccentricity * direction(angle)
-        chain = linkage.assemble(machine, pin, Vector(0.0, 0.0))
-        return machine.toggle.length * chain.toggle.x
-
     rate = jax.grad(lower_end)
     angles = jnp.linspace(0, 2 * jnp.pi, ANGLES, endpoint=False)
     travel = jax.vmap(lower_end, (0, None))(angles, held)

@@ -44,18 +44,20 @@ class CrushingChamber(eqx.Module):
         return self.capacity(1.0) / floor
 
 
+def lower_end(angle: Scalar, machine: Machine) -> Scalar:
+    """How far right of C the jaw's end B is (m) at an angle of the shaft (rad); ideal joint."""
+    pin = machine.bearing + machine.shaft.eccentricity * direction(angle)
+    chain = linkage.assemble(machine, pin, Vector(0.0, 0.0))
+    return machine.toggle.length * chain.toggle.x
+
+
 def stroke(machine: Machine, points: int = 720) -> Scalar:
     """s, the horizontal travel of the jaw's lower end B over a turn (m); ideal joint.
 
     Seen at `points` angles of the shaft: at 720 it is right to 1e-5 of itself.
     """
-
-    def lower_end(angle: Scalar) -> Scalar:
-        pin = machine.bearing + machine.shaft.eccentricity * direction(angle)
-        chain = linkage.assemble(machine, pin, Vector(0.0, 0.0))
-        return machine.toggle.length * chain.toggle.x
-
-    travel = jax.vmap(lower_end)(jnp.linspace(0, 2 * jnp.pi, points, endpoint=False))
+    angles = jnp.linspace(0, 2 * jnp.pi, points, endpoint=False)
+    travel = jax.vmap(lower_end, (0, None))(angles, machine)
     return jnp.max(travel) - jnp.min(travel)
 
 

@@ -46,16 +46,6 @@ def assemble(machine: Machine, a: Vector, velocity: Vector) -> Chain:
     )
 
 
-def joint_position(machine: Machine, chain: Chain) -> Vector:
-    """A, from the angles: the inverse of `assemble`."""
-    return machine.toggle.length * chain.toggle + machine.jaw.length * chain.jaw
-
-
-def joint_velocity(machine: Machine, chain: Chain) -> Vector:
-    """The velocity of A, m/s."""
-    return elbow_velocity(machine, chain) + (machine.jaw.length * chain.jaw_spin * chain.jaw.perp())
-
-
 def elbow_velocity(machine: Machine, chain: Chain) -> Vector:
     """The velocity of B, m/s."""
     return machine.toggle.length * chain.toggle_spin * chain.toggle.perp()
