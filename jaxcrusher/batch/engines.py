@@ -2,9 +2,11 @@
 
 On a CPU each core maps over its designs one after the other: a batch under `jax.vmap` costs
 its slowest lane, and XLA compiles a sequential loop to one kernel if it is asked to (see
-`jaxcrusher.set_up`). On a GPU or TPU the designs run side by side under `jax.vmap`.
+`jaxcrusher.set_up`). Faster are lanes, where integrations are compiled to loops over designs. On a
+GPU or TPU the designs run side by side under `jax.vmap`.
 """
 
+import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -16,6 +18,8 @@ from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
 from jaxcrusher.basics.setup import remind_of_set_up
+from jaxcrusher.batch.lanes.emit import Unsupported
+from jaxcrusher.batch.lanes.program import NoIntegration, program
 
 # Applies a function to stacked scenes: the scenes and the results have one more axis, the first.
 Engine = Callable[[Callable[[Any], PyTree], PyTree], PyTree]
@@ -32,9 +36,9 @@ def map_chunks(
     Yields a slice of that axis and the results on it, as NumPy arrays, chunk by chunk:
     memory stays bounded, and what is finished is in the caller's hands. A `chunk` is so many
     scenes, or a few more, as many on each device. `function` should be an `equinox.Partial` of
-    a module-level function, so that chunks share one compilation. `engine` is `in_turn`,
-    `side_by_side` or a function of your own in their place; None takes the first on a CPU and the
-    second elsewhere.
+    a module-level function, so that chunks share one compilation. `engine` is `in_lanes`,
+    `in_turn`, `side_by_side` or a function of your own in their place; None takes `in_turn` on a
+    CPU and `side_by_side` elsewhere.
     """
     remind_of_set_up("A batch")
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
@@ -52,7 +56,7 @@ def map_chunks(
         # Interleaved: neighbours in a grid cost about the same, and each device gets both.
         order = np.argsort(np.arange(size) % len(devices), kind="stable")
         part = jax.tree.map(lambda leaf, i=index[order]: leaf[i], scenes)
-        result = _map(engine, function, part)
+        result = engine(function, part)
         back = np.argsort(order)[: rows.stop - rows.start]
         yield rows, jax.tree.map(lambda leaf, i=back: np.asarray(leaf)[i], result)
 
@@ -76,16 +80,28 @@ def map_all(
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 
+def in_lanes(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
+    """Integrations compiled to loops over lanes of scenes, on all cores (see `batch.lanes`).
+
+    What lanes cannot do, such as derivatives, `in_turn` does; a UserWarning says why.
+    """
+    try:
+        run = program(function, scenes)
+    except NoIntegration:
+        return in_turn(function, scenes)
+    except Unsupported as why:
+        warnings.warn(f"Lanes do not know {why}: each scene is computed in turn.", stacklevel=2)
+        return in_turn(function, scenes)
+    return run(function, scenes)
+
+
 @eqx.filter_jit
-def _map(engine: Engine, function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
-    return engine(function, scenes)
-
-
 def side_by_side(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
     """All scenes at once on one device, each step as slow as the slowest: `jax.vmap`."""
     return jax.vmap(function)(scenes)
 
 
+@eqx.filter_jit
 def in_turn(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
     """One scene after the other on every device; their number divides that of the scenes."""
     devices = jax.devices()

@@ -65,6 +65,11 @@ class Integration(eqx.Module):
     adjoint: diffrax.AbstractAdjoint | None
 
 
+# What integrates in place of diffrax while a function is traced: None, or a function of args,
+# times, the state at the start, problem and method.
+integrator = jax.make_user_context(None)
+
+
 class RESULTS(diffrax.RESULTS):  # pyright: ignore
     """Those of diffrax, and one that it does not look for."""
 
@@ -215,6 +220,8 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
     observe = jax.jit(problem.observe, inline=True)
     if not jax.tree.leaves(y):
         return _evaluate(args, times, y, problem), Outcome(success, times[-1, -1], jnp.array(0))
+    if integrator.value is not None:
+        return integrator.value(args, times, y, problem, method)
 
     def segment(carry, saves):
         start, y, before = carry

@@ -1,0 +1,235 @@
+"""Lanes against diffrax, on a small problem that has a bit of everything; and one by one."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
+from jaxcrusher.batch.lanes import engine, module
+from jaxcrusher.batch.lanes.layout import LANES
+from jaxcrusher.motion.integrate import (
+    RESULTS,
+    Carried,
+    Integration,
+    Problem,
+    error_norm,
+    integrate,
+)
+
+SEGMENTS, INSTANTS = 3, 20
+TIMES = jnp.arange(SEGMENTS)[:, None] + jnp.arange(1, INSTANTS + 1) / INSTANTS
+
+
+class Swing(eqx.Module):
+    """x'' = force - stiffness sin x, and `blow` x^2 beside it, which ends in a finite time."""
+
+    stiffness: Any
+    blow: Any
+
+
+def _initial(swing):
+    return Carried((jnp.full((), 0.5), 1 / swing.stiffness), {"work": jnp.zeros(())})
+
+
+def _field(time, y, swing):
+    place, rate = y.motion
+    force = jnp.cos(3 * time) - swing.stiffness * jnp.sin(place) + swing.blow * rate**2
+    return Carried((rate, force), {"work": force * rate})
+
+
+def _observe(time, y, swing):
+    place, rate = y.motion
+    return {"place": place * 2, "both": jnp.stack([rate, time + y.totals["work"]])}
+
+
+def _summarise(seen, end):
+    return {"last": seen["both"][-1], "mean": jnp.mean(seen["place"]), "most": end.totals["work"]}
+
+
+PROBLEM = Problem(_initial, _field, _observe, _summarise)
+
+
+def _run(swing, solver=None, rtol=1e-9, max_steps=10_000):
+    controller = diffrax.PIDController(
+        rtol=rtol,
+        atol=rtol,
+        pcoeff=0.4,
+        icoeff=0.3,
+        norm=error_norm,
+        dtmin=1e-14,
+        force_dtmin=False,
+    )
+    method = Integration(solver or diffrax.Tsit5(), controller, max_steps, 1e-3, None)
+    found, outcome = integrate(swing, TIMES, problem=PROBLEM, method=method)
+    return found, outcome
+
+
+def _swings(count, seed=0):
+    stiffness = np.random.default_rng(seed).uniform(1, 400, count)
+    return Swing(stiffness, np.zeros(count))
+
+
+def _in_turn(function, swings):
+    return map_all(function, swings, 1000, in_turn)
+
+
+def _equal(one, other):
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def _taken(tree, index):
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[index], tree)
+
+
+@pytest.mark.parametrize("solver", [diffrax.Tsit5(), diffrax.Dopri5()])
+def test_the_steps_are_those_of_diffrax(solver):
+    swings, function = _swings(3 * LANES + 5), eqx.Partial(_run, solver=solver)
+    found, ends = in_lanes(function, swings)
+    exact, expected = _in_turn(function, swings)
+    assert ends.steps.max() > 2 * ends.steps.min(), "all lanes would do the same"
+    # Rounding seldom turns the verdict on a step.
+    assert np.abs(ends.steps - expected.steps).max() <= 1
+    np.testing.assert_array_equal(ends.reached, expected.reached)
+    assert bool((ends.result == RESULTS.successful).all())
+    # Far below the tolerance of 1e-9: the same steps, and rounding.
+    for name in exact:
+        np.testing.assert_allclose(found[name], exact[name], rtol=0, atol=1e-11)
+
+
+def test_the_bits_of_a_design_are_its_own():
+    swings = _swings(5 * LANES + 3)
+    whole = in_lanes(_run, swings)
+    order = np.random.default_rng(2).permutation(5 * LANES + 3)
+    _equal(in_lanes(_run, _taken(swings, order)), _taken(whole, order))
+    for size in (1, 2, LANES + 1):
+        part = slice(7, 7 + size)
+        _equal(in_lanes(_run, _taken(swings, part)), _taken(whole, part))
+    _equal(map_all(_run, swings, 10, in_lanes), whole)
+
+
+def test_the_number_of_threads_changes_no_bit(monkeypatch):
+    swings, found = _swings(5 * LANES + 3), []
+    for threads in (1, 2, 5):
+        monkeypatch.setattr(engine, "cores", lambda n=threads: n)
+        found.append(in_lanes(_run, swings))
+    _equal(found[0], found[1])
+    _equal(found[0], found[2])
+
+
+def test_few_rows_are_emptied_again_and_again(monkeypatch):
+    swings = _swings(4 * LANES)
+    whole, ends = in_lanes(_run, swings)
+    monkeypatch.setattr(engine, "ROWS_BYTES", 1)
+    again, same = in_lanes(_run, swings)
+    _equal(same, ends)
+    # JAX may add up the mean of other rows in another order.
+    jax.tree.map(lambda *pair: np.testing.assert_allclose(*pair, atol=1e-15), again, whole)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_failure_stays_in_its_lane():
+    swings = _swings(4 * LANES)
+    stiffness, blow = swings.stiffness.copy(), swings.blow.copy()
+    ill = [3, 17, 18, 40]
+    stiffness[3], blow[17], blow[18], stiffness[40] = np.nan, 50.0, -60.0, 1e9
+    function = eqx.Partial(_run, max_steps=3000)
+    found, ends = in_lanes(function, Swing(stiffness, blow))
+    expected_found, expected = _in_turn(function, Swing(stiffness, blow))
+    words = [str(RESULTS[item]) for item in _each(expected.result)]
+    assert [str(RESULTS[item]) for item in _each(ends.result)] == words
+    assert len({words[i] for i in ill}) == 3 and {words[i] for i in range(3)} == {""}
+    np.testing.assert_array_equal(ends.success, ~np.isin(np.arange(4 * LANES), ill))
+    np.testing.assert_allclose(ends.reached, expected.reached, rtol=1e-9)
+    for name in found:
+        wrong = np.isnan(found[name])
+        np.testing.assert_array_equal(wrong, np.isnan(expected_found[name]))
+        assert wrong[ill].any(axis=tuple(range(1, wrong.ndim))).all()
+    well = np.setdiff1d(np.arange(4 * LANES), ill)
+    _equal(_taken((found, ends), well), _taken(in_lanes(function, swings), well))
+
+
+def _each(result):
+    return [jax.tree.map(lambda leaf, k=i: jnp.asarray(leaf[k]), result) for i in range(4 * LANES)]
+
+
+def _thrice(swing):
+    """A loop over integrations, each from where the last one ended."""
+
+    def turn(swing, _):
+        found, outcome = _run(swing)
+        after = Swing(swing.stiffness + 1e-3 * found["mean"][-1], swing.blow)
+        return after, (found["last"], outcome.steps)
+
+    return jax.lax.scan(turn, swing, length=3)
+
+
+def test_a_loop_over_integrations():
+    swings = _swings(LANES + 1)
+    (end, (last, steps)), (exact, (exact_last, _)) = (
+        in_lanes(_thrice, swings),
+        _in_turn(_thrice, swings),
+    )
+    assert last.shape == (LANES + 1, 3, SEGMENTS, 2) and steps.shape == (LANES + 1, 3)
+    np.testing.assert_allclose(end.stiffness, exact.stiffness, rtol=1e-10)
+    np.testing.assert_allclose(last, exact_last, atol=1e-9)
+
+
+def _slope(swing):
+    return jax.grad(lambda swing: jnp.sum(_run(swing)[0]["mean"]))(swing)
+
+
+def test_what_lanes_cannot_do_is_done_in_turn_and_said():
+    swings = _swings(3)
+    with pytest.warns(UserWarning, match="Lanes do not know derivatives"):
+        found = map_all(_slope, swings, engine=in_lanes)
+    _equal(found, _in_turn(_slope, swings))
+    with pytest.warns(UserWarning, match="Lanes do not know the solver `Heun`"):
+        map_all(eqx.Partial(_run, solver=diffrax.Heun(), rtol=1e-3), swings, engine=in_lanes)
+
+
+def test_a_folder_that_cannot_be_written_is_no_error(monkeypatch, tmp_path):
+    file = tmp_path / "file"
+    file.write_text("no folder")
+    monkeypatch.setattr(module, "cache_folder", lambda: file)
+    module.load.cache_clear()
+    swings = _swings(LANES)
+    without = in_lanes(_run, swings)
+    monkeypatch.undo()
+    module.load.cache_clear()
+    _equal(without, in_lanes(_run, swings))
+
+
+def test_an_interrupted_batch_stops_its_threads(monkeypatch):
+    # One thread fails; the other has work for minutes and is told to stop.
+    swings = _swings(2 * LANES)
+    load, calls = engine.load, []
+
+    def failing(text):
+        found = load(text)
+        if not hasattr(found, "advance"):
+            return found
+
+        class Module:
+            @staticmethod
+            def advance(*operands):
+                calls.append(operands)
+                if len(calls) == 1:
+                    raise KeyboardInterrupt
+                return found.advance(*operands)
+
+        return Module
+
+    monkeypatch.setattr(engine, "load", failing)
+    monkeypatch.setattr(engine, "cores", lambda: 2)
+    with pytest.raises(KeyboardInterrupt):
+        in_lanes(
+            eqx.Partial(_run, rtol=1e-13, max_steps=10**9),
+            Swing(swings.stiffness * 1e9, swings.blow),
+        )
