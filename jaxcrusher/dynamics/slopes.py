@@ -18,6 +18,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.dynamics.fits import Fit, fit_slopes
+from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
 from jaxcrusher.dynamics.shadowing import shadowing_slopes
@@ -32,6 +33,7 @@ from jaxcrusher.settled.orbit import (
     periodic_orbit,
     periodic_slopes,
 )
+from jaxcrusher.settled.slopes import SettledSlopes, settled_slopes
 
 # A chaotic run forgets a start shifted by this many clearances.
 START_SHIFT = 1e-3
@@ -104,10 +106,13 @@ def gradient_report(
     - `pairs`, `seed`: of runs of a fit, and for the random choice of them. There are at least
       twice as many pairs as parameters.
 
-    **Returns:** a `GradientReport`. Periodic motions get the implicit formula on their orbit,
-    beside differences of neighbouring orbits; other motions that do not grow the forward tangent
+    **Returns:** a `GradientReport`. A start beside a stable motion of one turn that keeps contact
+    gets that motion's slopes, solved for (`jaxcrusher.settled.slopes`), in seconds. Otherwise
+    periodic motions get the implicit formula on their orbit, beside differences of neighbouring
+    orbits; other motions that do not grow the forward tangent
     over the turns after settling, chaotic ones the fit; the others stand beside it. A failed
-    motion and a whirl are refused. Standard errors: of the implicit formula what a tolerance
+    motion and a whirl are refused. Standard errors: of a slope solved for its distance from
+    differences over a thousandth of the radius, of the implicit formula what a tolerance
     10 000 times coarser changes, of the tangent half the difference of the two halves of its
     window, of the fit that of its residuals; differences of orbits have none.
 
@@ -123,6 +128,9 @@ def gradient_report(
     here = build(point)
     require(here.joint is not None, "scene", "make scenes with a clearance joint", "an ideal one")
     horizon = settle_turns + turns
+    settled = settled_slopes(build, point, metric, radii)
+    if settled is not None:
+        return _settled_report(metric, names, radii, settled, horizon)
     along: list[Tangents] = []
 
     def further(state: Float[Array, " dims"]) -> Tangents:
@@ -169,6 +177,34 @@ def gradient_report(
             evidence["drift"] = float(fits[0].drifts[i]), float(fits[0].drift_errors[i])
         slopes[name] = judge(name, single, chaotic, radii[i], **evidence)
     growth = float(largest) * horizon, float(error) * horizon
+    return GradientReport(metric, kind, horizon, growth, slopes)
+
+
+def _settled_report(
+    metric: str,
+    names: tuple[str, ...],
+    radii: Float[np.ndarray, " n"],
+    settled: SettledSlopes,
+    horizon: int,
+) -> GradientReport:
+    """Of a motion that was solved for."""
+    orbit = settled.orbit
+    exponents = np.sort(np.log(np.abs(orbit.multipliers)))[::-1] / orbit.period
+    errors = np.full_like(exponents, float(orbit.multipliers_error))
+    evidence = (
+        f"largest multiplier {float(orbit.largest_multiplier):.6g}",
+        f"settles in {float(orbit.settling_turns):.3g} turns",
+        f"penetrates {float(orbit.least_penetration):.2g} clearances at least",
+    )
+    kind = Regime("periodic", evidence, orbit.period, Lyapunov(exponents, errors))
+    slopes = {}
+    columns = (names, radii, settled.values, settled.errors, settled.beside)
+    for name, radius, value, error, beside in zip(*columns, strict=True):
+        estimates = {"implicit": (float(value), float(error)), "orbits": (float(beside), 0.0)}
+        slopes[name] = judge(
+            name, estimates, False, radius, growth=0.0, multipliers=np.asarray(orbit.multipliers)
+        )
+    growth = float(exponents[0]) * horizon, float(errors[0]) * horizon
     return GradientReport(metric, kind, horizon, growth, slopes)
 
 

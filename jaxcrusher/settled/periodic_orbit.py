@@ -1,14 +1,13 @@
 """The motion that a crusher settles on, solved for instead of waited for."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Iterable, Mapping
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import lu_solve
-from jaxtyping import Array, ArrayLike, Bool, Complex, Float, PyTree, Scalar
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Scalar
 
 from jaxcrusher.basics.checks import (
     concrete,
@@ -18,26 +17,19 @@ from jaxcrusher.basics.checks import (
     require_whole,
     require_x64,
 )
-from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.formulations import ClosedLinkage, EccentricityFormulation
 from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
-from jaxcrusher.crusher.observables import OBSERVABLES, foundation_force
+from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
-from jaxcrusher.crusher.starts import resting
 from jaxcrusher.joint.validity import Validity, validity
+from jaxcrusher.motion.flow import flat
+from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.settled import newton
+from jaxcrusher.motion.statistic import STATISTIC, PowerMean
+from jaxcrusher.settled import forced, newton
 from jaxcrusher.settled.collocation import System, collocate
 from jaxcrusher.settled.multipliers import multipliers
-from jaxcrusher.settled.newton import Factors
-from jaxcrusher.settled.trigonometric import (
-    differentiation,
-    evaluate,
-    resample,
-    summit,
-)
-from jaxcrusher.settled.trigonometric import nodes as places
+from jaxcrusher.settled.trigonometric import evaluate, resample
 
 # Nodes a turn to begin with, and the most that doubling leads to.
 NODES, MOST_NODES = 96, 384
@@ -47,14 +39,11 @@ SETTLED, UNRESOLVED = 1e-8, 1e-4
 # Instants a turn at which forces are looked at: the length of a reaction that passes near zero
 # bends more sharply than the motion does.
 INSTANTS = 1024
-# Refinements of the first guess: each adds what the last one's acceleration asks of the contact.
-REFINEMENTS = 2
+# Instants between two of these at which the trigonometric polynomial through them is searched for
+# peaks.
+FINER = 8
 # Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
 CLOSURE, RTOL = 1e-6, 1e-11
-
-
-# What is seen of a snapshot.
-Look = Callable[[Snapshot, Scene], PyTree[Scalar]]
 
 
 class RESULTS(newton.RESULTS):  # pyright: ignore
@@ -65,11 +54,12 @@ class RESULTS(newton.RESULTS):  # pyright: ignore
     open = "The motion does not repeat when it is integrated over its period."
 
 
-class PeriodicOrbit(eqx.Module):
-    """A motion that repeats after `period` turns; forces in N.
+class PeriodicOrbit(eqx.Module, AbstractNamed):
+    """A motion that repeats after `period` turns, and its statistics by name.
 
-    A failed search has `success` False, NaN in every number, and says why in `failure`. The
-    multipliers have no slopes.
+    `orbit.foundation_rms` and so on: units and meanings stand in
+    `jaxcrusher.motion.statistic.STATISTIC`. A failed search has `success` False, NaN in every
+    number, and says why in `failure`. The multipliers have no slopes.
     """
 
     scene: Scene
@@ -77,16 +67,16 @@ class PeriodicOrbit(eqx.Module):
     eccentricity: Float[Array, "nodes 2"] | None  # e / c at equal steps of shaft angle
     result: RESULTS
     steps: Array  # Newton's
-    foundation_rms: Scalar  # of |R_O| + |R_C|
-    foundation_mean: Scalar
-    foundation_peak: Scalar
+    values: Mapping[str, Scalar]  # statistics
     error: Scalar  # estimated, of the RMS as a share of it
     least_penetration: Scalar  # least delta / c: contact is kept if it is > 0
-    penetration_ratio: Scalar  # largest delta / c
-    impact_speed: Scalar  # fastest approach of pin and bore, m/s
     multipliers: Complex[Array, " 4"]  # of a disturbance, in one period; none if ideal
     multipliers_error: Scalar  # estimated
-    validity: Validity | None
+    validity: Validity
+
+    def could_hold(self) -> Iterable[str]:
+        """Every statistic there is."""
+        return STATISTIC
 
     @property
     def success(self) -> Bool[Array, ""]:
@@ -120,7 +110,7 @@ class PeriodicOrbit(eqx.Module):
         assert self.eccentricity is not None
         place = jnp.asarray(angle) / (2 * np.pi * self.period)
         rate = evaluate(self.eccentricity, place, 1) / self.period
-        return _state(evaluate(self.eccentricity, place), rate, self.scene)
+        return forced.state(evaluate(self.eccentricity, place), rate, self.scene)
 
     def motion(
         self, angles: Float[ArrayLike, " n"], outputs: tuple[str, ...] = tuple(OBSERVABLES)
@@ -173,7 +163,7 @@ def periodic_orbit(
     if nodes is not None:
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
-    if refused := refusal(scene):
+    if refused := forced.refusal(scene):
         raise ValueError(f"Argument `scene` must {refused}.")
     if isinstance(guess, PeriodicOrbit):
         guess = guess.eccentricity
@@ -192,166 +182,72 @@ def periodic_orbit(
     return orbit
 
 
-def refusal(scene: Scene) -> str:
-    """What a scene must be for collocation in the eccentricity and is not, or nothing."""
-    if not isinstance(scene.formulation, EccentricityFormulation | ClosedLinkage):
-        return "be written by eccentricity, but is written by multipliers"
-    if scene.drive.initial() is not None:
-        return "turn at constant speed, but its shaft is free: it repeats at a speed not given"
-    if scene.joint is None or scene.joint.normal.impact_velocity.initial() is None:
-        return ""
-    return "have a constant impact velocity, but tracks it: in contact any value repeats itself"
-
-
-def _state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
-    """From e / c and its derivative by the shaft angle."""
-    assert scene.joint is not None
-    speed = scene.drive.speed * scene.joint.clearance
-    return EccentricityState(Vector(x[0], x[1]), Vector(*(speed * rate)), None, None)
-
-
-def acceleration(
-    angle: Scalar, x: Float[Array, "2"], rate: Float[Array, "2"], scene: Scene
-) -> Float[Array, "2"]:
-    """The second derivative of e / c by the shaft angle."""
-    assert scene.joint is not None
-    state = _state(x, rate, scene)
-    snapshot = scene.formulation.snapshot(angle / scene.drive.speed, state, scene)
-    change = scene.formulation.rate(snapshot, state, scene)
-    return change.rate.array() / (scene.joint.clearance * scene.drive.speed**2)
-
-
-def _quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count 2"]:
-    """The pin resting under the force of a motion that its own depth corrects."""
-    assert scene.joint is not None
-    pace = scene.drive.speed / period
-    first, second = (pace**k * matrix for k, matrix in enumerate(differentiation(count), start=1))
-    times = 2 * jnp.pi * jnp.asarray(places(count)) / pace
-    e = Vector(jnp.zeros(count), jnp.zeros(count))
-    along = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))
-    for _ in range(1 + REFINEMENTS):
-        rate, curvature = (Vector(m @ e.x, m @ e.y) for m in (first, second))
-        e = along(times, e, rate, curvature, scene)
-    return jnp.stack([e.x, e.y], axis=1) / scene.joint.clearance
-
-
 @eqx.filter_jit
 def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> PeriodicOrbit:
     """The orbit with `count` nodes a turn, as far as one set of nodes can tell."""
+    instants = INSTANTS * period
+    zero, angles = jnp.zeros(()), 2 * jnp.pi * jnp.arange(instants) / INSTANTS
     if scene.joint is None:
-        return _ideal(scene, period)
+        # Kinematics alone: a sum over a turn.
+        times = angles / scene.drive.speed
+        seen = jax.vmap(lambda time: scene.formulation.snapshot(time, None, scene))(times)
+        values, error, _ = _statistics(seen, scene)
+        found, result = jnp.zeros(0, complex), RESULTS.promote(newton.RESULTS.successful)
+        limits = validity(None, zero, zero)
+        ideal = None, result, jnp.array(0), values, error, zero, found, zero, limits
+        return PeriodicOrbit(scene, period, *ideal)
     count *= period
     still = jax.lax.stop_gradient(scene)
-    start = _quasi_static(still, period, count) if guess is None else resample(guess, count)
-    system = System(acceleration, jnp.asarray(2 * np.pi * period), scene)
+    start = forced.quasi_static(still, period, count) if guess is None else resample(guess, count)
+    system = System(forced.acceleration, jnp.asarray(2 * np.pi * period), scene)
     x, root = collocate(system, start)
-    instants = INSTANTS * period
-
-    def look(snapshot: Snapshot, scene: Scene) -> tuple[Scalar, Scalar, Scalar]:
-        assert snapshot.contact is not None and scene.joint is not None
-        depth = snapshot.contact.penetration / scene.joint.clearance
-        return foundation_force(snapshot, scene), depth, snapshot.contact.penetration_rate
-
-    seen = jax.vmap(lambda *instant: _seen(look, system, *instant))(*system.at(x, instants))
-    force, depth, approach = seen
-    mean_square = jnp.mean(force**2)
-    coarser = jnp.mean(force[::2] ** 2)
-    missed = _missed(*jax.lax.stop_gradient((system, x, root.factors)))
-    error = (jnp.abs(missed) + jnp.abs(mean_square - coarser)) / (2 * mean_square)
-    least = -summit(-depth)
-    result = RESULTS.promote(root.result)
-    blurred = ~(error <= UNRESOLVED)
+    seen = jax.vmap(forced.snapshot, in_axes=(0, 0, 0, None))(*system.at(x, instants), scene)
+    values, error, least = _statistics(seen, scene)
+    missed = forced.missed(*jax.lax.stop_gradient((system, x, root.factors)))
+    error += jnp.abs(missed) / (2 * jax.lax.stop_gradient(values["foundation_rms"]) ** 2)
     reason = RESULTS.where(least > 0, RESULTS.unresolved, RESULTS.contact_lost)
-    result = RESULTS.where((result == RESULTS.successful) & blurred, reason, result)
+    result = RESULTS.promote(root.result)
+    blurred = (result == RESULTS.successful) & ~(error <= UNRESOLVED)
+    result = RESULTS.where(blurred, reason, result)
     found = multipliers(system, x)
-    ratio, fastest = summit(depth), summit(approach)
-    orbit = PeriodicOrbit(
-        scene,
-        period,
-        x,
-        result,
-        root.steps,
-        jnp.sqrt(mean_square),
-        jnp.mean(force),
-        summit(force),
-        jax.lax.stop_gradient(error),
-        least,
-        ratio,
-        fastest,
-        found.values,
-        found.error,
-        validity(scene.joint, ratio, fastest),
-    )
-    return _judged(orbit, result)
+    limits = validity(scene.joint, values["penetration_ratio"], values["impact_speed"])
+    numbers = values, error, least, found.values, found.error, limits
+    return _judged(PeriodicOrbit(scene, period, x, result, root.steps, *numbers), result)
 
 
-def _ideal(scene: Scene, period: int) -> PeriodicOrbit:
-    """Kinematics alone: a sum over a turn."""
-    times = 2 * jnp.pi * jnp.asarray(places(INSTANTS)) / scene.drive.speed
+def _statistics(seen: Snapshot, scene: Scene) -> tuple[dict[str, Scalar], Scalar, Scalar]:
+    """Of snapshots at equal steps; what half of them make of the RMS, and the least penetration.
 
-    def force(time: Scalar) -> Scalar:
-        return foundation_force(scene.formulation.snapshot(time, None, scene), scene)
-
-    seen = jax.vmap(force)(times)
-    mean_square, coarser = jnp.mean(seen**2), jnp.mean(seen[::2] ** 2)
-    zero = jnp.zeros_like(mean_square)
-    return PeriodicOrbit(
-        scene,
-        period,
-        None,
-        RESULTS.promote(newton.RESULTS.successful),
-        jnp.array(0),
-        jnp.sqrt(mean_square),
-        jnp.mean(seen),
-        summit(seen),
-        jnp.abs(coarser / mean_square - 1) / 2,
-        zero,
-        zero,
-        zero,
-        jnp.zeros(0, complex),
-        zero,
-        None,
-    )
-
-
-def _seen(look: Look, system: System, angle: Scalar, x: Array, rate: Array) -> PyTree[Scalar]:
-    """What `look` sees of the snapshot at an instant of the orbit."""
-    scene, state = system.args, _state(x, rate, system.args)
-    return look(scene.formulation.snapshot(angle / scene.drive.speed, state, scene), scene)
-
-
-def _missed(system: System, x: Float[Array, "nodes 2"], factors: Factors) -> Scalar:
-    """What the nodes miss of the mean square of the force, estimated.
-
-    The defect, zero at the nodes, is what the polynomial cannot follow between them; the dual of
-    the mean square says what it matters (Becker and Rannacher, Acta Numerica 10, 2001).
+    Means are sums over the instants, peaks those of the trigonometric polynomial through them.
     """
+    slides = scene.joint is not None and scene.joint.friction is not None
+    statistics = {n: s for n, s in STATISTIC.items() if slides or n != "sliding_power"}
+    quantities = dict.fromkeys(statistic.quantity for statistic in statistics.values())
+    looks = jax.vmap(lambda snapshot: [quantity(snapshot, scene) for quantity in quantities])
+    samples = dict(zip(quantities, looks(seen), strict=True))
 
-    def square(instant: tuple[Array, Array, Array]) -> tuple[Array, Array]:
-        def of(x: Array, rate: Array) -> Scalar:
-            return _seen(foundation_force, system, instant[0], x, rate) ** 2
+    def reduce(name: str, step: int = 1) -> Scalar:
+        how, q = statistics[name].reduction, samples[statistics[name].quantity][::step]
+        if isinstance(how, PowerMean):
+            return how.root(jnp.mean(q**how.power))
+        return how.of_samples(_finer(q))
 
-        return jax.jacfwd(of, argnums=(0, 1))(*instant[1:])
+    values = {name: reduce(name) for name in statistics}
+    error = jnp.abs(reduce("foundation_rms", 2) / values["foundation_rms"] - 1)
+    depth = samples[statistics["penetration_ratio"].quantity]
+    return values, jax.lax.stop_gradient(error), jnp.min(_finer(depth))
 
-    points, pace = 2 * len(x), 2 * np.pi / system.period
-    # One by one, as the slopes of the acceleration.
-    by_x, by_rate = jax.lax.map(square, system.at(x, len(x)))
-    weights = by_x + pace * differentiation(len(x))[0].T @ by_rate
-    dual = lu_solve(factors, weights.ravel(), trans=1).reshape(x.shape)
-    times, between, rate = system.at(x, points)
-    along = jax.vmap(system.acceleration, in_axes=(0, 0, 0, None))
-    second = pace**2 * resample(x, points, order=2)
-    defect = along(times, between, rate, system.args) - second
-    return jnp.mean(jnp.sum(resample(dual, points) * defect, axis=1))
+
+def _finer(samples: Float[Array, " n"]) -> Float[Array, " m"]:
+    return resample(samples, FINER * len(samples))
 
 
 def _closes(orbit: PeriodicOrbit) -> bool:
     """Whether the integrator comes back to where it set out (concrete values only)."""
     start = orbit.state()
-    entries = [start.relative_eccentricity.array(), start.rate.array()]
-    state = jnp.concatenate(entries)
+    state = flat(start, orbit.scene)
     end = poincare_section(orbit.scene, 0, orbit.period, state=state, rtol=RTOL)
-    return bool(end.outcome.success) and float(jnp.max(jnp.abs(end.states[-1] - state))) < CLOSURE
+    return bool(end.success) and float(jnp.max(jnp.abs(end.states[-1] - state))) < CLOSURE
 
 
 def _judged(orbit: PeriodicOrbit, result: RESULTS) -> PeriodicOrbit:

@@ -5,13 +5,9 @@ values at the points determine (Trefethen, Spectral Methods in MATLAB, 2000, cha
 are counted in periods, derivatives are by the phase, which is 2 pi a period.
 """
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
-
-# From the highest of many samples to the top between them.
-SUMMIT_STEPS = 4
 
 
 def nodes(count: int) -> Float[np.ndarray, " count"]:
@@ -51,21 +47,3 @@ def evaluate(x: Float[Array, "count ..."], place: Scalar, order: int = 0) -> Flo
     weights = np.where((harmonics == 0) | (harmonics == count // 2), 1.0, 2.0) / count
     turned = weights * (1j * harmonics) ** order * jnp.exp(2j * np.pi * place * harmonics)
     return jnp.tensordot(turned, jnp.fft.rfft(x, axis=0), axes=1).real
-
-
-def summit(samples: Float[Array, " count"]) -> Scalar:
-    """The greatest value of the polynomial, whose samples show where it is.
-
-    Its slope is that of the value where the top now stands.
-    """
-    still = jax.lax.stop_gradient(samples)
-    top = jnp.argmax(still) / len(samples)
-    near = top
-
-    def climb(_, place):
-        bend = evaluate(still, place, 2)
-        step = -evaluate(still, place, 1) / jnp.where(bend < 0, bend, -jnp.inf) / (2 * np.pi)
-        return jnp.clip(place + step, near - 1 / len(samples), near + 1 / len(samples))
-
-    top = jax.lax.fori_loop(0, SUMMIT_STEPS, climb, top)
-    return jnp.maximum(evaluate(samples, top), jnp.max(samples))

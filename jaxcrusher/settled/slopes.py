@@ -1,0 +1,78 @@
+"""Slopes of a statistic of the settled motion, beside differences of settled motions."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.flow import flat, initial_state
+from jaxcrusher.settled.forced import refusal
+from jaxcrusher.settled.periodic_orbit import PeriodicOrbit, periodic_orbit
+
+# A start no further from the orbit, in clearances and m/s, swings about it: the contact is
+# some hundredths of a clearance deep.
+NEAR = 0.01
+# An orbit that penetrates less, in clearances, is about to lose contact.
+GRAZING = 1e-3
+# A radius so much smaller tells what rounding and the equations' solution leave in a slope.
+SMALLER = 1e-3
+
+
+@dataclass(frozen=True)
+class SettledSlopes:
+    """Of one statistic of an orbit by n numbers."""
+
+    orbit: PeriodicOrbit
+    values: Float[np.ndarray, " n"]
+    errors: Float[np.ndarray, " n"]  # the distance from differences over a small radius
+    beside: Float[np.ndarray, " n"]  # differences over the radius; NaN where there is no orbit
+
+
+def settled_slopes(
+    build: Callable[[Array], Scene],
+    point: Float[Array, " n"],
+    metric: str,
+    radii: Float[np.ndarray, " n"],
+) -> SettledSlopes | None:
+    """By the numbers of `point`, of the stable motion that the scene `build(point)` starts beside.
+
+    None where there is none to be had so: for a scene that `periodic_orbit` refuses, an orbit that
+    is not found, not stable, hardly in contact, or not near the scene's start.
+    """
+    scene = build(point)
+    if scene.joint is None or refusal(scene):
+        return None
+    orbit = periodic_orbit(scene)
+    if orbit.eccentricity is None or not bool(orbit.stable & (orbit.least_penetration > GRAZING)):
+        return None
+    if jnp.max(jnp.abs(initial_state(scene) - flat(orbit.state(), scene))) > NEAR:
+        return None
+    nodes = len(orbit.eccentricity)
+    values = np.asarray(_slopes(point, build, metric, nodes))
+
+    def differences(radii: Float[np.ndarray, " n"]) -> np.ndarray:
+        found = [
+            float(
+                _value(point + shift, build, metric, nodes)
+                - _value(point - shift, build, metric, nodes)
+            )
+            for shift in jnp.diag(jnp.asarray(radii))
+        ]
+        return np.array(found) / (2 * radii)
+
+    return SettledSlopes(
+        orbit, values, np.abs(differences(SMALLER * radii) - values), differences(radii)
+    )
+
+
+def _metric(point: Array, build: Callable[[Array], Scene], metric: str, nodes: int) -> Array:
+    return periodic_orbit(build(point), nodes=nodes)[metric]
+
+
+_value = eqx.filter_jit(_metric)
+_slopes = eqx.filter_jit(jax.jacfwd(_metric))
