@@ -8,6 +8,7 @@ from .crusher.capacity import CrushingChamber as CrushingChamber
 from .crusher.capacity import chamber_from_stroke as chamber_from_stroke
 from .crusher.scene import Scene as Scene
 from .dynamics.bifurcation import bifurcation as bifurcation
+from .dynamics.orbit_map import orbit_map as orbit_map
 from .dynamics.regime import Regime as Regime
 from .dynamics.regime import regime as regime
 from .dynamics.slopes import GradientReport as GradientReport

@@ -29,6 +29,9 @@ def set_up() -> None:
     - JAX computes in 64-bit floats.
     - Each core is a device of JAX, and XLA compiles a loop to one kernel. What `XLA_FLAGS` holds
       of this already stays as it is.
+    - OpenBLAS, in which JAX solves linear systems, takes one thread (unless `OPENBLAS_NUM_THREADS`
+      says otherwise, or SciPy is loaded already): its threads wait for each other where every
+      core has work, and a system of 200 unknowns then takes 100 ms in place of half of one.
     - Compiled programs are kept in the user's cache folder (or `JAX_COMPILATION_CACHE_DIR`), for
       this version of the package, of XLA and of the processor; a folder that cannot be written is
       only read, or not used. `JAX_ENABLE_COMPILATION_CACHE=0` turns that off.
@@ -38,6 +41,8 @@ def set_up() -> None:
     """
     if "equinox" not in sys.modules:
         os.environ.setdefault("EQX_ON_ERROR", "nan")
+    # Read when SciPy's OpenBLAS is loaded, which JAX does at its first linear system.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     import jax
 
     jax.config.update("jax_enable_x64", True)

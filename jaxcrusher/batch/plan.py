@@ -69,12 +69,7 @@ class Plan:
 
     def coordinates(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
         """The values along each axis, and their labels."""
-        return {
-            name: (np.array(values, float), {"long_name": of.meaning, "units": of.unit})
-            if (of := PARAMETERS.get(name))
-            else (np.array(values, object), {})
-            for name, values in self.axes.items()
-        }
+        return coordinates(self.axes)
 
     def settings(self) -> dict[str, Any]:
         """Everything that decides the results, as JSON keeps it."""
@@ -106,12 +101,24 @@ def make_plan(
 
     Raises ValueError for unknown names, and for values that no crusher can be built from.
     """
-    good = isinstance(axes, Mapping) and len(axes) > 0
-    require(good, "axes", 'map names to values, as {"speed": [30.0, 32.0]}', repr(axes))
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     require_positive("rtol", rtol, "")
     require_whole("chunk", designs, 1)
+    varied, fixed = check_grid(axes, base)
+    shape = _chunk_shape(varied, designs)
+    return Plan(varied, fixed, settle_turns, turns, float(rtol), shape, engine)
+
+
+def check_grid(
+    axes: Mapping[str, Any], base: Mapping[str, Any]
+) -> tuple[dict[str, tuple], dict[str, float | str]]:
+    """What varies, and the value of everything else.
+
+    Raises ValueError for unknown names, and for values that no crusher can be built from.
+    """
+    good = isinstance(axes, Mapping) and len(axes) > 0
+    require(good, "axes", 'map names to values, as {"speed": [30.0, 32.0]}', repr(axes))
     varied = {name: _axis(name, values) for name, values in axes.items()}
     fixed = {}
     for name, value in base.items():
@@ -128,8 +135,17 @@ def make_plan(
     ]
     for corner in itertools.product(*ends):
         build_scene({**fixed, **dict(zip(varied, corner, strict=True))})
-    shape = _chunk_shape(varied, designs)
-    return Plan(varied, fixed, settle_turns, turns, float(rtol), shape, engine)
+    return varied, fixed
+
+
+def coordinates(axes: Mapping[str, tuple]) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+    """The values along each axis, and their labels."""
+    return {
+        name: (np.array(values, float), {"long_name": of.meaning, "units": of.unit})
+        if (of := PARAMETERS.get(name))
+        else (np.array(values, object), {})
+        for name, values in axes.items()
+    }
 
 
 def _axis(name: str, values: Any) -> tuple:

@@ -36,8 +36,7 @@ class System(eqx.Module):
     def residual(self, x: Float[Array, "nodes dims"]) -> Float[Array, "nodes dims"]:
         """What the nodes' acceleration exceeds x'' by."""
         times, rate, second = self._motion(x)
-        along = jax.vmap(self.acceleration, in_axes=(0, 0, 0, None))
-        return along(times, x, rate, self.args) - second
+        return one_by_one(self.acceleration, (times, x, rate), self.args) - second
 
     def jacobian(self, x: Float[Array, "nodes dims"]) -> Float[Array, "nodes dims nodes dims"]:
         """Of the residual; full where differentiation joins the nodes, in blocks by f."""
@@ -56,9 +55,7 @@ class System(eqx.Module):
     ) -> tuple[Float[Array, "n dims dims"], Float[Array, "n dims dims"]]:
         """df/dx and df/dx' at some instants."""
         by_both = jax.jacfwd(self.acceleration, argnums=(1, 2))
-        # One by one: XLA makes one kernel of the loop, but fifty of derivatives side by side,
-        # which took 13 times as long on a CPU.
-        return jax.lax.map(lambda instant: by_both(*instant, self.args), (times, x, rate))
+        return one_by_one(by_both, (times, x, rate), self.args)
 
     def at(
         self, x: Float[Array, "nodes dims"], points: int, shift: float = 0.0
@@ -78,6 +75,16 @@ class System(eqx.Module):
     def _motion(self, x: Array) -> tuple[Array, Array, Array]:
         first, second = self._matrices(len(x))
         return self.period * nodes(len(x)), first @ x, second @ x
+
+
+def one_by_one(function: Callable, instants: PyTree, args: PyTree) -> PyTree:
+    """`function(*instant, args)` at each of n instants, the leading axis of their arrays.
+
+    XLA makes one kernel of the loop, but fifty of derivatives side by side, which took 13 times as
+    long on a CPU. In reverse too: an instant is looked at again, and nothing is kept.
+    """
+    again = jax.checkpoint(lambda instant: function(*instant, args), prevent_cse=False)
+    return jax.lax.map(again, instants)
 
 
 def collocate(
@@ -119,16 +126,22 @@ def _attached_jvp(primals, tangents):
     system, x, factors = primals
     x = _attached(system, x, factors)
 
+    # Of the differentiated equations, at the orbit itself.
+    times, rate, _ = system._motion(x)
+    by_x, by_rate = system.slopes(times, x, rate)
+    first, second = system._matrices(len(x))
+
     def moved(change: Array) -> Array:
-        return jax.jvp(system.residual, (x,), (change,))[1]
+        bent = jnp.einsum("iab,ib->ia", by_x, change)
+        return bent + jnp.einsum("iab,ib->ia", by_rate, first @ change) - second @ change
 
     def solve(apply: Callable, right: Array, transposed: int) -> Array:
         # The factors belong to a point a small step away: each pass squares what that leaves.
-        found = jnp.zeros_like(right)
-        for _ in range(1 + REFINEMENTS):
+        def closer(_, found: Array) -> Array:
             left = (right - apply(found)).ravel()
-            found = found + lu_solve(factors, left, trans=transposed).reshape(right.shape)
-        return found
+            return found + lu_solve(factors, left, trans=transposed).reshape(right.shape)
+
+        return jax.lax.fori_loop(0, 1 + REFINEMENTS, closer, jnp.zeros_like(right))
 
     _, forcing = eqx.filter_jvp(lambda system: system.residual(x), (system,), (tangents[0],))
     change = jax.lax.custom_linear_solve(

@@ -13,7 +13,7 @@ from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.crusher.starts import resting
-from jaxcrusher.settled.collocation import System
+from jaxcrusher.settled.collocation import System, one_by_one
 from jaxcrusher.settled.newton import Factors
 from jaxcrusher.settled.trigonometric import differentiation, nodes, resample
 
@@ -75,19 +75,15 @@ def missed(system: System, x: Float[Array, "nodes 2"], factors: Factors) -> Scal
     the mean square says what it matters (Becker and Rannacher, Acta Numerica 10, 2001).
     """
 
-    def square(instant: tuple[Array, Array, Array]) -> tuple[Array, Array]:
-        def of(x: Array, rate: Array) -> Scalar:
-            return foundation_force(snapshot(instant[0], x, rate, system.args), system.args) ** 2
-
-        return jax.jacfwd(of, argnums=(0, 1))(*instant[1:])
+    def square(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Scalar:
+        return foundation_force(snapshot(angle, x, rate, scene), scene) ** 2
 
     points, pace = 2 * len(x), 2 * np.pi / system.period
-    # One by one, as the slopes of the acceleration.
-    by_x, by_rate = jax.lax.map(square, system.at(x, len(x)))
+    by_both = jax.jacfwd(square, argnums=(1, 2))
+    by_x, by_rate = one_by_one(by_both, system.at(x, len(x)), system.args)
     weights = by_x + pace * differentiation(len(x))[0].T @ by_rate
     dual = lu_solve(factors, weights.ravel(), trans=1).reshape(x.shape)
     times, between, rate = system.at(x, points)
-    along = jax.vmap(system.acceleration, in_axes=(0, 0, 0, None))
-    second = pace**2 * resample(x, points, order=2)
-    defect = along(times, between, rate, system.args) - second
+    acceleration = one_by_one(system.acceleration, (times, between, rate), system.args)
+    defect = acceleration - pace**2 * resample(x, points, order=2)
     return jnp.mean(jnp.sum(resample(dual, points) * defect, axis=1))

@@ -15,10 +15,12 @@ import numpy as np
 from jaxtyping import Array, Complex, Float, Scalar
 
 from jaxcrusher.settled.collocation import System
+from jaxcrusher.settled.trigonometric import resample
 
-# Steps a period, and the degree of the exponential's series after two halvings.
+# Instants a period at which the equations are linearised; a trigonometric polynomial joins them.
+LOOKS = 256
+# Steps a period.
 STEPS = 1024
-DEGREE = 10
 # Of Gauss' outer points of an interval from its middle, in intervals.
 GAUSS = math.sqrt(0.15)
 
@@ -42,7 +44,8 @@ def multipliers(system: System, x: Float[Array, "nodes dims"], steps: int = STEP
     Pure JAX, without slopes; NaN where the orbit is.
     """
     system, x = jax.lax.stop_gradient((system, x))
-    coarse, fine = (_monodromy(system, x, count) for count in (steps // 2, steps))
+    along = _linearised(system, x, max(LOOKS, len(x)))
+    coarse, fine = (_monodromy(along, system.period, count) for count in (steps // 2, steps))
     # Twice the steps leave a 64th of the error.
     error = jnp.max(jnp.abs(fine - coarse)) / jnp.max(jnp.abs(fine)) / 63
     good = jnp.all(jnp.isfinite(fine))
@@ -50,50 +53,58 @@ def multipliers(system: System, x: Float[Array, "nodes dims"], steps: int = STEP
     return Multipliers(jnp.where(good, values, jnp.nan), fine, error)
 
 
-def _monodromy(system: System, x: Array, steps: int) -> Array:
-    """The product of all steps, the last on the left. Matrices are stacked along the last axis."""
-    dims, step = x.shape[1], system.period / steps
-    early, middle, late = (_linearised(system, x, steps, 0.5 + off) for off in (-GAUSS, 0.0, GAUSS))
+def _monodromy(along: Array, period: Scalar, steps: int) -> Array:
+    """The product of all steps, the last on the left."""
+    dims, step = along.shape[1] // 2, period / steps
     # Rates in the unit of the fastest swing, so that all entries are of one size.
-    pace = jnp.sqrt(jnp.max(jnp.abs(middle[dims:, :dims])))
+    pace = jnp.sqrt(jnp.max(jnp.abs(along[:, dims:, :dims])))
     units = jnp.concatenate([jnp.ones(dims), jnp.full(dims, 1 / pace)])
-    scale = (units[:, None] / units)[..., None]
-    first = step * scale * middle
-    second = step / (2 * GAUSS) * scale * (late - early)
-    third = step / (2 * GAUSS**2) * scale * (late - 2 * middle + early)
-    inner = _bracket(first, second)
-    outer = -_bracket(first, 2 * third + inner) / 60
-    bend = _bracket(-20 * first - third + inner, second + outer) / 240
-    passed = _exponential(first + third / 12 + bend)
-    while passed.shape[-1] > 1:
-        passed = _product(passed[..., 1::2], passed[..., ::2])
-    return passed[..., 0] / scale[..., 0]
+    scale = units[:, None] / units
+    points = (-GAUSS, 0.0, GAUSS)
+    gauss = tuple(resample(step * scale * along, steps, 0.5 + off) for off in points)
+
+    # Step by step: XLA makes one kernel of the loop. Of all steps side by side it computes each
+    # product again for every entry of the next.
+    def pass_on(passed: Array, instants: tuple[Array, ...]) -> tuple[Array, None]:
+        early, first, late = instants
+        second = (late - early) / (2 * GAUSS)
+        third = (late - 2 * first + early) / (2 * GAUSS**2)
+        inner = _bracket(first, second)
+        outer = -_bracket(first, 2 * third + inner) / 60
+        bend = _bracket(-20 * first - third + inner, second + outer) / 240
+        return _exponential(first + third / 12 + bend) @ passed, None
+
+    return jax.lax.scan(pass_on, jnp.eye(2 * dims), gauss)[0] / scale
 
 
-def _linearised(system: System, x: Array, steps: int, shift: float) -> Array:
-    """The matrix of the variational equations at `shift` of each step."""
-    by_x, by_rate = system.slopes(*system.at(x, steps, shift))
+def _linearised(system: System, x: Array, count: int) -> Array:
+    """The matrices of the variational equations at `count` instants of the period."""
+    by_x, by_rate = system.slopes(*system.at(x, count))
     zero, eye = jnp.zeros_like(by_x), jnp.broadcast_to(np.eye(x.shape[1]), by_x.shape)
-    stacked = jnp.concatenate(
+    return jnp.concatenate(
         [jnp.concatenate([zero, eye], axis=2), jnp.concatenate([by_x, by_rate], axis=2)], axis=1
     )
-    return jnp.moveaxis(stacked, 0, -1)
-
-
-def _product(a: Array, b: Array) -> Array:
-    """Of two stacks, as a sum over whole stacks: thousands of calls of `matmul` cost more."""
-    return sum(a[:, k, None] * b[None, k] for k in range(1, len(b))) + a[:, 0, None] * b[None, 0]
 
 
 def _bracket(a: Array, b: Array) -> Array:
-    return _product(a, b) - _product(b, a)
+    return a @ b - b @ a
 
 
 def _exponential(matrix: Array) -> Array:
-    """Of a stack of matrices whose norms are of order one."""
-    quarter, eye = matrix / 4, jnp.eye(len(matrix))[..., None]
-    found = eye + quarter / DEGREE
-    for degree in range(DEGREE - 1, 0, -1):
-        found = eye + _product(quarter, found) / degree
-    found = _product(found, found)
-    return _product(found, found)
+    """Of a matrix whose norm is of order one: a series of degree 8, its argument halved twice.
+
+    Grouped by powers of the cube (Paterson and Stockmeyer, SIAM J. Comput. 2, 1973).
+    """
+    quarter, eye = matrix / 4, jnp.eye(len(matrix))
+    square = quarter @ quarter
+    cube = quarter @ square
+
+    def group(first: int) -> Array:
+        one, two, three = (1 / math.factorial(first + k) for k in range(3))
+        return one * eye + two * quarter + three * square
+
+    found = group(6)
+    for first in (3, 0):
+        found = group(first) + cube @ found
+    found = found @ found
+    return found @ found

@@ -1,7 +1,7 @@
 """The motion that a crusher settles on, solved for instead of waited for."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 import equinox as eqx
 import jax
@@ -27,7 +27,7 @@ from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistic import STATISTIC, PowerMean
 from jaxcrusher.settled import forced, newton
-from jaxcrusher.settled.collocation import System, collocate
+from jaxcrusher.settled.collocation import System, collocate, one_by_one
 from jaxcrusher.settled.multipliers import multipliers
 from jaxcrusher.settled.trigonometric import evaluate, resample
 
@@ -52,6 +52,12 @@ class RESULTS(newton.RESULTS):  # pyright: ignore
     contact_lost = "The motion loses contact, which these nodes do not resolve."
     unresolved = "The motion is not resolved by these nodes."
     open = "The motion does not repeat when it is integrated over its period."
+
+
+def reason(result: RESULTS) -> str:
+    """What a result means, in one line; nothing if it is a success (concrete values only)."""
+    # Equinox reads the codes of JAX's arrays only, not of NumPy's.
+    return " ".join(str(RESULTS[jax.tree.map(jnp.asarray, result)]).split())
 
 
 class PeriodicOrbit(eqx.Module, AbstractNamed):
@@ -86,7 +92,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
     @property
     def failure(self) -> str:
         """Why there is none, or nothing (concrete values only)."""
-        return "" if bool(self.success) else " ".join(str(RESULTS[self.result]).split())
+        return reason(self.result)
 
     @property
     def largest_multiplier(self) -> Scalar:
@@ -102,7 +108,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
     def settling_turns(self) -> Scalar:
         """Turns in which a disturbance falls to 1/e in the end; infinite if it grows."""
         largest = self.largest_multiplier
-        return jnp.where(largest < 1, -self.period / jnp.log(jnp.minimum(largest, 1.0)), jnp.inf)
+        return jnp.where(largest >= 1, jnp.inf, -self.period / jnp.log(largest))
 
     def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
         """Where the motion is at a shaft angle (rad); it may be handed to a formulation."""
@@ -190,8 +196,9 @@ def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> Perio
     if scene.joint is None:
         # Kinematics alone: a sum over a turn.
         times = angles / scene.drive.speed
-        seen = jax.vmap(lambda time: scene.formulation.snapshot(time, None, scene))(times)
-        values, error, _ = _statistics(seen, scene)
+        values, error, _ = _statistics(
+            lambda time, scene: scene.formulation.snapshot(time, None, scene), (times,), scene
+        )
         found, result = jnp.zeros(0, complex), RESULTS.promote(newton.RESULTS.successful)
         limits = validity(None, zero, zero)
         ideal = None, result, jnp.array(0), values, error, zero, found, zero, limits
@@ -201,8 +208,7 @@ def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> Perio
     start = forced.quasi_static(still, period, count) if guess is None else resample(guess, count)
     system = System(forced.acceleration, jnp.asarray(2 * np.pi * period), scene)
     x, root = collocate(system, start)
-    seen = jax.vmap(forced.snapshot, in_axes=(0, 0, 0, None))(*system.at(x, instants), scene)
-    values, error, least = _statistics(seen, scene)
+    values, error, least = _statistics(forced.snapshot, system.at(x, instants), scene)
     missed = forced.missed(*jax.lax.stop_gradient((system, x, root.factors)))
     error += jnp.abs(missed) / (2 * jax.lax.stop_gradient(values["foundation_rms"]) ** 2)
     reason = RESULTS.where(least > 0, RESULTS.unresolved, RESULTS.contact_lost)
@@ -215,7 +221,9 @@ def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> Perio
     return _judged(PeriodicOrbit(scene, period, x, result, root.steps, *numbers), result)
 
 
-def _statistics(seen: Snapshot, scene: Scene) -> tuple[dict[str, Scalar], Scalar, Scalar]:
+def _statistics(
+    snapshot: Callable[..., Snapshot], instants: tuple[Array, ...], scene: Scene
+) -> tuple[dict[str, Scalar], Scalar, Scalar]:
     """Of snapshots at equal steps; what half of them make of the RMS, and the least penetration.
 
     Means are sums over the instants, peaks those of the trigonometric polynomial through them.
@@ -223,8 +231,12 @@ def _statistics(seen: Snapshot, scene: Scene) -> tuple[dict[str, Scalar], Scalar
     slides = scene.joint is not None and scene.joint.friction is not None
     statistics = {n: s for n, s in STATISTIC.items() if slides or n != "sliding_power"}
     quantities = dict.fromkeys(statistic.quantity for statistic in statistics.values())
-    looks = jax.vmap(lambda snapshot: [quantity(snapshot, scene) for quantity in quantities])
-    samples = dict(zip(quantities, looks(seen), strict=True))
+
+    def look(*instant) -> list[Scalar]:
+        seen = snapshot(*instant)
+        return [quantity(seen, scene) for quantity in quantities]
+
+    samples = dict(zip(quantities, one_by_one(look, instants, scene), strict=True))
 
     def reduce(name: str, step: int = 1) -> Scalar:
         how, q = statistics[name].reduction, samples[statistics[name].quantity][::step]

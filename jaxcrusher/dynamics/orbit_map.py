@@ -1,0 +1,246 @@
+"""The settled motions of a grid of crushers, each solved for from its neighbours."""
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float, Scalar
+
+from jaxcrusher.basics.checks import require, require_choice, require_whole, require_x64
+from jaxcrusher.batch.engines import Engine, map_chunks
+from jaxcrusher.batch.plan import check_grid, coordinates
+from jaxcrusher.files.provenance import provenance
+from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.scenes.build import build_scene
+from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS
+from jaxcrusher.settled.forced import quasi_static
+from jaxcrusher.settled.periodic_orbit import NODES, PeriodicOrbit, periodic_orbit, reason
+
+# Name -> unit and meaning of what a map holds besides the statistics.
+VARIABLES = {
+    "error": ("1", "estimated error of the RMS, as a share of it"),
+    "least_penetration": ("1", "least penetration / clearance"),
+    "largest_multiplier": ("1", "largest modulus of the Floquet multipliers"),
+    "multipliers_error": ("1", "estimated error of the matrix whose eigenvalues they are"),
+    "settling_turns": ("1", "turns in which a disturbance falls to 1/e"),
+}
+LOGICAL = {"success": "solved", "stable": "disturbances die"}
+# Designs solved between two looks at what their neighbours are.
+CHUNK = 16
+
+
+def orbit_map(
+    axes: Mapping[str, Any],
+    *,
+    base: Mapping[str, Any] | None = None,
+    period: int = 1,
+    slopes: Sequence[str] = (),
+    metric: str = "foundation_rms",
+    nodes: int = NODES,
+    engine: Engine | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> xr.Dataset:
+    """Settled motions over the grid product of any parameters, as `jaxcrusher.periodic_orbit`.
+
+    Every cell is solved from the pin resting in its bore, on all cores; a cell where that fails is
+    tried again from each neighbour along the axes that is solved, for as long as that helps.
+
+    **Arguments:**
+
+    - `axes`: names of `jaxcrusher.PE250X400` -> values, shape (n,), in SI units, or choices.
+      Neighbours are cells one step along a number, so their order should be increasing.
+    - `base`: names -> values of what does not vary, where it is not the paper's.
+    - `period`, `nodes`: turns of the motions, and nodes a turn, as in `periodic_orbit`.
+    - `slopes`: names of numbers by which `metric`, a statistic of `jaxcrusher.PeriodicOrbit`, is
+      differentiated: any number of them costs about as much as one.
+    - `engine`: as in `jaxcrusher.map_chunks`.
+    - `progress`: called with the number of finished and of all designs, first at the start; what
+      fails is finished when its neighbours have been tried.
+
+    **Returns:** an `xarray.Dataset` with a dimension for each axis: all statistics, the estimated
+    `error` of the RMS (a share of it), `least_penetration` (clearances), `largest_multiplier`,
+    `multipliers_error`, `settling_turns`, `slope` (with a dimension `parameter`, in the unit of
+    `metric` per unit of the parameter), and `multiplier_real`, `multiplier_imag` (with a dimension
+    `multiplier`, in no order). `success` and `stable` are logical. Where there is no success every
+    number is NaN, and `failure` says why.
+
+    Raises ValueError for bad arguments, and in one line for scenes that have no such orbit.
+    """
+    require_x64()
+    require_whole("period", period, 1)
+    require_whole("nodes", nodes, 4)
+    require(nodes % 2 == 0, "nodes", "be even", nodes)
+    require_choice("metric", metric, tuple(STATISTIC))
+    for name in slopes:
+        require_choice("slopes", name, tuple(PARAMETERS))
+    varied, fixed = check_grid(axes, base or {})
+    cells = list(itertools.product(*varied.values()))
+    report = progress or (lambda finished, of: None)
+    report(0, len(cells))
+    # Another choice is another program, and no neighbour.
+    groups: dict[tuple, list[int]] = {}
+    for number, cell in enumerate(cells):
+        made = {**fixed, **dict(zip(varied, cell, strict=True))}
+        groups.setdefault(tuple(made[name] for name in CHOICES), []).append(number)
+    numbers = {
+        name: np.array([cell[list(varied).index(name)] for cell in cells], float)
+        if name in varied
+        else np.full(len(cells), fixed[name], float)
+        for name in PARAMETERS
+    }
+    shape = tuple(len(values) for values in varied.values())
+    grid = _Grid(shape, tuple(name in PARAMETERS for name in varied), numbers)
+    for chosen, members in groups.items():
+        solve = eqx.Partial(
+            _cell,
+            choices=dict(zip(CHOICES, chosen, strict=True)),
+            slopes=tuple(slopes),
+            metric=metric,
+            period=period,
+            nodes=nodes,
+        )
+        grid.fill(solve, members, nodes * period, engine, report)
+    rows = [grid.rows[number] for number in range(len(cells))]
+    data = _variables(varied, shape, rows, metric)
+    labels = {name: (name, *rest) for name, rest in coordinates(varied).items()}
+    if slopes:
+        labels["parameter"] = ("parameter", np.array(slopes, object), {})
+    attributes = provenance(
+        "Settled motions of jaw crushers over a grid of parameters",
+        parameters={n: [v, PARAMETERS[n].unit] for n, v in fixed.items() if n in PARAMETERS},
+        choices={name: value for name, value in fixed.items() if name in CHOICES},
+        period=period,
+        nodes=nodes,
+    )
+    return xr.Dataset(data, labels, attributes)
+
+
+def _cell(
+    case: tuple[dict[str, Scalar], Float[Array, "n 2"]],
+    *,
+    choices: dict[str, str],
+    slopes: tuple[str, ...],
+    metric: str,
+    period: int,
+    nodes: int,
+) -> dict[str, Any]:
+    """What a map holds of the orbit from a guess (NaN: from the pin at rest)."""
+    numbers, guess = case
+
+    def solved(by: dict[str, Scalar]) -> tuple[Scalar, PeriodicOrbit]:
+        scene = build_scene({**numbers, **choices, **by})
+        first = None
+        if scene.joint is not None:
+            rest = quasi_static(jax.lax.stop_gradient(scene), period, nodes * period)
+            first = jnp.where(jnp.isfinite(guess), guess, rest)
+        orbit = periodic_orbit(scene, period=period, nodes=nodes, guess=first)
+        return orbit[metric], orbit
+
+    by, row = {name: numbers[name] for name in slopes}, {}
+    if slopes:
+        (_, orbit), found = jax.value_and_grad(solved, has_aux=True)(by)
+        row["slope"] = jnp.stack([found[name] for name in slopes])
+    else:
+        orbit = solved(by)[1]
+    row |= dict(orbit.values) | {name: getattr(orbit, name) for name in VARIABLES}
+    row |= {name: getattr(orbit, name) for name in LOGICAL} | {"result": orbit.result}
+    if orbit.eccentricity is not None:
+        multipliers = {"real": orbit.multipliers.real, "imag": orbit.multipliers.imag}
+        row |= {f"multiplier_{part}": values for part, values in multipliers.items()}
+        row["eccentricity"] = orbit.eccentricity
+    return row
+
+
+@dataclass
+class _Grid:
+    """Cells in the order of their product, and what is known of each."""
+
+    shape: tuple[int, ...]
+    ordered: tuple[bool, ...]  # whether an axis has neighbours
+    numbers: dict[str, np.ndarray]
+    rows: dict[int, dict[str, Any]] = field(default_factory=dict)
+
+    def fill(
+        self,
+        solve: Callable,
+        members: list[int],
+        points: int,
+        engine: Engine | None,
+        report: Callable[[int, int], None],
+    ) -> None:
+        """Solve some cells, then what failed from neighbours, until no neighbour is new."""
+        total = math.prod(self.shape)
+        done = len(self.rows)
+        wanted: list[tuple[int, np.ndarray]] = [(n, np.full((points, 2), np.nan)) for n in members]
+        tried: set[tuple[int, int]] = set()
+        while wanted:
+            for number, row in self._solve(solve, wanted, engine):
+                self.rows[number] = row
+                report(max(done, min(len(self.rows), total)), total)
+            wanted = []
+            for number in members:
+                if self.rows[number]["success"]:
+                    continue
+                for near in self._neighbours(number):
+                    if self.rows[near]["success"] and (number, near) not in tried:
+                        tried.add((number, near))
+                        wanted.append((number, self.rows[near]["eccentricity"]))
+                        break
+        report(len(self.rows), total)
+
+    def _solve(self, solve: Callable, wanted: list[tuple[int, np.ndarray]], engine: Engine | None):
+        """Rows as they come; the last chunk is as large as the others, or it were compiled anew."""
+        padded = wanted + wanted[-1:] * (-len(wanted) % CHUNK)
+        index = np.array([number for number, _ in padded])
+        cases = (
+            {name: column[index] for name, column in self.numbers.items()},
+            np.stack([guess for _, guess in padded]),
+        )
+        for part, found in map_chunks(solve, cases, CHUNK, engine):
+            for i, (number, _) in enumerate(wanted[part]):
+                yield number, jax.tree.map(lambda leaf, i=i: leaf[i], found)
+
+    def _neighbours(self, number: int) -> list[int]:
+        """One step along each axis of numbers, of the same choices."""
+        place = np.unravel_index(number, self.shape)
+        found = []
+        for axis, size in enumerate(self.shape):
+            for step in (-1, 1) if self.ordered[axis] else ():
+                if 0 <= place[axis] + step < size:
+                    moved = [p + step * (k == axis) for k, p in enumerate(place)]
+                    found.append(int(np.ravel_multi_index(moved, self.shape)))
+        return found
+
+
+def _variables(
+    varied: dict[str, tuple], shape: tuple[int, ...], rows: list[dict[str, Any]], metric: str
+) -> dict[str, tuple]:
+    """Of the dataset."""
+
+    def variable(name: str, unit: str, meaning: str, *further: str) -> tuple:
+        found = np.array([row[name] for row in rows])
+        found = found.reshape(*shape, *found.shape[1:])
+        return (*varied, *further), found, {"units": unit, "long_name": meaning}
+
+    # Of an ideal joint, and without friction, there are fewer.
+    held = set.intersection(*(set(row) for row in rows))
+    meanings = {name: (of.unit, of.meaning) for name, of in STATISTIC.items()} | VARIABLES
+    meanings |= {name: ("1", meaning) for name, meaning in LOGICAL.items()}
+    data = {name: variable(name, *rest) for name, rest in meanings.items() if name in held}
+    if "slope" in held:
+        unit, meaning = STATISTIC[metric].unit, f"slope of {metric} by the parameter, per its unit"
+        data["slope"] = variable("slope", unit, meaning, "parameter")
+    for part in ("real", "imag"):
+        if (name := f"multiplier_{part}") in held:
+            data[name] = variable(name, "1", f"{part}: Floquet multipliers", "multiplier")
+    reasons = [reason(row["result"]) for row in rows]
+    failures = np.array(reasons, object).reshape(shape)
+    data["failure"] = tuple(varied), failures, {"long_name": "why there is no orbit"}
+    return data

@@ -1,0 +1,80 @@
+"""Settled motions over a grid: each cell as if it were alone, failures with their reasons."""
+
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.dynamics import orbit_map as module
+from jaxcrusher.dynamics.orbit_map import orbit_map
+
+SLOPES = ("speed", "clearance")
+
+
+def test_cells_against_known_orbits():
+    """As published for 10 000 turns and for single orbits; slopes as those of `periodic_orbit`."""
+    axes = {"speed": [25.0, 27.0, 30.0], "clearance": [0.03e-3, 0.05e-3, 0.06e-3]}
+    finished = []
+    found = orbit_map(axes, slopes=SLOPES, progress=lambda *counts: finished.append(counts))
+    assert found.success.all() and found.stable.all() and (found.failure == "").all()
+    diagonal = np.diag(found.foundation_rms)
+    np.testing.assert_allclose(diagonal, [18243.41119, 18524.1596, 19102.31571], atol=1e-4)
+    turns = [float(found.settling_turns[i, i]) for i in (0, 2)]
+    np.testing.assert_allclose(turns, [4726, 14321], rtol=1e-3)
+    assert found.slope.dims == ("speed", "clearance", "parameter")
+    # Central differences of single orbits, to the digits given.
+    np.testing.assert_allclose(found.slope[1, 1], [163.53380, 30125.956], rtol=1e-6)
+    moduli = np.hypot(found.multiplier_real, found.multiplier_imag)
+    np.testing.assert_allclose(moduli.max("multiplier"), found.largest_multiplier, rtol=1e-12)
+    assert finished[0] == (0, 9) and finished[-1] == (9, 9)
+    assert found.attrs["period"] == 1 and "30.0" not in found.attrs["parameters"]
+
+
+def test_failures_do_not_stop_the_others():
+    """With the load on the closing stroke alone contact is lost: a reason, and no number."""
+    axes = {"speed": [27.0, 30.0], "load_law": ["along_jaw", "closing_stroke"]}
+    found = orbit_map(axes, base={"clearance": 0.05e-3}, slopes=SLOPES)
+    assert found.success.values.tolist() == [[True, False], [True, False]]
+    lost = found.isel(load_law=1)
+    assert (lost.failure != "").all() and not lost.stable.any()
+    for name in ("foundation_rms", "slope", "largest_multiplier", "settling_turns", "error"):
+        assert np.isnan(lost[name]).all(), name
+    np.testing.assert_allclose(found.foundation_rms[0, 0], 18524.1596, atol=1e-4)
+
+
+def test_a_failed_cell_is_tried_from_its_neighbours():
+    """Each neighbour once, along numbers only, those that failed not at all."""
+    grid = module._Grid((2, 3, 2), (True, True, False), {"speed": np.arange(12.0)})
+    tried = []
+
+    def solve(_, wanted, engine):
+        for number, guess in wanted:
+            tried.append((number, guess[0, 0]))
+            # The last cell wants its neighbour 8, the others anything; 6 wants what there is not.
+            good = number not in (6, 10) or (number == 10 and guess[0, 0] == 8.0)
+            yield number, {"success": good, "eccentricity": np.full((4, 2), float(number))}
+
+    grid._solve = solve
+    grid.fill(None, [0, 2, 4, 6, 8, 10], 4, None, lambda *counts: None)
+    assert [number for number, guess in tried if np.isnan(guess)] == [0, 2, 4, 6, 8, 10]
+    again = [pair for pair in tried if not np.isnan(pair[1])]
+    assert sorted(again) == [(6, 0.0), (6, 8.0), (10, 4.0), (10, 8.0)]
+    assert grid.rows[10]["success"] and not grid.rows[6]["success"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"slopes": ("velocity",)}, "`slopes` must be one of"),
+        ({"metric": "noise"}, "`metric` must be one of"),
+        ({"nodes": 95}, "`nodes` must be even"),
+        ({"base": {"impact_law": "tracked"}}, "`scene` must have a constant impact velocity"),
+        ({"axes": {"speed": [-1.0]}}, "`speed` must be finite"),
+    ],
+)
+def test_refusals(arguments, message):
+    with pytest.raises(ValueError, match=rf"^Argument {message}"):
+        orbit_map(**{"axes": {"speed": [30.0]}, **arguments})
+
+
+def test_public_name():
+    assert jc.orbit_map is orbit_map
