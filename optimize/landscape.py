@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from scipy.stats import qmc
 
 import jaxcrusher as jc
-from jaxcrusher.batch.engines import map_all
+from jaxcrusher.batch.engines import in_turn, map_all
 from jaxcrusher.batch.rows import LOGICAL, VARIABLES
 from jaxcrusher.dynamics.indicators import lyapunov_spectrum
 from optimize.design import Design
@@ -118,7 +118,7 @@ def exponents(
     scenes = stacked_scenes(case, jnp.asarray(units))
     batch = (scenes, states.reshape(-1, states.shape[-1]))
     function = eqx.Partial(_jacobians, rtol=rtol)
-    jacobians, steps = map_all(function, batch, chunk, progress=progress)
+    jacobians, steps = map_all(function, batch, chunk, in_turn, progress)
     largest = np.full(states.shape[:2], np.nan)
     for i, products in enumerate(jacobians):
         if np.isfinite(products).all():

@@ -10,7 +10,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float
 
-from jaxcrusher.batch.engines import map_all
+from jaxcrusher.batch.engines import in_turn, map_all
 from optimize.evaluate import Case, Progress, Window, quiet_objective
 
 # A quiet motion has no transient to wait for.
@@ -62,7 +62,7 @@ def descend_by_gradients(
     path, values = [np.asarray(unit)], []
     gradient, taken = np.zeros_like(starts), 0
     for step in range(steps + 1):
-        (value, count), gradient = map_all(function, unit, len(starts))
+        (value, count), gradient = map_all(function, unit, len(starts), in_turn)
         values.append(value)
         taken += int(count.sum())
         if step == steps:

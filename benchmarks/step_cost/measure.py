@@ -29,7 +29,8 @@ def measure(what: str, motion: str, flag: str, advance: Callable[[int], None]) -
 def _costs(motion: str, flag: str, advance: Callable[[int], None]) -> list[dict]:
     designs = programs.designs(*MOTIONS[motion])
     asked = {
-        report.OURS: programs.ours(designs),
+        report.OURS: programs.in_lanes(designs),
+        report.TURN: programs.in_turn(designs),
         report.VMAP: programs.vmap(designs),
         report.NUMBA: programs.numba(designs),
     }

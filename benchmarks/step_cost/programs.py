@@ -18,7 +18,7 @@ import jaxcrusher as jc
 from benchmarks.peers import c_peer, numba_peer
 from benchmarks.peers.equations import Crusher
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_all
+from jaxcrusher.batch import engines
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.motion.flow import by_angle
@@ -114,14 +114,19 @@ def _plain(scene: jc.Scene, turns: int) -> Found:
     return Found(jnp.sqrt(mean_square), solution.stats["num_steps"])  # pyright: ignore
 
 
-def ours(d: Designs) -> Program:
-    """The engine of `jaxcrusher.sweep`."""
+def in_lanes(d: Designs) -> Program:
+    """The engine of `jaxcrusher.sweep`: lanes."""
+    return _ours(d, engines.in_lanes)
+
+
+def in_turn(d: Designs) -> Program:
+    """What takes over where lanes do not know something: one scene after the other."""
+    return _ours(d, engines.in_turn)
+
+
+def _ours(d: Designs, engine: engines.Engine) -> Program:
     function = eqx.Partial(statistics_of, turns=d.turns)
-
-    def run() -> Found:
-        return map_all(function, d.scenes, chunk=len(d.starts))
-
-    return run
+    return lambda: engines.map_all(function, d.scenes, len(d.starts), engine)
 
 
 def vmap(d: Designs) -> Program:

@@ -8,11 +8,12 @@ from benchmarks.step_cost import fewer, profile, programs
 from jaxcrusher.files.provenance import command
 from jaxcrusher.files.results import write_table, write_text
 
-OURS, VMAP = "jaxcrusher, `lax.map`", "`jax.vmap` over `jaxcrusher.statistics`"
+OURS, TURN = "jaxcrusher, lanes", "jaxcrusher, `lax.map`"
+VMAP = "`jax.vmap` over `jaxcrusher.statistics`"
 PLAIN = "`lax.map` over `diffrax.diffeqsolve`"
 NUMBA, C, LANES = "numba, scalar", "C, scalar", "C, 8 lanes"
 # The aims: a step of these takes at least so many of ours.
-GOALS = ((NUMBA, 2.0), (VMAP, 8.0), (LANES, 0.5))
+GOALS = ((NUMBA, 4.0), (VMAP, 8.0), (LANES, 1.0))
 # Relative errors of the RMS at which methods are compared.
 ERRORS = (1e-3, 1e-4, 1e-6)
 
@@ -62,7 +63,7 @@ def _cost_lines(costs: list[dict]) -> list[str]:
         "|---|---|---|---|---|---|---|---|---|",
     ]
     for row in costs:
-        compiled = f"{row['first_s']:.1f}" if row["program"] in (OURS, VMAP, PLAIN) else ""
+        compiled = f"{row['first_s']:.1f}" if row["program"] in (OURS, TURN, VMAP, PLAIN) else ""
         differs = f"{row['difference']:.1e}" if row["motion"] == "quiet" else ""
         lines.append(
             f"| {row['motion']} | {row['program']} | {row['XLA']} | {row['wall_us']:.2f} | "
@@ -109,11 +110,11 @@ def _profile_lines(counted: dict, evaluation: float, costs: list[dict]) -> list[
     for operation in profile.COSTLY:
         cells = [str(column[operation]) if operation in column else "" for column in columns]
         lines.append(f"| {operation} | {' | '.join(cells)} |")
-    step = min(r["cpu_us"] for r in costs if (r["motion"], r["program"]) == ("quiet", OURS))
+    step = min(r["cpu_us"] for r in costs if (r["motion"], r["program"]) == ("quiet", TURN))
     lines += [
         "",
-        f"One evaluation alone, in a loop of its own, takes {evaluation:.3f} us of CPU time: six",
-        f"are {6 * evaluation / step:.0%} of a step of ours on the quiet motion, {step:.2f} us.",
+        f"One evaluation alone, in a loop of XLA's, takes {evaluation:.3f} us of CPU time; six are",
+        f"{6 * evaluation / step:.0%} of a step by `lax.map` on the quiet motion ({step:.2f} us).",
     ]
     least = _least(costs, "quiet")
     if C in least:

@@ -1,9 +1,9 @@
 """Run a function over many scenes, on all cores, in chunks.
 
-On a CPU each core maps over its designs one after the other: a batch under `jax.vmap` costs
-its slowest lane, and XLA compiles a sequential loop to one kernel if it is asked to (see
-`jaxcrusher.set_up`). Faster are lanes, where integrations are compiled to loops over designs. On a
-GPU or TPU the designs run side by side under `jax.vmap`.
+On a CPU integrations are compiled to loops over lanes of designs (see `batch.lanes`). What lanes
+cannot do, each core does for one design after the other: a batch under `jax.vmap` costs its slowest
+lane, and XLA compiles a sequential loop to one kernel if it is asked to (see `jaxcrusher.set_up`).
+On a GPU or TPU the designs run side by side under `jax.vmap`.
 """
 
 import warnings
@@ -21,6 +21,8 @@ from jaxcrusher.basics.setup import remind_of_set_up
 from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.program import NoIntegration, program
 
+# Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
+CHUNK = 1024
 # Applies a function to stacked scenes: the scenes and the results have one more axis, the first.
 Engine = Callable[[Callable[[Any], PyTree], PyTree], PyTree]
 
@@ -28,26 +30,25 @@ Engine = Callable[[Callable[[Any], PyTree], PyTree], PyTree]
 def map_chunks(
     function: Callable[[Any], PyTree],
     scenes: PyTree,
-    chunk: int = 64,
+    chunk: int = CHUNK,
     engine: Engine | None = None,
 ) -> Iterator[tuple[slice, PyTree]]:
     """Apply `function` to `scenes`, stacked along the first axis of every leaf.
 
     Yields a slice of that axis and the results on it, as NumPy arrays, chunk by chunk:
-    memory stays bounded, and what is finished is in the caller's hands. A `chunk` is so many
-    scenes, or a few more, as many on each device. `function` should be an `equinox.Partial` of
-    a module-level function, so that chunks share one compilation. `engine` is `in_lanes`,
-    `in_turn`, `side_by_side` or a function of your own in their place; None takes `in_turn` on a
-    CPU and `side_by_side` elsewhere.
+    memory stays bounded, and what is finished is in the caller's hands. Chunks are of the same
+    size, about, and of `chunk` scenes at most, or a few more, as many on each device. `function`
+    should be an `equinox.Partial` of a module-level function, so that chunks share one compilation.
+    `engine` is `in_lanes`, `in_turn`, `side_by_side` or a function of your own in their place; None
+    takes `in_lanes` on a CPU and `side_by_side` elsewhere.
     """
-    remind_of_set_up("A batch")
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
     scenes = jax.tree.map(np.asarray, scenes)
     count = jax.tree.leaves(scenes)[0].shape[0]
     devices = jax.devices()
     if engine is None:
-        engine = in_turn if devices[0].platform == "cpu" else side_by_side
-    size = min(chunk, count)
+        engine = in_lanes if devices[0].platform == "cpu" else side_by_side
+    size = -(-count // -(-count // chunk))
     size = -(-size // len(devices)) * len(devices)
     for first in range(0, count, size):
         rows = slice(first, min(first + size, count))
@@ -64,7 +65,7 @@ def map_chunks(
 def map_all(
     function: Callable[[Any], PyTree],
     scenes: PyTree,
-    chunk: int = 64,
+    chunk: int = CHUNK,
     engine: Engine | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> PyTree:
@@ -101,9 +102,14 @@ def side_by_side(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
     return jax.vmap(function)(scenes)
 
 
-@eqx.filter_jit
 def in_turn(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
     """One scene after the other on every device; their number divides that of the scenes."""
+    remind_of_set_up("A batch whose scenes are computed in turn")
+    return _in_turn(function, scenes)
+
+
+@eqx.filter_jit
+def _in_turn(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
     devices = jax.devices()
     if len(devices) == 1:
         return jax.lax.map(function, scenes)

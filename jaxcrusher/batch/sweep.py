@@ -12,7 +12,7 @@ import xarray as xr
 
 from jaxcrusher.basics.checks import require_x64
 from jaxcrusher.batch.cluster import compute_on, connect, worker_environment
-from jaxcrusher.batch.engines import Engine
+from jaxcrusher.batch.engines import CHUNK, Engine
 from jaxcrusher.batch.plan import Plan, Result, compute_chunk, make_plan
 from jaxcrusher.batch.rows import LOGICAL, VARIABLES
 from jaxcrusher.batch.store import ChunkStore
@@ -33,7 +33,7 @@ def sweep(
     *,
     base: Mapping[str, Any] | None = None,
     store: str | Path | None = None,
-    chunk: int = 64,
+    chunk: int = CHUNK,
     rtol: float = 1e-9,
     progress: Callable[[int, int], None] | None = None,
     engine: Engine | None = None,
@@ -52,7 +52,7 @@ def sweep(
     - `base`: names -> values of what does not vary, where it is not the paper's.
     - `store`: None, or the store's folder; new, or one of an earlier call with the same arguments.
     - `chunk`: designs at most in a chunk: between two reports of progress, what a kill can lose,
-      and a file of each variable. A store of many designs wants 1000 and more.
+      and a file of each variable.
     - `progress`: called with the number of finished and of all designs, first at the start.
     - `engine`: as in `jaxcrusher.map_chunks`.
     - `scheduler`: None for this machine; else a `distributed.Client` or a scheduler's address.

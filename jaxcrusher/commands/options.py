@@ -89,9 +89,9 @@ class Sweep:
     """Turns of the shaft before statistics start."""
     turns: int = 40
     """Turns of the shaft that statistics cover."""
-    chunk: int = 64
-    """Designs kept at once: what an interruption can lose. Take more for large sweeps; each chunk
-    is a file of every variable."""
+    chunk: int = 1024
+    """Designs kept at once: what an interruption can lose. Each chunk is a file of every
+    variable."""
     rtol: float = 1e-9
     """Tolerance of a step, in clearances and m/s."""
     scheduler: str | None = None

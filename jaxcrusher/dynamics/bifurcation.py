@@ -10,7 +10,7 @@ import xarray as xr
 from jaxtyping import Array, ArrayLike
 
 from jaxcrusher.basics.checks import require, require_choice, require_whole, require_x64
-from jaxcrusher.batch.engines import map_all, stack
+from jaxcrusher.batch.engines import CHUNK, map_all, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.indicators import detect_period
@@ -40,7 +40,7 @@ def bifurcation(
     name: str = "value",
     units: str = "1",
     rtol: float = 1e-9,
-    chunk: int = 64,
+    chunk: int = CHUNK,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
     """Section points of `turns` turns after `settle_turns`, at each value of a parameter.

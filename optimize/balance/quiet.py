@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int, Scalar
 from scipy.stats import qmc
 
 import jaxcrusher as jc
-from jaxcrusher.batch.engines import map_all
+from jaxcrusher.batch.engines import in_turn, map_all
 from optimize.balance.compare import Answer, Smooth
 from optimize.design import Design
 
@@ -98,7 +98,7 @@ def sampled(
     count = len(next(iter(conditions.values())))
     stacked = {"unit": np.tile(unit, (count, 1)), "conditions": dict(conditions)}
     function = eqx.Partial(_sample, design=design, turns=turns)
-    (values, _), slopes = map_all(function, jax.tree.map(jnp.asarray, stacked), count)
+    (values, _), slopes = map_all(function, jax.tree.map(jnp.asarray, stacked), count, in_turn)
     return values, slopes
 
 

@@ -60,7 +60,7 @@ def _half(function, numbers):
 
 def test_the_engine_of_a_sweep_is_used_and_told_apart(tmp_path):
     axes, ideal = {"speed": [28.0, 33.0]}, dict(base={"joint": "ideal"}, rtol=1e-6)
-    whole = jc.sweep(axes, 0, 1, **ideal)
+    whole = jc.sweep(axes, 0, 1, **ideal, engine=in_turn)
     half = jc.sweep(axes, 0, 1, **ideal, engine=_half, store=tmp_path / "half")
     np.testing.assert_array_equal(half.foundation_rms, whole.foundation_rms / 2)
     with pytest.raises(ValueError, match='differ engine: "_half" there, nothing here'):

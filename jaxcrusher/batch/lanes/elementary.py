@@ -9,10 +9,10 @@ import math
 
 from numba import njit
 
-from jaxcrusher.batch.lanes.instructions import bits, double
+from jaxcrusher.batch.lanes.instructions import WITHIN, bits, double
 
 # Said outright: numba would hand on the `fastmath` of a caller.
-inlined = njit(error_model="numpy", forceinline=True, fastmath=False)
+inlined = njit(error_model="numpy", forceinline=True, fastmath=False, **WITHIN)
 
 
 # Added to a whole number below 2^51, it puts that number into the lowest bits.

@@ -53,7 +53,7 @@ def run(
     """
     equations: Any = load(text)
     advance = load(Path(stepper.__file__).read_text("utf-8")).advance
-    count, (segments, instants) = len(designs.starts), designs.times.shape
+    count, (_, segments, instants) = len(designs.starts), designs.times.shape
     room = ROWS_BYTES // (8 * LANES * max(sizes.observed * instants, sizes.states))
     size = LANES * min(max(room, 2), 64)
     ends = Ends(np.zeros(count, np.int64), np.zeros(count), np.zeros(count, np.int64))

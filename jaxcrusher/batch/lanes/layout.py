@@ -43,8 +43,9 @@ class Designs(NamedTuple):
     starts: np.ndarray  # (designs, states)
     numbers: np.ndarray  # (designs, numbers)
     tolerances: np.ndarray  # (designs, 2): absolute and relative
-    times: np.ndarray  # (segments, instants)
-    floors: np.ndarray  # (segments,): what is later is at the end
+    times: np.ndarray  # (schedules, segments, instants)
+    floors: np.ndarray  # (schedules, segments): what is later is at the end
+    schedule: np.ndarray  # (designs,): each one's row of both
 
 
 class Method(NamedTuple):

@@ -5,7 +5,7 @@ them JAX computes for all designs side by side. Loops that integrate again and a
 section's over turns, are run here.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -44,6 +44,10 @@ class Value(NamedTuple):
     batched: bool
 
 
+# Exponents that are products and roots.
+PLAIN = (1.0, 1.5, 2.0)
+
+
 class NoIntegration(Unsupported):
     """There is nothing to do for lanes."""
 
@@ -55,7 +59,7 @@ class Program:
     """
 
     def __init__(self, function: Callable[[Any], PyTree], scene: PyTree) -> None:
-        numbers, rest = eqx.partition(function, eqx.is_array)
+        numbers, rest = eqx.partition(function, _is_array)
         with integrator(record):
             jaxpr, shapes = jax.make_jaxpr(
                 lambda numbers, scene: eqx.combine(numbers, rest)(scene), return_shape=True
@@ -67,12 +71,16 @@ class Program:
 
     def __call__(self, function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
         """The results for scenes stacked along the first axis of every leaf, stacked alike."""
-        alike = jax.tree.leaves(eqx.filter(function, eqx.is_array))
+        alike = jax.tree.leaves(eqx.filter(function, _is_array))
         leaves = [Value(np.asarray(leaf), True) for leaf in jax.tree.leaves(scenes)]
         count = len(leaves[0].array)
         operands = [*(Value(leaf, False) for leaf in alike), *leaves]
         results = [_stacked(value, count) for value in self._block.run(operands, count)]
         return jax.tree.unflatten(self._results, results)
+
+
+def _is_array(leaf: Any) -> bool:
+    return isinstance(leaf, jax.Array | np.ndarray)
 
 
 def _batched(tree: PyTree, batched: bool) -> list[bool]:
@@ -90,9 +98,9 @@ def program(function: Callable[[Any], PyTree], scenes: PyTree) -> Program:
     Raises `Unsupported` for what lanes cannot do.
     """
     scene = jax.tree.map(lambda leaf: np.asarray(leaf)[0], scenes)
-    numbers, rest = eqx.partition(function, eqx.is_array)
+    numbers, rest = eqx.partition(function, _is_array)
     fixed, tree = jax.tree.flatten(rest)
-    shapes = [(np.shape(leaf), np.result_type(leaf)) for leaf in jax.tree.leaves((numbers, scene))]
+    shapes = [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves((numbers, scene))]
     key = (*fixed, tree, jax.tree.structure((numbers, scene)), *shapes)
     if key not in _PROGRAMS:
         try:
@@ -168,8 +176,13 @@ class _Block:
         return [read(output) for output in self._outputs]
 
 
+# Designs that JAX computes side by side: always as many, so that the program and with it the
+# rounding are the same for every batch.
+TILE = 64
+
+
 class _Group:
-    """Equations that JAX computes for all designs."""
+    """Equations that JAX computes for all designs, a tile after the other."""
 
     def __init__(
         self,
@@ -189,8 +202,16 @@ class _Group:
 
     def run(self, operands: list[Value], count: int) -> list[Value]:
         """One value for each result."""
-        found = self._function(*(value.array for value in operands))
-        return [Value(np.asarray(array), self._batched) for array in found]
+        if not self._batched:
+            return [Value(array, False) for array in self._function(*(v.array for v in operands))]
+        tiles = []
+        for first in range(0, count, TILE):
+            # The last one is filled up with its last design.
+            rows = np.minimum(np.arange(first, first + TILE), count - 1)
+            part = (np.asarray(v.array)[rows] if v.batched else v.array for v in operands)
+            tiles.append(map(np.asarray, self._function(*part)))
+        columns = (np.concatenate(parts)[:count] for parts in zip(*tiles, strict=True))
+        return [Value(column, True) for column in columns]
 
 
 class _Integration:
@@ -200,33 +221,46 @@ class _Integration:
         self.operands, self.results = equation.invars, equation.outvars
         self.batched = [True] * len(self.results)
         self._what: Recorded = equation.params["what"]
-        if batched[0]:
-            raise Unsupported("times that differ between designs")
         # Raises `Unsupported` for what cannot be written out.
         self._exponents = self._what.exponents
 
     def run(self, operands: list[Value], count: int) -> list[Value]:
         """Summaries, codes, times and steps."""
         times = np.asarray(operands[0].array, float)
+        schedule = np.arange(count) if operands[0].batched else np.zeros(count, int)
+        times = times if operands[0].batched else times[None]
         columns = [np.asarray(_stacked(value, count), float) for value in operands[1:]]
         states = 2 + self._what.equations.states
-        numbers = columns[states:]
-        known = {
-            i: float(numbers[i][0]) for i in self._exponents if (numbers[i] == numbers[i][0]).all()
-        }
-        designs = Designs(
-            _table(columns[2:states], count),
-            _table(numbers, count),
-            _table(columns[:2], count),
-            times,
-            # As diffrax: within 100 units in the last place of the end is at the end.
-            times[:, -1] - 100 * np.spacing(times[:, -1]),
-        )
-        summaries, ends = engine.run(
-            *self._what.source(known), designs, self._what.method, self._what.summarise
-        )
-        found = [*jax.tree.leaves(summaries), *ends]
+        numbers, starts = _table(columns[states:], count), _table(columns[2:states], count)
+        tolerances = _table(columns[:2], count)
+        # As diffrax: within 100 units in the last place of the end is at the end.
+        floors = times[..., -1] - 100 * np.spacing(times[..., -1])
+        found: list[np.ndarray] = []
+        for known, rows in self._kinds(numbers):
+            designs = Designs(
+                starts[rows], numbers[rows], tolerances[rows], times, floors, schedule[rows]
+            )
+            source = self._what.source(known)
+            summaries, ends = engine.run(*source, designs, self._what.method, self._what.summarise)
+            parts = [*jax.tree.leaves(summaries), *ends]
+            if not found:
+                found = [np.empty((count, *part.shape[1:]), part.dtype) for part in parts]
+            for whole, part in zip(found, parts, strict=True):
+                whole[rows] = part
         return [Value(array, True) for array in found]
+
+    def _kinds(self, numbers: np.ndarray) -> Iterator[tuple[dict[int, float], np.ndarray]]:
+        """Designs with the same exponents, as far as these are written into the source.
+
+        By its own numbers only, so that what a design comes to does not depend on the others.
+        """
+        exponents = numbers[:, self._exponents]
+        plain = np.where(np.isin(exponents, PLAIN), exponents, np.nan)
+        kinds = [tuple(row) for row in plain.astype(str)]
+        for kind in dict.fromkeys(kinds):
+            rows = np.flatnonzero([other == kind for other in kinds])
+            pairs = zip(self._exponents, map(float, kind), strict=True)
+            yield {i: value for i, value in pairs if value in PLAIN}, rows
 
 
 class _Loop:

@@ -23,7 +23,7 @@ from jaxcrusher.batch.lanes.elementary import cosine, exponential, logarithm, po
 
 LANES = {LANES}
 # Fast, but with NaN and infinity kept: a trial step may leave the linkage's reach.
-options = dict(error_model="numpy", fastmath=set({sorted(FAST)}), cache=True)
+options = dict(error_model="numpy", fastmath=set({sorted(FAST)}), cache=True, _nrt=False)
 row = types.float64[::1]
 """
 

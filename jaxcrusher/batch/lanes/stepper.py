@@ -11,7 +11,7 @@ import math
 from numba import njit
 
 from jaxcrusher.batch.lanes.elementary import exponential, logarithm
-from jaxcrusher.batch.lanes.instructions import take
+from jaxcrusher.batch.lanes.instructions import WITHIN, take
 from jaxcrusher.batch.lanes.layout import (
     AT,
     ATOL,
@@ -52,7 +52,7 @@ from jaxcrusher.batch.lanes.layout import (
 
 # Fast, but with NaN and infinity kept: a trial step may leave the linkage's reach.
 FAST = {"reassoc", "contract", "arcp", "nsz"}
-fast = njit(error_model="numpy", fastmath=FAST)
+fast = njit(error_model="numpy", fastmath=FAST, **WITHIN)
 # Bounds of the mean square of an error over the allowed one.
 HUGE, TINY = 1e300, 1e-300
 
@@ -97,7 +97,7 @@ def free(rows):
 def attempt(field, method, lanes):
     """One step of all lanes into `trial`, its stages into `k`."""
     clock, k = lanes.clock, lanes.k
-    spread(clock, STEP, lanes.wide)
+    spread(clock[STEP : STEP + LANES], lanes.wide)
     for stage in range(1, STAGES):
         for lane in range(LANES):
             clock[AT + lane] = clock[TIME + lane] + method.nodes[stage] * clock[STEP + lane]
@@ -106,11 +106,11 @@ def attempt(field, method, lanes):
 
 
 @fast
-def spread(clock, row, wide):
+def spread(row, wide):
     """A row of the clock for every state."""
     for first in range(0, wide.size, LANES):
         for lane in range(LANES):
-            wide[first + lane] = clock[row + lane]
+            wide[first + lane] = row[lane]
 
 
 @fast
@@ -152,7 +152,7 @@ def measure(batch, lanes):
     clock, y, trial, change = lanes.clock, lanes.y, lanes.trial, lanes.change
     for i in range(change.size):
         change[i] = 0.0
-    combine(STAGES, batch.method.error, lanes.k, lanes.wide, change, change)
+    combine(len(lanes.k), batch.method.error, lanes.k, lanes.wide, change, change)
     # Totals do not count, unless there is nothing else.
     count = batch.sizes.motion if batch.sizes.motion > 0 else batch.sizes.states
     for lane in range(LANES):
@@ -200,7 +200,7 @@ def due(clock):
 def accept(lanes):
     """Move on the lanes that keep their step; the number of those to be looked at."""
     clock, y, trial, keeps = lanes.clock, lanes.y, lanes.trial, lanes.wide
-    spread(clock, KEEP, keeps)
+    spread(clock[KEEP : KEEP + LANES], keeps)
     # The last stage is the first of the next step.
     first, last = lanes.k[0], lanes.k[STAGES - 1]
     for i in range(y.size):
@@ -250,6 +250,7 @@ def interpolate(method, lanes):
 def hold(observe, batch, lanes):
     """Keep the states at the instants that are due, to be observed later."""
     clock, whole, times = lanes.clock, lanes.whole, batch.designs.times
+    instants = times.shape[2]
     interpolate(batch.method, lanes)
     full = False
     for lane in range(LANES):
@@ -263,8 +264,9 @@ def hold(observe, batch, lanes):
             whole[HELD, lane] = depth + 1
             full = full or depth + 1 == DEPTH
             whole[INSTANT, lane] = instant + 1
-            more = instant + 1 < times.shape[1]
-            clock[DUE + lane] = times[whole[SEGMENT, lane], instant + 1] if more else math.inf
+            schedule, segment = batch.designs.schedule[whole[DESIGN, lane]], whole[SEGMENT, lane]
+            more = instant + 1 < instants
+            clock[DUE + lane] = times[schedule, segment, instant + 1] if more else math.inf
     if full:
         flush(observe, batch, lanes)
 
@@ -308,7 +310,7 @@ def end_segment(lane, observe, batch, lanes):
     rows.state[row] = DONE
     whole[STEPS, lane] += int(clock[COUNT + lane])
     whole[SEGMENT, lane] += 1
-    if result == SUCCESS and whole[SEGMENT, lane] < batch.designs.times.shape[0]:
+    if result == SUCCESS and whole[SEGMENT, lane] < batch.designs.times.shape[1]:
         begin_segment(lane, batch, lanes)
         return
     # The next design brings other numbers.
@@ -322,26 +324,28 @@ def end_segment(lane, observe, batch, lanes):
 @fast
 def begin_segment(lane, batch, lanes):
     """Start a lane's segment: a row of its own, totals of zero, the first step anew."""
-    clock, whole, rows, times = lanes.clock, lanes.whole, batch.rows, batch.designs.times
+    clock, whole, rows, designs = lanes.clock, lanes.whole, batch.rows, batch.designs
     segment, row = whole[SEGMENT, lane], 0
+    schedule = designs.schedule[whole[DESIGN, lane]]
+    times = designs.times[schedule, segment]
     while rows.state[row] != FREE:
         row += 1
     rows.state[row] = IN_USE
     rows.design[row] = whole[DESIGN, lane]
     rows.segment[row] = segment
     for i in range(batch.sizes.observed):
-        for instant in range(times.shape[1]):
+        for instant in range(times.size):
             rows.seen[row, i, instant] = math.nan
     whole[ROW, lane] = row
     whole[INSTANT, lane] = 0
     for i in range(batch.sizes.motion, batch.sizes.states):
         lanes.y[i * LANES + lane] = 0.0
-    end, first = times[segment, times.shape[1] - 1], max(batch.method.first, batch.method.smallest)
+    end, first = times[times.size - 1], max(batch.method.first, batch.method.smallest)
     clock[NEXT + lane] = min(clock[TIME + lane] + first, end)
     clock[STEP + lane] = clock[NEXT + lane] - clock[TIME + lane]
-    clock[DUE + lane] = times[segment, 0] if batch.sizes.observed > 0 else math.inf
+    clock[DUE + lane] = times[0] if batch.sizes.observed > 0 else math.inf
     clock[END + lane] = end
-    clock[FLOOR + lane] = batch.designs.floors[segment]
+    clock[FLOOR + lane] = designs.floors[schedule, segment]
     clock[MEMORY + lane] = 0.0
     clock[COUNT + lane] = 0.0
 

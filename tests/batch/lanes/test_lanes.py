@@ -26,10 +26,11 @@ TIMES = jnp.arange(SEGMENTS)[:, None] + jnp.arange(1, INSTANTS + 1) / INSTANTS
 
 
 class Swing(eqx.Module):
-    """x'' = force - stiffness sin x, and `blow` x^2 beside it, which ends in a finite time."""
+    """x'' = force - stiffness sin x - x (1 + x^2)^exponent, and `blow` x'^2 that ends it early."""
 
     stiffness: Any
     blow: Any
+    exponent: Any
 
 
 def _initial(swing):
@@ -39,6 +40,7 @@ def _initial(swing):
 def _field(time, y, swing):
     place, rate = y.motion
     force = jnp.cos(3 * time) - swing.stiffness * jnp.sin(place) + swing.blow * rate**2
+    force -= place * (1 + place**2) ** swing.exponent
     return Carried((rate, force), {"work": force * rate})
 
 
@@ -54,7 +56,7 @@ def _summarise(seen, end):
 PROBLEM = Problem(_initial, _field, _observe, _summarise)
 
 
-def _run(swing, solver=None, rtol=1e-9, max_steps=10_000):
+def _run(swing, solver=None, rtol=1e-9, max_steps=10_000, times=TIMES):
     controller = diffrax.PIDController(
         rtol=rtol,
         atol=rtol,
@@ -65,13 +67,13 @@ def _run(swing, solver=None, rtol=1e-9, max_steps=10_000):
         force_dtmin=False,
     )
     method = Integration(solver or diffrax.Tsit5(), controller, max_steps, 1e-3, None)
-    found, outcome = integrate(swing, TIMES, problem=PROBLEM, method=method)
+    found, outcome = integrate(swing, times, problem=PROBLEM, method=method)
     return found, outcome
 
 
 def _swings(count, seed=0):
     stiffness = np.random.default_rng(seed).uniform(1, 400, count)
-    return Swing(stiffness, np.zeros(count))
+    return Swing(stiffness, np.zeros(count), np.full(count, 1.5))
 
 
 def _in_turn(function, swings):
@@ -114,6 +116,31 @@ def test_the_bits_of_a_design_are_its_own():
     _equal(map_all(_run, swings, 10, in_lanes), whole)
 
 
+def _own_times(swing):
+    return _run(swing, times=TIMES / jnp.sqrt(swing.stiffness))
+
+
+def test_each_design_may_have_times_of_its_own():
+    swings = _swings(LANES + 3)
+    found, exact = in_lanes(_own_times, swings), _in_turn(_own_times, swings)
+    np.testing.assert_allclose(found[1].reached, exact[1].reached, rtol=1e-15)
+    for name, values in exact[0].items():
+        np.testing.assert_allclose(found[0][name], values, rtol=0, atol=1e-11)
+
+
+def test_exponents_of_neighbours_do_not_matter():
+    # Common ones are written into the source, others are not.
+    swings = _swings(LANES)
+    whole = in_lanes(_run, swings)
+    exponent = swings.exponent.copy()
+    exponent[1::2] = np.linspace(1.1, 2.9, LANES // 2)
+    mixed = Swing(swings.stiffness, swings.blow, exponent)
+    found = in_lanes(_run, mixed)
+    _equal(_taken(found, slice(None, None, 2)), _taken(whole, slice(None, None, 2)))
+    for name, exact in _in_turn(_run, mixed)[0].items():
+        np.testing.assert_allclose(found[0][name], exact, rtol=0, atol=1e-11)
+
+
 def test_the_number_of_threads_changes_no_bit(monkeypatch):
     swings, found = _swings(5 * LANES + 3), []
     for threads in (1, 2, 5):
@@ -140,8 +167,9 @@ def test_a_failure_stays_in_its_lane():
     ill = [3, 17, 18, 40]
     stiffness[3], blow[17], blow[18], stiffness[40] = np.nan, 50.0, -60.0, 1e9
     function = eqx.Partial(_run, max_steps=3000)
-    found, ends = in_lanes(function, Swing(stiffness, blow))
-    expected_found, expected = _in_turn(function, Swing(stiffness, blow))
+    mixed = Swing(stiffness, blow, swings.exponent)
+    found, ends = in_lanes(function, mixed)
+    expected_found, expected = _in_turn(function, mixed)
     words = [str(RESULTS[item]) for item in _each(expected.result)]
     assert [str(RESULTS[item]) for item in _each(ends.result)] == words
     assert len({words[i] for i in ill}) == 3 and {words[i] for i in range(3)} == {""}
@@ -164,7 +192,7 @@ def _thrice(swing):
 
     def turn(swing, _):
         found, outcome = _run(swing)
-        after = Swing(swing.stiffness + 1e-3 * found["mean"][-1], swing.blow)
+        after = Swing(swing.stiffness + 1e-3 * found["mean"][-1], swing.blow, swing.exponent)
         return after, (found["last"], outcome.steps)
 
     return jax.lax.scan(turn, swing, length=3)
@@ -231,5 +259,5 @@ def test_an_interrupted_batch_stops_its_threads(monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         in_lanes(
             eqx.Partial(_run, rtol=1e-13, max_steps=10**9),
-            Swing(swings.stiffness * 1e9, swings.blow),
+            Swing(swings.stiffness * 1e9, swings.blow, swings.exponent),
         )
