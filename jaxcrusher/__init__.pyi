@@ -11,6 +11,8 @@ from .dynamics.bifurcation import bifurcation as bifurcation
 from .dynamics.orbit_map import orbit_map as orbit_map
 from .dynamics.regime import Regime as Regime
 from .dynamics.regime import regime as regime
+from .dynamics.settled_motions import SettledMotions as SettledMotions
+from .dynamics.settled_motions import settled_motions as settled_motions
 from .dynamics.slopes import GradientReport as GradientReport
 from .dynamics.slopes import gradient_report as gradient_report
 from .joint.validity import Validity as Validity
@@ -29,5 +31,5 @@ from .scenes.paper import ideal_scene as ideal_scene
 from .scenes.paper import paper_scene as paper_scene
 from .scenes.parameters import PARAMETERS as PARAMETERS
 from .scenes.parameters import PE250X400 as PE250X400
-from .settled.periodic_orbit import PeriodicOrbit as PeriodicOrbit
 from .settled.periodic_orbit import periodic_orbit as periodic_orbit
+from .settled.result import PeriodicOrbit as PeriodicOrbit

@@ -21,7 +21,8 @@ from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS
 from jaxcrusher.settled.forced import quasi_static
-from jaxcrusher.settled.periodic_orbit import NODES, PeriodicOrbit, periodic_orbit, reason
+from jaxcrusher.settled.periodic_orbit import NODES, periodic_orbit
+from jaxcrusher.settled.result import PeriodicOrbit, reason
 
 # Name -> unit and meaning of what a map holds besides the statistics.
 VARIABLES = {

@@ -27,11 +27,11 @@ from jaxcrusher.motion.statistic import STATISTIC, PowerMean
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangents, weights
 from jaxcrusher.scenes.parameters import PARAMETERS
-from jaxcrusher.settled.orbit import (
+from jaxcrusher.settled.shooting import (
     multipliers,
     orbit_differences,
-    periodic_orbit,
     periodic_slopes,
+    section_point,
 )
 from jaxcrusher.settled.slopes import SettledSlopes, settled_slopes
 
@@ -149,7 +149,7 @@ def gradient_report(
     fits: list[Fit] = []
     period, orbit = kind.period, None
     if period is not None and kind.state is not None:
-        orbit = periodic_orbit(build, point, metric, kind.state, period)
+        orbit = section_point(build, point, metric, kind.state, period)
     if period is not None and orbit is not None:
         evidence["multipliers"] = multipliers(orbit[1])
         implicit = periodic_slopes(orbit[1], metric)

@@ -1,35 +1,32 @@
 """The motion that a crusher settles on, solved for instead of waited for."""
 
-import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Scalar
+from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.basics.checks import (
     concrete,
     require,
-    require_choice,
     require_double,
     require_whole,
     require_x64,
 )
-from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
-from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
-from jaxcrusher.joint.validity import Validity, validity
+from jaxcrusher.joint.validity import validity
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistic import STATISTIC, PowerMean
 from jaxcrusher.settled import forced, newton
 from jaxcrusher.settled.collocation import System, collocate, one_by_one
 from jaxcrusher.settled.multipliers import multipliers
-from jaxcrusher.settled.trigonometric import evaluate, resample
+from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged
+from jaxcrusher.settled.shooting import shoot
+from jaxcrusher.settled.trigonometric import resample
 
 # Nodes a turn to begin with, and the most that doubling leads to.
 NODES, MOST_NODES = 96, 384
@@ -46,97 +43,6 @@ FINER = 8
 CLOSURE, RTOL = 1e-6, 1e-11
 
 
-class RESULTS(newton.RESULTS):  # pyright: ignore
-    """Those of Newton's method, and what a root may fail to be."""
-
-    contact_lost = "The motion loses contact, which these nodes do not resolve."
-    unresolved = "The motion is not resolved by these nodes."
-    open = "The motion does not repeat when it is integrated over its period."
-
-
-def reason(result: RESULTS) -> str:
-    """What a result means, in one line; nothing if it is a success (concrete values only)."""
-    # Equinox reads the codes of JAX's arrays only, not of NumPy's.
-    return " ".join(str(RESULTS[jax.tree.map(jnp.asarray, result)]).split())
-
-
-class PeriodicOrbit(eqx.Module, AbstractNamed):
-    """A motion that repeats after `period` turns, and its statistics by name.
-
-    `orbit.foundation_rms` and so on: units and meanings stand in
-    `jaxcrusher.motion.statistic.STATISTIC`. A failed search has `success` False, NaN in every
-    number, and says why in `failure`. The multipliers have no slopes.
-    """
-
-    scene: Scene
-    period: int = eqx.field(static=True)  # turns
-    eccentricity: Float[Array, "nodes 2"] | None  # e / c at equal steps of shaft angle
-    result: RESULTS
-    steps: Array  # Newton's
-    values: Mapping[str, Scalar]  # statistics
-    error: Scalar  # estimated, of the RMS as a share of it
-    least_penetration: Scalar  # least delta / c: contact is kept if it is > 0
-    multipliers: Complex[Array, " 4"]  # of a disturbance, in one period; none if ideal
-    multipliers_error: Scalar  # estimated
-    validity: Validity
-
-    def could_hold(self) -> Iterable[str]:
-        """Every statistic there is."""
-        return STATISTIC
-
-    @property
-    def success(self) -> Bool[Array, ""]:
-        """Whether this is an orbit."""
-        return self.result == RESULTS.successful
-
-    @property
-    def failure(self) -> str:
-        """Why there is none, or nothing (concrete values only)."""
-        return reason(self.result)
-
-    @property
-    def largest_multiplier(self) -> Scalar:
-        """The largest modulus."""
-        return jnp.max(jnp.abs(self.multipliers), axis=-1, initial=0.0)
-
-    @property
-    def stable(self) -> Bool[Array, ""]:
-        """Whether disturbances die."""
-        return self.success & (self.largest_multiplier < 1)
-
-    @property
-    def settling_turns(self) -> Scalar:
-        """Turns in which a disturbance falls to 1/e in the end; infinite if it grows."""
-        largest = self.largest_multiplier
-        return jnp.where(largest >= 1, jnp.inf, -self.period / jnp.log(largest))
-
-    def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
-        """Where the motion is at a shaft angle (rad); it may be handed to a formulation."""
-        require(self.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
-        assert self.eccentricity is not None
-        place = jnp.asarray(angle) / (2 * np.pi * self.period)
-        rate = evaluate(self.eccentricity, place, 1) / self.period
-        return forced.state(evaluate(self.eccentricity, place), rate, self.scene)
-
-    def motion(
-        self, angles: Float[ArrayLike, " n"], outputs: tuple[str, ...] = tuple(OBSERVABLES)
-    ) -> dict[str, Array]:
-        """Observables at any shaft angles (rad), by name, shape (n,) or (n, 2).
-
-        Raises ValueError for a name that `jaxcrusher.crusher.observables.OBSERVABLES` lacks.
-        """
-        for name in outputs:
-            require_choice("outputs", name, tuple(OBSERVABLES))
-
-        def look(angle: Scalar) -> dict[str, Array]:
-            state = None if self.eccentricity is None else self.state(angle)
-            time = angle / self.scene.drive.speed
-            snapshot = self.scene.formulation.snapshot(time, state, self.scene)
-            return {name: OBSERVABLES[name](snapshot, self.scene) for name in outputs}
-
-        return jax.vmap(look)(jnp.asarray(angles, dtype=float))
-
-
 def periodic_orbit(
     scene: Scene,
     *,
@@ -144,7 +50,9 @@ def periodic_orbit(
     nodes: int | None = None,
     guess: PeriodicOrbit | Float[ArrayLike, "n 2"] | None = None,
 ) -> PeriodicOrbit:
-    """The motion of `scene` that repeats after `period` turns, by Fourier collocation.
+    """The motion of `scene` that repeats after `period` turns.
+
+    By Fourier collocation; where that finds contact lost, from there on by shooting.
 
     **Arguments:**
 
@@ -153,7 +61,7 @@ def periodic_orbit(
       `jax.vmap`, `jax.grad`, `jax.jacfwd` and `jax.jvp`; slopes by the implicit function theorem.
     - `period`: turns of the shaft, >= 1.
     - `nodes`: even number of shaft angles a turn. None is 96, doubled up to 384 where values are
-      known until the RMS stands to 1e-8 of itself.
+      known until the RMS stands to 1e-8 of itself; only then a motion is shot for.
     - `guess`: a neighbour, or e / c at equally spaced angles of the whole period; None is the pin
       resting in its bore under the ideal joint's force.
 
@@ -175,17 +83,29 @@ def periodic_orbit(
         guess = guess.eccentricity
     first = None if guess is None else jnp.asarray(guess, dtype=float)
     known = all(concrete(leaf) is not None for leaf in jax.tree.leaves((scene, first)))
-    if not known:
-        return _solved(scene, first, period, nodes or NODES)
     count = nodes or NODES
     orbit = _solved(scene, first, period, count)
-    while nodes is None and not float(orbit.error) <= SETTLED and count < MOST_NODES:
+    if not known:
+        return judged(orbit, orbit.result)
+    while nodes is None and _blurred(orbit) and count < MOST_NODES:
         count *= 2
-        near = orbit.eccentricity if bool(orbit.success) else first
-        orbit = _solved(scene, near, period, count)
+        orbit = _solved(scene, orbit.eccentricity, period, count)
     if bool(orbit.success) and scene.joint is not None and not _closes(orbit):
-        return _judged(orbit, RESULTS.open)
-    return orbit
+        return judged(orbit, RESULTS.open)
+    if nodes is None and bool(_coarse(orbit)):
+        found = shoot(scene, flat(orbit.state(), scene), period)
+        orbit = found if bool(found.success) else orbit
+    return judged(orbit, orbit.result)
+
+
+def _coarse(orbit: PeriodicOrbit) -> Array:
+    """Whether Newton's method converged to what the nodes do not resolve."""
+    return (orbit.result == RESULTS.contact_lost) | (orbit.result == RESULTS.unresolved)
+
+
+def _blurred(orbit: PeriodicOrbit) -> bool:
+    """Whether more nodes may help (concrete values only)."""
+    return bool(_coarse(orbit) | (orbit.success & ~(orbit.error <= SETTLED)))
 
 
 @eqx.filter_jit
@@ -218,7 +138,7 @@ def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> Perio
     found = multipliers(system, x)
     limits = validity(scene.joint, values["penetration_ratio"], values["impact_speed"])
     numbers = values, error, least, found.values, found.error, limits
-    return _judged(PeriodicOrbit(scene, period, x, result, root.steps, *numbers), result)
+    return PeriodicOrbit(scene, period, x, result, root.steps, *numbers)
 
 
 def _statistics(
@@ -260,14 +180,3 @@ def _closes(orbit: PeriodicOrbit) -> bool:
     state = flat(start, orbit.scene)
     end = poincare_section(orbit.scene, 0, orbit.period, state=state, rtol=RTOL)
     return bool(end.success) and float(jnp.max(jnp.abs(end.states[-1] - state))) < CLOSURE
-
-
-def _judged(orbit: PeriodicOrbit, result: RESULTS) -> PeriodicOrbit:
-    """With its result, and NaN in every number unless that is a success."""
-
-    def number(leaf: Array) -> Array:
-        return jnp.where(result == RESULTS.successful, leaf, jnp.nan)
-
-    bare = dataclasses.replace(orbit, scene=None, steps=None)
-    masked = jax.tree.map(lambda leaf: number(leaf) if eqx.is_inexact_array(leaf) else leaf, bare)
-    return dataclasses.replace(masked, scene=orbit.scene, steps=orbit.steps, result=result)

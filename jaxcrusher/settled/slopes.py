@@ -12,7 +12,8 @@ from jaxtyping import Array, Float
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import flat, initial_state
 from jaxcrusher.settled.forced import refusal
-from jaxcrusher.settled.periodic_orbit import PeriodicOrbit, periodic_orbit
+from jaxcrusher.settled.periodic_orbit import periodic_orbit
+from jaxcrusher.settled.result import PeriodicOrbit
 
 # A start no further from the orbit, in clearances and m/s, swings about it: the contact is
 # some hundredths of a clearance deep.

@@ -14,7 +14,7 @@ from jaxcrusher.dynamics.judgement import judge
 from jaxcrusher.dynamics.slopes import gradient_report
 from jaxcrusher.motion import method
 from jaxcrusher.motion.statistics import over_pieces
-from jaxcrusher.settled.orbit import periodic_orbit, periodic_slopes
+from jaxcrusher.settled.shooting import periodic_slopes, section_point
 
 
 def test_fit_of_lorenz():
@@ -64,7 +64,7 @@ def test_slopes_along_a_periodic_orbit():
     guess = jc.poincare_section(closing(point), 100, 1).states[-1]
 
     def orbit(point):
-        found = periodic_orbit(closing, point, "foundation_rms", guess, 1)
+        found = section_point(closing, point, "foundation_rms", guess, 1)
         assert found is not None
         return found[1]
 

@@ -1,0 +1,122 @@
+"""What is known of a periodic motion, however it was found."""
+
+import dataclasses
+from collections.abc import Iterable, Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Scalar
+
+from jaxcrusher.basics.checks import require, require_choice
+from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
+from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.joint.validity import Validity
+from jaxcrusher.motion.named import AbstractNamed
+from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.settled import forced, newton
+from jaxcrusher.settled.trigonometric import evaluate
+
+
+class RESULTS(newton.RESULTS):  # pyright: ignore
+    """Those of Newton's method, and what a root may fail to be."""
+
+    contact_lost = "The motion loses contact, which these nodes do not resolve."
+    unresolved = "The motion is not resolved by these nodes."
+    open = "The motion does not repeat when it is integrated over its period."
+
+
+def reason(result: RESULTS) -> str:
+    """What a result means, in one line; nothing if it is a success (concrete values only)."""
+    # Equinox reads the codes of JAX's arrays only, not of NumPy's.
+    return " ".join(str(RESULTS[jax.tree.map(jnp.asarray, result)]).split())
+
+
+class PeriodicOrbit(eqx.Module, AbstractNamed):
+    """A motion that repeats after `period` turns, and its statistics by name.
+
+    `orbit.foundation_rms` and so on: units and meanings stand in
+    `jaxcrusher.motion.statistic.STATISTIC`. A failed search has `success` False, NaN in every
+    number, and says why in `failure`. The multipliers have no slopes.
+    """
+
+    scene: Scene
+    period: int = eqx.field(static=True)  # turns
+    eccentricity: Float[Array, "nodes 2"] | None  # e / c at equal steps of shaft angle
+    result: RESULTS
+    steps: Array  # Newton's
+    values: Mapping[str, Scalar]  # statistics
+    error: Scalar  # estimated, of the RMS as a share of it
+    least_penetration: Scalar  # least delta / c: contact is kept if it is > 0
+    multipliers: Complex[Array, " 4"]  # of a disturbance, in one period; none if ideal
+    multipliers_error: Scalar  # estimated
+    validity: Validity
+
+    def could_hold(self) -> Iterable[str]:
+        """Every statistic there is."""
+        return STATISTIC
+
+    @property
+    def success(self) -> Bool[Array, ""]:
+        """Whether this is an orbit."""
+        return self.result == RESULTS.successful
+
+    @property
+    def failure(self) -> str:
+        """Why there is none, or nothing (concrete values only)."""
+        return reason(self.result)
+
+    @property
+    def largest_multiplier(self) -> Scalar:
+        """The largest modulus."""
+        return jnp.max(jnp.abs(self.multipliers), axis=-1, initial=0.0)
+
+    @property
+    def stable(self) -> Bool[Array, ""]:
+        """Whether disturbances die."""
+        return self.success & (self.largest_multiplier < 1)
+
+    @property
+    def settling_turns(self) -> Scalar:
+        """Turns in which a disturbance falls to 1/e in the end; infinite if it grows."""
+        largest = self.largest_multiplier
+        return jnp.where(largest >= 1, jnp.inf, -self.period / jnp.log(largest))
+
+    def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
+        """Where the motion is at a shaft angle (rad); it may be handed to a formulation."""
+        require(self.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
+        assert self.eccentricity is not None
+        place = jnp.asarray(angle) / (2 * np.pi * self.period)
+        rate = evaluate(self.eccentricity, place, 1) / self.period
+        return forced.state(evaluate(self.eccentricity, place), rate, self.scene)
+
+    def motion(
+        self, angles: Float[ArrayLike, " n"], outputs: tuple[str, ...] = tuple(OBSERVABLES)
+    ) -> dict[str, Array]:
+        """Observables at any shaft angles (rad), by name, shape (n,) or (n, 2).
+
+        Raises ValueError for a name that `jaxcrusher.crusher.observables.OBSERVABLES` lacks.
+        """
+        for name in outputs:
+            require_choice("outputs", name, tuple(OBSERVABLES))
+
+        def look(angle: Scalar) -> dict[str, Array]:
+            state = None if self.eccentricity is None else self.state(angle)
+            time = angle / self.scene.drive.speed
+            snapshot = self.scene.formulation.snapshot(time, state, self.scene)
+            return {name: OBSERVABLES[name](snapshot, self.scene) for name in outputs}
+
+        return jax.vmap(look)(jnp.asarray(angles, dtype=float))
+
+
+def judged(orbit: PeriodicOrbit, result: RESULTS) -> PeriodicOrbit:
+    """The orbit with a result, and NaN in every number unless that is a success."""
+
+    def number(leaf: Array) -> Array:
+        return jnp.where(result == RESULTS.successful, leaf, jnp.nan)
+
+    bare = dataclasses.replace(orbit, scene=None, steps=None)
+    masked = jax.tree.map(lambda leaf: number(leaf) if eqx.is_inexact_array(leaf) else leaf, bare)
+    return dataclasses.replace(masked, scene=orbit.scene, steps=orbit.steps, result=result)
