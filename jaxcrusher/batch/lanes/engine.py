@@ -47,7 +47,7 @@ def run(
     """Integrate the designs with the equations of the module `text`.
 
     `summarise` takes of a number of segments what was seen at their instants, shape (segments,
-    observed, instants), and the states at their ends, shape (segments, states); from a failure on
+    instants, observed), and the states at their ends, shape (segments, states); from a failure on
     they are NaN. The bits of a design depend on its own numbers only. Interrupted, all threads end
     within milliseconds.
     """
@@ -64,7 +64,7 @@ def run(
         return np.broadcast_to(leaf, (count, segments, *leaf.shape)).copy()
 
     blank = new_rows(size, sizes, instants)
-    summaries = jax.tree.map(fill, summarise(blank.seen, blank.last))
+    summaries = jax.tree.map(fill, summarise(blank.seen[:, :instants], blank.last))
     leaves = jax.tree.leaves(summaries)
 
     def work() -> None:
@@ -77,7 +77,7 @@ def run(
             done = np.flatnonzero(rows.state == DONE)
             if done.size:
                 place = rows.design[done], rows.segment[done]
-                found = jax.tree.leaves(summarise(rows.seen, rows.last))
+                found = jax.tree.leaves(summarise(rows.seen[:, :instants], rows.last))
                 for whole, part in zip(leaves, found, strict=True):
                     whole[place] = np.asarray(part)[done]
                 rows.state[done] = FREE

@@ -14,14 +14,14 @@ LANES = 16
 STAGES = 7
 # Rows of the clock. The step ends at NEXT; MEMORY is the logarithm of one over the last error; what
 # is later than FLOOR is at END; KEEP and LOOK are 1 for yes; the interpolation's WEIGHTS come last.
-TIME, NEXT, STEP, AT, DUE, KEEP, LOOK, SQUARES, ATOL, RTOL = (row * LANES for row in range(10))
-MEMORY, END, FLOOR, DT, SMALLEST, COUNT, MOST, WEIGHTS = (row * LANES for row in range(10, 18))
+TIME, NEXT, STEP, AT, DUE, KEEP, LOOK, SQUARES = (row * LANES for row in range(8))
+MEMORY, END, FLOOR, DT, SMALLEST, COUNT, MOST, WEIGHTS = (row * LANES for row in range(8, 16))
 CLOCK = WEIGHTS + STAGES * LANES
 # Rows of whole numbers: design (-1: none), segment, next instant, row, steps so far, instants held
 # back, and whether the design is new.
 DESIGN, SEGMENT, INSTANT, ROW, STEPS, HELD, FRESH = range(7)
 # Instants held back by a lane until it has so many: then all lanes observe side by side.
-DEPTH = 16
+DEPTH = 8
 # States of a row, and how a design ended.
 FREE, IN_USE, DONE = range(3)
 SUCCESS, TOO_MANY_STEPS, STEP_TOO_SMALL, NOT_FINITE = range(4)
@@ -80,7 +80,7 @@ class Rows(NamedTuple):
     state: np.ndarray  # (rows,): FREE, IN_USE or DONE
     design: np.ndarray  # (rows,)
     segment: np.ndarray  # (rows,)
-    seen: np.ndarray  # (rows, observed, instants)
+    seen: np.ndarray  # (rows, instants and a few more, observed)
     last: np.ndarray  # (rows, states)
 
 
@@ -103,9 +103,11 @@ class Lanes(NamedTuple):
     clock: np.ndarray  # (CLOCK,)
     y: np.ndarray  # (states * LANES,)
     k: np.ndarray  # (STAGES, states * LANES): rates of the stages
-    trial: np.ndarray  # as y; so are the next two
+    trial: np.ndarray  # as y; so are the next four
     wide: np.ndarray  # a row of the clock, repeated for every state
     change: np.ndarray
+    atol: np.ndarray
+    rtol: np.ndarray
     given: np.ndarray  # (numbers * LANES,)
     kept: np.ndarray  # (kept * LANES,)
     scratch: np.ndarray  # as the longer of kept and y
@@ -127,6 +129,9 @@ def new_lanes(sizes: Sizes) -> Lanes:
         trial=np.zeros(width),
         wide=np.zeros(width),
         change=np.zeros(width),
+        # Lanes without a design divide by them too.
+        atol=np.ones(width),
+        rtol=np.ones(width),
         given=np.zeros(sizes.numbers * LANES),
         kept=np.zeros(sizes.kept * LANES),
         scratch=np.zeros(max(sizes.kept, sizes.states) * LANES),
@@ -139,5 +144,7 @@ def new_lanes(sizes: Sizes) -> Lanes:
 def new_rows(count: int, sizes: Sizes, instants: int) -> Rows:
     """Rows that are free."""
     state, design, segment = np.zeros((3, count), np.int64)
-    seen = np.full((count, sizes.observed, instants), np.nan)
+    # A few instants more than are used: rows a power of 2 apart would all meet in one set of the
+    # processor's cache.
+    seen = np.full((count, instants + 8, sizes.observed), np.nan)
     return Rows(state, design, segment, seen, np.full((count, sizes.states), np.nan))

@@ -93,7 +93,7 @@ def record(
     def summarise(seen, last):
         observed, first = [], 0
         for part in parts:
-            flat = seen[first : first + part.size].T
+            flat = seen[:, first : first + part.size]
             observed.append(flat.reshape(-1, *part.shape))
             first += part.size
         end = jax.tree.unflatten(state_tree, list(last))
@@ -102,7 +102,7 @@ def record(
     segments, instants = times.shape
     size = sum(part.size for part in parts)
     summaries = jax.eval_shape(
-        jax.vmap(summarise), _like(segments, size, instants), _like(segments, count)
+        jax.vmap(summarise), _like(segments, instants, size), _like(segments, count)
     )
     leaves, tree = jax.tree.flatten(summaries)
     integer = jnp.zeros((), int).dtype

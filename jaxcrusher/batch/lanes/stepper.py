@@ -14,7 +14,6 @@ from jaxcrusher.batch.lanes.elementary import exponential, logarithm
 from jaxcrusher.batch.lanes.instructions import WITHIN, take
 from jaxcrusher.batch.lanes.layout import (
     AT,
-    ATOL,
     COUNT,
     DEPTH,
     DESIGN,
@@ -36,7 +35,6 @@ from jaxcrusher.batch.lanes.layout import (
     NEXT,
     NOT_FINITE,
     ROW,
-    RTOL,
     SEGMENT,
     SMALLEST,
     SQUARES,
@@ -155,16 +153,16 @@ def measure(batch, lanes):
     combine(len(lanes.k), batch.method.error, lanes.k, lanes.wide, change, change)
     # Totals do not count, unless there is nothing else.
     count = batch.sizes.motion if batch.sizes.motion > 0 else batch.sizes.states
+    for i in range(count * LANES):
+        before, after = abs(y[i]), abs(trial[i])
+        size = after if after > before else before
+        error = change[i] / (lanes.atol[i] + lanes.rtol[i] * size)
+        change[i] = error * error
+    # Sums over the states before; the last one's are those over all.
+    for i in range(LANES, count * LANES):
+        change[i] += change[i - LANES]
     for lane in range(LANES):
-        clock[SQUARES + lane] = 0.0
-    for i in range(count):
-        for lane in range(LANES):
-            before, after = abs(y[i * LANES + lane]), abs(trial[i * LANES + lane])
-            size = after if after > before else before
-            error = change[i * LANES + lane] / (clock[ATOL + lane] + clock[RTOL + lane] * size)
-            clock[SQUARES + lane] += error * error
-    for lane in range(LANES):
-        clock[SQUARES + lane] /= count
+        clock[SQUARES + lane] = change[(count - 1) * LANES + lane] / count
 
 
 @fast
@@ -237,13 +235,19 @@ def interpolate(method, lanes):
         for lane in range(LANES):
             s = (clock[DUE + lane] - clock[TIME + lane]) / clock[STEP + lane]
             clock[row + lane] = clock[STEP + lane] * s * (d[0] + s * (d[1] + s * (d[2] + s * d[3])))
-    for i in range(found.size):
-        found[i] = lanes.y[i]
-    for stage in range(STAGES):
-        rate, row = k[stage], WEIGHTS + stage * LANES
-        for first in range(0, found.size, LANES):
-            for lane in range(LANES):
-                found[first + lane] += clock[row + lane] * rate[first + lane]
+    k0, k1, k2, k3, k4, k5, k6 = k[0], k[1], k[2], k[3], k[4], k[5], k[6]
+    y, w = lanes.y, clock[WEIGHTS:]
+    # So large a body LLVM does not unroll to scalar code.
+    for first in range(0, found.size, LANES):
+        for lane in range(LANES):
+            i = first + lane
+            found[i] = (
+                y[i]
+                + (w[lane] * k0[i] + w[LANES + lane] * k1[i])
+                + (w[2 * LANES + lane] * k2[i] + w[3 * LANES + lane] * k3[i])
+                + (w[4 * LANES + lane] * k4[i] + w[5 * LANES + lane] * k5[i])
+                + w[6 * LANES + lane] * k6[i]
+            )
 
 
 @fast
@@ -284,7 +288,7 @@ def flush(observe, batch, lanes):
             if depth < held[lane]:
                 row, instant = lanes.held_for[depth, 0, lane], lanes.held_for[depth, 1, lane]
                 for i in range(batch.sizes.observed):
-                    batch.rows.seen[row, i, instant] = lanes.seen[i * LANES + lane]
+                    batch.rows.seen[row, instant, i] = lanes.seen[i * LANES + lane]
     for lane in range(LANES):
         held[lane] = 0
 
@@ -333,9 +337,9 @@ def begin_segment(lane, batch, lanes):
     rows.state[row] = IN_USE
     rows.design[row] = whole[DESIGN, lane]
     rows.segment[row] = segment
-    for i in range(batch.sizes.observed):
-        for instant in range(times.size):
-            rows.seen[row, i, instant] = math.nan
+    for instant in range(times.size):
+        for i in range(batch.sizes.observed):
+            rows.seen[row, instant, i] = math.nan
     whole[ROW, lane] = row
     whole[INSTANT, lane] = 0
     for i in range(batch.sizes.motion, batch.sizes.states):
@@ -400,10 +404,9 @@ def start(lane, design, batch, lanes):
     for i in range(batch.sizes.numbers):
         lanes.given[i * LANES + lane] = designs.numbers[design, i]
     clock[TIME + lane] = 0.0
-    clock[ATOL + lane], clock[RTOL + lane] = (
-        designs.tolerances[design, 0],
-        designs.tolerances[design, 1],
-    )
+    for i in range(batch.sizes.states):
+        lanes.atol[i * LANES + lane] = designs.tolerances[design, 0]
+        lanes.rtol[i * LANES + lane] = designs.tolerances[design, 1]
     clock[SMALLEST + lane], clock[MOST + lane] = batch.method.smallest, batch.method.steps
     begin_segment(lane, batch, lanes)
 
