@@ -21,8 +21,9 @@ from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS
 from jaxcrusher.settled.forced import quasi_static
-from jaxcrusher.settled.periodic_orbit import NODES, periodic_orbit
+from jaxcrusher.settled.periodic_orbit import NODES, SETTLED, periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit, reason
+from jaxcrusher.settled.trigonometric import resample
 
 # Name -> unit and meaning of what a map holds besides the statistics.
 VARIABLES = {
@@ -44,7 +45,7 @@ def orbit_map(
     period: int = 1,
     slopes: Sequence[str] = (),
     metric: str = "foundation_rms",
-    nodes: int = NODES,
+    nodes: int | None = None,
     engine: Engine | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
@@ -58,7 +59,9 @@ def orbit_map(
     - `axes`: names of `jaxcrusher.PE250X400` -> values, shape (n,), in SI units, or choices.
       Neighbours are cells one step along a number, so their order should be increasing.
     - `base`: names -> values of what does not vary, where it is not the paper's.
-    - `period`, `nodes`: turns of the motions, and nodes a turn, as in `periodic_orbit`.
+    - `period`: turns of the motions, as in `periodic_orbit`.
+    - `nodes`: even number of nodes a turn. None is 96, and 192 for what these do not solve, or
+      leave with an `error` above 1e-8.
     - `slopes`: names of numbers by which `metric`, a statistic of `jaxcrusher.PeriodicOrbit`, is
       differentiated: any number of them costs about as much as one.
     - `engine`: as in `jaxcrusher.map_chunks`.
@@ -76,8 +79,10 @@ def orbit_map(
     """
     require_x64()
     require_whole("period", period, 1)
-    require_whole("nodes", nodes, 4)
-    require(nodes % 2 == 0, "nodes", "be even", nodes)
+    if nodes is not None:
+        require_whole("nodes", nodes, 4)
+        require(nodes % 2 == 0, "nodes", "be even", nodes)
+    levels = (NODES, 2 * NODES) if nodes is None else (nodes,)
     require_choice("metric", metric, tuple(STATISTIC))
     for name in slopes:
         require_choice("slopes", name, tuple(PARAMETERS))
@@ -99,15 +104,16 @@ def orbit_map(
     shape = tuple(len(values) for values in varied.values())
     grid = _Grid(shape, tuple(name in PARAMETERS for name in varied), numbers)
     for chosen, members in groups.items():
-        solve = eqx.Partial(
-            _cell,
-            choices=dict(zip(CHOICES, chosen, strict=True)),
-            slopes=tuple(slopes),
-            metric=metric,
-            period=period,
-            nodes=nodes,
-        )
-        grid.fill(solve, members, nodes * period, engine, report)
+        for level in levels:
+            solve = eqx.Partial(
+                _cell,
+                choices=dict(zip(CHOICES, chosen, strict=True)),
+                slopes=tuple(slopes),
+                metric=metric,
+                period=period,
+                nodes=level,
+            )
+            grid.fill(solve, members, level * period, engine, report)
     rows = [grid.rows[number] for number in range(len(cells))]
     data = _variables(varied, shape, rows, metric)
     labels = {name: (name, *rest) for name, rest in coordinates(varied).items()}
@@ -118,7 +124,7 @@ def orbit_map(
         parameters={n: [v, PARAMETERS[n].unit] for n, v in fixed.items() if n in PARAMETERS},
         choices={name: value for name, value in fixed.items() if name in CHOICES},
         period=period,
-        nodes=nodes,
+        nodes=list(levels),
     )
     return xr.Dataset(data, labels, attributes)
 
@@ -176,15 +182,15 @@ class _Grid:
         engine: Engine | None,
         report: Callable[[int, int], None],
     ) -> None:
-        """Solve some cells, then what failed from neighbours, until no neighbour is new."""
+        """Solve what is not solved well, then what fails from neighbours, until none is new."""
         total = math.prod(self.shape)
-        done = len(self.rows)
-        wanted: list[tuple[int, np.ndarray]] = [(n, np.full((points, 2), np.nan)) for n in members]
+        wanted = [(n, self._own(n, points)) for n in members if not self._settled(n)]
         tried: set[tuple[int, int]] = set()
         while wanted:
             for number, row in self._solve(solve, wanted, engine):
-                self.rows[number] = row
-                report(max(done, min(len(self.rows), total)), total)
+                if row["success"] or number not in self.rows:
+                    self.rows[number] = row
+                report(len(self.rows), total)
             wanted = []
             for number in members:
                 if self.rows[number]["success"]:
@@ -192,9 +198,20 @@ class _Grid:
                 for near in self._neighbours(number):
                     if self.rows[near]["success"] and (number, near) not in tried:
                         tried.add((number, near))
-                        wanted.append((number, self.rows[near]["eccentricity"]))
+                        wanted.append((number, self._own(near, points)))
                         break
-        report(len(self.rows), total)
+
+    def _settled(self, number: int) -> bool:
+        """Whether a cell is known as well as it can be wished for."""
+        row = self.rows.get(number)
+        return row is not None and bool(row["success"]) and bool(row["error"] <= SETTLED)
+
+    def _own(self, number: int, points: int) -> np.ndarray:
+        """The orbit of a cell, as a guess; NaN, which stands for the pin at rest, if none."""
+        row = self.rows.get(number)
+        if row is None or not row["success"] or "eccentricity" not in row:
+            return np.full((points, 2), np.nan)
+        return np.asarray(resample(row["eccentricity"], points))
 
     def _solve(self, solve: Callable, wanted: list[tuple[int, np.ndarray]], engine: Engine | None):
         """Rows as they come; the last chunk is as large as the others, or it were compiled anew."""

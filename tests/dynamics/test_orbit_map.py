@@ -51,7 +51,8 @@ def test_a_failed_cell_is_tried_from_its_neighbours():
             tried.append((number, guess[0, 0]))
             # The last cell wants its neighbour 8, the others anything; 6 wants what there is not.
             good = number not in (6, 10) or (number == 10 and guess[0, 0] == 8.0)
-            yield number, {"success": good, "eccentricity": np.full((4, 2), float(number))}
+            orbit = np.full((4, 2), float(number))
+            yield number, {"success": good, "eccentricity": orbit, "error": 0.0}
 
     grid._solve = solve
     grid.fill(None, [0, 2, 4, 6, 8, 10], 4, None, lambda *counts: None)
@@ -59,6 +60,12 @@ def test_a_failed_cell_is_tried_from_its_neighbours():
     again = [pair for pair in tried if not np.isnan(pair[1])]
     assert sorted(again) == [(6, 0.0), (6, 8.0), (10, 4.0), (10, 8.0)]
     assert grid.rows[10]["success"] and not grid.rows[6]["success"]
+    # With more nodes: only what failed, or is not known well, that from itself.
+    tried.clear()
+    grid.rows[4]["error"] = 1e-6
+    grid.fill(None, [0, 2, 4, 6, 8, 10], 8, None, lambda *counts: None)
+    assert tried[0] == (4, 4.0) and tried[1][0] == 6 and np.isnan(tried[1][1])
+    assert {number for number, _ in tried} == {4, 6}
 
 
 @pytest.mark.parametrize(
