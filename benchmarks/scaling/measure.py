@@ -12,10 +12,13 @@ import jax
 import numpy as np
 
 import jaxcrusher as jc
-from jaxcrusher.batch.engines import map_all, map_chunks
+from benchmarks.step_cost import programs
+from jaxcrusher.batch.engines import CHUNK, map_all, map_chunks
 
 DESIGNS = (1, 4, 16, 64, 256, 1024, 4096, 16384)
 DESIGNS_TURNS = 10
+SWEEP_SIDES = (8, 16, 32, 64, 100)
+SWEEP_TURNS = 5
 TURNS = (10, 30, 100, 300, 1000)
 TURNS_DESIGNS = 8
 RTOL = 1e-6
@@ -23,7 +26,6 @@ REPEATS = 5
 # A run longer than this is not repeated.
 LONG = 5.0  # s
 ENOUGH = 0.5  # s; a median needs no more
-CHUNK = 64  # designs, as `jaxcrusher.sweep` takes them
 
 # By how many of these the RMS is differentiated, one after the other.
 DIFFERENTIATED = (2, 8, 20)
@@ -116,6 +118,36 @@ def _rms_and_steps(scene: jc.Scene, turns: int) -> tuple[jax.Array, jax.Array]:
     return result.foundation_rms, result.outcome.steps
 
 
+def whole_sweep(side: int) -> dict[str, Any]:
+    """`jaxcrusher.sweep` with all its statistics, beside the peer by hand, which has the RMS only.
+
+    The peer is written for numba, runs on one core and takes its designs one after the other; it
+    is timed by 64 of them.
+    """
+    peers = programs.designs("contact", SWEEP_TURNS)
+    by_hand = programs.numba(peers)
+    axes = {"speed": np.linspace(28, 32, side), "clearance": np.linspace(5e-5, 7e-5, side)}
+    base = {"start": "contact", "slip": "surface", "friction": programs.FRICTION}
+
+    def run() -> None:
+        grid = jc.sweep(axes, 0, SWEEP_TURNS, base=base, rtol=programs.RTOL)
+        if not bool(grid.success.all()):
+            raise RuntimeError("A design failed.")
+
+    first, _ = seconds(run), by_hand()
+    began, pairs = time.process_time(), []
+    while not pairs or (len(pairs) < REPEATS and time.process_time() - began < LONG):
+        pairs.append((seconds(run), seconds(by_hand)))
+    ours, theirs = np.median(pairs, axis=0)
+    return {
+        "designs": side**2,
+        "turns": SWEEP_TURNS,
+        "first_s": first,
+        "seconds": float(ours),
+        "by_hand_s": float(theirs) * side**2 / len(peers.starts),
+    }
+
+
 def gradient(method: str, count: int) -> dict[str, Any]:
     """Value and gradient of the RMS of one quiet motion by `count` parameters, and the value."""
     names = PARAMETERS[:count]
@@ -150,6 +182,8 @@ def measure(what: str) -> Iterator[dict[str, Any]]:
     """The rows of one process."""
     if what == "designs":
         yield from (batch(count, DESIGNS_TURNS) for count in DESIGNS)
+    elif what == "sweeps":
+        yield from (whole_sweep(side) for side in SWEEP_SIDES)
     elif what == "turns":
         yield from (batch(TURNS_DESIGNS, count) for count in TURNS)
     else:

@@ -48,6 +48,7 @@ def page(rows: list[dict[str, Any]], setting: str) -> str:
                 f"{r['peak_mib']:.0f} |"
             )
         lines += ["", _flatness(chosen, per), ""]
+    lines += _sweep_lines([r for r in rows if r["what"] == "sweeps"])
     lines += _gradient_lines(gradients)
     return "\n".join(lines) + "\n"
 
@@ -60,6 +61,25 @@ def _flatness(rows: list[dict[str, Any]], per: str) -> str:
         costs = [1e6 * r["seconds"] / r["steps"] for r in kept]
         said.append(f"{min(costs):.2f} to {max(costs):.2f} us on {_cores(cores)}")
     return f"A step takes {' and '.join(said)}, over {per} with two designs a core or more."
+
+
+def _sweep_lines(rows: list[dict[str, Any]]) -> list[str]:
+    lines = [
+        "## Whole sweeps",
+        "",
+        f"`jaxcrusher.sweep` over {rows[0]['turns']} turns: crushers built, integrated, all",
+        "statistics taken, and a dataset made. Beside it the crusher by hand for numba, scalar and",
+        "on one core, which integrates the RMS alone and looks at no instants between its steps.",
+        "",
+        "| cores | designs | ms a design | by hand / ours | first s |",
+        "|---|---|---|---|---|",
+    ]
+    for r in rows:
+        lines.append(
+            f"| {r['cores']} | {r['designs']} | {1e3 * r['seconds'] / r['designs']:.2f} | "
+            f"{r['by_hand_s'] / r['seconds']:.2f} | {r['first_s']:.1f} |"
+        )
+    return [*lines, ""]
 
 
 def _cores(count: int) -> str:

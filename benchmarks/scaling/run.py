@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from benchmarks.scaling.measure import DESIGNS, DIFFERENTIATED, METHODS, TURNS
+from benchmarks.scaling.measure import DESIGNS, DIFFERENTIATED, METHODS, SWEEP_SIDES, TURNS
 from benchmarks.scaling.page import figure, page
 from benchmarks.setting import run_apart, setting
 from jaxcrusher.files.progress import progress
@@ -13,9 +13,10 @@ from jaxcrusher.files.results import results_folder, write_figure, write_table, 
 JOBS = (
     *(("designs", cores) for cores in (1, 2)),
     *(("turns", cores) for cores in (1, 2)),
+    *(("sweeps", cores) for cores in (1, 2)),
     *((method, 1) for method in METHODS),
 )
-ROWS = {"designs": len(DESIGNS), "turns": len(TURNS)}
+ROWS = {"designs": len(DESIGNS), "turns": len(TURNS), "sweeps": len(SWEEP_SIDES)}
 
 
 def run(out: Path) -> None:

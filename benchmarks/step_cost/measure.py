@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from benchmarks.peers import c_peer
-from benchmarks.step_cost import fewer, profile, programs, report
+from benchmarks.step_cost import fewer, profile, programs, registers, report
 
 # Start and whole turns. With the slip of the surfaces the centred start ends in the whirl.
 MOTIONS: dict[str, tuple[programs.Start, int]] = {
@@ -21,7 +21,8 @@ def measure(what: str, motion: str, flag: str, advance: Callable[[int], None]) -
         return _costs(motion, flag, advance)
     if what == "profile":
         designs = programs.designs(*MOTIONS[motion])
-        return profile.counts(designs), profile.evaluation(designs)
+        in_lanes = registers.counts(designs), registers.evaluation(designs)
+        return profile.counts(designs), profile.evaluation(designs), *in_lanes
     total = len(fewer.methods())
     return fewer.measure(lambda: advance(total))
 
@@ -37,8 +38,7 @@ def _costs(motion: str, flag: str, advance: Callable[[int], None]) -> list[dict]
     if flag == "loop flag":
         asked[report.PLAIN] = programs.plain_map(designs)
         if c_peer.missing() is None:
-            asked[report.C] = programs.c(designs, 1)
-            asked[report.LANES] = programs.c(designs, 8)
+            asked |= {name: programs.c(designs, lanes) for name, lanes in report.C.items()}
     total = len(asked) * (REPEATS[flag] + 1)
     costs = programs.costs(asked, REPEATS[flag], lambda: advance(total))
     rms = costs[report.NUMBA].found.rms
