@@ -31,5 +31,6 @@ from .scenes.paper import ideal_scene as ideal_scene
 from .scenes.paper import paper_scene as paper_scene
 from .scenes.parameters import PARAMETERS as PARAMETERS
 from .scenes.parameters import PE250X400 as PE250X400
+from .settled.orbit_branch import orbit_branch as orbit_branch
 from .settled.periodic_orbit import periodic_orbit as periodic_orbit
 from .settled.result import PeriodicOrbit as PeriodicOrbit

@@ -128,7 +128,16 @@ def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> Perio
     start = forced.quasi_static(still, period, count) if guess is None else resample(guess, count)
     system = System(forced.acceleration, jnp.asarray(2 * np.pi * period), scene)
     x, root = collocate(system, start)
-    values, error, least = _statistics(forced.snapshot, system.at(x, instants), scene)
+    return described(system, period, x, root)
+
+
+def described(
+    system: System, period: int, x: Float[Array, "nodes 2"], root: newton.Root
+) -> PeriodicOrbit:
+    """What is known of the orbit of a crusher through nodes that Newton's method ended at."""
+    scene = system.args
+    seen = system.at(x, INSTANTS * period)
+    values, error, least = _statistics(forced.snapshot, seen, scene)
     missed = forced.missed(*jax.lax.stop_gradient((system, x, root.factors)))
     error += jnp.abs(missed) / (2 * jax.lax.stop_gradient(values["foundation_rms"]) ** 2)
     reason = RESULTS.where(least > 0, RESULTS.unresolved, RESULTS.contact_lost)
