@@ -306,7 +306,7 @@ def test_documented_commands_are_understood():
     texts = [root / "docs" / "command_line.md", *(root / "examples").glob("*.toml")]
     command = re.compile(r"python -m jaxcrusher (\w+ --?.*|gradient .*)")
     lines = [line for text in texts for line in command.findall(text.read_text())]
-    assert len(lines) == 6
+    assert len(lines) == 7
     for line in lines:
         parse(__main__.run, shlex.split(line))
 
