@@ -176,8 +176,8 @@ class _Block:
         return [read(output) for output in self._outputs]
 
 
-# Designs that JAX computes side by side: always as many, so that the program and with it the
-# rounding are the same for every batch.
+# Designs that JAX computes side by side: always as many, so that one program, with one rounding, is
+# compiled for batches of any size.
 TILE = 64
 
 
