@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.optimize
 
-# The objective is about 1; noise of the integration is 1e-7 of it, and no search may hunt it.
+# The objective is about 1; noise of the solution is 1e-10 of it, and no search may hunt it.
 RELATIVE_CHANGE = 1e-8
 # First and last radius of the model-based search, first spread of the evolution, in boxes.
 FIRST_RADIUS, LAST_RADIUS, SPREAD = 0.2, 1e-4, 0.3
@@ -23,7 +23,7 @@ NO_NUMBER = 100.0
 
 
 class Answer(NamedTuple):
-    """An evaluation: value (NaN: none), integration steps it took, gradient (n,) if asked."""
+    """An evaluation: value (NaN: none), steps of its solver, gradient (n,) if asked."""
 
     value: float
     steps: int
@@ -59,7 +59,7 @@ class Search:
     best: list[float] = field(default_factory=list)
     point: list[float] = field(default_factory=list)  # of the best, in the unit box
     evaluations: int = 0
-    steps: int = 0  # of the integrations; a gradient's carry the tangents
+    steps: int = 0  # of the solver
     failures: int = 0  # evaluations without a number
     total_work: float = 0.0
     total_seconds: float = 0.0

@@ -44,7 +44,7 @@ def comparison(result: dict) -> tuple[list[str], list[list[str]]]:
         "work until then, values: median (range)",
         "CPU seconds until then",
         "evaluations",
-        "integration steps",
+        "Newton steps",
     ]
     return headings, rows
 

@@ -25,8 +25,6 @@ class Options:
     """Random starts of every method."""
     budget: int = 1000
     """Work of a search, in values of the objective."""
-    turns: int = 2
-    """Turns of the shaft of one value, from the start in contact."""
     samples: int = 32
     """Conditions that a robust design is judged under."""
     tolerance: tuple[float, float, float] = (0.5, 0.5, 0.2)

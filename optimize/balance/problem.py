@@ -34,7 +34,6 @@ def check(options: Options) -> None:
     for name, least in (
         ("starts", 1),
         ("budget", 1),
-        ("turns", 1),
         ("samples", 2),
         ("settle", 2),
         ("seed", 0),

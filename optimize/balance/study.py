@@ -14,7 +14,7 @@ from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command, versions
 from jaxcrusher.files.results import results_folder, write_json, write_text
 from jaxcrusher.files.resume import earlier
-from optimize.balance import evidence, figure, problem, quiet, report
+from optimize.balance import evidence, figure, problem, report, settled
 from optimize.balance.compare import METHODS, Answer, Search, Smooth, require_rivals, search
 from optimize.balance.options import Options
 from optimize.balance.problem import PAPER
@@ -110,9 +110,7 @@ def _searches(study: Study, design: Design, paper: np.ndarray, bars: Progress) -
     if len(done) == total:
         return
     began = time.perf_counter()
-    objective, scale = quiet.quiet_objective(
-        design, problem.conditions(options), options.turns, paper
-    )
+    objective, scale = settled.settled_objective(design, problem.conditions(options), paper)
     # A study that goes on keeps the costs it began with: every search has the same budget.
     cost = result.setdefault(
         "cost",
@@ -145,16 +143,16 @@ def _robust(
     """The design of least mean + sigmas * spread, and the spread of all three."""
     middle = problem.conditions(options)
     widths = dict(zip(middle, options.tolerance, strict=True))
-    conditions = quiet.tolerances(middle, widths, options.samples, options.seed)
+    conditions = settled.tolerances(middle, widths, options.samples, options.seed)
 
     def rms(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return quiet.sampled(point, conditions, design, options.turns)
+        return settled.sampled(point, conditions, design)
 
     scale = float(rms(points["paper"])[0].mean())
 
     def gradient(point: np.ndarray) -> Answer:
         advance()
-        value, slope = quiet.mean_and_spread(*rms(point), options.sigmas)
+        value, slope = settled.mean_and_spread(*rms(point), options.sigmas)
         return Answer(value / scale, 0, slope / scale)
 
     objective = Smooth(gradient, gradient, 1.0, 1.0)

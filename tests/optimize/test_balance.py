@@ -11,7 +11,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.commands.program import program
-from optimize.balance import compare, problem, quiet
+from optimize.balance import compare, problem, settled
 from optimize.balance import study as balance
 from optimize.balance.__main__ import study
 from optimize.balance.compare import Answer, Search, Smooth, search, spent_until
@@ -67,7 +67,7 @@ def test_gradient_against_differences():
     """All nine parameters of the study, with the joint's clearance."""
     options = Options()
     design, conditions = problem.design(options), problem.conditions(options)
-    function = jax.jit(lambda unit: quiet.quiet_slope(unit, conditions, design, 1))
+    function = jax.jit(lambda unit: settled.settled_slope(unit, conditions, design))
 
     def rms(point):
         return float(function(point)[0][0])
@@ -76,11 +76,10 @@ def test_gradient_against_differences():
     assert rms(design.unit(PAPER)) == pytest.approx(19_099, rel=5e-4)
     point, step = np.array([0.3, 0.6, 0.7, 0.4, 0.3, 0.6, 0.5, 0.4, 0.6]), 0.01
     (_, steps), slope = function(point)
-    assert slope.shape == (9,) and steps > 100
+    assert slope.shape == (9,) and 0 < steps < 30
     differences = [(rms(point + e) - rms(point - e)) / (2 * step) for e in step * np.eye(9)]
-    # Noise of a value, 3e-3 N, over 0.02 is 0.2 N; the third derivative over a hundredth of the
-    # box leaves 1e-4 of the largest slope, some 5000 N.
-    np.testing.assert_allclose(slope, differences, rtol=0, atol=1e-3 * np.abs(slope).max())
+    # The third derivative over a hundredth of the box leaves 1e-4 of the largest slope.
+    np.testing.assert_allclose(slope, differences, rtol=0, atol=2e-4 * np.abs(slope).max())
     # So that no parameter's slope hides in that: each is above it.
     assert (np.abs(slope) > 5e-3 * np.abs(slope).max()).all()
 
@@ -133,7 +132,7 @@ def test_mean_and_spread_has_the_right_slope():
 
     x = np.array([0.4, 0.9])
     slopes = 2 * (matrix @ x)[:, None] * matrix
-    value, slope = quiet.mean_and_spread(values(x), slopes, 3.0)
+    value, slope = settled.mean_and_spread(values(x), slopes, 3.0)
     assert value == values(x).mean() + 3 * values(x).std()
     expected = jax.grad(lambda x: jnp.mean((matrix @ x) ** 2) + 3 * jnp.std((matrix @ x) ** 2))
     np.testing.assert_allclose(slope, expected(jnp.asarray(x)), rtol=1e-12)
@@ -141,7 +140,7 @@ def test_mean_and_spread_has_the_right_slope():
 
 def test_tolerances_are_the_same_for_everyone():
     middle, widths = {"load": 8800.0, "friction": 0.1}, {"load": 0.2, "friction": 0.5}
-    first, second = (quiet.tolerances(middle, widths, 20, 3) for _ in range(2))
+    first, second = (settled.tolerances(middle, widths, 20, 3) for _ in range(2))
     np.testing.assert_array_equal(first["load"], second["load"])
     for name, column in first.items():
         assert column.shape == (20,) and (np.abs(column / middle[name] - 1) <= widths[name]).all()
@@ -184,7 +183,7 @@ def bowl_study(monkeypatch):
         1.0,
         10.0,
     )
-    monkeypatch.setattr(quiet, "quiet_objective", lambda *_: (nine, 20_000.0))
+    monkeypatch.setattr(settled, "settled_objective", lambda *_: (nine, 20_000.0))
 
 
 def test_an_interrupted_study_goes_on(bowl_study, tmp_path, monkeypatch):
