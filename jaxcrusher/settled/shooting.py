@@ -93,7 +93,8 @@ def section_point(
 ) -> tuple[np.ndarray, Tangents] | None:
     """The section point near `guess` that repeats after `period` turns, by Newton's method.
 
-    With it come the derivatives along the orbit. None if the iteration does not converge, or if
+    With it come the derivatives along the orbit. None if the iteration does not converge, if a
+    multiplier is 1 (whatever is near repeats too), or if
     the state holds more than eccentricity and rate (a memory that no impact renews repeats
     whatever it is).
     """
@@ -107,7 +108,10 @@ def section_point(
         matrix, _ = chain(along)
         if not np.isfinite(matrix).all():
             return None
-        step = np.linalg.solve(np.eye(4) - matrix, along.state - x)
+        try:
+            step = np.linalg.solve(np.eye(4) - matrix, along.state - x)
+        except np.linalg.LinAlgError:
+            return None
         if float(np.max(np.abs(step))) < CLOSURE:
             return x, along
         x = x + step
