@@ -12,14 +12,38 @@ import jaxcrusher as jc
 
 
 @dataclass(frozen=True)
+class Settled:
+    """The motion that repeats every turn, solved for; NaN in every number where it is not."""
+
+    failure: str  # why there is none, or nothing
+    objective: float
+    foundation_rms: float
+    foundation_peak: float
+    error: float  # estimated, of the RMS as a share of it
+    multipliers: list[list[float]]  # of a disturbance, a turn: real and imaginary parts
+    largest_multiplier: float
+    settling_turns: float  # in which a disturbance falls to 1/e; infinite if it grows
+    least_penetration: float  # in clearances
+    validity: jc.Validity
+    slopes: dict[str, float]  # of the objective, per unit of each free parameter
+    slopes_apart: dict[str, float]  # how far differences of settled motions are from them
+
+    @property
+    def stable(self) -> bool:
+        """Whether a motion beside it comes to it."""
+        return not self.failure and self.largest_multiplier < 1
+
+
+@dataclass(frozen=True)
 class Runs:
-    """Independent long runs of a design from one start."""
+    """Independent long runs of a design from one start, which show how far it has settled."""
 
     objective_mean: float
     objective_half_width: float  # of the mean's confidence interval, from the scatter of the runs
     validity: jc.Validity  # of the first run
     state: np.ndarray  # at the end of the first run, as in `jaxcrusher.Section`
     by_run: dict[str, np.ndarray]  # every variable, shape (runs,); the first start is not shifted
+    settles: bool  # there is a stable settled motion, and no run ever lost contact
 
     @property
     def count(self) -> int:
@@ -33,42 +57,65 @@ class Runs:
 
 @dataclass(frozen=True)
 class Confirmed:
-    """A design and what it is judged by: the mean objective of the worse start's runs."""
+    """A design and what it is judged by: the motion that its worse start comes to.
+
+    That is the settled motion if the start's swing dies in contact, else the mean of its runs.
+    """
 
     values: dict[str, float]  # of the free parameters
     objective: float  # NaN if a run failed, whirled or broke a constraint
-    half_width: float
+    half_width: float  # estimated error of the settled motion's, or of the mean's interval
     worse_start: str
     speed: float
     clearance: float
-    foundation_rms: float  # mean of the runs, larger of both starts
+    foundation_rms: float  # of the settled motion, or the mean of the worse start's runs
     ideal_rms: float  # the same machine's with an ideal joint
     capacity: float  # m3/h
-    runs: dict[str, Runs]  # by start
-    regime: dict[str, jc.Regime] = field(default_factory=dict)  # by start
+    multipliers: list[list[float]]  # of the settled motion; none where there is none
+    settled: Settled | None  # None: a scene whose orbits cannot be solved for
+    transient: dict[str, Runs]  # by start
+    regime: dict[str, jc.Regime] = field(default_factory=dict)  # of starts that do not settle
+
+    @property
+    def counts(self) -> bool:
+        """Whether it may be chosen."""
+        return self.objective == self.objective
+
+    @property
+    def settles(self) -> bool:
+        """Whether it comes to its settled motion from every start."""
+        return all(runs.settles for runs in self.transient.values())
 
 
 @dataclass(frozen=True)
 class Refinement:
     """A local search, and its objective at both ends."""
 
-    by: str  # "gradient" of the quiet motion, or "fits" to motions from random starts
-    exponent: float  # the largest of the landscape's point next to its start, a turn
+    by: str  # "gradient" of the settled motion, or "fits" to motions from random starts
     path: dict[str, np.ndarray]  # of the free parameters, shape (points,)
     first: float
     last: float
-    gradient: dict[str, float]  # at the end; nothing by fits
+    evaluations: int  # of the objective, with gradients if by them
+    gradient: dict[str, float]  # at the end, per unit of the parameter; nothing by fits
+
+
+@dataclass(frozen=True)
+class Held:
+    """A limit that holds the optimum: without it the objective would fall."""
+
+    parameter: str
+    limit: str  # "lowest", "highest" or "capacity"
+    multiplier: float  # what the objective would gain per unit of the parameter
 
 
 @dataclass(frozen=True)
 class Claim:
     """How far the optimum is the box's."""
 
-    confidence: float
-    half_width: float
-    bound: float | None  # of the objective's change within half a cell; None without a grid
-    gain: float  # of the descents, on the landscape's best point
-    gain_half_width: float
+    within: float | None  # of the least in the box, in the objective's unit; None: not known
+    curvature: float | None  # what second derivatives can hide in a cell: a part of `within`
+    open_cells: int  # of the map, without a stable settled motion: nothing is said of them
+    gain: float  # of the descents, on the map's best point
     words: str
 
 
@@ -118,11 +165,15 @@ class Answer:
     seconds: dict[str, float] = field(default_factory=dict)  # by stage
     steps: dict[str, int] = field(default_factory=dict)  # of integrations, by stage
     refinement: tuple[Refinement, ...] = ()
-    candidates: tuple[Confirmed, ...] = ()  # the landscape's best point first
+    candidates: tuple[Confirmed, ...] = ()
+    settle_turns: int = 0  # of the long runs, before their statistics began
+    compared_with: str = "paper's choice"  # or the scene file's
     optimum: Confirmed | None = None
-    seed_choice: Confirmed | None = None  # the paper's
+    seed_choice: Confirmed | None = None  # what the optimum is compared with
+    ideal: float | None = None  # RMS of the optimum's machine with an ideal joint, N
+    held: tuple[Held, ...] = ()  # by what limits the optimum is held; elsewhere slopes vanish
     claim: Claim | None = None
-    gradient_report: jc.GradientReport | None = None
+    gradient_report: jc.GradientReport | None = None  # where the optimum has no settled motion
     checks: tuple[Check, ...] = ()
     remark: str = ""
 
@@ -134,5 +185,5 @@ class Answer:
     @property
     def designs(self) -> dict[str, Confirmed]:
         """Those to show, by title, as far as the search came."""
-        titled = {"optimum": self.optimum, "paper's choice": self.seed_choice}
+        titled = {"optimum": self.optimum, self.compared_with: self.seed_choice}
         return {title: design for title, design in titled.items() if design is not None}

@@ -6,6 +6,7 @@ from jaxtyping import Float
 from scipy.stats import t as student
 
 import jaxcrusher as jc
+from optimize import settled
 from optimize.answer import Confirmed, Runs
 from optimize.evaluate import STARTS, Case, Progress, Rows, Window, evaluate
 
@@ -13,6 +14,8 @@ CONFIDENCE = 0.95
 # Starts of independent runs are shifted at random by up to this many clearances: a swing or a
 # chaotic motion forgets it, a periodic one comes back to itself.
 SHIFT = 0.05
+# A share of time as an integral over many steps.
+ROUNDING = 1e-9
 
 
 def interval(values: Float[np.ndarray, " runs"]) -> tuple[float, float]:
@@ -51,27 +54,45 @@ def confirmed(case: Case, unit: Float[np.ndarray, " n"], rows: Rows) -> Confirme
     """A point of the unit box with its runs: `rows` of shape (starts, runs, ...)."""
     values = case.design.numbers(unit)
     described = {**jc.PE250X400, **case.design.fixed, **values}
+    scene = jc.build_scene({**case.design.fixed, **values})
+    orbit = None if settled.unsolvable(case) else settled.looked_at(case, unit, scene)
     intervals = [interval(numbers) for numbers in rows["objective"]]
-    worse = int(np.argmax([mean for mean, _ in intervals]))
-    mean, half_width = intervals[worse]
-    ideal = jc.statistics(jc.build_scene(described).ideal(), 0, 1, outputs=("foundation_rms",))
-    runs = {}
+    runs, judged = {}, []
     for i, (start, numbers) in enumerate(zip(STARTS, intervals, strict=True)):
         by_run = {name: column[i] for name, column in rows.items()}
         limits = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
         first = [by_run[name][0] for name in limits]
         validity = jc.Validity(*map(jnp.asarray, (*first, described["restitution"])))
         state = by_run.pop("state")[0]
-        runs[start] = Runs(*numbers, validity, state, by_run)
+        settles = orbit is not None and orbit.stable and _in_contact(by_run)
+        runs[start] = Runs(*numbers, validity, state, by_run, settles)
+        if orbit is not None and settles:
+            judged.append((orbit.objective, orbit.error * abs(orbit.objective)))
+        else:
+            judged.append(numbers)
+    worse = int(np.argmax([mean for mean, _ in judged]))
+    objective, half_width = judged[worse]
+    worst = runs[STARTS[worse]]
+    rms = worst.by_run["foundation_rms"].mean()
+    if orbit is not None and worst.settles:
+        rms = orbit.foundation_rms
     return Confirmed(
         values,
-        mean if rows["counts"].all() else float("nan"),
+        objective if rows["counts"].all() else float("nan"),
         half_width,
         STARTS[worse],
         float(described["speed"]),
         float(described["clearance"]),
-        float(rows["foundation_rms"].mean(axis=1).max()),
-        float(np.asarray(ideal.foundation_rms)),
+        float(rms),
+        float(jc.periodic_orbit(scene.ideal()).foundation_rms),
         float(case.capacity(unit)),
+        orbit.multipliers if orbit is not None else [],
+        orbit,
         runs,
     )
+
+
+def _in_contact(by_run: Rows) -> bool:
+    """Whether no run left contact: a swing in contact dies, and the orbit is all it can end on."""
+    kept = by_run["contact_fraction"] >= 1 - ROUNDING
+    return bool(kept.all() and by_run["success"].all())

@@ -43,6 +43,24 @@ class Case:
         speed = values.get("speed", jc.PE250X400["speed"])
         return np.broadcast_to(np.asarray(self.chamber.capacity(speed)), np.shape(units)[:-1])
 
+    @property
+    def slowest(self) -> float:
+        """The lowest driving speed, rad/s."""
+        if "speed" in self.design.bounds:
+            return self.design.bounds["speed"][0]
+        return float(self.design.fixed.get("speed", jc.PE250X400["speed"]))
+
+    @property
+    def upper(self) -> Float[np.ndarray, " n"]:
+        """The box's upper corner in the unit box: the capacity's floor may cut the speed short."""
+        corner = np.ones(len(self.design.names))
+        if "speed" in self.design.names and self.capacity_floor > 0:
+            i = self.design.names.index("speed")
+            low, high = self.design.bounds["speed"]
+            fastest = float(self.chamber.highest_speed(self.capacity_floor))
+            corner[i] = min(1.0, (fastest - low) / (high - low))
+        return corner
+
 
 @dataclass(frozen=True)
 class Window:
@@ -102,19 +120,6 @@ def judged(rows: Mapping[str, Any]) -> np.ndarray:
     """The objective of the worse start, shape (points,); NaN where either does not count."""
     worse = np.max(rows["objective"], axis=0)
     return np.where(np.all(rows["counts"], axis=0), worse, np.nan)
-
-
-def quiet_objective(unit: Float[Array, " n"], case: Case, window: Window) -> tuple[Array, Array]:
-    """The objective of the motion that starts in contact, differentiable, and the steps taken."""
-    scene = case.design.scene(unit, {"start": "contact"})
-    result = jc.statistics(
-        scene,
-        window.settle,
-        window.turns,
-        outputs=case.objective.outputs,
-        rtol=window.rtol,
-    )
-    return case.objective.formula(result, scene, case.chamber), result.outcome.steps
 
 
 def started(

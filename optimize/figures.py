@@ -7,60 +7,109 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch
 
 import jaxcrusher as jc
 from jaxcrusher.files.results import write_figure
 from jaxcrusher.pictures import plots
 from optimize import landscape as maps
-from optimize.answer import Answer, Box, Confirmed
+from optimize.answer import Answer, Box
 from optimize.evaluate import Case, started
 from optimize.pareto import nondominated
 
-MARKS = {"optimum": ("*", "C3", 13), "paper's choice": ("D", "C1", 8)}
+OPTIMUM, COMPARED = ("*", "C3", 13), ("D", "C1", 8)
 
 
 def draw_all(
-    folder: Path, case: Case, units: np.ndarray, data: xr.Dataset, answer: Answer
+    folder: Path,
+    case: Case,
+    units: np.ndarray,
+    data: xr.Dataset,
+    points: np.ndarray,
+    orbits: xr.Dataset | None,
+    answer: Answer,
 ) -> list[str]:
     """Every figure that the design's parameters allow; returns the names of their files.
 
-    `units` are the landscape's points.
+    `data` is the landscape of `units` from both starts, `orbits` the settled motions of `points`.
     """
     drawn = ["pareto.png", "motion.png"]
     if "speed" in case.design.names:
         draw_capacity(folder, case, answer.box)
         drawn.insert(0, "capacity.png")
     if case.design.names == ("speed", "clearance"):
-        draw_landscape(folder, answer, data)
-        drawn.insert(0, "landscape.png")
-    draw_pareto(folder, case.capacity(units), answer.designs["paper's choice"], data)
+        draw_starts(folder, answer, data)
+        drawn.insert(0, "starts.png")
+        if orbits is not None:
+            draw_settled(folder, answer, orbits)
+            draw_settling(folder, answer, orbits)
+            drawn = ["landscape.png", "settling.png", *drawn]
+    if orbits is not None and orbits.counts.any():
+        draw_pareto(folder, case, points, orbits, answer)
+    else:
+        draw_pareto(folder, case, units, data, answer)
     draw_motions(folder, case, answer)
     return drawn
 
 
-def draw_landscape(folder: Path, answer: Answer, data: xr.Dataset) -> None:
-    """Map with what moves how, descents, optimum and the design to compare with."""
+def draw_settled(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
+    """Map of the settled motions' objective, with descents and designs."""
     fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
-    exponent = data.exponent.max("start")
+    values = orbits.objective.where(orbits.stable)
+    plots.plot_landscape(values, ax)
+    _mark(ax, answer, descents=True, open_cells=not bool(orbits.stable.all()))
+    write_figure(folder / "landscape.png", fig)
+
+
+def draw_settling(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
+    """Map of the turns in which a disturbance of the settled motion falls to 1/e."""
+    fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
+    turns = orbits.settling_turns.where(orbits.stable).transpose("clearance", "speed")
+    mesh = ax.pcolormesh(
+        orbits.speed,
+        1e3 * orbits.clearance,
+        turns,
+        cmap="viridis",
+        norm="log",
+        shading="nearest",
+    )
+    fig.colorbar(mesh, ax=ax, label="turns in which a disturbance falls to 1/e")
+    ax.set(xlabel="driving speed (rad/s)", ylabel="radial clearance (mm)", facecolor="0.6")
+    _mark(ax, answer, open_cells=not bool(orbits.stable.all()))
+    write_figure(folder / "settling.png", fig)
+
+
+def draw_starts(folder: Path, answer: Answer, data: xr.Dataset) -> None:
+    """Map of the first turns' time average from the worse start, with what moves how."""
+    fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
     marks = {
         "failed": ~data.success.all("start"),
         "whirl": data.whirl.any("start"),
-        "chaotic": exponent > maps.CHAOTIC,
         "outside the contact model": ~data.inside_model.all("start"),
     }
     plots.plot_landscape(maps.worst(data), ax, marks=marks)
+    _mark(ax, answer)
+    write_figure(folder / "starts.png", fig)
+
+
+def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool = False) -> None:
+    """Descents, optimum and the design to compare with, added to the legend."""
     handles, labels = [], []
     legend = ax.get_legend()
     if legend is not None:
         handles = [handle for handle in legend.legend_handles if handle is not None]
         labels = [text.get_text() for text in legend.get_texts()]
-    for i, descent in enumerate(answer.refinement):
+    if open_cells:
+        handles.append(Patch(facecolor="0.6", edgecolor="w"))
+        labels.append("no stable settled motion found")
+    for i, descent in enumerate(answer.refinement if descents else ()):
         across, up = descent.path["speed"], 1e3 * descent.path["clearance"]
         (line,) = ax.plot(across, up, "w.-", linewidth=0.8, markersize=2)
         if i == 0:
             handles, labels = [*handles, line], [*labels, "descents"]
     for title, design in answer.designs.items():
-        marker, colour, size = MARKS[title]
+        marker, colour, size = OPTIMUM if title == "optimum" else COMPARED
         (mark,) = ax.plot(
             design.speed,
             1e3 * design.clearance,
@@ -78,10 +127,9 @@ def draw_landscape(folder: Path, answer: Answer, data: xr.Dataset) -> None:
         loc="lower center",
         bbox_to_anchor=(0.5, 1.0),
         ncols=3,
-        facecolor="0.7",
+        facecolor="0.8",
         fontsize=9,
     )
-    write_figure(folder / "landscape.png", fig)
 
 
 def draw_capacity(folder: Path, case: Case, box: Box) -> None:
@@ -100,21 +148,39 @@ def draw_capacity(folder: Path, case: Case, box: Box) -> None:
     write_figure(folder / "capacity.png", fig)
 
 
-def draw_pareto(folder: Path, capacity: np.ndarray, paper: Confirmed, data: xr.Dataset) -> None:
-    """The landscape's RMS against capacity and against the peak, with what no other beats."""
-    counts = data.counts.all("start").to_numpy().ravel()
-    columns = {
-        name: np.where(counts, data[name].max("start").to_numpy().ravel(), np.nan) / 1e3
-        for name in ("foundation_rms", "foundation_peak")
-    }
+def draw_pareto(
+    folder: Path, case: Case, units: np.ndarray, data: xr.Dataset, answer: Answer
+) -> None:
+    """RMS against capacity and against the peak at the points of a map, and what no other beats.
+
+    `data` is the map of settled motions, or the landscape, whose worse start counts.
+    """
+    names, title = ("foundation_rms", "foundation_peak"), answer.compared_with
+    other_design, capacity = answer.designs[title], case.capacity(units)
+    if "start" in data.dims:
+        worse, motion = data[[*names, "counts"]].max("start"), "worse start"
+        counts = data.counts.all("start")
+        runs = other_design.transient.values()
+        rms, peak = (max(one.first(name) for one in runs) / 1e3 for name in names)
+    else:
+        worse, counts, motion, orbit = data, data.counts, "settled", other_design.settled
+        assert orbit is not None
+        rms, peak = orbit.foundation_rms / 1e3, orbit.foundation_peak / 1e3
+    columns = {name: worse[name].where(counts).to_numpy().ravel() / 1e3 for name in names}
     fig, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-    rms, peak = (max(runs.first(name) for runs in paper.runs.values()) / 1e3 for name in columns)
     for ax, other, sign, label, mark in (
-        (axes[0], capacity, -1.0, "capacity (m³/h)", paper.capacity),
+        (axes[0], capacity, -1.0, "capacity (m³/h)", other_design.capacity),
         (axes[1], columns["foundation_peak"], 1.0, r"peak of $|R_O| + |R_C|$ (kN)", peak),
     ):
         front = nondominated(np.stack([columns["foundation_rms"], sign * other], axis=-1))
-        ax.plot(columns["foundation_rms"], other, "o", color="0.7", markersize=4, label="landscape")
+        ax.plot(
+            columns["foundation_rms"],
+            other,
+            "o",
+            color="0.7",
+            markersize=3,
+            label="points of the map",
+        )
         order = np.flatnonzero(front)[np.argsort(columns["foundation_rms"][front])]
         ax.plot(
             columns["foundation_rms"][order],
@@ -125,15 +191,21 @@ def draw_pareto(folder: Path, capacity: np.ndarray, paper: Confirmed, data: xr.D
             label="not beaten in both",
         )
         ax.plot(
-            rms, mark, "D", color="C1", markersize=9, markeredgecolor="k", label="paper's choice"
+            rms,
+            mark,
+            "D",
+            color="C1",
+            markersize=9,
+            markeredgecolor="k",
+            label=answer.compared_with,
         )
-        ax.set(xlabel=r"RMS of $|R_O| + |R_C|$, worse start (kN)", ylabel=label)
+        ax.set(xlabel=rf"RMS of $|R_O| + |R_C|$, {motion} (kN)", ylabel=label)
         ax.legend(fontsize=8)
     write_figure(folder / "pareto.png", fig)
 
 
 def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
-    """Orbit and foundation force of optimum and paper's choice after their long runs."""
+    """Orbit and foundation force of optimum and its rival after their long runs."""
     fig, axes = plt.subplots(
         2,
         2 * len(answer.designs),
@@ -148,7 +220,7 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
         times = 2 * np.pi / speed * np.linspace(0, 2, 4001)
         outputs = ("foundation_force", "eccentricity")
         ideal = jc.simulate(jc.build_scene(described).ideal(), times, outputs=outputs)
-        for row, (start, runs) in enumerate(design.runs.items()):
+        for row, (start, runs) in enumerate(design.transient.items()):
             scene = started(described, start)
             motion = jc.simulate(scene, times, outputs=outputs, state=runs.state, rtol=1e-9)
             orbit, force = axes[row, 2 * column : 2 * column + 2]

@@ -1,29 +1,20 @@
 """The global stage: every cell of a grid, or a Sobol sequence where a grid has too many."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
-import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
+import scipy.spatial
 import xarray as xr
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from scipy.stats import qmc
 
 import jaxcrusher as jc
-from jaxcrusher.batch.engines import in_turn, map_all
 from jaxcrusher.batch.rows import LOGICAL, VARIABLES
-from jaxcrusher.dynamics.indicators import lyapunov_spectrum
 from optimize.design import Design
-from optimize.evaluate import STARTS, Case, Progress, Window, evaluate, judged, stacked_scenes
+from optimize.evaluate import STARTS, Case, Window, evaluate, judged
 
 # More parameters than these get a Sobol sequence instead of a grid.
 GRID_DIMENSIONS = 2
-# Turns that the exponents of the map come from, and pieces of each: enough to tell 6 a turn
-# from none, which is what there is (`jaxcrusher.regime` looks closer at the few that matter).
-EXPONENT_TURNS, EXPONENT_SLICES = 6, 8
-# An exponent below this (per turn) may be a swing that hardly damps: its tangent grows like the
-# number of turns, ln(6) / 6 a turn, times what shear there is.
-CHAOTIC = 1.0
 
 
 def points(design: Design, grid: tuple[int, int], samples: int, seed: int) -> np.ndarray:
@@ -54,33 +45,53 @@ def mapped(
 
 def dataset(case: Case, units: np.ndarray, grid: tuple[int, int], columns: dict) -> xr.Dataset:
     """Columns of shape (starts, points, ...) as a labelled landscape."""
-    design = case.design
-    values = {name: np.asarray(numbers) for name, numbers in design.values(units).items()}
     meanings = VARIABLES | {
         "objective": (case.objective.unit, case.objective.meaning),
         "counts": ("1", "may be chosen: succeeded, no whirl, inside the constraints"),
         "steps": ("1", "integration steps"),
         "state": ("1, m/s", "state at the end, as in jaxcrusher.Section"),
     }
-    coordinates: dict = {"start": list(STARTS)}
+    columns = {
+        name: column == 1 if name in (*LOGICAL, "counts") else column
+        for name, column in columns.items()
+    }
+    starts = {"start": list(STARTS)}
+    return labelled(case.design, units, grid, columns, meanings, {"state": "coordinate"}, starts)
+
+
+def labelled(
+    design: Design,
+    units: Float[np.ndarray, "points n"],
+    grid: tuple[int, int],
+    columns: Mapping[str, np.ndarray],
+    meanings: Mapping[str, tuple[str, str]],
+    last: Mapping[str, str],
+    first: Mapping[str, Sequence[str]] | None = None,
+) -> xr.Dataset:
+    """Columns over points of the unit box, whose dims become the grid's, or `sample`.
+
+    `meanings` has unit and meaning of each; `last` names the last dim of those with one more,
+    `first` a dim before the points' with its labels.
+    """
+    values = {name: np.asarray(numbers) for name, numbers in design.values(units).items()}
+    coordinates: dict = dict(first or {})
     if len(design.names) > GRID_DIMENSIONS:
         dims: tuple[str, ...] = ("sample",)
         coordinates |= {name: ("sample", numbers) for name, numbers in values.items()}
+        sizes = [len(units)]
     else:
         dims = design.names
-        shape = grid[: len(dims)]
+        sizes = list(grid[: len(dims)])
         for i, name in enumerate(dims):
-            axis = np.moveaxis(values[name].reshape(shape), i, 0)
-            coordinates[name] = axis.reshape(shape[i], -1)[:, 0]
+            axis = np.moveaxis(values[name].reshape(sizes), i, 0)
+            coordinates[name] = axis.reshape(sizes[i], -1)[:, 0]
     data = {}
-    sizes = [len(coordinates[name]) for name in dims] if dims != ("sample",) else [len(units)]
     for name, column in columns.items():
-        numbers = column.reshape(len(STARTS), *sizes, *column.shape[2:])
-        if name in (*LOGICAL, "counts"):
-            numbers = numbers == 1
+        before, after = len(first or {}), [last[name]] if name in last else []
+        shape = [*column.shape[:before], *sizes, *column.shape[before + 1 :]]
         unit, meaning = meanings[name]
-        every = ("start", *dims, "coordinate")[: numbers.ndim]
-        data[name] = (every, numbers, {"units": unit, "long_name": meaning})
+        every = (*(first or {}), *dims, *after)
+        data[name] = (every, column.reshape(shape), {"units": unit, "long_name": meaning})
     result = xr.Dataset(data, coordinates)
     for name in design.names:
         parameter = jc.PARAMETERS[name]
@@ -96,55 +107,17 @@ def worst(landscape: xr.Dataset) -> xr.DataArray:
     return values
 
 
+def counting(
+    landscape: xr.Dataset,
+    units: Float[np.ndarray, "cells n"],
+    points: Float[np.ndarray, "points n"],
+) -> np.ndarray:
+    """Whether both starts count in the cell of the landscape nearest to each of `points`."""
+    counts = landscape.counts.all("start").to_numpy().ravel()
+    return counts[scipy.spatial.KDTree(units).query(points)[1]]
+
+
 def best_points(values: np.ndarray, units: np.ndarray, count: int) -> np.ndarray:
     """Of `units` (points, n) those with the least of `values` (points,), best first; NaN never."""
     order = np.argsort(values, kind="stable")  # NaN comes last
     return units[order[np.isfinite(values[order])][:count]]
-
-
-def exponents(
-    case: Case,
-    units: np.ndarray,
-    states: Float[np.ndarray, "starts points dims"],
-    rtol: float,
-    progress: Progress,
-    *,
-    chunk: int = 64,
-) -> tuple[np.ndarray, int]:
-    """The largest Lyapunov exponent a turn of points going on from `states`, (starts, points).
-
-    NaN where the motion failed. Also the integration steps taken.
-    """
-    scenes = stacked_scenes(case, jnp.asarray(units))
-    batch = (scenes, states.reshape(-1, states.shape[-1]))
-    function = eqx.Partial(_jacobians, rtol=rtol)
-    jacobians, steps = map_all(function, batch, chunk, in_turn, progress)
-    largest = np.full(states.shape[:2], np.nan)
-    for i, products in enumerate(jacobians):
-        if np.isfinite(products).all():
-            spectrum = lyapunov_spectrum(products, slices=EXPONENT_SLICES)
-            largest.flat[i] = spectrum.exponents[0]
-    return largest, int(steps.sum())
-
-
-def _jacobians(batch: tuple[jc.Scene, Array], rtol: float):
-    scene, state = batch
-    turns, slices = EXPONENT_TURNS, EXPONENT_SLICES
-    section = jc.poincare_section(scene, 0, turns, slices=slices, state=state, rtol=rtol)
-    return section.jacobians, section.outcome.steps
-
-
-def spacing_bound(values: xr.DataArray) -> float:
-    """How much the objective may change within half a cell of a grid, as far as it can tell.
-
-    The largest difference of neighbouring cells beside the best one, halved and added up over
-    the parameters: a bound if the objective is no rougher between cells than among them.
-    """
-    numbers = values.to_numpy()
-    best = np.unravel_index(np.nanargmin(numbers), numbers.shape)
-    total = 0.0
-    for axis, i in enumerate(best):
-        line = np.moveaxis(numbers, axis, 0)[(slice(None), *np.delete(best, axis))]
-        near = [abs(line[j] - line[i]) for j in (i - 1, i + 1) if 0 <= j < len(line)]
-        total += np.nanmax(near) / 2 if np.isfinite(near).any() else np.nan
-    return float(total)

@@ -1,80 +1,77 @@
-"""The local stage: exact gradients where they may be believed, fits elsewhere."""
+"""The local stage: exact gradients on settled motions, fits where there are none."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-import optax
-from jaxtyping import Array, Float
+import scipy.optimize
+from jaxtyping import Float
 
-from jaxcrusher.batch.engines import in_turn, map_all
-from optimize.evaluate import Case, Progress, Window, quiet_objective
-
-# A quiet motion has no transient to wait for.
-GRADIENT_WINDOW = Window(0, 4, 1e-8)
 # A step of the trust region must gain this many standard errors.
 SIGNIFICANT = 2.0
 # Radius of the first fit and of the last, as shares of the box.
 FIRST_RADIUS, LAST_RADIUS = 0.2, 0.01
+# A descent ends where the projected gradient by the unit box is so small a share of the value.
+STATIONARY = 1e-9
 
 Objective = Callable[[np.ndarray, np.ndarray], np.ndarray]
+Smooth = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
 
 @dataclass(frozen=True)
 class Descent:
-    """Paths of points, (steps + 1, runs, n), and the quiet objective on them, (steps + 1, runs).
-
-    `gradient` is that at the ends, by the unit box's coordinates, (runs, n); `steps` counts the
-    integration steps, each of which carried the motion and its tangents.
-    """
+    """Points of the unit box, (steps + 1, n), the value at both ends and the gradient (n,)."""
 
     path: np.ndarray
-    values: np.ndarray
+    first: float
+    last: float
     gradient: np.ndarray
-    steps: int
+    evaluations: int
 
 
-def value_and_gradient(
-    unit: Float[Array, " n"], case: Case, window: Window
-) -> tuple[tuple[Array, Array], Array]:
-    """The quiet objective, its steps, and its exact gradient by the unit box's coordinates."""
-    return jax.value_and_grad(quiet_objective, has_aux=True)(unit, case, window)
-
-
-def descend_by_gradients(
-    case: Case,
-    starts: Float[np.ndarray, "runs n"],
+def descend(
+    function: Smooth,
+    start: Float[np.ndarray, " n"],
+    upper: Float[np.ndarray, " n"],
     steps: int,
-    progress: Progress,
-    window: Window = GRADIENT_WINDOW,
 ) -> Descent:
-    """Adam with projection on the box, from every start at once.
+    """L-BFGS-B inside the box from 0 to `upper`, at most `steps` iterations.
 
-    A point whose gradient is not finite stays where it is.
+    `function` gives value and gradient at a point; NaN, where there is none, is a wall that the
+    line search comes back from. A start without a value stays where it is.
     """
-    function = eqx.Partial(value_and_gradient, case=case, window=window)
-    optimiser = optax.adam(optax.cosine_decay_schedule(0.1, steps))
-    unit = jnp.asarray(starts)
-    state = optimiser.init(unit)
-    path, values = [np.asarray(unit)], []
-    gradient, taken = np.zeros_like(starts), 0
-    for step in range(steps + 1):
-        (value, count), gradient = map_all(function, unit, len(starts), in_turn)
-        values.append(value)
-        taken += int(count.sum())
-        if step == steps:
-            break
-        usable = np.isfinite(gradient).all(axis=-1, keepdims=True)
-        # Adam divides by the gradient's own size; the mean only makes it a number near 1.
-        scaled = jnp.where(usable, gradient / np.nanmean(np.abs(value)), 0.0)
-        updates, state = optimiser.update(scaled, state, unit)
-        unit = optax.projections.projection_box(optax.apply_updates(unit, updates), 0.0, 1.0)
-        path.append(np.asarray(unit))
-        progress(step + 1, steps)
-    return Descent(np.stack(path), np.stack(values), np.asarray(gradient), taken)
+    seen: dict[bytes, tuple[float, np.ndarray]] = {}
+
+    def known(point: np.ndarray) -> tuple[float, np.ndarray]:
+        key = np.ascontiguousarray(point).tobytes()
+        if key not in seen:
+            seen[key] = function(point)
+        return seen[key]
+
+    start = np.clip(start, 0, upper)
+    first, slope = known(start)
+    if not np.isfinite(first):
+        return Descent(start[None], first, first, slope, 1)
+    scale = abs(first) or 1.0
+
+    def scaled(point: np.ndarray) -> tuple[float, np.ndarray]:
+        value, gradient = known(point)
+        if not np.isfinite(value):
+            return 2 * first / scale + 1, np.zeros_like(point)
+        return value / scale, gradient / scale
+
+    path = [start]
+    found = scipy.optimize.minimize(
+        scaled,
+        start,
+        jac=True,
+        method="L-BFGS-B",
+        bounds=[(0.0, float(top)) for top in upper],
+        callback=lambda intermediate_result: path.append(intermediate_result.x.copy()),
+        options={"maxiter": steps, "gtol": STATIONARY, "ftol": 0.0},
+    )
+    last, gradient = known(found.x)
+    return Descent(np.stack([*path, found.x]), first, last, gradient, len(seen))
 
 
 def descend_by_fits(

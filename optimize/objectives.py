@@ -9,14 +9,14 @@ import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.motion.statistic import STATISTIC
 
-Formula = Callable[[jc.Statistics, jc.Scene, CrushingChamber], Scalar]
+Formula = Callable[[jc.Statistics | jc.PeriodicOrbit, jc.Scene, CrushingChamber], Scalar]
 
 
 @dataclass(frozen=True)
 class Objective:
     """A number to minimise: unit, meaning, the statistics it needs, and how it follows from them.
 
-    `formula` takes the statistics of a motion, its scene and the crusher's chamber.
+    `formula` takes the statistics of a motion or of an orbit, its scene and the crusher's chamber.
     """
 
     unit: str
@@ -31,10 +31,9 @@ def _plain(name: str) -> Objective:
     return Objective(statistic.unit, statistic.meaning, (name,), lambda found, *_: found[name])
 
 
-def _excess(statistics: jc.Statistics, scene: jc.Scene, _) -> Scalar:
+def _excess(statistics: jc.Statistics | jc.PeriodicOrbit, scene: jc.Scene, _) -> Scalar:
     """The RMS less that of the same machine with an ideal joint."""
-    floor = jc.statistics(scene.ideal(), 0, 1, outputs=("foundation_rms",)).foundation_rms
-    return statistics.foundation_rms - floor
+    return statistics.foundation_rms - jc.periodic_orbit(scene.ideal()).foundation_rms
 
 
 def _per_volume(name: str) -> Formula:

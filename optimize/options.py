@@ -39,18 +39,20 @@ class Options:
     """Least crushing capacity, m3/h; by default the paper's, 9.41 / 1.67."""
     inside_model: bool = False
     """Refuse designs whose motion leaves the contact model (wide contact, hard impacts)."""
+    cells: tuple[int, int] = (61, 37)
+    """Points of the map of settled motions along the first and the second parameter."""
     grid: tuple[int, int] = (16, 10)
-    """Cells of the landscape along the first and the second parameter."""
+    """Points of the landscape, where both starts are run, along the first and the second one."""
     samples: int = 256
-    """Points of the landscape of more than two parameters, a Sobol sequence."""
+    """Points of map and landscape of more than two parameters, a Sobol sequence."""
     settle: int = 40
     """Turns of the shaft before statistics start."""
     turns: int = 40
     """Turns of the shaft that statistics cover."""
     steps: int = 40
-    """Gradient steps of each refinement."""
+    """Most gradient steps of each refinement."""
     refine: int = 3
-    """Best cells to refine from; as many random points are refined too."""
+    """Best points to refine from; as many random ones are refined too."""
     runs: int = 5
     """Independent long runs from each start that confirm a candidate."""
     slip: Literal["centre", "surface"] | None = None

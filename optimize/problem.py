@@ -32,6 +32,7 @@ def check(options: Options) -> None:
     bore = 1e3 * float(PE250X400["bore_radius"])
     require(largest < bore, "clearance", f"be < {bore:g} mm", largest)
     for name, value, least in (
+        ("cells", min(options.cells), 3),
         ("grid", min(options.grid), 2),
         ("samples", options.samples, 2),
         ("settle", options.settle, 0),
@@ -60,8 +61,18 @@ def check(options: Options) -> None:
     for name in names:
         require_parameter(name)
     require(len(set(names)) == len(names), "design", "name every parameter once", names)
-    case(options)
-    build_scene(description(options))
+    sought = case(options)
+    reached = float(CrushingChamber().capacity(sought.slowest))
+    require(
+        reached >= sought.capacity_floor * (1 - 1e-12),
+        "capacity_floor",
+        f"be reached in the box, whose lowest speed gives {reached:.4g} m3/h",
+        sought.capacity_floor,
+    )
+    scene = build_scene(description(options))
+    if "sliding_power" in sought.objective.outputs:
+        rubs = scene.joint is not None and scene.joint.friction is not None
+        require(rubs, "objective", "be another without friction", options.objective)
 
 
 def bounds(options: Options) -> dict[str, tuple[float, float]]:
@@ -109,11 +120,16 @@ def case(options: Options) -> Case:
 
 
 def reference(options: Options) -> dict[str, float]:
-    """The free parameters of the design to compare with: the paper's choice."""
+    """The free parameters of the design to compare with: the paper's choice, or the scene file."""
     base = {**PE250X400, **description(options)}
-    if not options.design:
+    if options.scene is None:
         base |= {"speed": SEED_SPEED, "clearance": SEED_CLEARANCE}
     return {name: float(base[name]) for name in bounds(options)}
+
+
+def reference_title(options: Options) -> str:
+    """What `reference` is: the paper chose for its own machine."""
+    return "paper's choice" if options.scene is None else "scene file"
 
 
 def floor(options: Options) -> float:

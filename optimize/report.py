@@ -1,9 +1,9 @@
 """The closing table of a search."""
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-import jaxcrusher as jc
 from optimize import words
 from optimize.answer import Answer
 from optimize.evaluate import STARTS
@@ -12,23 +12,31 @@ from optimize.evaluate import STARTS
 def print_table(console: Console, answer: Answer) -> None:
     """The designs, the checks, and what to make of the answer."""
     objective, unit = answer.objective, answer.objective.unit
-    table = Table(title=f"{objective.meaning}, {unit}")
-    free = [f"{name}\n{jc.PARAMETERS[name].unit}" for name in answer.box.bounds]
-    runs = [f"{start} start\n{unit}" for start in STARTS]
-    for heading in ("", *free, *runs, "ideal RMS\nN", "capacity\nm3/h"):
-        table.add_column(heading, justify="right" if heading else "left")
+    table = Table(title=objective.meaning, box=SIMPLE_HEAD, padding=0)
+    table.add_column("", max_width=8)
+    free = [
+        "\n".join(filter(None, (name, words.design_unit(name)[0]))) for name in answer.box.bounds
+    ]
+    starts = [f"{start}\nstart, {unit}" for start in STARTS]
+    ends = ("ideal\nRMS, N", "capacity\nm3/h", "turns to\nsettle")
+    for heading in (*free, f"settled\n{unit}", *starts, *ends):
+        table.add_column(heading, justify="right", no_wrap=True)
     for title, design in answer.designs.items():
         table.add_row(
             title,
-            *(f"{value:.5g}" for value in design.values.values()),
-            *(words.interval(design.runs[start]) for start in STARTS),
+            *(f"{words.shown(name, value)[0]:.5g}" for name, value in design.values.items()),
+            words.settled(design),
+            *(words.interval(design.transient[start]) for start in STARTS),
             f"{design.ideal_rms:.0f}",
             f"{design.capacity:.2f}",
+            words.turns(design),
         )
-    console.print(table)
 
     def tell(line: str) -> None:
         console.print(line, highlight=False, markup=False)
+
+    tell(words.answer(answer))
+    console.print(table)
 
     tell(words.error(answer))
     for title, design in answer.designs.items():

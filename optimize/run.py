@@ -13,7 +13,9 @@ def search(options: Options) -> None:
     from optimize.search import run
 
     with keeping(options.folder):
-        run(options, Console())
+        answer = run(options, Console())
+    if not all(check.passed for check in answer.checks):
+        raise SystemExit(1)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from jaxcrusher.files.provenance import command, versions
 from jaxcrusher.files.results import results_folder, write_json
 from optimize import figures, landscape, problem, report, stages, verdicts
 from optimize.answer import Answer, Sought
+from optimize.claim import claim
 from optimize.options import Options
 from optimize.page.document import write_page
 
@@ -24,23 +25,27 @@ def run(options: Options, console: Console) -> Answer:
         objective=Sought(options.objective, case.objective.unit, case.objective.meaning),
         box=problem.box(case),
         fixed=dict(case.design.fixed),
+        settle_turns=stages.LONGER * options.settle,
+        compared_with=problem.reference_title(options),
         seed=options.seed,
     )
     units = landscape.points(case.design, options.grid, options.samples, options.seed)
-    explored = None
+    points = landscape.points(case.design, options.cells, options.samples, options.seed)
+    explored = orbits = None
     try:
         with progress(console) as bars:
             search = stages.Search(case, options, bars)
+            orbits = stages.map_orbits(search, answer, points, folder)
             explored = data = stages.explore(search, answer, units, folder)
-            points, answer = stages.refine(search, answer, units, data)
-            candidates, reference = stages.settle_on(search, answer, points)
+            ends, answer = stages.refine(search, answer, units, data, points, orbits)
+            candidates, reference = stages.settle_on(search, answer, ends)
             best = candidates[int(np.nanargmin([one.objective for one in candidates]))]
             answer = replace(
                 answer,
                 candidates=tuple(candidates),
                 optimum=best,
                 seed_choice=reference,
-                claim=verdicts.claim(data, best, candidates[0]),
+                claim=claim(case, orbits, best),
             )
             answer = stages.weigh(search, answer, best, reference)
             motions = stages.film(search, answer, units, data)
@@ -51,7 +56,7 @@ def run(options: Options, console: Console) -> Answer:
         write_json(folder / "result.json", asdict(answer))
         if not answer.finished:
             write_page(folder, answer, explored, None, ())
-    drawn = figures.draw_all(folder, case, units, data, answer)
+    drawn = figures.draw_all(folder, case, units, data, points, orbits, answer)
     write_page(folder, answer, data, motions, drawn)
     report.print_table(console, answer)
     console.print(f"results in {folder}/")

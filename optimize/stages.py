@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -15,10 +14,10 @@ from rich.progress import Progress as Bars
 import jaxcrusher as jc
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
-from optimize import landscape, local, problem
-from optimize.answer import Answer, Confirmed, Refinement
+from optimize import landscape, local, problem, settled
+from optimize.answer import Answer, Confirmed, Held, Refinement
 from optimize.confirm import SHIFT, confirm
-from optimize.evaluate import STARTS, Case, Progress, Window, evaluate, judged, started
+from optimize.evaluate import Case, Progress, Window, evaluate, judged, started
 from optimize.motions import cell_motions
 from optimize.options import Options
 
@@ -29,6 +28,8 @@ MAP_RTOL, CONFIRM_RTOL = 1e-6, 1e-8
 LONGER = 3
 # Turns of the regime of the few designs that matter: settling, section points, exponents.
 REGIME = (60, 200, 20)
+# A coordinate of the unit box this near its end is at it: rounding.
+AT_LIMIT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -48,18 +49,26 @@ class Search:
         answer.seconds[name] = time.perf_counter() - began
 
 
+def map_orbits(
+    search: Search, answer: Answer, units: np.ndarray, folder: Path
+) -> xr.Dataset | None:
+    """The settled motions of `units`; None where the scenes have no orbit to solve for."""
+    case = search.case
+    if settled.unsolvable(case):
+        return None
+    with search.stage(answer, "settled", len(units)) as progress:
+        rows = settled.solve(case, units, progress)
+    data = settled.mapped(case, units, search.options.cells, rows)
+    data.attrs = _provenance("Settled motions of a design search", search, answer)
+    write_netcdf(folder / "settled.nc", data)
+    return data
+
+
 def explore(search: Search, answer: Answer, units: np.ndarray, folder: Path) -> xr.Dataset:
-    """The landscape of `units` with its exponents, written after every chunk."""
+    """What both starts of `units` do in their first turns, written after every chunk."""
     case, options = search.case, search.options
     window = Window(options.settle, options.turns, MAP_RTOL)
-    attributes = provenance(
-        "Landscape of a design search",
-        scene={**jc.PE250X400, **case.design.fixed},
-        box=asdict(answer.box),
-        settle_turns=window.settle,
-        turns=window.turns,
-        rtol=window.rtol,
-    )
+    attributes = _provenance("Landscape of a design search", search, answer, **asdict(window))
     data = xr.Dataset()
     with search.stage(answer, "landscape", len(units)) as progress:
         for done, data in landscape.mapped(case, units, options.grid, window):
@@ -67,70 +76,85 @@ def explore(search: Search, answer: Answer, units: np.ndarray, folder: Path) -> 
             write_netcdf(folder / "landscape.nc", data)
             progress(done, len(units))
     answer.steps["landscape"] = int(data.steps.sum())
-    with search.stage(answer, "regimes", data.objective.size) as progress:
-        states = data.state.to_numpy().reshape(len(STARTS), len(units), -1)
-        largest, steps = landscape.exponents(case, units, states, MAP_RTOL, progress)
-    answer.steps["regimes"] = steps
-    data["exponent"] = data.objective.copy(data=largest.reshape(data.objective.shape))
-    data.exponent.attrs = {"units": "1", "long_name": "largest Lyapunov exponent, a turn"}
-    write_netcdf(folder / "landscape.nc", data)
     return data
 
 
-def refine(
-    search: Search, answer: Answer, units: np.ndarray, data: xr.Dataset
-) -> tuple[np.ndarray, Answer]:
-    """Local descents from the best of `units`, the landscape's points, and from random ones.
+def _provenance(title: str, search: Search, answer: Answer, **settings: Any) -> dict[str, Any]:
+    scene = {**jc.PE250X400, **search.case.design.fixed}
+    return provenance(title, scene=scene, box=asdict(answer.box), **settings)
 
-    Returns the candidates (m, n), the best points of the landscape first, and the answer with
-    its descents.
+
+def refine(
+    search: Search,
+    answer: Answer,
+    units: np.ndarray,
+    data: xr.Dataset,
+    points: np.ndarray,
+    orbits: xr.Dataset | None,
+) -> tuple[np.ndarray, Answer]:
+    """Local descents from the best of the settled map's `points` and from random ones.
+
+    Where no settled motion counts they are fits, from the best of `units`, the landscape's points.
+    Returns the candidates (m, n), and the answer with its descents.
     """
     case, options = search.case, search.options
-    values = landscape.worst(data).to_numpy().ravel()
-    best = landscape.best_points(values, units, options.refine)
+    rng = np.random.default_rng(options.seed)
+    started = landscape.counting(data, units, points)
+    values = np.full(len(points), np.nan)
+    if orbits is not None:
+        counts = orbits.counts.to_numpy().ravel() & started
+        values = np.where(counts, orbits.objective.to_numpy().ravel(), np.nan)
+    best = landscape.best_points(values, points, options.refine)
+    smooth = len(best) > 0
+    if not smooth:
+        best = landscape.best_points(
+            landscape.worst(data).to_numpy().ravel(), units, options.refine
+        )
     if not len(best):
         raise RuntimeError("every point of the box failed, whirls or breaks a constraint")
-    rng = np.random.default_rng(options.seed)
     starts = np.concatenate([best, rng.uniform(size=(options.refine, best.shape[1]))])
-    # A start's motion is taken for that of the landscape's nearest point.
-    nearest = np.argmin(((starts[:, None] - units) ** 2).sum(axis=-1), axis=1)
-    exponent = data.exponent.to_numpy().reshape(len(STARTS), -1).max(axis=0)[nearest]
-    # A NaN exponent, of a failed motion, has no gradient either.
-    regular = exponent < landscape.CHAOTIC
-    steps = options.steps if regular.any() else 0
-    found, ends, taken = [], [], 0
-    with search.stage(answer, "refinement", steps + int((~regular).sum())) as progress:
-        if regular.any():
-            descent = local.descend_by_gradients(case, starts[regular], steps, progress)
-            taken += descent.steps
-            ends.append(descent.path[-1])
-            found += _by_gradients(case, descent, exponent[regular])
-        for i, unit in enumerate(starts[~regular]):
-            objective = _NoisyObjective(case, Window(options.settle, options.turns, MAP_RTOL))
-            path, means, _ = local.descend_by_fits(objective, unit, seed=options.seed)
-            taken += objective.steps
-            ends.append(path[-1:])
-            growth = float(exponent[~regular][i])
-            found.append(
-                Refinement("fits", growth, _path(case, path), float(means[0]), float(means[-1]), {})
-            )
-            progress(steps + i + 1, 0)
-    answer.steps["refinement"] = taken
+    with search.stage(answer, "refinement", len(starts)) as progress:
+        found, ends = [], []
+        for i, start in enumerate(starts):
+            if smooth:
+                end, refined = _by_gradients(case, start, options.steps)
+            else:
+                end, refined = _by_fits(case, start, answer, options)
+            ends.append(end)
+            found.append(refined)
+            progress(i + 1, len(starts))
     # Descents that meet need one confirmation.
-    candidates = np.concatenate([best, *ends])
+    candidates = np.stack(ends) if smooth else np.concatenate([best, ends])
     _, first = np.unique(np.round(candidates, 4), axis=0, return_index=True)
     return candidates[np.sort(first)], replace(answer, refinement=tuple(found))
 
 
-def _by_gradients(case: Case, descent: local.Descent, exponent: np.ndarray) -> list[Refinement]:
-    widths = np.array([high - low for low, high in case.design.bounds.values()])
-    found = []
-    for i, growth in enumerate(exponent.tolist()):
-        slopes = dict(zip(case.design.names, (descent.gradient[i] / widths).tolist(), strict=True))
-        first, last = float(descent.values[0, i]), float(descent.values[-1, i])
-        path = _path(case, descent.path[:, i])
-        found.append(Refinement("gradient", growth, path, first, last, slopes))
-    return found
+def _by_gradients(case: Case, start: np.ndarray, steps: int) -> tuple[np.ndarray, Refinement]:
+    def function(unit: np.ndarray) -> tuple[float, np.ndarray]:
+        rows = settled.solve(case, unit[None])
+        value = float(rows["objective"][0]) if rows["stable"][0] else float("nan")
+        return value, rows["slope"][0] * settled.widths(case)
+
+    descent = local.descend(function, start, case.upper, steps)
+    slopes = descent.gradient / settled.widths(case)
+    return descent.path[-1], Refinement(
+        "gradient",
+        _path(case, descent.path),
+        descent.first,
+        descent.last,
+        descent.evaluations,
+        dict(zip(case.design.names, slopes.tolist(), strict=True)),
+    )
+
+
+def _by_fits(
+    case: Case, start: np.ndarray, answer: Answer, options: Options
+) -> tuple[np.ndarray, Refinement]:
+    objective = _NoisyObjective(case, Window(options.settle, options.turns, MAP_RTOL))
+    path, means, _ = local.descend_by_fits(objective, start, seed=options.seed)
+    answer.steps["refinement"] = answer.steps.get("refinement", 0) + objective.steps
+    ends = float(means[0]), float(means[-1])
+    return path[-1], Refinement("fits", _path(case, path), *ends, objective.evaluations, {})
 
 
 def _path(case: Case, units: np.ndarray) -> dict[str, np.ndarray]:
@@ -141,7 +165,7 @@ class _NoisyObjective:
     """The judged objective of points with random starts, counting its integration steps."""
 
     def __init__(self, case: Case, window: Window):
-        self.case, self.window, self.steps = case, window, 0
+        self.case, self.window, self.steps, self.evaluations = case, window, 0, 0
 
     def __call__(self, units: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """Values (m,) of points (m, n), each start shifted as its number says."""
@@ -151,6 +175,7 @@ class _NoisyObjective:
         for part, rows in evaluate(self.case, units, self.window, shifts=shifts):
             values[part] = judged(rows)
             self.steps += int(rows["steps"].sum())
+        self.evaluations += len(units)
         return values
 
 
@@ -164,7 +189,7 @@ def settle_on(
     with search.stage(answer, "confirmation", len(points) * options.runs) as progress:
         found = confirm(case, points, options.runs, window, options.seed, progress)
     answer.steps["confirmation"] = sum(
-        int(runs.by_run["steps"].sum()) for one in found for runs in one.runs.values()
+        int(runs.by_run["steps"].sum()) for one in found for runs in one.transient.values()
     )
     if np.isnan([one.objective for one in found[:-1]]).all():
         raise RuntimeError("no candidate survived its confirmation: failed, whirl or constraint")
@@ -172,43 +197,62 @@ def settle_on(
 
 
 def weigh(search: Search, answer: Answer, best: Confirmed, reference: Confirmed) -> Answer:
-    """The answer with the slopes of the quiet motion at the best, with verdicts, and regimes.
+    """The answer with what holds the best where it is.
 
-    That of the best from both starts, and of the design to compare with from the centred one.
+    Starts of best and reference that come to no settled motion get a regime, and the best slopes
+    by what motions allow.
     """
     case, options = search.case, search.options
 
     def scene(start: str, numbers: dict[str, Any]) -> jc.Scene:
         return started({**case.design.fixed, **numbers}, start)
 
-    def regime(design: Confirmed) -> jc.Regime:
+    def regimes(design: Confirmed) -> Confirmed:
         settle, turns, tangent_turns = REGIME
-        motion = scene("centred", design.values)
-        return jc.regime(motion, settle, turns, tangent_turns=tangent_turns)
+        found = {}
+        for start, runs in design.transient.items():
+            if not runs.settles:
+                motion = scene(start, design.values)
+                found[start] = _kept(jc.regime(motion, settle, turns, tangent_turns=tangent_turns))
+        return replace(design, regime=found)
 
-    # Most of it is compilation, on one core a program.
-    with search.stage(answer, "evidence", 3) as progress, ThreadPoolExecutor(1) as pool:
-        slopes = pool.submit(
-            jc.gradient_report,
-            lambda **numbers: scene("contact", numbers),
-            case.objective.outputs[0],
-            best.values,
-            settle_turns=options.settle,
-            turns=options.turns,
-        )
-        kinds = []
-        for design in (best, reference):
-            kinds.append(_kept(regime(design)))
-            progress(len(kinds), 3)
-        found = slopes.result()
-        progress(3, 3)
-    quiet = _kept(found.regime)
+    if not (best.settles and reference.settles):
+        with search.stage(answer, "regimes", 3) as progress:
+            best, reference = regimes(best), regimes(reference)
+            progress(2, 3)
+            if not best.settles:
+                slopes = jc.gradient_report(
+                    lambda **numbers: scene("contact", numbers),
+                    case.objective.outputs[0],
+                    best.values,
+                    settle_turns=options.settle,
+                    turns=options.turns,
+                )
+                slopes = replace(slopes, regime=_kept(slopes.regime))
+                answer = replace(answer, gradient_report=slopes)
+            progress(3, 3)
     return replace(
         answer,
-        optimum=replace(best, regime={"centred": kinds[0], "contact": quiet}),
-        seed_choice=replace(reference, regime={"centred": kinds[1]}),
-        gradient_report=replace(found, regime=quiet),
+        optimum=best,
+        seed_choice=reference,
+        ideal=best.ideal_rms,
+        held=held(case, best),
     )
+
+
+def held(case: Case, best: Confirmed) -> tuple[Held, ...]:
+    """The limits that the settled objective pushes against (Karush, Kuhn and Tucker)."""
+    if best.settled is None:
+        return ()
+    found = []
+    at = case.design.unit(best.values)
+    for name, place, top in zip(case.design.names, at, case.upper, strict=True):
+        slope = best.settled.slopes[name]
+        if place <= AT_LIMIT and slope > 0:
+            found.append(Held(name, "lowest", slope))
+        elif place >= top - AT_LIMIT and slope < 0:
+            found.append(Held(name, "highest" if top == 1 else "capacity", -slope))
+    return tuple(found)
 
 
 def _kept(regime: jc.Regime) -> jc.Regime:

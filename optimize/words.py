@@ -1,6 +1,9 @@
 """What a search found in words, for the console and for the page."""
 
-from optimize.answer import Answer, Confirmed, Runs
+import math
+
+import jaxcrusher as jc
+from optimize.answer import Answer, Confirmed, Held, Runs
 
 
 def number(value: float) -> str:
@@ -13,25 +16,88 @@ def interval(runs: Runs) -> str:
     failed = runs.count - int(runs.by_run["success"].sum())
     if failed:
         return "failed" if failed == runs.count else f"{failed} of {runs.count} failed"
-    text = f"{number(runs.objective_mean)} ± {float(f'{runs.objective_half_width:.2g}'):g}"
+    text = f"{number(runs.objective_mean)}±{float(f'{runs.objective_half_width:.2g}'):g}"
     return f"{text}, friction whirl" if runs.by_run["whirl"].any() else text
 
 
+def settled(design: Confirmed) -> str:
+    """The settled motion's objective with the digits it has, or why there is none."""
+    orbit = design.settled
+    if orbit is None or orbit.failure:
+        return "none" if orbit is None else "none found"
+    text = f"{orbit.objective:.2f}" if abs(orbit.objective) >= 100 else f"{orbit.objective:.6g}"
+    return text if orbit.stable else f"{text}, unstable"
+
+
+def turns(design: Confirmed) -> str:
+    """Turns to settle: in which a disturbance falls to 1/e."""
+    orbit = design.settled
+    if orbit is None or orbit.failure:
+        return "unknown"
+    return f"{orbit.settling_turns:.0f}" if orbit.stable else "never"
+
+
 def regimes(design: Confirmed) -> str:
-    """How a design moves, from the starts looked at."""
-    return "; ".join(f"{start} start {kind.name}" for start, kind in design.regime.items())
+    """How a design moves, from both starts."""
+    found = []
+    for start, runs in design.transient.items():
+        if runs.settles:
+            found.append(f"{start} start: in contact, its swing dies towards the settled motion")
+        elif start in design.regime:
+            found.append(f"{start} start: {design.regime[start].name}, by its time average")
+    return "; ".join(found)
+
+
+def held(one: Held, unit: str) -> str:
+    """A limit and what it costs."""
+    of, factor = design_unit(one.parameter)
+    by = "the floor of the capacity" if one.limit == "capacity" else f"its {one.limit} value"
+    per = f" per {of}" if of else ""
+    return f"{one.parameter} held at {by} by {number(one.multiplier / factor)} {unit}{per}"
+
+
+def shown(name: str, value: float) -> tuple[float, str]:
+    """A parameter in the unit a reader wants, and that unit: lengths in mm."""
+    unit = jc.PARAMETERS[name].unit if name in jc.PARAMETERS else ""
+    return (1e3 * value, "mm") if unit == "m" else (value, "" if unit == "1" else unit)
+
+
+def design_unit(name: str) -> tuple[str, float]:
+    """The unit that a parameter of the design is shown in, and the factor from SI units."""
+    factor, unit = shown(name, 1.0)
+    return unit, factor
+
+
+def answer(found: Answer) -> str:
+    """The answer in a sentence."""
+    best, other = found.optimum, found.seed_choice
+    if best is None or other is None:
+        return ""
+    shown = [f"{best.speed:.4g} rad/s ({best.speed * 30 / math.pi:.0f} rpm)"]
+    shown.append(f"{1e3 * best.clearance:.3g} mm of radial clearance")
+    shown += [
+        f"{name} {value:.5g}"
+        for name, value in best.values.items()
+        if name not in ("speed", "clearance")
+    ]
+    text = f"Run it at {shown[0]} with {', '.join(shown[1:])}: {found.objective.meaning} "
+    text += f"{number(best.objective)} {found.objective.unit}"
+    if other.counts and other.objective > best.objective > 0:
+        less = 100 * (1 - best.objective / other.objective)
+        text += f", {less:.1f} % less than {number(other.objective)} at the {found.compared_with}"
+    return text + "."
 
 
 def limits(design: Confirmed) -> str:
     """What of a design's runs is outside the contact model."""
     found = []
-    for start, runs in design.runs.items():
+    for start, runs in design.transient.items():
         known = bool(runs.first("success"))
         remarks = runs.validity.remarks() if known else ["not known"]
         found += [f"{start} start, {remark}" for remark in remarks]
     if found:
         return "OUTSIDE the contact model: " + "; ".join(found)
-    limits = [runs.validity for runs in design.runs.values()]
+    limits = [runs.validity for runs in design.transient.values()]
     return (
         "inside the contact model (half-width "
         f"{max(float(one.half_width_ratio) for one in limits):.2f} bore radii, approach "
@@ -40,9 +106,12 @@ def limits(design: Confirmed) -> str:
 
 
 def error(answer: Answer) -> str:
-    """What the ± of an interval means."""
-    counts = {runs.count for one in answer.designs.values() for runs in one.runs.values()}
-    return f"± is half a 95 % interval, from {max(counts)} independent runs"
+    """What the numbers of the starts mean."""
+    counts = {runs.count for one in answer.designs.values() for runs in one.transient.values()}
+    return (
+        f"starts: time average after {answer.settle_turns} turns; ± is half a 95 % interval, from "
+        f"{max(counts)} independent runs"
+    )
 
 
 def spent(answer: Answer) -> list[str]:

@@ -8,9 +8,9 @@ import xarray as xr
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
-import jaxcrusher as jc
 from optimize.answer import Answer
 from optimize.page.markup import Html
+from optimize.words import shown
 
 # Bytes of motions in a page before base64 makes a third more of them, and the fewest instants
 # a turn that still show an orbit.
@@ -22,7 +22,6 @@ COLOURS = 64
 # Outlines of the markers, as the path's commands after its first point.
 DIAMOND = "m-7 0l7 -7l7 7l-7 7"
 STAR = "m0 -10l2.4 6.8h7.1l-5.7 4.3l2.1 6.9l-5.9 -4.1l-5.9 4.1l2.1 -6.9l-5.7 -4.3h7.1"
-MARKERS = {"optimum": STAR, "paper's choice": DIAMOND}
 
 
 def pack(landscape: xr.Dataset, motions: xr.Dataset | None, answer: Answer) -> dict:
@@ -46,7 +45,7 @@ def pack(landscape: xr.Dataset, motions: xr.Dataset | None, answer: Answer) -> d
         "designs": [
             {
                 "at": [shown(name, value)[0] for name, value in design.values.items()][:2],
-                "shape": MARKERS[title],
+                "shape": STAR if title == "optimum" else DIAMOND,
             }
             for title, design in answer.designs.items()
         ],
@@ -54,18 +53,6 @@ def pack(landscape: xr.Dataset, motions: xr.Dataset | None, answer: Answer) -> d
         "colours": [to_hex(colour) for colour in colormaps["cividis"](np.linspace(0, 1, COLOURS))],
         "motions": None if motions is None else _pack_motions(motions, dims),
     }
-
-
-def shown(name: str, value: float) -> tuple[float, str]:
-    """A parameter in the unit a reader wants, and that unit: lengths in mm."""
-    unit = jc.PARAMETERS[name].unit if name in jc.PARAMETERS else ""
-    return (1e3 * value, "mm") if unit == "m" else (value, "" if unit == "1" else unit)
-
-
-def design_unit(name: str) -> tuple[str, float]:
-    """The unit that a parameter of the design is shown in, and the factor from SI units."""
-    factor, unit = shown(name, 1.0)
-    return unit, factor
 
 
 def script(content: dict) -> Html:

@@ -17,8 +17,10 @@ from optimize.page.markup import Html, element, join, missing, section
 
 # What the figures of a finished run show.
 FIGURES = {
-    "landscape.png": "The objective over the box, worse of both starts, with the paths of the "
+    "landscape.png": "The objective of the settled motion over the box, with the paths of the "
     "descents.",
+    "settling.png": "Turns in which a disturbance of the settled motion falls to 1/e.",
+    "starts.png": "The objective over the first turns, worse of both starts.",
     "capacity.png": "Capacity over driving speed, with its floor and the box searched.",
     "pareto.png": "RMS of the foundation force against capacity and against its peak, with what "
     "no other cell beats in both.",

@@ -7,8 +7,8 @@ from jaxcrusher.batch.rows import VARIABLES
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CONTACT
 from optimize import words
 from optimize.answer import Answer, Confirmed, Refinement
-from optimize.page.data import design_unit, shown
 from optimize.page.markup import Html, as_text, element, missing, section, table
+from optimize.words import design_unit, shown
 
 
 def answer(found: Answer) -> Html:
@@ -20,19 +20,23 @@ def answer(found: Answer) -> Html:
         (
             title,
             *(f"{shown(name, value)[0]:.5g}" for name, value in design.values.items()),
-            *(words.interval(runs) for runs in design.runs.values()),
+            words.settled(design),
+            *(words.interval(runs) for runs in design.transient.values()),
             f"{design.ideal_rms:.0f}",
             f"{design.capacity:.2f}",
+            words.turns(design),
         )
         for title, design in found.designs.items()
     ]
-    starts = next(iter(found.designs.values())).runs
+    starts = next(iter(found.designs.values())).transient
     headings = (
         "design",
         *map(_with_unit, found.box.bounds),
-        *(f"{start} start, {unit}" for start in starts),
+        f"settled, {unit}",
+        *(f"{start} start after {found.settle_turns} turns, {unit}" for start in starts),
         "ideal joint's RMS, N",
         "capacity, m³/h",
+        "turns to settle",
     )
     remarks = [
         element("li", f"{title}: {remark}")
@@ -42,6 +46,7 @@ def answer(found: Answer) -> Html:
     ]
     return section(
         "The answer",
+        element("p", words.answer(found), class_="first"),
         table(headings, rows, caption=f"{objective.meaning}, {unit}"),
         element("p", f"{words.error(found)}."),
         element("ul", *remarks),
@@ -69,27 +74,45 @@ def checks(found: Answer) -> Html:
 
 
 def slopes(found: Answer) -> Html:
-    """The slopes at the optimum, in the units of the tables."""
-    report = found.gradient_report
-    if report is None:
-        return section("Slopes at the optimum", missing("slopes"))
-    unit, _ = VARIABLES.get(report.metric, ("its unit", ""))
-    rows = []
-    for slope in report.slopes.values():
-        of, factor = design_unit(slope.parameter)
-        rows.append(
+    """The slopes at the optimum, in the units of the tables, and what holds it there."""
+    best, report, unit = found.optimum, found.gradient_report, found.objective.unit
+    parts: list[Html] = []
+    if best is not None and best.settled is not None and best.settles:
+        orbit = best.settled
+        rows = [
+            (_per(name, unit), slope / factor, orbit.slopes_apart[name] / factor)
+            for name, slope in orbit.slopes.items()
+            for _, factor in [design_unit(name)]
+        ]
+        about = "Of the settled motion, exact; beside them, how far differences are from them."
+        parts = [element("p", about), table(("by", "slope", "differences off by"), rows)]
+    elif report is not None:
+        unit, _ = VARIABLES.get(report.metric, ("its unit", ""))
+        rows = [
             (
-                f"{slope.parameter}, {unit} per {of}",
+                _per(slope.parameter, unit),
                 slope.value / factor,
                 slope.standard_error / factor,
                 slope.estimator,
                 slope.verdict,
                 "; ".join(slope.reasons),
             )
-        )
-    headings = ("by", "slope", "standard error", "estimator", "verdict", "why")
-    about = f"Of {report.metric}, quiet motion, {report.regime}."
-    return section("Slopes at the optimum", element("p", about), table(headings, rows))
+            for slope in report.slopes.values()
+            for _, factor in [design_unit(slope.parameter)]
+        ]
+        headings = ("by", "slope", "standard error", "estimator", "verdict", "why")
+        about = f"Of {report.metric}, start in contact, {report.regime}."
+        parts = [element("p", about), table(headings, rows)]
+    else:
+        parts = [missing("slopes")]
+    limits = (words.held(one, found.objective.unit) for one in found.held)
+    return section(
+        "Slopes at the optimum", *parts, element("ul", *(element("li", x) for x in limits))
+    )
+
+
+def _per(name: str, unit: str) -> str:
+    return f"{name}, {unit} per {design_unit(name)[0] or '1'}"
 
 
 def search(found: Answer) -> Html:
@@ -99,7 +122,7 @@ def search(found: Answer) -> Html:
         ("", *parameters, f"objective, {unit}", f"±, {unit}", "worse start"),
         (
             (
-                "landscape's best point" if i == 0 else i,
+                i + 1,
                 *(shown(name, value)[0] for name, value in one.values.items()),
                 one.objective,
                 one.half_width,
@@ -110,7 +133,7 @@ def search(found: Answer) -> Html:
     )
     ends = [f"{name} {end}" for end in ("first", "last") for name in parameters]
     descents = table(
-        ("", "by", "exponent, a turn", *ends, f"first, {unit}", f"last, {unit}"),
+        ("", "by", "evaluations", *ends, f"first, {unit}", f"last, {unit}"),
         ((i + 1, *_descent(one)) for i, one in enumerate(found.refinement)),
     )
     return section(
@@ -126,22 +149,25 @@ def search(found: Answer) -> Html:
 def _descent(one: Refinement) -> Iterable[object]:
     path = one.path.items()
     ends = (shown(name, float(points[end]))[0] for end in (0, -1) for name, points in path)
-    return (one.by, one.exponent, *ends, one.first, one.last)
+    return (one.by, one.evaluations, *ends, one.first, one.last)
 
 
 def _all_numbers(title: str, design: Confirmed, unit: str) -> Html:
     """Every variable of every run of a design."""
     units = {name: of for name, (of, _) in VARIABLES.items()} | {"objective": unit}
-    first, *_ = design.runs.values()
+    first, *_ = design.transient.values()
     rows = [
         (
             name,
-            *(", ".join(map(as_text, runs.by_run[name].tolist())) for runs in design.runs.values()),
+            *(
+                ", ".join(map(as_text, runs.by_run[name].tolist()))
+                for runs in design.transient.values()
+            ),
             units.get(name, "1"),
         )
         for name in first.by_run
     ]
-    headings = ("of each run", *(f"{start} start" for start in design.runs), "unit")
+    headings = ("of each run", *(f"{start} start" for start in design.transient), "unit")
     return element("details", element("summary", f"All numbers: {title}"), table(headings, rows))
 
 

@@ -22,8 +22,10 @@ from optimize.answer import (
     Check,
     Claim,
     Confirmed,
+    Held,
     Refinement,
     Runs,
+    Settled,
     Sought,
 )
 from optimize.design import Design
@@ -104,7 +106,7 @@ BEGUN = Answer(
 
 
 def hand_made_runs(mean: float, success: bool = True) -> Runs:
-    """Six, the first 7 N above the mean and too wide for Hertz; one failed if told so."""
+    """Six that do not settle, the first 7 N above the mean, too wide for Hertz; one may fail."""
     objective = mean + np.array([7.0, -7.0, 1.0, -1.0, 2.0, np.nan])
     objective[5] = mean - 2.0 if success else np.nan
     validity = jc.Validity(*map(jnp.asarray, (1.8, 0.1, 0.9, 0.9)))
@@ -119,6 +121,7 @@ def hand_made_runs(mean: float, success: bool = True) -> Runs:
             "whirl": np.zeros(6, bool),
             "success": np.isfinite(objective),
         },
+        False,
     )
 
 
@@ -134,6 +137,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
         chosen(25.0, 6e-5),
         *(18250.1, 7.2, "centred"),
         *(25.0, 6e-5, 18243.2, 18240.0, 9.41),
+        *([], None),
         {"centred": hand_made_runs(18250.1), "contact": hand_made_runs(9250.1)},
         {"centred": quiet},
     )
@@ -141,6 +145,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
         chosen(39.0, 3e-5),
         *(np.nan, np.nan, "contact"),
         *(39.0, 3e-5, np.nan, 21790.0, 6.03),
+        *([], None),
         {"centred": hand_made_runs(21832.0), "contact": hand_made_runs(21799.0, success=False)},
     )
     slopes = {
@@ -153,11 +158,11 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
         status="finished",
         seconds={"landscape": 12.5},
         steps={"landscape": 15400000},
-        refinement=(Refinement("fits", 3.5, path, 19000.0, 18250.0, {}),),
+        refinement=(Refinement("fits", path, 19000.0, 18250.0, 24, {}),),
         candidates=(optimum, replace(other, objective=np.nan)),
         optimum=optimum,
         seed_choice=other,
-        claim=Claim(0.95, 7.2, None, 0.0, 7.2, "Nothing is said of what lies between."),
+        claim=Claim(None, None, 0, 0.0, "Nothing is said of what lies between."),
         gradient_report=jc.GradientReport("foundation_rms", quiet, 80, (0.0, 0.1), slopes),
         checks=(Check("inside the box", True, EVIL), Check("both starts agree", False, "")),
         remark="Wear is not counted.",
@@ -211,17 +216,40 @@ def test_every_text_is_escaped(page):
 
 def test_page_shows_what_it_knows_and_what_it_does_not(page):
     text = page.read_text()
-    assert "18250 ± 7.2" in text and "9250.1 ± 7.2" in text and "1 of 2 failed." in text
+    assert "18250±7.2" in text and "9250.1±7.2" in text and "1 of 2 failed." in text
     assert "half a 95 % interval, from 6 independent runs" in text
     # One of six runs failed: there is no number to show, and no design to choose.
     assert "<td>1 of 6 failed</td>" in text and '<td class="number">no value</td>' in text
     assert "21806, 21792, 21800, 21798, 21801, no value" in text
-    assert "optimum: centred start periodic" in text
+    assert "optimum: centred start: periodic, by its time average" in text
     assert "contact 1.80 bore radii wide: not Hertzian" in text
     # Units that differ from those of result.json: 51000 N/m are 51 N/mm.
     assert 'clearance, N per mm</th><td class="number">51</td>' in text
     low, high = (f'<td class="number">{value}</td>' for value in (0.03, 0.06))
     assert f"clearance, mm</th>{low}{high}" in text
+
+
+def test_page_of_a_settled_motion(tmp_path):
+    """The answer in a sentence, and slopes and what they are held by in the reader's units."""
+    validity = jc.Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9)))
+    numbers = (18243.4112, 18243.4112, 24000.0, 1e-9, [[0.9998, 0.0]], 0.9998, 5000.0, 0.1)
+    slopes = {"speed": 220.0, "clearance": 51000.0}, {"speed": 0.1, "clearance": 40.0}
+    found = hand_made_answer()
+    runs = {name: replace(one, settles=True) for name, one in found.optimum.transient.items()}
+    optimum = replace(
+        found.optimum, settled=Settled("", *numbers, validity, *slopes), transient=runs
+    )
+    held = (Held("clearance", "lowest", 51000.0),)
+    other = replace(found.seed_choice, objective=21796.4)
+    found = replace(found, optimum=optimum, seed_choice=other, held=held, gradient_report=None)
+    text = write_page(tmp_path, found, None, None, ()).read_text()
+    assert "Run it at 25 rad/s (239 rpm) with 0.06 mm of radial clearance" in text
+    assert "16.3 % less than 21796 at the paper&#x27;s choice" in text
+    assert "<td>18243.41</td>" in text or "18243.41</td>" in text
+    assert "clearance held at its lowest value by 51 N per mm" in text
+    by_clearance = '<td class="number">51</td><td class="number">0.04</td>'
+    assert f"clearance, N per mm</th>{by_clearance}" in text
+    assert "its swing dies towards the settled motion" in text and ">5000</td>" in text
 
 
 def test_motions_survive_packing(page):
@@ -250,7 +278,7 @@ def test_interrupted_run_says_what_is_missing(tmp_path):
     half = replace(BEGUN, optimum=found.optimum, candidates=found.candidates, claim=found.claim)
     text = write_page(tmp_path, half, hand_made_landscape(), None, ()).read_text()
     assert "No motions to draw" in text and data_of(text)["motions"] is None
-    assert "18250 ± 7.2" in text and "No slopes" in text and "No remark" in text
+    assert "18250±7.2" in text and "No slopes" in text and "No remark" in text
 
 
 def test_page_stays_small(tmp_path):

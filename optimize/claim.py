@@ -1,0 +1,90 @@
+"""How far the optimum is the least of its box."""
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from optimize.answer import Claim, Confirmed
+from optimize.evaluate import Case
+from optimize.landscape import GRID_DIMENSIONS
+
+# Second derivatives within a cell may exceed those measured around it by this factor.
+ROUGHER = 2.0
+
+
+def claim(case: Case, orbits: xr.Dataset | None, best: Confirmed) -> Claim:
+    """What values and slopes at the map's points leave possible between them."""
+    unit = case.objective.unit
+    if orbits is None or not best.settles or not orbits.counts.any():
+        return Claim(
+            None,
+            None,
+            0 if orbits is None else int((~orbits.counts).sum()),
+            0.0,
+            "The best of what was tried: its motions have no settled form that could be mapped.",
+        )
+    counts = orbits.counts.to_numpy()
+    values = np.where(counts, orbits.objective.to_numpy(), np.nan)
+    gain, unsolved = float(np.nanmin(values) - best.objective), int((~counts).sum())
+    if len(case.design.names) > GRID_DIMENSIONS:
+        words = (
+            f"The best of {values.size} points of a Sobol sequence and of the descents from them, "
+            f"known to {best.half_width:.2g} {unit}; nothing is said of what lies between."
+        )
+        return Claim(None, None, unsolved, gain, words)
+    sizes = 1 / (np.array(values.shape) - 1)
+    widths = [high - low for low, high in case.design.bounds.values()]
+    slopes = np.where(counts[..., None], orbits.slope.to_numpy() * widths, np.nan)
+    lowest, hidden = cell_bounds(values, slopes, sizes)
+    within = max(0.0, best.objective - float(np.nanmin(lowest)))
+    least = np.unravel_index(np.nanargmin(lowest), lowest.shape)
+    curvature = float(hidden[least])
+    words = (
+        f"Global within the box to {within:.2g} {unit} among settled motions, provided second "
+        f"derivatives within a cell are at most {ROUGHER:g} times those between the map's points "
+        f"around it ({curvature:.2g} {unit} of it)."
+    )
+    if unsolved:
+        words += (
+            f" Nothing is said of {unsolved} of {values.size} points where no stable settled "
+            "motion in contact was found or a constraint is broken."
+        )
+    return Claim(within, curvature, unsolved, gain, words)
+
+
+def cell_bounds(
+    values: Float[np.ndarray, "*points"],
+    slopes: Float[np.ndarray, "*points n"],
+    sizes: Float[np.ndarray, " n"],
+) -> tuple[np.ndarray, np.ndarray]:
+    """The least that a function can be near each point of a grid, and what of it is curvature.
+
+    Every place of the grid is within half a cell of a point, along each axis. There the function
+    is at least its tangent less half the second derivatives times the offsets; these are measured
+    by differences of the slopes of neighbouring points, the largest of those around, times
+    `ROUGHER`. A point without a number leaves its neighbours' differences unknown, and itself NaN.
+    """
+    count = values.ndim
+    half = sizes / 2
+    fall = np.zeros(values.shape)
+    hidden = np.zeros(values.shape)
+    for i in range(count):
+        # The tangent falls on one side of a point; on the box's edge only inwards.
+        downhill = np.abs(slopes[..., i])
+        edge = np.zeros(values.shape, bool)
+        ends = np.moveaxis(edge, i, 0), np.moveaxis(slopes[..., i], i, 0)
+        ends[0][0], ends[0][-1] = ends[1][0] >= 0, ends[1][-1] <= 0
+        fall += np.where(edge, 0.0, downhill) * half[i]
+        for j in range(count):
+            second = np.abs(np.diff(slopes[..., i], axis=j)) / sizes[j]
+            before, after = _beside(second, j, 1, 0), _beside(second, j, 0, 1)
+            around = np.fmax(before, after)
+            hidden += ROUGHER * around * half[i] * half[j] / 2
+    return values - fall - hidden, hidden
+
+
+def _beside(second: np.ndarray, axis: int, before: int, after: int) -> np.ndarray:
+    """Differences, one fewer than points along `axis`, beside each point; NaN beyond the ends."""
+    pad = [(0, 0)] * second.ndim
+    pad[axis] = (before, after)
+    return np.pad(second, pad, constant_values=np.nan)

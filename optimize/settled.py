@@ -1,0 +1,135 @@
+"""The settled motion of designs: the objective on it, its exact slopes, and its multipliers."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float
+
+import jaxcrusher as jc
+from jaxcrusher.batch.engines import in_turn, map_all
+from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
+from jaxcrusher.settled.forced import refusal
+from jaxcrusher.settled.result import reason
+from optimize.answer import Settled
+from optimize.evaluate import Case, Progress, Rows
+from optimize.landscape import labelled
+
+# Nodes a turn of maps and descents; what is reported is solved with as many as it takes.
+NODES = 96
+# Designs solved between two reports of progress. Descents run the same program.
+CHUNK = 32
+# Slopes are compared with differences over twice this share of the box: shorter ones lose more to
+# rounding (1e-10 of the value) than they gain in truncation.
+BESIDE = 1e-3
+# Name -> unit and meaning of what is kept of an orbit besides the statistics.
+VARIABLES = {
+    "error": ("1", "estimated error of the RMS, as a share of it"),
+    "largest_multiplier": ("1", "largest modulus of the Floquet multipliers"),
+    "settling_turns": ("1", "turns in which a disturbance falls to 1/e"),
+    "least_penetration": ("1", "least penetration / clearance"),
+}
+
+
+def unsolvable(case: Case) -> str:
+    """Why the case's scenes have no orbit to solve for, or nothing."""
+    return refusal(case.design.scene(np.full(len(case.design.names), 0.5)))
+
+
+def solve(
+    case: Case, units: Float[np.ndarray, "points n"], progress: Progress | None = None
+) -> Rows:
+    """The settled motions of points of the unit box, each from the pin at rest in its bore.
+
+    Rows of shape (points,): `objective`, `stable`, `inside_model`, `counts` (stable and within
+    the constraints), statistics, `VARIABLES` and `failure` in words; and `slope` of the objective
+    per unit of each free parameter, (points, n). Numbers are NaN where there is a failure.
+    """
+    padded = np.concatenate([units, np.repeat(units[-1:], -len(units) % CHUNK, axis=0)])
+    function = eqx.Partial(_row, case=case)
+
+    def report(done: int, _: int) -> None:
+        if progress is not None:
+            progress(min(done, len(units)), len(units))
+
+    rows = map_all(function, jnp.asarray(padded), CHUNK, in_turn, report)
+    rows = jax.tree.map(lambda column: column[: len(units)], rows)
+    rows["slope"] = rows["slope"] / widths(case)
+    capacity = case.capacity(units) >= case.capacity_floor * (1 - 1e-12)
+    inside = rows["inside_model"] if case.inside_model else True
+    rows["counts"] = rows["stable"] & capacity & inside & np.isfinite(rows["objective"])
+    # Most results are one and the same.
+    results = rows.pop("result")
+    codes, which = np.unique(jax.tree.leaves(results)[0], return_inverse=True)
+    first = [int(np.argmax(which == i)) for i in range(len(codes))]
+    words = [reason(jax.tree.map(lambda leaf, i=i: leaf[i], results)) for i in first]
+    return rows | {"failure": np.array(words, object)[which]}
+
+
+def widths(case: Case) -> Float[np.ndarray, " n"]:
+    """Of the box, in each parameter's unit."""
+    return np.array([high - low for low, high in case.design.bounds.values()])
+
+
+def _row(unit: Float[Array, " n"], case: Case) -> dict[str, Any]:
+    def objective(unit: Array):
+        scene = case.design.scene(unit)
+        orbit = jc.periodic_orbit(scene, nodes=NODES)
+        return case.objective.formula(orbit, scene, case.chamber), orbit
+
+    (value, orbit), slope = jax.value_and_grad(objective, has_aux=True)(unit)
+    row = {name: orbit[name] for name in STATISTICS}
+    row |= {name: getattr(orbit, name) for name in (*VARIABLES, "stable", "result")}
+    return row | {
+        "objective": jnp.where(orbit.success, value, jnp.nan),
+        "slope": jnp.where(orbit.success, slope, jnp.nan),
+        "inside_model": orbit.validity.inside,
+    }
+
+
+def mapped(case: Case, units: np.ndarray, cells: tuple[int, int], rows: Rows) -> xr.Dataset:
+    """Rows of a grid's or a sequence's points, labelled."""
+    of = case.objective
+    meanings: dict[str, tuple[str, str]] = {
+        **{name: (STATISTIC[name].unit, STATISTIC[name].meaning) for name in STATISTICS},
+        **VARIABLES,
+        "objective": (of.unit, of.meaning),
+        "slope": (of.unit, f"slope of the {of.meaning}, per unit of the parameter"),
+        "stable": ("1", "disturbances die"),
+        "inside_model": ("1", "Hertzian contact and elastic impacts"),
+        "counts": ("1", "may be chosen: a stable motion inside the constraints"),
+        "failure": ("1", "why there is no orbit"),
+    }
+    return labelled(case.design, units, cells, rows, meanings, {"slope": "parameter"})
+
+
+def looked_at(case: Case, unit: Float[np.ndarray, " n"], scene: jc.Scene) -> Settled:
+    """The settled motion of one point, with as many nodes as it takes, integrated round once.
+
+    Its slopes stand beside central differences of settled motions.
+    """
+    orbit = jc.periodic_orbit(scene)
+    beside = BESIDE * np.eye(len(unit))
+    rows = solve(case, np.concatenate([unit[None], unit + beside, unit - beside]))
+    above, below = np.split(rows["objective"][1:], 2)
+    slopes, names = rows["slope"][0], case.design.names
+    apart = np.abs((above - below) / (2 * BESIDE * widths(case)) - slopes)
+    value = case.objective.formula(orbit, scene, case.chamber)
+    modulus = np.abs(orbit.multipliers)
+    return Settled(
+        failure=orbit.failure,
+        objective=float(value) if bool(orbit.success) else float("nan"),
+        foundation_rms=float(orbit.foundation_rms),
+        foundation_peak=float(orbit.foundation_peak),
+        error=float(orbit.error),
+        multipliers=[[float(m.real), float(m.imag)] for m in orbit.multipliers],
+        largest_multiplier=float(modulus.max(initial=0.0)),
+        settling_turns=float(orbit.settling_turns),
+        least_penetration=float(orbit.least_penetration),
+        validity=orbit.validity,
+        slopes=dict(zip(names, slopes.tolist(), strict=True)),
+        slopes_apart=dict(zip(names, apart.tolist(), strict=True)),
+    )
