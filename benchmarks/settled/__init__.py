@@ -1,0 +1,1 @@
+"""The settled motion over the paper's box, and the resonances that fold it."""

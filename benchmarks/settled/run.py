@@ -1,0 +1,94 @@
+"""Maps of the settled RMS, and two stable motions for one design."""
+
+import time
+from collections import Counter
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+import xarray as xr
+from matplotlib.colors import LogNorm
+
+import jaxcrusher as jc
+from jaxcrusher.files.results import write_figure
+from jaxcrusher.scenes.parameters import PARAMETERS
+
+SPEEDS, CLEARANCES = np.linspace(25, 40, 61), np.linspace(0.03e-3, 0.12e-3, 46)
+# The fold at this clearance, from both of its sides.
+FOLDED = 0.1e-3
+SIDES = ((36.9, True), (37.9, False))
+BOUNDS = (36.8, 38.0)
+
+
+def run(out: Path) -> None:
+    """Compute, print, draw."""
+    jc.set_up()
+    fig, axes = plt.subplots(1, 3, figsize=(14, 4.2), layout="constrained")
+    ideal = np.array([float(jc.periodic_orbit(jc.ideal_scene(s)).foundation_rms) for s in SPEEDS])
+    for ax, slip in zip(axes, ("centre", "surface"), strict=False):
+        begun, used = time.perf_counter(), time.process_time()
+        found = jc.orbit_map(
+            {"speed": SPEEDS, "clearance": CLEARANCES},
+            base={"slip": slip},
+            slopes=tuple(PARAMETERS),
+        )
+        spent = time.perf_counter() - begun, time.process_time() - used
+        report(slip, found, *spent)
+        draw_map(fig, ax, found, ideal, slip)
+    draw_branch(axes[2])
+    write_figure(out / "settled.png", fig)
+    print(out / "settled.png")
+
+
+def report(slip: str, found: xr.Dataset, wall: float, cpu: float) -> None:
+    """What was solved, and what it took."""
+    solved = float(found.success.mean())
+    print(f"slip of the {slip}: {solved:.2%} of {found.success.size} designs solved, ", end="")
+    print(f"{float(found.stable.mean()):.2%} stable, {wall:.0f} s, {cpu:.0f} s of processors")
+    error = np.nanmax(found.error)
+    print(f"  largest estimated error {error:.1e}, above 1e-8: ", end="")
+    print(f"{float((found.error > 1e-8).mean()):.1%}")
+    for why, count in Counter(found.failure.values.ravel().tolist()).items():
+        if why:
+            print(f"  {count}: {why}")
+
+
+def draw_map(fig, ax, found: xr.Dataset, ideal: np.ndarray, slip: str) -> None:
+    """What the clearance adds to the RMS of an ideal joint; designs without an orbit are red."""
+    excess = found.foundation_rms.values - ideal[:, None]
+    millimetres = 1e3 * CLEARANCES
+    ax.set_facecolor("tab:red")
+    image = ax.pcolormesh(
+        SPEEDS, millimetres, excess.T, shading="nearest", norm=LogNorm(1, 300), rasterized=True
+    )
+    fig.colorbar(image, ax=ax, label="RMS above an ideal joint's, N", extend="both")
+    ax.set(xlabel="speed, rad/s", ylabel="clearance, mm", title=f"slip of the {slip}s")
+
+
+def scene(speed) -> jc.Scene:
+    """Of the folded branch."""
+    return jc.build_scene({"speed": speed, "clearance": FOLDED})
+
+
+def draw_branch(ax) -> None:
+    """The RMS along the branch from both sides; unstable motions are dashed."""
+    for i, (start, upwards) in enumerate(SIDES):
+        branch = jc.orbit_branch(scene, start, BOUNDS, upwards=upwards, scale=1.0, points=80)
+        speed, rms = branch.parameter.values, branch.foundation_rms.values
+        stable = branch.stable.values
+        for good, line in ((True, "-"), (False, "--")):
+            shown = np.where(stable == good, rms, np.nan)
+            label = {True: "stable", False: "unstable"}[good] if i == 0 else None
+            ax.plot(speed, shown, line, color="tab:blue", label=label)
+        for kind, value in zip(
+            branch.special_kind.values, branch.special_parameter.values, strict=True
+        ):
+            print(f"at {1e3 * FOLDED:g} mm: {kind} at {value:.6f} rad/s")
+            ax.axvline(value, color="0.6", lw=0.8)
+            ax.annotate(f" {kind} {value:.4f}", (value, 21060), fontsize=8)
+        print(f"  from {start:g} rad/s: {branch.sizes['point']} points. {branch.ended}")
+    ax.legend()
+    ax.set(
+        xlabel="speed, rad/s", ylabel="RMS, N", title=f"{1e3 * FOLDED:g} mm, slip of the centres"
+    )
+    ax.set_ylim(21030, 21460)
