@@ -54,14 +54,15 @@ def report(slip: str, found: xr.Dataset, wall: float, cpu: float) -> None:
 
 
 def draw_map(fig, ax, found: xr.Dataset, ideal: np.ndarray, slip: str) -> None:
-    """What the clearance adds to the RMS of an ideal joint; designs without an orbit are red."""
-    excess = found.foundation_rms.values - ideal[:, None]
+    """How far the RMS is off an ideal joint's, either way; designs without an orbit are red."""
+    excess = np.abs(found.foundation_rms.values - ideal[:, None])
+    norm = LogNorm(*np.nanpercentile(excess, (2, 99.5)))
     millimetres = 1e3 * CLEARANCES
     ax.set_facecolor("tab:red")
     image = ax.pcolormesh(
-        SPEEDS, millimetres, excess.T, shading="nearest", norm=LogNorm(1, 300), rasterized=True
+        SPEEDS, millimetres, excess.T, shading="nearest", norm=norm, rasterized=True
     )
-    fig.colorbar(image, ax=ax, label="RMS above an ideal joint's, N", extend="both")
+    fig.colorbar(image, ax=ax, label="RMS off an ideal joint's, N", extend="both")
     ax.set(xlabel="speed, rad/s", ylabel="clearance, mm", title=f"slip of the {slip}s")
 
 

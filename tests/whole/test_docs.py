@@ -59,7 +59,14 @@ def test_every_module_is_documented(documented):
 
 @pytest.mark.parametrize(
     "page",
-    ["docs/index.md", "docs/model.md", "docs/numerics.md", "docs/gradients.md", "docs/lanes.md"],
+    [
+        "docs/index.md",
+        "docs/model.md",
+        "docs/numerics.md",
+        "docs/gradients.md",
+        "docs/lanes.md",
+        "docs/settled.md",
+    ],
 )
 def test_blocks_of_a_page_run(page, capsys):
     namespace: dict = {"__name__": page}
