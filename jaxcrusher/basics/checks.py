@@ -11,7 +11,7 @@ def concrete(value) -> np.ndarray | None:
     return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
 
 
-def require(condition: bool, name: str, must: str, value: object) -> None:
+def require(condition: bool | np.bool, name: str, must: str, value: object) -> None:
     """Raise the one-line error of this package unless `condition` holds."""
     if not condition:
         raise ValueError(f"Argument `{name}` must {must}, but is {value}.")

@@ -3,11 +3,13 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Scalar
+from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.basics.plane import Vector, direction, scalar
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.machine import Machine
+
+Values = Float[Array, "*shape"]
 
 AFFLUENCE = 1.67  # k: greatest over least capacity, after (25)
 
@@ -25,13 +27,13 @@ class CrushingChamber(eqx.Module):
     double_width: Scalar = eqx.field(converter=scalar, default=0.0606)  # 2b - s, m
     gravity: Scalar = eqx.field(converter=scalar, default=9.81)  # m/s2
 
-    def layer_height(self, speed) -> Scalar:
+    def layer_height(self, speed: ArrayLike) -> Values:
         """h, the fall in half a turn (m), at `speed` (rad/s)."""
-        return self.gravity * (jnp.pi / scalar(speed)) ** 2 / 2
+        return self.gravity * (jnp.pi / jnp.asarray(speed)) ** 2 / 2
 
-    def capacity(self, speed) -> Scalar:
+    def capacity(self, speed: ArrayLike) -> Values:
         """Q at `speed` (rad/s), in m3/h: inversely proportional to the speed."""
-        turns_per_minute = 30 * scalar(speed) / jnp.pi
+        turns_per_minute = 30 * jnp.asarray(speed) / jnp.pi
         section = self.double_width / 2 * self.layer_height(speed)
         return 60 * turns_per_minute * section * self.opening_length * self.loosening
 

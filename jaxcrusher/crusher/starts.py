@@ -51,10 +51,9 @@ class InContact(AbstractStart):
         matrix = scene.drive.speed / 0.1 * matrix
 
         def rate(e: Vector) -> Vector:
-            return Vector(matrix @ e.x, matrix @ e.y)
+            return jax.tree.map(lambda part: matrix @ part, e)
 
-        zero = 0 * times
-        e = Vector(zero, zero)
+        e = jax.vmap(lambda time: Vector(0 * time, 0 * time))(times)
         for _ in range(1 + self.refinements):
             e = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))(
                 times, e, rate(e), rate(rate(e)), scene

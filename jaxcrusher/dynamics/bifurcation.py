@@ -1,6 +1,6 @@
 """Bifurcation diagrams: section points over a parameter, swept up, down or from cold starts."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import equinox as eqx
@@ -32,7 +32,7 @@ LEAST_TURNS = 20
 
 def bifurcation(
     scene: Callable[[float], Scene],
-    values: ArrayLike,
+    values: ArrayLike | Sequence[float],
     *,
     direction: Literal["up", "down", "cold"] = "up",
     settle_turns: int,
@@ -103,7 +103,7 @@ def _run(
 
 def _row(found: Section, rtol: float) -> dict[str, np.ndarray]:
     """What the diagram holds of one value."""
-    states, rms = np.array(found.states), np.array(found.foundation_rms)
+    states, rms = np.array(found.states), np.array(found["foundation_rms"])
     success, period, settled = bool(found.success), None, False
     whirl = success and bool(found.statistics.whirl)
     if whirl or not success:

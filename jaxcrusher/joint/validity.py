@@ -25,22 +25,22 @@ class Validity(eqx.Module):
     asked_restitution: Scalar
 
     @property
-    def hertzian(self) -> Bool[Array, ""]:
+    def hertzian(self) -> Bool[Array, "*batch"]:
         """Narrow enough a contact for Hertz's theory."""
         return self.half_width_ratio <= WIDEST_CONTACT
 
     @property
-    def elastic(self) -> Bool[Array, ""]:
+    def elastic(self) -> Bool[Array, "*batch"]:
         """No impact beyond the elastic limit."""
         return self.impact_speed_ratio <= 1
 
     @property
-    def restitution_kept(self) -> Bool[Array, ""]:
+    def restitution_kept(self) -> Bool[Array, "*batch"]:
         """Fastest impact rebounds as asked."""
         return jnp.abs(self.delivered_restitution - self.asked_restitution) <= RESTITUTION_ERROR
 
     @property
-    def inside(self) -> Bool[Array, ""]:
+    def inside(self) -> Bool[Array, "*batch"]:
         """Hertzian and elastic: without impacts restitution does not matter."""
         return self.hertzian & self.elastic
 

@@ -26,8 +26,8 @@ REGISTER = 4
 class Carried(eqx.Module):
     """What is integrated: the motion, and totals that it does not depend on."""
 
-    motion: PyTree[Scalar]
-    totals: PyTree[Scalar]
+    motion: PyTree[Array]
+    totals: PyTree[Array]
 
 
 class Sensitive(eqx.Module):
@@ -84,7 +84,7 @@ class Outcome(eqx.Module):
     steps: Int[Array, ""]  # accepted and rejected
 
     @property
-    def success(self) -> Bool[Array, ""]:
+    def success(self) -> Bool[Array, "*batch"]:
         """Came to its end."""
         return self.result == RESULTS.successful
 

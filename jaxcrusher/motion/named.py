@@ -19,7 +19,7 @@ class AbstractNamed(abc.ABC):
     def could_hold(self) -> Iterable[str]:
         """The names that may be asked for."""
 
-    def __getitem__(self, name: str) -> Array:
+    def __getitem__(self, name: str) -> Any:
         if name not in self.values:
             raise KeyError(self._missing(name))
         return self.values[name]

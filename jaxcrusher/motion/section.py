@@ -34,7 +34,7 @@ class Section(eqx.Module, AbstractNamed):
     """
 
     states: Float[Array, "turns dims"]
-    jacobians: Float[Array, "turns*slices dims dims"]  # of each slice of a turn
+    jacobians: Float[Array, "matrices dims dims"]  # of each slice of each turn
     outcome: Outcome
     values: Mapping[str, Float[Array, " turns"]]  # statistics of each turn, as far as asked for
 
@@ -43,7 +43,7 @@ class Section(eqx.Module, AbstractNamed):
         return STATISTIC
 
     @property
-    def state(self) -> Float[Array, " dims"]:
+    def state(self) -> Float[Array, "*batch dims"]:
         """The last one, to go on from."""
         return self.states[..., -1, :]
 
@@ -59,7 +59,7 @@ class Section(eqx.Module, AbstractNamed):
         return self.jacobians.shape[0] // self.states.shape[0]
 
     @property
-    def success(self) -> Bool[Array, ""]:
+    def success(self) -> Bool[Array, "*batch"]:
         """Whether the integration came to its end."""
         return self.outcome.success
 
@@ -84,13 +84,13 @@ def advance(
 
 
 class Slices(eqx.Module):
-    """Consecutive slices of a motion: state x, parameters p, statistics m of each slice alone."""
+    """A slice of a motion or several: state x, parameters p, statistics m of each slice alone."""
 
-    jacobians: Float[Array, "slices dims dims"]  # dx_after / dx_before
-    forcing: Float[Array, "slices dims n"]  # dx_after / dp
-    values: dict[str, Float[Array, " slices"]]  # m
-    by_state: dict[str, Float[Array, "slices dims"]]  # dm / dx_before
-    by_parameter: dict[str, Float[Array, "slices n"]]  # dm / dp
+    jacobians: Float[Array, "*slices dims dims"]  # dx_after / dx_before
+    forcing: Float[Array, "*slices dims n"]  # dx_after / dp
+    values: dict[str, Float[Array, "*slices"]]  # m
+    by_state: dict[str, Float[Array, "*slices dims"]]  # dm / dx_before
+    by_parameter: dict[str, Float[Array, "*slices n"]]  # dm / dp
 
 
 def turn_in_slices(

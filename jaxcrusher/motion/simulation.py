@@ -1,7 +1,6 @@
 """Simulate a scene and look at it at given times."""
 
-from collections.abc import Iterable, Mapping
-from typing import cast
+from collections.abc import Iterable, Mapping, Sequence
 
 import equinox as eqx
 import jax
@@ -49,18 +48,18 @@ OUTPUTS = (*OBSERVABLES, "energy")
 
 
 class Energy(eqx.Module):
-    """The energy ledger: energies, and work since time zero, all in J, shape (times,)."""
+    """The energy ledger: energies, and work since time zero, J; shape (times,) or one instant."""
 
-    kinetic: Float[Array, " times"]
-    potential: Float[Array, " times"]
-    elastic: Float[Array, " times"]
-    drive_work: Float[Array, " times"]
-    load_work: Float[Array, " times"]
-    contact_loss: Float[Array, " times"]
-    friction_loss: Float[Array, " times"]
+    kinetic: Float[Array, "*times"]
+    potential: Float[Array, "*times"]
+    elastic: Float[Array, "*times"]
+    drive_work: Float[Array, "*times"]
+    load_work: Float[Array, "*times"]
+    contact_loss: Float[Array, "*times"]
+    friction_loss: Float[Array, "*times"]
 
     @property
-    def imbalance(self) -> Float[Array, " times"]:
+    def imbalance(self) -> Float[Array, "*times"]:
         """What the ledger fails to account for since the first time, J: ideally zero."""
         stored = self.kinetic + self.potential + self.elastic
         balance = stored - self.drive_work - self.load_work
@@ -86,10 +85,10 @@ class Trajectory(eqx.Module, AbstractNamed):
     @property
     def energy(self) -> Energy:
         """The energy ledger."""
-        return cast(Energy, self["energy"])
+        return self["energy"]
 
     @property
-    def success(self) -> Bool[Array, ""]:
+    def success(self) -> Bool[Array, "*batch"]:
         """Whether the integration came to its end."""
         return self.outcome.success
 
@@ -111,7 +110,7 @@ class Trajectory(eqx.Module, AbstractNamed):
 
 def simulate(
     scene: Scene,
-    times: ArrayLike,
+    times: ArrayLike | Sequence[float],
     *,
     outputs: tuple[str, ...] = OUTPUTS,
     state: Float[ArrayLike, " dims"] | None = None,
@@ -146,7 +145,7 @@ def simulate(
     return _simulate(scene, jnp.asarray(times, dtype=float), state, how, tuple(outputs))
 
 
-def require_times(times: ArrayLike) -> None:
+def require_times(times: ArrayLike | Sequence[float]) -> None:
     """Check that times are one-dimensional, finite, increasing and not negative."""
     known = concrete(times)
     if known is None:

@@ -49,7 +49,7 @@ class Statistics(eqx.Module, AbstractNamed):
         return STATISTIC
 
     @property
-    def success(self) -> Bool[Array, ""]:
+    def success(self) -> Bool[Array, "*batch"]:
         """Whether the integration came to its end."""
         return self.outcome.success
 
@@ -72,7 +72,7 @@ class Statistics(eqx.Module, AbstractNamed):
         return self.limits
 
     @property
-    def whirl(self) -> Bool[Array, ""]:
+    def whirl(self) -> Bool[Array, "*batch"]:
         """Whether the motion is a friction whirl: the pin rolls backwards round the bore.
 
         Its penetrations, of the order of the clearance, are outside Hertz's theory.

@@ -55,10 +55,10 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count 2
     pace = scene.drive.speed / period
     first, second = (pace**k * matrix for k, matrix in enumerate(differentiation(count), start=1))
     times = 2 * jnp.pi * jnp.asarray(nodes(count)) / pace
-    e = Vector(jnp.zeros(count), jnp.zeros(count))
+    e = jax.vmap(lambda time: Vector(0 * time, 0 * time))(times)
     along = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))
     for _ in range(1 + REFINEMENTS):
-        rate, curvature = (Vector(m @ e.x, m @ e.y) for m in (first, second))
+        rate, curvature = (jax.tree.map(lambda part, m=m: m @ part, e) for m in (first, second))
         e = along(times, e, rate, curvature, scene)
     return jnp.stack([e.x, e.y], axis=1) / scene.joint.clearance
 

@@ -39,7 +39,7 @@ class Root(eqx.Module):
     result: RESULTS
 
     @property
-    def success(self) -> Bool[Array, ""]:
+    def success(self) -> Bool[Array, "*batch"]:
         """Converged."""
         return self.result == RESULTS.successful
 

@@ -59,7 +59,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
         return STATISTIC
 
     @property
-    def success(self) -> Bool[Array, ""]:
+    def success(self) -> Bool[Array, "*batch"]:
         """Whether this is an orbit."""
         return self.result == RESULTS.successful
 
@@ -74,7 +74,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
         return jnp.max(jnp.abs(self.multipliers), axis=-1, initial=0.0)
 
     @property
-    def stable(self) -> Bool[Array, ""]:
+    def stable(self) -> Bool[Array, "*batch"]:
         """Whether disturbances die."""
         return self.success & (self.largest_multiplier < 1)
 

@@ -380,6 +380,7 @@ def test_missing_dask_is_one_clear_line(monkeypatch, tmp_path):
         ({"speed": [30.0]}, {"base": {"load": None}}, r"base\['load'\]"),
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_bad_arguments_make_no_store(tmp_path, axes, options, name):
     with pytest.raises(ValueError, match=f"^Argument `{name}") as error:
         jc.sweep(axes, 0, 1, store=tmp_path / "store", **options)

@@ -65,7 +65,7 @@ def test_scene_in_32_bits_is_refused():
 def test_corner_stays_small_beside_the_contact(young, clearance):
     joint = jc.build_scene({"young": young, "clearance": clearance}).joint
     # 0.5 N of 15 kN; and |e| at touch-down right to 1e-9 clearances.
-    assert joint.normal.elastic_force(0.0) <= 0.501
+    assert joint.normal.elastic_force(scalar(0.0)) <= 0.501
     assert joint.norm_width**2 / (2 * clearance) <= 1e-9 * clearance
     if young == 207e9 and clearance >= 0.03e-3:
         assert (float(joint.normal.width), float(joint.norm_width)) == (1e-8, 1e-9)

@@ -155,6 +155,7 @@ BAD = [
 
 
 @pytest.mark.parametrize("make, name, value, limit", BAD)
+@pytest.mark.usefixtures("unchecked")
 def test_bad_input_is_refused_in_one_line(make, name, value, limit):
     with pytest.raises(ValueError) as error:
         make()

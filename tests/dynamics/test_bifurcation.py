@@ -60,12 +60,12 @@ def test_directions_agree_on_a_quiet_range_and_hand_the_state_on():
 
 
 def test_a_whirl_is_no_point():
-    turns = np.ones(20)
+    turns = jnp.ones(20)
     outcome = Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.array(0))
 
     def found(winding):
         values = {"foundation_rms": turns, "contact_fraction": turns, "winding": winding * turns}
-        return Section(np.zeros((20, 4)), np.zeros((0, 4, 4)), outcome, values)
+        return Section(jnp.zeros((20, 4)), jnp.zeros((0, 4, 4)), outcome, values)
 
     row = _row(found(-100), 1e-9)
     assert row["whirl"] and np.isnan(row["e_x"]).all() and np.isnan(row["foundation_rms"]).all()

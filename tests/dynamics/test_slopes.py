@@ -206,7 +206,7 @@ def test_verdicts_on_an_orbit(value, multipliers, verdict, reason):
         False,
         0.3,
         growth=9.0,
-        multipliers=multipliers,
+        multipliers=np.asarray(multipliers, complex),
     )
     assert slope.verdict == verdict
     assert reason in " ".join(slope.reasons) and bool(reason) == bool(slope.reasons)

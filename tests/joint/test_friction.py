@@ -15,7 +15,7 @@ def ramp(speed):
 def test_ramp_and_direction():
     law = AmbrosioFriction(SurfaceSlip(), 0.1, width=1e-9)
     speeds = np.array([-3.9, -1.0, -0.4, -0.1, -0.05, 0.0, 0.05, 0.3, 0.99, 1.01, 5.0])
-    force = law.force(jnp.array(1e4), jnp.asarray(speeds))
+    force = jax.vmap(law.force, (None, 0))(jnp.array(1e4), jnp.asarray(speeds))
     # A width of 1e-9 m/s leaves 1e-9 / 4 / 0.9 of 1 kN at a corner.
     np.testing.assert_allclose(force, -1e3 * ramp(speeds) * np.sign(speeds), atol=1e-6)
 

@@ -4,6 +4,7 @@ import copy
 import pickle
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -23,7 +24,9 @@ def test_what_was_asked_for_is_there(results):
     assert motion.drive_torque.shape == (2,) and motion["drive_torque"] is motion.drive_torque
     assert [*summary.values] == ["foundation_mean"] and summary.foundation_mean.shape == ()
     assert "drive_torque" in dir(motion) and "success" in dir(motion)
-    section = Section(np.zeros((2, 4)), np.zeros((0, 4, 4)), None, {"winding": np.ones(2)})
+    section = Section(
+        jnp.zeros((2, 4)), jnp.zeros((0, 4, 4)), motion.outcome, {"winding": jnp.ones(2)}
+    )
     assert section.winding.sum() == 2 and section.slices == 0
 
 

@@ -240,12 +240,8 @@ def test_bad_options(change, name, tmp_path):
 
 
 def test_a_long_run_outside_the_contact_model_says_so():
-    limits = {
-        "half_width_ratio": 0.2,
-        "impact_speed_ratio": 0.1,
-        "delivered_restitution": 0.9,
-        "asked_restitution": 0.9,
-    }
+    names = "half_width_ratio", "impact_speed_ratio", "delivered_restitution", "asked_restitution"
+    limits = dict(zip(names, map(jnp.array, (0.2, 0.1, 0.9, 0.9)), strict=True))
     run = {
         "success": True,
         "whirl": False,
@@ -253,7 +249,7 @@ def test_a_long_run_outside_the_contact_model_says_so():
         "foundation_rms_error": 0.1,
         "validity": limits,
     }
-    bad = run | {"whirl": True, "validity": limits | {"half_width_ratio": 1.8}}
+    bad = run | {"whirl": True, "validity": limits | {"half_width_ratio": jnp.array(1.8)}}
     found = {
         "paper": {"centred": run, "contact": bad},
         "optimised": {"centred": run | {"success": False}, "contact": run},

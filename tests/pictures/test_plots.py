@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -22,12 +23,14 @@ import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.starts import Given
+from jaxcrusher.motion.integrate import RESULTS, Outcome
 from jaxcrusher.motion.section import Section
 from jaxcrusher.motion.simulation import OUTPUTS, Trajectory
 from jaxcrusher.pictures import plots
 from jaxcrusher.pictures.film import animate
 from jaxcrusher.pictures.mechanism import DRAWN, FORCES, plot_mechanism
 
+ENDED = Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.array(0))
 TIMES = np.linspace(0, 0.2, 9)
 
 
@@ -56,7 +59,7 @@ def drawn(name):
 
         return jax.vmap(at)(times)
 
-    return scene, Trajectory(times, None, observe(scene, times))
+    return scene, Trajectory(times, ENDED, observe(scene, times))
 
 
 both = pytest.mark.parametrize("name", ["ideal", "clearance"])
@@ -172,7 +175,7 @@ def test_film_without_ffmpeg_or_of_another_kind(tmp_path, monkeypatch):
 
 def test_what_cannot_be_drawn():
     scene, turn = drawn("ideal")
-    part = Trajectory(turn.time, None, {"pin_position": turn.pin_position})
+    part = Trajectory(turn.time, ENDED, {"pin_position": turn.pin_position})
     for motion, instant, name in ((part, 0, "trajectory"), (turn, len(TIMES), "instant")):
         with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
             plot_mechanism(scene, motion, instant)
@@ -232,9 +235,9 @@ def test_lines_hold_the_data():
     fig, (orbit, force, spectrum, section) = plt.subplots(1, 4)
     motion = Trajectory(
         jnp.arange(3.0),
-        None,
+        ENDED,
         {
-            "eccentricity": jnp.array([[0, 1], [2, 3], [4, 5]]),
+            "eccentricity": jnp.array([[0.0, 1.0], [2.0, 3.0], [4.0, 5.0]]),
             "foundation_force": jnp.array([1e3, 2e3, 3e3]),
         },
     )
@@ -246,10 +249,14 @@ def test_lines_hold_the_data():
         np.testing.assert_array_equal(line.get_ydata(), [1, 2, 3])
     # Not by colour alone.
     assert force.lines[0].get_linestyle() != force.lines[1].get_linestyle()
-    plots.plot_spectrum([0.0, 1.0, 2.0], [9.0, 4.0, 1.0], "N", spectrum, turn_frequency=1.5)
+    plots.plot_spectrum(
+        np.arange(3.0), np.array([9.0, 4.0, 1.0]), "N", spectrum, turn_frequency=1.5
+    )
     np.testing.assert_array_equal(spectrum.lines[0].get_xydata(), [[1, 4], [2, 1]])
     states = np.arange(12.0).reshape(3, 4)
-    plots.plot_section(Section(states, None, None, {}), (1, 3), section)
+    plots.plot_section(
+        Section(jnp.asarray(states), jnp.zeros((0, 4, 4)), motion.outcome, {}), (1, 3), section
+    )
     np.testing.assert_array_equal(section.lines[0].get_xydata(), states[:, [1, 3]])
     assert section.get_xlabel() == "$e_y / c$" and section.get_ylabel() == r"$\dot e_y$ (m/s)"
     fig.canvas.draw()

@@ -227,7 +227,7 @@ def _applied_forces(scene, contact, load, pin_arm: Vector, bearing_arm: Vector) 
         shaft_moment = shaft_moment + contact.journal_moment
         jaw_moment = jaw_moment + contact.bearing_moment
     # acceleration(moment, 1) is torque + moment, or None where the speed is prescribed.
-    driven = scene.drive.acceleration(shaft_moment, 1.0)
+    driven = scene.drive.acceleration(shaft_moment, scalar(1.0))
     shaft_moment = shaft_moment if driven is None else driven
     no_moment = jnp.zeros_like(shaft_moment)
     return [
