@@ -38,8 +38,7 @@ def markdown(result: dict) -> str:
         "## The searches",
         f"{options['starts']} random starts, the same for each method, at most "
         f"{options['budget']} values of work each. A value is the RMS of a settled "
-        f"motion ({cost['value_steps']} steps of Newton's method) and took "
-        f"{1e3 * cost['value_seconds']:.1f} ms of CPU time, a "
+        f"motion and took {1e3 * cost['value_seconds']:.1f} ms of CPU time, a "
         "gradient by all parameters "
         f"{1e3 * cost['gradient_seconds']:.1f} ms: it counts as {ratio:.1f} values. Arrived: "
         f"within {ARRIVED:.1%} of the gain of the best search. Seconds include the method's own.",
