@@ -36,6 +36,8 @@ def claim(case: Case, orbits: xr.Dataset | None, best: Confirmed) -> Claim:
     widths = [high - low for low, high in case.design.bounds.values()]
     slopes = np.where(counts[..., None], orbits.slope.to_numpy() * widths, np.nan)
     lowest, hidden = cell_bounds(values, slopes, sizes)
+    # Also of a point without a neighbour to measure by.
+    unsolved = int(np.isnan(lowest).sum())
     within = max(0.0, best.objective - float(np.nanmin(lowest)))
     least = np.unravel_index(np.nanargmin(lowest), lowest.shape)
     curvature = float(hidden[least])

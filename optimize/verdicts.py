@@ -3,7 +3,7 @@
 import numpy as np
 
 from optimize import words
-from optimize.answer import Answer, Check, Confirmed, Held
+from optimize.answer import Answer, Check, Confirmed, Held, Settled
 from optimize.evaluate import Case
 from optimize.options import Options
 from optimize.stages import CONFIRM_RTOL, LONGER
@@ -11,6 +11,8 @@ from optimize.stages import CONFIRM_RTOL, LONGER
 # What the descents may leave of a slope that should vanish, over the width of the box, as a
 # share of the objective.
 VANISHED = 1e-6
+# Time averages of one motion.
+ALIKE = 0.01
 # What rounding may leave of a small slope's differences, as a share of it.
 APART = 0.02
 # What a bearing's clearance takes off the RMS of a quiet motion at most.
@@ -48,8 +50,7 @@ def checks(answer: Answer, case: Case, options: Options) -> tuple[Check, ...]:
             f"all of {options.runs} runs each, {LONGER * options.settle} + "
             f"{LONGER * options.turns} turns at rtol {CONFIRM_RTOL:g}",
         ),
-        _settles(best),
-        _stationary(best, case, answer.held),
+        *_motion(best, case, answer.held),
         Check(
             "not worse than any point of the map",
             answer.claim is not None and answer.claim.gain >= -VANISHED * abs(best.objective),
@@ -93,39 +94,53 @@ def _slopes(answer: Answer, best: Confirmed) -> Check:
     )
 
 
-def _settles(best: Confirmed) -> Check:
+def _agree(best: Confirmed, unit: str) -> Check:
+    """That time averages, where the starts come to no settled motion, are of one motion."""
+    one, two = best.transient.values()
+    widths = [runs.objective_half_width for runs in (one, two)]
+    apart = abs(one.objective_mean - two.objective_mean)
+    return Check(
+        "both starts agree",
+        apart <= max(sum(widths), ALIKE * abs(best.objective)),
+        f"{apart:.3g} {unit} apart, intervals ±{widths[0]:.3g} and ±{widths[1]:.3g} {unit}; rule: "
+        f"within both, or within {100 * ALIKE:g} %, which a swing that hardly damps leaves",
+    )
+
+
+def _motion(best: Confirmed, case: Case, held: tuple[Held, ...]) -> tuple[Check, ...]:
     """That the numbers reported are those the machine comes to, from either start."""
+    orbit = best.settled
+    if orbit is None or not orbit.stable:
+        return (_agree(best, case.objective.unit),)
     contact = ", ".join(
         f"{start} start {100 * float(runs.by_run['contact_fraction'].min()):.4g} %"
         for start, runs in best.transient.items()
     )
-    multiplier = "unknown" if best.settled is None else f"{best.settled.largest_multiplier:.6f}"
-    return Check(
+    comes = Check(
         "both starts come to the settled motion",
-        all(runs.settles for runs in best.transient.values()),
-        f"largest multiplier {multiplier} < 1, and in contact all the time of all long runs: "
-        + contact,
+        best.settles,
+        f"largest multiplier {orbit.largest_multiplier:.6f} < 1, and in contact all the time of "
+        f"all long runs: {contact}",
     )
+    return comes, _stationary(orbit, best, case, held)
 
 
-def _stationary(best: Confirmed, case: Case, held: tuple[Held, ...]) -> Check:
+def _stationary(orbit: Settled, best: Confirmed, case: Case, held: tuple[Held, ...]) -> Check:
     """Karush's, Kuhn's and Tucker's conditions: held by limits, or without slope."""
-    left = []
-    limits = {one.parameter: one for one in held}
-    if best.settled is not None:
-        for name, (low, high) in case.design.bounds.items():
-            if name not in limits:
-                share = abs(best.settled.slopes[name]) * (high - low) / abs(best.objective)
-                left.append((name, share))
-    holds = best.settled is not None and all(share <= VANISHED for _, share in left)
+    limits = {one.parameter for one in held}
+    left = [
+        (name, abs(orbit.slopes[name]) * (high - low) / abs(best.objective))
+        for name, (low, high) in case.design.bounds.items()
+        if name not in limits
+    ]
     details = [words.held(one, case.objective.unit) for one in held]
     details += [
         f"slope by {name} {share:.1g} of the objective over the box" for name, share in left
     ]
     return Check(
         "a minimum: every parameter at a limit that holds it, or without slope",
-        holds,
-        "; ".join(details) + f"; rule: slopes <= {VANISHED:g}" if details else "no settled motion",
+        all(share <= VANISHED for _, share in left),
+        "; ".join(details) + f"; rule: slopes <= {VANISHED:g}",
     )
 
 

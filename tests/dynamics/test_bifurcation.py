@@ -32,6 +32,8 @@ def points(diagram, speed):
     return np.stack([diagram[key].sel(value=speed).to_numpy() for key in KEYS], axis=-1)
 
 
+# Sections of cold starts come from a batch, in NumPy's arrays.
+@pytest.mark.usefixtures("unchecked")
 def test_directions_agree_on_a_quiet_range_and_hand_the_state_on():
     up, down, cold = (
         bifurcation(scene, SPEEDS, direction=one, name="speed", units="rad/s", **COUNTS)

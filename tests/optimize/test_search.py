@@ -14,7 +14,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.batch.rows import VARIABLES
-from optimize import confirm, landscape, local, problem
+from optimize import confirm, landscape, local, problem, verdicts
 from optimize.answer import Settled
 from optimize.claim import cell_bounds
 from optimize.evaluate import Window, judged, started
@@ -228,6 +228,51 @@ def test_a_design_is_judged_by_what_its_worse_start_comes_to(orbit_by_hand):
     orbit_by_hand()
     rows["counts"][1, 2] = False
     assert not confirm.confirmed(case, np.zeros(2), rows).counts
+
+
+def test_checks_fail_where_their_rules_are_broken(finished):
+    """The settled answer with one fact at a time made wrong."""
+    _, answer = finished
+    case, options = problem.case(Options()), Options(**SMALL)
+    best = answer.optimum
+
+    def failed(**changes):
+        changed = replace(answer, **changes)
+        return [c.name for c in verdicts.checks(changed, case, options) if not c.passed]
+
+    assert failed() == []
+    outside = replace(best, values=best.values | {"speed": 24.9})
+    assert failed(optimum=outside) == ["inside the box"]
+    assert failed(optimum=replace(best, capacity=5.0)) == ["capacity at least the floor"]
+    lost = best.transient | {"centred": replace(best.transient["centred"], settles=False)}
+    left = replace(best, transient=lost)
+    assert "both starts come to the settled motion" in failed(optimum=left)
+    # Not held where it still slopes.
+    assert failed(held=answer.held[1:])[0].startswith("a minimum")
+    assert failed(seed_choice=replace(answer.seed_choice, objective=1.0)) == [
+        "better than the paper's choice"
+    ]
+    assert failed(claim=replace(answer.claim, gain=-1.0)) == ["not worse than any point of the map"]
+    off = {"speed": 0.03 * best.settled.slopes["speed"], "clearance": 0.0}
+    wrong = replace(best, settled=replace(best.settled, slopes_apart=off))
+    assert failed(optimum=wrong) == ["the slopes at the optimum may be believed"]
+    # Without an orbit time averages are compared, and nothing is said of a minimum.
+    none = [
+        c.name
+        for c in verdicts.checks(
+            replace(
+                answer,
+                optimum=replace(
+                    best,
+                    settled=None,
+                    transient={n: replace(r, settles=False) for n, r in lost.items()},
+                ),
+            ),
+            case,
+            options,
+        )
+    ]
+    assert "both starts agree" in none and not any(name.startswith("a minimum") for name in none)
 
 
 def test_descents_end_where_karush_kuhn_and_tucker_say():

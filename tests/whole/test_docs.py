@@ -66,8 +66,10 @@ def test_every_module_is_documented(documented):
         "docs/gradients.md",
         "docs/lanes.md",
         "docs/settled.md",
+        "docs/design_search.md",
     ],
 )
+@pytest.mark.usefixtures("unchecked")
 def test_blocks_of_a_page_run(page, capsys):
     namespace: dict = {"__name__": page}
     blocks = python_blocks(page)
