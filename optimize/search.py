@@ -21,7 +21,7 @@ def run(options: Options, console: Console) -> Answer:
     case, folder = problem.case(options), results_folder(options.folder)
     answer = Answer(
         command=command(),
-        versions=versions("optax"),
+        versions=versions("scipy"),
         objective=Sought(options.objective, case.objective.unit, case.objective.meaning),
         box=problem.box(case),
         fixed=dict(case.design.fixed),

@@ -10,7 +10,8 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 import jaxcrusher as jc
-from jaxcrusher.batch.engines import in_turn, map_all
+from jaxcrusher.batch.engines import map_all, without_lanes
+from jaxcrusher.dynamics import orbit_map
 from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
 from jaxcrusher.settled.forced import refusal
 from jaxcrusher.settled.result import reason
@@ -27,10 +28,8 @@ CHUNK = 32
 BESIDE = 1e-3
 # Name -> unit and meaning of what is kept of an orbit besides the statistics.
 VARIABLES = {
-    "error": ("1", "estimated error of the RMS, as a share of it"),
-    "largest_multiplier": ("1", "largest modulus of the Floquet multipliers"),
-    "settling_turns": ("1", "turns in which a disturbance falls to 1/e"),
-    "least_penetration": ("1", "least penetration / clearance"),
+    name: orbit_map.VARIABLES[name]
+    for name in ("error", "largest_multiplier", "settling_turns", "least_penetration")
 }
 
 
@@ -55,7 +54,7 @@ def solve(
         if progress is not None:
             progress(min(done, len(units)), len(units))
 
-    rows = map_all(function, jnp.asarray(padded), CHUNK, in_turn, report)
+    rows = map_all(function, jnp.asarray(padded), CHUNK, without_lanes(), report)
     rows = jax.tree.map(lambda column: column[: len(units)], rows)
     rows["slope"] = rows["slope"] / widths(case)
     capacity = case.capacity(units) >= case.capacity_floor * (1 - 1e-12)
@@ -98,7 +97,7 @@ def mapped(case: Case, units: np.ndarray, cells: tuple[int, int], rows: Rows) ->
         **VARIABLES,
         "objective": (of.unit, of.meaning),
         "slope": (of.unit, f"slope of the {of.meaning}, per unit of the parameter"),
-        "stable": ("1", "disturbances die"),
+        "stable": ("1", orbit_map.LOGICAL["stable"]),
         "inside_model": ("1", "Hertzian contact and elastic impacts"),
         "counts": ("1", "may be chosen: a stable motion inside the constraints"),
         "failure": ("1", "why there is no orbit"),

@@ -21,8 +21,7 @@ from optimize.evaluate import Case, Progress, Window, evaluate, judged, started
 from optimize.motions import cell_motions
 from optimize.options import Options
 
-# Tolerances of the landscape with its exponents and motions, and of the confirmation, in
-# clearances.
+# Tolerances of the landscape and its motions, and of the confirmation, in clearances.
 MAP_RTOL, CONFIRM_RTOL = 1e-6, 1e-8
 # Confirmation runs last this many times longer than the landscape's.
 LONGER = 3

@@ -81,6 +81,11 @@ def map_all(
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 
+def without_lanes() -> Engine:
+    """The engine of functions that integrate nothing: lanes would trace them to find that out."""
+    return in_turn if jax.default_backend() == "cpu" else side_by_side
+
+
 def in_lanes(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
     """Integrations compiled to loops over lanes of scenes, on all cores (see `batch.lanes`).
 

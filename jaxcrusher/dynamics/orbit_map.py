@@ -14,7 +14,7 @@ import xarray as xr
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.checks import require, require_choice, require_whole, require_x64
-from jaxcrusher.batch.engines import Engine, map_chunks
+from jaxcrusher.batch.engines import Engine, map_chunks, without_lanes
 from jaxcrusher.batch.plan import check_grid, coordinates
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.motion.statistic import STATISTIC
@@ -64,7 +64,7 @@ def orbit_map(
       leave with an `error` above 1e-8.
     - `slopes`: names of numbers by which `metric`, a statistic of `jaxcrusher.PeriodicOrbit`, is
       differentiated: any number of them costs about as much as one.
-    - `engine`: as in `jaxcrusher.map_chunks`.
+    - `engine`: as in `jaxcrusher.map_chunks`; nothing is integrated, so None is never lanes.
     - `progress`: called with the number of finished and of all designs, first at the start; what
       fails is finished when its neighbours have been tried.
 
@@ -113,7 +113,7 @@ def orbit_map(
                 period=period,
                 nodes=level,
             )
-            grid.fill(solve, members, level * period, engine, report)
+            grid.fill(solve, members, level * period, engine or without_lanes(), report)
     rows = [grid.rows[number] for number in range(len(cells))]
     data = _variables(varied, shape, rows, metric)
     labels = {name: (name, *rest) for name, rest in coordinates(varied).items()}
@@ -179,7 +179,7 @@ class _Grid:
         solve: Callable,
         members: list[int],
         points: int,
-        engine: Engine | None,
+        engine: Engine,
         report: Callable[[int, int], None],
     ) -> None:
         """Solve what is not solved well, then what fails from neighbours, until none is new."""
@@ -213,7 +213,7 @@ class _Grid:
             return np.full((points, 2), np.nan)
         return np.asarray(resample(row["eccentricity"], points))
 
-    def _solve(self, solve: Callable, wanted: list[tuple[int, np.ndarray]], engine: Engine | None):
+    def _solve(self, solve: Callable, wanted: list[tuple[int, np.ndarray]], engine: Engine):
         """Rows as they come; the last chunk is as large as the others, or it were compiled anew."""
         padded = wanted + wanted[-1:] * (-len(wanted) % CHUNK)
         index = np.array([number for number, _ in padded])

@@ -9,7 +9,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import in_lanes, map_all, stack
+from jaxcrusher.batch.engines import map_all, stack
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.motion.flow import flat
@@ -78,7 +78,7 @@ def settled_motions(
     offsets = radii * np.exp(2j * np.pi * angles)
     shifted = stack([shifted_start(scene, Vector(z.real, z.imag)) for z in offsets])
     run = eqx.Partial(_run, half=turns // 2, rest=turns - turns // 2)
-    half, end, success = map_all(run, shifted, starts, in_lanes)
+    half, end, success = map_all(run, shifted, starts)
     known = [_section(orbit) for orbit in orbits]
     counts: Counter[int] = Counter()
     swinging = []

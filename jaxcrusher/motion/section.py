@@ -1,23 +1,22 @@
 """The once-per-turn map of a motion: its section points, and its Jacobians."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
+from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require, require_whole, require_x64
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import Flow, flat, unflattened
-from jaxcrusher.motion.integrate import RESULTS, Integration, Outcome, failure_text, integrate
+from jaxcrusher.motion.integrate import RESULTS, Integration, Outcome, integrate
 from jaxcrusher.motion.method import Method, resolve
-from jaxcrusher.motion.named import AbstractNamed
-from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.motion.statistics import (
+    AbstractOverTurns,
     Statistics,
     instants,
     over_pieces,
@@ -26,7 +25,7 @@ from jaxcrusher.motion.statistics import (
 )
 
 
-class Section(eqx.Module, AbstractNamed):
+class Section(eqx.Module, AbstractOverTurns):
     """States at the end of each turn, where the shaft is again at angle zero.
 
     With the default formulation a state is (e_x / c, e_y / c, e_x', e_y') in 1 and m/s, and
@@ -37,10 +36,6 @@ class Section(eqx.Module, AbstractNamed):
     jacobians: Float[Array, "matrices dims dims"]  # of each slice of each turn
     outcome: Outcome
     values: Mapping[str, Float[Array, " turns"]]  # statistics of each turn, as far as asked for
-
-    def could_hold(self) -> Iterable[str]:
-        """Every statistic there is."""
-        return STATISTIC
 
     @property
     def state(self) -> Float[Array, "*batch dims"]:
@@ -57,16 +52,6 @@ class Section(eqx.Module, AbstractNamed):
     def slices(self) -> int:
         """Jacobians a turn."""
         return self.jacobians.shape[0] // self.states.shape[0]
-
-    @property
-    def success(self) -> Bool[Array, "*batch"]:
-        """Whether the integration came to its end."""
-        return self.outcome.success
-
-    @property
-    def failure(self) -> str:
-        """Why and when the integration stopped, or nothing (concrete values only)."""
-        return failure_text(self.outcome, "rad of shaft angle")
 
 
 def advance(

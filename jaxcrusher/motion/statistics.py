@@ -31,18 +31,10 @@ WHIRL_CONTACT = 0.99
 WHIRL_WINDING = 10.0
 
 
-class Statistics(eqx.Module, AbstractNamed):
-    """Statistics over the turns after settling, by name: units and meanings stand in `STATISTIC`.
+class AbstractOverTurns(AbstractNamed):
+    """Statistics by name, and how the integration that they are of ended."""
 
-    A failed run has `success` False, NaN in every number, and says why in `failure`.
-    """
-
-    turns: int = eqx.field(static=True)
-    outcome: Outcome
-    values: Mapping[str, Scalar]
-    by_turn: Mapping[str, Float[Array, " turns"]]  # of each turn alone
-    state: Float[Array, " dims"]  # at the end, to go on from: see `Section`
-    limits: Validity | None = None  # None without penetration_ratio or impact_speed
+    outcome: Outcome  # a field of the module that inherits
 
     def could_hold(self) -> Iterable[str]:
         """Every statistic there is."""
@@ -57,6 +49,20 @@ class Statistics(eqx.Module, AbstractNamed):
     def failure(self) -> str:
         """Why and when the integration stopped, or nothing (concrete values only)."""
         return failure_text(self.outcome, "rad of shaft angle")
+
+
+class Statistics(eqx.Module, AbstractOverTurns):
+    """Statistics over the turns after settling, by name: units and meanings stand in `STATISTIC`.
+
+    A failed run has `success` False, NaN in every number, and says why in `failure`.
+    """
+
+    turns: int = eqx.field(static=True)
+    outcome: Outcome
+    values: Mapping[str, Scalar]
+    by_turn: Mapping[str, Float[Array, " turns"]]  # of each turn alone
+    state: Float[Array, " dims"]  # at the end, to go on from: see `Section`
+    limits: Validity | None = None  # None without penetration_ratio or impact_speed
 
     @property
     def validity(self) -> Validity:

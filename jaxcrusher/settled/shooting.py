@@ -94,9 +94,8 @@ def section_point(
     """The section point near `guess` that repeats after `period` turns, by Newton's method.
 
     With it come the derivatives along the orbit. None if the iteration does not converge, if a
-    multiplier is 1 (whatever is near repeats too), or if
-    the state holds more than eccentricity and rate (a memory that no impact renews repeats
-    whatever it is).
+    multiplier is 1 (whatever is near repeats too), or if the state holds more than eccentricity
+    and rate (a memory that no impact renews repeats whatever it is).
     """
     x = np.asarray(guess, dtype=float)
     # Traced: a neighbour of a parameter at its limit lies outside.

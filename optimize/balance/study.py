@@ -118,8 +118,6 @@ def _searches(study: Study, design: Design, paper: np.ndarray, bars: Progress) -
             "scale": scale,
             "value_seconds": objective.value_seconds,
             "gradient_seconds": objective.gradient_seconds,
-            "value_steps": objective.value(paper).steps,
-            "gradient_steps": objective.gradient(paper).steps,
         },
     )
     objective = Smooth(
