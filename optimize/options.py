@@ -6,6 +6,10 @@ from typing import Annotated, Literal
 
 import tyro
 
+from jaxcrusher.files.results import run_folder
+
+Range = Annotated[tuple[str, str], tyro.conf.arg(metavar="LOW HIGH")]
+
 
 @dataclass(frozen=True)
 class Options:
@@ -21,18 +25,17 @@ class Options:
     """What to make small: RMS, peak, smooth peak or mean of the foundation force, its excess over
     the ideal joint, the peak force in the bearing (all N), sliding work or drive energy per
     volume crushed (J/m3)."""
-    speed: tuple[float, float] = (25.0, 40.0)
-    """Lowest and highest driving speed, rad/s."""
-    clearance: tuple[float, float] = (0.03, 0.12)
-    """Smallest and largest radial clearance, mm."""
+    speed: Range = ("25", "40rad/s")
+    """Lowest and highest driving speed, the first in the unit of the second."""
+    clearance: Range = ("0.03", "0.12mm")
+    """Smallest and largest radial clearance, likewise."""
     design: Annotated[
         tuple[tuple[str, str, str], ...],
         tyro.conf.UseAppendAction,
         tyro.conf.arg(metavar="NAME LOW HIGH"),
     ] = ()
     """A free parameter with its bounds, instead of speed and clearance, as often as needed.
-    Names as in a scene file, such as counterweight.mass; bounds are SI numbers or quantities,
-    such as "0.1 mm"."""
+    Names and units as in a scene file: --design counterweight.mass 0 "50 kg"."""
     scene: Path | None = None
     """TOML scene file with the crusher's other numbers; the options below go before it."""
     capacity_floor: float | None = None
@@ -61,12 +64,12 @@ class Options:
     """Friction coefficient; 0 leaves friction out."""
     load: Literal["along_jaw", "normal_to_jaw", "closing_stroke", "none"] | None = None
     """Direction of the crushing load on the jaw."""
-    impact_velocity: float | Literal["tracked"] | None = None
-    """Impact velocity of the contact law, m/s, or tracked."""
+    impact_velocity: str | None = None
+    """Impact velocity of the contact law, such as 0.5m/s, or tracked."""
     seed: int = 0
     """Seed of the random refinement points and of the confirmation's starts."""
 
     @property
     def folder(self) -> Path:
         """The folder of this run."""
-        return self.out / self.name
+        return run_folder(self.out, self.name)

@@ -1,16 +1,18 @@
 """The problem that the options of the search describe: what is free, and what is compared."""
 
-import math
+from dataclasses import asdict
 from typing import Any
 
 from jaxcrusher.basics.checks import require, require_choice, require_within
+from jaxcrusher.commands.crushers import scene_of
 from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
-from jaxcrusher.scenes.build import build_scene
+from jaxcrusher.crusher.scene import require_clearance
 from jaxcrusher.scenes.parameters import CHOICES, PE250X400
-from jaxcrusher.scenes.scene_file import read_scene_file, read_text, require_parameter
+from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text
 from optimize.answer import Box
 from optimize.design import Design
 from optimize.evaluate import Case
+from optimize.landscape import GRID_DIMENSIONS
 from optimize.objectives import OBJECTIVES
 from optimize.options import Options
 
@@ -18,19 +20,12 @@ from optimize.options import Options
 SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
 # The paper's greatest capacity, to which its floor refers, is that at 25 rad/s.
 GREATEST_AT = 25.0
+# Options that do not decide the answer, or do by what they are read as.
+KEPT_APART = ("name", "out", "scene", "speed", "clearance", "design")
 
 
 def check(options: Options) -> None:
     """Raise ValueError for a value outside its limits, before anything is compiled."""
-    for name, (low, high), unit in (
-        ("speed", options.speed, "rad/s"),
-        ("clearance", options.clearance, "mm"),
-    ):
-        good = math.isfinite(low) and math.isfinite(high) and 0 < low < high
-        require(good, name, f"be a box 0 < LOW < HIGH {unit}", (low, high))
-    largest = options.clearance[1]
-    bore = 1e3 * float(PE250X400["bore_radius"])
-    require(largest < bore, "clearance", f"be < {bore:g} mm", largest)
     for name, value, least in (
         ("cells", min(options.cells), 3),
         ("grid", min(options.grid), 2),
@@ -49,18 +44,16 @@ def check(options: Options) -> None:
         require_choice("slip", options.slip, CHOICES["slip"])
     if options.load is not None:
         require_choice("load", options.load, CHOICES["load_law"])
-    if isinstance(options.impact_velocity, float | int):
-        good = math.isfinite(options.impact_velocity) and options.impact_velocity > 0
-        require(good, "impact_velocity", "be > 0 m/s", options.impact_velocity)
     if options.capacity_floor is not None:
         require(
             options.capacity_floor >= 0, "capacity_floor", "be >= 0 m3/h", options.capacity_floor
         )
     require_choice("objective", options.objective, tuple(OBJECTIVES))
-    names = [name for name, _, _ in options.design]
-    for name in names:
-        require_parameter(name)
-    require(len(set(names)) == len(names), "design", "name every parameter once", names)
+    _require_used(options)
+    described, free = description(options), bounds(options)
+    if "clearance" in free:
+        bore = described.get("bore_radius", PE250X400["bore_radius"])
+        require_clearance(free["clearance"][1], bore)
     sought = case(options)
     reached = float(CrushingChamber().capacity(sought.slowest))
     require(
@@ -69,21 +62,45 @@ def check(options: Options) -> None:
         f"be reached in the box, whose lowest speed gives {reached:.4g} m3/h",
         sought.capacity_floor,
     )
-    scene = build_scene(description(options))
+    scene = scene_of(described, options.scene)
     if "sliding_power" in sought.objective.outputs:
         rubs = scene.joint is not None and scene.joint.friction is not None
         require(rubs, "objective", "be another without friction", options.objective)
 
 
+def _require_used(options: Options) -> None:
+    """ValueError for an option that another one makes idle."""
+    names = [name for name, _, _ in options.design]
+    require(len(set(names)) == len(names), "design", "name every parameter once", names)
+    many = len(names) > GRID_DIMENSIONS
+    grid = "not be given with more than two parameters, which --samples spreads"
+    for name, idle, must in (
+        ("speed", bool(names), "be a line --design speed LOW HIGH beside other ones"),
+        ("clearance", bool(names), "be a line --design clearance LOW HIGH beside other ones"),
+        ("cells", many, grid),
+        ("grid", many, grid),
+        ("samples", not many, "not be given with a grid; --cells and --grid are its points"),
+        ("friction", "friction" in names, "not be given where --design frees it"),
+        ("impact_velocity", "impact_velocity" in names, "not be given where --design frees it"),
+        ("slip", options.friction == 0, "not be given without friction"),
+    ):
+        value = getattr(options, name)
+        given = value != getattr(Options, name)
+        require(not (idle and given), name, must, value)
+
+
 def bounds(options: Options) -> dict[str, tuple[float, float]]:
-    """The free parameters with their bounds, in SI units."""
-    if options.design:
-        return {
-            name: (float(read_text(name, low)), float(read_text(name, high)))
-            for name, low, high in options.design
-        }
-    small, large = options.clearance
-    return {"speed": options.speed, "clearance": (1e-3 * small, 1e-3 * large)}
+    """The free parameters with their bounds, in SI units.
+
+    Raises ValueError for unknown names, for values without a unit, and for no LOW < HIGH.
+    """
+    paper = (("speed", *options.speed), ("clearance", *options.clearance))
+    found = {}
+    for name, low, high in options.design or paper:
+        found[name] = read_range(name, low, high)
+        good = found[name][0] < found[name][1]
+        require(good, name, "have LOW < HIGH", f"{low} {high}")
+    return found
 
 
 def description(options: Options) -> dict[str, Any]:
@@ -99,11 +116,18 @@ def description(options: Options) -> dict[str, Any]:
     if options.impact_velocity == "tracked":
         values["impact_law"] = "tracked"
     elif options.impact_velocity is not None:
-        values |= {"impact_law": "constant", "impact_velocity": options.impact_velocity}
+        velocity = read_text("impact_velocity", options.impact_velocity)
+        values |= {"impact_law": "constant", "impact_velocity": velocity}
     require(values.get("joint") != "ideal", "scene", "have a joint with clearance", "ideal")
     # The search tries both starts itself.
     values.pop("start", None)
     return values
+
+
+def settings(options: Options) -> dict[str, Any]:
+    """Everything that decides the answer."""
+    kept = {name: value for name, value in asdict(options).items() if name not in KEPT_APART}
+    return {"command": "search", **kept, "bounds": bounds(options), "scene": description(options)}
 
 
 def case(options: Options) -> Case:

@@ -7,18 +7,22 @@ from rich.console import Console
 
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command, versions
-from jaxcrusher.files.results import results_folder, write_json
+from jaxcrusher.files.results import write_json
+from jaxcrusher.files.resume import begin
 from optimize import figures, landscape, problem, report, stages, verdicts
 from optimize.answer import Answer, Sought
 from optimize.claim import claim
 from optimize.options import Options
 from optimize.page.document import write_page
 
+WRITTEN = ("result.json", "report.html", "settled.nc", "landscape.nc", "*.png")
+
 
 def run(options: Options, console: Console) -> Answer:
     """Search, and write result.json, landscape.nc, figures and page; what came, if interrupted."""
     problem.check(options)
-    case, folder = problem.case(options), results_folder(options.folder)
+    case = problem.case(options)
+    folder = begin(options.folder, problem.settings(options), *WRITTEN)
     answer = Answer(
         command=command(),
         versions=versions("scipy"),

@@ -1,5 +1,7 @@
 """The crushers and the grids that a command line names, in SI units."""
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +11,7 @@ from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.parameters import CHOICES, PE250X400
-from jaxcrusher.scenes.scene_file import read_scene_file, read_text, require_parameter
+from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text, require_parameter
 
 
 def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
@@ -21,7 +23,17 @@ def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
     if crusher.scene is not None:
         values |= read_scene_file(crusher.scene)
     values |= {name: read_text(name, text) for name, text in crusher.overrides}
-    return values, build_scene(values)
+    return values, scene_of(values, crusher.scene)
+
+
+def scene_of(values: Mapping[str, Any], path: Path | None) -> Scene:
+    """`build_scene`, whose refusal begins with the file that the values are from."""
+    try:
+        return build_scene(values)
+    except ValueError as error:
+        if path is None:
+            raise
+        raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
 
 
 def read_moving(crusher: Crusher) -> dict[str, Any]:
@@ -48,7 +60,7 @@ def read_axes(over: Ranges) -> dict[str, list]:
             continue
         require_parameter(name)
         require(len(rest) == 3, "over", f"be {name} LOW HIGH COUNT", " ".join([name, *rest]))
-        low, high = (float(read_text(name, text)) for text in rest[:2])
+        low, high = read_range(name, rest[0], rest[1])
         count = rest[2]
         require(
             count.isdecimal() and int(count) >= 2,

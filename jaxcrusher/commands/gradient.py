@@ -10,7 +10,8 @@ from jaxcrusher.basics.checks import require, require_choice, require_positive, 
 from jaxcrusher.commands.crushers import read_moving
 from jaxcrusher.commands.options import Gradient
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import results_folder, write_json
+from jaxcrusher.files.results import write_json
+from jaxcrusher.files.resume import begin
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.parameters import PARAMETERS
 from jaxcrusher.scenes.scene_file import require_parameter
@@ -20,7 +21,10 @@ def run(options: Gradient, console: Console) -> int:
     """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
     values = read_moving(options.crusher)
     _check(options, values)
-    folder = results_folder(options.results.folder)
+    settings = {"command": "gradient", "scene": values}
+    for name in ("metric", "by", "settle", "turns", "radius", "pairs", "seed", "rtol"):
+        settings[name] = getattr(options, name)
+    folder = begin(options.results.folder, settings, "gradient.json")
 
     def scene(**numbers) -> jc.Scene:
         return jc.build_scene({**values, **numbers})

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import tyro
 
+from jaxcrusher.files.results import run_folder
+
 # Repeated options: KEY VALUE pairs, NAME LOW HIGH COUNT, and whole designs.
 Pairs = Annotated[
     tuple[tuple[str, str], ...],
@@ -29,8 +31,8 @@ class Crusher:
     scene: Path | None = None
     """TOML file of the crusher; what it leaves out is the PE250x400's."""
     overrides: Pairs = ()
-    """A key of the scene file and its value, over the file's: an SI number or a quantity, as in
-    --set clearance "0.06 mm" --set jaw.mass 500. May be repeated."""
+    """A key of the scene file and its value with its unit, over the file's, as in
+    --set clearance 0.06mm --set speed "286 rpm" --set friction 0.05. May be repeated."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Results:
     @property
     def folder(self) -> Path:
         """The folder of this run."""
-        return self.out / self.name
+        return run_folder(self.out, self.name)
 
 
 @dataclass(frozen=True)
@@ -58,8 +60,8 @@ class Simulate:
     """
 
     crusher: Crusher = field(default_factory=Crusher)
-    turns: float = 10.0
-    """Time span in turns of the shaft."""
+    turns: float | None = None
+    """Time span in turns of the shaft; 10 without --seconds."""
     seconds: float | None = None
     """Time span in s, in place of --turns."""
     samples: int = 10_001
@@ -82,9 +84,9 @@ class Sweep:
 
     crusher: Crusher = field(default_factory=Crusher)
     over: Ranges = ()
-    """A parameter and its range in SI units or quantities, as in --over speed 25 40 16 or --over
-    clearance "0.03 mm" "0.12 mm" 10; or a choice and what to choose, as in --over start centred
-    contact. May be repeated: the grid is the product of all."""
+    """A parameter, its range and a count, as in --over speed 25 40rad/s 16 or --over clearance
+    0.03 "0.12 mm" 10: the unit of the last counts for the first. Or a choice and what to choose, as
+    in --over start centred contact. May be repeated: the grid is the product of all."""
     settle: int = 40
     """Turns of the shaft before statistics start."""
     turns: int = 40
@@ -116,8 +118,8 @@ class Regimes:
     """A parameter and its range, or a choice and what to choose, as in sweep; the grid is the
     product of all."""
     design: Designs = ()
-    """A design of a list instead, as in --design "speed=25,clearance=0.03 mm". May be repeated;
-    all name the same keys. Without --over and --design: the crusher as it is."""
+    """A design of a list instead, as in --design "speed=25 rad/s, clearance=0.03 mm". May be
+    repeated; all name the same keys. Without --over and --design: the crusher as it is."""
     settle: int = 200
     """Turns of the shaft before the motion is looked at."""
     turns: int = 1000

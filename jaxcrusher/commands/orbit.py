@@ -14,7 +14,8 @@ import jaxcrusher as jc
 from jaxcrusher.commands.crushers import read_crusher
 from jaxcrusher.commands.options import Orbit
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import results_folder, write_figure, write_json
+from jaxcrusher.files.results import write_figure, write_json
+from jaxcrusher.files.resume import begin
 from jaxcrusher.scenes.parameters import PARAMETERS
 
 ANGLES = 720  # of the picture, a turn
@@ -23,7 +24,8 @@ ANGLES = 720  # of the picture, a turn
 def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     values, _ = read_crusher(options.crusher)
-    folder = results_folder(options.results.folder)
+    settings = {"command": "orbit", "scene": values, "period": options.period}
+    folder = begin(options.results.folder, settings, "orbit.json", "orbit.png")
     numbers = {name: jnp.asarray(values[name], dtype=float) for name in PARAMETERS}
 
     def solve(numbers: dict[str, Any], nodes: int | None = None) -> jc.PeriodicOrbit:

@@ -11,11 +11,13 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn
 
 from jaxcrusher.basics.setup import set_up
 from jaxcrusher.files.provenance import program_words
+from jaxcrusher.files.resume import SETTINGS
 
 EXTRA = "the extra `bench` has all: pip install 'jaxcrusher[bench]'."
 
@@ -65,29 +67,69 @@ def parse(
     def bound(*positional: object, **named: object) -> Callable[[], int | None]:
         return functools.partial(main, *positional, **named)
 
+    name = " ".join(program_words())
+    words = list(sys.argv[1:] if arguments is None else arguments)
+
+    def read(words: Sequence[str]) -> Callable[[], int | None]:
+        return tyro.cli(  # pyright: ignore
+            bound,
+            prog=name,
+            args=words,
+            config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+        )
+
+    def told(words: Sequence[str]) -> str:
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(io.StringIO()):
+            with contextlib.suppress(SystemExit):
+                read([*words, "--help"])
+        return said.getvalue()
+
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said):
-            return tyro.cli(  # pyright: ignore
-                bound,
-                prog=" ".join(program_words()),
-                args=arguments,
-                config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
-            )
+            return read(words)
     except SystemExit as stop:
         if stop.code == 0:
             raise
-        raise ValueError(_in_one_line(said.getvalue())) from None
+        raise ValueError(_in_one_line(said.getvalue(), words, name, told)) from None
 
 
-def _in_one_line(message: str) -> str:
-    """What tyro says in a frame of several parts: what is wrong, and which options are like it."""
+def _in_one_line(
+    message: str, words: list[str], name: str, told: Callable[[Sequence[str]], str]
+) -> str:
+    """What tyro says in a frame of several parts, or of unknown words what is like them here.
+
+    `told` is the help after some words of the program `name`.
+    """
+    commands = re.search(r"\{(\w+(?:,\w+)+)\}", told([]).split("\n\n")[0])
+    offered = commands[1].split(",") if commands else []
+    if offered and (not words or words[0] not in offered):
+        given = words[0] if words else "none"
+        near = _like(given, offered)
+        return f"The first word must be a command, but is {given}.{near} {name} --help tells all."
+    line = [name, *(words[:1] if offered else [])]
     lines = [line.strip("│ ") for line in message.splitlines()[1:-1]]
-    parts = re.split(r"^─+$", "\n".join(lines), flags=re.MULTILINE)
-    wrong = " ".join(parts[0].split()).removesuffix(".")
-    similar = dict.fromkeys(re.findall(r"^--[\w-]+", "\n".join(parts[1:]), re.MULTILINE))
-    hint = f" Is it {' or '.join(similar)}?" if similar else ""
-    return f"{wrong}.{hint} --help tells all."
+    wrong = " ".join(re.split(r"^─+$", "\n".join(lines), flags=re.MULTILINE)[0].split())
+    near = ""
+    if wrong.startswith("Unrecognized"):
+        known = re.findall(r"^[│ ]*(--[a-z][\w-]*)", told(line[1:]), re.MULTILINE)
+        unknown = [word for word in words if word.startswith("--") and word not in known]
+        if unknown:
+            wrong, near = f"There is no {unknown[0]}", _like(unknown[0], [*dict.fromkeys(known)])
+        else:
+            wrong = f"What is meant by {wrong.partition(':')[2].strip()}?"
+    elif found := re.match(
+        r"Error parsing (\S+): no type matching (\S+) .*? from \[(.*?)\]", wrong
+    ):
+        wrong = f"{found[1]} must be {found[2].replace('{None}|', '')}, but is {found[3]}"
+    end = "" if wrong[-1] in ".?" else "."
+    return f"{wrong}{end}{near} {' '.join(line)} --help tells all."
+
+
+def _like(word: str, offered: Sequence[str]) -> str:
+    near = get_close_matches(word, offered, n=2)
+    return f" Is it {' or '.join(near)}?" if near else f" There are {', '.join(offered)}."
 
 
 @contextlib.contextmanager
@@ -96,8 +138,12 @@ def keeping(folder: Path) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        kept = f"what was finished is in {folder}/" if folder.exists() else "nothing was written"
-        raise KeyboardInterrupt(kept) from None
+        found = sorted(folder.iterdir()) if folder.exists() else []
+        names = [
+            path.name for path in found if path.name != SETTINGS and ".partial" not in path.name
+        ]
+        kept = f"what was finished is in {folder}/: {', '.join(names)}"
+        raise KeyboardInterrupt(kept if names else "nothing was written") from None
 
 
 def _tell(line: str) -> None:

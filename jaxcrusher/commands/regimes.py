@@ -146,11 +146,16 @@ def _row(design: dict[str, Any], verdict: jc.Regime, seconds: float) -> dict[str
 
 
 def _design(text: str) -> dict[str, Any]:
+    parts = [part.partition("=") for part in text.split(",")]
+    for name, equals, value in parts:
+        comma = " with decimal points, not commas" if name.strip()[:1].isdigit() else ""
+        require(bool(equals), "design", f"be KEY=VALUE,KEY=VALUE{comma}", repr(text))
+        require("=" not in value, "design", "have a comma after each VALUE", repr(text))
     design = {}
-    for part in text.split(","):
-        name, equals, value = part.partition("=")
-        require(bool(equals), "design", "be KEY=VALUE,KEY=VALUE", repr(text))
-        design[name.strip()] = read_text(name.strip(), value.strip())
+    for name, _, value in parts:
+        key = name.strip()
+        require(key not in design, "design", "name a key once", repr(text))
+        design[key] = read_text(key, value.strip())
     return design
 
 

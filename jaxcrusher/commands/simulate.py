@@ -16,11 +16,12 @@ from jaxcrusher.commands.options import Simulate
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import results_folder, write_figure, write_netcdf
+from jaxcrusher.files.results import write_figure, write_netcdf
+from jaxcrusher.files.resume import begin
 from jaxcrusher.pictures import plots
 
-# The figure shows this many turns, the last ones.
-DRAWN = 2
+# Simulated unless told otherwise, and, of these, drawn: the last ones.
+TURNS, DRAWN = 10.0, 2
 # What the energy ledger holds, J.
 LEDGER = {
     "kinetic": "kinetic energy",
@@ -41,7 +42,15 @@ def run(options: Simulate, console: Console) -> int:
     settle = _settle(options, span)
     require_whole("samples", options.samples, 2)
     require_positive("rtol", options.rtol, "")
-    folder = results_folder(options.results.folder)
+    settings = {
+        "command": "simulate",
+        "scene": values,
+        "turns": span,
+        "settle": settle,
+        "samples": options.samples,
+        "rtol": options.rtol,
+    }
+    folder = begin(options.results.folder, settings, "motion.nc", "motion.png")
     turn = 2 * np.pi / values["speed"]
     times = np.linspace(0, span * turn, options.samples)
     whole = int(span) - settle
@@ -69,10 +78,12 @@ def run(options: Simulate, console: Console) -> int:
 def _span(options: Simulate, speed: float) -> float:
     """The time span in turns."""
     if options.seconds is not None:
+        require(options.turns is None, "turns", "not be given with seconds", options.turns)
         require_positive("seconds", options.seconds, "s")
         return options.seconds * speed / (2 * np.pi)
-    require_positive("turns", options.turns, "")
-    return options.turns
+    turns = TURNS if options.turns is None else options.turns
+    require_positive("turns", turns, "")
+    return turns
 
 
 def _settle(options: Simulate, span: float) -> int:

@@ -84,10 +84,11 @@ class Machine(eqx.Module):
         good = bool(np.all((nearest > abs(l2 - l3)) & (farthest < l2 + l3)))
         require(
             good,
-            "machine",
-            f"close without a dead point: C-A must stay inside ({abs(l2 - l3).max():g}, "
-            f"{(l2 + l3).min():g}) m",
-            f"[{nearest.min():g}, {farthest.max():g}] m",
+            "bearing.distance",
+            "let the links close in every turn: less and plus shaft.eccentricity and clearance "
+            f"it must stay between {1e3 * abs(l2 - l3).max():g} mm, jaw.length less toggle.length, "
+            f"and {1e3 * (l2 + l3).min():g} mm, their sum",
+            f"{1e3 * nearest.min():g} to {1e3 * farthest.max():g} mm",
         )
 
 

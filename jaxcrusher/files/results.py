@@ -16,6 +16,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+def run_folder(out: Path, name: str) -> Path:
+    """The folder of a run inside that of all results; ValueError for a name that leaves it."""
+    good = name not in ("", ".", "..") and not set(name) & {"/", "\\", "\0"}
+    if not good:
+        raise ValueError(
+            f"Argument `name` must be the name of one folder, without separators, but is {name!r}."
+        )
+    return out / name
+
+
 def results_folder(folder: Path) -> Path:
     """Make a folder for results; ValueError if it cannot be written."""
     fault = ""

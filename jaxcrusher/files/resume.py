@@ -5,6 +5,31 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from jaxcrusher.files.results import results_folder, write_json
+
+SETTINGS = "settings.json"
+REMEDY = "Choose another, or delete it."
+
+
+def begin(folder: Path, settings: Mapping[str, Any], *written: str) -> Path:
+    """The folder of a run that writes `written` (patterns of names), made if need be.
+
+    `settings` decide its results and stand beside them. What a run of the same settings left of
+    `written` is removed: nothing in the folder is older than the run. Raises ValueError for results
+    of other settings, naming what differs, and for ones that say nothing of theirs.
+    """
+    kept = results_folder(folder) / SETTINGS
+    old = sorted({path for pattern in written for path in folder.glob(pattern)})
+    if earlier(kept, settings, "name") is None and old:
+        raise ValueError(
+            f"Argument `name` must be new, but {folder} holds {old[0].name} of an unknown run. "
+            f"{REMEDY}"
+        )
+    for path in old:
+        path.unlink()
+    write_json(kept, {"settings": settings})
+    return folder
+
 
 def earlier(path: Path, settings: Mapping[str, Any], argument: str) -> dict[str, Any] | None:
     """What a JSON file with the same `settings` holds, or None where there is none.
@@ -20,7 +45,7 @@ def earlier(path: Path, settings: Mapping[str, Any], argument: str) -> dict[str,
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(
             f"Argument `{argument}` must be that of a run that can be read, but {path} is not: "
-            f"{type(error).__name__}: {error}. Choose another, or delete it."
+            f"{type(error).__name__}: {error}. {REMEDY}"
         ) from None
     require_same(path, before, json.loads(json.dumps(settings)), argument)
     return content
@@ -39,7 +64,7 @@ def require_same(
     if differ:
         raise ValueError(
             f"Argument `{argument}` must be that of a run with the same settings, but in {path} "
-            f"differ {differ}."
+            f"differ {differ}. {REMEDY}"
         )
 
 

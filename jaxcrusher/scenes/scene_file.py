@@ -1,16 +1,18 @@
-"""A crusher from a TOML file: numbers in SI units, or quantities with a unit, checked by name.
+"""A crusher from a TOML file: quantities with their unit, checked by name.
 
 ```toml
 speed = "286 rpm"
 clearance = "0.06 mm"
+friction = 0.1
 start = "contact"
 
 [jaw]
-mass = 524.0  # kg
+mass = "524 kg"
 ```
 
 Keys and tables are the names of `jaxcrusher.PARAMETERS` and `jaxcrusher.CHOICES`; one that is
-missing takes the paper's value.
+missing takes the paper's value. A bare number is refused where a unit could be meant: 0.10 may be
+millimetres to the one who writes it, and 250 rpm.
 """
 
 import re
@@ -31,7 +33,7 @@ from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400, check_n
 _TABLES = tuple(dict.fromkeys(name.partition(".")[0] for name in PARAMETERS if "." in name))
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_QUANTITY = re.compile(rf"\s*((?>{_NUMBER}))\s*(.+)")
+_QUANTITY = re.compile(rf"\s*((?>{_NUMBER}))\s*([^,].*)")
 # Names with one digit of exponent, "m2", "m^2", "m**2", "s-1", and between them *, /, · or a space.
 _FACTOR = r"(?:[^\W\d_]+|%|°)(?:(?:\^|\*\*)?-?\d)?"
 _UNIT = re.compile(rf"(?:1\s*/\s*)?{_FACTOR}(?:\s*[\s*/·]\s*{_FACTOR})*")
@@ -42,18 +44,19 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
     """The values for `jaxcrusher.build_scene` in a TOML file, numbers in SI units.
 
     Raises ValueError of one line, with the file and the key, for a file that cannot be read or is
-    not TOML, a key that is unknown, a wrong type or unit, a number outside its limits, and an
-    unknown choice. Whether the values make a crusher together, `build_scene` says.
+    not TOML, a key that is unknown, a wrong type or unit, a missing unit, a number outside its
+    limits, and an unknown choice. Whether the values make a crusher together, `build_scene` says.
     """
     path = Path(path)
     try:
-        entries = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = _decoded(path.read_bytes())
+        entries = tomllib.loads(text)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}.") from None
     except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: must be UTF-8 text, but byte {error.start} is not.") from None
+        raise ValueError(f"{path}: must be UTF-8 text, but {error.reason}.") from None
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: is not TOML: {error}.") from None
+        raise ValueError(f"{path}: is not TOML: {_slip(text, str(error))}.") from None
     values: dict[str, float | str] = {}
     try:
         for name, value in _flatten(entries):
@@ -65,8 +68,36 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
     return values
 
 
+def _decoded(content: bytes) -> str:
+    """UTF-8 text, with or without a byte order mark, with any ends of lines.
+
+    Raises UnicodeDecodeError whose reason is a clause.
+    """
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content[:100]:
+        raise UnicodeDecodeError("utf-8", content, 0, 1, "is UTF-16 or UTF-32: save it as UTF-8")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        error.reason = f"byte {error.start} is not: save it as UTF-8"
+        raise
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _slip(text: str, error: str) -> str:
+    """What TOML's error is most likely of: people write decimal commas, and forget quotes."""
+    place = re.search(r"at line (\d+)", error)
+    if place is None:
+        return error
+    line = text.split("\n")[int(place[1]) - 1]
+    if comma := re.match(r"[^#\"']*=\s*([+-]?\d+),(\d+)", line):
+        return f"line {place[1]} has a decimal comma: write {comma[1]}.{comma[2]}"
+    if bare := re.match(rf"[^#\"']*=\s*({_NUMBER}\s*[^\W\d][^#]*)", line):
+        return f'line {place[1]} has a quantity without quotes: write "{bare[1].strip()}"'
+    return error
+
+
 def read_value(name: str, value: Any) -> float | str:
-    """One value by its dotted name, as TOML has it: a number in SI units, a quantity, a choice.
+    """One value by its dotted name, as TOML has it: a quantity, a number without unit, a choice.
 
     Raises ValueError as `read_scene_file` does.
     """
@@ -78,28 +109,49 @@ def read_value(name: str, value: Any) -> float | str:
     if isinstance(value, str):
         number = to_si(name, value)
     elif isinstance(value, int | float) and not isinstance(value, bool):
+        if parameter.unit != "1" and value != 0:
+            raise ValueError(
+                f"Argument `{name}` must have a unit, as in {_example(parameter.unit)}, but is "
+                f'{value:.12g} (write "{value:.12g} {parameter.unit}" if that is meant).'
+            )
         number = float(str(value))  # infinite if a whole number is too large for a float
     else:
         kind = "table" if isinstance(value, dict) else type(value).__name__
-        raise ValueError(
-            f"Argument `{name}` must be a number in {parameter.unit} or a quoted quantity, but is "
-            f"a {kind}."
-        )
+        raise ValueError(f"Argument `{name}` must be {_wanted(parameter.unit)}, but is a {kind}.")
     check_number(name, number)
     return float(number)
 
 
 def read_text(name: str, text: str) -> float | str:
-    """One value of a command line: as `read_value`, but a number needs no unit, nor quotes.
+    """One value of a command line: as `read_value`, but a number needs no quotes.
 
     Raises ValueError as `read_scene_file` does.
     """
-    try:
+    if name in PARAMETERS and re.fullmatch(_NUMBER, text.strip()):
         return read_value(name, float(text))
-    except ValueError:
-        if name in PARAMETERS and re.fullmatch(_NUMBER, text):
-            raise
     return read_value(name, text)
+
+
+def read_range(name: str, low: str, high: str) -> tuple[float, float]:
+    """A lowest and a highest value; a lowest one without a unit has the other's.
+
+    Raises ValueError as `read_scene_file` does, and for a choice.
+    """
+    require_parameter(name)
+    unit = _QUANTITY.fullmatch(high)
+    if unit is not None and re.fullmatch(_NUMBER, low.strip()):
+        low = f"{low} {unit[2]}"
+    return float(read_text(name, low)), float(read_text(name, high))
+
+
+def _example(unit: str) -> str:
+    examples = {"rad/s": "286 rpm", "rad": "22.5 deg", "m": "0.06 mm", "Pa": "207 GPa", "1": "10 %"}
+    return f'"{examples.get(unit, f"1.5 {unit}")}"'
+
+
+def _wanted(unit: str) -> str:
+    either = "a number or " if unit == "1" else ""
+    return f"{either}a quoted quantity such as {_example(unit)}"
 
 
 def require_parameter(name: str) -> None:
@@ -119,12 +171,12 @@ def to_si(name: str, text: str) -> float:
     unit = PARAMETERS[name].unit
     match = _QUANTITY.fullmatch(text)
     if match is None:
-        why = "has no unit" if re.fullmatch(rf"\s*{_NUMBER}\s*", text) else "is none"
-        examples = {"rad/s": "286 rpm", "rad": "22.5 deg", "1": "10 %"}
-        raise ValueError(
-            f"Argument `{name}` must be a number ({unit}) or a quoted quantity such as "
-            f'"{examples.get(unit, f"1.5 {unit}")}", but {text!r} {why}.'
-        )
+        why = "is none"
+        if re.fullmatch(rf"\s*{_NUMBER}\s*", text):
+            why = "needs no quotes" if unit == "1" else "has no unit"
+        elif re.match(r"\s*[+-]?\d+,\d", text):
+            why = f"has a decimal comma: write {text.replace(',', '.', 1)!r}"
+        raise ValueError(f"Argument `{name}` must be {_wanted(unit)}, but {text!r} {why}.")
     written = match[2].strip()
     registry, wanted = _registry(), _parse_unit(unit)
     try:
@@ -179,13 +231,19 @@ def _flatten(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 def _suggestion(name: str) -> str:
     """Near misses, or what there is."""
     head, _, tail = name.rpartition(".")
-    inside = [known for known in PE250X400 if head in _TABLES and known.startswith(f"{head}.")]
-    near = [known for known in PE250X400 if known.rpartition(".")[2] == tail]
-    near = near or get_close_matches(name, PE250X400, n=1)
+    known = dict.fromkeys([*(key for key in PE250X400 if "." not in key), *_TABLES])
+    if head not in ("", *_TABLES):  # a table's name is wrong
+        tables = get_close_matches(head, _TABLES, n=1)
+        near = [f"[{table}]" for table in tables]
+        return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(known)}."
+    inside = [key for key in PE250X400 if head and key.startswith(f"{head}.")]
     if inside:
-        short = {known.rpartition(".")[2]: known for known in inside}
+        short = {key.rpartition(".")[2]: key for key in inside}
         near = [short[each] for each in get_close_matches(tail, short, n=1)]
+    else:
+        near = [key for key in PE250X400 if key.rpartition(".")[2] == tail]
+        near = near or get_close_matches(name, (*PE250X400, *_TABLES), n=1)
+    near = near or [key for key in PE250X400 if key.rpartition(".")[2] == tail]
     if near:
         return f"; did you mean {' or '.join(near)}?"
-    listed = inside or [*(known for known in PE250X400 if "." not in known), *_TABLES]
-    return f"; there are {', '.join(listed)}."
+    return f"; there are {', '.join(inside or known)}."

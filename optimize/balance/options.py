@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from jaxcrusher.files.results import run_folder
+
 # Beyond 5 % the toggle can come so flat that no eccentricity gives the stroke.
 MOST_LINKS = 5.0
 
@@ -15,10 +17,10 @@ class Options:
     """Name of the study: results go to OUT/NAME/."""
     out: Path = Path("results")
     """Folder of all results."""
-    speed: float = 30.0
-    """Driving speed, rad/s."""
-    clearance: float = 0.06
-    """Radial clearance, mm."""
+    speed: str = "30 rad/s"
+    """Driving speed, with its unit."""
+    clearance: str = "0.06 mm"
+    """Radial clearance, with its unit."""
     links: float = MOST_LINKS
     """Lengths, bearing distance and inclination may change by this many percent, up to 5."""
     starts: int = 10
@@ -39,4 +41,4 @@ class Options:
     @property
     def folder(self) -> Path:
         """The folder of this study."""
-        return self.out / self.name
+        return run_folder(self.out, self.name)

@@ -1,13 +1,14 @@
 """The problem that the options of the design study describe."""
 
-import math
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
-from jaxcrusher.basics.checks import require, require_positive, require_whole, require_within
+from jaxcrusher.basics.checks import require, require_whole, require_within
+from jaxcrusher.crusher.scene import require_clearance
 from jaxcrusher.scenes.parameters import PARAMETERS, PE250X400
+from jaxcrusher.scenes.scene_file import read_text
 from optimize.balance.options import MOST_LINKS, Options
 from optimize.design import CounterweightMoment, Design
 from optimize.stroke import EqualStroke
@@ -25,10 +26,8 @@ PAPER = {**PE250X400, "counterweight.moment_along": 0.0, "counterweight.moment_a
 
 def check(options: Options) -> None:
     """Raise ValueError for a value outside its limits, before anything is compiled."""
-    require_positive("speed", options.speed, "rad/s")
-    bore = 1e3 * float(PE250X400["bore_radius"])
-    good = math.isfinite(options.clearance) and 0 < options.clearance < bore
-    require(good, "clearance", f"lie in (0, {bore:g}) mm", options.clearance)
+    read_text("speed", options.speed)
+    require_clearance(read_text("clearance", options.clearance), PE250X400["bore_radius"])
     good = 0 < options.links <= MOST_LINKS
     require(good, "links", f"lie in (0, {MOST_LINKS:g}] percent", options.links)
     for name, least in (
@@ -52,7 +51,7 @@ def settings(options: Options) -> dict[str, Any]:
 
 def conditions(options: Options) -> dict[str, float]:
     """The clearance (m), friction and load (N) that the machine is meant for."""
-    described = {**PE250X400, "clearance": 1e-3 * options.clearance}
+    described = {**PE250X400, "clearance": read_text("clearance", options.clearance)}
     return {name: float(described[name]) for name in ("clearance", "friction", "load")}
 
 
@@ -66,5 +65,5 @@ def design(options: Options) -> Design:
     for name in LINKS:
         value = PARAMETERS[name].default
         bounds[name] = (value * (1 - options.links / 100), value * (1 + options.links / 100))
-    fixed = {"speed": options.speed, "start": "contact", **conditions(options)}
+    fixed = {"speed": read_text("speed", options.speed), "start": "contact", **conditions(options)}
     return Design(bounds, fixed, (CounterweightMoment(), EqualStroke.of({})))

@@ -212,7 +212,7 @@ def test_an_interrupted_study_goes_on(bowl_study, tmp_path, monkeypatch):
     went_on = json.loads(path.read_text())["searches"]
     # The two that were missing, and nothing twice.
     assert len(called) == 7 and went_on[:4] == kept["searches"] and len(went_on) == 6
-    with pytest.raises(ValueError, match=r"`name` .* differ starts: 2 there, 3 here\.$"):
+    with pytest.raises(ValueError, match=r"`name` .* differ starts: 2 there, 3 here\."):
         balance.run(Options(out=tmp_path, starts=3, budget=50), Console(quiet=True))
     path.write_text("{")
     with pytest.raises(ValueError, match=r"^Argument `name` must be that of a run that can be"):
@@ -222,8 +222,9 @@ def test_an_interrupted_study_goes_on(bowl_study, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "name"),
     [
-        ({"speed": 0.0}, "speed"),
-        ({"clearance": 200.0}, "clearance"),
+        ({"speed": "0"}, "speed"),
+        ({"clearance": "200 mm"}, "clearance"),
+        ({"clearance": "0.06"}, "clearance"),
         ({"links": 6.0}, "links"),
         ({"starts": 0}, "starts"),
         ({"budget": 0}, "budget"),

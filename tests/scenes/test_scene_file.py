@@ -49,9 +49,19 @@ def test_every_key_comes_back(tmp_path):
     }
     values |= {"counterweight.mass": 12.5, "counterweight.angle": -1.25}
     values |= {name: offered[-1] for name, offered in CHOICES.items()}
-    # As TOML writes them: a number plain, a choice in quotes.
-    plain = {name: f'"{v}"' if isinstance(v, str) else repr(v) for name, v in values.items()}
-    assert read_scene_file(write(tmp_path, plain)) == values
+    # As TOML writes them: a choice in quotes, a quantity with its unit, a number without one plain.
+    written = {}
+    for name, value in values.items():
+        unit = "1" if isinstance(value, str) else jc.PARAMETERS[name].unit
+        plain = isinstance(value, float) and unit == "1"
+        written[name] = repr(value) if plain else f'"{value} {unit}"'.replace(' 1"', '"')
+    file = write(tmp_path, written)
+    assert read_scene_file(file) == values
+    # As other systems save it.
+    text = file.read_text()
+    for content in (text.replace("\n", "\r\n").encode(), b"\xef\xbb\xbf" + text.encode()):
+        file.write_bytes(content)
+        assert read_scene_file(file) == values
     for name, parameter in jc.PARAMETERS.items():
         value = float(values[name])
         if parameter.unit != "1":
@@ -90,7 +100,9 @@ def test_template_offers_every_number(tmp_path):
         ("gravity", "9.81 m s-2", 9.81),
         ("counterweight.angle", "-90 deg", -np.pi / 2),
         ("friction", "10 %", 0.1),
-        ("speed", "30", 30.0),
+        ("speed", "30rad/s", 30.0),
+        ("friction", "0.1", 0.1),
+        ("counterweight.mass", "0", 0.0),
         ("start", "contact", "contact"),
     ],
 )
@@ -110,7 +122,7 @@ def test_decimal_units_leave_the_very_float():
 
 def test_values_out_of_range_are_refused_one_by_one():
     with pytest.raises(ValueError, match="`speed` must be finite and > 0 rad/s, but is -3"):
-        read_text("speed", "-3")
+        read_text("speed", "-3 rad/s")
     with pytest.raises(ValueError, match="`friction` must lie in"):
         read_value("friction", 11)
 
@@ -121,12 +133,27 @@ def test_values_out_of_range_are_refused_one_by_one():
         ("sped = 30", "`sped` must be a known key, but is not; did you mean speed?"),
         ("[jaw]\nlenght = 0.7", "`jaw.lenght` must be a known key, but is not; did you mean jaw"),
         ("[jaw]\nweight = 5", "there are jaw.mass, jaw.inertia"),
+        ("[jwa]\nmass = 5", "`jwa.mass` must be a known key, but is not; did you mean [jaw]?"),
+        ("jwa = 5", "did you mean jaw?"),
+        ("[motor]\nmass = 5", "there are speed, clearance"),
         ("mass = 5", "did you mean shaft.mass or jaw.mass"),
         ("shaft = 5", "`shaft` must be a table [shaft]"),
-        ("[speed]\nx = 5", "`speed` must be a number in rad/s or a quoted quantity, but is a tab"),
-        ("speed = true", "`speed` must be a number in rad/s or a quoted quantity, but is a bool"),
-        ('speed = "30"', '`speed` must be a number (rad/s) or a quoted quantity such as "286'),
-        ('friction = "0.1"', "`friction` must be a number (1) or a quoted quantity"),
+        ("[speed]\nx = 5", '`speed` must be a quoted quantity such as "286 rpm", but is a table'),
+        ("speed = true", '`speed` must be a quoted quantity such as "286 rpm", but is a bool'),
+        (
+            'speed = "30"',
+            "`speed` must be a quoted quantity such as \"286 rpm\", but '30' has no unit",
+        ),
+        ('friction = "0.1"', "`friction` must be a number or a quoted quantity such as"),
+        # What somebody meant in mm, t, GPa, rpm.
+        ("clearance = 0.10", '`clearance` must have a unit, as in "0.06 mm", but is 0.1 (write "0'),
+        ("[jaw]\nmass = 0.524", '`jaw.mass` must have a unit, as in "1.5 kg", but is 0.524'),
+        ("bore_radius = 130", '(write "130 m" if that is meant)'),
+        ("young = 207", "`young` must have a unit"),
+        ("speed = 250", '`speed` must have a unit, as in "286 rpm", but is 250'),
+        ("clearance = 0,06", "is not TOML: line 1 has a decimal comma: write 0.06."),
+        ('clearance = "0,06 mm"', "'0,06 mm' has a decimal comma: write '0.06 mm'"),
+        ("friction = 0.1\nspeed = 30 rpm", 'line 2 has a quantity without quotes: write "30 rpm".'),
         ('speed = "5 Hz"', "has 'Hz' (turns or radians? Write rpm or rad/s)"),
         ('speed = "5 1/s"', "has '1/s' (turns or radians? Write rpm or rad/s)"),
         ('clearance = "0.06 kg"', "`clearance` must have a unit of the kind m, but has 'kg'"),
@@ -135,13 +162,13 @@ def test_values_out_of_range_are_refused_one_by_one():
         ('friction = "3 dB"', "'dB' is unknown"),
         ('[shaft]\nmass_centre_angle = "5 %"', "must have a unit of the kind rad, but has '%'"),
         ('gravity = "9 m^9^9^9"', "'m^9^9^9' is unknown"),
-        ("speed = -3", "`speed` must be finite and > 0 rad/s, but is -3.0"),
-        ("speed = nan", "`speed` must be finite and > 0"),
-        ("speed = 1" + 400 * "0", "`speed` must be finite and > 0"),
+        ('speed = "-3 rpm"', "`speed` must be finite and > 0 rad/s, but is -0.3"),
+        ("friction = nan", "`friction` must lie in"),
+        ("friction = 1" + 400 * "0", "`friction` must lie in"),
         ('[counterweight]\nmass = "-5 kg"', "`counterweight.mass` must lie in [0, 100000] kg"),
         ('start = "middle"', "`start` must be one of 'centred', 'contact', but is 'middle'"),
         ("start = 3", "`start` must be one of"),
-        ('"jaw.mass" = 5\n[jaw]\nmass = 6', "`jaw.mass` must be given once"),
+        ('"jaw.mass" = "5 kg"\n[jaw]\nmass = "6 kg"', "`jaw.mass` must be given once"),
         ("speed 30", "is not TOML: Expected '=' after a key in a key/value"),
         ("speed = 30\nclearance =\n", "(at line 2, column 12)"),
         ("a = " + 3000 * "[", "is not TOML"),
@@ -164,3 +191,7 @@ def test_files_that_cannot_be_read(tmp_path):
     (tmp_path / "bytes.toml").write_bytes(b"speed = 30 # \xff")
     with pytest.raises(ValueError, match=r"bytes.toml: must be UTF-8 text, but byte 13 is not"):
         read_scene_file(tmp_path / "bytes.toml")
+    for encoding in ("utf-16", "utf-16-le", "utf-32"):
+        (tmp_path / "wide.toml").write_bytes("friction = 0.1".encode(encoding))
+        with pytest.raises(ValueError, match="but is UTF-16 or UTF-32: save it as UTF-8"):
+            read_scene_file(tmp_path / "wide.toml")

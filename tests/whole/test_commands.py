@@ -20,6 +20,7 @@ from jaxcrusher.commands import gradient, regimes
 from jaxcrusher.commands.program import parse
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import Slope
+from jaxcrusher.files.resume import begin
 
 
 def run(*arguments) -> tuple[int | None, str]:
@@ -51,7 +52,7 @@ SHORT = (
 def simulated(tmp_path_factory):
     out = tmp_path_factory.mktemp("results")
     scene = out / "mine.toml"
-    scene.write_text('clearance = "0.05 mm"\nspeed = 20\n')
+    scene.write_text('clearance = "0.05 mm"\nspeed = "20 rad/s"\n')
     status, text = run("simulate", "--scene", scene, "--out", out, "--rtol", 1e-8, *SHORT)
     return out, status, text
 
@@ -113,7 +114,7 @@ SWEEP = (
     "--over",
     "speed",
     "240 rpm",
-    30,
+    "30 rad/s",
     2,
     "--settle",
     0,
@@ -129,7 +130,7 @@ SWEEP = (
     "contact",
     "--set",
     "speed",
-    99,
+    "99 rad/s",
 )
 
 
@@ -152,7 +153,10 @@ def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypa
     with pytest.raises(SystemExit) as stop:
         __main__.main()
     assert stop.value.code == 130
-    assert f"interrupted: what was finished is in {tmp_path}/sweep/" in capsys.readouterr().err
+    assert (
+        f"interrupted: what was finished is in {tmp_path}/sweep/: sweep.zarr"
+        in capsys.readouterr().err
+    )
     monkeypatch.setattr(sweep, "compute_chunk", counted)
     status, text = run(*line)
     assert status == 0 and computed == [1]
@@ -190,7 +194,7 @@ def verdicts(monkeypatch):
 
 
 def test_regimes_are_kept_one_by_one(tmp_path, verdicts):
-    line = ("regimes", "--out", tmp_path, "--over", "speed", 25, 40, 4)
+    line = ("regimes", "--out", tmp_path, "--over", "speed", 25, "40rad/s", 4)
     with pytest.raises(KeyboardInterrupt):
         run(*line)
     assert verdicts == [25.0, 30.0, 35.0]
@@ -203,7 +207,7 @@ def test_regimes_are_kept_one_by_one(tmp_path, verdicts):
     assert "speed 30 rad/s: chaotic: evidence (done before)" in text
     assert "speed 40 rad/s: chaotic: evidence\n" in text
     # A list of designs on the same settings adds to what is there.
-    run("regimes", "--out", tmp_path, "--design", "speed=30", "--design", "speed=45 rad/s")
+    run("regimes", "--out", tmp_path, "--design", "speed=30rad/s", "--design", "speed=45 rad/s")
     assert verdicts[5:] == [45.0]
     rows = json.loads((tmp_path / "regimes" / "regimes.json").read_text())["rows"]
     assert [row["design"]["speed"] for row in rows] == [25.0, 30.0, 35.0, 40.0, 45.0]
@@ -240,10 +244,10 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         "counterweight.mass",
         "--set",
         "jaw.mass",
-        500,
+        "500 kg",
         "--set",
         "speed",
-        25,
+        "25 rad/s",
         "--turns",
         7,
         "--out",
@@ -262,24 +266,35 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
     ("line", "words"),
     [
         ("simulate --set sped 3", "`sped` must be a known key"),
-        ("simulate --set clearance 0.5", "`clearance` must be smaller than the bore radius"),
-        ("simulate --scene {long}", "`machine` must close without a dead point"),
-        ("sweep --over speed 25 40 2 --scene {long}", "`machine` must close"),
-        ("regimes --scene {long}", "`machine` must close"),
-        ("gradient --scene {long}", "`machine` must close"),
+        ("simulate --set clearance 0.5m", "`clearance` must be smaller than the bore radius"),
+        ("simulate --scene {long}", "long.toml: `bearing.distance` must let the links close"),
+        ("simulate --set jaw.length 3m", "`bearing.distance` must let the links close in every tu"),
+        ("simulate --set speed 30", "`speed` must have a unit"),
+        ("simulate --turns 3 --seconds 1", "`turns` must not be given with seconds"),
+        ("simulate --name ../evil", "`name` must be the name of one folder"),
+        ("sweep --over speed 25 40 3", "`speed` must have a unit"),
+        ("sweep --over speed 25 40rad/s 2 --scene {long}", "`bearing.distance` must let"),
+        ("regimes --scene {long}", "`bearing.distance` must let"),
+        ("gradient --scene {long}", "`bearing.distance` must let"),
         ("simulate --turns -1", "`turns` must be finite and > 0"),
         ("simulate --turns 2 --settle 5", "`settle` must be under the time span, 2 turns"),
         ("simulate --samples 1", "`samples` must be a whole number >= 2"),
         ("sweep", "`over` must be given at least once"),
         ("sweep --over speed 25 40", "`over` must be speed LOW HIGH COUNT, but is speed 25 40"),
-        ("sweep --over speed 40 25 4", "`over` must have LOW < HIGH for speed"),
-        ("sweep --over speed 25 40 1", "`over` must have a whole COUNT >= 2 for speed"),
+        ("sweep --over speed 40 25rad/s 4", "`over` must have LOW < HIGH for speed"),
+        ("sweep --over speed 25 40rad/s 1", "`over` must have a whole COUNT >= 2 for speed"),
         ("sweep --over speed 25 '40 Hz' 4", "Write rpm or rad/s"),
         ("sweep --over start middle", "`start` must be one of"),
-        ("sweep --over speed 25 40 2 --over speed 25 40 2", "given twice for speed"),
-        ("sweep --over speed 25 40 2 --settle -1", "`settle_turns` must be a whole number >= 0"),
+        ("sweep --over speed 25 40rad/s 2 --over speed 25 40 2", "given twice for speed"),
+        (
+            "sweep --over speed 25 40rad/s 2 --settle -1",
+            "`settle_turns` must be a whole number >= 0",
+        ),
         ("regimes --design speed", "`design` must be KEY=VALUE"),
-        ("regimes --design speed=30 --design clearance=3e-5", "`design` must name speed"),
+        ("regimes --design 'speed=30rad/s clearance=3mm'", "have a comma after each VALUE"),
+        ("regimes --design speed=30rad/s,clearance=0,03mm", "decimal points, not commas"),
+        ("regimes --design speed=3rad/s,speed=4rad/s", "`design` must name a key once"),
+        ("regimes --design speed=30rad/s --design clearance=3e-5m", "`design` must name speed"),
         ("regimes --set joint ideal", "`joint` must have clearance"),
         ("gradient speed", "`metric` must be one of 'foundation_rms'"),
         ("gradient --by start", "`start` must be a number's key"),
@@ -292,6 +307,47 @@ def test_mistakes_are_named_before_anything_is_computed(line, words, tmp_path):
     assert words in str(error.value) and "\n" not in str(error.value)
     # Nothing is left but where the sweep itself looks at its numbers.
     assert not (tmp_path / "out").exists() or "settle_turns" in words
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("simulate --sed 3", "There is no --sed. Is it --set or --seconds?"),
+        ("regimes --seetle 3", "There is no --seetle. Is it --settle or --set?"),
+        ("gradient --xyzzy 3", "There is no --xyzzy. There are --by, --settle"),
+        ("simulate x", "What is meant by x?"),
+        ("simulate --samples x", "'x'"),
+    ],
+)
+def test_options_of_a_command_are_its_own(line, words):
+    with pytest.raises(ValueError, match=re.escape(words)) as error:
+        parse(__main__.run, line.split())
+    told = str(error.value)
+    assert told.endswith(f" {line.split()[0]} --help tells all.") and "\n" not in told
+    # No option of another command.
+    assert "--seed" not in told or line.startswith("gradient")
+
+
+def test_word_that_is_no_command():
+    with pytest.raises(ValueError, match=r"must be a command, but is simulat\. Is it simulate\?"):
+        parse(__main__.run, ["simulat"])
+
+
+def test_results_of_another_command_line_are_kept(simulated):
+    """Refused with what differs; the same command makes its own again."""
+    out, _, _ = simulated
+    motion, picture = out / "simulate" / "motion.nc", out / "simulate" / "motion.png"
+    before = motion.read_bytes()
+    with pytest.raises(ValueError, match=r"`name` .* differ .*turns: .*Choose another, or delete"):
+        run("simulate", "--out", out, "--turns", 3)
+    assert motion.read_bytes() == before and picture.exists()
+    settings = json.loads((out / "simulate" / "settings.json").read_text())["settings"]
+    begin(out / "simulate", settings, "motion.nc", "motion.png")
+    assert not motion.exists() and not picture.exists()
+    motion.write_bytes(before)
+    (out / "simulate" / "settings.json").unlink()
+    with pytest.raises(ValueError, match=r"`name` must be new, but .* holds motion.nc of an unkno"):
+        run("simulate", "--out", out)
 
 
 def test_folder_that_cannot_be_written(tmp_path):
@@ -339,7 +395,7 @@ def test_mistake_of_a_process_is_one_line():
 def test_orbit_solves_for_the_settled_motion(tmp_path):
     """RMS, multipliers, and a slope by every number; no file where there is no orbit."""
     status, text = run(
-        "orbit", "--out", tmp_path, "--set", "speed", "27", "--set", "clearance", 5e-5
+        "orbit", "--out", tmp_path, "--set", "speed", "27rad/s", "--set", "clearance", "5e-5 m"
     )
     assert status == 0 and "settles in" in text
     kept = json.loads((tmp_path / "orbit" / "orbit.json").read_text())
