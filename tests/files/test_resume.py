@@ -24,7 +24,8 @@ def test_what_differs_is_named(tmp_path):
         earlier(path, others, "name")
     assert str(error.value) == (
         f"Argument `name` must be that of a run with the same settings, but in {path} differ "
-        "scene.speed: 30.0 there, 31.0 here; rtol: nothing there, 1e-09 here. Choose another, or delete it."
+        "scene.speed: 30.0 there, 31.0 here; rtol: nothing there, 1e-09 here. "
+        "Choose another, or delete it."
     )
 
 

@@ -74,6 +74,17 @@ def test_result_holds_the_evidence(finished):
     assert 0 < optimum["transient"]["contact"]["validity"]["half_width_ratio"] < 0.5
 
 
+def test_answer_to_another_question_is_kept(finished):
+    folder, _ = finished
+    with pytest.raises(
+        ValueError, match=r"`name` must .* differ objective: \"rms\" there, \"peak\""
+    ):
+        run(
+            Options(out=folder.parent, name="small", objective="peak", **SMALL), Console(quiet=True)
+        )
+    assert (folder / "result.json").exists() and (folder / "landscape.png").exists()
+
+
 def test_closing_table_names_what_is_outside_the_model(finished):
     _, answer = finished
     console = Console(record=True, quiet=False, file=io.StringIO(), width=200)
