@@ -62,7 +62,8 @@ def confirmed(case: Case, unit: Float[np.ndarray, " n"], rows: Rows) -> Confirme
         by_run = {name: column[i] for name, column in rows.items()}
         limits = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
         first = [by_run[name][0] for name in limits]
-        validity = jc.Validity(*map(jnp.asarray, (*first, described["restitution"])))
+        fit = described["clearance"] / described["bore_radius"]
+        validity = jc.Validity(*map(jnp.asarray, (*first, described["restitution"], fit)))
         state = by_run.pop("state")[0]
         settles = orbit is not None and orbit.stable and _in_contact(by_run)
         runs[start] = Runs(*numbers, validity, state, by_run, settles)

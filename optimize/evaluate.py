@@ -16,6 +16,7 @@ from jaxcrusher.batch.engines import map_all
 from jaxcrusher.batch.rows import row_of
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.scenes.build import LINKS, build_chamber
 from optimize.design import Design
 from optimize.objectives import Objective
 
@@ -29,7 +30,10 @@ Rows = dict[str, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What is searched, what for, and what a design must satisfy to count."""
+    """What is searched, what for, and what a design must satisfy to count.
+
+    `chamber` is that of the numbers that are not free.
+    """
 
     design: Design
     objective: Objective
@@ -39,9 +43,17 @@ class Case:
 
     def capacity(self, units: Float[np.ndarray, "*batch n"]) -> np.ndarray:
         """Crushing capacity of points of the unit box, m3/h."""
+        if self.links_free:
+            rows = jnp.reshape(units, (-1, len(self.design.names)))
+            return np.asarray(_capacities(self, rows)).reshape(np.shape(units)[:-1])
         values = {**self.design.fixed, **self.design.values(units)}
         speed = values.get("speed", jc.PE250X400["speed"])
         return np.broadcast_to(np.asarray(self.chamber.capacity(speed)), np.shape(units)[:-1])
+
+    @property
+    def links_free(self) -> bool:
+        """Whether the stroke, and with it the capacity, depends on what is free."""
+        return bool({*LINKS, "gravity"} & set(self.design.names)) or bool(self.design.completions)
 
     @property
     def slowest(self) -> float:
@@ -52,14 +64,27 @@ class Case:
 
     @property
     def upper(self) -> Float[np.ndarray, " n"]:
-        """The box's upper corner in the unit box: the capacity's floor may cut the speed short."""
+        """The box's upper corner in the unit box: the capacity's floor may cut the speed short.
+
+        Where links are free the floor is no corner: designs below it do not count.
+        """
         corner = np.ones(len(self.design.names))
-        if "speed" in self.design.names and self.capacity_floor > 0:
+        cut = self.capacity_floor > 0 and not self.links_free
+        if "speed" in self.design.names and cut:
             i = self.design.names.index("speed")
             low, high = self.design.bounds["speed"]
             fastest = float(self.chamber.highest_speed(self.capacity_floor))
             corner[i] = min(1.0, (fastest - low) / (high - low))
         return corner
+
+
+@eqx.filter_jit
+def _capacities(case: Case, units: Float[Array, "points n"]) -> Float[Array, " points"]:
+    def one(unit: Array) -> Array:
+        values = {**jc.PE250X400, **case.design.description(unit)}
+        return build_chamber(values).capacity(values["speed"])
+
+    return jax.vmap(one)(units)
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,8 @@ class Options:
     scene: Path | None = None
     """TOML scene file with the crusher's other numbers; the options below go before it."""
     capacity_floor: float | None = None
-    """Least crushing capacity, m3/h; by default the paper's, 9.41 / 1.67."""
+    """Least crushing capacity, m3/h; by default that at the lowest speed over 1.67, as in the
+    paper: 9.41 / 1.67."""
     inside_model: bool = False
     """Refuse designs whose motion leaves the contact model (wide contact, hard impacts)."""
     cells: tuple[int, int] = (61, 37)

@@ -5,9 +5,11 @@ from typing import Any
 
 from jaxcrusher.basics.checks import require, require_choice, require_within
 from jaxcrusher.commands.crushers import scene_of
-from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
+from jaxcrusher.crusher.capacity import AFFLUENCE
 from jaxcrusher.crusher.scene import require_clearance
+from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.parameters import CHOICES, PE250X400
+from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text
 from optimize.answer import Box
 from optimize.design import Design
@@ -51,18 +53,25 @@ def check(options: Options) -> None:
     require_choice("objective", options.objective, tuple(OBJECTIVES))
     _require_used(options)
     described, free = description(options), bounds(options)
+    scene = scene_of(described, options.scene)
     if "clearance" in free:
         bore = described.get("bore_radius", PE250X400["bore_radius"])
         require_clearance(free["clearance"][1], bore)
     sought = case(options)
-    reached = float(CrushingChamber().capacity(sought.slowest))
-    require(
-        reached >= sought.capacity_floor * (1 - 1e-12),
-        "capacity_floor",
-        f"be reached in the box, whose lowest speed gives {reached:.4g} m3/h",
-        sought.capacity_floor,
-    )
-    scene = scene_of(described, options.scene)
+    if sought.links_free:
+        volume = sought.objective.unit == "J/m3"
+        require(not volume, "objective", "count no volume where links are free", options.objective)
+    else:
+        reached = float(sought.chamber.capacity(sought.slowest))
+        require(
+            reached >= sought.capacity_floor * (1 - 1e-12),
+            "capacity_floor",
+            f"be reached in the box, whose lowest speed gives {reached:.4g} m3/h",
+            sought.capacity_floor,
+        )
+    for name, ends in free.items():
+        for end in ends:
+            remarks({**described, name: end})
     if "sliding_power" in sought.objective.outputs:
         rubs = scene.joint is not None and scene.joint.friction is not None
         require(rubs, "objective", "be another without friction", options.objective)
@@ -137,7 +146,7 @@ def case(options: Options) -> Case:
     return Case(
         Design(free, fixed),
         OBJECTIVES[options.objective],
-        CrushingChamber(),
+        build_chamber(description(options)),
         floor(options),
         options.inside_model,
     )
@@ -157,10 +166,17 @@ def reference_title(options: Options) -> str:
 
 
 def floor(options: Options) -> float:
-    """The least capacity, m3/h."""
+    """The least capacity, m3/h: the greatest over the factor of affluence.
+
+    The greatest is that at the lowest speed of the box; the paper's, at 25 rad/s.
+    """
     if options.capacity_floor is not None:
         return options.capacity_floor
-    return float(CrushingChamber().capacity(GREATEST_AT)) / AFFLUENCE
+    fixed, free = description(options), bounds(options)
+    slowest = GREATEST_AT
+    if options.scene is not None:
+        slowest = free["speed"][0] if "speed" in free else fixed.get("speed", PE250X400["speed"])
+    return float(build_chamber(fixed).capacity(slowest)) / AFFLUENCE
 
 
 def box(case: Case) -> Box:

@@ -8,36 +8,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher.crusher.capacity import lower_end
-from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.capacity import stroke
 from jaxcrusher.scenes.build import build_machine
 
-# Angles looked at for the ends of the stroke, and Newton steps from the best of them: from
-# 2.5 deg off, three leave less than rounding.
-ANGLES, POLISH = 72, 3
 # Newton steps on the eccentricity, to which the stroke is nearly proportional.
 STEPS = 5
-
-
-def exact_stroke(machine: Machine) -> Scalar:
-    """The stroke, m, with its ends found between the points of `jaxcrusher.crusher.capacity`.
-
-    The extremes of 720 points are short by up to 1e-5 of the stroke, in steps as the ends move.
-    At a stationary angle the derivative by the links is exact with the angle held.
-    """
-    held = jax.lax.stop_gradient(machine)
-    rate = jax.grad(lower_end)
-    angles = jnp.linspace(0, 2 * jnp.pi, ANGLES, endpoint=False)
-    travel = jax.vmap(lower_end, (0, None))(angles, held)
-    ends = angles[jnp.stack([jnp.argmax(travel), jnp.argmin(travel)])]
-
-    def newton(_, ends):
-        bend = jax.vmap(jax.grad(rate), (0, None))(ends, held)
-        return ends - jax.vmap(rate, (0, None))(ends, held) / bend
-
-    ends = jax.lax.fori_loop(0, POLISH, newton, ends)
-    right, left = jax.vmap(lower_end, (0, None))(jax.lax.stop_gradient(ends), machine)
-    return right - left
 
 
 @dataclass(frozen=True)
@@ -56,14 +31,14 @@ class EqualStroke:
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "EqualStroke":
         """With the stroke of a description."""
-        return cls(float(jax.jit(exact_stroke)(build_machine(values))))
+        return cls(float(jax.jit(stroke)(build_machine(values))))
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """The numbers with the eccentricity added; differentiable."""
 
         def excess(eccentricity: Scalar, values: Mapping[str, Any]) -> Scalar:
             machine = build_machine({**values, "shaft.eccentricity": eccentricity})
-            return exact_stroke(machine) - self.target
+            return stroke(machine) - self.target
 
         held = jax.lax.stop_gradient(jax.tree.map(jnp.asarray, dict(values)))
 

@@ -12,7 +12,7 @@ VARIABLES = {
     "half_width_ratio": ("1", "Hertz's half-width / bore radius"),
     "impact_speed_ratio": ("1", "fastest approach / elastic limit"),
     "delivered_restitution": ("1", "restitution of the fastest impact"),
-    "inside_model": ("1", "Hertzian contact and elastic impacts"),
+    "inside_model": ("1", "narrow clearance, Hertzian contact, elastic impacts"),
     "whirl": ("1", "friction whirl"),
     "success": ("1", "integrated to the end"),
     "reached": ("rad", "shaft angle at the end, or at the failure"),

@@ -8,22 +8,29 @@ import numpy as np
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
+from jaxcrusher.commands.program import tell
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.parameters import CHOICES, PE250X400
+from jaxcrusher.scenes.build import build_chamber, build_scene
+from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, PE250X400
+from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text, require_parameter
 
 
 def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
     """Every name of `jaxcrusher.PE250X400` with its value, and the scene that they make.
 
-    Raises ValueError as `read_scene_file` and `build_scene` do.
+    What is unusual is told. Raises ValueError as `read_scene_file`, `build_scene`, `build_chamber`
+    and `remarks` of `jaxcrusher.scenes.plausibility` do.
     """
     values = dict(PE250X400)
     if crusher.scene is not None:
         values |= read_scene_file(crusher.scene)
     values |= {name: read_text(name, text) for name, text in crusher.overrides}
-    return values, scene_of(values, crusher.scene)
+    scene = scene_of(values, crusher.scene)
+    build_chamber(values)
+    for line in remarks(values):
+        tell(f"unusual: {line}")
+    return values, scene
 
 
 def scene_of(values: Mapping[str, Any], path: Path | None) -> Scene:
@@ -43,6 +50,12 @@ def read_moving(crusher: Crusher) -> dict[str, Any]:
     return values
 
 
+def require_moving(argument: str, name: str) -> None:
+    """ValueError for a name that is no number of the motion."""
+    require_parameter(name)
+    require(name not in CHAMBER, argument, "name numbers of the motion", f"{name}, the capacity's")
+
+
 def read_axes(over: Ranges) -> dict[str, list]:
     """The axes of a grid: name -> values in SI units, or choices.
 
@@ -58,7 +71,7 @@ def read_axes(over: Ranges) -> dict[str, list]:
             require(len(rest) > 0, "over", f"name choices of {name}", "empty")
             axes[name] = rest
             continue
-        require_parameter(name)
+        require_moving("over", name)
         require(len(rest) == 3, "over", f"be {name} LOW HIGH COUNT", " ".join([name, *rest]))
         low, high = read_range(name, rest[0], rest[1])
         count = rest[2]

@@ -7,14 +7,13 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.commands.crushers import read_moving
+from jaxcrusher.commands.crushers import read_moving, require_moving
 from jaxcrusher.commands.options import Gradient
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.parameters import PARAMETERS
-from jaxcrusher.scenes.scene_file import require_parameter
 
 
 def run(options: Gradient, console: Console) -> int:
@@ -54,7 +53,7 @@ def _check(options: Gradient, values: dict[str, Any]) -> None:
     once = len(set(options.by)) == len(options.by) > 0
     require(once, "by", "name parameters, each once", " ".join(options.by))
     for name in options.by:
-        require_parameter(name)
+        require_moving("by", name)
     for name, least in (("settle", 0), ("turns", 1), ("pairs", 2), ("seed", 0)):
         require_whole(name, getattr(options, name), least)
     require_positive("radius", options.radius, "")

@@ -46,10 +46,10 @@ def program(
         if sys.flags.dev_mode:
             raise
         missing = isinstance(error, ModuleNotFoundError)
-        _tell(f"error: {f'{error.name} is missing; {EXTRA}' if missing else error}")
+        tell(f"error: {f'{error.name} is missing; {EXTRA}' if missing else error}")
         status = 2
     except KeyboardInterrupt as stop:
-        _tell(": ".join(["interrupted", *map(str, stop.args)]))
+        tell(": ".join(["interrupted", *map(str, stop.args)]))
         status = 130
     sys.exit(status)
 
@@ -146,5 +146,6 @@ def keeping(folder: Path) -> Iterator[None]:
         raise KeyboardInterrupt(kept if names else "nothing was written") from None
 
 
-def _tell(line: str) -> None:
+def tell(line: str) -> None:
+    """A line on standard error."""
     print(" ".join(line.split()), file=sys.stderr)

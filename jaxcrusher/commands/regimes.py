@@ -20,7 +20,8 @@ from jaxcrusher.files.provenance import provenance, versions
 from jaxcrusher.files.results import results_folder, write_json, write_netcdf
 from jaxcrusher.files.resume import earlier
 from jaxcrusher.motion.statistic import STATISTIC
-from jaxcrusher.scenes.parameters import PARAMETERS
+from jaxcrusher.scenes.parameters import CHAMBER, PARAMETERS, readable
+from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import read_text
 
 # Name -> unit and meaning of a row's numbers.
@@ -42,6 +43,8 @@ def run(options: Regimes, console: Console) -> int:
         require_whole(name, getattr(options, name), least)
     require_positive("rtol", options.rtol, "")
     scenes = [jc.build_scene({**values, **design}) for design in designs]
+    for design in designs:
+        remarks({**values, **design})
     settings = _settings(options, values, list(designs[0]))
     folder = results_folder(options.results.folder)
     kept = earlier(folder / "regimes.json", settings, "name")
@@ -155,16 +158,12 @@ def _design(text: str) -> dict[str, Any]:
     for name, _, value in parts:
         key = name.strip()
         require(key not in design, "design", "name a key once", repr(text))
+        require(key not in CHAMBER, "design", "name numbers of the motion", repr(text))
         design[key] = read_text(key, value.strip())
     return design
 
 
 def _name(design: dict[str, Any]) -> str:
     """A design in words."""
-    words = []
-    for name, value in design.items():
-        unit = PARAMETERS[name].unit if name in PARAMETERS else ""
-        words.append(
-            f"{name} {value if isinstance(value, str) else f'{value:.6g}'} {unit}".rstrip()
-        )
+    words = [f"{name} {readable(name, value)}" for name, value in design.items()]
     return ", ".join(words) or "the crusher"

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import numpy as np
 import xarray as xr
 from rich.console import Console
 
@@ -16,6 +15,8 @@ from jaxcrusher.commands.crushers import read_axes, read_crusher
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_netcdf
+from jaxcrusher.scenes.parameters import CHAMBER, readable
+from jaxcrusher.scenes.plausibility import remarks
 
 if TYPE_CHECKING:
     import distributed
@@ -24,7 +25,10 @@ if TYPE_CHECKING:
 def run(options: Sweep, console: Console) -> int:
     """Sweep and print a closing line; ValueError for bad options."""
     (values, _), axes = read_crusher(options.crusher), read_axes(options.over)
-    base = {name: value for name, value in values.items() if name not in axes}
+    base = {n: value for n, value in values.items() if n not in axes and n not in CHAMBER}
+    for name, axis in axes.items():
+        for end in (axis[0], axis[-1]):
+            remarks({**values, name: end})
     folder = results_folder(options.results.folder)
     designs = math.prod(len(axis) for axis in axes.values())
     with progress(console) as bars, _workers(options.scheduler) as scheduler:
@@ -85,12 +89,6 @@ def closing(grid: xr.Dataset) -> str:
     if not bool(good.notnull().any()):
         return counts
     best = good.isel(good.argmin(...))  # pyright: ignore
-    units = {name: str(axis.attrs.get("units", "")) for name, axis in best.coords.items()}
-    design = ", ".join(
-        f"{name} {_text(best.coords[name].item())} {units[name]}".rstrip() for name in grid.sizes
-    )
+    axes = map(str, grid.sizes)
+    design = ", ".join(f"{name} {readable(name, best.coords[name].item())}" for name in axes)
     return f"{counts}; least RMS {best.item():.0f} N at {design}"
-
-
-def _text(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{np.float64(value):.6g}"

@@ -12,6 +12,9 @@ from jaxcrusher.crusher.machine import Machine
 Values = Float[Array, "*shape"]
 
 AFFLUENCE = 1.67  # k: greatest over least capacity, after (25)
+# Angles looked at for the ends of the stroke, and Newton steps from the best of them: from
+# 2.5 deg off, three leave less than rounding.
+ANGLES, POLISH = 72, 3
 
 
 class CrushingChamber(eqx.Module):
@@ -53,14 +56,25 @@ def lower_end(angle: Scalar, machine: Machine) -> Scalar:
     return machine.toggle.length * chain.toggle.x
 
 
-def stroke(machine: Machine, points: int = 720) -> Scalar:
+def stroke(machine: Machine) -> Scalar:
     """s, the horizontal travel of the jaw's lower end B over a turn (m); ideal joint.
 
-    Seen at `points` angles of the shaft: at 720 it is right to 1e-5 of itself.
+    To rounding, and differentiable: at a stationary angle the derivative by the links is exact with
+    the angle held.
     """
-    angles = jnp.linspace(0, 2 * jnp.pi, points, endpoint=False)
-    travel = jax.vmap(lower_end, (0, None))(angles, machine)
-    return jnp.max(travel) - jnp.min(travel)
+    held = jax.lax.stop_gradient(machine)
+    rate = jax.grad(lower_end)
+    angles = jnp.linspace(0, 2 * jnp.pi, ANGLES, endpoint=False)
+    travel = jax.vmap(lower_end, (0, None))(angles, held)
+    ends = angles[jnp.stack([jnp.argmax(travel), jnp.argmin(travel)])]
+
+    def newton(_, ends):
+        bend = jax.vmap(jax.grad(rate), (0, None))(ends, held)
+        return ends - jax.vmap(rate, (0, None))(ends, held) / bend
+
+    ends = jax.lax.fori_loop(0, POLISH, newton, ends)
+    right, left = jax.vmap(lower_end, (0, None))(jax.lax.stop_gradient(ends), machine)
+    return right - left
 
 
 def chamber_from_stroke(machine: Machine, discharge_opening) -> CrushingChamber:

@@ -14,6 +14,10 @@ WIDEST_CONTACT = 0.5
 ELASTIC_IMPACT_SPEED = 0.051
 # A restitution this far from the one asked for is another material.
 RESTITUTION_ERROR = 0.05
+# Radial clearance over bore radius. Bearings have about 0.001 (Hamrock, Schmid and Jacobson, 2004),
+# and clearance joints are compared with experiments up to 0.01 or so (Flores, 2010): beyond, a pin
+# hammers and rolls in a hole rather than runs in a bearing.
+WIDEST_CLEARANCE = 0.01
 
 
 class Validity(eqx.Module):
@@ -23,6 +27,7 @@ class Validity(eqx.Module):
     impact_speed_ratio: Scalar  # fastest approach over that of an elastic impact
     delivered_restitution: Scalar  # of the fastest impact, by the law's closed form
     asked_restitution: Scalar
+    clearance_ratio: Scalar  # radial clearance over the bore radius
 
     @property
     def hertzian(self) -> Bool[Array, "*batch"]:
@@ -40,13 +45,20 @@ class Validity(eqx.Module):
         return jnp.abs(self.delivered_restitution - self.asked_restitution) <= RESTITUTION_ERROR
 
     @property
+    def fitting(self) -> Bool[Array, "*batch"]:
+        """A pin that nearly fills its bore."""
+        return self.clearance_ratio <= WIDEST_CLEARANCE
+
+    @property
     def inside(self) -> Bool[Array, "*batch"]:
-        """Hertzian and elastic: without impacts restitution does not matter."""
-        return self.hertzian & self.elastic
+        """Fitting, Hertzian and elastic: without impacts restitution does not matter."""
+        return self.fitting & self.hertzian & self.elastic
 
     def remarks(self) -> list[str]:
         """What is outside the model, in words (concrete values only)."""
         found = []
+        if not bool(self.fitting):
+            found.append(f"clearance {float(self.clearance_ratio):.2g} of the bore radius")
         if not bool(self.hertzian):
             found.append(
                 f"contact {float(self.half_width_ratio):.2f} bore radii wide: not Hertzian"
@@ -70,12 +82,14 @@ def validity(
     """
     if joint is None:
         none = jnp.full_like(impact_speed, jnp.nan)
-        return Validity(penetration_ratio, impact_speed, none, none)
-    pin_ratio = 1 - joint.clearance / joint.bore_radius
+        return Validity(penetration_ratio, impact_speed, none, none, jnp.zeros_like(impact_speed))
+    clearance_ratio = joint.clearance / joint.bore_radius
+    pin_ratio = 1 - clearance_ratio
     half_width = jnp.sqrt(pin_ratio * jnp.maximum(penetration_ratio, 0))
     return Validity(
         half_width,
         impact_speed / ELASTIC_IMPACT_SPEED,
         joint.normal.delivered_restitution(impact_speed),
         joint.normal.restitution,
+        jnp.broadcast_to(clearance_ratio, jnp.shape(impact_speed)),
     )

@@ -3,12 +3,14 @@
 from collections.abc import Mapping
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.lax import stop_gradient
 
-from jaxcrusher.basics.checks import concrete, require_x64
+from jaxcrusher.basics.checks import concrete, require, require_x64
 from jaxcrusher.basics.plane import Vector, direction
+from jaxcrusher.crusher.capacity import CrushingChamber, stroke
 from jaxcrusher.crusher.drives import ConstantSpeed
 from jaxcrusher.crusher.formulations import (
     ClosedLinkage,
@@ -29,7 +31,13 @@ from jaxcrusher.joint.normal import (
     TrackedImpactVelocity,
     cylinder_stiffness,
 )
-from jaxcrusher.scenes.parameters import PE250X400, Value, check_description
+from jaxcrusher.scenes.parameters import (
+    CHAMBER,
+    PE250X400,
+    Value,
+    check_description,
+    readable,
+)
 
 # What the names of `jaxcrusher.scenes.parameters.CHOICES` stand for.
 _STARTS = {"centred": Centred, "contact": InContact}
@@ -42,6 +50,16 @@ _CONTACTS = {
 }
 _FORMULATIONS = {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation}
 
+_PAPER_CHAMBER = {name: parameter.default for name, parameter in CHAMBER.items()}
+# What the stroke of the jaw's lower end depends on.
+LINKS = (
+    "shaft.eccentricity",
+    "jaw.length",
+    "toggle.length",
+    "bearing.distance",
+    "bearing.inclination",
+)
+
 # Widths of the contact's corner and of |e| (m), and what narrows them where the contact is stiffer
 # or the clearance smaller than in the paper's box: the penetration under this force (N), so that
 # the corner is off by 0.5 N at touch-down at most, and this share of the clearance.
@@ -53,7 +71,8 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     """The scene of a description; names that are missing take the paper's value.
 
     `values` maps names of `PARAMETERS` to scalars in SI units, which may be traced, and names of
-    `CHOICES` to one of theirs. A friction of exactly 0 that is not traced leaves friction out.
+    `CHOICES` to one of theirs; those of `CHAMBER` are `build_chamber`'s. A friction of exactly 0
+    that is not traced leaves friction out.
 
     Raises ValueError as `check_description` does, and as `Scene` and `Machine` do.
     """
@@ -92,6 +111,37 @@ def build_machine(values: Mapping[str, Any]) -> Machine:
         v["bearing.distance"] * Vector(jnp.sin(tilt), jnp.cos(tilt)),
         v["gravity"],
     )
+
+
+def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
+    """The chamber of a description, its stroke from the links; differentiable by either.
+
+    The paper's own has 2b - s = 60.6 mm to the last bit: what differs from it counts from there.
+    Raises ValueError as `build_machine` does, and for a discharge opening that the stroke closes.
+    """
+    v: dict[str, Any] = {**PE250X400, **_PAPER_CHAMBER, **values}
+    paper = CrushingChamber()
+    double_width = paper.double_width + 2 * (
+        v["chamber.discharge"] - _PAPER_CHAMBER["chamber.discharge"]
+    )
+    if any(_differs(v[name], PE250X400[name]) for name in LINKS):
+        travel = jax.jit(stroke)
+        double_width = double_width - (travel(build_machine(v)) - travel(build_machine({})))
+    known = concrete(double_width)
+    require(
+        known is None or bool(np.all(known > v["chamber.discharge"])),
+        "chamber.discharge",
+        "be wider than the jaw's stroke at its lower end",
+        readable("chamber.discharge", v["chamber.discharge"]),
+    )
+    return CrushingChamber(
+        v["chamber.width"], v["chamber.height"], v["chamber.loosening"], double_width, v["gravity"]
+    )
+
+
+def _differs(value: Any, other: Any) -> bool:
+    known = concrete(value)
+    return known is None or bool(np.any(known != other))
 
 
 def _joint(v: Mapping[str, Any]) -> ClearanceJoint:

@@ -71,6 +71,17 @@ PARAMETERS = {
     "counterweight.angle": Parameter(np.pi, "rad", "of the counterweight, ahead of O-A", _TURN),
 }
 
+# The crushing chamber: of the capacity, not of the motion. The paper gives its length, height and
+# loosening; its capacity of 9.41 m3/h at 25 rad/s implies 2b - s = 60.6 mm, and so this b with the
+# stroke s of its links. The nip angle makes the mouth the 250 mm of a PE250x400.
+CHAMBER = {
+    "chamber.width": Parameter(0.4, "m", "length L of the discharge opening"),
+    "chamber.height": Parameter(0.6, "m", "height H"),
+    "chamber.discharge": Parameter(0.0340246, "m", "discharge opening b, of the open side"),
+    "chamber.nip_angle": Parameter(np.radians(20.0), "rad", "between the jaws", (0, np.pi / 2)),
+    "chamber.loosening": Parameter(0.7, "1", "mu of the material crushed", (0.01, 1)),
+}
+
 # Name -> what may be chosen, the paper's choice first.
 CHOICES = {
     "joint": ("clearance", "ideal"),
@@ -82,10 +93,13 @@ CHOICES = {
     "formulation": ("eccentricity", "multiplier"),
 }
 
+# Every number that a scene file may have.
+NUMBERS = PARAMETERS | CHAMBER
+
 # Numbers whose law is a choice of its own.
 _LAWS = {"load": "load_law", "impact_velocity": "impact_law"}
 
-# The paper's crusher: every number and every choice by name.
+# The paper's crusher: every number and every choice of its motion by name.
 PE250X400: dict[str, float | str] = {
     **{name: parameter.default for name, parameter in PARAMETERS.items()},
     **{name: choices[0] for name, choices in CHOICES.items()},
@@ -101,13 +115,13 @@ def check_description(values: Mapping[str, Any]) -> None:
         if name in CHOICES:
             require_choice(name, value, CHOICES[name])
             continue
-        require_choice("description", name, (*PARAMETERS, *CHOICES))
+        require_choice("description", name, (*PARAMETERS, *CHAMBER, *CHOICES))
         check_number(name, value)
 
 
 def check_number(name: str, value: ArrayLike) -> None:
     """ValueError if a parameter's value is no number, scalar or array, or outside its limits."""
-    parameter = PARAMETERS[name]
+    parameter = NUMBERS[name]
     if value is None or isinstance(value, str):
         law = _LAWS.get(name)
         listed = f"; its law, one of {CHOICES[law]}, is `{law}`" if law else ""
@@ -118,3 +132,16 @@ def check_number(name: str, value: ArrayLike) -> None:
     else:
         unit = "" if parameter.unit == "1" else parameter.unit
         require_within(name, value, *parameter.limits, unit)
+
+
+def readable(name: str, value: float | str) -> str:
+    """A value in the unit that drawings have: mm, degrees, GPa, and rpm beside rad/s."""
+    if isinstance(value, str):
+        return value
+    unit = NUMBERS[name].unit
+    factor, written = _READABLE.get(unit, (1.0, "" if unit == "1" else unit))
+    text = f"{value * factor:.6g} {written}".rstrip()
+    return f"{text} ({value * 30 / np.pi:.4g} rpm)" if unit == "rad/s" else text
+
+
+_READABLE = {"m": (1e3, "mm"), "rad": (180 / np.pi, "deg"), "Pa": (1e-9, "GPa")}

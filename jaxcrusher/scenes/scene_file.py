@@ -10,9 +10,9 @@ start = "contact"
 mass = "524 kg"
 ```
 
-Keys and tables are the names of `jaxcrusher.PARAMETERS` and `jaxcrusher.CHOICES`; one that is
-missing takes the paper's value. A bare number is refused where a unit could be meant: 0.10 may be
-millimetres to the one who writes it, and 250 rpm.
+Keys and tables are the names of `PARAMETERS`, `CHAMBER` and `CHOICES` of
+`jaxcrusher.scenes.parameters`; one that is missing takes the paper's value. A bare number is
+refused where a unit could be meant: 0.10 may be millimetres to the one who writes it, and 250 rpm.
 """
 
 import re
@@ -28,9 +28,10 @@ import numpy as np
 import pint
 
 from jaxcrusher.basics.checks import require_choice
-from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400, check_number
+from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, check_number
 
-_TABLES = tuple(dict.fromkeys(name.partition(".")[0] for name in PARAMETERS if "." in name))
+_KEYS = (*NUMBERS, *CHOICES)
+_TABLES = tuple(dict.fromkeys(name.partition(".")[0] for name in NUMBERS if "." in name))
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _QUANTITY = re.compile(rf"\s*((?>{_NUMBER}))\s*([^,].*)")
@@ -105,7 +106,7 @@ def read_value(name: str, value: Any) -> float | str:
         require_choice(name, value, CHOICES[name])
         return value
     require_parameter(name)
-    parameter = PARAMETERS[name]
+    parameter = NUMBERS[name]
     if isinstance(value, str):
         number = to_si(name, value)
     elif isinstance(value, int | float) and not isinstance(value, bool):
@@ -127,7 +128,7 @@ def read_text(name: str, text: str) -> float | str:
 
     Raises ValueError as `read_scene_file` does.
     """
-    if name in PARAMETERS and re.fullmatch(_NUMBER, text.strip()):
+    if name in NUMBERS and re.fullmatch(_NUMBER, text.strip()):
         return read_value(name, float(text))
     return read_value(name, text)
 
@@ -158,7 +159,7 @@ def require_parameter(name: str) -> None:
     """ValueError, with near misses, for a name that is not of `jaxcrusher.PARAMETERS`."""
     if name in CHOICES:
         raise ValueError(f"Argument `{name}` must be a number's key, but is a choice's.")
-    if name not in PARAMETERS:
+    if name not in NUMBERS:
         raise ValueError(f"Argument `{name}` must be a known key, but is not{_suggestion(name)}")
 
 
@@ -168,7 +169,7 @@ def to_si(name: str, text: str) -> float:
     Raises ValueError for no unit, an unknown one, and one of another kind. Angles are a kind of
     their own: "5 Hz" may mean turns or radians.
     """
-    unit = PARAMETERS[name].unit
+    unit = NUMBERS[name].unit
     match = _QUANTITY.fullmatch(text)
     if match is None:
         why = "is none"
@@ -220,7 +221,7 @@ def _flatten(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
     """Dotted names and values."""
     for key, value in table.items():
         name = prefix + key
-        if isinstance(value, dict) and value and name not in PE250X400:
+        if isinstance(value, dict) and value and name not in _KEYS:
             yield from _flatten(value, f"{name}.")
         elif name not in _TABLES:
             yield name, value
@@ -231,19 +232,19 @@ def _flatten(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 def _suggestion(name: str) -> str:
     """Near misses, or what there is."""
     head, _, tail = name.rpartition(".")
-    known = dict.fromkeys([*(key for key in PE250X400 if "." not in key), *_TABLES])
+    known = dict.fromkeys([*(key for key in _KEYS if "." not in key), *_TABLES])
     if head not in ("", *_TABLES):  # a table's name is wrong
         tables = get_close_matches(head, _TABLES, n=1)
         near = [f"[{table}]" for table in tables]
         return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(known)}."
-    inside = [key for key in PE250X400 if head and key.startswith(f"{head}.")]
+    inside = [key for key in _KEYS if head and key.startswith(f"{head}.")]
     if inside:
         short = {key.rpartition(".")[2]: key for key in inside}
         near = [short[each] for each in get_close_matches(tail, short, n=1)]
     else:
-        near = [key for key in PE250X400 if key.rpartition(".")[2] == tail]
-        near = near or get_close_matches(name, (*PE250X400, *_TABLES), n=1)
-    near = near or [key for key in PE250X400 if key.rpartition(".")[2] == tail]
+        near = [key for key in _KEYS if key.rpartition(".")[2] == tail]
+        near = near or get_close_matches(name, (*_KEYS, *_TABLES), n=1)
+    near = near or [key for key in _KEYS if key.rpartition(".")[2] == tail]
     if near:
         return f"; did you mean {' or '.join(near)}?"
     return f"; there are {', '.join(inside or known)}."

@@ -9,11 +9,11 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-import jaxcrusher as jc
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command, versions
 from jaxcrusher.files.results import results_folder, write_json, write_text
 from jaxcrusher.files.resume import earlier
+from jaxcrusher.scenes.build import build_chamber
 from optimize.balance import evidence, figure, problem, report, settled
 from optimize.balance.compare import METHODS, Answer, Search, Smooth, require_rivals, search
 from optimize.balance.options import Options
@@ -178,7 +178,7 @@ def _designs(design: Design, points: dict[str, np.ndarray]) -> dict[str, Any]:
             "eccentricity": float(described["shaft.eccentricity"]),
             "counterweight_mass": float(described["counterweight.mass"]),
             "counterweight_angle": float(described["counterweight.angle"]),
-            "capacity": float(jc.CrushingChamber().capacity(described["speed"])),
+            "capacity": float(build_chamber(described).capacity(described["speed"])),
             **origins[name],
         }
     return {"bounds": {name: list(b) for name, b in design.bounds.items()}, "chosen": chosen}

@@ -1,10 +1,12 @@
 """Laminating crushing theory against the paper's figures."""
 
+import jax
+import jax.numpy as jnp
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.capacity import AFFLUENCE, stroke
-from jaxcrusher.scenes.build import build_machine
+from jaxcrusher.crusher.capacity import AFFLUENCE, lower_end, stroke
+from jaxcrusher.scenes.build import build_chamber, build_machine
 
 
 def test_paper_capacity():
@@ -30,7 +32,32 @@ def test_floor_and_speed_limit():
 
 
 def test_stroke_of_the_mechanism():
+    machine = build_machine({})
+    found = float(jax.jit(stroke)(machine))
     # 7.45 mm, an independent figure of three digits.
-    assert float(stroke(build_machine({}))) == pytest.approx(7.45e-3, abs=5e-6)
-    chamber = jc.chamber_from_stroke(build_machine({}), 0.034)
+    assert found == pytest.approx(7.45e-3, abs=5e-6)
+    # The largest of 720 points is at most half a spacing off: (pi / 720)^2 / 2 = 1e-5 short.
+    angles = jnp.linspace(0, 2 * jnp.pi, 720, endpoint=False)
+    sampled = jnp.ptp(jax.jit(jax.vmap(lower_end, (0, None)))(angles, machine))
+    assert 0 <= found / float(sampled) - 1 < 1e-5
+    chamber = jc.chamber_from_stroke(machine, 0.034)
     assert float(chamber.double_width) == pytest.approx(0.068 - 7.45e-3, abs=5e-6)
+
+
+def test_chamber_of_a_description():
+    """The paper's to the last bit; b and s of another as in (22)."""
+    paper = build_chamber({"speed": 40.0, "jaw.mass": 1.0})
+    assert float(paper.capacity(25.0)) == float(jc.CrushingChamber().capacity(25.0))
+    longer = {"shaft.eccentricity": 0.012, "chamber.discharge": 0.05, "chamber.width": 0.6}
+    longer |= {"chamber.loosening": 0.5, "chamber.height": 0.7, "gravity": 9.0}
+    chamber = build_chamber(longer)
+    # The paper's b is given to 0.1 um.
+    width = 2 * 0.05 - float(jax.jit(stroke)(build_machine(longer)))
+    assert float(chamber.double_width) == pytest.approx(width, abs=1e-7)
+    by_hand = width / 2 * 9.0 * (jnp.pi / 20) ** 2 / 2 * 0.6 * 0.5 * 60 * 20 * 30 / jnp.pi
+    assert float(chamber.capacity(20.0)) == pytest.approx(float(by_hand), rel=1e-5)
+    assert float(chamber.height) == 0.7
+    with pytest.raises(
+        ValueError, match=r"^Argument `chamber.discharge` must be wider than the ja"
+    ):
+        build_chamber({"chamber.discharge": 0.007})

@@ -109,7 +109,7 @@ def hand_made_runs(mean: float, success: bool = True) -> Runs:
     """Six that do not settle, the first 7 N above the mean, too wide for Hertz; one may fail."""
     objective = mean + np.array([7.0, -7.0, 1.0, -1.0, 2.0, np.nan])
     objective[5] = mean - 2.0 if success else np.nan
-    validity = jc.Validity(*map(jnp.asarray, (1.8, 0.1, 0.9, 0.9)))
+    validity = jc.Validity(*map(jnp.asarray, (1.8, 0.1, 0.9, 0.9, 0.001)))
     return Runs(
         mean,
         7.2,
@@ -231,7 +231,7 @@ def test_page_shows_what_it_knows_and_what_it_does_not(page):
 
 def test_page_of_a_settled_motion(tmp_path):
     """The answer in a sentence, and slopes and what they are held by in the reader's units."""
-    validity = jc.Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9)))
+    validity = jc.Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9, 0.001)))
     numbers = (18243.4112, 18243.4112, 24000.0, 1e-9, [[0.9998, 0.0]], 0.9998, 5000.0, 0.1)
     slopes = {"speed": 220.0, "clearance": 51000.0}, {"speed": 0.1, "clearance": 40.0}
     found = hand_made_answer()

@@ -330,6 +330,31 @@ def test_bounds_of_cells_hold_what_a_function_hides():
     assert flat.min() == 0 and not none.any()
 
 
+def test_capacity_is_the_scene_s(tmp_path):
+    """Floor and capacities of a chamber twice as wide; the paper's to the last bit; free links."""
+    paper, chamber = problem.case(Options()), jc.CrushingChamber()
+    assert paper.capacity_floor == float(chamber.capacity(25.0)) / 1.67
+    ends = np.array([[0.0, 0.0], [1.0, 1.0]])
+    assert paper.capacity(ends).tolist() == [float(chamber.capacity(v)) for v in (25.0, 40.0)]
+    file = tmp_path / "wide.toml"
+    file.write_text('[chamber]\nwidth = "0.8 m"\n[shaft]\neccentricity = "11 mm"')
+    own = problem.case(Options(scene=file, speed=("20", "35rad/s")))
+    width = 2 * 0.0340246 - 1.1 * 7.449e-3
+    # The stroke is nearly proportional to the eccentricity, and a ninth of the width.
+    expected = 2 * float(chamber.capacity(20.0)) * width / 0.0606
+    assert float(own.capacity(ends[0])) == pytest.approx(expected, rel=1e-3)
+    # The factor of affluence between the lowest and the highest speed.
+    assert own.capacity_floor == pytest.approx(float(own.capacity(ends[0])) / 1.67, rel=1e-12)
+    assert own.upper.tolist() == [pytest.approx((20 * 1.67 - 20) / 15), 1.0]
+    free = (("shaft.eccentricity", "10", "11 mm"), ("speed", "20", "35 rad/s"))
+    links = problem.case(Options(scene=file, design=free))
+    assert links.capacity(np.array([[1.0, 0.0]]))[0] == pytest.approx(
+        float(own.capacity(ends[0])), rel=1e-9
+    )
+    assert links.upper.tolist() == [1.0, 1.0]
+    assert links.capacity(np.array([0.0, 0.0])) > links.capacity(np.array([1.0, 0.0]))
+
+
 def test_points_near_a_bad_start_do_not_count():
     case = problem.case(Options())
     units = landscape.points(case.design, (2, 2), 2, 0)
@@ -428,6 +453,8 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"runs": 1}, "runs"),
         ({"design": (("sped", "30", "25 rad/s"),)}, "sped"),
         ({"objective": "beauty"}, "objective"),
+        ({"objective": "energy", "design": (("jaw.length", "0.69", "0.7 m"),)}, "objective"),
+        ({"clearance": ("0.03", "100 mm")}, "clearance"),
     ],
 )
 def test_bad_options(change, name, tmp_path):

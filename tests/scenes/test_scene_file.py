@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.scenes.parameters import CHOICES
+from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, NUMBERS
 from jaxcrusher.scenes.scene_file import read_scene_file, read_text, read_value
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -45,14 +45,14 @@ def test_every_key_comes_back(tmp_path):
     """Numbers and quantities; each key with a value of its own, so that none takes another's."""
     values: dict[str, float | str] = {
         name: float((1.01 + 1e-4 * i) * parameter.default)
-        for i, (name, parameter) in enumerate(jc.PARAMETERS.items())
+        for i, (name, parameter) in enumerate(NUMBERS.items())
     }
     values |= {"counterweight.mass": 12.5, "counterweight.angle": -1.25}
     values |= {name: offered[-1] for name, offered in CHOICES.items()}
     # As TOML writes them: a choice in quotes, a quantity with its unit, a number without one plain.
     written = {}
     for name, value in values.items():
-        unit = "1" if isinstance(value, str) else jc.PARAMETERS[name].unit
+        unit = "1" if isinstance(value, str) else NUMBERS[name].unit
         plain = isinstance(value, float) and unit == "1"
         written[name] = repr(value) if plain else f'"{value} {unit}"'.replace(' 1"', '"')
     file = write(tmp_path, written)
@@ -62,7 +62,7 @@ def test_every_key_comes_back(tmp_path):
     for content in (text.replace("\n", "\r\n").encode(), b"\xef\xbb\xbf" + text.encode()):
         file.write_bytes(content)
         assert read_scene_file(file) == values
-    for name, parameter in jc.PARAMETERS.items():
+    for name, parameter in NUMBERS.items():
         value = float(values[name])
         if parameter.unit != "1":
             assert read_value(name, f"{value!r} {parameter.unit}") == value, name
@@ -77,7 +77,8 @@ def test_every_key_comes_back(tmp_path):
 
 def test_example_is_the_paper_s_crusher():
     """To the last bit, key by key: a result's settings are compared as they are written."""
-    assert read_scene_file(EXAMPLES / "pe250x400.toml") == jc.PE250X400
+    chamber = {name: parameter.default for name, parameter in CHAMBER.items()}
+    assert read_scene_file(EXAMPLES / "pe250x400.toml") == jc.PE250X400 | chamber
 
 
 def test_template_offers_every_number(tmp_path):
@@ -85,7 +86,7 @@ def test_template_offers_every_number(tmp_path):
     assert set(read_scene_file(EXAMPLES / "template.toml")) == {"speed", "clearance"}
     file = tmp_path / "all.toml"
     file.write_text(re.sub(r"^# (\w+ = )", r"\1", template, flags=re.MULTILINE))
-    assert set(read_scene_file(file)) == set(jc.PE250X400)
+    assert set(read_scene_file(file)) == {*NUMBERS, *CHOICES}
 
 
 @pytest.mark.parametrize(
@@ -135,6 +136,7 @@ def test_values_out_of_range_are_refused_one_by_one():
         ("[jaw]\nweight = 5", "there are jaw.mass, jaw.inertia"),
         ("[jwa]\nmass = 5", "`jwa.mass` must be a known key, but is not; did you mean [jaw]?"),
         ("jwa = 5", "did you mean jaw?"),
+        ('[chamber]\ndischarge = "2 MPa"', "`chamber.discharge` must have a unit of the kind m"),
         ("[motor]\nmass = 5", "there are speed, clearance"),
         ("mass = 5", "did you mean shaft.mass or jaw.mass"),
         ("shaft = 5", "`shaft` must be a table [shaft]"),

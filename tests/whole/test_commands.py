@@ -204,8 +204,8 @@ def test_regimes_are_kept_one_by_one(tmp_path, verdicts):
         assert two.largest_exponent.values.tolist() == [0.5, 0.5] and two.period.isnull().all()
     status, text = run(*line)
     assert status == 0 and verdicts == [25.0, 30.0, 35.0, 35.0, 40.0]
-    assert "speed 30 rad/s: chaotic: evidence (done before)" in text
-    assert "speed 40 rad/s: chaotic: evidence\n" in text
+    assert "speed 30 rad/s (286.5 rpm): chaotic: evidence (done before)" in text
+    assert "speed 40 rad/s (382 rpm): chaotic: evidence\n" in text
     # A list of designs on the same settings adds to what is there.
     run("regimes", "--out", tmp_path, "--design", "speed=30rad/s", "--design", "speed=45 rad/s")
     assert verdicts[5:] == [45.0]
@@ -298,6 +298,14 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         ("regimes --set joint ideal", "`joint` must have clearance"),
         ("gradient speed", "`metric` must be one of 'foundation_rms'"),
         ("gradient --by start", "`start` must be a number's key"),
+        ("simulate --set clearance 100mm", "`clearance` must be one of a crusher"),
+        ("simulate --set jaw.mass 0.524kg", "`jaw.mass` must be one of a crusher"),
+        ("simulate --set bore_radius 130m", "`bore_radius` must be one of a crusher"),
+        ("simulate --set chamber.discharge 5mm", "`chamber.discharge` must be wider than the jaw"),
+        ("sweep --over clearance 0.03 100mm 3", "`clearance` must be one of a crusher"),
+        ("regimes --design clearance=100mm", "`clearance` must be one of a crusher"),
+        ("sweep --over chamber.width 0.4 0.6m 3", "`over` must name numbers of the motion"),
+        ("gradient --by chamber.width", "`by` must name numbers of the motion"),
     ],
 )
 def test_mistakes_are_named_before_anything_is_computed(line, words, tmp_path):

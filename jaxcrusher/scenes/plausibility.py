@@ -1,0 +1,220 @@
+"""Whether the numbers of a crusher can be meant: ratios that a slip of units throws far off.
+
+A clearance of 100 mm in a bore of 130 mm, or a jaw of 0.5 kg, has a unit and lies inside its
+limits, and is a slip all the same.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jaxcrusher.scenes.parameters import CHAMBER, PE250X400, readable
+
+STANDARD_GRAVITY = 9.80665  # m/s2
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A number that crushers have alike, small and large: where it usually lies, and where it can.
+
+    `ratio` takes the numbers named `of`, in SI units.
+    """
+
+    words: str
+    unit: str
+    of: tuple[str, ...]
+    ratio: Callable[..., float]
+    usual: tuple[float, float]
+    possible: tuple[float, float]
+    source: str  # of the usual range
+
+
+RATIOS = (
+    Ratio(
+        "clearance / bore_radius",
+        "",
+        ("clearance", "bore_radius"),
+        lambda c, bore: c / bore,
+        (1e-4, 5e-3),
+        (0.0, 0.1),
+        "journal bearings have about 0.001 (Hamrock, Schmid and Jacobson)",
+    ),
+    Ratio(
+        "clearance / shaft.eccentricity",
+        "",
+        ("clearance", "shaft.eccentricity"),
+        lambda c, eccentricity: c / eccentricity,
+        (1e-4, 0.1),
+        (0.0, 1.0),
+        "the paper's box has 0.003 to 0.012; at 1 the play swallows the throw",
+    ),
+    Ratio(
+        "shaft.eccentricity / jaw.length",
+        "",
+        ("shaft.eccentricity", "jaw.length"),
+        lambda eccentricity, length: eccentricity / length,
+        (3e-3, 0.05),
+        (0.0, 0.5),
+        "the PE250x400 has 0.014, and similar crushers keep it",
+    ),
+    Ratio(
+        "bore_radius / jaw.length",
+        "",
+        ("bore_radius", "jaw.length"),
+        lambda bore, length: bore / length,
+        (0.04, 0.35),
+        (0.0, 1.0),
+        "the PE250x400 has 0.19, and similar crushers keep it",
+    ),
+    Ratio(
+        "mass of the jaw over its cubed length",
+        "kg/m3",
+        ("jaw.mass", "jaw.length"),
+        lambda mass, length: mass / length**3,
+        (300.0, 5000.0),
+        (20.0, 5e4),
+        "the PE250x400 has 1561, and similar crushers keep it",
+    ),
+    Ratio(
+        "mass of the toggle over its squared length and the chamber's width",
+        "kg/m3",
+        ("toggle.mass", "toggle.length", "chamber.width"),
+        lambda mass, length, width: mass / (length**2 * width),
+        (50.0, 8000.0),
+        (1.0, 5e4),
+        "the PE250x400 has 611; solid steel as thick as it is long has 7850",
+    ),
+    Ratio(
+        "mass of the shaft over that of a steel cylinder as wide as bore and chamber",
+        "",
+        ("shaft.mass", "bore_radius", "chamber.width"),
+        lambda mass, radius, width: mass / (7850 * np.pi * radius**2 * width),
+        (0.1, 30.0),
+        (1e-3, 1e3),
+        "the PE250x400 has 0.57; flywheels on it count",
+    ),
+    Ratio(
+        "radius of gyration of the jaw / jaw.length",
+        "",
+        ("jaw.inertia", "jaw.mass", "jaw.length"),
+        lambda inertia, mass, length: (inertia / mass) ** 0.5 / length,
+        (0.15, 0.8),
+        (0.01, 3.0),
+        "a uniform bar has 0.29, the PE250x400 as printed 0.71",
+    ),
+    Ratio(
+        "radius of gyration of the toggle / toggle.length",
+        "",
+        ("toggle.inertia", "toggle.mass", "toggle.length"),
+        lambda inertia, mass, length: (inertia / mass) ** 0.5 / length,
+        (0.15, 0.8),
+        (0.01, 3.0),
+        "a uniform bar has 0.29, the PE250x400 as printed 0.60",
+    ),
+    Ratio(
+        "acceleration of the eccentric / 9.81 m/s2",
+        "",
+        ("speed", "shaft.eccentricity"),
+        lambda speed, eccentricity: speed**2 * eccentricity / STANDARD_GRAVITY,
+        (0.1, 4.0),
+        (0.0, 100.0),
+        "the paper's box has 0.64 to 1.63: what is crushed has to fall meanwhile",
+    ),
+    Ratio(
+        "speed of the bore's surface",
+        "m/s",
+        ("speed", "bore_radius"),
+        lambda speed, radius: speed * radius,
+        (0.3, 15.0),
+        (0.0, 200.0),
+        "the paper's box has 3.3 to 5.2",
+    ),
+    Ratio(
+        "young",
+        "GPa",
+        ("young",),
+        lambda young: 1e-9 * young,
+        (40.0, 700.0),
+        (1e-3, 1300.0),
+        "tin alloys have 50, steel 207, cemented carbide 650, diamond 1200",
+    ),
+    Ratio(
+        "load over width and height of the chamber",
+        "MPa",
+        ("load", "chamber.width", "chamber.height"),
+        lambda load, width, height: 1e-6 * load / (width * height),
+        (0.0, 3.0),
+        (0.0, 100.0),
+        "the PE250x400 has 0.04 in the paper; jaw crushers are built for some 2.7",
+    ),
+    Ratio(
+        "gravity",
+        "m/s2",
+        ("gravity",),
+        lambda gravity: gravity,
+        (9.76, 9.84),
+        (0.0, 100.0),
+        "that of the Earth's surface",
+    ),
+    Ratio(
+        "chamber.nip_angle",
+        "deg",
+        ("chamber.nip_angle",),
+        lambda angle: np.degrees(angle),
+        (14.0, 27.0),
+        (0.0, 45.0),
+        "jaw crushers have 18 to 24; rock is squeezed out above twice its angle of friction",
+    ),
+    Ratio(
+        "chamber.height / jaw.length",
+        "",
+        ("chamber.height", "jaw.length"),
+        lambda height, length: height / length,
+        (0.4, 1.5),
+        (0.05, 5.0),
+        "the PE250x400 has 0.86",
+    ),
+    Ratio(
+        "chamber.discharge / chamber.height",
+        "",
+        ("chamber.discharge", "chamber.height"),
+        lambda discharge, height: discharge / height,
+        (0.015, 0.3),
+        (0.0, 1.0),
+        "the PE250x400 has 0.06, and offers 20 to 60 mm in 0.6 m",
+    ),
+)
+
+
+def remarks(values: Mapping[str, Any]) -> list[str]:
+    """What of a description is unusual, one line each, with the usual range and its source.
+
+    `values` as in `jaxcrusher.build_scene`, concrete. Raises ValueError for what cannot be.
+    """
+    defaults = {name: parameter.default for name, parameter in CHAMBER.items()}
+    v: dict[str, Any] = {**PE250X400, **defaults, **values}
+    found = []
+    for one in RATIOS:
+        if v["joint"] == "ideal" and "clearance" in one.of:
+            continue
+        ratio = float(one.ratio(*(float(v[name]) for name in one.of)))
+        given = ", ".join(f"{name} {readable(name, v[name])}" for name in one.of)
+        if not one.possible[0] <= ratio <= one.possible[1]:
+            low, high = (_number(end, one.unit) for end in one.usual)
+            raise ValueError(
+                f"Argument `{one.of[0]}` must be one of a crusher, but {one.words} is "
+                f"{_number(ratio, one.unit)}, usually {low} to {high} ({one.source}), with {given}."
+            )
+        if not one.usual[0] <= ratio <= one.usual[1]:
+            low, high = (_number(end, one.unit) for end in one.usual)
+            found.append(
+                f"{one.words} is {_number(ratio, one.unit)}, usually {low} to {high} "
+                f"({one.source}): is {given} meant?"
+            )
+    return found
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}".rstrip()

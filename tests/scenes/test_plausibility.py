@@ -1,0 +1,73 @@
+"""Slips of units and magnitudes are told; the paper's box is not."""
+
+import itertools
+
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.scenes.parameters import NUMBERS, readable
+from jaxcrusher.scenes.plausibility import RATIOS, remarks
+
+
+def test_the_paper_s_box_is_plausible():
+    for speed, clearance in itertools.product((25.0, 40.0), (0.03e-3, 0.12e-3)):
+        assert remarks({"speed": speed, "clearance": clearance}) == []
+    # A machine twice as large, slower by the root of two, has the same ratios.
+    powers = {"m": 1, "kg": 3, "kg m2": 5, "N": 2}
+    numbers = {n: p.default * 2 ** powers.get(p.unit, 0) for n, p in NUMBERS.items()}
+    numbers["speed"] = 30 / 2**0.5
+    assert remarks(numbers) == []
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"clearance": 5e-3}, "clearance / bore_radius is 0.0385, usually 0.0001 to 0.005"),
+        ({"clearance": 5e-3}, "clearance 5 mm, bore_radius 130 mm meant?"),
+        ({"speed": 250.0}, "speed 250 rad/s (2387 rpm), shaft.eccentricity 10 mm meant?"),
+        ({"jaw.mass": 52.4}, "mass of the jaw over its cubed length is 156 kg/m3, usually 300 kg"),
+        ({"young": 20.7e9}, "young is 20.7 GPa, usually 40 GPa to 700 GPa"),
+        ({"gravity": 1.62}, "gravity is 1.62 m/s2"),
+        ({"chamber.nip_angle": 0.6}, "chamber.nip_angle is 34.4 deg"),
+    ],
+)
+def test_what_is_unusual_is_told(values, words):
+    found = remarks(values)
+    assert any(words in line for line in found), found
+    assert all("\n" not in line and "usually" in line for line in found)
+
+
+@pytest.mark.parametrize(
+    ("values", "name"),
+    [
+        ({"clearance": 0.10}, "clearance"),
+        ({"jaw.mass": 0.524}, "jaw.mass"),
+        ({"jaw.mass": 524e3}, "jaw.mass"),
+        ({"bore_radius": 130.0}, "bore_radius"),
+        ({"young": 207.0}, "young"),
+        ({"speed": 3000.0}, "speed"),
+        ({"clearance": 0.02, "bore_radius": 1.0, "jaw.length": 7.0}, "clearance"),
+        ({"load": 8.8e9}, "load"),
+    ],
+)
+def test_what_cannot_be_is_refused(values, name):
+    with pytest.raises(ValueError, match=f"^Argument `{name}` must be one of a crusher") as error:
+        remarks(values)
+    assert "usually" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_an_ideal_joint_has_no_clearance_to_look_at():
+    assert remarks({"clearance": 0.1, "joint": "ideal"}) == []
+
+
+def test_ranges_lie_in_each_other():
+    for one in RATIOS:
+        assert one.possible[0] <= one.usual[0] < one.usual[1] <= one.possible[1], one.words
+        assert all(name in NUMBERS for name in one.of)
+
+
+def test_readable_units():
+    assert readable("clearance", 6e-5) == "0.06 mm" and readable("young", 207e9) == "207 GPa"
+    assert readable("speed", 30.0) == "30 rad/s (286.5 rpm)"
+    assert readable("friction", 0.1) == "0.1" and readable("start", "contact") == "contact"
+    assert readable("jaw.mass_centre_angle", jc.PE250X400["jaw.mass_centre_angle"]) == "15 deg"
