@@ -123,14 +123,24 @@ BAD = [
     (lambda: machine(jaw=Jaw(-524.0, 128.48, 0.695, Vector(0, 0))), "jaw.mass", "-524", "> 0 kg"),
     (lambda: machine(jaw=Jaw(524.0, 0.0, 0.695, Vector(0, 0))), "jaw.inertia", "0.0", "> 0"),
     # C-A from 0.63 to 0.65 m: 0.3 + 0.3 is too short, and 0.345 + 0.3 passes a dead point.
-    (lambda: machine(jaw=Jaw(524.0, 128.48, 0.3, Vector(0, 0))), "machine", "0.65", "0.6) m"),
-    (lambda: machine(jaw=Jaw(524.0, 128.48, 0.345, Vector(0, 0))), "machine", "0.65", "0.645) m"),
+    (
+        lambda: machine(jaw=Jaw(524.0, 128.48, 0.3, Vector(0, 0))),
+        "bearing.distance",
+        "650",
+        "600 mm",
+    ),
+    (
+        lambda: machine(jaw=Jaw(524.0, 128.48, 0.345, Vector(0, 0))),
+        "bearing.distance",
+        "650",
+        "645 mm",
+    ),
     # Closes with an ideal joint, but not with the pin 3 mm off.
     (
         lambda: with_machine(jc.paper_scene(30.0, 3e-3), machine(jaw=long_jaw)),
-        "machine",
-        "0.653",
-        "0.652) m",
+        "bearing.distance",
+        "653",
+        "652 mm",
     ),
     (lambda: jc.simulate(jc.ideal_scene(30.0), [0.0, 2.0, 1.0]), "times", "1.", "increase"),
     (lambda: jc.simulate(jc.ideal_scene(30.0), [-1.0, 1.0]), "times", "-1", ">= 0 s"),

@@ -120,7 +120,7 @@ def test_points_outside_the_box(point):
 
 def test_a_linkage_that_does_not_close():
     design = Design({"bearing.distance": (0.64, 1.2)})
-    with pytest.raises(ValueError, match="close without a dead point"):
+    with pytest.raises(ValueError, match="let the links close in every turn"):
         design.scene(np.array([1.0]))
 
     def rms(unit):
