@@ -2,30 +2,42 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxcrusher.basics.checks import require, require_positive, require_whole
-from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_all, stack
+from jaxcrusher.batch.engines import map_all
+from jaxcrusher.batch.lanes.layout import LANES
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.starts import shifted_start
-from jaxcrusher.motion.flow import flat
-from jaxcrusher.motion.section import poincare_section
+from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
+from jaxcrusher.motion.integrate import integrate
+from jaxcrusher.motion.method import resolve
+from jaxcrusher.motion.statistics import statistics_problem
 from jaxcrusher.settled.periodic_orbit import periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit
 from jaxcrusher.settled.shooting import shoot
 
-# Turns that are looked at half-way and at the end: whole multiples of all periods searched for.
-WINDOW, PERIODS = 24, (1, 2, 3, 4)
-# Of section points in clearances: what repeats so well is shot for, and what is so near an orbit
-# has come to it.
-REPEATS, NEAR = 1e-2, 1e-2
-# Two orbits whose RMS agrees so well, at the same period, are one.
+# A run is looked at so many times; the orbits searched for, and a multiple of all their periods.
+LOOKS, PERIODS, CYCLE = 4, (1, 2, 3, 4), 12
+# A motion swings about an orbit of fewer turns if, to this factor and in clearances, it spreads no
+# wider about the mean of each of these than about those of a whole cycle.
+AS_NARROW, ROUNDING = 1.25, 1e-4
+# An orbit is that mean if it is no further from it, as a share of the spread and in clearances. Of
+# motions that swing wider than the last, in clearances, the mean is no guess of an orbit.
+ABOUT, NEAR, WIDE = 0.25, 1e-3, 0.1
+# What swings no wider, in clearances, is shot for at once; others may yet narrow to what is known.
+NARROW = 0.01
+# The integration's tolerance: at 1e-6 the swing dies twice as fast as it should.
+RTOL = 1e-7
+# Two orbits whose RMS agrees so well are one.
 SAME = 1e-6
-RTOL = 1e-9
+# Searches that fail, after which no more begins: each costs as much as all the starts.
+MOST_FAILURES = 3
 
 
 @dataclass(frozen=True)
@@ -58,65 +70,165 @@ def settled_motions(
     """The stable motions that `starts` random starts come to, each solved for.
 
     The scene's start is shifted by up to `spread` clearances in any direction. Each motion is
-    integrated over `turns` turns; where it then repeats after one to four of them, Newton's method
-    takes it from there (`jaxcrusher.settled.shooting`), contact lost or not. A motion that still
-    swings is counted with the orbit that it has come nearer to since half-way. The quiet motion,
-    from the pin resting in its bore, is looked for besides.
+    integrated over `turns` turns (or up to three more) and looked at four times. Where it swings
+    about a point that repeats after one to four turns, Newton's method takes it from there
+    (`jaxcrusher.settled.shooting`), contact lost or not. Swings die in thousands of turns: a motion
+    has come to an orbit if it swings about it and keeps contact, or if its swing is smaller at the
+    end than half-way. The quiet motion, from the pin resting in its bore, is looked for besides.
 
     Raises ValueError for a count, spread or turns out of range, and in one line for a scene that
     `jaxcrusher.periodic_orbit` refuses or whose joint is ideal.
     """
     require_whole("starts", starts, 1)
     require_positive("spread", spread, "clearances")
-    require_whole("turns", turns, 2 * WINDOW)
+    require_whole("turns", turns, 2 * LOOKS * CYCLE)
     require_whole("seed", seed, 0)
     require(scene.joint is not None, "scene", "have a clearance joint", "an ideal one")
     quiet = periodic_orbit(scene)
-    orbits = [quiet] if bool(quiet.stable) else []
-    random = np.random.default_rng(seed)
-    radii, angles = spread * np.sqrt(random.uniform(size=starts)), random.uniform(size=starts)
-    offsets = radii * np.exp(2j * np.pi * angles)
-    shifted = stack([shifted_start(scene, Vector(z.real, z.imag)) for z in offsets])
-    run = eqx.Partial(_run, half=turns // 2, rest=turns - turns // 2)
-    half, end, success = map_all(run, shifted, starts)
-    known = [_section(orbit) for orbit in orbits]
-    counts: Counter[int] = Counter()
-    swinging = []
-    for first, last in zip(half[success], end[success], strict=True):
-        near = _nearest(known, last)
-        if near is not None and _distance(known[near], last) < NEAR:
-            counts[near] += 1
-        elif (new := _repeating(scene, last)) is not None:
-            alike = [i for i, orbit in enumerate(orbits) if _same(orbit, new)]
-            if not alike:
-                orbits, known = [*orbits, new], [*known, _section(new)]
-            counts[alike[0] if alike else len(orbits) - 1] += 1
-        else:
-            swinging.append((first, last))
-    lost = 0
-    for first, last in swinging:
-        near = _nearest(known, last)
-        if near is None or _distance(known[near], last) >= _distance(known[near], first):
-            lost += 1
-        else:
-            counts[near] += 1
-    order = sorted(range(len(orbits)), key=lambda i: -counts[i])
+    known = _Known(scene, [quiet] if bool(quiet.stable) else [])
+    length = -(-turns // LOOKS)
+    advance = eqx.Partial(_advanced, turns=length)
+    state, going = _shifted(scene, starts, spread, seed), list(range(starts))
+    looks: list[dict[int, _Swings]] = []
+    counts, failed = Counter[int](), 0
+    for look in range(LOOKS):
+        if not going:
+            break
+        states, success = map_all(advance, _cases(scene, state[going]))
+        state[going] = states[: len(going), -1]
+        failed += int(np.sum(~success[: len(going)]))
+        seen = {n: _swings(s) for n, s, good in zip(going, states, success, strict=False) if good}
+        looks.append(seen)
+        # The narrowest first: it leads to an orbit best.
+        going = []
+        for number in sorted(seen, key=lambda n: _shortest(seen[n]).spread):
+            swing = _shortest(seen[number])
+            place = known.about(swing, NARROW if look < LOOKS - 1 else WIDE)
+            if place is not None and known.held(place, swing):
+                counts[place] += 1
+            else:
+                going.append(number)
+    ends = [known.approached(looks[LOOKS // 2 - 1][n], looks[-1][n]) for n in going]
+    counts.update(place for place in ends if place is not None)
+    order = sorted(range(len(known.orbits)), key=lambda i: -counts[i])
     reasons = {
-        "failed to integrate": starts - int(success.sum()),
-        f"come to no orbit of up to {PERIODS[-1]} turns after {turns}": lost,
+        "failed to integrate": failed,
+        f"come to no orbit of up to {PERIODS[-1]} turns after {LOOKS * length}": ends.count(None),
     }
     return SettledMotions(
-        tuple(orbits[i] for i in order),
+        tuple(known.orbits[i] for i in order),
         tuple(counts[i] / starts for i in order),
         {why: count / starts for why, count in reasons.items() if count},
     )
 
 
-def _run(scene: Scene, *, half: int, rest: int) -> tuple[Array, Array, Bool[Array, ""]]:
-    """Section points of the last turns before half-way, and before the end."""
-    first = poincare_section(scene, half - WINDOW, WINDOW, rtol=RTOL)
-    last = poincare_section(scene, rest - WINDOW, WINDOW, state=first.state, rtol=RTOL)
-    return first.states, last.states, first.success & last.success
+def _shifted(scene: Scene, starts: int, spread: float, seed: int) -> Float[np.ndarray, "starts 4"]:
+    """Section points about the scene's start, evenly over a disc."""
+    random = np.random.default_rng(seed)
+    radii, angles = spread * np.sqrt(random.uniform(size=starts)), random.uniform(size=starts)
+    offsets = radii * np.exp(2j * np.pi * angles)
+    shift = np.stack([offsets.real, offsets.imag, 0 * offsets.real, 0 * offsets.real], axis=1)
+    return np.asarray(initial_state(scene)) + shift
+
+
+def _cases(scene: Scene, states: Float[np.ndarray, "n 4"]) -> tuple[np.ndarray, Scene]:
+    """The scene from each state; as many as fill all lanes, so that few sizes are compiled."""
+    count = -(-len(states) // LANES) * LANES
+    padded = np.concatenate([states, np.repeat(states[-1:], count - len(states), axis=0)])
+    alike = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), scene)
+    return padded, alike
+
+
+def _advanced(case: tuple[Array, Scene], *, turns: int) -> tuple[Array, Bool[Array, ""]]:
+    """Section points of the next turns. One integration: lanes do not wait at each turn's end."""
+    state, scene = case
+    flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, RTOL)
+    times = 2 * jnp.pi * jnp.arange(1, turns + 1)[:, None]
+    (states, _), outcome = integrate(flow, times, problem=statistics_problem(()), method=method)
+    return jax.vmap(lambda one: flat(one, scene))(states), outcome.success
+
+
+class _Swing(NamedTuple):
+    """What the end of a run swings about."""
+
+    centre: Float[np.ndarray, "period dims"]  # means of every so manieth section point
+    spread: float  # about these, RMS, in clearances
+
+
+# By the turns of an orbit that it may be about.
+_Swings = dict[int, _Swing]
+
+
+def _swings(states: Float[np.ndarray, "turns dims"]) -> _Swings:
+    """What some turns swing about, for each of `PERIODS` and for `CYCLE`."""
+    found = {}
+    for period in (*PERIODS, CYCLE):
+        parts = states[len(states) % CYCLE :].reshape(-1, period, states.shape[1])
+        centre = parts.mean(axis=0)
+        apart = (parts - centre)[..., :2]
+        found[period] = _Swing(centre, float(np.sqrt(np.mean(apart**2))))
+    return found
+
+
+def _shortest(swings: _Swings) -> _Swing:
+    """The one about as few turns as it repeats after; after `CYCLE` if after none of `PERIODS`."""
+    enough = AS_NARROW * swings[CYCLE].spread + ROUNDING
+    return next(swing for swing in swings.values() if swing.spread <= enough)
+
+
+class _Known:
+    """The orbits of a scene that are known so far, and what was searched for in vain."""
+
+    def __init__(self, scene: Scene, orbits: list[PeriodicOrbit]) -> None:
+        self.scene, self.orbits = scene, orbits
+        self._sections = [_section(orbit) for orbit in orbits]
+        self._failures: list[np.ndarray] = []
+
+    def about(self, swing: _Swing, widest: float) -> int | None:
+        """The orbit that a motion swings about; a new one is solved for up to a spread."""
+        allowed = max(ABOUT * swing.spread, NEAR)
+        away = [_distance(section, swing.centre) for section in self._sections]
+        if away and min(away) < allowed:
+            return int(np.argmin(away))
+        if len(swing.centre) > PERIODS[-1] or swing.spread > widest:
+            return None
+        again = any(_distance(tried, swing.centre) < allowed for tried in self._failures)
+        if again or len(self._failures) >= MOST_FAILURES:
+            return None
+        # Where the section bends, another turn's mean may lead there.
+        for guess in swing.centre:
+            orbit = shoot(self.scene, guess, len(swing.centre))
+            if bool(orbit.stable):
+                break
+        else:
+            self._failures.append(swing.centre[:, :2])
+            return None
+        alike = [i for i, other in enumerate(self.orbits) if _same(orbit, other)]
+        if not alike:
+            self.orbits.append(orbit)
+            self._sections.append(_section(orbit))
+        return alike[0] if alike else len(self.orbits) - 1
+
+    def held(self, number: int, swing: _Swing) -> bool:
+        """Whether a swing about an orbit can do nothing but die: it is small, or keeps contact.
+
+        A harmonic swing goes the square root of 2 times its RMS away.
+        """
+        least = float(self.orbits[number].least_penetration)
+        return swing.spread < max(NEAR, least / np.sqrt(2))
+
+    def approached(self, before: _Swings, now: _Swings) -> int | None:
+        """The orbit about which a motion swings less than it did.
+
+        About one that is not known it seems to swing where its swing is in step with the shaft.
+        """
+        own = _shortest(now)
+        tried = [own] if self.about(own, 0.0) is not None else now.values()
+        for swing in tried:
+            place = self.about(swing, 0.0)
+            if place is not None and swing.spread < before[len(swing.centre)].spread:
+                return place
+        return None
 
 
 def _section(orbit: PeriodicOrbit) -> Float[np.ndarray, "period 2"]:
@@ -125,28 +237,17 @@ def _section(orbit: PeriodicOrbit) -> Float[np.ndarray, "period 2"]:
     return np.array(places)[:, :2]
 
 
-def _distance(section: Float[np.ndarray, "p 2"], states: Float[np.ndarray, "n 4"]) -> float:
-    """Of a motion from an orbit, RMS, in clearances; whichever turn of the orbit comes first."""
-    period = len(section)
-    shifts = [np.resize(np.roll(section, -k, axis=0), (len(states), 2)) for k in range(period)]
-    return min(float(np.sqrt(np.mean((states[:, :2] - shift) ** 2))) for shift in shifts)
+def _distance(section: Float[np.ndarray, "p 2"], centre: Float[np.ndarray, "n dims"]) -> float:
+    """Of one orbit from another, RMS, in clearances; whichever turn comes first.
 
-
-def _nearest(known: list[np.ndarray], states: np.ndarray) -> int | None:
-    """The orbit that a motion is nearest to."""
-    return min(range(len(known)), key=lambda i: _distance(known[i], states), default=None)
-
-
-def _repeating(scene: Scene, states: Float[np.ndarray, "n 4"]) -> PeriodicOrbit | None:
-    """The stable orbit that a motion repeats, with as few turns as it does."""
-    for period in PERIODS:
-        if np.max(np.abs(states[period:, :2] - states[:-period, :2])) < REPEATS:
-            orbit = shoot(scene, states[-1], period)
-            if bool(orbit.stable):
-                return orbit
-    return None
+    Infinite where the periods differ.
+    """
+    if len(section) != len(centre):
+        return np.inf
+    apart = [np.roll(section, -turn, axis=0) - centre[:, :2] for turn in range(len(section))]
+    return min(float(np.sqrt(np.mean(shift**2))) for shift in apart)
 
 
 def _same(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     apart = abs(float(one.foundation_rms) / float(other.foundation_rms) - 1)
-    return one.period == other.period and apart < SAME
+    return one.period % other.period == 0 and apart < SAME

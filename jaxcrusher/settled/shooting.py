@@ -7,12 +7,12 @@ of a turn, since none of a whole turn of impacts has digits left.
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Complex, Float
+from jaxtyping import Array, ArrayLike, Complex, Float, Scalar
 
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.validity import validity
-from jaxcrusher.motion.section import poincare_section
+from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.simulation import simulate
 from jaxcrusher.motion.statistic import SAMPLES, STATISTIC
 from jaxcrusher.motion.statistics import over_pieces
@@ -20,9 +20,13 @@ from jaxcrusher.motion.tangents import Build, Tangents, chain, changes, combine,
 from jaxcrusher.settled import newton
 from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged
 
-ITERATIONS = 8
+# Of the map, and the shortest step as a share of Newton's.
+EVALUATIONS, LEAST_SHARE = 16, 0.1
 # Of Newton's last step, in clearances and m/s, and the tolerance of the integration.
 CLOSURE, RTOL = 1e-7, 1e-11
+# A step so long, in these units, leaves what its tangents told of; after one so short the tolerance
+# is no longer this.
+LEAP, NEAR, COARSE_RTOL = 1.0, 1e-4, 1e-8
 
 
 def shoot(scene: Scene, guess: Float[ArrayLike, " 4"], period: int) -> PeriodicOrbit:
@@ -34,14 +38,13 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " 4"], period: int) -> PeriodicO
     build, none = eqx.Partial(_same, scene=scene), jnp.zeros(0)
     found = section_point(build, none, "foundation_rms", guess, period)
     if found is None:
-        missing = jnp.full(4, jnp.nan)
-        return judged(_described(scene, missing, period, None), RESULTS.open)
+        return _missing(scene, period)
     state, along = found
     matrix, _ = chain(along)
     state = state + np.linalg.solve(np.eye(4) - matrix, along.state - state)
     coarse, _ = chain(tangents(build, none, "foundation_rms", state, period, 100 * RTOL))
     blur = np.max(np.abs(coarse - matrix)) / np.max(np.abs(matrix))
-    orbit = _described(scene, state, period, (np.linalg.eigvals(matrix), blur))
+    orbit = _described(scene, state, period, np.linalg.eigvals(matrix), blur)
     return judged(orbit, orbit.result)
 
 
@@ -49,35 +52,68 @@ def _same(_: Array, scene: Scene) -> Scene:
     return scene
 
 
+def _missing(scene: Scene, period: int) -> PeriodicOrbit:
+    """No orbit: NaN in every number."""
+    assert scene.joint is not None
+    lost, nodes = jnp.asarray(jnp.nan), jnp.full((SAMPLES * period, 2), jnp.nan)
+    return PeriodicOrbit(
+        scene,
+        period,
+        nodes,
+        RESULTS.open,
+        jnp.array(0),
+        dict.fromkeys(_statistics(scene), lost),
+        lost,
+        lost,
+        jnp.full(4, jnp.nan, complex),
+        lost,
+        validity(scene.joint, lost, lost),
+    )
+
+
+def _statistics(scene: Scene) -> tuple[str, ...]:
+    """The names of those that the scene has."""
+    slides = scene.joint is not None and scene.joint.friction is not None
+    return tuple(name for name in STATISTIC if slides or name != "sliding_power")
+
+
 def _described(
     scene: Scene,
     state: Float[ArrayLike, " 4"],
     period: int,
-    found: tuple[np.ndarray, float] | None,
+    multipliers: Complex[np.ndarray, " 4"],
+    blur: float,
 ) -> PeriodicOrbit:
-    """What is known of the orbit through a section point."""
+    """What is known of the orbit through a section point.
+
+    Turn by turn: the same programs serve all periods.
+    """
     assert scene.joint is not None
-    slides = scene.joint.friction is not None
-    names = tuple(n for n in STATISTIC if slides or n != "sliding_power")
-    runs = [
-        poincare_section(scene, 0, period, state=state, outputs=names, rtol=rtol)
-        for rtol in (RTOL, 100 * RTOL)
-    ]
-    values = {name: over_pieces(name, runs[0].values[name]) for name in names}
-    coarse = over_pieces("foundation_rms", runs[1].values["foundation_rms"])
-    points = SAMPLES * period
-    times = 2 * np.pi / scene.drive.speed * np.arange(points) / SAMPLES
-    seen = simulate(scene, times, state=state, outputs=("eccentricity", "penetration_ratio"))
-    multipliers, blur = (np.full(4, np.nan, complex), np.nan) if found is None else found
+    times = 2 * np.pi / scene.drive.speed * np.arange(SAMPLES) / SAMPLES
+    names, parts, seen, coarse = _statistics(scene), [], [], []
+    again = state
+    for _ in range(period):
+        looks = ("eccentricity", "penetration_ratio")
+        seen.append(simulate(scene, times, state=state, outputs=looks))
+        parts.append(poincare_section(scene, 0, 1, state=state, outputs=names, rtol=RTOL))
+        coarse.append(poincare_section(scene, 0, 1, state=again, outputs=names, rtol=100 * RTOL))
+        state, again = parts[-1].state, coarse[-1].state
+
+    def over(turns: list[Section], name: str) -> Scalar:
+        return over_pieces(name, jnp.concatenate([turn.values[name] for turn in turns]))
+
+    values = {name: over(parts, name) for name in names}
+    eccentricity = jnp.concatenate([turn["eccentricity"] for turn in seen])
+    depth = jnp.concatenate([turn["penetration_ratio"] for turn in seen])
     return PeriodicOrbit(
         scene,
         period,
-        seen["eccentricity"] / scene.joint.clearance,
+        eccentricity / scene.joint.clearance,
         RESULTS.promote(newton.RESULTS.successful),
         jnp.array(0),
         values,
-        jnp.abs(coarse / values["foundation_rms"] - 1),
-        jnp.min(seen["penetration_ratio"]),
+        jnp.abs(over(coarse, "foundation_rms") / values["foundation_rms"] - 1),
+        jnp.min(depth),
         jnp.asarray(multipliers, complex),
         jnp.asarray(blur),
         validity(scene.joint, values["penetration_ratio"], values["impact_speed"]),
@@ -102,19 +138,39 @@ def section_point(
     scene = eqx.filter_eval_shape(build, point)
     if not isinstance(scene.formulation, EccentricityFormulation) or x.size != 4:
         return None
-    for _ in range(ITERATIONS):
-        along = tangents(build, point, metric, x, period, RTOL)
+    rtol, share, step, before = COARSE_RTOL, 1.0, np.zeros(4), np.eye(4)
+    for _ in range(EVALUATIONS):
+        along = tangents(build, point, metric, x + share * step, period, rtol)
         matrix, _ = chain(along)
+        left = along.state - (x + share * step)
         if not np.isfinite(matrix).all():
             return None
-        try:
-            step = np.linalg.solve(np.eye(4) - matrix, along.state - x)
-        except np.linalg.LinAlgError:
-            return None
-        if float(np.max(np.abs(step))) < CLOSURE:
+        # Deuflhard's test: seen with the last matrix, the next step must be shorter.
+        if np.any(step) and not _size(_solved(before, left)) < (1 - share / 4) * _size(step):
+            share /= 2
+            if share < LEAST_SHARE:
+                return None
+            continue
+        x, before, share = x + share * step, matrix, min(1.0, 2 * share)
+        step = _solved(matrix, left)
+        if _size(step) < CLOSURE and rtol == RTOL:
             return x, along
-        x = x + step
+        if not _size(step) < LEAP:
+            return None
+        rtol = RTOL if _size(step) < NEAR else rtol
     return None
+
+
+def _solved(matrix: Float[np.ndarray, "4 4"], left: Float[np.ndarray, "4"]) -> np.ndarray:
+    """Newton's step, not finite where a multiplier is 1."""
+    try:
+        return np.linalg.solve(np.eye(4) - matrix, left)
+    except np.linalg.LinAlgError:
+        return np.full(4, np.nan)
+
+
+def _size(step: Float[np.ndarray, "4"]) -> float:
+    return float(np.max(np.abs(step)))
 
 
 def orbit_shift(along: Tangents) -> Float[np.ndarray, "dims n"]:
