@@ -35,6 +35,19 @@ class Settled:
 
 
 @dataclass(frozen=True)
+class Companion:
+    """A stable motion of a design, and the share of random starts that comes to it."""
+
+    share: float
+    period: int  # turns
+    objective: float
+    foundation_rms: float
+    foundation_peak: float
+    least_penetration: float  # in clearances
+    settling_turns: float
+
+
+@dataclass(frozen=True)
 class Runs:
     """Independent long runs of a design from one start, which show how far it has settled."""
 
@@ -59,7 +72,8 @@ class Runs:
 class Confirmed:
     """A design and what it is judged by: the motion that its worse start comes to.
 
-    That is the settled motion if the start's swing dies in contact, else the mean of its runs.
+    That is the settled motion if the start's swing dies in contact, else the mean of its runs; or
+    a worse one that random starts come to.
     """
 
     values: dict[str, float]  # of the free parameters
@@ -75,6 +89,7 @@ class Confirmed:
     settled: Settled | None  # None: a scene whose orbits cannot be solved for
     transient: dict[str, Runs]  # by start
     regime: dict[str, jc.Regime] = field(default_factory=dict)  # of starts that do not settle
+    companions: tuple[Companion, ...] = ()  # of random starts, the most frequent first
 
     @property
     def counts(self) -> bool:

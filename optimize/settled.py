@@ -15,8 +15,8 @@ from jaxcrusher.dynamics import orbit_map
 from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
 from jaxcrusher.settled.forced import refusal
 from jaxcrusher.settled.result import reason
-from optimize.answer import Settled
-from optimize.evaluate import Case, Progress, Rows
+from optimize.answer import Companion, Settled
+from optimize.evaluate import Case, Progress, Rows, started
 from optimize.landscape import labelled
 
 # Nodes a turn of maps and descents; what is reported is solved with as many as it takes.
@@ -26,6 +26,10 @@ CHUNK = 32
 # Slopes are compared with differences over twice this share of the box: shorter ones lose more to
 # rounding (1e-10 of the value) than they gain in truncation.
 BESIDE = 1e-3
+# Random starts of a design that is looked at for other motions, and the turns of each.
+ENSEMBLE, ENSEMBLE_TURNS = 16, 480
+# Objectives that differ by less, as a share, are of one motion, solved for twice.
+SAME = 1e-6
 # Name -> unit and meaning of what is kept of an orbit besides the statistics.
 VARIABLES = {
     name: orbit_map.VARIABLES[name]
@@ -132,3 +136,27 @@ def looked_at(case: Case, unit: Float[np.ndarray, " n"], scene: jc.Scene) -> Set
         slopes=dict(zip(names, slopes.tolist(), strict=True)),
         slopes_apart=dict(zip(names, apart.tolist(), strict=True)),
     )
+
+
+def companions(case: Case, values: dict[str, float]) -> tuple[Companion, ...]:
+    """The stable motions of a design that random starts about the centred one come to."""
+    scene = started({**case.design.fixed, **values}, "centred")
+    found = jc.settled_motions(scene, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
+    return tuple(
+        Companion(
+            share,
+            orbit.period,
+            float(case.objective.formula(orbit, scene, case.chamber)),
+            float(orbit.foundation_rms),
+            float(orbit.foundation_peak),
+            float(orbit.least_penetration),
+            float(orbit.settling_turns),
+        )
+        for orbit, share in zip(found.orbits, found.shares, strict=True)
+        if share > 0
+    )
+
+
+def worse(one: float, other: float) -> bool:
+    """Whether an objective is above another by more than two solutions of one motion are apart."""
+    return one - other > SAME * abs(other)

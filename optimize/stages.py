@@ -196,7 +196,7 @@ def settle_on(
 
 
 def weigh(search: Search, answer: Answer, best: Confirmed, reference: Confirmed) -> Answer:
-    """The answer with what holds the best where it is.
+    """The answer with what holds the best where it is, and what else random starts come to.
 
     Starts of best and reference that come to no settled motion get a regime, and the best slopes
     by what motions allow.
@@ -215,6 +215,12 @@ def weigh(search: Search, answer: Answer, best: Confirmed, reference: Confirmed)
                 found[start] = _kept(jc.regime(motion, settle, turns, tangent_turns=tangent_turns))
         return replace(design, regime=found)
 
+    if not settled.unsolvable(case):
+        with search.stage(answer, "companions", 2) as progress:
+            best = accompanied(case, best)
+            progress(1, 2)
+            reference = accompanied(case, reference)
+            progress(2, 2)
     if not (best.settles and reference.settles):
         with search.stage(answer, "regimes", 3) as progress:
             best, reference = regimes(best), regimes(reference)
@@ -237,6 +243,17 @@ def weigh(search: Search, answer: Answer, best: Confirmed, reference: Confirmed)
         ideal=best.ideal_rms,
         held=held(case, best),
     )
+
+
+def accompanied(case: Case, design: Confirmed) -> Confirmed:
+    """A design with the motions that random starts come to, judged by the worst."""
+    found = settled.companions(case, design.values)
+    design = replace(design, companions=found)
+    worst = max(found, key=lambda one: one.objective, default=None)
+    # What does not count, a NaN, stays so.
+    if worst is None or not settled.worse(worst.objective, design.objective):
+        return design
+    return replace(design, objective=worst.objective, foundation_rms=worst.foundation_rms)
 
 
 def held(case: Case, best: Confirmed) -> tuple[Held, ...]:

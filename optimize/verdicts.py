@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from optimize import words
+from optimize import settled, words
 from optimize.answer import Answer, Check, Confirmed, Held, Settled
 from optimize.evaluate import Case
 from optimize.options import Options
@@ -122,7 +122,13 @@ def _motion(best: Confirmed, case: Case, held: tuple[Held, ...]) -> tuple[Check,
         f"largest multiplier {orbit.largest_multiplier:.6f} < 1, and in contact all the time of "
         f"all long runs: {contact}",
     )
-    return comes, _stationary(orbit, best, case, held)
+    worse = [one for one in best.companions if settled.worse(one.objective, orbit.objective)]
+    alone = Check(
+        "no random start comes to a worse motion",
+        not worse,
+        words.companions(best) or "none came to a motion that repeats",
+    )
+    return comes, alone, _stationary(orbit, best, case, held)
 
 
 def _stationary(orbit: Settled, best: Confirmed, case: Case, held: tuple[Held, ...]) -> Check:

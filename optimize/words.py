@@ -45,7 +45,17 @@ def regimes(design: Confirmed) -> str:
             found.append(f"{start} start: in contact, its swing dies towards the settled motion")
         elif start in design.regime:
             found.append(f"{start} start: {design.regime[start].name}, by its time average")
-    return "; ".join(found)
+    return "; ".join(filter(None, (*found, companions(design))))
+
+
+def companions(design: Confirmed) -> str:
+    """What random starts come to."""
+    found = [
+        f"{one.share:.0%} to {number(one.objective)}"
+        + (f" over {one.period} turns" if one.period > 1 else "")
+        for one in design.companions
+    ]
+    return f"of random starts {', '.join(found)}" if found else ""
 
 
 def held(one: Held, unit: str) -> str:

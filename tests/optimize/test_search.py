@@ -14,7 +14,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.batch.rows import VARIABLES
-from optimize import confirm, landscape, local, problem, verdicts
+from optimize import confirm, landscape, local, problem, stages, verdicts, words
 from optimize.answer import Settled
 from optimize.claim import cell_bounds
 from optimize.evaluate import Window, judged, started
@@ -284,6 +284,23 @@ def test_checks_fail_where_their_rules_are_broken(finished):
         )
     ]
     assert "both starts agree" in none and not any(name.startswith("a minimum") for name in none)
+
+
+def test_a_design_is_judged_by_the_worst_that_random_starts_come_to(finished, monkeypatch):
+    _, answer = finished
+    case, best = problem.case(Options()), answer.optimum
+    # Of the optimum all come to the settled motion, the same to rounding.
+    assert [one.share for one in best.companions] == [1.0]
+    assert best.companions[0].objective == pytest.approx(best.objective, rel=1e-9)
+    loud = replace(best.companions[0], share=0.2, objective=2e4, foundation_rms=2e4, period=2)
+    monkeypatch.setattr(stages.settled, "companions", lambda *_: (*best.companions, loud))
+    judged_by = stages.accompanied(case, best)
+    assert judged_by.objective == judged_by.foundation_rms == 2e4
+    assert "100% to 18243, 20% to 20000 over 2 turns" in words.regimes(judged_by)
+    failed = verdicts.checks(replace(answer, optimum=judged_by), case, Options(**SMALL))
+    assert "no random start comes to a worse motion" in [c.name for c in failed if not c.passed]
+    # What does not count is not made to count.
+    assert not stages.accompanied(case, replace(best, objective=float("nan"))).counts
 
 
 def test_descents_end_where_karush_kuhn_and_tucker_say():
