@@ -63,7 +63,7 @@ class Options:
     """Reading of the slip speed in the friction law."""
     friction: float | None = None
     """Friction coefficient; 0 leaves friction out."""
-    load: Literal["along_jaw", "normal_to_jaw", "closing_stroke", "none"] | None = None
+    load_law: Literal["along_jaw", "normal_to_jaw", "closing_stroke", "none"] | None = None
     """Direction of the crushing load on the jaw."""
     impact_velocity: str | None = None
     """Impact velocity of the contact law, such as 0.5m/s, or tracked."""

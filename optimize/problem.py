@@ -44,8 +44,8 @@ def check(options: Options) -> None:
         require_within("friction", options.friction, 0, 10)
     if options.slip is not None:
         require_choice("slip", options.slip, CHOICES["slip"])
-    if options.load is not None:
-        require_choice("load", options.load, CHOICES["load_law"])
+    if options.load_law is not None:
+        require_choice("load_law", options.load_law, CHOICES["load_law"])
     if options.capacity_floor is not None:
         require(
             options.capacity_floor >= 0, "capacity_floor", "be >= 0 m3/h", options.capacity_floor
@@ -118,7 +118,7 @@ def description(options: Options) -> dict[str, Any]:
     for name, value in (
         ("slip", options.slip),
         ("friction", options.friction),
-        ("load_law", options.load),
+        ("load_law", options.load_law),
     ):
         if value is not None:
             values[name] = value

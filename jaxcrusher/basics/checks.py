@@ -1,5 +1,7 @@
 """Checks of arguments, on the values that are concrete; traced values pass."""
 
+from collections.abc import Iterable
+
 import jax
 import jax.core
 import numpy as np
@@ -55,6 +57,31 @@ def require_whole(name: str, value: object, least: int) -> None:
     """A whole number, at least `least`."""
     good = isinstance(value, int) and not isinstance(value, bool) and value >= least
     require(good, name, f"be a whole number >= {least}", value)
+
+
+def require_kind(name: str, value: object, kind: type, example: str) -> None:
+    """An instance of `kind`, such as `example`; neither its class nor something else."""
+    if isinstance(value, kind):
+        return
+    given = f"a {type(value).__name__}"
+    if isinstance(value, type):
+        given = f"the class {value.__name__}: call it"
+    elif callable(value):
+        given = f"a function, {getattr(value, '__name__', value)}: call it"
+    raise ValueError(f"Argument `{name}` must be an instance, such as {example}, but is {given}.")
+
+
+def require_names(name: str, value: object, choices: tuple) -> None:
+    """Several of the named choices, not one string."""
+    if isinstance(value, str):
+        raise ValueError(
+            f"Argument `{name}` must be names in a tuple, such as ({value!r},), but is the string "
+            f"{value!r}."
+        )
+    good = isinstance(value, Iterable)
+    require(good, name, "be names in a tuple", f"a {type(value).__name__}")
+    for one in value:  # pyright: ignore
+        require_choice(name, one, choices)
 
 
 def require_choice(name: str, value: object, choices: tuple) -> None:

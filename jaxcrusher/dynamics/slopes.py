@@ -121,6 +121,9 @@ def gradient_report(
     """
     require_choice("metric", metric, tuple(STATISTIC))
     require(bool(parameters), "parameters", "name at least one number", parameters)
+    good = callable(scene)
+    makes = "be a function that makes a scene of the parameters, such as jaxcrusher.paper_scene"
+    require(good, "scene", makes, f"a {type(scene).__name__}")
     names, numbers = tuple(parameters), np.array([*parameters.values()], dtype=float)
     radii = radius * np.array([_scale(name, value) for name, value in parameters.items()])
     point = jnp.asarray(numbers)

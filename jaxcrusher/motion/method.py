@@ -6,7 +6,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import require_double, require_positive, require_whole
+from jaxcrusher.basics.checks import (
+    require,
+    require_double,
+    require_kind,
+    require_positive,
+    require_whole,
+)
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.integrate import Integration, error_norm
 
@@ -28,7 +34,8 @@ class Method(eqx.Module):
     - `adjoint`: a diffrax adjoint differentiates through the steps; None is tangents beside the
       motion, under the same error control.
 
-    Raises ValueError for a `max_steps` that is not a whole number >= 1, and a `dt0` not > 0.
+    Raises ValueError for what is none of diffrax (also for its classes), for a `max_steps` that is
+    not a whole number >= 1, and a `dt0` not > 0.
     """
 
     solver: diffrax.AbstractSolver | None = None
@@ -38,6 +45,17 @@ class Method(eqx.Module):
     adjoint: diffrax.AbstractAdjoint | None = None
 
     def __check_init__(self):
+        for name, kind, example in (
+            ("solver", diffrax.AbstractSolver, "diffrax.Dopri8()"),
+            (
+                "stepsize_controller",
+                diffrax.AbstractStepSizeController,
+                "diffrax.ConstantStepSize()",
+            ),
+            ("adjoint", diffrax.AbstractAdjoint, "diffrax.RecursiveCheckpointAdjoint()"),
+        ):
+            if getattr(self, name) is not None:
+                require_kind(name, getattr(self, name), kind, example)
         if self.max_steps is not None:
             require_whole("max_steps", self.max_steps, 1)
         if self.dt0 is not None:
@@ -55,7 +73,14 @@ def resolve(
     `rtol` counts in clearances (and m/s): 1e-9 is 6e-14 m for a clearance of 0.06 mm. Steps
     are bounded below, so that a motion that is not finite ends at once, and in number.
     """
+    require_kind("method", method, Method, "jaxcrusher.Method(diffrax.Dopri8())")
+    require_kind("scene", scene, Scene, "jaxcrusher.paper_scene(30.0, 6e-5)")
     require_double("scene", scene)
+    speeds = jnp.shape(getattr(scene.drive, "speed", 0.0))
+    clearances = () if scene.joint is None else jnp.shape(scene.joint.clearance)
+    for name, shape in (("speed", speeds), ("clearance", clearances)):
+        good = shape == ()
+        require(good, name, "be one number (jaxcrusher.sweep takes many)", f"of shape {shape}")
     return Integration(
         method.solver or diffrax.Tsit5(),
         method.stepsize_controller or _controller(scene, rtol),

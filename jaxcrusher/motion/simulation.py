@@ -8,12 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import (
-    concrete,
-    require,
-    require_choice,
-    require_x64,
-)
+from jaxcrusher.basics.checks import concrete, require, require_names, require_x64
 from jaxcrusher.crusher import observables
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
@@ -139,8 +134,7 @@ def simulate(
     """
     require_x64()
     require_times(times)
-    for name in outputs:
-        require_choice("outputs", name, OUTPUTS)
+    require_names("outputs", outputs, OUTPUTS)
     how = resolve(scene, rtol, method, FIRST_STEP)
     return _simulate(scene, jnp.asarray(times, dtype=float), state, how, tuple(outputs))
 

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import require_choice, require_whole, require_x64
+from jaxcrusher.basics.checks import require_names, require_whole, require_x64
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.joint.validity import Validity, validity
@@ -140,8 +140,7 @@ def statistics(
 
 def require_statistics(names: Iterable[str]) -> None:
     """Check that all are in the table."""
-    for name in names:
-        require_choice("outputs", name, tuple(STATISTIC))
+    require_names("outputs", names, tuple(STATISTIC))
 
 
 @eqx.filter_jit

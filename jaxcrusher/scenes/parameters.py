@@ -122,7 +122,7 @@ def check_description(values: Mapping[str, Any]) -> None:
 def check_number(name: str, value: ArrayLike) -> None:
     """ValueError if a parameter's value is no number, scalar or array, or outside its limits."""
     parameter = NUMBERS[name]
-    if value is None or isinstance(value, str):
+    if value is None or isinstance(value, str | list | tuple):
         law = _LAWS.get(name)
         listed = f"; its law, one of {CHOICES[law]}, is `{law}`" if law else ""
         unit = "" if parameter.unit == "1" else f" in {parameter.unit}"

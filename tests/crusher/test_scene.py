@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -116,6 +117,7 @@ BAD = [
         "'tracked'",
         "`impact_law`",
     ),
+    (lambda: jc.paper_scene([25.0, 30.0], 6e-5), "speed", "[25.0, 30.0]", "a number in rad/s"),
     (lambda: jc.paper_scene(30.0, 6e-5, start="middle"), "start", "'middle'", "'contact'"),
     (lambda: jc.paper_scene(30.0, 6e-5, slip="no"), "slip", "'no'", "'surface'"),
     (lambda: jc.paper_scene(30.0, 6e-5, load_law="up"), "load_law", "'up'", "'along_jaw'"),
@@ -151,6 +153,52 @@ BAD = [
         "outputs",
         "'noise'",
         "'normal_force'",
+    ),
+    # Wrong kinds of argument: a class, one string, many speeds, a builder, a scene.
+    (lambda: jc.Method(diffrax.Dopri5), "solver", "the class Dopri5: call it", "diffrax.Dopri8()"),
+    (
+        lambda: jc.Method(stepsize_controller=diffrax.ConstantStepSize),
+        "stepsize_controller",
+        "the class ConstantStepSize",
+        "ConstantStepSize()",
+    ),
+    (
+        lambda: jc.statistics(jc.ideal_scene(30.0), 0, 1, method=diffrax.Dopri5()),
+        "method",
+        "a Dopri5",
+        "jaxcrusher.Method",
+    ),
+    (
+        lambda: jc.statistics(jc.ideal_scene(30.0), 0, 1, outputs="foundation_rms"),
+        "outputs",
+        "the string 'foundation_rms'",
+        "('foundation_rms',)",
+    ),
+    (
+        lambda: jc.simulate(jc.ideal_scene(30.0), [1.0], outputs="energy"),
+        "outputs",
+        "the string 'energy'",
+        "('energy',)",
+    ),
+    (
+        lambda: jc.statistics(jc.ideal_scene(np.array([25.0, 30.0])), 0, 1),
+        "speed",
+        "of shape (2,)",
+        "jaxcrusher.sweep",
+    ),
+    (
+        lambda: jc.statistics(jc.paper_scene(25.0, np.array([3e-5, 6e-5])), 0, 1),
+        "clearance",
+        "of shape (2,)",
+        "one number",
+    ),
+    (lambda: jc.statistics(jc.paper_scene, 0, 1), "scene", "paper_scene: call it", "such as"),
+    (lambda: jc.simulate({"speed": 30.0}, [1.0]), "scene", "a dict", "paper_scene(30.0, 6e-5)"),
+    (
+        lambda: jc.gradient_report(jc.paper_scene(30.0, 6e-5), "foundation_rms", {"speed": 30.0}),
+        "scene",
+        "a Scene",
+        "a function that makes a scene",
     ),
     (lambda: jc.statistics(jc.ideal_scene(30.0), -1, 1), "settle_turns", "-1", ">= 0"),
     (lambda: jc.statistics(jc.ideal_scene(30.0), 0, 0), "turns", "0", ">= 1"),
