@@ -5,11 +5,11 @@ import json
 
 import numpy as np
 import xarray as xr
+from markupsafe import Markup
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
 from optimize.answer import Answer
-from optimize.page.markup import Html
 from optimize.words import shown
 
 # Bytes of motions in a page before base64 makes a third more of them, and the fewest instants
@@ -55,11 +55,10 @@ def pack(landscape: xr.Dataset, motions: xr.Dataset | None, answer: Answer) -> d
     }
 
 
-def script(content: dict) -> Html:
-    """JSON in the page; no text in it can end the element."""
+def script(content: dict) -> Markup:
+    """JSON for a script element of the page, which no text in it can end."""
     text = json.dumps({"landscape": content}, allow_nan=False, separators=(",", ":"))
-    text = text.replace("<", r"\u003c")
-    return Html(f'<script type="application/json" id="data">{text}</script>')
+    return Markup(text.replace("<", r"\u003c"))
 
 
 def _cell_dims(landscape: xr.Dataset) -> tuple[str, ...]:

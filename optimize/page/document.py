@@ -1,19 +1,19 @@
 """report.html: all that a search found, in one file that opens without a network."""
 
 import base64
-import html
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
+import jinja2
 import xarray as xr
+from markupsafe import Markup
 
 from jaxcrusher.files.results import write_text
+from optimize import words
 from optimize.answer import Answer
 from optimize.page import data as page_data
-from optimize.page import sections
-from optimize.page.explorer import explorer
-from optimize.page.markup import Html, element, join, missing, section
+from optimize.page import tables
 
 # What the figures of a finished run show.
 FIGURES = {
@@ -24,8 +24,8 @@ FIGURES = {
     "capacity.png": "Capacity over driving speed, with its floor and the box searched.",
     "pareto.png": "RMS of the foundation force against capacity and against its peak, with what "
     "no other cell beats in both.",
-    "motion.png": "Orbit of the pin and foundation force of the optimum and of the paper's "
-    "choice, after their long runs.",
+    "motion.png": "Orbit of the pin and foundation force of the optimum and of the design it is "
+    "compared with, after their long runs.",
 }
 # The page may fetch nothing: a browser refuses what this does not name.
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
@@ -49,63 +49,62 @@ def write_page(
     - `figures`: of `FIGURES`, those that this run drew: others in the folder are an earlier run's.
     """
     data = None if landscape is None else page_data.pack(landscape, motions, answer)
-    content = element(
-        "main",
-        _head(folder.name, answer),
-        sections.answer(answer),
-        explorer(data),
-        sections.checks(answer),
-        sections.slopes(answer),
-        sections.search(answer),
-        _figures(folder, figures),
-        sections.settings(answer),
-        sections.limits(),
-    )
-    page = join(
-        [
-            Html("<!DOCTYPE html>\n"),
-            Html('<html lang="en"><head><meta charset="utf-8">'),
-            Html('<meta name="viewport" content="width=device-width, initial-scale=1">'),
-            Html(f'<meta http-equiv="Content-Security-Policy" content="{html.escape(POLICY)}">'),
-            element("title", f"Design search {folder.name}"),
-            Html(f"<style>\n{_part('page.css')}</style></head><body>\n"),
-            content,
-            "" if data is None else page_data.script(data),
-            "" if data is None else _script(),
-            Html("\n</body></html>\n"),
-        ]
+    failed, count = sum(not check.passed for check in answer.checks), len(answer.checks)
+    page = _template().render(
+        name=folder.name,
+        policy=POLICY,
+        style=Markup(_part("page.css")),
+        code=Markup(_part("plot.js") + _part("page.js")),
+        data=data,
+        json=None if data is None else page_data.script(data),
+        answer=answer,
+        sentence=words.answer(answer),
+        remarks=[
+            f"{title}: {remark}"
+            for title, design in answer.designs.items()
+            for remark in (words.regimes(design), words.limits(design))
+            if remark
+        ],
+        error=words.error(answer) if answer.designs else "",
+        verdict=f"{failed} of {count} failed." if failed else f"All {count} passed.",
+        held=[words.held(one, answer.objective.unit) for one in answer.held],
+        tables=_tables(answer),
+        figures=[_figure(folder, name) for name in figures],
+        limits=tables.LIMITS,
     )
     path = folder / "report.html"
     write_text(path, page)
     return path
 
 
-def _script() -> Html:
-    code = _part("plot.js") + _part("page.js")
-    return Html(f'<script>\n(() => {{\n"use strict";\n{code}}})();\n</script>')
+def _template() -> jinja2.Template:
+    """Every text is escaped; what is not there is an error."""
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    environment.filters["as_text"] = tables.as_text
+    environment.tests["number_cell"] = tables.is_number
+    return environment.from_string(_part("report.html"))
+
+
+def _tables(answer: Answer) -> dict:
+    unit = answer.objective.unit
+    return {
+        "answer": tables.answer(answer) if answer.designs else None,
+        "checks": tables.checks(answer),
+        "slopes": tables.slopes(answer),
+        "candidates": tables.candidates(answer),
+        "descents": tables.descents(answer),
+        "runs": {title: tables.runs(design, unit) for title, design in answer.designs.items()},
+        "box": tables.box(answer),
+        "stages": tables.stages(answer),
+        "fixed": tables.fixed(answer),
+        "versions": tables.versions(answer),
+    }
+
+
+def _figure(folder: Path, name: str) -> dict[str, str]:
+    content = base64.b64encode((folder / name).read_bytes()).decode()
+    return {"content": content, "caption": FIGURES[name]}
 
 
 def _part(name: str) -> str:
     return files("optimize.page").joinpath(name).read_text(encoding="utf-8")
-
-
-def _head(name: str, answer: Answer) -> Html:
-    parts = [
-        element("h1", f"Design search “{name}”"),
-        element("p", "Made by this command:"),
-        element("code", answer.command, class_="command", tabindex="0"),
-    ]
-    if not answer.finished:
-        warning = f"This run is not finished (status: {answer.status}). What it came to is below."
-        parts.append(element("p", warning, class_="warning", role="alert"))
-    return element("header", *parts)
-
-
-def _figures(folder: Path, names: Sequence[str]) -> Html:
-    parts = []
-    for name in names:
-        picture = base64.b64encode((folder / name).read_bytes()).decode()
-        caption = html.escape(FIGURES[name])
-        image = Html(f'<img src="data:image/png;base64,{picture}" alt="{caption}">')
-        parts.append(element("figure", image, element("figcaption", FIGURES[name])))
-    return section("Figures", *(parts or [missing("figures")]))

@@ -238,7 +238,9 @@ function drawMotions(cell) {
 
 function drawTable(cell) {
   const body = document.getElementById("numbers");
-  body.replaceChildren(...variables.map((variable) => {
+  // The objective is often one of the statistics: no row twice.
+  const first = (variable, i) => variables.findIndex((v) => v.label === variable.label) === i;
+  body.replaceChildren(...variables.filter(first).map((variable) => {
     const row = document.createElement("tr");
     const value = (start) => {
       const entry = at(variable.name, start, cell);

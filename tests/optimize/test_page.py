@@ -148,13 +148,16 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
         *([], None),
         {"centred": hand_made_runs(21832.0), "contact": hand_made_runs(21799.0, success=False)},
     )
+    bounds = {"speed": (25.0, 35.0), "clearance": (3e-5, 6e-5), "friction": (0.0, 0.1)}
     slopes = {
         name: Slope(name, "implicit", value, 0.1 * value, 0.0, "doubtful", (EVIL,), {})
         for name, value in (("speed", 220.0), ("clearance", 51000.0))
     }
-    path = {"speed": np.array([30.0, 25.0]), "clearance": np.array([3e-5, 6e-5])}
+    ends = {"speed": [30.0, 25.0], "clearance": [3e-5, 6e-5], "friction": [0.0, 0.1]}
+    path = {name: np.array(ends[name]) for name in free}
     return replace(
         BEGUN,
+        box=replace(BEGUN.box, bounds={name: bounds[name] for name in free}),
         status="finished",
         seconds={"landscape": 12.5},
         steps={"landscape": 15400000},
@@ -201,7 +204,7 @@ def test_page_fetches_nothing(page):
     assert fetched and all(address.startswith("data:image/png;base64,") for address in fetched)
     assert "url(" not in outside.split("</style>")[0] and "@import" not in text
     assert not re.search(r"fetch\(|XMLHttpRequest|WebSocket|import\(|<link|<iframe", text)
-    assert "default-src &#x27;none&#x27;" in text
+    assert "default-src &#39;none&#39;" in text
 
 
 def test_every_text_is_escaped(page):
@@ -209,7 +212,7 @@ def test_every_text_is_escaped(page):
     assert EVIL not in text
     # One element of data and one of code: no text opened or closed another.
     assert text.count("<script") == text.count("</script>") == 2
-    assert text.count("&lt;/script&gt;&lt;img src=&quot;http:") == 5
+    assert text.count("&lt;/script&gt;&lt;img src=&#34;http:") == 5
     (inside,) = (v for v in data_of(text)["variables"] if v["name"] == "inside_model")
     assert inside["label"] == EVIL
 
@@ -219,14 +222,27 @@ def test_page_shows_what_it_knows_and_what_it_does_not(page):
     assert "18250±7.2" in text and "9250.1±7.2" in text and "1 of 2 failed." in text
     assert "half a 95 % interval, from 6 independent runs" in text
     # One of six runs failed: there is no number to show, and no design to choose.
-    assert "<td>1 of 6 failed</td>" in text and '<td class="number">no value</td>' in text
+    assert ">1 of 6 failed</td>" in text and ' class="number">no value</td>' in text
     assert "21806, 21792, 21800, 21798, 21801, no value" in text
     assert "optimum: centred start: periodic, by its time average" in text
     assert "contact 1.80 bore radii wide: not Hertzian" in text
     # Units that differ from those of result.json: 51000 N/m are 51 N/mm.
-    assert 'clearance, N per mm</th><td class="number">51</td>' in text
-    low, high = (f'<td class="number">{value}</td>' for value in (0.03, 0.06))
-    assert f"clearance, mm</th>{low}{high}" in text
+    assert cells(text, "clearance, N per mm")[0] == "51"
+    assert cells(text, "clearance, mm") == ["0.03", "0.06"]
+    # Words in place of keys: of variables, stages, ways of descent.
+    for key in ("foundation_rms", "success", "whirl", "fits", "landscape"):
+        assert f">{key}<" not in text, key
+    assert "fits to noisy runs" in text and "both starts over the box" in text
+    # The answer begins with its sentence, then the picture, then the table.
+    found = text.split("<h2>The answer</h2>")[1]
+    order = [found.index(part) for part in ("Run it at", "<img", "<table")]
+    assert order == sorted(order)
+
+
+def cells(text: str, row: str) -> list[str]:
+    """Of the row of a table that is named `row`."""
+    (found,) = re.findall(rf'scope="row">{re.escape(row)}</th>(.*?)</tr>', text)
+    return re.findall(r"<td[^>]*>([^<]*)</td>", found)
 
 
 def test_page_of_a_settled_motion(tmp_path):
@@ -244,11 +260,10 @@ def test_page_of_a_settled_motion(tmp_path):
     found = replace(found, optimum=optimum, seed_choice=other, held=held, gradient_report=None)
     text = write_page(tmp_path, found, None, None, ()).read_text()
     assert "Run it at 25 rad/s (239 rpm) with 0.06 mm of radial clearance" in text
-    assert "16.3 % less than 21796 at the paper&#x27;s choice" in text
-    assert "<td>18243.41</td>" in text or "18243.41</td>" in text
+    assert "16.3 % less than 21796 at the paper&#39;s choice" in text
+    assert "18243.41</td>" in text
     assert "clearance held at its lowest value by 51 N per mm" in text
-    by_clearance = '<td class="number">51</td><td class="number">0.04</td>'
-    assert f"clearance, N per mm</th>{by_clearance}" in text
+    assert cells(text, "clearance, N per mm") == ["51", "0.04"]
     assert "its swing dies towards the settled motion" in text and ">5000</td>" in text
 
 
@@ -427,6 +442,12 @@ def test_click_keeps_a_cell_and_the_mouse_leaves_it(opened):
     assert opened.find_element("id", "place").text == "speed 30 rad/s, clearance 0.06 mm"
 
 
+def test_no_row_twice(opened):
+    hover(opened, 3)
+    rows = [row.text for row in opened.find_elements("css selector", "#numbers td:first-child")]
+    assert len(rows) == len(set(rows)) == 6
+
+
 def test_keyboard_and_choices(opened):
     place = opened.find_element("id", "place")
     assert place.text == "speed 25 rad/s, clearance 0.06 mm"  # the optimum's cell
@@ -475,9 +496,58 @@ def test_one_parameter_and_many(browser, tmp_path):
         assert browser.get_log("browser") == []
 
 
-def test_narrow_window_needs_no_sideways_scrolling(opened):
+@pytest.fixture
+def phone(opened):
     size = {"width": 390, "height": 800, "deviceScaleFactor": 1, "mobile": False}
     opened.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
-    width = "return document.documentElement.scrollWidth"
-    assert opened.execute_script(width) <= 390
+    yield opened
     opened.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+def test_narrow_window_needs_no_sideways_scrolling(phone):
+    """Neither the page nor any table of it: rows are cards."""
+    phone.execute_script(
+        "document.querySelectorAll('details').forEach((one) => { one.open = true })"
+    )
+    assert phone.execute_script("return document.documentElement.scrollWidth") <= 390
+    wide = phone.execute_script(
+        """return [...document.querySelectorAll(".wide")].filter((one) =>
+        one.scrollWidth > one.clientWidth).map((one) => one.textContent.slice(0, 60))"""
+    )
+    assert wide == []
+    captions = "return [...document.querySelectorAll('caption')].map((one) => one.offsetWidth)"
+    assert min(phone.execute_script(captions)) > 200
+    # Every number stands beside its heading.
+    labels = phone.execute_script(
+        """return [...document.querySelectorAll(".cards td")].filter((one) =>
+        one.textContent && getComputedStyle(one, "::before").content === "none").length"""
+    )
+    assert labels == 0
+    # What is drawn can be read: letters of pictures have 9 px at least.
+    sizes = phone.execute_script(
+        """return [...document.querySelectorAll("svg text")].filter((one) =>
+        !one.matches(".mark, [transform]") && one.getBoundingClientRect().width > 0)
+        .map((one) => parseFloat(getComputedStyle(one).fontSize) * one.getScreenCTM().d)"""
+    )
+    assert len(sizes) > 20 and min(sizes) >= 9, min(sizes)
+
+
+def test_dark_and_light(phone):
+    """Text stands off its ground in both, as far as WCAG asks (7 for small letters)."""
+    contrasts = []
+    for scheme in ("light", "dark"):
+        feature = {"name": "prefers-color-scheme", "value": scheme}
+        phone.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+        style = "const s = getComputedStyle(document.body); return [s.color, s.backgroundColor]"
+        ink, paper = (luminance(colour) for colour in phone.execute_script(style))
+        contrasts.append((max(ink, paper) + 0.05) / (min(ink, paper) + 0.05))
+        assert (ink > paper) == (scheme == "dark")
+    assert min(contrasts) > 7
+
+
+def luminance(colour: str) -> float:
+    """Of "rgb(r, g, b)", relative, as WCAG 2 defines it."""
+    parts = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

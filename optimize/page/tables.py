@@ -1,0 +1,238 @@
+"""The tables of the report's page: headings in words with units, and rows."""
+
+import math
+import numbers
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from jaxcrusher.batch.rows import VARIABLES
+from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
+from jaxcrusher.scenes.parameters import NUMBERS, readable
+from optimize import words
+from optimize.answer import Answer, Confirmed, Refinement
+from optimize.words import design_unit, shown
+
+# What the stages and the ways of descent are called.
+STAGES = {
+    "settled": "map of settled motions",
+    "landscape": "both starts over the box",
+    "refinement": "descents",
+    "confirmation": "long runs",
+    "regimes": "regimes and slopes",
+    "motions": "motions of the cells",
+}
+DESCENTS = {"gradient": "exact gradients", "fits": "fits to noisy runs"}
+# What the numbers cannot say.
+LIMITS = (
+    "The force is |R_O| + |R_C|, the reactions of the frame on shaft and toggle: the source "
+    "of the crusher's data never defines its foundation force.",
+    f"Hertz's contact needs a half-width of at most {WIDEST_CONTACT:g} bore radii, a bearing a "
+    f"clearance of at most {WIDEST_CLEARANCE:g} of them; impacts above "
+    f"{ELASTIC_IMPACT_SPEED:g} m/s are not elastic. Motions beyond any are marked.",
+    "A friction whirl penetrates by the order of the clearance: its numbers are outside the "
+    "theory and rank as nothing.",
+    "Impacting motions diverge exponentially: a motion drawn here is one of many that start "
+    "almost alike. Only their statistics can be compared.",
+    "A ± of a cell is the scatter within one run; runs can differ from each other by more.",
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under headings; the first column names its row. `about` and `caption` may be empty."""
+
+    headings: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    caption: str = ""
+    about: str = ""
+
+
+def as_text(value: object) -> str:
+    """A value in words; what is not a number says so."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, numbers.Real) and not math.isfinite(value):
+        return "no value"
+    return words.number(value) if isinstance(value, float) else str(value)
+
+
+def is_number(value: object) -> bool:
+    """Whether a cell aligns right."""
+    if isinstance(value, str):
+        return re.fullmatch(r"[-+]?\d[\d.e+±-]*", value) is not None
+    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+
+
+def answer(found: Answer) -> Table:
+    """The closing table."""
+    objective, unit = found.objective, found.objective.unit
+    rows = [
+        (
+            title,
+            *_chosen(design),
+            words.settled(design),
+            *(words.interval(runs) for runs in design.transient.values()),
+            f"{design.ideal_rms:.0f}",
+            f"{design.capacity:.2f}",
+            words.turns(design),
+        )
+        for title, design in found.designs.items()
+    ]
+    starts = next(iter(found.designs.values())).transient
+    headings = (
+        "design",
+        *map(_with_unit, found.box.bounds),
+        f"settled, {unit}",
+        *(f"{start} start after {found.settle_turns} turns, {unit}" for start in starts),
+        "ideal joint's RMS, N",
+        "capacity, m³/h",
+        "turns to settle",
+    )
+    return Table(headings, rows, caption=f"{objective.meaning}, {unit}")
+
+
+def checks(found: Answer) -> Table:
+    """What was checked, each with its verdict."""
+    rows = [(check.name, check.verdict, check.detail) for check in found.checks]
+    return Table(("check", "verdict", "detail"), rows)
+
+
+def slopes(found: Answer) -> Table | None:
+    """The slopes at the optimum, in the units of the tables; None where there are none."""
+    best, report, unit = found.optimum, found.gradient_report, found.objective.unit
+    if best is not None and best.settled is not None and best.settles:
+        orbit = best.settled
+        rows = [
+            (_per(name, unit), slope / factor, _two(orbit.slopes_apart[name] / factor))
+            for name, slope in orbit.slopes.items()
+            for _, factor in [design_unit(name)]
+        ]
+        about = "Of the settled motion, exact; beside them, how far differences are from them."
+        return Table(("by", "slope", "differences off by"), rows, about=about)
+    if report is None:
+        return None
+    unit, meaning = VARIABLES.get(report.metric, ("its unit", report.metric))
+    rows = [
+        (
+            _per(slope.parameter, unit),
+            slope.value / factor,
+            _two(slope.standard_error / factor),
+            slope.estimator,
+            slope.verdict,
+            "; ".join(slope.reasons),
+        )
+        for slope in report.slopes.values()
+        for _, factor in [design_unit(slope.parameter)]
+    ]
+    headings = ("by", "slope", "standard error", "estimator", "verdict", "why")
+    return Table(headings, rows, about=f"Of the {meaning}, start in contact, {report.regime}.")
+
+
+def candidates(found: Answer) -> Table:
+    """Where the descents ended, confirmed."""
+    unit = found.objective.unit
+    headings = ("", *_parameters(found), f"objective, {unit}", f"±, {unit}", "worse start")
+    rows = [
+        (i + 1, *_chosen(one), one.objective, _two(one.half_width), one.worse_start)
+        for i, one in enumerate(found.candidates)
+    ]
+    return Table(headings, rows)
+
+
+def descents(found: Answer) -> Table:
+    """The local searches from end to end; those that are alike in a row."""
+    unit = found.objective.unit
+    ends = [f"{name} {end}" for end in ("first", "last") for name in _parameters(found)]
+    headings = ("", "by", "evaluations", *ends, f"first, {unit}", f"last, {unit}")
+    rows = [(i + 1, *_descent(one)) for i, one in enumerate(found.refinement)]
+    return Table(headings, rows)
+
+
+def _descent(one: Refinement) -> Iterable[object]:
+    path = one.path.items()
+    ends = (f"{shown(name, float(points[end]))[0]:.5g}" for end in (0, -1) for name, points in path)
+    return (DESCENTS.get(one.by, one.by), one.evaluations, *ends, one.first, one.last)
+
+
+def runs(design: Confirmed, unit: str) -> Table:
+    """Every variable of every run of a design."""
+    known = VARIABLES | {
+        "objective": (unit, "objective"),
+        "steps": ("1", "integration steps"),
+        "counts": ("1", "may be chosen"),
+    }
+    first, *_ = design.transient.values()
+    rows = []
+    for name in first.by_run:
+        of, meaning = known.get(name, ("1", name))
+        columns = (one.by_run[name].tolist() for one in design.transient.values())
+        rows.append(
+            (
+                meaning if of == "1" else f"{meaning}, {of}",
+                *(", ".join(map(as_text, column)) for column in columns),
+            )
+        )
+    return Table(("of each run", *(f"{start} start" for start in design.transient)), rows)
+
+
+def box(found: Answer) -> Table:
+    """Where it was searched."""
+    rows = [
+        (_with_unit(name), *(f"{shown(name, value)[0]:.5g}" for value in ends))
+        for name, ends in found.box.bounds.items()
+    ]
+    low, high = found.box.derived_speed
+    rows += [
+        ("capacity, m³/h", f"{found.box.capacity_floor:.3g}", "none"),
+        ("speed by capacity, rad/s", f"{low:.4g}", f"{high:.4g}"),
+    ]
+    return Table(("", "lowest", "highest"), rows)
+
+
+def stages(found: Answer) -> Table:
+    """What took how long."""
+    rows = [
+        (STAGES.get(name, name), f"{spent:.1f}", found.steps.get(name, ""))
+        for name, spent in found.seconds.items()
+    ]
+    return Table(("", "seconds", "integration steps"), rows)
+
+
+def fixed(found: Answer) -> Table:
+    """The numbers and choices that were not free."""
+    rows = [
+        (_named(name), readable(name, value) if name in NUMBERS else str(value))
+        for name, value in found.fixed.items()
+    ]
+    return Table(("", "value"), rows)
+
+
+def versions(found: Answer) -> Table:
+    """Of the packages."""
+    return Table(("", "version"), list(found.versions.items()))
+
+
+def _chosen(design: Confirmed) -> Iterable[str]:
+    return (f"{shown(name, value)[0]:.5g}" for name, value in design.values.items())
+
+
+def _two(error: float) -> str:
+    """The digits that an uncertainty deserves."""
+    return f"{float(f'{error:.2g}'):g}" if math.isfinite(error) else as_text(error)
+
+
+def _parameters(found: Answer) -> list[str]:
+    return list(map(_with_unit, found.box.bounds))
+
+
+def _per(name: str, unit: str) -> str:
+    return f"{_named(name)}, {unit} per {design_unit(name)[0] or '1'}"
+
+
+def _named(name: str) -> str:
+    return name.replace(".", " ").replace("_", " ")
+
+
+def _with_unit(name: str) -> str:
+    return f"{_named(name)}, {design_unit(name)[0]}".rstrip(", ")
