@@ -20,6 +20,7 @@ STAGES = {
     "refinement": "descents",
     "confirmation": "long runs",
     "regimes": "regimes and slopes",
+    "companions": "motions of random starts",
     "motions": "motions of the cells",
 }
 DESCENTS = {"gradient": "exact gradients", "fits": "fits to noisy runs"}
