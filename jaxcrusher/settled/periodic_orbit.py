@@ -1,5 +1,6 @@
 """The motion that a crusher settles on, solved for instead of waited for."""
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
@@ -17,6 +18,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.crusher.starts import Centred
 from jaxcrusher.joint.validity import validity
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
@@ -84,12 +86,18 @@ def periodic_orbit(
     first = None if guess is None else jnp.asarray(guess, dtype=float)
     known = all(concrete(leaf) is not None for leaf in jax.tree.leaves((scene, first)))
     count = nodes or NODES
-    orbit = _solved(scene, first, period, count)
+    # Of all starts, which do not matter, one: a program serves all.
+    alike = scene if scene.start is None else eqx.tree_at(lambda s: s.start, scene, Centred())
+
+    def solved(guess: Array | None, count: int) -> PeriodicOrbit:
+        return dataclasses.replace(_solved(alike, guess, period, count), scene=scene)
+
+    orbit = solved(first, count)
     if not known:
         return judged(orbit, orbit.result)
     while nodes is None and _blurred(orbit) and count < MOST_NODES:
         count *= 2
-        orbit = _solved(scene, orbit.eccentricity, period, count)
+        orbit = solved(orbit.eccentricity, count)
     if bool(orbit.success) and scene.joint is not None and not _closes(orbit):
         return judged(orbit, RESULTS.open)
     if nodes is None and bool(_coarse(orbit)):
