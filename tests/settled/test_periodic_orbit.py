@@ -11,6 +11,7 @@ from jaxcrusher.crusher.drives import GivenTorque
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistic import STATISTIC, PowerMean
+from jaxcrusher.scenes.parameters import PARAMETERS
 
 
 @pytest.fixture(scope="module")
@@ -83,23 +84,34 @@ def test_statistics_of_the_motion(orbit):
     assert orbit.validity.inside
 
 
-def rms(numbers, slip="centre"):
-    scene = jc.paper_scene(numbers[0], numbers[1], slip=slip)
+NAMES = tuple(PARAMETERS)
+# With friction that slides, and a counterweight, so that all numbers matter but one.
+BASE = {"speed": 27.0, "clearance": 0.05e-3, "slip": "surface", "counterweight.mass": 50.0}
+
+
+def rms(numbers):
+    scene = jc.build_scene({**BASE, **dict(zip(NAMES, numbers, strict=True))})
     return jc.periodic_orbit(scene).foundation_rms
 
 
-def test_slopes_by_differences():
-    """Forward, reverse and central differences of orbits."""
-    at, steps = jnp.array([27.0, 0.05e-3]), np.diag([1e-3, 1e-9])
+def test_slopes_by_all_numbers():
+    """Forward, reverse and central differences of orbits, of fourth order."""
+    at = jnp.array([BASE.get(name, PARAMETERS[name].default) for name in NAMES])
     value = jax.jit(rms)
     reverse, forward = jax.jit(jax.grad(rms))(at), jax.jit(jax.jacfwd(rms))(at)
-    np.testing.assert_allclose(reverse, forward, rtol=1e-10)
-    for i, step in enumerate(steps):
-        difference = (value(at + step) - value(at - step)) / (2 * step[i])
-        # Rounding of 1e-12 of the RMS over the step, and its square, leave some 1e-7.
-        np.testing.assert_allclose(reverse[i], difference, rtol=1e-6)
-    # Published with the trial that this grew from.
-    np.testing.assert_allclose(reverse[0], 163.534, rtol=5e-6)
+    # Shares of the RMS for a number that grows by all of itself, of 1e-4 to 0.5; of the contact's
+    # damping they are 1e-10, which is rounding, and the shaft's inertia does nothing.
+    shares, backwards = (np.asarray(slope * at / value(at)) for slope in (forward, reverse))
+    assert (np.abs(shares) > 1e-7).sum() == 25 and shares[NAMES.index("shaft.inertia")] == 0
+    np.testing.assert_allclose(backwards, shares, rtol=1e-9, atol=1e-13)
+    step = 1e-3
+    for i, share in enumerate(shares):
+        ahead, back, further, behind = (
+            float(value(at.at[i].multiply(1 + k * step)) / value(at)) for k in (1, -1, 2, -2)
+        )
+        difference = (8 * (ahead - back) - (further - behind)) / (12 * step)
+        # Rounding of 1e-13 over the step, and its fourth power.
+        np.testing.assert_allclose(share, difference, rtol=1e-6, atol=2e-10, err_msg=NAMES[i])
 
 
 def test_an_ideal_joint_is_a_sum():

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from jaxcrusher.settled.collocation import System, collocate
 from jaxcrusher.settled.multipliers import multipliers
@@ -119,7 +120,7 @@ def test_peak_of_duffings_equation():
 def hertz(time, q, rate, args):
     static, speed = args
     depth = jnp.maximum(1 + 2 * q / 3, 0)
-    return 1 + static * jnp.cos(speed * time) - depth * jnp.sqrt(depth) * (1 + 0.04 * rate)
+    return 1 + static * jnp.cos(speed * time) - depth**1.5 * (1 + 0.04 * rate)
 
 
 def test_hertz_oscillator_in_contact():
@@ -136,6 +137,67 @@ def test_hertz_oscillator_in_contact():
     found = multipliers(system, x)
     upper = found.values[np.argmax(found.values.imag)]
     np.testing.assert_allclose(upper, 0.0850594 + 0.8503926j, atol=1e-7)
+
+
+def test_hertz_oscillator_that_loses_contact():
+    """Kinks make the nodes converge slowly: 512 of them leave 1e-6, and 1e-4 of multipliers."""
+    speed, count = 0.95, 512
+    period = 2 * np.pi / speed
+    system = System(hertz, jnp.asarray(period), (jnp.asarray(0.1), jnp.asarray(speed)))
+
+    published = [-1.5344323726, 0.7323671728]
+    run = solve_ivp(
+        lambda t, y: [y[1], hertz_by_hand(t, *y, 0.1, speed)],
+        (0, period),
+        published,
+        rtol=1e-9,
+        atol=1e-9,
+        t_eval=period * nodes(count),
+    )
+    x, root = collocate(system, jnp.asarray(0.99 * run.y[:1].T))
+    assert root.success
+    rate = speed * evaluate(x, jnp.array(0.0), 1)
+    np.testing.assert_allclose([x[0, 0], rate[0]], published, atol=2e-6)
+    _, q, p = system.at(x, 4096)
+    force = jnp.maximum(1 + 2 * q / 3, 0) ** 1.5 * (1 + 0.04 * p)
+    assert jnp.mean(force == 0) > 0.1
+    np.testing.assert_allclose(jnp.sqrt(jnp.mean(force**2)), 1.414677350780, atol=1e-7)
+    found = multipliers(system, x)
+    upper = found.values[np.argmax(found.values.imag)]
+    np.testing.assert_allclose(upper, 0.7437809 + 0.4629657j, atol=1e-4)
+
+
+def hertz_by_hand(time, q, rate, static, speed):
+    return 1 + static * np.cos(speed * time) - max(1 + 2 * q / 3, 0) ** 1.5 * (1 + 0.04 * rate)
+
+
+def stopped(time, x, rate, speed):
+    """NLvib's example 03: two masses, the first at times against a spring of 100 at a gap of 1."""
+    apart, closing = x[0] - x[1], 0.03 * (rate[0] - rate[1])
+    stop = 100 * jnp.maximum(x[0] - 1, 0)
+    back = apart + closing - x[1] - 0.03 * rate[1] + 0.1 * jnp.cos(speed * time)
+    return jnp.array([-apart - closing - stop, back])
+
+
+def test_two_masses_and_a_stop():
+    """Multipliers published for 0.635 rad/s; a stiffness that jumps leaves 1e-3 of them."""
+    system = System(stopped, jnp.asarray(2 * np.pi / 0.635), jnp.asarray(0.635))
+    turn, count = 2 * np.pi / 0.635, 512
+
+    def by_hand(time, y):
+        apart, closing = y[0] - y[1], 0.03 * (y[2] - y[3])
+        back = apart + closing - y[1] - 0.03 * y[3] + 0.1 * np.cos(0.635 * time)
+        return [y[2], y[3], -apart - closing - 100 * max(y[0] - 1, 0), back]
+
+    # A disturbance falls to 1e-5 in a hundred turns.
+    times = turn * (100 + nodes(count))
+    run = solve_ivp(by_hand, (0, times[-1]), np.ones(4), rtol=1e-8, max_step=0.1, t_eval=times)
+    x, root = collocate(system, jnp.asarray(run.y[:2].T))
+    assert root.success and x[:, 0].max() > 1
+    np.testing.assert_allclose(x, run.y[:2].T, atol=1e-3)
+    moduli = np.sort(np.abs(np.asarray(multipliers(system, x).values)))
+    np.testing.assert_allclose(moduli[::2], [0.72329, 0.88575], atol=2e-3)
+    np.testing.assert_allclose(moduli[1::2], [0.72329, 0.88575], atol=2e-3)
 
 
 def test_slopes_forward_reverse_and_by_differences():
