@@ -1,0 +1,1 @@
+"""The settled RMS: solved for, and waited for by other programs."""

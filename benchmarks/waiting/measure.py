@@ -1,0 +1,156 @@
+"""Each way to the settled RMS of a crusher of 30 rad/s and 0.06 mm: its seconds and its error."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+
+import jax
+import numpy as np
+from scipy.integrate import solve_ivp
+from sksundae.cvode import CVODE
+
+import jaxcrusher as jc
+from benchmarks.peers import numba_peer
+from benchmarks.peers.equations import Crusher
+from jaxcrusher.motion.flow import initial_state
+from jaxcrusher.motion.method import FIRST_STEP
+
+SPEED, CLEARANCE, RTOL = 30.0, 0.06e-3, 1e-9
+# Turns waited for; the RMS is of so large a share of them, and of no fewer turns than those.
+WAITED, SHARE, LEAST = (0, 10, 30, 100, 300, 1000, 3000, 10_000, 30_000), 3, 2
+# Name -> the scene that is solved for, friction by hand, and starts. In contact the slip of the
+# centres is far below the friction's ramp: there is none.
+CASES: dict[str, tuple[str, float, tuple[str, ...]]] = {
+    "no friction": ("centre", 0.0, ("contact", "centred")),
+    "friction of sliding surfaces": ("surface", 0.1, ("contact",)),
+}
+TURN = 2 * np.pi
+# So large that the integral of the square never counts.
+NEVER = 1e30
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to one number."""
+
+    case: str
+    program: str
+    start: str
+    turns: int | None  # waited for
+    seconds: float
+    error: float  # relative
+
+
+def of_ours(name: str) -> list[Row]:
+    """By collocation, warm."""
+    scene = jc.paper_scene(SPEED, CLEARANCE, slip=CASES[name][0])
+    value = jax.jit(lambda scene: jc.periodic_orbit(scene, nodes=96))
+    found = jax.block_until_ready(value(scene))
+    took = []
+    for _ in range(50):
+        begun = time.perf_counter()
+        jax.block_until_ready(value(scene))
+        took.append(time.perf_counter() - begun)
+    return [
+        Row(
+            name,
+            "periodic_orbit",
+            "",
+            None,
+            float(np.median(took)),
+            _error(name, found["foundation_rms"]),
+        )
+    ]
+
+
+@cache
+def settled(name: str) -> float:
+    """The RMS (N) that all errors are against."""
+    scene = jc.paper_scene(SPEED, CLEARANCE, slip=CASES[name][0])
+    return float(jc.periodic_orbit(scene, nodes=384).foundation_rms)
+
+
+def _error(name: str, rms: float) -> float:
+    return abs(float(rms) / settled(name) - 1)
+
+
+def waited(name: str, program: str, most: float) -> Iterator[Row]:
+    """By integration from each start, over more and more turns; none longer than `most` seconds."""
+    slip, friction, starts = CASES[name]
+    numbers = numba_peer.numbers(Crusher(speed=SPEED, clearance=CLEARANCE, friction=friction))
+    for start in starts:
+        scene = jc.paper_scene(SPEED, CLEARANCE, slip=slip, start=start)
+        y = np.append(np.asarray(initial_state(scene)), 0.0)
+        WAYS[program](y.copy(), numbers, 0)
+        pace = 0.0
+        for turns in WAITED:
+            if pace * (turns + _taken(turns)) > most:
+                break
+            begun = time.perf_counter()
+            mean = WAYS[program](y.copy(), numbers, turns)
+            took = time.perf_counter() - begun
+            pace = took / (turns + _taken(turns))
+            yield Row(name, program, start, turns, took, _error(name, np.sqrt(mean)))
+
+
+def _taken(turns: int) -> int:
+    return max(LEAST, turns // SHARE)
+
+
+def _by_numba(y: np.ndarray, numbers: np.ndarray, turns: int) -> float:
+    return numba_peer.integrate(y, numbers, turns, _taken(turns), RTOL, FIRST_STEP)[0]
+
+
+def _times(turns: int) -> np.ndarray:
+    """Zero, the end of the wait (or any time before the end) and the end: CVODE wants three."""
+    end = turns + _taken(turns)
+    return TURN * np.array([0.0, turns or end / 2, end])
+
+
+def _mean(states: np.ndarray, turns: int) -> float:
+    """Of the force's square, from its integral at these times."""
+    return float(states[2, 4] - (states[1, 4] if turns else 0.0)) / _taken(turns)
+
+
+def _by_cvode(y: np.ndarray, numbers: np.ndarray, turns: int) -> float:
+    def field(angle, y, rate):
+        numba_peer.field(angle, y, numbers, rate)
+
+    solver = CVODE(
+        field,
+        method="Adams",
+        rtol=RTOL,
+        atol=np.array([RTOL] * 4 + [NEVER]),
+        first_step=FIRST_STEP,
+        max_num_steps=1_000_000_000,
+    )
+    return _mean(solver.solve(_times(turns), y).y, turns)
+
+
+def _by_scipy(y: np.ndarray, numbers: np.ndarray, turns: int) -> float:
+    rate = np.empty(5)
+
+    def field(angle, y):
+        numba_peer.field(angle, y, numbers, rate)
+        return rate.copy()
+
+    found = solve_ivp(
+        field,
+        (0.0, _times(turns)[-1]),
+        y,
+        "DOP853",
+        t_eval=_times(turns),
+        rtol=RTOL,
+        atol=[RTOL] * 4 + [NEVER],
+        first_step=FIRST_STEP,
+    )
+    return _mean(found.y.T, turns)
+
+
+Way = Callable[[np.ndarray, np.ndarray, int], float]
+WAYS: dict[str, Way] = {
+    "numba Dopri5": _by_numba,
+    "CVODE Adams": _by_cvode,
+    "SciPy DOP853": _by_scipy,
+}
