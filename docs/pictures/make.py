@@ -6,7 +6,7 @@ from jaxcrusher.commands.program import program
 
 
 def main(out: Path = Path("results/pictures")) -> None:
-    """Draw the pictures of the documentation, about a minute: the mechanism, a turn of it, a map.
+    """Draw the pictures of the documentation, about a minute: the letters, the mechanism, a map.
 
     Args:
         out: Folder that they are written to; docs/pictures for the documentation's own.
@@ -18,9 +18,12 @@ def main(out: Path = Path("results/pictures")) -> None:
     from jaxcrusher.files.results import results_folder, write_figure
     from jaxcrusher.pictures import plots
     from jaxcrusher.pictures.film import animate
+    from jaxcrusher.pictures.geometry import plot_geometry
     from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
+    from jaxcrusher.scenes.build import build_machine
 
     folder = results_folder(out)
+    write_figure(folder / "geometry.png", plot_geometry(build_machine({})), dpi=90)
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
     motion = jc.simulate(scene, 2 * np.pi / 30 * np.arange(36) / 36, outputs=DRAWN, rtol=1e-9)
     fig, ax = plt.subplots(figsize=(7, 5.6), layout="constrained")

@@ -28,7 +28,9 @@ from jaxcrusher.motion.section import Section
 from jaxcrusher.motion.simulation import OUTPUTS, Trajectory
 from jaxcrusher.pictures import plots
 from jaxcrusher.pictures.film import animate
+from jaxcrusher.pictures.geometry import plot_geometry
 from jaxcrusher.pictures.mechanism import DRAWN, FORCES, plot_mechanism
+from jaxcrusher.scenes.build import build_machine
 
 ENDED = Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.array(0))
 TIMES = np.linspace(0, 0.2, 9)
@@ -38,6 +40,31 @@ TIMES = np.linspace(0, 0.2, 9)
 def close_figures():
     yield
     plt.close("all")
+
+
+def test_letters_stand_where_the_equations_put_them():
+    """O, B and S3 to scale, A with the eccentricity magnified; |A - B| is the jaw's length."""
+    machine = build_machine({})
+    fig = plot_geometry(machine)
+    at = {
+        text.get_text(): np.array(text.get_position())
+        for text in fig.axes[0].texts
+        if text.get_text() in ("O", "A", "B", "C")
+    }
+    points = np.array(
+        [line.get_xydata()[0] for line in fig.axes[0].lines if line.get_marker() in ("o", "P")]
+    )
+    o, a, b, c, s2, s3 = points
+    # Table 2's position of O, rounding of sums besides.
+    np.testing.assert_allclose(o, 0.64 * np.array([np.sin(np.pi / 8), np.cos(np.pi / 8)]))
+    assert c.tolist() == [0.0, 0.0] and np.linalg.norm(a - o) == pytest.approx(0.06)
+    assert np.linalg.norm(a - b) == pytest.approx(0.695)
+    assert np.linalg.norm(b) == pytest.approx(0.3) and b[1] < 0
+    assert np.linalg.norm(s2 - a) == pytest.approx(0.3)
+    np.testing.assert_allclose(s3, b / 2)
+    # Each letter beside its point, a tenth of the jaw away at most.
+    for name, point in zip("OABC", (o, a, b, c), strict=True):
+        assert np.linalg.norm(at[name] - point) < 0.07, name
 
 
 @cache

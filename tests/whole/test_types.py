@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 def test_the_readmes_python_satisfies_pyright(tmp_path):
     """With pyright's own defaults, as in an editor."""
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
-    assert len(blocks) == 3
+    assert blocks
     (tmp_path / "readme.py").write_text("\n".join(blocks))
     settings = {"extraPaths": [str(ROOT)], "typeCheckingMode": "standard"}
     (tmp_path / "pyrightconfig.json").write_text(json.dumps(settings))
