@@ -5,6 +5,12 @@ import os
 import shutil
 import tempfile
 
+# Workers, kernels of notebooks and subprocesses inherit it; JAX reads it when it is imported.
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="jaxcrusher-")
+    atexit.register(shutil.rmtree, os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
+
+import jax
 import jaxtyping
 import pytest
 
@@ -18,11 +24,20 @@ jaxtyping.install_import_hook(
 
 import jaxcrusher as jc  # noqa: E402
 
-# Workers, kernels of notebooks and subprocesses inherit it.
-if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="jaxcrusher-")
-    atexit.register(shutil.rmtree, os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
+# A test compiles longer than it computes, so it compiles without optimisation (a third of the time
+# of all) unless it is marked `slow`. Notebooks and subprocesses run as users have them.
+EMITTERS = " --xla_cpu_use_fusion_emitters=false"
+os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + EMITTERS
 jc.set_up()
+jax.devices()  # which reads the flags
+os.environ["XLA_FLAGS"] = os.environ["XLA_FLAGS"].replace(EMITTERS, "")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Its fixtures are compiled as the test is that comes first."""
+    jax.config.update("jax_disable_most_optimizations", item.get_closest_marker("slow") is None)
+    return (yield)
 
 
 @pytest.fixture
