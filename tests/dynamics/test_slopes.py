@@ -58,6 +58,7 @@ def closing(point):
     return jc.paper_scene(point[0], point[1], load_law="closing_stroke")
 
 
+@pytest.mark.slow
 def test_slopes_along_a_periodic_orbit():
     """The implicit formula against differences of orbits, in both parameters."""
     point = jnp.array([35.0, 0.12e-3])
@@ -108,6 +109,7 @@ def test_quiet_motion_is_believed():
     assert slopes[26.3]["clearance"].value == pytest.approx(25_525, rel=5e-5)
 
 
+@pytest.mark.slow
 def test_chaos_is_refused():
     report = gradient_report(
         lambda **numbers: jc.build_scene({"load_law": "closing_stroke", **numbers}),
