@@ -35,7 +35,9 @@ def checks(answer: Answer, case: Case, options: Options) -> tuple[Check, ...]:
             "inside the box",
             all(inside),
             ", ".join(
-                f"{name} {best.values[name]:.6g} in {low:g} to {high:g}"
+                f"{name} {words.shown(name, best.values[name])[0]:.6g} in "
+                f"{words.shown(name, low)[0]:g} to {words.shown(name, high)[0]:g} "
+                f"{words.design_unit(name)[0]}".rstrip()
                 for name, (low, high) in case.design.bounds.items()
             ),
         ),
@@ -89,7 +91,7 @@ def _slopes(answer: Answer, best: Confirmed) -> Check:
     return Check(
         name,
         max(shares.values()) <= APART,
-        f"differences of settled motions off by {', '.join(details)} of the slope; "
+        f"differences of settled motions are off, {', '.join(details)} of the slope; "
         f"rule: <= {APART:g}",
     )
 
