@@ -24,7 +24,8 @@ Made by `{command}`; not edited by hand. {setting}.
 The RMS of |R_O| + |R_C| of the settled motion at 30 rad/s and 0.06 mm. `periodic_orbit` solves for
 it: compiled, with 96 nodes a turn, its estimated error and its multipliers. The others integrate so
 many turns, and then a third as many, or two at least, whose RMS is theirs; all share one right-hand
-side by hand for numba, at rtol 1e-9. Errors are against 384 nodes a turn.
+side by hand for numba, at rtol 1e-9. Times are of the processor, on one core and after a first run;
+errors are against 384 nodes a turn.
 
 Without friction a swing falls to 1/e in 14 321 turns. The start in contact has none: at a cost of
 two turns it is as right as what is solved for, and that can only be known from the latter. With
@@ -88,7 +89,7 @@ def draw(rows: list[Row]) -> Figure:
         solved = mine[0]
         label = "periodic_orbit"
         ax.loglog([1e3 * solved.seconds], [solved.error], "k*", markersize=15, label=label)
-        ax.set(title=name, xlabel="run time (ms)")
+        ax.set(title=name, xlabel="processor time (ms)")
         ax.grid(alpha=0.3)
         ax.legend(fontsize=8)
     np.ravel(axes)[0].set(ylabel="error of the settled RMS")

@@ -10,11 +10,14 @@ from jaxtyping import Array, Float
 from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.indicators import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
-from jaxcrusher.motion.flow import initial_state
+from jaxcrusher.motion.flow import flat, initial_state
 from jaxcrusher.motion.integrate import Outcome
 from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.motion.tangents import SLICES, Tangents
+from jaxcrusher.settled.forced import refusal
+from jaxcrusher.settled.periodic_orbit import NODES, periodic_orbit
+from jaxcrusher.settled.result import PeriodicOrbit
 
 # Statistics of the motion that is classified, and after how many turns a whirl is called one.
 OUTPUTS = ("foundation_rms", "contact_fraction", "winding")
@@ -29,6 +32,9 @@ NEUTRAL_ERROR = 0.1
 # A trend in the section's spread that is no accident: rank correlation with time (of ten batches
 # without a trend one set in 2000 comes so far), and change as a share.
 TREND_RANK, TREND_SHARE = 0.9, 0.05
+# A motion swings about an orbit if the mean of its section points is no further off, as a share of
+# their spread and in clearances; it is in contact if rounding alone is missing of all the time.
+ABOUT, BESIDE, ROUNDING = 0.25, 1e-3, 1e-9
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,9 @@ def regime(
 
     The exponents come from `tangent_turns` further turns. A verdict other than "undecided" needs
     its indicators to agree; points whose spread still changes are "not settled", unless they
-    repeat or are chaotic. Whirls are named by `Statistics.whirl`.
+    repeat or are chaotic. A motion that never leaves contact and swings about a stable orbit of one
+    turn is "not settled" too, however slowly the swing dies: the multipliers of that orbit say so
+    where no window does. Whirls are named by `Statistics.whirl`.
 
     Raises ValueError as `poincare_section` does.
     """
@@ -114,8 +122,31 @@ def classify(
         f"spread changes by {100 * trend:.0f} %",
     ]
     name = verdict(exponents, zero_one, period, significant)
+    orbit = None if name == "chaotic" else _orbit_in_contact(scene, record)
+    if orbit is not None:
+        # Of neither a torus nor a limit does it tell that a window sees no change in.
+        name = "periodic" if name == "periodic" else "not settled"
+        evidence.append(
+            f"in contact about a motion of one turn, whose largest multiplier is 1 - "
+            f"{1 - float(orbit.largest_multiplier):.2g}: a swing dies in "
+            f"{float(orbit.settling_turns):.3g} turns"
+        )
     found = period if name == "periodic" else None
     return Regime(name, tuple(evidence), found, exponents, zero_one, trend, summary, points[-1])
+
+
+def _orbit_in_contact(scene: Scene, record: Section) -> PeriodicOrbit | None:
+    """The stable motion of one turn that the record swings about without leaving contact."""
+    kept = bool(jnp.all(record.values["contact_fraction"] >= 1 - ROUNDING))
+    if not kept or scene.joint is None or refusal(scene):
+        return None
+    orbit = periodic_orbit(scene, nodes=NODES)
+    if not bool(orbit.stable):
+        return None
+    points = np.asarray(record.states)[:, :2]
+    away = points.mean(axis=0) - np.asarray(flat(orbit.state(), scene))[:2]
+    allowed = max(ABOUT * float(np.sqrt(np.mean(points.var(axis=0)))), BESIDE)
+    return orbit if np.sqrt(np.mean(away**2)) < allowed else None
 
 
 def _record(scene: Scene, settle_turns: int, turns: int, rtol: float) -> Section:
