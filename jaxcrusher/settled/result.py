@@ -102,13 +102,20 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
         for name in outputs:
             require_choice("outputs", name, tuple(OBSERVABLES))
 
-        def look(angle: Scalar) -> dict[str, Array]:
-            state = None if self.eccentricity is None else self.state(angle)
-            time = angle / self.scene.drive.speed
-            snapshot = self.scene.formulation.snapshot(time, state, self.scene)
-            return {name: OBSERVABLES[name](snapshot, self.scene) for name in outputs}
+        return _seen(self, jnp.asarray(angles, dtype=float), tuple(outputs))
 
-        return jax.vmap(look)(jnp.asarray(angles, dtype=float))
+
+@eqx.filter_jit
+def _seen(
+    orbit: PeriodicOrbit, angles: Float[Array, " n"], outputs: tuple[str, ...]
+) -> dict[str, Array]:
+    def look(angle: Scalar) -> dict[str, Array]:
+        state = None if orbit.eccentricity is None else orbit.state(angle)
+        time = angle / orbit.scene.drive.speed
+        snapshot = orbit.scene.formulation.snapshot(time, state, orbit.scene)
+        return {name: OBSERVABLES[name](snapshot, orbit.scene) for name in outputs}
+
+    return jax.vmap(look)(angles)
 
 
 def judged(orbit: PeriodicOrbit, result: RESULTS) -> PeriodicOrbit:
