@@ -27,9 +27,9 @@ many turns, and then a third as many, or two at least, whose RMS is theirs; all 
 side by hand for numba, at rtol 1e-9. Times are of the processor, on one core and after a first run;
 errors are against 384 nodes a turn.
 
-Without friction a swing falls to 1/e in {slow:.0f} turns. The start in contact has none: two turns
+Without friction a swing falls to 1/e in {slow} turns. The start in contact has none: two turns
 are right to 3e-9, which only what is solved for can tell. With friction of sliding surfaces that
-start is off the settled motion, and its swing falls so in {fast:.0f} turns; a centred start ends in a
+start is off the settled motion, and its swing falls so in {fast} turns; a centred start ends in a
 whirl there, and is left out.
 """
 
@@ -50,7 +50,7 @@ def run(out: Path, seconds: float) -> None:
 
 def page(rows: list[Row]) -> str:
     """A table for each case."""
-    slow, fast = (float(settled(name).settling_turns) for name in CASES)
+    slow, fast = (f"{float(settled(name).settling_turns):.0f}" for name in CASES)
     where = setting("scipy", "numba", "scikit-sundae")
     lines = [HEADING.format(command=command(), setting=where, slow=slow, fast=fast)]
     for name in CASES:
