@@ -6,18 +6,8 @@ import jaxcrusher as jc
 from optimize.balance.evidence import AS_IT_IS, STANDING
 from optimize.evaluate import STARTS
 
-# Name, unit and factor of the rows of the table of designs.
-UNITS = {
-    "counterweight.moment_along": ("kg m", 1.0),
-    "counterweight.moment_across": ("kg m", 1.0),
-    "counterweight.radius": ("m", 1.0),
-    "jaw.mass_centre_distance": ("m", 1.0),
-    "jaw.mass_centre_angle": ("deg", 180 / np.pi),
-    "toggle.length": ("m", 1.0),
-    "bearing.distance": ("m", 1.0),
-    "bearing.inclination": ("deg", 180 / np.pi),
-    "jaw.length": ("m", 1.0),
-}
+# Of the inputs of completions, which are no parameters.
+UNITS = {"counterweight.moment_along": "kg m", "counterweight.moment_across": "kg m"}
 FIGURES = {
     "foundation_rms": ("RMS of \\|R_O\\| + \\|R_C\\|", "N", 0),
     "foundation_mean": ("its mean", "N", 0),
@@ -40,7 +30,8 @@ def designs(result: dict) -> tuple[list[str], list[list[str]]]:
     chosen, bounds = result["designs"]["chosen"], result["designs"]["bounds"]
     rows = []
     for name, (low, high) in bounds.items():
-        unit, factor = UNITS[name]
+        unit = UNITS.get(name) or jc.PARAMETERS[name].unit
+        unit, factor = ("deg", 180 / np.pi) if unit == "rad" else (unit, 1.0)
         cells = [f"{name}, {unit}", f"{factor * low:.4g} to {factor * high:.4g}"]
         for design in chosen.values():
             position = design["point"][list(bounds).index(name)]

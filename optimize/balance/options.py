@@ -7,6 +7,8 @@ from jaxcrusher.files.results import run_folder
 
 # Beyond 5 % the toggle can come so flat that no eccentricity gives the stroke.
 MOST_LINKS = 5.0
+# Beyond 10 % the restitution passes 1.
+MOST_MACHINE = 10.0
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,9 @@ class Options:
     """Radial clearance, with its unit."""
     links: float = MOST_LINKS
     """Lengths, bearing distance and inclination may change by this many percent, up to 5."""
+    machine: float = 0.0
+    """Masses, inertias, load and what the bearing is made of may change by this many percent, up to
+    10: twelve further parameters. 0 leaves them as they are."""
     starts: int = 10
     """Random starts of every method."""
     budget: int = 1000

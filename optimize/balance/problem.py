@@ -9,11 +9,28 @@ from jaxcrusher.basics.checks import require, require_whole, require_within
 from jaxcrusher.crusher.scene import require_clearance
 from jaxcrusher.scenes.parameters import PARAMETERS, PE250X400
 from jaxcrusher.scenes.scene_file import read_text
-from optimize.balance.options import MOST_LINKS, Options
+from optimize.balance.options import MOST_LINKS, MOST_MACHINE, Options
 from optimize.design import CounterweightMoment, Design
 from optimize.stroke import EqualStroke
 
 LINKS = ("toggle.length", "bearing.distance", "bearing.inclination", "jaw.length")
+# What is free as well with `--machine`.
+MACHINE = (
+    "shaft.mass",
+    "shaft.inertia",
+    "shaft.mass_centre_radius",
+    "shaft.mass_centre_angle",
+    "jaw.mass",
+    "jaw.inertia",
+    "toggle.mass",
+    "toggle.inertia",
+    "load",
+    "bore_radius",
+    "young",
+    "restitution",
+)
+# What the machine meets and does not choose, unless it is free; each has a tolerance.
+CONDITIONS = ("clearance", "friction", "load")
 # A flywheel of this crusher has room for it; 14 kg m at the smallest radius are 200 kg.
 COUNTERWEIGHT = {
     "counterweight.moment_along": (-14.0, 14.0),
@@ -30,6 +47,8 @@ def check(options: Options) -> None:
     require_clearance(read_text("clearance", options.clearance), PE250X400["bore_radius"])
     good = 0 < options.links <= MOST_LINKS
     require(good, "links", f"lie in (0, {MOST_LINKS:g}] percent", options.links)
+    good = 0 <= options.machine <= MOST_MACHINE
+    require(good, "machine", f"lie in [0, {MOST_MACHINE:g}] percent", options.machine)
     for name, least in (
         ("starts", 1),
         ("budget", 1),
@@ -50,20 +69,27 @@ def settings(options: Options) -> dict[str, Any]:
 
 
 def conditions(options: Options) -> dict[str, float]:
-    """The clearance (m), friction and load (N) that the machine is meant for."""
+    """The clearance (m), friction and load (N, unless it is free) that the machine is meant for."""
     described = {**PE250X400, "clearance": read_text("clearance", options.clearance)}
-    return {name: float(described[name]) for name in ("clearance", "friction", "load")}
+    free = free_percent(options)
+    return {name: float(described[name]) for name in CONDITIONS if name not in free}
+
+
+def free_percent(options: Options) -> dict[str, float]:
+    """Names of what may change by a share of itself, with the percent."""
+    machine = dict.fromkeys(MACHINE, options.machine) if options.machine else {}
+    return {**dict.fromkeys(LINKS, options.links), **machine}
 
 
 def design(options: Options) -> Design:
-    """Nine free parameters; the eccentricity follows from the paper's stroke."""
+    """Nine free parameters, or 21; the eccentricity follows from the paper's stroke."""
     bounds = {
         **COUNTERWEIGHT,
         "jaw.mass_centre_distance": (0.27, 0.33),
         "jaw.mass_centre_angle": (float(np.radians(5)), float(np.radians(25))),
     }
-    for name in LINKS:
+    for name, percent in free_percent(options).items():
         value = PARAMETERS[name].default
-        bounds[name] = (value * (1 - options.links / 100), value * (1 + options.links / 100))
+        bounds[name] = (value * (1 - percent / 100), value * (1 + percent / 100))
     fixed = {"speed": read_text("speed", options.speed), "start": "contact", **conditions(options)}
     return Design(bounds, fixed, (CounterweightMoment(), EqualStroke.of({})))

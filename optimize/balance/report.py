@@ -5,6 +5,7 @@ from rich.table import Table
 
 from optimize.balance.designs import designs, forces, long_runs, origins, remarks, robust
 from optimize.balance.methods import ARRIVED, comparison, verdict
+from optimize.balance.problem import CONDITIONS
 
 
 def print_tables(console: Console, result: dict) -> None:
@@ -19,22 +20,24 @@ def print_tables(console: Console, result: dict) -> None:
         console.print(table)
 
 
-def markdown(result: dict) -> str:
-    """The study as a page."""
+def markdown(result: dict, picture: str) -> str:
+    """The study as a page, with the name of its picture."""
     options, cost = result["settings"], result["cost"]
     gain = result["figures"]["paper"]["foundation_rms"]
     least = result["figures"]["optimised"]["foundation_rms"]
     ratio = cost["gradient_seconds"] / cost["value_seconds"]
-    wide = dict(zip(("clearance", "friction", "load"), options["tolerance"], strict=True))
+    wide = dict(zip(CONDITIONS, options["tolerance"], strict=True))
+    wide = {name: width for name, width in wide.items() if name in result["robust"]["conditions"]}
     parts = [
         "# Counterweight and links that shake the foundation least",
-        f"Made by `{result['command']}`. Speed {options['speed']:g} rad/s, clearance "
-        f"{options['clearance']:g} mm, load and joint as in the paper; nine free parameters. The "
+        f"Made by `{result['command']}`. Speed {options['speed']}, clearance "
+        f"{options['clearance']}, the rest as in the paper but for "
+        f"{len(result['designs']['bounds'])} free parameters. The "
         "eccentricity follows from the rest so that the jaw's lower end B keeps its horizontal "
         "travel; with the same discharge opening (set by moving C, as on the machine) and the "
         "same speed, the capacity by laminating crushing theory is the same too.",
         f"RMS of |R_O| + |R_C|: {gain:.0f} N before, {least:.0f} N after.",
-        "![best so far, forces and power](balance.png)",
+        f"![best so far, forces and power]({picture})",
         "## The searches",
         f"{options['starts']} random starts, the same for each method, at most "
         f"{options['budget']} values of work each. A value is the RMS of a settled "

@@ -92,8 +92,9 @@ def run(options: Options, console: Console) -> dict:
         bars.advance(bar)
         study.stage("designs", lambda: _designs(design, points))
         bars.advance(bar)
-    figure.draw(study.folder / "balance.png", result, turn)
-    write_text(study.folder / "balance.md", report.markdown(result))
+    picture = study.folder / f"{options.name}.png"
+    figure.draw(picture, result, turn)
+    write_text(study.folder / f"{options.name}.md", report.markdown(result, picture.name))
     result["status"] = "finished"
     study.write()
     report.print_tables(console, result)
@@ -140,7 +141,7 @@ def _robust(
 ) -> dict[str, Any]:
     """The design of least mean + sigmas * spread, and the spread of all three."""
     middle = problem.conditions(options)
-    widths = dict(zip(middle, options.tolerance, strict=True))
+    widths = dict(zip(problem.CONDITIONS, options.tolerance, strict=True))
     conditions = settled.tolerances(middle, widths, options.samples, options.seed)
 
     def rms(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
