@@ -12,6 +12,10 @@ from optimize.balance.compare import best_so_far
 from optimize.balance.methods import by_method
 
 COLOURS = {"L-BFGS-B": "C0", "CMA-ES": "C1", "Py-BOBYQA": "C2"}
+CONDITIONS = {
+    "friction": ("friction coefficient of the condition", 1.0),
+    "load": ("load of the condition, kN", 1e-3),
+}
 DESIGNS = {"paper": "0.5", "optimised": "C0", "robust": "C3"}
 
 
@@ -41,12 +45,16 @@ def draw(path: Path, result: dict, turn: Mapping[str, Mapping[str, Any]]) -> Non
         ax.grid(alpha=0.3)
     axes[0, 2].set_ylim(bottom=0)
     axes[0, 2].legend()
-    loads = 1e-3 * np.array(result["robust"]["conditions"]["load"])
+    # The last of them moves the force most.
+    condition, met = list(result["robust"]["conditions"].items())[-1]
+    label, factor = CONDITIONS[condition]
     for name, colour in DESIGNS.items():
         rms = 1e-3 * np.array(result["robust"]["values"][name])
         filled = "none" if name == "robust" else "full"
-        axes[1, 2].plot(loads, rms, "o", color=colour, markersize=4, fillstyle=filled)
-    axes[1, 2].set(xlabel="load of the condition, kN", ylabel=r"RMS of $|R_O| + |R_C|$, kN")
+        axes[1, 2].plot(
+            factor * np.array(met), rms, "o", color=colour, markersize=4, fillstyle=filled
+        )
+    axes[1, 2].set(xlabel=label, ylabel=r"RMS of $|R_O| + |R_C|$, kN")
     axes[1, 2].grid(alpha=0.3)
     write_figure(path, fig, dpi=120)
 
@@ -55,8 +63,9 @@ def _draw_searches(ax, result: dict, kind: str) -> None:
     """Median and range over the starts of what is still above the best, in N."""
     scale = result["cost"]["scale"]
     grouped = by_method(result)
-    least = min(s.best[-1] for found in grouped.values() for s in found)
-    for method, found in grouped.items():
+    least = min(s.best[-1] for found in grouped.values() for s in found if s.best)
+    for method, all_of_them in grouped.items():
+        found = [s for s in all_of_them if s.best]
         if not found:
             continue
         totals = [getattr(s, f"total_{kind}") for s in found]

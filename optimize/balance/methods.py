@@ -9,9 +9,9 @@ ARRIVED = 1e-3
 
 
 def by_method(result: dict) -> dict[str, list[Search]]:
-    """The searches that found a number, under each method."""
+    """The searches of each method."""
     searches = [Search(**found) for found in result["searches"]]
-    return {method: [s for s in searches if s.method == method and s.best] for method in METHODS}
+    return {method: [s for s in searches if s.method == method] for method in METHODS}
 
 
 def comparison(result: dict) -> tuple[list[str], list[list[str]]]:
@@ -19,10 +19,10 @@ def comparison(result: dict) -> tuple[list[str], list[list[str]]]:
     scale, spent = result["cost"]["scale"], _spent(result)
     rows = []
     for method, found in by_method(result).items():
-        if not found:
+        end = scale * np.array([s.best[-1] for s in found if s.best])
+        if not len(end):
             rows.append([method] + ["none"] * 7)
             continue
-        end = scale * np.array([s.best[-1] for s in found])
         work, seconds = spent[method]
         rows.append(
             [
@@ -65,7 +65,7 @@ def _spent(result: dict) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 def _goal(grouped: dict[str, list[Search]]) -> float:
     """The value at which a search has arrived; the paper's machine has 1."""
-    least = min(s.best[-1] for found in grouped.values() for s in found)
+    least = min(s.best[-1] for found in grouped.values() for s in found if s.best)
     return least + ARRIVED * max(1 - least, 0)
 
 
@@ -85,8 +85,8 @@ def verdict(result: dict) -> str:
     cost = result["cost"]["gradient_seconds"] / result["cost"]["value_seconds"]
     gradients = spent.get("L-BFGS-B", [float("inf")])[0] / cost
     text = (
-        f"Ranked by median work until arrival: {ranked(by_work, 0, 0)} values. By CPU time: "
-        f"{ranked(by_time, 1, 2)} s."
+        f"Ranked by median work until arrival, in values: {ranked(by_work, 0, 0)}. By CPU "
+        f"seconds: {ranked(by_time, 1, 2)}."
     )
     if np.isfinite(gradients):
         text += f" The gradient search arrives after {gradients:.0f} gradients; what it spends"

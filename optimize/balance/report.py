@@ -14,7 +14,9 @@ def print_tables(console: Console, result: dict) -> None:
         headings, rows = make(result)
         table = Table()
         for i, heading in enumerate(headings):
-            table.add_column(heading.replace("\\", ""), justify="right" if i else "left")
+            table.add_column(
+                heading.replace("\\", ""), justify="right" if i else "left", overflow="fold"
+            )
         for row in rows:
             table.add_row(*(cell.replace("\\", "") for cell in row))
         console.print(table)
@@ -39,7 +41,7 @@ def markdown(result: dict, picture: str) -> str:
         f"RMS of |R_O| + |R_C|: {gain:.0f} N before, {least:.0f} N after.",
         f"![best so far, forces and power]({picture})",
         "## The searches",
-        f"{options['starts']} random starts, the same for each method, at most "
+        f"{options['starts']} random starts, the same for each method: machines that move. At most "
         f"{options['budget']} values of work each. A value is the RMS of a settled "
         f"motion and took {1e3 * cost['value_seconds']:.1f} ms of CPU time, a "
         "gradient by all parameters "

@@ -22,6 +22,8 @@ from optimize.design import Design
 
 # Gradients of the robust search at most; it starts at the optimum, and ends far earlier.
 ROBUST_GRADIENTS = 40
+# Random points for each start at most; hardly any fails.
+MOST_DRAWS = 20
 
 
 class Study:
@@ -125,8 +127,7 @@ def _searches(study: Study, design: Design, paper: np.ndarray, bars: Progress) -
         objective.value, objective.gradient, cost["value_seconds"], cost["gradient_seconds"]
     )
     result["seconds"]["compilation"] = time.perf_counter() - began
-    starts = np.random.default_rng(options.seed).uniform(size=(options.starts, len(paper)))
-    for number, start in enumerate(starts):
+    for number, start in enumerate(_starts(objective, options, len(paper))):
         for method in METHODS:
             if (method, number) in done:
                 continue
@@ -134,6 +135,20 @@ def _searches(study: Study, design: Design, paper: np.ndarray, bars: Progress) -
             result["searches"].append(asdict(found))
             study.write()
             bars.advance(bar)
+
+
+def _starts(objective: Smooth, options: Options, dimension: int) -> list[np.ndarray]:
+    """Random machines that move: from links that do not close no slope leads anywhere."""
+    generator, found = np.random.default_rng(options.seed), []
+    for _ in range(MOST_DRAWS * options.starts):
+        point = generator.uniform(size=dimension)
+        if np.isfinite(objective.value(point).value):
+            found.append(point)
+        if len(found) == options.starts:
+            return found
+    raise RuntimeError(
+        f"only {len(found)} of {MOST_DRAWS * options.starts} random machines have a settled motion"
+    )
 
 
 def _robust(

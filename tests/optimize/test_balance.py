@@ -85,6 +85,30 @@ def test_gradient_against_differences():
     assert (np.abs(slope) > 5e-3 * np.abs(slope).max()).all()
 
 
+def test_what_is_free_is_no_condition():
+    """Twelve numbers more; the load is then chosen, and has no tolerance."""
+    few, many = Options(), Options(machine=10.0)
+    assert len(problem.design(few).bounds) == 9 and len(problem.design(many).bounds) == 21
+    assert set(problem.conditions(few)) - set(problem.conditions(many)) == {"load"}
+    design = problem.design(many)
+    point = design.unit(PAPER)
+    assert ((point > 0) & (point < 1)).all()
+    heavy = design.description(np.where(np.array(design.names) == "load", 1.0, point))
+    assert float(heavy["load"]) == pytest.approx(1.1 * 8800)
+
+
+def test_searches_start_from_machines_that_move():
+    def value(point):
+        return Answer(float("nan") if point[0] < 0.7 else 1.0, 0)
+
+    some = Smooth(value, value, 1.0, 1.0)
+    starts = balance._starts(some, Options(starts=3), 2)
+    assert len(starts) == 3 and all(start[0] >= 0.7 for start in starts)
+    never = Smooth(*2 * (lambda _: Answer(float("nan"), 0),), 1.0, 1.0)
+    with pytest.raises(RuntimeError, match="only 0 of 60 random machines"):
+        balance._starts(never, Options(starts=3), 2)
+
+
 def test_counterweight_of_a_shaft_alone():
     """With a jaw of no mass R_O is the shaft's: weight W and rotating unbalance U.
 
@@ -166,11 +190,13 @@ def test_table_of_methods_counts_what_never_arrived():
             "seconds": [0.1],
             "evaluations": 9,
         },
+        # One that found no number at all.
+        {"method": "CMA-ES", "start": 1},
     ]
     assert spent_until(Search(**rows[0]), rows[0]["work"], 0.85) == 4.0
     _, table = comparison({"cost": {"scale": 1000.0}, "searches": rows})
     assert table[0][:5] == ["L-BFGS-B", "800.00", "800.00 to 800.00", "1 of 1", "4 (4 to 4)"]
-    assert table[1][3:5] == ["0 of 1", "never (never to never)"]
+    assert table[1][3:5] == ["0 of 2", "never (never to never)"]
     assert table[2][1] == "none"
 
 
@@ -227,6 +253,7 @@ def test_an_interrupted_study_goes_on(bowl_study, tmp_path, monkeypatch):
         ({"clearance": "200 mm"}, "clearance"),
         ({"clearance": "0.06"}, "clearance"),
         ({"links": 6.0}, "links"),
+        ({"machine": 11.0}, "machine"),
         ({"starts": 0}, "starts"),
         ({"budget": 0}, "budget"),
         ({"samples": 1}, "samples"),
