@@ -35,7 +35,7 @@ def designs(result: dict) -> tuple[list[str], list[list[str]]]:
         cells = [f"{name}, {unit}", f"{factor * low:.4g} to {factor * high:.4g}"]
         for design in chosen.values():
             position = design["point"][list(bounds).index(name)]
-            at = " (bound)" if min(position, 1 - position) < 1e-3 else ""
+            at = " *" if min(position, 1 - position) < 1e-3 else ""
             cells.append(f"{factor * design['values'][name]:.4g}{at}")
         lost = chosen["optimised"]["one_by_one"][name]
         rows.append([*cells, f"{lost:.0f}"])
@@ -45,7 +45,7 @@ def designs(result: dict) -> tuple[list[str], list[list[str]]]:
         ("capacity", "capacity, m3/h"),
     ):
         rows.append([label, "", *(f"{round(d[key], 6):.4g}" for d in chosen.values()), ""])
-    return ["parameter", "bounds", *chosen, "RMS added if it alone goes back, N"], rows
+    return ["parameter (* at a bound)", "bounds", *chosen, "N more if it alone goes back"], rows
 
 
 def forces(result: dict) -> tuple[list[str], list[list[str]]]:

@@ -15,7 +15,7 @@ def by_method(result: dict) -> dict[str, list[Search]]:
 
 
 def comparison(result: dict) -> tuple[list[str], list[list[str]]]:
-    """Headings and rows of the table of methods."""
+    """Headings and rows of the table of methods, each a column."""
     scale, spent = result["cost"]["scale"], _spent(result)
     rows = []
     for method, found in by_method(result).items():
@@ -46,7 +46,8 @@ def comparison(result: dict) -> tuple[list[str], list[list[str]]]:
         "evaluations",
         "Newton steps",
     ]
-    return headings, rows
+    quantities, *columns = zip(headings, *rows, strict=True)
+    return list(quantities), [list(column) for column in columns]
 
 
 def _spent(result: dict) -> dict[str, tuple[np.ndarray, np.ndarray]]:

@@ -30,7 +30,7 @@ MACHINE = (
     "restitution",
 )
 # What the machine meets and does not choose, unless it is free; each has a tolerance.
-CONDITIONS = ("clearance", "friction", "load")
+CONDITIONS: tuple[str, ...] = ("clearance", "friction", "load")
 # A flywheel of this crusher has room for it; 14 kg m at the smallest radius are 200 kg.
 COUNTERWEIGHT = {
     "counterweight.moment_along": (-14.0, 14.0),

@@ -1,5 +1,6 @@
 """The design study on the console and as a page."""
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
@@ -12,11 +13,12 @@ def print_tables(console: Console, result: dict) -> None:
     """The methods, the designs and their forces."""
     for make in (comparison, designs, forces, long_runs, origins, robust):
         headings, rows = make(result)
-        table = Table()
+        table = Table(box=SIMPLE_HEAD, padding=(0, 0, 0, 1), pad_edge=False)
         for i, heading in enumerate(headings):
-            table.add_column(
-                heading.replace("\\", ""), justify="right" if i else "left", overflow="fold"
-            )
+            # What a row is of stays in one line; the rest wraps, nothing is cut off.
+            side = "right" if i else "left"
+            title = heading.replace("\\", "")
+            table.add_column(title, justify=side, no_wrap=not i, overflow="fold")
         for row in rows:
             table.add_row(*(cell.replace("\\", "") for cell in row))
         console.print(table)
@@ -30,8 +32,9 @@ def markdown(result: dict, picture: str) -> str:
     ratio = cost["gradient_seconds"] / cost["value_seconds"]
     wide = dict(zip(CONDITIONS, options["tolerance"], strict=True))
     wide = {name: width for name, width in wide.items() if name in result["robust"]["conditions"]}
+    chosen = "links and masses" if options["machine"] else "mass centre and links"
     parts = [
-        "# Counterweight and links that shake the foundation least",
+        f"# Counterweight, {chosen} that shake the foundation least",
         f"Made by `{result['command']}`. Speed {options['speed']}, clearance "
         f"{options['clearance']}, the rest as in the paper but for "
         f"{len(result['designs']['bounds'])} free parameters. The "
