@@ -14,9 +14,9 @@ WIDEST_CONTACT = 0.5
 ELASTIC_IMPACT_SPEED = 0.051
 # A restitution this far from the one asked for is another material.
 RESTITUTION_ERROR = 0.05
-# Radial clearance over bore radius. Bearings have about 0.001 (Hamrock, Schmid and Jacobson, 2004),
-# and clearance joints are compared with experiments up to 0.01 or so (Flores, 2010): beyond, a pin
-# hammers and rolls in a hole rather than runs in a bearing.
+# Radial clearance over bore radius: ten times the 0.001 of bearings (Hamrock, Schmid and Jacobson,
+# Fundamentals of Fluid Film Lubrication, 2004). Chosen here, not measured: beyond, a pin hammers
+# and rolls in a hole rather than runs in a bearing.
 WIDEST_CLEARANCE = 0.01
 
 

@@ -57,7 +57,7 @@ RATIOS = (
         lambda eccentricity, length: eccentricity / length,
         (3e-3, 0.05),
         (0.0, 0.5),
-        "the PE250x400 has 0.014, and similar crushers keep it",
+        "the PE250x400 has 0.014, and the range is judged from it",
     ),
     Ratio(
         "bore_radius / jaw.length",
@@ -66,7 +66,7 @@ RATIOS = (
         lambda bore, length: bore / length,
         (0.04, 0.35),
         (0.0, 1.0),
-        "the PE250x400 has 0.19, and similar crushers keep it",
+        "the PE250x400 has 0.19, and the range is judged from it",
     ),
     Ratio(
         "mass of the jaw over its cubed length",
@@ -75,7 +75,7 @@ RATIOS = (
         lambda mass, length: mass / length**3,
         (300.0, 5000.0),
         (20.0, 5e4),
-        "the PE250x400 has 1561, and similar crushers keep it",
+        "the PE250x400 has 1561, and the range is judged from it",
     ),
     Ratio(
         "mass of the toggle over its squared length and the chamber's width",
