@@ -1,5 +1,6 @@
 """Lanes against diffrax, on a small problem that has a bit of everything; and one by one."""
 
+import threading
 from typing import Any
 
 import diffrax
@@ -234,10 +235,11 @@ def test_a_folder_that_cannot_be_written_is_no_error(monkeypatch, tmp_path):
     _equal(without, in_lanes(_run, swings))
 
 
-def test_an_interrupted_batch_stops_its_threads(monkeypatch):
-    # One thread fails; the other has work for minutes and is told to stop.
+@pytest.mark.parametrize("which", [0, 1])
+def test_an_interrupted_batch_stops_its_threads(monkeypatch, which):
+    # One thread fails, the first or the second; the other has work for minutes.
     swings = _swings(2 * LANES)
-    load, calls = engine.load, []
+    load = engine.load
 
     def failing(text):
         found = load(text)
@@ -247,8 +249,7 @@ def test_an_interrupted_batch_stops_its_threads(monkeypatch):
         class Module:
             @staticmethod
             def advance(*operands):
-                calls.append(operands)
-                if len(calls) == 1:
+                if threading.current_thread().name.endswith(f"_{which}"):
                     raise KeyboardInterrupt
                 return found.advance(*operands)
 
