@@ -1,69 +1,93 @@
-"""The heat map: one panel an axis, one row a start and formulation, one colour a verdict."""
+"""The map of verdicts: one panel an axis, one row a start and formulation, one colour a verdict."""
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from benchmarks.stability.cases import AXES, FORMULATIONS, GIVEN, STARTS
-from benchmarks.stability.judgement import VERDICTS, Judged
+from benchmarks.stability.judgement import AGREES, DISAGREES, OUTSIDE, REFUSED, WHIRL, Judged
+from jaxcrusher.pictures.page import STYLE, WIDTH
 
-COLOURS = ("#a6dba0", "#9ecae1", "#fee391", "#d9d9d9", "#e34a33")
+# From light to dark, so that they differ without colour too.
+COLOURS = ("#e3f2dc", "#fdd049", "#7fb8de", "#b0b0b0", "#c0341d")
+ORDER = (AGREES, OUTSIDE, WHIRL, REFUSED, DISAGREES)
+# Units in which the values of an axis are short, and what a value is divided by.
+SHORT = {"clearance": ("mm", 1e-3), "load": ("kN", 1e3), "stiffness": ("times the base case", 1.0)}
+SHORT["masses"] = SHORT["stiffness"]
 
 
 def draw(rows: list[Judged]) -> Figure:
-    """The figure of all rows."""
-    fig, axes = plt.subplots(4, 2, figsize=(15, 13), layout="constrained")
-    for ax, (name, axis) in zip(axes.flat, AXES.items(), strict=False):
-        values = [f"{value:g}" for value in axis.values]
+    """The figure of all rows; what is not in the cells is in the page's tables."""
+    with plt.rc_context(STYLE):
+        fig = plt.figure(figsize=(WIDTH, 8.2), layout="constrained")
+        # Four rows of two axes each, the last place for the legend; below them the starts.
+        grid = fig.add_gridspec(5, 2, height_ratios=(6, 6, 6, 6, 4))
         lines = [(start, kind) for start in STARTS for kind in FORMULATIONS]
-        found = {(r.value, r.start, r.formulation): r for r in rows if r.axis == name}
+        for i, (name, axis) in enumerate(AXES.items()):
+            values = [f"{value:g}" for value in axis.values]
+            found = {(r.value, r.start, r.formulation): r for r in rows if r.axis == name}
+            unit, size = SHORT.get(name, (axis.unit.removeprefix("1"), 1.0))
+            ax = fig.add_subplot(grid[divmod(i, 2)])
+            _panel(
+                ax,
+                [[found.get((v, *line)) for v in values] for line in lines],
+                [f"{value / size:g}" for value in axis.values],
+                [] if i % 2 else [f"{start}, {kind}" for start, kind in lines],
+            )
+            ax.set_title(f"{name} ({unit})" if unit else name)
+        _legend(fig.add_subplot(grid[3, 1]))
+        found = {(r.start, r.formulation): r for r in rows if r.axis == "start"}
+        ax = fig.add_subplot(grid[4, :])
         _panel(
             ax,
-            [[found.get((v, *line)) for v in values] for line in lines],
-            values,
-            [f"{start}, {kind}" for start, kind in lines],
+            [[found.get((start, kind)) for start in GIVEN] for kind in FORMULATIONS],
+            [s.replace(", ", ",\n").replace(" m/s ", " m/s\n") for s in GIVEN],
+            list(FORMULATIONS),
         )
-        ax.set_title(f"{name} ({axis.unit})" if axis.unit != "1" else name)
-    found = {(r.start, r.formulation): r for r in rows if r.axis == "start"}
-    cells = [[found.get((start, kind)) for start in GIVEN] for kind in FORMULATIONS]
-    _panel(
-        axes.flat[-1],
-        cells,
-        [s.replace(", ", ",\n").replace(" m/s ", "\nm/s ") for s in GIVEN],
-        list(FORMULATIONS),
-    )
-    axes.flat[-1].set_title("starts, base case")
-    axes.flat[-1].tick_params(axis="x", labelsize=7)
-    patches = [Patch(color=c, label=v) for v, c in zip(VERDICTS, COLOURS, strict=True)]
-    fig.legend(
-        handles=patches,
-        loc="outside lower center",
-        ncols=len(VERDICTS),
-        title=("In a cell: steps a turn; error of the RMS; ≠ where the reference does not agree"),
-    )
+        ax.set_title("starts of the base case")
+        fig.draw_without_rendering()
     return fig
 
 
-def _panel(ax, cells: list[list[Judged | None]], columns: list[str], lines: list[str]) -> None:
-    codes = [[-1 if c is None else VERDICTS.index(c.verdict) for c in row] for row in cells]
+def _legend(ax: Axes) -> None:
+    """In a place of its own."""
+    patches = [
+        Patch(facecolor=c, edgecolor="0.5", label=v) for c, v in zip(COLOURS, ORDER, strict=True)
+    ]
+    ax.legend(
+        handles=patches,
+        loc="center",
+        frameon=False,
+        title="In a cell: steps a turn, in thousands;\n≠ where the reference does not agree",
+    )
+    ax.axis("off")
+
+
+def _panel(
+    ax: Axes, cells: list[list[Judged | None]], columns: list[str], lines: list[str]
+) -> None:
+    codes = [[-1 if c is None else ORDER.index(c.verdict) for c in row] for row in cells]
     shown = np.ma.masked_less(np.array(codes), 0)
     ax.imshow(shown, ListedColormap(COLOURS), vmin=-0.5, vmax=len(COLOURS) - 0.5, aspect="auto")
     for i, row in enumerate(cells):
         for j, cell in enumerate(row):
             if cell is not None:
-                ax.text(j, i, _text(cell), ha="center", va="center", fontsize=7)
+                colour = "w" if cell.verdict == DISAGREES else "k"
+                ax.text(j, i, _text(cell), ha="center", va="center", color=colour)
     ax.set_xticks(range(len(columns)), columns)
-    ax.set_yticks(range(len(lines)), lines, fontsize=8)
+    ax.set_yticks(range(len(cells)), lines or [""] * len(cells))
     ax.set_xticks(np.arange(0.5, len(columns) - 1), minor=True)
-    ax.set_yticks(np.arange(0.5, len(lines) - 1), minor=True)
+    ax.set_yticks(np.arange(0.5, len(cells) - 1), minor=True)
     ax.grid(which="minor", color="white", linewidth=1.5)
-    ax.tick_params(which="minor", length=0)
+    ax.tick_params(length=0, which="both")
 
 
 def _text(cell: Judged) -> str:
     if np.isnan(cell.steps_a_turn):
         return "-"
-    apart = "" if cell.agreement == "yes" else " ≠"
-    return f"{cell.steps_a_turn:.0f}{apart}\n{cell.rms_error:.0e}"
+    thousands = cell.steps_a_turn / 1e3
+    digits = 1 if thousands < 9.95 else 0
+    return f"{thousands:.{digits}f}" + ("" if cell.agreement == "yes" else " ≠")

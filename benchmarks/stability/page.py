@@ -16,7 +16,9 @@ INTRODUCTION = """\
 
 Made by `{command}` in {minutes:.0f} minutes; not edited by hand. {machine}.
 
-![Verdicts](stability.png)
+![Verdicts by axis, start and formulation](stability.png)
+
+A cell is a motion, its number the steps of a turn in thousands; the errors are in the tables.
 
 {summary}
 

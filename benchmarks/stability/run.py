@@ -19,7 +19,13 @@ from benchmarks.stability.judgement import DISAGREES, Judged, judge
 from benchmarks.stability.page import page, summary
 from benchmarks.stability.reference import Reference, reference
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import results_folder, write_figure, write_table, write_text
+from jaxcrusher.files.results import (
+    read_table,
+    results_folder,
+    write_figure,
+    write_table,
+    write_text,
+)
 
 # Beside this process, which judges meanwhile.
 WORKERS = 2
@@ -82,8 +88,13 @@ def run(out: Path) -> None:
         )
         stabilised = list(bar.track(baumgarte.measure(), 52, description="Baumgarte"))
     write_table(folder / "stability.csv", map(asdict, rows + refused))
-    write_figure(folder / "stability.png", draw(rows), dpi=110)
+    write_figure(folder / "stability.png", draw(rows))
     minutes = (time.perf_counter() - begin) / 60
     write_text(folder / "stability.md", page(rows, refused, long, stabilised, minutes))
     console.print(summary(rows, refused))
     console.print(f"{folder / 'stability.md'}, .csv and .png")
+
+
+def redraw(out: Path, table: Path) -> None:
+    """The figure of an earlier run's rows, without a motion."""
+    write_figure(results_folder(out) / "stability.png", draw(read_table(table, Judged)))

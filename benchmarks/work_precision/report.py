@@ -2,12 +2,9 @@
 
 from collections.abc import Callable
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
 
 from benchmarks.setting import setting
-from benchmarks.work_precision import ours
 from benchmarks.work_precision.cases import Case, Reference
 from benchmarks.work_precision.measure import Row
 from jaxcrusher.files.provenance import command
@@ -21,10 +18,19 @@ GOALS: dict[str, tuple[Callable[[Row], float], Callable[[Row], float], float]] =
     "history 1e-2": (lambda r: r.history_error, lambda r: r.run_s, 1e-2),
     "slope 1e-3": (lambda r: r.slope_error, lambda r: r.slope_run_s, 1e-3),
 }
-# Okabe and Ito's.
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-MARKERS = "osD^vP*Xh<>d"
-OURS = ("eccentricity", "closed")
+# What the page shows, below its figures' own names.
+FIGURES = """\
+![Error of the RMS against run time, few programs](work_precision.png)
+
+In every figure the black line is jaxcrusher as it comes, with Tsit5; to the left is faster, lower
+is more exact. Where there is clearance, the other solvers, formulations, settings and programs
+by the same error (without it the solvers are alike: see its table):
+
+![Error of the RMS against run time, all other programs](work_precision_rest.png)
+
+By the largest error of the force history (numba, CVODE Adams and EXUDYN: see the tables):
+
+![Error of the history against run time, all other programs](work_precision_history.png)"""
 
 
 def reaching(rows: list[Row], error: Callable, seconds: Callable, level: float) -> float:
@@ -83,11 +89,12 @@ def page(cases: list[Case], references: dict[str, Reference], rows: list[Row]) -
         "# Error against run time",
         "",
         f"Made by `{command()}`; not edited by hand. Every row:",
-        "[work_precision.csv](work_precision.csv).",
+        "[work_precision.csv](work_precision.csv); `--table docs/work_precision.csv` draws the",
+        "figures again from it.",
         "",
         f"{setting(*PACKAGES)}.",
         "",
-        "![Error against run time](work_precision.png)",
+        FIGURES,
         "",
         "One run gives the RMS of |R_O| + |R_C| over the span, its square integrated as one more",
         "state, and the force at 256 instants; EXUDYN's RMS is the trapezoidal sum over all of its",
@@ -148,38 +155,3 @@ def _compilation(rows: list[Row]) -> list[str]:
 def _failures(rows: list[Row]) -> list[str]:
     failed = [f"- {r.scene}, {r.program}, {r.setting}: {r.failure}" for r in rows if r.failure]
     return ["## Failed or left out", "", *(failed or ["None."])]
-
-
-def draw(cases: list[Case], rows: list[Row]) -> Figure:
-    """A row of panels a scene: errors of RMS and history over run time."""
-    names, solvers = list(programs(rows)), tuple(ours.SOLVERS)
-    fig, axes = plt.subplots(len(cases), 2, figsize=(10, 3.1 * len(cases) + 1.5), squeeze=False)
-    for (left, right), case in zip(axes, cases, strict=True):
-        by_program = programs([r for r in rows if r.scene == case.name and not r.failure])
-        for name, mine in by_program.items():
-            index = names.index(name)
-            own = name.endswith(OURS)
-            style = {
-                "color": COLOURS[index % len(COLOURS)],
-                "marker": MARKERS[index % len(MARKERS)],
-                "linestyle": "-" if own else "--" if name.startswith(solvers) else ":",
-                "linewidth": 1.6 if own else 0.9,
-                "markersize": 5,
-                "markerfacecolor": None if own else "none",
-            }
-            seconds = [1e3 * row.run_s for row in mine]
-            for ax, error in ((left, "rms_error"), (right, "history_error")):
-                ax.loglog(seconds, [getattr(row, error) for row in mine], label=name, **style)
-        left.set(ylabel=f"{case.name}\nerror of the RMS")
-        right.set(ylabel="error of the history")
-        for ax in (left, right):
-            ax.set(xlabel="run time (ms)")
-            ax.grid(alpha=0.3)
-    handles = {}
-    for ax in axes.flat:
-        handles |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))
-    fig.legend(
-        handles.values(), handles.keys(), loc="lower center", ncols=4, fontsize=8, frameon=False
-    )
-    fig.tight_layout(rect=(0, 1.5 / fig.get_figheight(), 1, 1))
-    return fig

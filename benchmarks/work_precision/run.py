@@ -1,17 +1,23 @@
-"""All measurements, written as they come, and the page and figure made of them."""
+"""All measurements, written as they come, and the page and figures made of them."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 from benchmarks.setting import setting
-from benchmarks.work_precision import ours, report
+from benchmarks.work_precision import figure, ours, report
 from benchmarks.work_precision.cases import cases, reference
-from benchmarks.work_precision.measure import Compiled, of_ours, of_peers
+from benchmarks.work_precision.measure import Compiled, Row, of_ours, of_peers
 from benchmarks.work_precision.others import peers
 from jaxcrusher.basics.checks import require_choice
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import results_folder, write_figure, write_table, write_text
+from jaxcrusher.files.results import (
+    read_table,
+    results_folder,
+    write_figure,
+    write_table,
+    write_text,
+)
 
 
 def run(out: Path, scenes: Sequence[str], small: bool) -> None:
@@ -36,5 +42,16 @@ def run(out: Path, scenes: Sequence[str], small: bool) -> None:
                     bars.update(task, advance=1, description=told)
     found = report.page(chosen, references, rows)
     write_text(folder / "work_precision.md", found)
-    write_figure(folder / "work_precision.png", report.draw(chosen, rows))
+    _draw(folder, rows)
     print(found)
+
+
+def redraw(out: Path, table: Path) -> None:
+    """The figures of an earlier run's rows, without a measurement."""
+    _draw(results_folder(out), read_table(table, Row))
+
+
+def _draw(folder: Path, rows: list[Row]) -> None:
+    write_figure(folder / "work_precision.png", figure.draw_first(rows))
+    write_figure(folder / "work_precision_rest.png", figure.draw_rest(rows, "rms_error"))
+    write_figure(folder / "work_precision_history.png", figure.draw_rest(rows, "history_error"))

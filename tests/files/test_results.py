@@ -73,3 +73,16 @@ def test_json_has_no_nan_and_no_arrays(tmp_path):
 def test_rows_of_a_table_may_lack_columns(tmp_path):
     results.write_table(tmp_path / "x.csv", [{"a": 1, "b": "p, q"}, {"b": 2, "c": 3}], "why")
     assert (tmp_path / "x.csv").read_bytes() == b'# why\na,b,c\r\n1,"p, q",\r\n,2,3\r\n'
+
+
+@dataclass
+class Measured:
+    name: str
+    seconds: float
+    steps: int | None = None
+
+
+def test_table_is_read_as_it_was_written(tmp_path):
+    rows = [Measured("a, b", 0.1 + 0.2, 3), Measured("", np.inf)]
+    results.write_table(tmp_path / "x.csv", map(asdict, rows), "where")
+    assert results.read_table(tmp_path / "x.csv", Measured) == rows
