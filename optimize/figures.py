@@ -12,9 +12,9 @@ from matplotlib.patches import Patch
 
 import jaxcrusher as jc
 from jaxcrusher.files.results import write_figure
-from jaxcrusher.pictures import plots
+from jaxcrusher.pictures import page, plots
 from optimize import landscape as maps
-from optimize.answer import Answer, Box
+from optimize.answer import Answer, Box, Confirmed
 from optimize.evaluate import Case, started
 from optimize.pareto import nondominated
 
@@ -151,57 +151,62 @@ def draw_capacity(folder: Path, case: Case, box: Box) -> None:
 def draw_pareto(
     folder: Path, case: Case, units: np.ndarray, data: xr.Dataset, answer: Answer
 ) -> None:
-    """RMS against capacity and against the peak at the points of a map, and what no other beats.
+    """RMS against capacity and against the peak at the points of a map, and the designs among them.
+
+    The front is what no other point beats in both.
 
     `data` is the map of settled motions, or the landscape, whose worse start counts.
     """
-    names, title = ("foundation_rms", "foundation_peak"), answer.compared_with
-    other_design, capacity = answer.designs[title], case.capacity(units)
+    names, capacity = ("foundation_rms", "foundation_peak"), case.capacity(units)
     if "start" in data.dims:
         worse, motion = data[[*names, "counts"]].max("start"), "worse start"
         counts = data.counts.all("start")
-        runs = other_design.transient.values()
-        rms, peak = (max(one.first(name) for one in runs) / 1e3 for name in names)
     else:
-        worse, counts, motion, orbit = data, data.counts, "settled", other_design.settled
-        assert orbit is not None
-        rms, peak = orbit.foundation_rms / 1e3, orbit.foundation_peak / 1e3
+        worse, counts, motion = data, data.counts, "settled"
     columns = {name: worse[name].where(counts).to_numpy().ravel() / 1e3 for name in names}
-    fig, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-    for ax, other, sign, label, mark in (
-        (axes[0], capacity, -1.0, "capacity (m³/h)", other_design.capacity),
-        (axes[1], columns["foundation_peak"], 1.0, r"peak of $|R_O| + |R_C|$ (kN)", peak),
-    ):
-        front = nondominated(np.stack([columns["foundation_rms"], sign * other], axis=-1))
-        ax.plot(
-            columns["foundation_rms"],
-            other,
-            "o",
-            color="0.7",
-            markersize=3,
-            label="points of the map",
+    rms, peak = columns.values()
+    with plt.rc_context(page.STYLE):
+        fig, axes = plt.subplots(1, 2, figsize=(page.WIDTH, 3.4), layout="constrained")
+        for ax, other, sign, label in (
+            (axes[0], capacity, -1.0, "capacity (m³/h)"),
+            (axes[1], peak, 1.0, "peak of the foundation force (kN)"),
+        ):
+            front = nondominated(np.stack([rms, sign * other], axis=-1))
+            ax.plot(rms, other, "o", color="0.7", markersize=3, label="points of the map")
+            order = np.flatnonzero(front)[np.argsort(rms[front])]
+            ax.plot(rms[order], other[order], "s-", color="C0", markersize=7, label="front")
+            ax.set(xlabel=f"RMS of the foundation force, {motion} (kN)", ylabel=label)
+        for title, design in answer.designs.items():
+            least, highest = _forces(design, "start" in data.dims)
+            marker, colour, size = OPTIMUM if title == "optimum" else COMPARED
+            for ax, value in zip(axes, (design.capacity, highest), strict=True):
+                ax.plot(
+                    least,
+                    value,
+                    marker,
+                    color=colour,
+                    markersize=size,
+                    markeredgecolor="k",
+                    markeredgewidth=0.6,
+                    linestyle="",
+                    label=title,
+                    zorder=3,
+                )
+        fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+        write_figure(folder / "pareto.png", fig)
+
+
+def _forces(design: Confirmed, transient: bool) -> tuple[float, float]:
+    """RMS and peak (kN) of the worse start's first run, or of the settled motion; NaN if none."""
+    if transient:
+        runs = design.transient.values()
+        rms, peak = (
+            max(one.first(name) for one in runs) for name in ("foundation_rms", "foundation_peak")
         )
-        order = np.flatnonzero(front)[np.argsort(columns["foundation_rms"][front])]
-        ax.plot(
-            columns["foundation_rms"][order],
-            other[order],
-            "s-",
-            color="C0",
-            markersize=5,
-            label="not beaten in both",
-        )
-        ax.plot(
-            rms,
-            mark,
-            "D",
-            color="C1",
-            markersize=9,
-            markeredgecolor="k",
-            label=answer.compared_with,
-        )
-        ax.set(xlabel=rf"RMS of $|R_O| + |R_C|$, {motion} (kN)", ylabel=label)
-        ax.legend(fontsize=8)
-    write_figure(folder / "pareto.png", fig)
+        return rms / 1e3, peak / 1e3
+    if design.settled is None:
+        return math.nan, math.nan
+    return design.settled.foundation_rms / 1e3, design.settled.foundation_peak / 1e3
 
 
 def draw_motions(folder: Path, case: Case, answer: Answer) -> None:

@@ -2,19 +2,20 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from benchmarks.reproduction.motions import Comparison, Portrait
 from benchmarks.reproduction.readings import Point
 from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
 from jaxcrusher.files.results import write_figure
-from jaxcrusher.pictures import plots
+from jaxcrusher.pictures import page, plots
 from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE
 
 STYLE: dict[Any, Any] = {
@@ -143,23 +144,36 @@ def draw_row(path: Path, draw: Draw, rows: dict[str, dict[Point, Portrait]]) -> 
     write_figure(path, figure, dpi=120)
 
 
-def draw_landscape(path: Path, grid: xr.DataArray) -> None:
-    """Figures 14 and 15: surface and contours of a force (N) over the box."""
-    label = f"{grid.attrs['long_name']} (kN)"
-    figure = plt.figure(figsize=(10, 4.2), layout="constrained")
-    solid = figure.add_subplot(1, 2, 1, projection="3d")
-    flat = figure.add_subplot(1, 2, 2)
-    speed, clearance = np.meshgrid(grid.speed, 1e3 * grid.clearance, indexing="ij")
-    values = grid.transpose("speed", "clearance").to_numpy() / 1e3
-    cast(Any, solid).plot_surface(clearance, speed, values, cmap="cividis", rstride=1, cstride=1)
-    solid.set(xlabel="clearance (mm)", ylabel="speed (rad/s)", title=label)
-    cast(Any, solid).set_box_aspect(None, zoom=0.85)
-    solid.locator_params(nbins=5)
-    filled = flat.contourf(clearance, speed, values, levels=12, cmap="cividis")
-    flat.contour(filled, colors="k", linewidths=0.4)
-    figure.colorbar(filled, ax=flat, label=label)
-    flat.set(xlabel="clearance (mm)", ylabel="speed (rad/s)")
-    write_figure(path, figure, dpi=120)
+def draw_landscape(path: Path, runs: xr.DataArray, settled: xr.DataArray) -> None:
+    """Figures 14 and 15: a force (N) over the box, of runs and of the settled motion.
+
+    The runs' is drawn as the cells that it is: neighbours differ by chance as much as by design,
+    and contours between them would show that chance. The settled motion's carries contours.
+    """
+    with plt.rc_context(page.STYLE):
+        figure, (cells, flat) = plt.subplots(
+            1, 2, figsize=(page.WIDTH, 3.2), sharex=True, sharey=True, layout="constrained"
+        )
+        kilo = [values.transpose("speed", "clearance") / 1e3 for values in (runs, settled)]
+        ends = [min(float(v.min()) for v in kilo), max(float(v.max()) for v in kilo)]
+        colours: dict[str, Any] = {"cmap": "cividis", "vmin": ends[0], "vmax": ends[1]}
+        of_runs, of_settled = kilo
+        mesh = cells.pcolormesh(
+            1e3 * runs.clearance, runs.speed, of_runs, shading="nearest", **colours
+        )
+        where = (1e3 * settled.clearance, settled.speed, of_settled)
+        flat.contourf(*where, levels=MaxNLocator(12).tick_values(*ends), **colours)
+        lines = flat.contour(*where, levels=MaxNLocator(8), colors="w", linewidths=0.8)
+        flat.clabel(lines, fmt="%g")
+        cells.grid(visible=False)
+        flat.grid(visible=False)
+        cells.set(title="centred start, turns 21 to 32", ylabel="speed (rad/s)")
+        flat.set(title="settled motion")
+        for ax in (cells, flat):
+            ax.set(xlabel="clearance (mm)")
+        words = runs.attrs["long_name"].replace("|R_O| + |R_C|", "the foundation force")
+        figure.colorbar(mesh, ax=[cells, flat], label=f"{words} (kN)")
+        write_figure(path, figure)
 
 
 def draw_choice(path: Path, rows: dict[str, Portrait]) -> None:

@@ -233,5 +233,7 @@ below; centred start, from turn 57. Poincaré maps show 200 turns.
 - `fig07a.png`, `fig07b.png`: displacement of B at two clearances; capacity over speed.
 - `fig08.png` to `fig10.png`: orbit, foundation force, Poincaré map at 0.06 mm over the speed.
 - `fig11.png` to `fig13.png`: the same at 30 rad/s over the clearance.
-- `fig14.png`, `fig15.png`: RMS and peak over the box, decided reading.
+- `fig14.png`, `fig15.png`: RMS and peak over the box, decided reading. Left the centred start's, a
+  cell a run: neighbours differ by chance, and contours through them would show it. Right those of
+  the settled motion, which carry contours; white lines in kN.
 - `fig16.png`: the paper's choice, 39 rad/s and 0.03 mm."""

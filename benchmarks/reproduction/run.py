@@ -53,7 +53,17 @@ def run(out: Path) -> None:
                 chunk=22,
                 progress=lambda finished, _, task=cells: bars.update(task, completed=finished),
             )
-            figures.draw_landscape(out / f"fig{figure}.png", box[variable])
+            settled = jc.orbit_map(
+                {
+                    "speed": np.linspace(25, 40, 61),
+                    "clearance": np.linspace(0.03e-3, largest, 2 * count - 1),
+                }
+            )
+            figures.draw_landscape(
+                out / f"fig{figure}.png",
+                box[variable],
+                settled[variable].where(settled.stable),
+            )
             boxes.append(box)
         programs = len({(r.slip, r.impact_law, r.load_law, r.settle) for r in READINGS})
         measured = measure(READINGS, done=stage("Readings", programs))

@@ -19,23 +19,27 @@ def main(out: Path = Path("results/pictures")) -> None:
     from jaxcrusher.pictures import plots
     from jaxcrusher.pictures.film import animate
     from jaxcrusher.pictures.geometry import plot_geometry
-    from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
+    from jaxcrusher.pictures.mechanism import DRAWN, FORCES, plot_mechanism
+    from jaxcrusher.pictures.page import WIDTH
     from jaxcrusher.scenes.build import build_machine
 
     folder = results_folder(out)
     write_figure(folder / "geometry.png", plot_geometry(build_machine({})), dpi=90)
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
     motion = jc.simulate(scene, 2 * np.pi / 30 * np.arange(36) / 36, outputs=DRAWN, rtol=1e-9)
-    fig, ax = plt.subplots(figsize=(7, 5.6), layout="constrained")
-    plot_mechanism(scene, motion, 12, ax)
-    write_figure(folder / "mechanism.png", fig, dpi=90)
-    animate(scene, motion, folder / "turn.gif", dpi=55)
+    # Every force is long enough to have its name: the least of them is the largest.
+    forces = [np.linalg.norm(motion[name], axis=-1) for name in FORCES]
+    fig, ax = plt.subplots(figsize=(WIDTH, 5.4), layout="constrained")
+    plot_mechanism(scene, motion, int(np.argmax(np.min(forces, axis=0))), ax)
+    write_figure(folder / "mechanism.png", fig)
+    # As wide as a page on a screen.
+    animate(scene, motion, folder / "turn.gif", dpi=88)
 
     axes = {"speed": np.linspace(25, 40, 12), "clearance": np.linspace(0.03e-3, 0.12e-3, 7)}
     grid = jc.sweep(axes, 15, 10, base={"slip": "surface", "friction": 0.05}, rtol=1e-6)
-    fig, ax = plt.subplots(figsize=(7, 4.2), layout="constrained")
+    fig, ax = plt.subplots(figsize=(WIDTH, 4.0), layout="constrained")
     plots.plot_sweep(grid, ax=ax)
-    write_figure(folder / "whirls.png", fig, dpi=90)
+    write_figure(folder / "whirls.png", fig)
 
 
 if __name__ == "__main__":

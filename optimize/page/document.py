@@ -22,8 +22,8 @@ FIGURES = {
     "settling.png": "Turns in which a disturbance of the settled motion falls to 1/e.",
     "starts.png": "The objective over the first turns, worse of both starts.",
     "capacity.png": "Capacity over driving speed, with its floor and the box searched.",
-    "pareto.png": "RMS of the foundation force against capacity and against its peak, with what "
-    "no other cell beats in both.",
+    "pareto.png": "RMS of the foundation force against capacity and against its peak; the "
+    "front is what no other point beats in both.",
     "motion.png": "Orbit of the pin and foundation force of the optimum and of the design it is "
     "compared with, after their long runs.",
 }

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import asdict, dataclass
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -1,0 +1,83 @@
+"""The search's figures show the designs that it found."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+import xarray as xr
+from matplotlib.text import Text
+
+from jaxcrusher.pictures.page import SMALLEST, WIDTH
+from optimize import figures
+
+# RMS and peak of a map of 3 x 2 points, N; the first point beats all others in everything.
+RMS = np.array([[18e3, 18.5e3], [20e3, 20.5e3], [22e3, np.nan]])
+CAPACITY = np.array([[9.0, 9.0], [7.0, 7.0], [6.0, 6.0]])
+
+
+def design(rms, capacity, **changes) -> Any:
+    """As the search confirms one: from the worse of two starts 1 kN more than settled."""
+    runs = [
+        SimpleNamespace(first={"foundation_rms": rms + k, "foundation_peak": 1.5 * rms + k}.get)
+        for k in (1e3, 0.0)
+    ]
+    settled = SimpleNamespace(foundation_rms=rms, foundation_peak=1.5 * rms)
+    known = {"capacity": capacity, "settled": settled, "transient": dict(enumerate(runs))}
+    return SimpleNamespace(**known | changes)
+
+
+@pytest.fixture
+def drawn(monkeypatch, tmp_path):
+    """Draws a Pareto figure and keeps it."""
+    kept = []
+    monkeypatch.setattr(figures, "write_figure", lambda path, figure: kept.append(figure))
+
+    def draw(data: xr.Dataset, **designs):
+        case = SimpleNamespace(capacity=lambda units: units)
+        answer = SimpleNamespace(designs=designs)
+        figures.draw_pareto(tmp_path, cast(Any, case), CAPACITY.ravel(), data, cast(Any, answer))
+        return kept[-1]
+
+    yield draw
+    plt.close("all")
+
+
+def grid(start: bool) -> xr.Dataset:
+    """Settled motions, or the landscape from two starts, the worse of which is the same."""
+    dims, counts = ("speed", "clearance"), np.isfinite(RMS)
+    data = xr.Dataset(
+        {
+            "foundation_rms": (dims, RMS),
+            "foundation_peak": (dims, 1.5 * RMS),
+            "counts": (dims, counts),
+        }
+    )
+    return xr.concat([data, data], "start") if start else data
+
+
+@pytest.mark.parametrize("start, extra", [(False, 0.0), (True, 1.0)], ids=["settled", "landscape"])
+def test_pareto_marks_optimum_and_rival(drawn, start, extra):
+    fig = drawn(grid(start), optimum=design(18e3, 9.0), rival=design(22e3, 6.0))
+    for ax, second in zip(fig.axes, ((9.0, 6.0), (27.0 + extra, 33.0 + extra)), strict=True):
+        lines = {line.get_label(): line.get_xydata().tolist() for line in ax.lines}
+        assert lines["optimum"] == [[18.0 + extra, second[0]]]
+        assert lines["rival"] == [[22.0 + extra, second[1]]]
+        assert len(lines["front"]) == 1 and lines["front"][0][0] == 18.0
+        assert len({(line.get_color(), line.get_marker()) for line in ax.lines}) == 4
+    shown = [text for text in fig.findobj(Text) if text.get_visible() and text.get_text()]
+    assert fig.get_figwidth() <= WIDTH and min(t.get_fontsize() for t in shown) >= SMALLEST
+    fig.draw_without_rendering()
+    (legend,) = fig.legends
+    over = legend.get_window_extent()
+    assert not any(over.overlaps(ax.get_window_extent()) for ax in fig.axes)
+
+
+def test_pareto_of_a_design_without_a_settled_motion(drawn):
+    fig = drawn(grid(False), optimum=design(18e3, 9.0, settled=None))
+    (mark,) = (line for line in fig.axes[0].lines if line.get_label() == "optimum")
+    assert np.isnan(mark.get_xdata()).all()
