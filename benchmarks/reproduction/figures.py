@@ -9,7 +9,6 @@ import numpy as np
 import xarray as xr
 from cycler import cycler
 from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 
 from benchmarks.reproduction.motions import Comparison, Portrait
 from benchmarks.reproduction.readings import Point
@@ -157,20 +156,16 @@ def draw_landscape(path: Path, runs: xr.DataArray, settled: xr.DataArray) -> Non
         kilo = [values.transpose("speed", "clearance") / 1e3 for values in (runs, settled)]
         ends = [min(float(v.min()) for v in kilo), max(float(v.max()) for v in kilo)]
         colours: dict[str, Any] = {"cmap": "cividis", "vmin": ends[0], "vmax": ends[1]}
-        of_runs, of_settled = kilo
-        mesh = cells.pcolormesh(
-            1e3 * runs.clearance, runs.speed, of_runs, shading="nearest", **colours
-        )
-        where = (1e3 * settled.clearance, settled.speed, of_settled)
-        flat.contourf(*where, levels=MaxNLocator(12).tick_values(*ends), **colours)
-        lines = flat.contour(*where, levels=MaxNLocator(8), colors="w", linewidths=0.8)
+        for ax, values in zip((cells, flat), kilo, strict=True):
+            where = (1e3 * values.clearance, values.speed, values)
+            mesh = ax.pcolormesh(*where, shading="nearest", **colours)
+            ax.set(xlabel="clearance (mm)", facecolor="0.8")
+            ax.grid(visible=False)
+        # Of the last, the settled motion's.
+        lines = flat.contour(*where, levels=8, colors="w", linewidths=0.8)
         flat.clabel(lines, fmt="%g")
-        cells.grid(visible=False)
-        flat.grid(visible=False)
         cells.set(title="centred start, turns 21 to 32", ylabel="speed (rad/s)")
         flat.set(title="settled motion")
-        for ax in (cells, flat):
-            ax.set(xlabel="clearance (mm)")
         words = runs.attrs["long_name"].replace("|R_O| + |R_C|", "the foundation force")
         figure.colorbar(mesh, ax=[cells, flat], label=f"{words} (kN)")
         write_figure(path, figure)

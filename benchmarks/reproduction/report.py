@@ -235,5 +235,5 @@ below; centred start, from turn 57. Poincaré maps show 200 turns.
 - `fig11.png` to `fig13.png`: the same at 30 rad/s over the clearance.
 - `fig14.png`, `fig15.png`: RMS and peak over the box, decided reading. Left the centred start's, a
   cell a run: neighbours differ by chance, and contours through them would show it. Right those of
-  the settled motion, which carry contours; white lines in kN.
+  the settled motion, which carry contours; lines in kN, grey where it is unstable or not solved.
 - `fig16.png`: the paper's choice, 39 rad/s and 0.03 mm."""

@@ -19,7 +19,7 @@ def main(out: Path = Path("results/pictures")) -> None:
     from jaxcrusher.pictures import plots
     from jaxcrusher.pictures.film import animate
     from jaxcrusher.pictures.geometry import plot_geometry
-    from jaxcrusher.pictures.mechanism import DRAWN, FORCES, plot_mechanism
+    from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
     from jaxcrusher.pictures.page import WIDTH
     from jaxcrusher.scenes.build import build_machine
 
@@ -27,10 +27,9 @@ def main(out: Path = Path("results/pictures")) -> None:
     write_figure(folder / "geometry.png", plot_geometry(build_machine({})), dpi=90)
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
     motion = jc.simulate(scene, 2 * np.pi / 30 * np.arange(36) / 36, outputs=DRAWN, rtol=1e-9)
-    # Every force is long enough to have its name: the least of them is the largest.
-    forces = [np.linalg.norm(motion[name], axis=-1) for name in FORCES]
     fig, ax = plt.subplots(figsize=(WIDTH, 5.4), layout="constrained")
-    plot_mechanism(scene, motion, int(np.argmax(np.min(forces, axis=0))), ax)
+    # Two thirds of a turn: R_C, small beside R_O, is long enough for its name.
+    plot_mechanism(scene, motion, 24, ax)
     write_figure(folder / "mechanism.png", fig)
     # As wide as a page on a screen.
     animate(scene, motion, folder / "turn.gif", dpi=88)
