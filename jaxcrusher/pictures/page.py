@@ -1,4 +1,4 @@
-"""The width of a page, and type that can be read there."""
+"""The width of a page (`WIDTH`, inches), and type that can be read there (`STYLE`)."""
 
 from typing import Any
 
