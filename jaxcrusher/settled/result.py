@@ -50,7 +50,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
     values: Mapping[str, Scalar]  # statistics
     error: Scalar  # estimated, of the RMS as a share of it
     least_penetration: Scalar  # least delta / c: contact is kept if it is > 0
-    multipliers: Complex[Array, " 4"]  # of a disturbance, in one period; none if ideal
+    multipliers: Complex[Array, " n"]  # of a disturbance, in one period: 4, none if ideal
     multipliers_error: Scalar  # estimated
     validity: Validity
 
