@@ -1,21 +1,62 @@
-"""The notebooks are there, short, and committed without output; nbmake runs them."""
+"""Notebooks teach by one plan, and what they show is current; nbmake runs them."""
 
+import re
 from pathlib import Path
 
 import nbformat
 import pytest
 
-NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.ipynb"))
+from notebooks.make import DIGEST, digest
+
+FOLDER = Path(__file__).parents[2] / "notebooks"
+NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
+pytestmark = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 
 
-def test_all_are_there():
+def cells(path: Path, kind: str) -> list:
+    return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == kind]
+
+
+def test_six_short_ones(path):
     assert len(NOTEBOOKS) == 6
+    assert len(nbformat.read(path, as_version=4).cells) <= 15
 
 
-@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_short_without_output_and_checking_itself(path):
-    cells = nbformat.read(path, as_version=4).cells
-    assert len(cells) <= 15
-    code = [cell for cell in cells if cell.cell_type == "code"]
-    assert not any(cell.outputs or cell.execution_count for cell in code)
-    assert any("assert" in cell.source for cell in code)
+def test_opens_with_its_question_and_explains_its_symbols(path):
+    opening, symbols = (cell.source for cell in cells(path, "markdown")[:2])
+    assert re.match(r"# .+\n\n\*\*[^*]+\?\*\*", opening)
+    assert re.match(r"\| (symbol|word) \|", symbols)
+
+
+def test_checks_stand_in_the_last_cell_alone(path):
+    *lesson, checks = (cell.source for cell in cells(path, "code"))
+    assert nbformat.read(path, as_version=4).cells[-1].source == checks
+    assert checks.startswith("# Checks\n") and "assert" in checks
+    assert not any("assert" in source for source in lesson)
+
+
+def test_ends_with_two_exercises_and_a_next_step(path):
+    text = "\n".join(cell.source for cell in cells(path, "markdown"))
+    exercises, after = text.split("## Exercises\n")[1].split("## Next\n")
+    items = re.split(r"^\d\. ", exercises, flags=re.MULTILINE)[1:]
+    assert len(items) == 2 and all(re.search(r"\*Answer:\s[^*]+\*", item) for item in items)
+    links = re.findall(r"\]\(([^)#]+)", after)
+    assert any(link.endswith(".ipynb") for link in links)
+    assert any(link.startswith("../docs/") for link in links)
+
+
+def test_links_lead_somewhere(path):
+    text = "\n".join(cell.source for cell in cells(path, "markdown"))
+    for link in re.findall(r"\]\(([^)#]+)", text):
+        assert (FOLDER / link).exists(), link
+
+
+def test_shows_its_pictures_small_and_current(path):
+    """Made by `python notebooks/make.py`."""
+    notebook = nbformat.read(path, as_version=4)
+    shown = [output for cell in cells(path, "code") for output in cell.outputs]
+    kinds = {kind for output in shown for kind in output.get("data", {})}
+    assert "image/png" in kinds and kinds <= {"image/png", "text/plain"}
+    assert notebook.metadata[DIGEST] == digest(notebook), "run python notebooks/make.py"
+    # Pictures of 60 kB in all, a third more in base64, and the text.
+    assert path.stat().st_size < 100e3
