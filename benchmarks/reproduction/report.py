@@ -192,7 +192,8 @@ SEARCH_NOTES = f"""At 30 rad/s and 0.09 and 0.12 mm the paper has peaks of 1.1e6
 reading, error or solver leads there? Each variant changes what its name says in the decided
 reading, with either slip. Peaks are those of {TURNS} turns after {SETTLE}. Each
 variant has {len(SEARCH_OFFSETS)} centred starts, {SEARCH_OFFSETS[1]:g} clearances apart; they may
-end on different attractors, and the one nearer to the paper's peak is shown. In brackets, how many
+end on different attractors, and the one nearer to the paper's peak is shown: which
+variant comes nearest is a matter of chance, and changes with the build. In brackets, how many
 whirl: the pin rolls round the bore more than ten times a turn. "(19) as printed" has x reversed,
 phi from (3) in [0, pi] and no moments, so that forces act at the mass centres. "ode45 at its
 default tolerances" is Dormand and Prince's pair on the nine coordinates with tolerances of 1e-3,
