@@ -7,8 +7,6 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from nbformat.v4 import new_output
-
 from jaxcrusher.commands.program import program
 
 HERE = Path(__file__).parent
@@ -53,6 +51,8 @@ def digest(notebook) -> str:
 
 def kept(outputs) -> Iterator[dict]:
     """What is printed, and pictures, or else the plain text of what is shown."""
+    from nbformat.v4 import new_output
+
     for output in outputs:
         if output.output_type == "stream" and output.name == "stdout":
             yield output

@@ -48,12 +48,14 @@ def judge(
     multipliers: Complex[ArrayLike, "..."] = np.nan,
     share: float = 0.0,
     drift: tuple[float, float] = (0.0, 0.0),
+    settling: bool = False,
 ) -> Slope:
     """The estimate to use, and whether to believe it.
 
     `radius` is that of the fit, in the parameter's unit; `growth` the logarithm of what the
     tangent has grown by; `multipliers` those of the orbit, which an implicit slope needs;
-    `share` and `drift` those of the fit (see `jaxcrusher.dynamics.fits.Fit`).
+    `share` and `drift` those of the fit (see `jaxcrusher.dynamics.fits.Fit`). `settling` is
+    whether the motion still comes to another, whose slope may be quite different.
     """
     estimator = "fit" if chaotic else "implicit" if "implicit" in estimates else "tangent"
     value, error = estimates[estimator]
@@ -88,6 +90,8 @@ def judge(
             refusals.append(f"a multiplier is within {nearest:.1g} of 1: the orbit is about to end")
     if estimator == "tangent" and not growth <= GROWTH:
         refusals.append(f"the tangent grows by exp({growth:.1f}) > exp({GROWTH:.0f})")
+    if settling and estimator != "implicit":
+        doubts.append("the motion has not settled: this slope is of its transient")
     verdict = "refused" if refusals else "doubtful" if doubts else "ok"
     return Slope(
         name,

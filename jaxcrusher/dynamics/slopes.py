@@ -172,6 +172,7 @@ def gradient_report(
     if chaotic and isinstance(STATISTIC[metric].reduction, PowerMean):
         estimates["shadowing"] = _shadowing(along[0], metric)
     evidence["growth"] = float(largest * TANGENT_TURNS) if chaotic else _growth(along[0])
+    evidence["settling"] = kind.name == "not settled"
     slopes = {}
     for i, name in enumerate(names):
         single = {key: (float(a[i]), float(b[i])) for key, (a, b) in estimates.items()}

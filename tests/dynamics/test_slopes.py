@@ -187,6 +187,17 @@ def test_verdicts(estimates, growth, chaotic, verdict):
     assert bool(slope.reasons) == (verdict != "ok")
 
 
+def test_the_slope_of_a_transient_is_doubtful():
+    """Whatever agrees on it: at 30 rad/s it was 150.7 of a centred start, settled 220.13."""
+    for estimates, chaotic in ((FIT | {"tangent": (10.1, 0.0)}, False), (FIT, True)):
+        slope = judge("speed", estimates, chaotic, 0.3, growth=0.0, settling=True)
+        assert slope.verdict == "doubtful" and "has not settled" in slope.reasons[-1]
+    orbit = {"orbits": (10.0, 0.0), "implicit": (10.0, 0.0)}
+    numbers = np.array([0.5, 0.9])
+    slope = judge("speed", orbit, False, 0.3, growth=0.0, multipliers=numbers, settling=True)
+    assert slope.verdict == "ok"
+
+
 @pytest.mark.parametrize(
     "value, multipliers, verdict, reason",
     [
