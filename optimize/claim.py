@@ -48,8 +48,8 @@ def claim(case: Case, orbits: xr.Dataset | None, best: Confirmed) -> Claim:
     )
     if unsolved:
         words += (
-            f" Nothing is said of {unsolved} of {values.size} points where no stable settled "
-            "motion in contact was found or a constraint is broken."
+            f" Nothing is said of {unsolved} of {values.size} points: there, or at all beside "
+            "them, no stable settled motion in contact was found or a constraint is broken."
         )
     return Claim(within, curvature, unsolved, gain, words)
 
