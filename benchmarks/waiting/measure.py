@@ -7,12 +7,11 @@ from functools import cache
 
 import jax
 import numpy as np
-from scipy.integrate import solve_ivp
-from sksundae.cvode import CVODE
 
 import jaxcrusher as jc
 from benchmarks.peers import numba_peer
 from benchmarks.peers.equations import Crusher
+from benchmarks.peers.same_field import by_cvode, by_scipy
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.method import FIRST_STEP
 
@@ -26,8 +25,7 @@ CASES: dict[str, tuple[str, float, tuple[str, ...]]] = {
     "friction of sliding surfaces": ("surface", 0.1, ("contact",)),
 }
 TURN, RUNS = 2 * np.pi, 50
-# So large that the integral of the square never counts.
-NEVER = 1e30
+MOST_STEPS = 1_000_000_000  # of CVODE, in a run
 
 
 @dataclass(frozen=True)
@@ -101,50 +99,23 @@ def _by_numba(y: np.ndarray, numbers: np.ndarray, turns: int) -> float:
     return numba_peer.integrate(y, numbers, turns, _taken(turns), RTOL, FIRST_STEP)[0]
 
 
-def _times(turns: int) -> np.ndarray:
-    """Zero, the end of the wait (or any time before the end) and the end: CVODE wants three."""
+def _angles(turns: int) -> np.ndarray:
+    """The end of the wait (or any angle before the end: CVODE wants two) and the end."""
     end = turns + _taken(turns)
-    return TURN * np.array([0.0, turns or end / 2, end])
+    return TURN * np.array([turns or end / 2, end])
 
 
 def _mean(states: np.ndarray, turns: int) -> float:
-    """Of the force's square, from its integral at these times."""
-    return float(states[2, 4] - (states[1, 4] if turns else 0.0)) / _taken(turns)
+    """Of the force's square, from its integral at these angles."""
+    return float(states[1, 4] - (states[0, 4] if turns else 0.0)) / _taken(turns)
 
 
 def _by_cvode(y: np.ndarray, numbers: np.ndarray, turns: int) -> float:
-    def field(angle, y, rate):
-        numba_peer.field(angle, y, numbers, rate)
-
-    solver = CVODE(
-        field,
-        method="Adams",
-        rtol=RTOL,
-        atol=np.array([RTOL] * 4 + [NEVER]),
-        first_step=FIRST_STEP,
-        max_num_steps=1_000_000_000,
-    )
-    return _mean(solver.solve(_times(turns), y).y, turns)
+    return _mean(by_cvode(y, numbers, _angles(turns), "Adams", RTOL, MOST_STEPS), turns)
 
 
 def _by_scipy(y: np.ndarray, numbers: np.ndarray, turns: int) -> float:
-    rate = np.empty(5)
-
-    def field(angle, y):
-        numba_peer.field(angle, y, numbers, rate)
-        return rate.copy()
-
-    found = solve_ivp(
-        field,
-        (0.0, _times(turns)[-1]),
-        y,
-        "DOP853",
-        t_eval=_times(turns),
-        rtol=RTOL,
-        atol=[RTOL] * 4 + [NEVER],
-        first_step=FIRST_STEP,
-    )
-    return _mean(found.y.T, turns)
+    return _mean(by_scipy(y, numbers, _angles(turns), "DOP853", RTOL), turns)
 
 
 Way = Callable[[np.ndarray, np.ndarray, int], float]

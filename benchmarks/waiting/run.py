@@ -11,9 +11,8 @@ from benchmarks.setting import setting
 from benchmarks.waiting.measure import CASES, WAYS, Row, of_ours, settled, waited
 from jaxcrusher.files.provenance import command
 from jaxcrusher.files.results import results_folder, write_figure, write_text
+from jaxcrusher.pictures.page import COLOURS
 
-# Okabe and Ito's.
-COLOURS = ("#0072B2", "#D55E00", "#009E73")
 LINES = {"contact": "-", "centred": "--"}
 HEADING = """# Waiting for the settled motion
 
@@ -77,7 +76,7 @@ def draw(rows: list[Row]) -> Figure:
     fig, axes = plt.subplots(1, len(CASES), figsize=(11, 4.4), sharey=True, layout="constrained")
     for ax, name in zip(np.ravel(axes), CASES, strict=True):
         mine = [row for row in rows if row.case == name]
-        for way, colour in zip(WAYS, COLOURS, strict=True):
+        for way, colour in zip(WAYS, COLOURS, strict=False):
             for start, line in LINES.items():
                 some = [row for row in mine if (row.program, row.start) == (way, start)]
                 ax.loglog(

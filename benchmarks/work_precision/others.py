@@ -11,21 +11,19 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.integrate import RK45, solve_ivp
-from sksundae.cvode import CVODE
+from scipy.integrate import RK45
 
 from benchmarks.peers import numba_peer, scipy_peer
 from benchmarks.peers.exudyn_peer import Model
 from benchmarks.peers.motion import Motion
 from benchmarks.peers.numba_peer import compiled
+from benchmarks.peers.same_field import by_cvode, by_scipy
 from benchmarks.work_precision.cases import Answer, Case, closed_form, solved
 from benchmarks.work_precision.ours import FEW, LADDER, MOST_STEPS
 from jaxcrusher.motion.method import FIRST_STEP
 
 # Of Dormand-Prince's dense output, fourth order (Shampine 1986).
 DENSE = np.ascontiguousarray(RK45.P)
-# So large that the integral of the square never counts.
-NEVER = 1e30
 
 
 @dataclass(frozen=True)
@@ -61,45 +59,12 @@ def _forces(angles, states, p):
 
 def _by_scipy(case: Case, method: str, rtol: float) -> tuple[Answer, int | None]:
     y, p = _start(case)
-    rate = np.empty(5)
-
-    def field(angle, y):
-        numba_peer.field(angle, y, p, rate)
-        return rate.copy()
-
-    found = solve_ivp(
-        field,
-        (0.0, case.span),
-        y,
-        method,
-        t_eval=case.angles,
-        rtol=rtol,
-        atol=[rtol] * 4 + [NEVER],
-        first_step=FIRST_STEP,
-    )
-    if not found.success:
-        raise RuntimeError(found.message)
-    return _answer(case, found.y.T, p), None
+    return _answer(case, by_scipy(y, p, case.angles, method, rtol), p), None
 
 
 def _by_cvode(case: Case, method: str, rtol: float) -> tuple[Answer, int | None]:
     y, p = _start(case)
-
-    def field(angle, y, rate):
-        numba_peer.field(angle, y, p, rate)
-
-    solver = CVODE(
-        field,
-        method=method,
-        rtol=rtol,
-        atol=np.array([rtol] * 4 + [NEVER]),
-        first_step=FIRST_STEP,
-        max_num_steps=MOST_STEPS,
-    )
-    found = solver.solve(np.append(0.0, case.angles), y)
-    if not found.success:
-        raise RuntimeError(found.message)
-    return _answer(case, found.y[1:], p), None
+    return _answer(case, by_cvode(y, p, case.angles, method, rtol, MOST_STEPS), p), None
 
 
 @compiled
