@@ -9,7 +9,7 @@ from jaxcrusher.crusher.capacity import AFFLUENCE
 from jaxcrusher.crusher.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.parameters import CHOICES, PE250X400
-from jaxcrusher.scenes.plausibility import remarks
+from jaxcrusher.scenes.plausibility import require_possible
 from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text
 from optimize.answer import Box
 from optimize.design import Design
@@ -69,9 +69,7 @@ def check(options: Options) -> None:
             f"be reached in the box, whose lowest speed gives {reached:.4g} m3/h",
             sought.capacity_floor,
         )
-    for name, ends in free.items():
-        for end in ends:
-            remarks({**described, name: end})
+    require_possible(described, free)
     if "sliding_power" in sought.objective.outputs:
         rubs = scene.joint is not None and scene.joint.friction is not None
         require(rubs, "objective", "be another without friction", options.objective)
@@ -141,12 +139,12 @@ def settings(options: Options) -> dict[str, Any]:
 
 def case(options: Options) -> Case:
     """What is searched and what for."""
-    free = bounds(options)
-    fixed = {name: v for name, v in description(options).items() if name not in free}
+    free, described = bounds(options), description(options)
+    fixed = {name: v for name, v in described.items() if name not in free}
     return Case(
         Design(free, fixed),
         OBJECTIVES[options.objective],
-        build_chamber(description(options)),
+        build_chamber(described),
         floor(options),
         options.inside_model,
     )

@@ -5,12 +5,11 @@ from dataclasses import asdict, replace
 import numpy as np
 from rich.console import Console
 
-from jaxcrusher.commands.program import tell
+from jaxcrusher.commands.crushers import tell_unusual
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command, versions
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
-from jaxcrusher.scenes.plausibility import remarks
 from optimize import figures, landscape, problem, report, stages, verdicts
 from optimize.answer import Answer, Sought
 from optimize.claim import claim
@@ -24,8 +23,7 @@ def run(options: Options, console: Console) -> Answer:
     """Search, and write result.json, landscape.nc, figures and page; what came, if interrupted."""
     problem.check(options)
     case = problem.case(options)
-    for line in remarks(problem.description(options)):
-        tell(f"unusual: {line}")
+    tell_unusual(problem.description(options))
     folder = begin(options.folder, problem.settings(options), *WRITTEN)
     answer = Answer(
         command=command(),

@@ -10,6 +10,7 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 import jaxcrusher as jc
+from jaxcrusher.batch import rows as rows_of
 from jaxcrusher.batch.engines import map_all, without_lanes
 from jaxcrusher.dynamics import orbit_map
 from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
@@ -102,7 +103,7 @@ def mapped(case: Case, units: np.ndarray, cells: tuple[int, int], rows: Rows) ->
         "objective": (of.unit, of.meaning),
         "slope": (of.unit, f"slope of the {of.meaning}, per unit of the parameter"),
         "stable": ("1", orbit_map.LOGICAL["stable"]),
-        "inside_model": ("1", "Hertzian contact and elastic impacts"),
+        "inside_model": rows_of.VARIABLES["inside_model"],
         "counts": ("1", "may be chosen: a stable motion inside the constraints"),
         "failure": ("1", "why there is no orbit"),
     }

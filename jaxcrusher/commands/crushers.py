@@ -28,9 +28,14 @@ def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
     values |= {name: read_text(name, text) for name, text in crusher.overrides}
     scene = scene_of(values, crusher.scene)
     build_chamber(values)
+    tell_unusual(values)
+    return values, scene
+
+
+def tell_unusual(values: Mapping[str, Any]) -> None:
+    """Its `remarks` on standard error; ValueError as they do."""
     for line in remarks(values):
         tell(f"unusual: {line}")
-    return values, scene
 
 
 def scene_of(values: Mapping[str, Any], path: Path | None) -> Scene:

@@ -16,7 +16,7 @@ from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_netcdf
 from jaxcrusher.scenes.parameters import CHAMBER, readable
-from jaxcrusher.scenes.plausibility import remarks
+from jaxcrusher.scenes.plausibility import require_possible
 
 if TYPE_CHECKING:
     import distributed
@@ -26,9 +26,7 @@ def run(options: Sweep, console: Console) -> int:
     """Sweep and print a closing line; ValueError for bad options."""
     (values, _), axes = read_crusher(options.crusher), read_axes(options.over)
     base = {n: value for n, value in values.items() if n not in axes and n not in CHAMBER}
-    for name, axis in axes.items():
-        for end in (axis[0], axis[-1]):
-            remarks({**values, name: end})
+    require_possible(values, axes)
     folder = results_folder(options.results.folder)
     designs = math.prod(len(axis) for axis in axes.values())
     with progress(console) as bars, _workers(options.scheduler) as scheduler:

@@ -13,7 +13,13 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.basics.checks import require, require_choice, require_whole, require_x64
+from jaxcrusher.basics.checks import (
+    require,
+    require_choice,
+    require_names,
+    require_whole,
+    require_x64,
+)
 from jaxcrusher.batch.engines import Engine, map_chunks, without_lanes
 from jaxcrusher.batch.plan import check_grid, coordinates
 from jaxcrusher.files.provenance import provenance
@@ -84,8 +90,7 @@ def orbit_map(
         require(nodes % 2 == 0, "nodes", "be even", nodes)
     levels = (NODES, 2 * NODES) if nodes is None else (nodes,)
     require_choice("metric", metric, tuple(STATISTIC))
-    for name in slopes:
-        require_choice("slopes", name, tuple(PARAMETERS))
+    require_names("slopes", slopes, tuple(PARAMETERS))
     varied, fixed = check_grid(axes, base or {})
     cells = list(itertools.product(*varied.values()))
     report = progress or (lambda finished, of: None)

@@ -4,7 +4,7 @@ A clearance of 100 mm in a bore of 130 mm, or a jaw of 0.5 kg, has a unit and li
 limits, and is a slip all the same.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -95,23 +95,17 @@ RATIOS = (
         (1e-3, 1e3),
         "the PE250x400 has 0.57; flywheels on it count",
     ),
-    Ratio(
-        "radius of gyration of the jaw / jaw.length",
-        "",
-        ("jaw.inertia", "jaw.mass", "jaw.length"),
-        lambda inertia, mass, length: (inertia / mass) ** 0.5 / length,
-        (0.15, 0.8),
-        (0.01, 3.0),
-        "a uniform bar has 0.29, the PE250x400 as printed 0.71",
-    ),
-    Ratio(
-        "radius of gyration of the toggle / toggle.length",
-        "",
-        ("toggle.inertia", "toggle.mass", "toggle.length"),
-        lambda inertia, mass, length: (inertia / mass) ** 0.5 / length,
-        (0.15, 0.8),
-        (0.01, 3.0),
-        "a uniform bar has 0.29, the PE250x400 as printed 0.60",
+    *(
+        Ratio(
+            f"radius of gyration of the {body} / {body}.length",
+            "",
+            (f"{body}.inertia", f"{body}.mass", f"{body}.length"),
+            lambda inertia, mass, length: (inertia / mass) ** 0.5 / length,
+            (0.15, 0.8),
+            (0.01, 3.0),
+            f"a uniform bar has 0.29, the PE250x400 as printed {printed}",
+        )
+        for body, printed in (("jaw", "0.71"), ("toggle", "0.60"))
     ),
     Ratio(
         "acceleration of the eccentric / 9.81 m/s2",
@@ -200,20 +194,24 @@ def remarks(values: Mapping[str, Any]) -> list[str]:
         if v["joint"] == "ideal" and "clearance" in one.of:
             continue
         ratio = float(one.ratio(*(float(v[name]) for name in one.of)))
+        if one.usual[0] <= ratio <= one.usual[1]:
+            continue
         given = ", ".join(f"{name} {readable(name, v[name])}" for name in one.of)
+        is_, low, high = (_number(value, one.unit) for value in (ratio, *one.usual))
+        said = f"{one.words} is {is_}, usually {low} to {high} ({one.source})"
         if not one.possible[0] <= ratio <= one.possible[1]:
-            low, high = (_number(end, one.unit) for end in one.usual)
             raise ValueError(
-                f"Argument `{one.of[0]}` must be one of a crusher, but {one.words} is "
-                f"{_number(ratio, one.unit)}, usually {low} to {high} ({one.source}), with {given}."
+                f"Argument `{one.of[0]}` must be one of a crusher, but {said}, with {given}."
             )
-        if not one.usual[0] <= ratio <= one.usual[1]:
-            low, high = (_number(end, one.unit) for end in one.usual)
-            found.append(
-                f"{one.words} is {_number(ratio, one.unit)}, usually {low} to {high} "
-                f"({one.source}): is {given} meant?"
-            )
+        found.append(f"{said}: is {given} meant?")
     return found
+
+
+def require_possible(values: Mapping[str, Any], axes: Mapping[str, Sequence[Any]]) -> None:
+    """ValueError as `remarks`, of a description at either end of each axis, one at a time."""
+    for name, axis in axes.items():
+        for end in (axis[0], axis[-1]):
+            remarks({**values, name: end})
 
 
 def _number(value: float, unit: str) -> str:

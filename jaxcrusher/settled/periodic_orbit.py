@@ -26,7 +26,7 @@ from jaxcrusher.motion.statistic import STATISTIC, PowerMean
 from jaxcrusher.settled import forced, newton
 from jaxcrusher.settled.collocation import System, collocate, one_by_one
 from jaxcrusher.settled.multipliers import multipliers
-from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged
+from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged, statistics_of
 from jaxcrusher.settled.shooting import shoot
 from jaxcrusher.settled.trigonometric import resample
 
@@ -165,8 +165,7 @@ def _statistics(
 
     Means are sums over the instants, peaks those of the trigonometric polynomial through them.
     """
-    slides = scene.joint is not None and scene.joint.friction is not None
-    statistics = {n: s for n, s in STATISTIC.items() if slides or n != "sliding_power"}
+    statistics = {name: STATISTIC[name] for name in statistics_of(scene)}
     quantities = dict.fromkeys(statistic.quantity for statistic in statistics.values())
 
     def look(*instant) -> list[Scalar]:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Scalar
 
-from jaxcrusher.basics.checks import require, require_choice
+from jaxcrusher.basics.checks import require, require_names
 from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
@@ -99,9 +99,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
 
         Raises ValueError for a name that `jaxcrusher.crusher.observables.OBSERVABLES` lacks.
         """
-        for name in outputs:
-            require_choice("outputs", name, tuple(OBSERVABLES))
-
+        require_names("outputs", outputs, tuple(OBSERVABLES))
         return _seen(self, jnp.asarray(angles, dtype=float), tuple(outputs))
 
 
@@ -116,6 +114,12 @@ def _seen(
         return {name: OBSERVABLES[name](snapshot, orbit.scene) for name in outputs}
 
     return jax.vmap(look)(angles)
+
+
+def statistics_of(scene: Scene) -> tuple[str, ...]:
+    """The names of those that the scene has."""
+    slides = scene.joint is not None and scene.joint.friction is not None
+    return tuple(name for name in STATISTIC if slides or name != "sliding_power")
 
 
 def judged(orbit: PeriodicOrbit, result: RESULTS) -> PeriodicOrbit:

@@ -14,11 +14,11 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.validity import validity
 from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.simulation import simulate
-from jaxcrusher.motion.statistic import SAMPLES, STATISTIC
+from jaxcrusher.motion.statistic import SAMPLES
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import Build, Tangents, chain, changes, combine, tangents
 from jaxcrusher.settled import newton
-from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged
+from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged, statistics_of
 
 # Of the map, and the shortest step as a share of Newton's.
 EVALUATIONS, LEAST_SHARE = 16, 0.1
@@ -41,7 +41,7 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " 4"], period: int) -> PeriodicO
         return _missing(scene, period)
     state, along = found
     matrix, _ = chain(along)
-    state = state + np.linalg.solve(np.eye(4) - matrix, along.state - state)
+    state = state + _solved(matrix, along.state - state)
     coarse, _ = chain(tangents(build, none, "foundation_rms", state, period, 100 * RTOL))
     blur = np.max(np.abs(coarse - matrix)) / np.max(np.abs(matrix))
     orbit = _described(scene, state, period, np.linalg.eigvals(matrix), blur)
@@ -62,19 +62,13 @@ def _missing(scene: Scene, period: int) -> PeriodicOrbit:
         nodes,
         RESULTS.open,
         jnp.array(0),
-        dict.fromkeys(_statistics(scene), lost),
+        dict.fromkeys(statistics_of(scene), lost),
         lost,
         lost,
         jnp.full(4, jnp.nan, complex),
         lost,
         validity(scene.joint, lost, lost),
     )
-
-
-def _statistics(scene: Scene) -> tuple[str, ...]:
-    """The names of those that the scene has."""
-    slides = scene.joint is not None and scene.joint.friction is not None
-    return tuple(name for name in STATISTIC if slides or name != "sliding_power")
 
 
 def _described(
@@ -90,7 +84,7 @@ def _described(
     """
     assert scene.joint is not None
     times = 2 * np.pi / scene.drive.speed * np.arange(SAMPLES) / SAMPLES
-    names, parts, seen, coarse = _statistics(scene), [], [], []
+    names, parts, seen, coarse = statistics_of(scene), [], [], []
     again = state
     for _ in range(period):
         looks = ("eccentricity", "penetration_ratio")
