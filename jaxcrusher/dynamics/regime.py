@@ -10,7 +10,8 @@ from jaxtyping import Array, Float
 from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.indicators import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
-from jaxcrusher.motion.flow import flat, initial_state
+from jaxcrusher.dynamics.swing import distance, section_of, swing_about
+from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.integrate import Outcome
 from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.statistics import Statistics
@@ -32,9 +33,8 @@ NEUTRAL_ERROR = 0.1
 # A trend in the section's spread that is no accident: rank correlation with time (of ten batches
 # without a trend one set in 2000 comes so far), and change as a share.
 TREND_RANK, TREND_SHARE = 0.9, 0.05
-# A motion swings about an orbit if the mean of its section points is no further off, as a share of
-# their spread and in clearances; it is in contact if rounding alone is missing of all the time.
-ABOUT, BESIDE, ROUNDING = 0.25, 1e-3, 1e-9
+# A motion is in contact if rounding alone is missing of all the time.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -143,10 +143,8 @@ def _orbit_in_contact(scene: Scene, record: Section) -> PeriodicOrbit | None:
     orbit = periodic_orbit(scene, nodes=NODES)
     if not bool(orbit.stable):
         return None
-    points = np.asarray(record.states)[:, :2]
-    away = points.mean(axis=0) - np.asarray(flat(orbit.state(), scene))[:2]
-    allowed = max(ABOUT * float(np.sqrt(np.mean(points.var(axis=0)))), BESIDE)
-    return orbit if np.sqrt(np.mean(away**2)) < allowed else None
+    swing = swing_about(np.asarray(record.states), 1)
+    return orbit if distance(section_of(orbit), swing.centre) < swing.allowed else None
 
 
 def _record(scene: Scene, settle_turns: int, turns: int, rtol: float) -> Section:

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -14,6 +13,7 @@ from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.batch.engines import map_all
 from jaxcrusher.batch.lanes.layout import LANES
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.dynamics.swing import NEAR, Swing, distance, section_of, swing_about
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.integrate import integrate
 from jaxcrusher.motion.method import resolve
@@ -27,9 +27,8 @@ LOOKS, PERIODS, CYCLE = 4, (1, 2, 3, 4), 12
 # A motion swings about an orbit of fewer turns if, to this factor and in clearances, it spreads no
 # wider about the mean of each of these than about those of a whole cycle.
 AS_NARROW, ROUNDING = 1.25, 1e-4
-# An orbit is that mean if it is no further from it, as a share of the spread and in clearances. Of
-# motions that swing wider than the last, in clearances, the mean is no guess of an orbit.
-ABOUT, NEAR, WIDE = 0.25, 1e-3, 0.1
+# Of motions that swing wider, in clearances, the mean is no guess of an orbit.
+WIDE = 0.1
 # What swings no wider, in clearances, is shot for at once; others may yet narrow to what is known.
 NARROW = 0.01
 # The integration's tolerance: at 1e-6 the swing dies twice as fast as it should.
@@ -148,29 +147,17 @@ def _advanced(case: tuple[Array, Scene], *, turns: int) -> tuple[Array, Bool[Arr
     return jax.vmap(lambda one: flat(one, scene))(states), outcome.success
 
 
-class _Swing(NamedTuple):
-    """What the end of a run swings about."""
-
-    centre: Float[np.ndarray, "period dims"]  # means of every so manieth section point
-    spread: float  # about these, RMS, in clearances
-
-
 # By the turns of an orbit that it may be about.
-_Swings = dict[int, _Swing]
+_Swings = dict[int, Swing]
 
 
 def _swings(states: Float[np.ndarray, "turns dims"]) -> _Swings:
     """What some turns swing about, for each of `PERIODS` and for `CYCLE`."""
-    found = {}
-    for period in (*PERIODS, CYCLE):
-        parts = states[len(states) % CYCLE :].reshape(-1, period, states.shape[1])
-        centre = parts.mean(axis=0)
-        apart = (parts - centre)[..., :2]
-        found[period] = _Swing(centre, float(np.sqrt(np.mean(apart**2))))
-    return found
+    whole = states[len(states) % CYCLE :]
+    return {period: swing_about(whole, period) for period in (*PERIODS, CYCLE)}
 
 
-def _shortest(swings: _Swings) -> _Swing:
+def _shortest(swings: _Swings) -> Swing:
     """The one about as few turns as it repeats after; after `CYCLE` if after none of `PERIODS`."""
     enough = AS_NARROW * swings[CYCLE].spread + ROUNDING
     return next(swing for swing in swings.values() if swing.spread <= enough)
@@ -181,18 +168,18 @@ class _Known:
 
     def __init__(self, scene: Scene, orbits: list[PeriodicOrbit]) -> None:
         self.scene, self.orbits = scene, orbits
-        self._sections = [_section(orbit) for orbit in orbits]
+        self._sections = [section_of(orbit) for orbit in orbits]
         self._failures: list[np.ndarray] = []
 
-    def about(self, swing: _Swing, widest: float) -> int | None:
+    def about(self, swing: Swing, widest: float) -> int | None:
         """The orbit that a motion swings about; a new one is solved for up to a spread."""
-        allowed = max(ABOUT * swing.spread, NEAR)
-        away = [_distance(section, swing.centre) for section in self._sections]
+        allowed = swing.allowed
+        away = [distance(section, swing.centre) for section in self._sections]
         if away and min(away) < allowed:
             return int(np.argmin(away))
         if len(swing.centre) > PERIODS[-1] or swing.spread > widest:
             return None
-        again = any(_distance(tried, swing.centre) < allowed for tried in self._failures)
+        again = any(distance(tried, swing.centre) < allowed for tried in self._failures)
         if again or len(self._failures) >= MOST_FAILURES:
             return None
         # Where the section bends, another turn's mean may lead there.
@@ -206,10 +193,10 @@ class _Known:
         alike = [i for i, other in enumerate(self.orbits) if _same(orbit, other)]
         if not alike:
             self.orbits.append(orbit)
-            self._sections.append(_section(orbit))
+            self._sections.append(section_of(orbit))
         return alike[0] if alike else len(self.orbits) - 1
 
-    def held(self, number: int, swing: _Swing) -> bool:
+    def held(self, number: int, swing: Swing) -> bool:
         """Whether a swing about an orbit can do nothing but die: it is small, or keeps contact.
 
         A harmonic swing goes the square root of 2 times its RMS away.
@@ -229,23 +216,6 @@ class _Known:
             if place is not None and swing.spread < before[len(swing.centre)].spread:
                 return place
         return None
-
-
-def _section(orbit: PeriodicOrbit) -> Float[np.ndarray, "period 2"]:
-    """Where the pin is at the beginning of each turn, in clearances."""
-    places = [flat(orbit.state(2 * np.pi * turn), orbit.scene) for turn in range(orbit.period)]
-    return np.array(places)[:, :2]
-
-
-def _distance(section: Float[np.ndarray, "p 2"], centre: Float[np.ndarray, "n dims"]) -> float:
-    """Of one orbit from another, RMS, in clearances; whichever turn comes first.
-
-    Infinite where the periods differ.
-    """
-    if len(section) != len(centre):
-        return np.inf
-    apart = [np.roll(section, -turn, axis=0) - centre[:, :2] for turn in range(len(section))]
-    return min(float(np.sqrt(np.mean(shift**2))) for shift in apart)
 
 
 def _same(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:

@@ -97,7 +97,7 @@ def test_known_orbits_are_not_shot_for_again(monkeypatch):
         return Orbit(two, stable=len(shots) > 2)
 
     monkeypatch.setattr(module, "shoot", shoot)
-    monkeypatch.setattr(module, "_section", lambda orbit: orbit.section)
+    monkeypatch.setattr(module, "section_of", lambda orbit: orbit.section)
     known = module._Known(None, [Orbit(one)])
     wide = swing_about(one, 0.05)
     assert known.about(wide, 0.1) == 0 and not known.held(0, wide)
