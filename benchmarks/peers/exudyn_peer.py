@@ -15,12 +15,8 @@ import numpy as np
 from exudyn import itemInterface as items
 
 from benchmarks.peers.equations import Chain, Shaft
-from benchmarks.peers.exudyn_settings import settings, solve
+from benchmarks.peers.exudyn_parts import Parts
 from benchmarks.peers.motion import Motion
-
-
-def _xyz(vector: complex) -> list[float]:
-    return [vector.real, vector.imag, 0.0]
 
 
 class Model:
@@ -30,148 +26,52 @@ class Model:
         """The motion's start and drive; `ideal` puts a revolute joint at A."""
         c = self.crusher = motion.crusher
         self.torque, self.ideal = motion.torque, ideal
-        self.container = exu.SystemContainer()
-        self.system = self.container.AddSystem()
-        self.sensors = {}
-        add = self.system
+        self.parts = parts = Parts(c.g)
         t3, t2, w3, w2 = motion.start[:4]
         shaft, chain = Shaft(c, 0.0, c.speed), Chain(c, (t3, t2), (w3, w2))
-        ground = add.AddObject(items.ObjectGround())
         s1_velocity, s2_velocity = 1j * c.speed * shaft.to_s1, chain.db * w3 + chain.ds2 * w2
         s2 = chain.b - 1j * chain.ds2
         s1, s3 = c.bearing + shaft.to_s1, chain.b / 2
-        b1, n1 = self._body(c.m1, c.j1, s1, 0.0, s1_velocity, c.speed)
-        b2, _ = self._body(c.m2, c.j2, s2, t2, s2_velocity, w2)
-        b3, _ = self._body(c.m3, c.j3, s3, -t3, chain.velocity_b / 2, -w3)
+        b1, n1 = parts.body(c.m1, c.j1, s1, 0.0, s1_velocity, c.speed)
+        b2, _ = parts.body(c.m2, c.j2, s2, t2, s2_velocity, w2)
+        b3, _ = parts.body(c.m3, c.j3, s3, -t3, chain.velocity_b / 2, -w3)
         # Points of a body relative to its mass centre, in its own axes.
         to_s1 = c.l11 * cmath.exp(1j * c.shaft_angle)
         s2_to_a = 1j * c.l21 * cmath.exp(1j * c.jaw_angle)
-        frame = self._marker(ground, 0j)
+        frame = parts.marker(parts.ground, 0j)
         # The ground's side first: forces come out in its axes.
-        self._joint("O", self._marker(ground, c.bearing), self._marker(b1, -to_s1))
-        self._joint("C", frame, self._marker(b3, -c.l3 / 2 + 0j))
-        add.AddObject(
+        parts.joint("O", parts.marker(parts.ground, c.bearing), parts.marker(b1, -to_s1))
+        parts.joint("C", frame, parts.marker(b3, -c.l3 / 2 + 0j))
+        parts.system.AddObject(
             items.ObjectJointRevolute2D(
                 markerNumbers=[
-                    self._marker(b2, s2_to_a - 1j * c.l2),
-                    self._marker(b3, c.l3 / 2 + 0j),
+                    parts.marker(b2, s2_to_a - 1j * c.l2),
+                    parts.marker(b3, c.l3 / 2 + 0j),
                 ]
             )
         )
-        pin, bore = self._marker(b1, c.l1 - to_s1), self._marker(b2, s2_to_a)
-        for name, marker in (("pin", pin), ("bore", bore)):
-            self._sensor(
-                name,
-                items.SensorMarker(
-                    markerNumber=marker, outputVariableType=exu.OutputVariableType.Position
-                ),
-            )
+        pin, bore = parts.marker(b1, c.l1 - to_s1), parts.marker(b2, s2_to_a)
+        parts.place("pin", pin)
+        parts.place("bore", bore)
         if ideal:
-            self._joint("A", pin, bore)
+            parts.joint("A", pin, bore)
         else:
-            self._contact(pin, bore)
-        self._drive(b1, n1)
+            friction = {"dynamicFriction": c.friction or 0.0, "frictionProportionalZone": c.v1}
+            radii = c.bore - c.clearance, c.bore
+            law = c.stiffness, c.restitution, c.impact_velocity
+            parts.contact("contact", pin, bore, radii, *law, **friction)
+        speed = exu.OutputVariableType.AngularVelocity
+        parts.sensor("shaft", items.SensorNode(nodeNumber=n1, outputVariableType=speed))
+        if self.torque is None:
+            parts.drive("drive", n1, c.speed)
+        else:
+            turning = parts.coordinate(n1, 2)
+            parts.system.AddLoad(items.LoadCoordinate(markerNumber=turning, load=self.torque))
         # (18): along the jaw, that is, fixed to its axes, at S2.
-        add.AddLoad(
+        parts.system.AddLoad(
             items.LoadForceVector(
-                markerNumber=self._marker(b2, 0j), loadVector=[0.0, -c.load, 0.0], bodyFixed=True
+                markerNumber=parts.marker(b2, 0j), loadVector=[0.0, -c.load, 0.0], bodyFixed=True
             )
-        )
-
-    def _body(self, mass, inertia, centre: complex, angle, velocity: complex, spin):
-        node = self.system.AddNode(
-            items.NodeRigidBody2D(
-                referenceCoordinates=[centre.real, centre.imag, angle],
-                initialVelocities=[velocity.real, velocity.imag, spin],
-            )
-        )
-        body = self.system.AddObject(
-            items.ObjectRigidBody2D(mass=mass, inertia=inertia, nodeNumber=node)
-        )
-        self.system.AddLoad(
-            items.LoadMassProportional(
-                markerNumber=self.system.AddMarker(items.MarkerBodyMass(bodyNumber=body)),
-                loadVector=[0.0, -self.crusher.g, 0.0],
-            )
-        )
-        return body, node
-
-    def _marker(self, body, point: complex):
-        return self.system.AddMarker(
-            items.MarkerBodyRigid(bodyNumber=body, localPosition=_xyz(point))
-        )
-
-    def _sensor(self, name: str, sensor):
-        sensor.storeInternal = True
-        sensor.writeToFile = False
-        self.sensors[name] = self.system.AddSensor(sensor)
-
-    def _joint(self, name: str, first, second):
-        joint = self.system.AddObject(
-            items.ObjectJointGeneric(
-                markerNumbers=[first, second], constrainedAxes=[1, 1, 0, 0, 0, 0]
-            )
-        )
-        self._sensor(
-            name,
-            items.SensorObject(
-                objectNumber=joint, outputVariableType=exu.OutputVariableType.ForceLocal
-            ),
-        )
-
-    def _contact(self, pin, bore):
-        c = self.crusher
-        data = self.system.AddNode(
-            items.NodeGenericData(
-                initialCoordinates=[c.clearance, 0.0, 0.0, 0.0], numberOfDataCoordinates=4
-            )
-        )
-        contact = self.system.AddObject(
-            items.ObjectContactSphereSphere(
-                markerNumbers=[pin, bore],
-                nodeNumber=data,
-                spheresRadii=[c.bore - c.clearance, c.bore],
-                isHollowSphere1=True,
-                contactStiffness=c.stiffness,
-                contactStiffnessExponent=1.5,
-                impactModel=1,
-                # Its D is 3 (1 - e) / 2, so that this e makes it the law's 3 (1 - c_e^2) / 4.
-                restitutionCoefficient=(1 + c.restitution**2) / 2,
-                minimumImpactVelocity=c.impact_velocity,
-                dynamicFriction=c.friction or 0.0,
-                frictionProportionalZone=c.v1,
-            )
-        )
-        self._sensor(
-            "contact",
-            items.SensorObject(
-                objectNumber=contact, outputVariableType=exu.OutputVariableType.Force
-            ),
-        )
-
-    def _drive(self, body, node):
-        coordinate = self.system.AddMarker(
-            items.MarkerNodeCoordinate(nodeNumber=node, coordinate=2)
-        )
-        self._sensor(
-            "shaft",
-            items.SensorNode(
-                nodeNumber=node, outputVariableType=exu.OutputVariableType.AngularVelocity
-            ),
-        )
-        if self.torque is not None:
-            self.system.AddLoad(items.LoadCoordinate(markerNumber=coordinate, load=self.torque))
-            return
-        point = self.system.AddNode(items.NodePointGround())
-        still = self.system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=point, coordinate=0))
-        drive = self.system.AddObject(
-            items.ObjectConnectorCoordinate(
-                markerNumbers=[still, coordinate], velocityLevel=True, offset=self.crusher.speed
-            )
-        )
-        self._sensor(
-            "drive",
-            items.SensorObject(objectNumber=drive, outputVariableType=exu.OutputVariableType.Force),
         )
 
     def run(
@@ -179,19 +79,9 @@ class Model:
     ) -> dict[str, np.ndarray]:
         """Histories every `every` seconds to `end`: time, forces in N, eccentricity in m.
 
-        Generalised-alpha with a fixed `step` (s) and spectral `radius`: at 1 the multipliers
-        oscillate, below it the motion is damped a little.
+        In steps of `step` (s), as `Parts.run` says.
         """
-        self.system.Assemble()
-        chosen = settings(end, step, every)
-        chosen.timeIntegration.generalizedAlpha.spectralRadius = radius
-        solve(self.system, chosen)
-        return self._histories()
-
-    def _histories(self) -> dict[str, np.ndarray]:
-        raw = {
-            name: np.array(self.system.GetSensorStoredData(s)) for name, s in self.sensors.items()
-        }
+        raw = self.parts.run(end, step, every, radius)
         # Its connectors' forces are those on the first marker's body; reactions here on the second.
         planar = {name: values[:, 1:3] for name, values in raw.items()}
         known = {

@@ -104,9 +104,9 @@ class Motion:
         free = () if self.torque is None else (parts[0].spin, spin_rate)
         return [*y[2:4], *of_chain, *free]
 
-    def depth(self, time: float, y) -> float:
-        """The penetration, m; negative in flight."""
-        return self._parts(time, y)[2].depth
+    def corners(self, time: float, y) -> list[float]:
+        """What passes zero where the law has a corner: the penetration, m; negative in flight."""
+        return [self._parts(time, y)[2].depth]
 
     def observe(self, times, states) -> dict[str, np.ndarray]:
         """Histories at `times` (s) along `states`: forces in N, eccentricity in m."""

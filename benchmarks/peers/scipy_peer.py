@@ -1,24 +1,33 @@
-"""The crusher by SciPy's DOP853 (or LSODA, Radau), stopped wherever pin and bore touch or part."""
+"""The crusher by SciPy's DOP853 (or LSODA, Radau), stopped at each corner of the contact's law."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from benchmarks.peers.free_bodies import FreeBodies
 from benchmarks.peers.motion import Motion
 
 
 def integrate(
-    motion: Motion, times, method: str = "DOP853", rtol: float = 1e-11, pause: float = 1e-12
+    motion: Motion | FreeBodies,
+    times,
+    method: str = "DOP853",
+    rtol: float = 1e-11,
+    pause: float = 1e-12,
 ) -> np.ndarray:
-    """States of `motion` at `times` (s), increasing from 0: shape (times, 4 or 6).
+    """States of `motion` at `times` (s), increasing from 0: shape (times, numbers of a state).
 
-    The law has a corner where the penetration changes sign: a step ends there, and the next
-    one starts `pause` seconds later, so that the same crossing is not found again.
+    The law has a corner where pin and bore touch or part: a step ends there, and the next one
+    starts `pause` seconds later, so that the same crossing is not found again.
     """
 
-    def touch(time, y):
-        return motion.depth(time, y)
+    def passing(corner: int):
+        def event(time, y):
+            return motion.corners(time, y)[corner]
 
-    touch.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
+        event.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
+        return event
+
+    events = [passing(corner) for corner in range(len(motion.corners(0.0, motion.start)))]
     times = np.asarray(times)
     states, now, y, reported = [], 0.0, motion.start, 0
     while reported < len(times):
@@ -30,7 +39,7 @@ def integrate(
             dense_output=True,
             rtol=rtol,
             atol=rtol * 1e-2,
-            events=touch,
+            events=events,
             first_step=min(1e-7, times[-1] - now),
             max_step=2e-4,
         )

@@ -84,9 +84,9 @@ class Squared(Motion):
         (force,) = self.observe([time], [y])["foundation_force"]
         return [*super().field(time, y[:4]), (force / FORCE) ** 2]
 
-    def depth(self, time: float, y) -> float:
-        """The penetration, m."""
-        return super().depth(time, y[:4])
+    def corners(self, time: float, y) -> list[float]:
+        """As of a motion."""
+        return super().corners(time, y[:4])
 
     def observe(self, times, states) -> dict[str, np.ndarray]:
         """As of a motion."""

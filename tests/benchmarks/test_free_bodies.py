@@ -1,0 +1,156 @@
+"""The judges of several loose joints: free bodies by SciPy, and by EXUDYN."""
+
+import numpy as np
+import pytest
+
+from benchmarks.peers import exudyn_free_bodies, motion, scipy_peer
+from benchmarks.peers.equations import Crusher
+from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
+from benchmarks.peers.motion import Motion
+from jaxcrusher.scenes.parameters import PE250X400
+
+OTHERS = (PREFIXES["B"], PREFIXES["C"])
+FORCES = ("bearing_reaction", "elbow_reaction", "toggle_reaction", "normal_force")
+CLEARANCES = {"A": 6e-5, "B": 1e-4, "C": 8e-5}
+
+
+def free_bodies(loose: str, slip="surface", friction=0.1, **start) -> FreeBodies:
+    """With the joints named in `loose`, all of one friction; the others are ideal."""
+    of_a = {name: value for name, value in PE250X400.items() if not name.startswith(OTHERS)}
+    numbers = of_a | {"slip": slip, "friction": friction}
+    for joint in loose:
+        prefix = PREFIXES[joint]
+        numbers |= {prefix + "clearance": CLEARANCES[joint], prefix + "friction": friction}
+    if "A" not in loose:
+        numbers["joint"] = "ideal"
+    return FreeBodies(numbers, **start)
+
+
+def run(bodies: FreeBodies, times):
+    return bodies.observe(times, scipy_peer.integrate(bodies, times))
+
+
+def largest(values) -> float:
+    return float(abs(values).max())
+
+
+def apart(loose: str, mine, other) -> float:
+    """The largest difference of eccentricities, in clearances."""
+    return max(
+        largest(mine[name] - other[name]) / CLEARANCES[joint]
+        for joint in loose
+        for name in [PREFIXES[joint] + "eccentricity"]
+    )
+
+
+def test_a_alone_is_the_chain_in_angles_in_one_instant():
+    random, shares = np.random.default_rng(0), []
+    for _ in range(60):
+        e = complex(6e-5 * (1 + random.uniform(0.05, 1)) * np.exp(2j * np.pi * random.uniform()))
+        # The centres' speed takes the slip through the ramp of friction, to either side of zero.
+        rate = complex(*random.uniform(-5, 5, 2))
+        bodies, chain = (
+            free_bodies("A", e={"A": e}, rates={"A": rate}),
+            Motion(Crusher(friction=0.1), e=e, rate=rate),
+        )
+        mine, other = (each.observe([0.0], [each.start]) for each in (bodies, chain))
+        shares.append(abs(other["friction_force"][0] / other["normal_force"][0]))
+        # Rounding of 1 m in a penetration of 3e-6 m, and sums that nearly cancel.
+        for name in FORCES:
+            assert largest(mine[name] - other[name]) < 1e-8 * largest(other[name])
+    assert sum(0.005 < share < 0.095 for share in shares) > 3
+
+
+@pytest.mark.parametrize("friction", [None, 0.1])
+def test_a_alone_is_the_chain_in_angles(friction):
+    times, e, rate = 2e-5 * np.arange(300), (2 + 3j) * 1e-5, 0.02 - 0.01j
+    mine = run(free_bodies("A", friction=friction or 0.0, e={"A": e}, rates={"A": rate}), times)
+    chain = Motion(Crusher(friction=friction), e=e, rate=rate)
+    other = chain.observe(times, scipy_peer.integrate(chain, times))
+    assert other["normal_force"].max() > 1e5
+    # Both at rtol 1e-11 of 1 m, that is 1e-7 clearances; the force is some ten times as sensitive.
+    assert apart("A", mine, other) < 1e-7
+    for name in FORCES:
+        assert largest(mine[name] - other[name]) < 1e-6 * largest(other[name])
+
+
+def test_ideal_joints_are_the_closed_form():
+    times = 1e-4 * np.arange(200)
+    mine, other = run(free_bodies(""), times), motion.ideal(Crusher(), times)
+    # Accelerations fit positions that have drifted by rtol 1e-11 a step.
+    for name in ("bearing_reaction", "elbow_reaction", "toggle_reaction"):
+        assert largest(mine[name] - other[name]) < 1e-8 * largest(other[name])
+    assert largest(mine["imbalance"]) < 1e-8
+
+
+@pytest.mark.parametrize("slip", ["centre", "surface"])
+def test_energy(slip):
+    known = run(free_bodies("ABC", slip), 2e-5 * np.arange(600))
+    assert min(known[prefix + "normal_force"].max() for prefix in PREFIXES.values()) > 1e4
+    assert min(known[work][-1] for work in ("damping_loss", "friction_loss")) > 0.01
+    # rtol 1e-11 of 1600 J; the largest was 2e-9.
+    assert largest(known["imbalance"]) < 2e-8
+
+
+def test_given_start():
+    e = {"A": (2 + 3j) * 1e-5, "B": (-4 + 1j) * 1e-5, "C": (1 - 5j) * 1e-5}
+    rates = {"A": 0.03 - 0.01j, "B": 0.02 + 0.04j, "C": -0.05 + 0.01j}
+    step = 1e-6
+    known = run(free_bodies("ABC", e=e, rates=rates), step * np.arange(3))
+    for joint, prefix in PREFIXES.items():
+        assert known[prefix + "normal_force"].max() == 0
+        here, soon, later = known[prefix + "eccentricity"].view(complex)[:, 0]
+        # Rounding of positions of 1 m.
+        assert abs(here - e[joint]) < 1e-15
+        # Second order: 1e-12 of third derivatives, below 1e5 m/s3; rounding, 1e-16 over 1e-6.
+        assert abs((4 * soon - later - 3 * here) / (2 * step) - rates[joint]) < 1e-8
+
+
+def test_exudyn_agrees_to_second_order():
+    """Three loose joints: the difference falls with the square of EXUDYN's step."""
+    bodies = free_bodies("ABC", friction=0.0)
+    known = run(bodies, 1e-5 * np.arange(1001))
+    found = {h: exudyn_free_bodies.Model(bodies).run(0.01, h) for h in (1e-6, 5e-7)}
+    coarse, fine = (apart("ABC", other, known) for other in found.values())
+    # (2 pi 740 Hz 1e-6 s)^2 / 12 of the phase of a contact, 2e-6, grown by exp(200 t), 7.
+    assert coarse < 5e-5
+    assert coarse / fine == pytest.approx(4, rel=0.05)
+    for name in ("joint_force", "elbow_reaction", "toggle_reaction"):
+        assert largest(found[1e-6][name] - known[name]) < 5e-4 * largest(known[name])
+
+
+@pytest.mark.parametrize("slip", ["centre", "surface"])
+def test_exudyn_agrees_with_friction(slip):
+    """From a start in which all three joints touch and slide."""
+    angles, ways = dict(zip("ABC", (0.5, 2.5, 4.5), strict=True)), {"A": 1, "B": -1, "C": 1}
+    e = {j: complex(1.01 * c * np.exp(1j * angles[j])) for j, c in CLEARANCES.items()}
+    # Impacts stay below 0.5 m/s, from which on EXUDYN takes their own speeds.
+    rates = {j: 0.3j * ways[j] * at / abs(at) for j, at in e.items()}
+    bodies, free = (free_bodies("ABC", slip, mu, e=e, rates=rates) for mu in (0.1, 0.0))
+    times = 1e-5 * np.arange(201)
+    known, without = run(bodies, times), run(free, times)
+    found = exudyn_free_bodies.Model(bodies).run(0.002, 2e-6)
+    # 3e-4 was measured, of second order in the step. Friction moves each joint by far more.
+    for joint in "ABC":
+        assert apart(joint, found, known) < 6e-4 < 0.1 * apart(joint, without, known)
+    # EXUDYN's contacts have no force yet at time 0.
+    for name in ("joint_force", "elbow_reaction", "toggle_reaction"):
+        assert largest((found[name] - known[name])[1:]) < 2e-3 * largest(known[name])
+
+
+@pytest.mark.parametrize("loose", ["B", "C"])
+def test_exudyn_agrees_where_a_is_ideal(loose):
+    bodies = free_bodies(loose, friction=0.0)
+    known = run(bodies, 1e-5 * np.arange(1501))
+    found = exudyn_free_bodies.Model(bodies).run(0.015)
+    assert known[PREFIXES[loose] + "normal_force"].max() > 1e4
+    # As above.
+    assert apart(loose, found, known) < 1e-4
+    # The multipliers of generalised-alpha ring at first.
+    for name in ("joint_force", "elbow_reaction", "toggle_reaction", "bearing_reaction"):
+        assert largest((found[name] - known[name])[100:]) < 5e-3 * largest(known[name])
+
+
+def test_other_laws_are_refused():
+    with pytest.raises(ValueError, match="load_law"):
+        FreeBodies(PE250X400 | {"load_law": "none"})
