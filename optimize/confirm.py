@@ -61,9 +61,10 @@ def confirmed(case: Case, unit: Float[np.ndarray, " n"], rows: Rows) -> Confirme
     for i, (start, numbers) in enumerate(zip(STARTS, intervals, strict=True)):
         by_run = {name: column[i] for name, column in rows.items()}
         limits = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
-        first = [by_run[name][0] for name in limits]
-        fit = described["clearance"] / described["bore_radius"]
-        validity = jc.Validity(*map(jnp.asarray, (*first, described["restitution"], fit)))
+        wide, fast, delivered = (jnp.asarray(by_run[name][0]) for name in limits)
+        fit = jnp.asarray(described["clearance"] / described["bore_radius"])
+        asked = jnp.asarray(described["restitution"])
+        validity = jc.Validity(wide, fast, delivered, asked, fit)
         state = by_run.pop("state")[0]
         settles = orbit is not None and orbit.stable and _in_contact(by_run)
         runs[start] = Runs(*numbers, validity, state, by_run, settles)

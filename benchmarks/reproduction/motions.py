@@ -103,8 +103,11 @@ def compare(start: Start, end: float, step: float) -> Comparison:
         motion[label] = (np.asarray(run.jaw_displacement)[:, 0], np.asarray(run.jaw_velocity)[:, 0])
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface", start=start)
     assert scene.start is not None
-    e, rate = scene.start.eccentricity(scene)
-    at = [complex(float(vector.x), float(vector.y)) for vector in (e, rate)]
+    at = [
+        complex(float(play.main.x), float(play.main.y))
+        for play in scene.start.eccentricities(scene)
+        if play.main is not None
+    ]
     crusher = Crusher(clearance=0.06e-3, friction=0.1, speed=30.0)
     seen = Model(Motion(crusher, e=at[0], rate=at[1])).run(end, step, every=1e-5)
     # Its sensors have no force before the first step.

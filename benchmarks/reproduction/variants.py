@@ -54,22 +54,23 @@ class LiteralContact(AbstractFormulation):
     def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
         """The correct snapshot with the contact's force and moment replaced."""
         s = EccentricityFormulation().snapshot(time, state, scene)
-        assert scene.joint is not None and s.contact is not None and s.eccentricity is not None
-        friction = s.contact.friction_force
-        assert friction is not None and s.contact.bearing_moment is not None
-        axis = s.eccentricity / norm(s.eccentricity, scene.joint.norm_width)
+        contact, eccentricity = s.contacts.main, s.eccentricities.main
+        assert scene.joint is not None and contact is not None and eccentricity is not None
+        friction = contact.friction_force
+        assert friction is not None and contact.bearing_moment is not None
+        axis = eccentricity / norm(eccentricity, scene.joint.norm_width)
         axis = Vector(axis.x, jnp.where(self.folded > 0, jnp.abs(axis.y), axis.y))
-        push = s.contact.normal_force * axis + friction * axis.perp()
+        push = contact.normal_force * axis + friction * axis.perp()
         force = Vector(self.x_sign * push.x, self.y_sign * push.y)
         from_s2 = -scene.machine.jaw.mass_centre.along(s.chain.jaw)
-        moment = self.torque * s.contact.bearing_moment - (1 - self.at_joint) * from_s2.cross(force)
+        moment = self.torque * contact.bearing_moment - (1 - self.at_joint) * from_s2.cross(force)
         acceleration = linkage.chain_acceleration(scene.machine, s.chain, s.load, force, moment)
         return Snapshot(
             s.shaft,
             s.chain,
             acceleration,
-            s.contact,
-            s.eccentricity,
+            s.contacts,
+            s.eccentricities,
             force,
             moment,
             s.shaft_moment,
@@ -124,7 +125,7 @@ class PlainUnits(AbstractFormulation):
 
 
 def _rescaled(state: MultiplierState, factor: float) -> MultiplierState:
-    return MultiplierState(state.position, state.velocity * factor, state.impact_velocity)
+    return MultiplierState(state.position, state.velocity * factor, state.impact_velocities)
 
 
 def largest(error: PyTree) -> Scalar:

@@ -16,7 +16,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require_x64
 from jaxcrusher.basics.plane import Vector, direction, scalar
-from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
+from jaxcrusher.crusher.formulations.eccentricity import JointState
 from jaxcrusher.crusher.linkage import turning
 from jaxcrusher.joint.clearance import ClearanceJoint, Contact
 from jaxcrusher.joint.friction import AbstractFriction
@@ -122,15 +122,15 @@ def flores(
     )
 
 
-def initial(mechanism: SliderCrank) -> EccentricityState | None:
+def initial(mechanism: SliderCrank) -> JointState | None:
     """Crank and rod in one line, the ideal joint's velocities, centres together."""
     if mechanism.joint is None:
         return None
     zero = Vector(0.0, 0.0)
-    return EccentricityState(zero, zero, mechanism.joint.normal.impact_velocity.initial(), None)
+    return JointState(zero, zero, mechanism.joint.normal.impact_velocity.initial())
 
 
-def instant(time: Scalar, state: EccentricityState | None, mechanism: SliderCrank) -> Instant:
+def instant(time: Scalar, state: JointState | None, mechanism: SliderCrank) -> Instant:
     """Forward dynamics with clearance, kinematics forwards and forces backwards without.
 
     The rod's end is at the journal less e, and the journal on the x axis: the rod's sine is
@@ -176,17 +176,16 @@ def instant(time: Scalar, state: EccentricityState | None, mechanism: SliderCran
     return Instant(crank, u, spin, turn, position, speed, slider, e, contact, force, crank_moment)
 
 
-def rate(now: Instant, state: EccentricityState, mechanism: SliderCrank) -> EccentricityState:
+def rate(now: Instant, state: JointState, mechanism: SliderCrank) -> JointState:
     """By e'': the slider's acceleration less the bearing's."""
     m, joint = mechanism, mechanism.joint
     assert joint is not None and now.contact is not None
     bearing = m.crank.length * turning(now.crank, m.speed, None)
     bearing = bearing + m.rod.length * turning(now.rod, now.rod_spin, now.rod_acceleration)
-    return EccentricityState(
+    return JointState(
         state.rate / joint.clearance,
         Vector(now.slider_acceleration, jnp.zeros_like(bearing.y)) - bearing,
         joint.memory_rate(now.contact, state.impact_velocity),
-        None,
     )
 
 

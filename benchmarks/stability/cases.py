@@ -127,7 +127,9 @@ def scene_of(crusher: Crusher, formulation: Formulation) -> jc.Scene:
 @eqx.filter_jit
 def resting(scene: jc.Scene) -> tuple[Vector, Vector]:
     """Where the pin rests in its bore."""
-    return InContact().eccentricity(scene)
+    e, rate = InContact().eccentricities(scene)
+    assert e.main is not None and rate.main is not None
+    return e.main, rate.main
 
 
 def cases() -> Iterator[Case]:

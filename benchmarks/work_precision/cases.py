@@ -121,9 +121,9 @@ def centred(friction: float = 0.0) -> Crusher:
 def cases() -> dict[str, Case]:
     """By name."""
     quiet = centred(0.1)
-    e, rate = jax.jit(InContact().eccentricity)(
-        jc.paper_scene(quiet.speed, quiet.clearance, slip="surface")
-    )
+    scene = jc.paper_scene(quiet.speed, quiet.clearance, slip="surface")
+    e, rate = (play.main for play in jax.jit(InContact().eccentricities)(scene))
+    assert e is not None and rate is not None
     relative = complex(e.x, e.y) / quiet.clearance
     whirl_e, whirl_rate = _after_turns(quiet, WHIRL_TURNS)
     found = [

@@ -7,6 +7,7 @@ from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.drives import AbstractDrive
+from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.crusher.snapshot import Snapshot
@@ -22,14 +23,21 @@ class AbstractScene(eqx.Module):
     load: eqx.AbstractVar[AbstractLoad | None]
     formulation: eqx.AbstractVar["AbstractFormulation"]
     start: eqx.AbstractVar["AbstractStart | None"]
+    elbow: eqx.AbstractVar[ClearanceJoint | None]
+    pivot: eqx.AbstractVar[ClearanceJoint | None]
+
+    @property
+    def joints(self) -> AtJoints[ClearanceJoint]:
+        """Those with clearance."""
+        return AtJoints(self.joint, self.elbow, self.pivot)
 
 
 class AbstractStart(eqx.Module):
-    """Where the pin starts in its bore."""
+    """Where pins start in their bores."""
 
     @abc.abstractmethod
-    def eccentricity(self, scene: AbstractScene) -> tuple[Vector, Vector]:
-        """The eccentricity e (m) and its rate (m/s) at time zero."""
+    def eccentricities(self, scene: AbstractScene) -> tuple[AtJoints[Vector], AtJoints[Vector]]:
+        """The eccentricity e (m) and its rate (m/s) at time zero, of each joint with clearance."""
 
 
 class AbstractFormulation(eqx.Module):

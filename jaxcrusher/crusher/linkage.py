@@ -1,7 +1,8 @@
 """Kinematics and dynamics of toggle and jaw, an open chain from C over B to A.
 
-The chain has two degrees of freedom, the spins of toggle and jaw, counterclockwise
-(theta3 of the paper counts clockwise: theta3' = -toggle spin).
+Its spins are those of toggle and jaw, counterclockwise (theta3 of the paper counts clockwise:
+theta3' = -toggle spin). With clearance at C and B it is no chain: the toggle's foot is e_C off C,
+the jaw's lower end e_B off the toggle's pin, and each of the two adds what is there.
 """
 
 import equinox as eqx
@@ -9,50 +10,111 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.machine import Machine
+
+# Eccentricities e = pin less bore at the joints (m), or a time derivative of them; that of the main
+# joint is not the chain's, and is passed over.
+Play = AtJoints[Vector]
+NO_PLAY: Play = AtJoints()
 
 
 class Chain(eqx.Module):
-    """Position and velocity of the chain, as unit vectors and spins."""
+    """Position and velocity of the chain, as unit vectors and spins, and what is loose in it."""
 
     toggle: Vector  # along C-B, (cos theta3, -sin theta3)
     jaw: Vector  # along B-A, (-sin theta2, cos theta2)
     toggle_spin: Scalar  # -theta3', rad/s
     jaw_spin: Scalar  # theta2', rad/s
+    play: Play = NO_PLAY
+    play_rate: Play = NO_PLAY
 
 
 class ChainAcceleration(eqx.Module):
-    """Angular accelerations, rad/s2, counterclockwise."""
+    """Angular accelerations, rad/s2, counterclockwise, and what is loose."""
 
     toggle: Scalar
     jaw: Scalar
+    play: Play = NO_PLAY
 
 
-def assemble(machine: Machine, a: Vector, velocity: Vector) -> Chain:
+def assemble(
+    machine: Machine, a: Vector, velocity: Vector, play: Play = NO_PLAY, rate: Play = NO_PLAY
+) -> Chain:
     """The chain whose end A is at `a` (m) and moves at `velocity` (m/s).
 
-    B is where the circles of radius l3 about C and l2 about A meet: one square root, no
-    trigonometry. The spins solve velocity = l3 spin3 perp(C-B) + l2 spin2 perp(B-A).
+    A - e_C + e_B is where the end of one without play would be. There B is where
+    the circles of radius l3 about C and l2 about A meet: one square root, no trigonometry. The
+    spins solve velocity = l3 spin3 perp(C-B) + l2 spin2 perp(B-A).
     """
     l2, l3 = machine.jaw.length, machine.toggle.length
+    a, velocity = _less(a, play), _less(velocity, rate)
     distance_squared = a.dot(a)
     share = (distance_squared + l3**2 - l2**2) / (2 * distance_squared)
     height = machine.elbow_side * jnp.sqrt(l3**2 / distance_squared - share**2)
     toggle = (share * a + height * a.perp()) / l3
     jaw = (a - l3 * toggle) / l2
     lever = toggle.cross(jaw)
-    return Chain(
-        toggle, jaw, velocity.dot(jaw) / (l3 * lever), -velocity.dot(toggle) / (l2 * lever)
-    )
+    spins = velocity.dot(jaw) / (l3 * lever), -velocity.dot(toggle) / (l2 * lever)
+    return Chain(toggle, jaw, *spins, play, rate)
+
+
+def _more(end: Vector, play: Play) -> Vector:
+    """The jaw's lower end from the toggle's upper one, by what is loose below it."""
+    end = end if play.pivot is None else end + play.pivot
+    return end if play.elbow is None else end - play.elbow
+
+
+def _less(end: Vector, play: Play) -> Vector:
+    """The inverse of `_more`."""
+    end = end if play.pivot is None else end - play.pivot
+    return end if play.elbow is None else end + play.elbow
+
+
+def _middle(end: Vector, play: Play) -> Vector:
+    """The toggle's mass centre from its upper end relative to its foot."""
+    return end / 2 if play.pivot is None else end / 2 + play.pivot
+
+
+def elbow_position(machine: Machine, chain: Chain) -> Vector:
+    """B, the jaw's lower end, m; C is the origin."""
+    return _more(machine.toggle.length * chain.toggle, chain.play)
 
 
 def elbow_velocity(machine: Machine, chain: Chain) -> Vector:
     """The velocity of B, m/s."""
-    return machine.toggle.length * chain.toggle_spin * chain.toggle.perp()
+    return _more(_swing(machine, chain), chain.play_rate)
 
 
 def elbow_acceleration(machine: Machine, chain: Chain, acceleration: ChainAcceleration) -> Vector:
     """The acceleration of B, m/s2."""
+    return _more(_swinging(machine, chain, acceleration), acceleration.play)
+
+
+def toggle_centre(machine: Machine, chain: Chain) -> Vector:
+    """S3, m."""
+    return _middle(machine.toggle.length * chain.toggle, chain.play)
+
+
+def toggle_centre_velocity(machine: Machine, chain: Chain) -> Vector:
+    """The velocity of S3, m/s."""
+    return _middle(_swing(machine, chain), chain.play_rate)
+
+
+def toggle_centre_acceleration(
+    machine: Machine, chain: Chain, acceleration: ChainAcceleration
+) -> Vector:
+    """The acceleration of S3, m/s2."""
+    return _middle(_swinging(machine, chain, acceleration), acceleration.play)
+
+
+def _swing(machine: Machine, chain: Chain) -> Vector:
+    """The velocity of the toggle's upper end past its foot, m/s."""
+    return machine.toggle.length * chain.toggle_spin * chain.toggle.perp()
+
+
+def _swinging(machine: Machine, chain: Chain, acceleration: ChainAcceleration) -> Vector:
+    """The acceleration of the toggle's upper end past its foot, m/s2."""
     return machine.toggle.length * turning(chain.toggle, chain.toggle_spin, acceleration.toggle)
 
 
@@ -91,16 +153,16 @@ def joint_acceleration(machine: Machine, chain: Chain, acceleration: ChainAccele
 
 
 def chain_acceleration_to_reach(
-    machine: Machine, chain: Chain, acceleration: Vector
+    machine: Machine, chain: Chain, acceleration: Vector, play: Play = NO_PLAY
 ) -> ChainAcceleration:
-    """The angular accelerations that give A the `acceleration` (m/s2)."""
+    """The angular accelerations that give A the `acceleration` (m/s2), given those of the play."""
     l2, l3 = machine.jaw.length, machine.toggle.length
     still = jnp.zeros_like(chain.jaw_spin)
-    centripetal = joint_acceleration(machine, chain, ChainAcceleration(still, still))
+    centripetal = joint_acceleration(machine, chain, ChainAcceleration(still, still, play))
     remaining = acceleration - centripetal
     lever = chain.toggle.cross(chain.jaw)
     return ChainAcceleration(
-        remaining.dot(chain.jaw) / (l3 * lever), -remaining.dot(chain.toggle) / (l2 * lever)
+        remaining.dot(chain.jaw) / (l3 * lever), -remaining.dot(chain.toggle) / (l2 * lever), play
     )
 
 
@@ -135,7 +197,7 @@ def _equations(machine: Machine, chain: Chain, load: Vector | None) -> _Equation
 def chain_acceleration(
     machine: Machine, chain: Chain, load: Vector | None, force: Vector, moment: Scalar | None
 ) -> ChainAcceleration:
-    """Forward dynamics: `force` (N) on the jaw at A with `moment` (N m), `load` (N) at S2."""
+    """Forward dynamics without play: force (N) and moment (N m) on the jaw at A, load at S2."""
     equations = _equations(machine, chain, load)
     on_toggle = equations.toggle_moment + machine.toggle.length * chain.toggle.cross(force)
     on_jaw = equations.jaw_moment + machine.jaw.length * chain.jaw.cross(force)

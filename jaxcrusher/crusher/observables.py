@@ -1,5 +1,6 @@
 """What can be observed of an instant: forces, powers, energies, as functions of a snapshot."""
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ from jaxtyping import Array, Scalar
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.joints import JOINTS, before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import (
     Snapshot,
@@ -16,6 +18,7 @@ from jaxcrusher.crusher.snapshot import (
     pin_position,
     shaft_inertia,
 )
+from jaxcrusher.joint.clearance import ClearanceJoint, Contact
 
 # Smooths the length of a reaction (N) where it vanishes.
 FORCE_WIDTH = 1e-6
@@ -27,7 +30,7 @@ def _momentum_rates(s: Snapshot, scene: Scene) -> tuple[Vector, Vector, Vector]:
     centre = machine.shaft.mass_centre.along(s.shaft.crank)
     shaft = linkage.turning(centre, s.shaft.speed, s.shaft.acceleration)
     jaw = linkage.mass_centre_acceleration(machine, s.chain, s.chain_acceleration)
-    toggle = linkage.elbow_acceleration(machine, s.chain, s.chain_acceleration) / 2
+    toggle = linkage.toggle_centre_acceleration(machine, s.chain, s.chain_acceleration)
     return machine.shaft.mass * shaft, machine.jaw.mass * jaw, machine.toggle.mass * toggle
 
 
@@ -45,7 +48,7 @@ def bearing_reaction(s: Snapshot, scene: Scene) -> Vector:
 
 def elbow_reaction(s: Snapshot, scene: Scene) -> Vector:
     """R_B, the toggle's force on the jaw, N."""
-    if s.multipliers is not None:
+    if s.multipliers is not None and s.multipliers.elbow is not None:
         return -s.multipliers.elbow
     _, rate, _ = _momentum_rates(s, scene)
     reaction = rate - _weight(scene.machine.jaw.mass, scene) - s.joint_force
@@ -58,8 +61,9 @@ def toggle_reaction(s: Snapshot, scene: Scene) -> Vector:
     In (13) the multipliers of S3's rows are not R_C: the rows of B lead to C through
     theta3, so that R_C is minus the sum of both.
     """
-    if s.multipliers is not None:
-        return -s.multipliers.toggle_pivot - s.multipliers.elbow
+    if s.multipliers is not None and s.multipliers.toggle_pivot is not None:
+        pivot = -s.multipliers.toggle_pivot
+        return pivot if s.multipliers.elbow is None else pivot - s.multipliers.elbow
     _, _, rate = _momentum_rates(s, scene)
     return rate - _weight(scene.machine.toggle.mass, scene) + elbow_reaction(s, scene)
 
@@ -105,22 +109,17 @@ def load_power(s: Snapshot, scene: Scene) -> Scalar:
 
 def contact_loss(s: Snapshot, scene: Scene) -> Scalar:
     """Power dissipated by the damping of the contact, W."""
-    if scene.joint is None or s.contact is None:
-        return jnp.zeros_like(s.shaft.speed)
-    return scene.joint.normal_loss(s.contact)
+    return _over_joints(lambda joint, contact: joint.normal_loss(contact), s, scene)
 
 
 def friction_loss(s: Snapshot, scene: Scene) -> Scalar:
     """Power dissipated by friction, W; may be negative where slip is that of the centres."""
-    loss = None
-    if scene.joint is not None and s.contact is not None:
-        loss = scene.joint.friction_loss(s.contact)
-    return jnp.zeros_like(s.shaft.speed) if loss is None else loss
+    return _over_joints(lambda joint, contact: joint.friction_loss(contact), s, scene)
 
 
 def elbow_position(s: Snapshot, scene: Scene) -> Vector:
     """B, the jaw's lower end, m; C is the origin."""
-    return scene.machine.toggle.length * s.chain.toggle
+    return linkage.elbow_position(scene.machine, s.chain)
 
 
 def jaw_mass_centre(s: Snapshot, scene: Scene) -> Vector:
@@ -132,7 +131,7 @@ def kinetic_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Of the three bodies, J."""
     machine = scene.machine
     jaw_velocity = linkage.mass_centre_velocity(machine, s.chain)
-    toggle_velocity = linkage.elbow_velocity(machine, s.chain) / 2
+    toggle_velocity = linkage.toggle_centre_velocity(machine, s.chain)
     return 0.5 * (
         shaft_inertia(machine) * s.shaft.speed**2
         + machine.jaw.mass * jaw_velocity.dot(jaw_velocity)
@@ -146,7 +145,7 @@ def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Of weight, zero at C's height, J."""
     machine = scene.machine
     shaft = machine.bearing + machine.shaft.mass_centre.along(s.shaft.crank)
-    toggle = elbow_position(s, scene) / 2
+    toggle = linkage.toggle_centre(machine, s.chain)
     jaw = jaw_mass_centre(s, scene)
     return machine.gravity * (
         machine.shaft.mass * shaft.y + machine.jaw.mass * jaw.y + machine.toggle.mass * toggle.y
@@ -154,37 +153,62 @@ def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
 
 
 def elastic_energy(s: Snapshot, scene: Scene) -> Scalar:
-    """Stored in the contact, J."""
-    if scene.joint is None or s.contact is None:
-        return jnp.zeros_like(s.shaft.speed)
-    return scene.joint.elastic_energy(s.contact)
+    """Stored in the contacts, J."""
+    return _over_joints(lambda joint, contact: joint.elastic_energy(contact), s, scene)
 
 
-def _normal_force(s: Snapshot, scene: Scene) -> Scalar:
-    return norm(s.joint_force, FORCE_WIDTH) if s.contact is None else s.contact.normal_force
+def _over_joints(
+    part: Callable[[ClearanceJoint, Contact], Scalar | None], s: Snapshot, scene: Scene
+) -> Scalar:
+    """The sum of a number of each contact; zero where there is none."""
+    parts = (part(joint, getattr(s.contacts, name)) for name, joint in scene.joints.present())
+    known = [one for one in parts if one is not None]
+    return sum(known[1:], known[0]) if known else jnp.zeros_like(s.shaft.speed)
 
 
-def _friction_force(s: Snapshot, scene: Scene) -> Scalar:
-    force = None if s.contact is None else s.contact.friction_force
+# The force between pin and bore of each joint; of the frame on the toggle at C.
+_FORCES: dict[str, Callable[[Snapshot, Scene], Vector]] = {
+    "main": lambda s, _: s.joint_force,
+    "elbow": elbow_reaction,
+    "pivot": toggle_reaction,
+}
+
+
+def force_at(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    """The length of the force in a joint, N."""
+    return norm(_FORCES[joint](s, scene), FORCE_WIDTH)
+
+
+def _normal_force(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    contact = getattr(s.contacts, joint)
+    return force_at(s, scene, joint) if contact is None else contact.normal_force
+
+
+def _friction_force(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    contact = getattr(s.contacts, joint)
+    force = None if contact is None else contact.friction_force
     return jnp.zeros_like(s.shaft.speed) if force is None else force
 
 
-def _eccentricity(s: Snapshot, scene: Scene) -> Vector:
-    return Vector(0.0, 0.0) if s.eccentricity is None else s.eccentricity
+def _eccentricity(s: Snapshot, scene: Scene, joint: str) -> Vector:
+    found = getattr(s.eccentricities, joint)
+    return Vector(0.0, 0.0) if found is None else found
 
 
 def _crushing_load(s: Snapshot, scene: Scene) -> Vector:
     return Vector(0.0, 0.0) if s.load is None else s.load
 
 
-def _penetration_ratio(s: Snapshot, scene: Scene) -> Scalar:
-    if scene.joint is None or s.contact is None:
+def _penetration_ratio(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    contact, clearance = getattr(s.contacts, joint), getattr(scene.joints, joint)
+    if contact is None:
         return jnp.zeros_like(s.shaft.speed)
-    return s.contact.penetration / scene.joint.clearance
+    return contact.penetration / clearance.clearance
 
 
-def _penetration_rate(s: Snapshot, scene: Scene) -> Scalar:
-    return jnp.zeros_like(s.shaft.speed) if s.contact is None else s.contact.penetration_rate
+def _penetration_rate(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    contact = getattr(s.contacts, joint)
+    return jnp.zeros_like(s.shaft.speed) if contact is None else contact.penetration_rate
 
 
 def _constraint_residual(s: Snapshot, scene: Scene) -> Scalar:
@@ -204,10 +228,25 @@ class Observable(NamedTuple):
         return value.array() if isinstance(value, Vector) else value
 
 
+def _at(joint: str, letter: str) -> dict[str, Observable]:
+    """What there is of a joint; its name stands before all but the main one's."""
+    return {
+        before(joint) + name: Observable(
+            functools.partial(function, joint=joint), unit, f"{meaning} at {letter}"
+        )
+        for name, function, unit, meaning in (
+            ("normal_force", _normal_force, "N", "normal force"),
+            ("friction_force", _friction_force, "N", "friction force"),
+            ("eccentricity", _eccentricity, "m", "eccentricity of the pin"),
+            ("penetration_ratio", _penetration_ratio, "1", "penetration / clearance"),
+            ("penetration_rate", _penetration_rate, "m/s", "penetration rate"),
+        )
+    }
+
+
 # Name -> function, unit and meaning of what can be observed of an instant.
 OBSERVABLES = {
-    "normal_force": Observable(_normal_force, "N", "normal force at A"),
-    "friction_force": Observable(_friction_force, "N", "friction force at A"),
+    **_at("main", "A"),
     "foundation_force": Observable(foundation_force, "N", "|R_O| + |R_C|"),
     "net_foundation_force": Observable(net_foundation_force, "N", "|R_O + R_C|"),
     "shaking_force": Observable(shaking_force, "N", "shaking force"),
@@ -218,9 +257,6 @@ OBSERVABLES = {
     "drive_torque": Observable(drive_torque, "N m", "drive torque"),
     "drive_power": Observable(drive_power, "W", "drive power"),
     "shaft_speed": Observable(lambda s, _: s.shaft.speed, "rad/s", "shaft speed"),
-    "eccentricity": Observable(_eccentricity, "m", "eccentricity of the pin"),
-    "penetration_ratio": Observable(_penetration_ratio, "1", "penetration / clearance"),
-    "penetration_rate": Observable(_penetration_rate, "m/s", "penetration rate"),
     "crushing_load": Observable(_crushing_load, "N", "load on the jaw at S2"),
     "pin_position": Observable(
         lambda s, scene: pin_position(scene.machine, s.shaft.crank), "m", "centre A of the pin"
@@ -231,4 +267,13 @@ OBSERVABLES = {
         lambda s, scene: linkage.elbow_velocity(scene.machine, s.chain), "m/s", "velocity of B"
     ),
     "constraint_residual": Observable(_constraint_residual, "m", "largest constraint residual"),
+    **_at("elbow", "B"),
+    **_at("pivot", "C"),
 }
+
+
+def observables_of(scene: Scene) -> tuple[str, ...]:
+    """All but those of an elbow and a pivot that are ideal."""
+    absent = [joint for joint in JOINTS[1:] if getattr(scene.joints, joint) is None]
+    left_out = {before(joint) + name for joint in absent for name in _at("main", "A")}
+    return tuple(name for name in OBSERVABLES if name not in left_out)

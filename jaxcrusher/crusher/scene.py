@@ -10,10 +10,12 @@ from jaxcrusher.joint.clearance import ClearanceJoint
 
 
 class Scene(AbstractScene):
-    """A machine, what drives and loads it, its main joint (None: ideal) and how to solve it.
+    """A machine, what drives and loads it, its joints (None: ideal) and how to solve it.
 
-    Raises ValueError (concrete values only) if 64-bit floats are off, if the clearance is
-    not inside (0, R_i), or if it lets the linkage reach a dead point.
+    `joint` is the main one, A; `elbow` is B, `pivot` C.
+
+    Raises ValueError (concrete values only) if 64-bit floats are off, if a clearance is not
+    inside (0, R_i), or if the clearances let the linkage reach a dead point.
     """
 
     machine: Machine
@@ -22,22 +24,32 @@ class Scene(AbstractScene):
     load: AbstractLoad | None
     formulation: AbstractFormulation
     start: AbstractStart | None
+    elbow: ClearanceJoint | None = None
+    pivot: ClearanceJoint | None = None
 
     def __check_init__(self):
         require_x64()
-        if self.joint is not None:
-            require_clearance(self.joint.clearance, self.joint.bore_radius)
-            self.machine.require_assembly(self.joint.clearance)
+        total = 0.0
+        for name, joint in self.joints.present():
+            prefix = "" if name == "main" else f"{name}."
+            require_clearance(joint.clearance, joint.bore_radius, prefix)
+            total = total + joint.clearance
+        self.machine.require_assembly(total)
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether no joint has clearance."""
+        return not any(self.joints.present())
 
     def ideal(self) -> "Scene":
-        """The same machine, drive and load with an ideal joint: what a clearance adds to."""
+        """The same machine, drive and load with ideal joints: what a clearance adds to."""
         return Scene(self.machine, self.drive, None, self.load, ClosedLinkage(), None)
 
 
-def require_clearance(clearance, bore_radius) -> None:
-    """Check 0 < clearance < bore radius (m)."""
-    require_positive("clearance", clearance, "m")
+def require_clearance(clearance, bore_radius, prefix: str = "") -> None:
+    """Check 0 < clearance < bore radius (m) of the joint whose parameters have a `prefix`."""
+    require_positive(f"{prefix}clearance", clearance, "m")
     known, bore = concrete(clearance), concrete(bore_radius)
     if known is not None and bore is not None:
         limit = f"be smaller than the bore radius {bore.min():g} m"
-        require(bool((known < bore).all()), "clearance", limit, clearance)
+        require(bool((known < bore).all()), f"{prefix}clearance", limit, clearance)

@@ -5,7 +5,8 @@ from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher import linkage
-from jaxcrusher.crusher.linkage import Chain, ChainAcceleration
+from jaxcrusher.crusher.joints import AtJoints
+from jaxcrusher.crusher.linkage import Chain, ChainAcceleration, Play
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.joint.clearance import Contact
 
@@ -22,21 +23,24 @@ class Multipliers(eqx.Module):
     """Lagrange multipliers of the constraints (13), with the signs of (16); N and N m."""
 
     bearing: Vector
-    elbow: Vector
-    toggle_pivot: Vector
+    elbow: Vector | None  # None: loose
+    toggle_pivot: Vector | None
     drive: Scalar | None
     residual: Scalar  # largest |Phi|, m or rad
     acceleration: PyTree[Scalar]  # q'' of the formulation's coordinates
 
 
 class Snapshot(eqx.Module):
-    """One instant; `joint_force` (N) and the moments (N m) act at the main joint A."""
+    """One instant; `joint_force` (N) and the moments (N m) act at the main joint A.
+
+    What is at a joint is None where that is ideal.
+    """
 
     shaft: ShaftMotion
     chain: Chain
     chain_acceleration: ChainAcceleration
-    contact: Contact | None
-    eccentricity: Vector | None  # m
+    contacts: AtJoints[Contact]
+    eccentricities: Play  # m
     joint_force: Vector  # on the jaw, at A
     jaw_moment: Scalar | None
     shaft_moment: Scalar | None
@@ -57,6 +61,14 @@ def crank_motion(angle: Scalar, speed: Scalar) -> ShaftMotion:
 def pin_velocity(machine: Machine, shaft: ShaftMotion) -> Vector:
     """The velocity of the pin's centre, m/s."""
     return machine.shaft.eccentricity * shaft.speed * shaft.crank.perp()
+
+
+def chain_of(machine: Machine, shaft: ShaftMotion, e: Play, rate: Play) -> Chain:
+    """Toggle and jaw, from the shaft and the eccentricities with their rates."""
+    a, velocity = pin_position(machine, shaft.crank), pin_velocity(machine, shaft)
+    if e.main is not None and rate.main is not None:
+        a, velocity = a - e.main, velocity - rate.main
+    return linkage.assemble(machine, a, velocity, e, rate)
 
 
 def pin_acceleration(machine: Machine, shaft: ShaftMotion) -> Vector:

@@ -1,4 +1,4 @@
-"""Where the pin starts in its bore."""
+"""Where pins start in their bores."""
 
 import equinox as eqx
 import jax
@@ -7,18 +7,22 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
-from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher import free_bodies, linkage
 from jaxcrusher.crusher.interfaces import AbstractScene, AbstractStart
+from jaxcrusher.crusher.joints import AtJoints
+from jaxcrusher.crusher.linkage import Play
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.snapshot import crank_motion, pin_acceleration, pin_position, pin_velocity
+from jaxcrusher.crusher.snapshot import chain_of, crank_motion, pin_acceleration
+from jaxcrusher.joint.clearance import ClearanceJoint
 
 
 class Centred(AbstractStart):
     """e = e' = 0 relative to the ideal motion, the paper's initial condition: a hard start."""
 
-    def eccentricity(self, scene: AbstractScene) -> tuple[Vector, Vector]:
+    def eccentricities(self, scene: AbstractScene) -> tuple[Play, Play]:
         """Zero and zero."""
-        return Vector(0.0, 0.0), Vector(0.0, 0.0)
+        none = scene.joints.map(lambda _: Vector(0.0, 0.0))
+        return none, none
 
 
 def _chebyshev(count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -32,9 +36,9 @@ def _chebyshev(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class InContact(AbstractStart):
-    """The pin rests in the bore and follows the joint force without swinging.
+    """Each pin rests in its bore and follows the joint force without swinging.
 
-    First e lies along the ideal joint force, deep enough to carry it. Left with e' = 0 it
+    First e lies along the ideal joint's force, deep enough to carry it. Left with e' = 0 it
     would swing at about 130 Hz for thousands of turns (the contact hardly damps), so the
     slow motion is refined: the time derivatives of e correct the motion of the jaw, and with
     it the force that e must carry. Each refinement shrinks the swing about thirtyfold; with
@@ -44,16 +48,16 @@ class InContact(AbstractStart):
 
     refinements: int = eqx.field(static=True, default=2)
 
-    def eccentricity(self, scene: AbstractScene) -> tuple[Vector, Vector]:
+    def eccentricities(self, scene: AbstractScene) -> tuple[Play, Play]:
         """By collocation at nine instants within 0.1 rad of the shaft about time zero."""
         points, matrix = _chebyshev(9)
         times = 0.1 / scene.drive.speed * points
         matrix = scene.drive.speed / 0.1 * matrix
 
-        def rate(e: Vector) -> Vector:
+        def rate(e: Play) -> Play:
             return jax.tree.map(lambda part: matrix @ part, e)
 
-        e = jax.vmap(lambda time: Vector(0 * time, 0 * time))(times)
+        e = scene.joints.map(lambda _: Vector(0 * times, 0 * times))
         for _ in range(1 + self.refinements):
             e = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))(
                 times, e, rate(e), rate(rate(e)), scene
@@ -62,45 +66,55 @@ class InContact(AbstractStart):
         return jax.tree.map(lambda leaf: leaf[middle], (e, rate(e)))
 
 
-def resting(
-    time: Scalar, e: Vector, rate: Vector, curvature: Vector, scene: AbstractScene
-) -> Vector:
-    """The eccentricity that carries the joint force of a jaw whose bearing is e off the pin."""
-    assert scene.joint is not None
+def resting(time: Scalar, e: Play, rate: Play, curvature: Play, scene: AbstractScene) -> Play:
+    """The eccentricities that carry the forces of a motion whose pins are e off their bores."""
     machine = scene.machine
     shaft = crank_motion(scene.drive.speed * time, scene.drive.speed)
-    chain = linkage.assemble(
-        machine, pin_position(machine, shaft.crank) - e, pin_velocity(machine, shaft) - rate
-    )
+    chain = chain_of(machine, shaft, e, rate)
     velocity = linkage.mass_centre_velocity(machine, chain)
     load = None if scene.load is None else scene.load.force(chain.jaw, velocity)
-    acceleration = linkage.chain_acceleration_to_reach(
-        machine, chain, pin_acceleration(machine, shaft) - curvature
-    )
-    force = linkage.joint_force_for(machine, chain, load, acceleration)
-    size = norm(force, 0.0)
-    depth = scene.joint.clearance + scene.joint.normal.penetration_under(size)
-    return depth * (force / size)
+    reached = pin_acceleration(machine, shaft)
+    reached = reached if curvature.main is None else reached - curvature.main
+    acceleration = linkage.chain_acceleration_to_reach(machine, chain, reached, curvature)
+    forces = AtJoints(main=linkage.joint_force_for(machine, chain, load, acceleration))
+    if not scene.joints.only_main:
+        forces = free_bodies.forces_for(machine, chain, load, acceleration)
+
+    def depth(joint: ClearanceJoint, force: Vector) -> Vector:
+        size = norm(force, 0.0)
+        return (joint.clearance + joint.normal.penetration_under(size)) * (force / size)
+
+    return scene.joints.map(depth, forces)
 
 
 class Given(AbstractStart):
-    """Any eccentricity and rate: `relative` in clearances, `rate` in m/s."""
+    """Any eccentricities and rates: `relative` in clearances, `rate` in m/s; zero where none is."""
 
-    relative: Vector
+    relative: Vector  # of the main joint
     rate: Vector = eqx.field(default_factory=lambda: Vector(0.0, 0.0))
+    others: AtJoints[tuple[Vector, Vector]] = AtJoints()  # those of elbow and pivot
 
-    def eccentricity(self, scene: AbstractScene) -> tuple[Vector, Vector]:
+    def eccentricities(self, scene: AbstractScene) -> tuple[Play, Play]:
         """As given."""
-        assert scene.joint is not None
-        return scene.joint.clearance * self.relative, self.rate
+        still = Vector(0.0, 0.0), Vector(0.0, 0.0)
+        given = AtJoints(
+            (self.relative, self.rate), self.others.elbow or still, self.others.pivot or still
+        )
+        return (
+            scene.joints.map(lambda joint, at: joint.clearance * at[0], given),
+            scene.joints.map(lambda _, at: at[1], given),
+        )
 
 
 def shifted_start(scene: Scene, offset: Vector) -> Scene:
-    """The same scene with its start as numbers, `offset` clearances off.
+    """The same scene with its start as numbers, the main joint's pin `offset` clearances off.
 
     Scenes that differ in their start then run as one program.
     """
     assert scene.joint is not None and scene.start is not None
-    eccentricity, rate = scene.start.eccentricity(scene)
-    start = Given(eccentricity / scene.joint.clearance + offset, rate)
+    e, rates = scene.start.eccentricities(scene)
+    relative = scene.joints.map(lambda joint, at: at / joint.clearance, e)
+    assert relative.main is not None and rates.main is not None
+    both = relative.map(lambda at, rate: (at, rate), rates)
+    start = Given(relative.main + offset, rates.main, AtJoints(None, both.elbow, both.pivot))
     return eqx.tree_at(lambda s: s.start, scene, start)

@@ -1,5 +1,9 @@
 """Whether a motion stayed where its contact model holds."""
 
+import functools
+import operator
+from collections.abc import Mapping
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Scalar
@@ -28,6 +32,7 @@ class Validity(eqx.Module):
     delivered_restitution: Scalar  # of the fastest impact, by the law's closed form
     asked_restitution: Scalar
     clearance_ratio: Scalar  # radial clearance over the bore radius
+    others: "Mapping[str, Validity]" = eqx.field(default_factory=dict)  # of further joints, by name
 
     @property
     def hertzian(self) -> Bool[Array, "*batch"]:
@@ -51,8 +56,9 @@ class Validity(eqx.Module):
 
     @property
     def inside(self) -> Bool[Array, "*batch"]:
-        """Fitting, Hertzian and elastic: without impacts restitution does not matter."""
-        return self.fitting & self.hertzian & self.elastic
+        """Fitting, Hertzian and elastic at each joint; without impacts restitution is no matter."""
+        own = self.fitting & self.hertzian & self.elastic
+        return functools.reduce(operator.and_, [one.inside for one in self.others.values()], own)
 
     def remarks(self) -> list[str]:
         """What is outside the model, in words (concrete values only)."""
@@ -69,6 +75,8 @@ class Validity(eqx.Module):
             if not bool(self.restitution_kept):
                 delivered, asked = float(self.delivered_restitution), float(self.asked_restitution)
                 found.append(f"restitution {delivered:.3f} for {asked:.3g}")
+        for name, one in self.others.items():
+            found += [f"{name}: {remark}" for remark in one.remarks()]
         return found
 
 

@@ -13,6 +13,7 @@ from jaxcrusher.basics.checks import (
     require_positive,
     require_whole,
 )
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.integrate import Integration, error_norm
 
@@ -77,8 +78,10 @@ def resolve(
     require_kind("scene", scene, Scene, "jaxcrusher.paper_scene(30.0, 6e-5)")
     require_double("scene", scene)
     speeds = jnp.shape(getattr(scene.drive, "speed", 0.0))
-    clearances = () if scene.joint is None else jnp.shape(scene.joint.clearance)
-    for name, shape in (("speed", speeds), ("clearance", clearances)):
+    shapes = {"speed": speeds}
+    for joint, clearance in scene.joints.present():
+        shapes[f"{before(joint)}clearance"] = jnp.shape(clearance.clearance)
+    for name, shape in shapes.items():
         good = shape == ()
         require(good, name, "be one number (jaxcrusher.sweep takes many)", f"of shape {shape}")
     return Integration(

@@ -10,7 +10,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import concrete, require, require_names, require_x64
 from jaxcrusher.crusher import observables
-from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import Flow, unflattened
 from jaxcrusher.motion.integrate import (
@@ -107,7 +107,7 @@ def simulate(
     scene: Scene,
     times: ArrayLike | Sequence[float],
     *,
-    outputs: tuple[str, ...] = OUTPUTS,
+    outputs: tuple[str, ...] | None = None,
     state: Float[ArrayLike, " dims"] | None = None,
     rtol: float | Scalar = 1e-11,
     method: Method = Method(),
@@ -119,7 +119,7 @@ def simulate(
     - `scene`: what to simulate; its numbers may be traced.
     - `times`: shape (times,), in s, increasing, not negative.
     - `outputs`: the names of what to compute, any of `jaxcrusher.OUTPUTS`; the rest is
-      neither computed nor traced.
+      neither computed nor traced. None is all but those of an elbow and a pivot that are ideal.
     - `state`: at time zero, in place of the scene's start: shape (dims,), with the shaft at angle
       zero, as `Statistics.state` and `Section.state` have it.
     - `rtol`: tolerance of a step, in clearances and m/s. Forces over the first 20 ms of impacts
@@ -134,8 +134,9 @@ def simulate(
     """
     require_x64()
     require_times(times)
-    require_names("outputs", outputs, OUTPUTS)
     how = resolve(scene, rtol, method, FIRST_STEP)
+    outputs = (*observables_of(scene), "energy") if outputs is None else outputs
+    require_names("outputs", outputs, OUTPUTS)
     return _simulate(scene, jnp.asarray(times, dtype=float), state, how, tuple(outputs))
 
 

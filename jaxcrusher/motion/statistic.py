@@ -1,13 +1,15 @@
 """What a statistic is, and the table of all: an entry here is all that a new one takes."""
 
+import functools
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.basics.smooth import norm
-from jaxcrusher.crusher.observables import FORCE_WIDTH, OBSERVABLES, drive_power, foundation_force
+from jaxcrusher.crusher.joints import JOINTS, AtJoints, before
+from jaxcrusher.crusher.observables import OBSERVABLES, drive_power, force_at, foundation_force
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 
@@ -69,47 +71,61 @@ def _share_above_zero(samples: Float[Array, " n"]) -> Scalar:
     return jnp.mean(jnp.heaviside(samples, 0.0))
 
 
-def _joint_force(s: Snapshot, scene: Scene) -> Scalar:
-    return norm(s.joint_force, FORCE_WIDTH)
-
-
-def _winding(s: Snapshot, scene: Scene) -> Scalar:
+def _winding(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     """Revolutions of the pin round the bore over those of the shaft."""
-    if s.contact is None:
+    contact = getattr(s.contacts, joint)
+    if contact is None:
         return jnp.zeros_like(scene.drive.speed)
-    return s.contact.orbit_speed / scene.drive.speed
+    return contact.orbit_speed / scene.drive.speed
 
 
-def _sliding_power(s: Snapshot, scene: Scene) -> Scalar:
+def _sliding_power(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     """F_n times the slip of the surfaces, whatever slip the friction law reads: Archard's rate."""
-    if s.contact is None or s.contact.surface_speed is None:
+    contact, prefix = getattr(s.contacts, joint), before(joint)
+    if contact is None or contact.surface_speed is None:
         raise ValueError(
-            "Argument `outputs` must not ask for sliding_power without friction, but does."
+            f"Argument `outputs` must not ask for {prefix}sliding_power without friction, but does."
         )
-    return s.contact.normal_force * jnp.abs(s.contact.surface_speed)
+    return contact.normal_force * jnp.abs(contact.surface_speed)
 
 
 _PEAK, _LARGEST = Sampled(top, jnp.max), Sampled(jnp.max, jnp.max)
+_CONTACT = Sampled(_share_above_zero, jnp.mean)
+
+
+def _always_at(joint: str, letter: str) -> dict[str, Statistic]:
+    """What is computed of a joint without being asked for."""
+    seen, prefix = OBSERVABLES, before(joint)
+    depth, rate = seen[f"{prefix}penetration_ratio"], seen[f"{prefix}penetration_rate"]
+    winding = functools.partial(_winding, joint=joint)
+    return {
+        prefix + name: Statistic(unit, f"{meaning}, at {letter}", quantity, reduction)
+        for name, unit, meaning, quantity, reduction in (
+            ("contact_fraction", "1", "share of time in contact", depth, _CONTACT),
+            ("penetration_ratio", "1", "largest penetration / clearance", depth, _LARGEST),
+            ("impact_speed", "m/s", "fastest approach of pin and bore", rate, _LARGEST),
+            ("winding", "1", "revolutions of pin round bore per turn", winding, PowerMean()),
+        )
+    }
+
+
+def _further_at(joint: str, letter: str) -> dict[str, Statistic]:
+    """What is computed of a joint if it is asked for."""
+    prefix, force = before(joint), functools.partial(force_at, joint=joint)
+    wear = functools.partial(_sliding_power, joint=joint)
+    return {
+        f"{prefix}joint_peak": Statistic("N", f"largest force at {letter}", force, _PEAK),
+        f"{prefix}sliding_power": Statistic(
+            "W", f"mean of F_n |surface slip| at {letter}: wear", wear, PowerMean()
+        ),
+    }
+
 
 _BY_DEFAULT = {
     "foundation_rms": Statistic("N", "RMS of |R_O| + |R_C|", foundation_force, PowerMean(2)),
     "foundation_mean": Statistic("N", "mean of |R_O| + |R_C|", foundation_force, PowerMean()),
     "foundation_peak": Statistic("N", "peak of |R_O| + |R_C|", foundation_force, _PEAK),
-    "contact_fraction": Statistic(
-        "1",
-        "share of time in contact",
-        OBSERVABLES["penetration_ratio"],
-        Sampled(_share_above_zero, jnp.mean),
-    ),
-    "penetration_ratio": Statistic(
-        "1", "largest penetration / clearance", OBSERVABLES["penetration_ratio"], _LARGEST
-    ),
-    "impact_speed": Statistic(
-        "m/s", "fastest approach of pin and bore", OBSERVABLES["penetration_rate"], _LARGEST
-    ),
-    "winding": Statistic(
-        "1", "revolutions of the pin round the bore per turn", _winding, PowerMean()
-    ),
+    **_always_at("main", "A"),
 }
 _FURTHER = {
     # Within 20 % of a peak that lasts 5 % of a turn, and differentiable where the instant of the
@@ -117,17 +133,38 @@ _FURTHER = {
     "foundation_smooth_peak": Statistic(
         "N", "(mean of (|R_O| + |R_C|)^16)^(1/16)", foundation_force, PowerMean(16)
     ),
-    "joint_peak": Statistic("N", "largest force in the main bearing", _joint_force, _PEAK),
-    "sliding_power": Statistic(
-        "W", "mean of F_n |surface slip|: wear", _sliding_power, PowerMean()
-    ),
+    **_further_at("main", "A"),
     "drive_power": Statistic("W", "mean power of the drive", drive_power, PowerMean()),
 }
+# Of each joint, what is computed without being asked, and what when asked.
+_BY_JOINT = {
+    joint: (_always_at(joint, letter), _further_at(joint, letter))
+    for joint, letter in zip(JOINTS, "ABC", strict=True)
+}
+_OF_OTHERS = [of_joint for joint in JOINTS[1:] for of_joint in _BY_JOINT[joint]]
 
 # Name -> unit, meaning, quantity and reduction of what `statistics` computes when asked, the first
-# of them without being asked.
-STATISTIC = {**_BY_DEFAULT, **_FURTHER}
-# What `statistics` computes without being asked.
+# of them without being asked. Those of elbow and pivot have these names before theirs.
+STATISTIC = functools.reduce(operator.or_, _OF_OTHERS, _BY_DEFAULT | _FURTHER)
+# What `statistics` computes without being asked, with the same of a loose elbow and pivot.
 STATISTICS = tuple(_BY_DEFAULT)
-# What it computes when asked.
+# What it computes when asked, with the same of elbow and pivot.
 FURTHER_STATISTICS = tuple(_FURTHER)
+
+
+def always_of(scene: Scene) -> tuple[str, ...]:
+    """The names of what `statistics` computes of a scene without being asked."""
+    others = AtJoints(None, scene.elbow, scene.pivot)
+    return (*STATISTICS, *(name for joint, _ in others.present() for name in _BY_JOINT[joint][0]))
+
+
+def statistics_of(scene: Scene) -> tuple[str, ...]:
+    """The names of all that a scene has."""
+    names = dict.fromkeys((*always_of(scene), *FURTHER_STATISTICS))
+    for joint, clearance in scene.joints.present():
+        names |= dict.fromkeys(_BY_JOINT[joint][1])
+        if clearance.friction is None:
+            del names[f"{before(joint)}sliding_power"]
+    if scene.joint is None:
+        del names["sliding_power"]
+    return tuple(names)

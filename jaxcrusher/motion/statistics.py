@@ -1,5 +1,6 @@
 """Statistics of a motion over whole turns, integrated or sampled along with it."""
 
+import dataclasses
 import math
 from collections.abc import Iterable, Mapping
 
@@ -9,6 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require_names, require_whole, require_x64
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.joint.validity import Validity, validity
@@ -23,7 +25,7 @@ from jaxcrusher.motion.integrate import (
 )
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.named import AbstractNamed
-from jaxcrusher.motion.statistic import SAMPLES, STATISTIC, STATISTICS, PowerMean, Sampled
+from jaxcrusher.motion.statistic import SAMPLES, STATISTIC, PowerMean, Sampled, always_of
 
 # Friction whirl: the pin rolls round the bore, in contact, hundreds of times a turn. A pin
 # that rests in the bore follows the joint force, which goes round at most once or twice.
@@ -68,7 +70,8 @@ class Statistics(eqx.Module, AbstractOverTurns):
     def validity(self) -> Validity:
         """The motion against the limits of its contact model; an ideal joint keeps to them.
 
-        Raises ValueError if `penetration_ratio` or `impact_speed` was not asked for.
+        Raises ValueError if `penetration_ratio` or `impact_speed` of a loose joint was not asked
+        for.
         """
         if self.limits is None:
             raise ValueError(
@@ -106,7 +109,7 @@ def statistics(
     settle_turns: int,
     turns: int,
     *,
-    outputs: tuple[str, ...] = STATISTICS,
+    outputs: tuple[str, ...] | None = None,
     state: Float[ArrayLike, " dims"] | None = None,
     rtol: float | Scalar = 1e-9,
     method: Method = Method(),
@@ -117,8 +120,9 @@ def statistics(
 
     - `scene`: what to simulate; its numbers may be traced.
     - `settle_turns`, `turns`: whole numbers, >= 0 and >= 1.
-    - `outputs`: any of `jaxcrusher.STATISTICS` and `FURTHER_STATISTICS`; the rest is neither
-      computed nor traced.
+    - `outputs`: any of `jaxcrusher.STATISTICS` and `FURTHER_STATISTICS`, and the same of a loose
+      elbow and pivot with `elbow_` and `pivot_` before the name; the rest is neither computed nor
+      traced. None is `STATISTICS`, of each joint that is loose.
     - `state`: to start from, shape (dims,), as `Statistics.state` and `Section.state` have it, in
       place of the scene's start.
     - `rtol`, `method`: as in `jaxcrusher.simulate`, with time in radians of shaft angle and
@@ -133,8 +137,9 @@ def statistics(
     require_x64()
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
-    require_statistics(outputs)
     how = resolve(scene, rtol, method)
+    outputs = always_of(scene) if outputs is None else outputs
+    require_statistics(outputs)
     return _statistics(scene, state, settle_turns, turns, tuple(outputs), how)
 
 
@@ -158,11 +163,23 @@ def _statistics(
     by_turn = {name: values[settle_turns:] for name, values in by_turn.items()}
     values = {name: over_pieces(name, values) for name, values in by_turn.items()}
     values = {name: jnp.where(outcome.success, v, jnp.nan) for name, v in values.items()}
-    limits = None
-    if {"penetration_ratio", "impact_speed"} <= set(outputs):
-        limits = validity(scene.joint, values["penetration_ratio"], values["impact_speed"])
+    limits = limits_of(scene, values)
     end = flat(jax.tree.map(lambda leaf: leaf[-1], states), scene)
     return Statistics(turns, outcome, values, by_turn, end, limits)
+
+
+def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity | None:
+    """What statistics say of the limits of the contact model, if these are among them.
+
+    Of the main joint, and in `others` of those that are loose besides.
+    """
+    found = {}
+    for joint in ("main", *(name for name, _ in scene.joints.present())):
+        depth, speed = (before(joint) + name for name in ("penetration_ratio", "impact_speed"))
+        if depth not in values or speed not in values:
+            return None
+        found[joint] = validity(getattr(scene.joints, joint), values[depth], values[speed])
+    return dataclasses.replace(found.pop("main"), others=found)
 
 
 def over_pieces(name: str, values: Float[Array, " n"]) -> Scalar:

@@ -34,8 +34,10 @@ from jaxcrusher.joint.normal import (
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
     PE250X400,
+    WORN_JOINTS,
     Value,
     check_description,
+    complete,
     readable,
 )
 
@@ -72,24 +74,24 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
 
     `values` maps names of `PARAMETERS` to scalars in SI units, which may be traced, and names of
     `CHOICES` to one of theirs; those of `CHAMBER` are `build_chamber`'s. A friction of exactly 0
-    that is not traced leaves friction out.
+    that is not traced leaves friction out. With an `elbow.clearance` B is loose, with a
+    `pivot.clearance` C; their other numbers and choices stand by the same prefix.
 
-    Raises ValueError as `check_description` does, and as `Scene` and `Machine` do.
+    Raises ValueError as `check_description` and `complete` do, and as `Scene` and `Machine` do.
     """
     require_x64()
     check_description(values)
-    v: dict[str, Any] = {**PE250X400, **values}
+    v = complete(values)
     law = None if v["load_law"] == "none" else _LOADS[v["load_law"]](v["load"])
-    if v["joint"] == "ideal":
-        return Scene(build_machine(v), ConstantSpeed(v["speed"]), None, law, ClosedLinkage(), None)
-    return Scene(
-        build_machine(v),
-        ConstantSpeed(v["speed"]),
-        _joint(v),
-        law,
-        _FORMULATIONS[v["formulation"]](),
-        _STARTS[v["start"]](),
-    )
+    machine, drive = build_machine(v), ConstantSpeed(v["speed"])
+    main = None if v["joint"] == "ideal" else _joint(v, "")
+    others = [
+        _joint(v, f"{joint}.") if f"{joint}.clearance" in v else None for joint in WORN_JOINTS
+    ]
+    if main is None and others == [None, None]:
+        return Scene(machine, drive, None, law, ClosedLinkage(), None)
+    formulation, start = _FORMULATIONS[v["formulation"]](), _STARTS[v["start"]]()
+    return Scene(machine, drive, main, law, formulation, start, *others)
 
 
 def build_machine(values: Mapping[str, Any]) -> Machine:
@@ -144,8 +146,10 @@ def _differs(value: Any, other: Any) -> bool:
     return known is None or bool(np.any(known != other))
 
 
-def _joint(v: Mapping[str, Any]) -> ClearanceJoint:
-    require_clearance(v["clearance"], v["bore_radius"])
+def _joint(values: Mapping[str, Any], prefix: str) -> ClearanceJoint:
+    """That whose names have the prefix."""
+    v = {name.removeprefix(prefix): v for name, v in values.items() if name.startswith(prefix)}
+    require_clearance(v["clearance"], v["bore_radius"], prefix)
     tracked = v["impact_law"] == "tracked"
     velocity = TrackedImpactVelocity() if tracked else ConstantImpactVelocity(v["impact_velocity"])
     stiffness = cylinder_stiffness(v["bore_radius"], v["clearance"], v["young"], v["poisson"])

@@ -5,7 +5,7 @@ PE250x400 of Wang, Cui, Wang, Appl. Sci. 2023, 13, 238, Tables 1 and 2.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -71,6 +71,28 @@ PARAMETERS = {
     "counterweight.angle": Parameter(np.pi, "rad", "of the counterweight, ahead of O-A", _TURN),
 }
 
+# Joints that may be loose besides the main bearing: table, letter, the bore's and the pin's body.
+WORN_JOINTS = {"elbow": ("B", "jaw", "toggle"), "pivot": ("C", "frame", "toggle")}
+_OF_A_JOINT = ("clearance", "bore_radius", "friction", "restitution", "impact_velocity")
+
+
+def _worn(name: str, joint: str) -> Parameter:
+    """The number of B or C; it has the main bearing's default, but for the radius of its bore."""
+    letter, bore, pin = WORN_JOINTS[joint]
+    main = PARAMETERS[name]
+    if name == "bore_radius":
+        return Parameter(0.04, "m", f"radius of the {bore}'s bore at {letter}")
+    if name == "clearance":
+        return Parameter(main.default, "m", f"of the {pin}'s pin at {letter}; none: ideal")
+    return replace(main, meaning=f"{main.meaning.partition(';')[0]}, at {letter}")
+
+
+PARAMETERS |= {
+    f"{joint}.{name}": _worn(name, joint)
+    for joint in WORN_JOINTS
+    for name in (*_OF_A_JOINT, "young", "poisson")
+}
+
 # The crushing chamber: of the capacity, not of the motion. The paper gives its length, height and
 # loosening; its capacity of 9.41 m3/h at 25 rad/s implies 2b - s = 60.6 mm, and so this b with the
 # stroke s of its links. The nip angle makes the mouth the 250 mm of a PE250x400.
@@ -93,17 +115,45 @@ CHOICES = {
     "formulation": ("eccentricity", "multiplier"),
 }
 
+_CHOICES_OF_A_JOINT = ("slip", "contact_law", "impact_law")
+CHOICES |= {
+    f"{joint}.{name}": CHOICES[name] for joint in WORN_JOINTS for name in _CHOICES_OF_A_JOINT
+}
+
 # Every number that a scene file may have.
 NUMBERS = PARAMETERS | CHAMBER
 
 # Numbers whose law is a choice of its own.
 _LAWS = {"load": "load_law", "impact_velocity": "impact_law"}
 
-# The paper's crusher: every number and every choice of its motion by name.
-PE250X400: dict[str, float | str] = {
+_DEFAULTS: dict[str, float | str] = {
     **{name: parameter.default for name, parameter in PARAMETERS.items()},
     **{name: choices[0] for name, choices in CHOICES.items()},
 }
+
+
+def joint_of(name: str) -> str | None:
+    """The joint besides the main bearing that a name is of."""
+    joint = name.partition(".")[0]
+    return joint if joint in WORN_JOINTS else None
+
+
+# The paper's crusher: every number and every choice of its motion by name.
+PE250X400 = {name: value for name, value in _DEFAULTS.items() if joint_of(name) is None}
+
+
+def complete(values: Mapping[str, Any]) -> dict[str, Any]:
+    """A description with the default of every name that it lacks: of B and C if they are loose.
+
+    Raises ValueError for a name of B or C without its clearance.
+    """
+    loose = [joint for joint in WORN_JOINTS if f"{joint}.clearance" in values]
+    for name in values:
+        joint = joint_of(name)
+        if joint is not None and joint not in loose:
+            require(False, name, f"come with `{joint}.clearance`", "alone: without it is no joint")
+    there = {name: value for name, value in _DEFAULTS.items() if joint_of(name) in (None, *loose)}
+    return there | dict(values)
 
 
 def check_description(values: Mapping[str, Any]) -> None:

@@ -1,4 +1,7 @@
-"""The crusher as a forced second-order system: its eccentricity in clearances over shaft angle."""
+"""The crusher as a forced second-order system: eccentricities in clearances over shaft angle.
+
+The unknowns x are those of the main joint, of the elbow and of the pivot, of each that is loose.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -8,11 +11,13 @@ from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.formulations import ClosedLinkage, EccentricityFormulation
-from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
+from jaxcrusher.crusher.formulations.eccentricity import EccentricityState, JointState
+from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.crusher.starts import resting
+from jaxcrusher.joint.clearance import ClearanceJoint
 from jaxcrusher.settled.collocation import System, one_by_one
 from jaxcrusher.settled.newton import Factors
 from jaxcrusher.settled.trigonometric import differentiation, nodes, resample
@@ -27,40 +32,55 @@ def refusal(scene: Scene) -> str:
         return "be written by eccentricity, but is written by multipliers"
     if scene.drive.initial() is not None:
         return "turn at constant speed, but its shaft is free: it repeats at a speed not given"
-    if scene.joint is None or scene.joint.normal.impact_velocity.initial() is None:
+    memories = [joint.normal.impact_velocity.initial() for _, joint in scene.joints.present()]
+    if all(memory is None for memory in memories):
         return ""
     return "have a constant impact velocity, but tracks it: in contact any value repeats itself"
 
 
+def pairs(x: Float[Array, " dims *nodes"], scene: Scene) -> AtJoints[Vector]:
+    """Two of the numbers for each joint with clearance."""
+    names = [name for name, _ in scene.joints.present()]
+    return AtJoints(**{n: Vector(x[2 * i], x[2 * i + 1]) for i, n in enumerate(names)})
+
+
+def numbers(e: AtJoints[Vector]) -> Float[Array, " dims *nodes"]:
+    """The inverse of `pairs`."""
+    return jnp.stack([part for _, one in e.present() for part in (one.x, one.y)])
+
+
 def state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
     """From e / c and its derivative by the shaft angle."""
-    assert scene.joint is not None
-    speed = scene.drive.speed * scene.joint.clearance
-    return EccentricityState(Vector(x[0], x[1]), Vector(*(speed * rate)), None, None)
+
+    def one(joint: ClearanceJoint, at: Vector, change: Vector) -> JointState:
+        return JointState(at, scene.drive.speed * joint.clearance * change, None)
+
+    return EccentricityState(scene.joints.map(one, pairs(x, scene), pairs(rate, scene)), None)
 
 
 def acceleration(
-    angle: Scalar, x: Float[Array, "2"], rate: Float[Array, "2"], scene: Scene
-) -> Float[Array, "2"]:
+    angle: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
+) -> Float[Array, " dims"]:
     """The second derivative of e / c by the shaft angle."""
-    assert scene.joint is not None
     seen = snapshot(angle, x, rate, scene)
     change = scene.formulation.rate(seen, state(x, rate, scene), scene)
-    return change.rate.array() / (scene.joint.clearance * scene.drive.speed**2)
+    scaled = scene.joints.map(
+        lambda joint, at: at.rate / (joint.clearance * scene.drive.speed**2), change.joints
+    )
+    return numbers(scaled)
 
 
-def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count 2"]:
-    """The pin resting under the force of a motion that its own depth corrects."""
-    assert scene.joint is not None
+def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count dims"]:
+    """The pins resting under the forces of a motion that their own depth corrects."""
     pace = scene.drive.speed / period
     first, second = (pace**k * matrix for k, matrix in enumerate(differentiation(count), start=1))
     times = 2 * jnp.pi * jnp.asarray(nodes(count)) / pace
-    e = jax.vmap(lambda time: Vector(0 * time, 0 * time))(times)
+    e = scene.joints.map(lambda _: Vector(0 * times, 0 * times))
     along = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))
     for _ in range(1 + REFINEMENTS):
         rate, curvature = (jax.tree.map(lambda part, m=m: m @ part, e) for m in (first, second))
         e = along(times, e, rate, curvature, scene)
-    return jnp.stack([e.x, e.y], axis=1) / scene.joint.clearance
+    return numbers(scene.joints.map(lambda joint, at: at / joint.clearance, e)).T
 
 
 def snapshot(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
@@ -68,7 +88,7 @@ def snapshot(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
     return scene.formulation.snapshot(angle / scene.drive.speed, state(x, rate, scene), scene)
 
 
-def missed(system: System, x: Float[Array, "nodes 2"], factors: Factors) -> Scalar:
+def missed(system: System, x: Float[Array, "nodes dims"], factors: Factors) -> Scalar:
     """What the nodes miss of the mean square of the force, estimated.
 
     The defect, zero at the nodes, is what the polynomial cannot follow between them; the dual of

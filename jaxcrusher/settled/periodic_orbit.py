@@ -16,17 +16,19 @@ from jaxcrusher.basics.checks import (
     require_whole,
     require_x64,
 )
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.crusher.starts import Centred
 from jaxcrusher.joint.validity import validity
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistic import STATISTIC, PowerMean
+from jaxcrusher.motion.statistic import STATISTIC, PowerMean, statistics_of
+from jaxcrusher.motion.statistics import limits_of
 from jaxcrusher.settled import forced, newton
 from jaxcrusher.settled.collocation import System, collocate, one_by_one
 from jaxcrusher.settled.multipliers import multipliers
-from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged, statistics_of
+from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged
 from jaxcrusher.settled.shooting import shoot
 from jaxcrusher.settled.trigonometric import resample
 
@@ -98,7 +100,7 @@ def periodic_orbit(
     while nodes is None and _blurred(orbit) and count < MOST_NODES:
         count *= 2
         orbit = solved(orbit.eccentricity, count)
-    if bool(orbit.success) and scene.joint is not None and not _closes(orbit):
+    if bool(orbit.success) and not scene.is_ideal and not _closes(orbit):
         return judged(orbit, RESULTS.open)
     if nodes is None and bool(_coarse(orbit)):
         found = shoot(scene, flat(orbit.state(), scene), period)
@@ -121,7 +123,7 @@ def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> Perio
     """The orbit with `count` nodes a turn, as far as one set of nodes can tell."""
     instants = INSTANTS * period
     zero, angles = jnp.zeros(()), 2 * jnp.pi * jnp.arange(instants) / INSTANTS
-    if scene.joint is None:
+    if scene.is_ideal:
         # Kinematics alone: a sum over a turn.
         times = angles / scene.drive.speed
         values, error, _ = _statistics(
@@ -140,7 +142,7 @@ def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> Perio
 
 
 def described(
-    system: System, period: int, x: Float[Array, "nodes 2"], root: newton.Root
+    system: System, period: int, x: Float[Array, "nodes dims"], root: newton.Root
 ) -> PeriodicOrbit:
     """What is known of the orbit of a crusher through nodes that Newton's method ended at."""
     scene = system.args
@@ -153,7 +155,8 @@ def described(
     blurred = (result == RESULTS.successful) & ~(error <= UNRESOLVED)
     result = RESULTS.where(blurred, reason, result)
     found = multipliers(system, x)
-    limits = validity(scene.joint, values["penetration_ratio"], values["impact_speed"])
+    limits = limits_of(scene, values)
+    assert limits is not None
     numbers = values, error, least, found.values, found.error, limits
     return PeriodicOrbit(scene, period, x, result, root.steps, *numbers)
 
@@ -182,8 +185,10 @@ def _statistics(
 
     values = {name: reduce(name) for name in statistics}
     error = jnp.abs(reduce("foundation_rms", 2) / values["foundation_rms"] - 1)
-    depth = samples[statistics["penetration_ratio"].quantity]
-    return values, jax.lax.stop_gradient(error), jnp.min(_finer(depth))
+    names = [f"{before(joint)}penetration_ratio" for joint, _ in scene.joints.present()]
+    depths = [samples[statistics[name].quantity] for name in names or ["penetration_ratio"]]
+    least = jnp.min(jnp.stack([jnp.min(_finer(depth)) for depth in depths]))
+    return values, jax.lax.stop_gradient(error), least
 
 
 def _finer(samples: Float[Array, " n"]) -> Float[Array, " m"]:

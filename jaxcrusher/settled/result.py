@@ -44,13 +44,14 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
 
     scene: Scene
     period: int = eqx.field(static=True)  # turns
-    eccentricity: Float[Array, "nodes 2"] | None  # e / c at equal steps of shaft angle
+    # e / c at equal steps of shaft angle: x and y of each joint with clearance, A, B, C
+    eccentricity: Float[Array, "nodes dims"] | None
     result: RESULTS
     steps: Array  # Newton's
     values: Mapping[str, Scalar]  # statistics
     error: Scalar  # estimated, of the RMS as a share of it
-    least_penetration: Scalar  # least delta / c: contact is kept if it is > 0
-    multipliers: Complex[Array, " n"]  # of a disturbance, in one period: 4, none if ideal
+    least_penetration: Scalar  # least delta / c at any joint: contact is kept if > 0
+    multipliers: Complex[Array, " n"]  # of a disturbance, in one period: 4 a loose joint
     multipliers_error: Scalar  # estimated
     validity: Validity
 
@@ -114,12 +115,6 @@ def _seen(
         return {name: OBSERVABLES[name](snapshot, orbit.scene) for name in outputs}
 
     return jax.vmap(look)(angles)
-
-
-def statistics_of(scene: Scene) -> tuple[str, ...]:
-    """The names of those that the scene has."""
-    slides = scene.joint is not None and scene.joint.friction is not None
-    return tuple(name for name in STATISTIC if slides or name != "sliding_power")
 
 
 def judged(orbit: PeriodicOrbit, result: RESULTS) -> PeriodicOrbit:

@@ -10,15 +10,16 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float, Scalar
 
 from jaxcrusher.crusher.formulations import EccentricityFormulation
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.joint.validity import validity
+from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.simulation import simulate
-from jaxcrusher.motion.statistic import SAMPLES
-from jaxcrusher.motion.statistics import over_pieces
+from jaxcrusher.motion.statistic import SAMPLES, statistics_of
+from jaxcrusher.motion.statistics import limits_of, over_pieces
 from jaxcrusher.motion.tangents import Build, Tangents, chain, changes, combine, tangents
 from jaxcrusher.settled import newton
-from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged, statistics_of
+from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged
 
 # Of the map, and the shortest step as a share of Newton's.
 EVALUATIONS, LEAST_SHARE = 16, 0.1
@@ -29,7 +30,7 @@ CLOSURE, RTOL = 1e-7, 1e-11
 LEAP, NEAR, COARSE_RTOL = 1.0, 1e-4, 1e-8
 
 
-def shoot(scene: Scene, guess: Float[ArrayLike, " 4"], period: int) -> PeriodicOrbit:
+def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> PeriodicOrbit:
     """The orbit of `scene` through a section point near `guess` (concrete values only).
 
     Its `error` is what a tolerance 100 times as large makes of the RMS, that of its multipliers
@@ -54,41 +55,43 @@ def _same(_: Array, scene: Scene) -> Scene:
 
 def _missing(scene: Scene, period: int) -> PeriodicOrbit:
     """No orbit: NaN in every number."""
-    assert scene.joint is not None
-    lost, nodes = jnp.asarray(jnp.nan), jnp.full((SAMPLES * period, 2), jnp.nan)
+    lost, values = jnp.asarray(jnp.nan), dict.fromkeys(statistics_of(scene), jnp.asarray(jnp.nan))
+    limits, dims = limits_of(scene, values), initial_state(scene).size
+    assert limits is not None
     return PeriodicOrbit(
         scene,
         period,
-        nodes,
+        jnp.full((SAMPLES * period, dims // 2), jnp.nan),
         RESULTS.open,
         jnp.array(0),
-        dict.fromkeys(statistics_of(scene), lost),
+        values,
         lost,
         lost,
-        jnp.full(4, jnp.nan, complex),
+        jnp.full(dims, jnp.nan, complex),
         lost,
-        validity(scene.joint, lost, lost),
+        limits,
     )
 
 
 def _described(
     scene: Scene,
-    state: Float[ArrayLike, " 4"],
+    state: Float[ArrayLike, " dims"],
     period: int,
-    multipliers: Complex[np.ndarray, " 4"],
+    multipliers: Complex[np.ndarray, " dims"],
     blur: float,
 ) -> PeriodicOrbit:
     """What is known of the orbit through a section point.
 
     Turn by turn: the same programs serve all periods.
     """
-    assert scene.joint is not None
+    joints = dict(scene.joints.present())
+    places = {name: before(name) + "eccentricity" for name in joints}
+    depths = [before(name) + "penetration_ratio" for name in joints]
     times = 2 * np.pi / scene.drive.speed * np.arange(SAMPLES) / SAMPLES
     names, parts, seen, coarse = statistics_of(scene), [], [], []
     again = state
     for _ in range(period):
-        looks = ("eccentricity", "penetration_ratio")
-        seen.append(simulate(scene, times, state=state, outputs=looks))
+        seen.append(simulate(scene, times, state=state, outputs=(*places.values(), *depths)))
         parts.append(poincare_section(scene, 0, 1, state=state, outputs=names, rtol=RTOL))
         coarse.append(poincare_section(scene, 0, 1, state=again, outputs=names, rtol=100 * RTOL))
         state, again = parts[-1].state, coarse[-1].state
@@ -97,20 +100,24 @@ def _described(
         return over_pieces(name, jnp.concatenate([turn.values[name] for turn in turns]))
 
     values = {name: over(parts, name) for name in names}
-    eccentricity = jnp.concatenate([turn["eccentricity"] for turn in seen])
-    depth = jnp.concatenate([turn["penetration_ratio"] for turn in seen])
+    relative = [
+        jnp.concatenate([turn[places[name]] for turn in seen]) / joint.clearance
+        for name, joint in joints.items()
+    ]
+    limits = limits_of(scene, values)
+    assert limits is not None
     return PeriodicOrbit(
         scene,
         period,
-        eccentricity / scene.joint.clearance,
+        jnp.concatenate(relative, axis=1),
         RESULTS.promote(newton.RESULTS.successful),
         jnp.array(0),
         values,
         jnp.abs(over(coarse, "foundation_rms") / values["foundation_rms"] - 1),
-        jnp.min(depth),
+        jnp.min(jnp.array([jnp.min(turn[depth]) for turn in seen for depth in depths])),
         jnp.asarray(multipliers, complex),
         jnp.asarray(blur),
-        validity(scene.joint, values["penetration_ratio"], values["impact_speed"]),
+        limits,
     )
 
 
@@ -130,9 +137,10 @@ def section_point(
     x = np.asarray(guess, dtype=float)
     # Traced: a neighbour of a parameter at its limit lies outside.
     scene = eqx.filter_eval_shape(build, point)
-    if not isinstance(scene.formulation, EccentricityFormulation) or x.size != 4:
+    joints = len(list(scene.joints.present()))
+    if not isinstance(scene.formulation, EccentricityFormulation) or x.size != 4 * joints:
         return None
-    rtol, share, step, before = COARSE_RTOL, 1.0, np.zeros(4), np.eye(4)
+    rtol, share, step, last = COARSE_RTOL, 1.0, np.zeros(x.size), np.eye(x.size)
     for _ in range(EVALUATIONS):
         along = tangents(build, point, metric, x + share * step, period, rtol)
         matrix, _ = chain(along)
@@ -140,12 +148,12 @@ def section_point(
         if not np.isfinite(matrix).all():
             return None
         # Deuflhard's test: seen with the last matrix, the next step must be shorter.
-        if np.any(step) and not _size(_solved(before, left)) < (1 - share / 4) * _size(step):
+        if np.any(step) and not _size(_solved(last, left)) < (1 - share / 4) * _size(step):
             share /= 2
             if share < LEAST_SHARE:
                 return None
             continue
-        x, before, share = x + share * step, matrix, min(1.0, 2 * share)
+        x, last, share = x + share * step, matrix, min(1.0, 2 * share)
         step = _solved(matrix, left)
         if _size(step) < CLOSURE and rtol == RTOL:
             return x, along
@@ -155,15 +163,15 @@ def section_point(
     return None
 
 
-def _solved(matrix: Float[np.ndarray, "4 4"], left: Float[np.ndarray, "4"]) -> np.ndarray:
+def _solved(matrix: Float[np.ndarray, "n n"], left: Float[np.ndarray, " n"]) -> np.ndarray:
     """Newton's step, not finite where a multiplier is 1."""
     try:
-        return np.linalg.solve(np.eye(4) - matrix, left)
+        return np.linalg.solve(np.eye(len(left)) - matrix, left)
     except np.linalg.LinAlgError:
-        return np.full(4, np.nan)
+        return np.full(len(left), np.nan)
 
 
-def _size(step: Float[np.ndarray, "4"]) -> float:
+def _size(step: Float[np.ndarray, " n"]) -> float:
     return float(np.max(np.abs(step)))
 
 

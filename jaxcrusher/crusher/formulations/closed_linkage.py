@@ -1,4 +1,4 @@
-"""The ideal joint: a closed linkage, its motion given by the shaft's."""
+"""Ideal joints: a closed linkage, its motion given by the shaft's."""
 
 import jax.numpy as jnp
 from jaxtyping import Scalar
@@ -7,6 +7,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.drives import ShaftState
 from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
+from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.snapshot import (
     ShaftMotion,
     Snapshot,
@@ -51,7 +52,8 @@ class ClosedLinkage(AbstractFormulation):
             inertia = shaft_inertia(machine) + arm.cross(slope)
             shaft = ShaftMotion(shaft.crank, shaft.speed, scene.drive.acceleration(moment, inertia))
             force, acceleration = joint_force(shaft)
-        return Snapshot(shaft, chain, acceleration, None, None, force, None, None, load, None)
+        none = AtJoints()
+        return Snapshot(shaft, chain, acceleration, none, none, force, None, None, load, None)
 
     def rate(
         self, snapshot: Snapshot, state: ShaftState | None, scene: AbstractScene

@@ -1,102 +1,112 @@
-"""Two degrees of freedom: the eccentricity of the pin in its bore and its rate.
+"""Two degrees of freedom for each joint with clearance: the eccentricity of its pin in its bore.
 
-With a clearance at A there is no closed loop: the jaw's bearing is at A_jaw = A_shaft - e,
-and e determines the rest. No constraints, no drift, and the penetration is not a difference
-of two large numbers.
+With a clearance there is no closed loop: the jaw's bearing is at A_jaw = A_shaft - e_A, its lower
+end e_B off the toggle's pin, the toggle's foot e_C off the frame's pivot, and the eccentricities
+determine the rest. No constraints, no drift, and no penetration is a difference of two large
+numbers.
 """
 
 import equinox as eqx
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher import free_bodies, linkage
 from jaxcrusher.crusher.drives import ShaftState
-from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
+from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene, AbstractStart
+from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.snapshot import (
     ShaftMotion,
     Snapshot,
+    chain_of,
     crank_motion,
     moment_on_shaft,
     pin_acceleration,
-    pin_position,
-    pin_velocity,
     shaft_inertia,
 )
+from jaxcrusher.joint.clearance import ClearanceJoint, Contact
 
 
-class EccentricityState(eqx.Module):
-    """All of order one, so that one tolerance fits."""
+class JointState(eqx.Module):
+    """Of one joint; all of order one, so that one tolerance fits."""
 
     relative_eccentricity: Vector  # e / c
     rate: Vector  # e', m/s
     impact_velocity: Scalar | None  # the normal law's memory, m/s
+
+
+class EccentricityState(eqx.Module):
+    """Of the joints with clearance, and of a free shaft."""
+
+    joints: AtJoints[JointState]
     shaft: ShaftState | None
 
 
 class EccentricityFormulation(AbstractFormulation):
-    """Newton-Euler of the open chain C-B-A, in eccentricity coordinates."""
+    """Newton-Euler in eccentricity coordinates.
+
+    Of the open chain C-B-A if the main joint alone is loose, of free bodies if B or C is.
+    """
 
     def initial(self, scene: AbstractScene) -> EccentricityState:
         """As the scene's start says."""
-        joint, start = clearance_joint(scene)
-        eccentricity, rate = start.eccentricity(scene)
+        start = start_of(scene)
         return EccentricityState(
-            eccentricity / joint.clearance,
-            rate,
-            joint.normal.impact_velocity.initial(),
-            scene.drive.initial(),
+            scene.joints.map(joint_state, *start.eccentricities(scene)), scene.drive.initial()
         )
 
     def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
-        """Contact first, then the chain's two equations."""
-        machine, (joint, _) = scene.machine, clearance_joint(scene)
+        """Contacts first, then the accelerations."""
+        machine = scene.machine
         shaft = crank_motion(*scene.drive.motion(time, state.shaft))
-        eccentricity = joint.clearance * state.relative_eccentricity
-        chain = linkage.assemble(
-            machine,
-            pin_position(machine, shaft.crank) - eccentricity,
-            pin_velocity(machine, shaft) - state.rate,
+        eccentricities = scene.joints.map(
+            lambda joint, at: joint.clearance * at.relative_eccentricity, state.joints
         )
-        contact = joint.contact(
-            eccentricity, state.rate, chain.jaw_spin, shaft.speed, state.impact_velocity
-        )
-        velocity = linkage.mass_centre_velocity(machine, chain)
-        load = None if scene.load is None else scene.load.force(chain.jaw, velocity)
-        acceleration = linkage.chain_acceleration(
-            machine, chain, load, contact.force, contact.bearing_moment
-        )
-        moment = moment_on_shaft(machine, shaft.crank, contact.force, contact.journal_moment)
-        # The moment arm of the joint's force is counted from O to A_shaft, that of the
-        # contact point from there.
-        shaft = ShaftMotion(
-            shaft.crank, shaft.speed, scene.drive.acceleration(moment, shaft_inertia(machine))
-        )
+        rates = state.joints.map(lambda at: at.rate)
+        chain = chain_of(machine, shaft, eccentricities, rates)
+        memories = state.joints.map(lambda at: at.impact_velocity)
+        contacts = contacts_of(scene, eccentricities, rates, chain, shaft.speed, memories)
+        load = None
+        if scene.load is not None:
+            load = scene.load.force(chain.jaw, linkage.mass_centre_velocity(machine, chain))
+        main, moments = contacts.main, (None, None)
+        if main is not None:
+            moments = main.bearing_moment, main.journal_moment
+        if scene.joints.only_main:
+            assert main is not None
+            force = main.force
+            acceleration = linkage.chain_acceleration(machine, chain, load, force, moments[0])
+            # The moment arm of the joint's force is counted from O to A_shaft, that of the
+            # contact point from there.
+            moment = moment_on_shaft(machine, shaft.crank, force, moments[1])
+            spin_up = scene.drive.acceleration(moment, shaft_inertia(machine))
+            shaft = ShaftMotion(shaft.crank, shaft.speed, spin_up)
+        else:
+            shaft, acceleration, force = free_bodies.accelerations(
+                machine, shaft, scene.drive, chain, load, contacts
+            )
         return Snapshot(
-            shaft,
-            chain,
-            acceleration,
-            contact,
-            eccentricity,
-            contact.force,
-            contact.bearing_moment,
-            contact.journal_moment,
-            load,
-            None,
+            shaft, chain, acceleration, contacts, eccentricities, force, *moments, load, None
         )
 
     def rate(
         self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene
     ) -> EccentricityState:
-        """By e'': the pin's acceleration less the bearing's."""
-        machine, (joint, _) = scene.machine, clearance_joint(scene)
-        assert snapshot.contact is not None
-        bearing_acceleration = linkage.joint_acceleration(
-            machine, snapshot.chain, snapshot.chain_acceleration
-        )
+        """By e'': the pin's acceleration less the bore's."""
+        second = snapshot.chain_acceleration.play
+        if scene.joints.only_main:
+            bearing = linkage.joint_acceleration(
+                scene.machine, snapshot.chain, snapshot.chain_acceleration
+            )
+            second = AtJoints(main=pin_acceleration(scene.machine, snapshot.shaft) - bearing)
+
+        def one(
+            joint: ClearanceJoint, at: JointState, contact: Contact, second: Vector
+        ) -> JointState:
+            memory = joint.memory_rate(contact, at.impact_velocity)
+            return JointState(at.rate / joint.clearance, second, memory)
+
         return EccentricityState(
-            state.rate / joint.clearance,
-            pin_acceleration(machine, snapshot.shaft) - bearing_acceleration,
-            joint.memory_rate(snapshot.contact, state.impact_velocity),
+            scene.joints.map(one, state.joints, snapshot.contacts, second),
             scene.drive.rate(snapshot.shaft.speed, snapshot.shaft.acceleration),
         )
 
@@ -111,11 +121,38 @@ class EccentricityFormulation(AbstractFormulation):
         return rtol
 
 
-def clearance_joint(scene: AbstractScene):
-    """The scene's joint and start, which a formulation with clearance cannot do without."""
-    if scene.joint is None or scene.start is None:
+def joint_state(joint: ClearanceJoint, eccentricity: Vector, rate: Vector) -> JointState:
+    """A joint that begins with e (m) and e' (m/s)."""
+    memory = joint.normal.impact_velocity.initial()
+    return JointState(eccentricity / joint.clearance, rate, memory)
+
+
+def contacts_of(
+    scene: AbstractScene,
+    eccentricities: AtJoints[Vector],
+    rates: AtJoints[Vector],
+    chain: linkage.Chain,
+    speed: Scalar,
+    memories: AtJoints[Scalar],
+) -> AtJoints[Contact]:
+    """Of the joints with clearance; `speed` (rad/s) is the shaft's, `memories` the normal laws'."""
+    bearings = AtJoints(chain.jaw_spin, chain.jaw_spin, 0.0)
+    journals = AtJoints(speed, chain.toggle_spin, chain.toggle_spin)
+    return scene.joints.map(
+        lambda joint, *seen: joint.contact(*seen),
+        eccentricities,
+        rates,
+        bearings,
+        journals,
+        memories,
+    )
+
+
+def start_of(scene: AbstractScene) -> AbstractStart:
+    """The scene's start, which a formulation with clearance cannot do without."""
+    if scene.start is None or not any(scene.joints.present()):
         raise ValueError(
             "Argument `scene` must have a clearance joint and a start for this formulation, "
             f"but has joint {scene.joint} and start {scene.start}."
         )
-    return scene.joint, scene.start
+    return scene.start

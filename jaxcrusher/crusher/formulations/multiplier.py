@@ -2,7 +2,7 @@
 
 q = (S1, theta1, S2, theta2, S3, theta3), theta3 clockwise. (13) lacks the drive's row, added
 here; the first term of (15) is (Phi_q q')_q q'; and the contact acts with its moments, which
-(19) omits.
+(19) omits. The rows of a loose B or C make way for its contact; an ideal A has rows.
 """
 
 import functools
@@ -11,56 +11,23 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.linear import SparseRow, solve_constrained
+from jaxcrusher.basics.linear import solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, scalar
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.drives import from_nearest_turn
-from jaxcrusher.crusher.formulations.eccentricity import clearance_joint
+from jaxcrusher.crusher.formulations.constraints import Constraint, Gap, constraints_of, gaps_of
+from jaxcrusher.crusher.formulations.coordinates import Body, Coordinates, arms_of, from_entries
+from jaxcrusher.crusher.formulations.eccentricity import contacts_of, start_of
 from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
+from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.linkage import Chain, ChainAcceleration
 from jaxcrusher.crusher.machine import Machine
-from jaxcrusher.crusher.snapshot import (
-    Multipliers,
-    ShaftMotion,
-    Snapshot,
-    pin_position,
-    pin_velocity,
-)
+from jaxcrusher.crusher.snapshot import Multipliers, ShaftMotion, Snapshot, chain_of
+from jaxcrusher.joint.clearance import Contact
 
 # The unit of time of the velocities in the state: as long as a contact, so that the error
 # of a velocity weighs as much as that of the position it leads to.
 CONTACT_TIME = 1e-4  # s
-
-
-class Body(eqx.Module):
-    """Mass centre (m) and angle (rad), or their derivatives."""
-
-    centre: Vector
-    angle: Scalar
-
-    def __mul__(self, factor) -> "Body":
-        return Body(self.centre * factor, self.angle * factor)
-
-
-class Coordinates(eqx.Module):
-    """q of the paper, or a derivative of it."""
-
-    shaft: Body
-    jaw: Body
-    toggle: Body
-
-    def __mul__(self, factor) -> "Coordinates":
-        return Coordinates(self.shaft * factor, self.jaw * factor, self.toggle * factor)
-
-    def entries(self) -> list[Scalar]:
-        """The nine scalars in the paper's order."""
-        bodies = (self.shaft, self.jaw, self.toggle)
-        return [entry for b in bodies for entry in (b.centre.x, b.centre.y, b.angle)]
-
-
-def from_entries(q: list[Scalar]) -> Coordinates:
-    """The inverse of `Coordinates.entries`."""
-    return Coordinates(*(Body(Vector(q[i], q[i + 1]), q[i + 2]) for i in (0, 3, 6)))
 
 
 class MultiplierState(eqx.Module):
@@ -68,29 +35,7 @@ class MultiplierState(eqx.Module):
 
     position: Coordinates
     velocity: Coordinates
-    impact_velocity: Scalar | None  # the normal law's memory, m/s
-
-
-class _Arms(eqx.Module):
-    """Where things are, from the three angles; m."""
-
-    crank: Vector  # unit vector O-A
-    shaft: Vector  # S1 from O
-    jaw_axis: Vector  # unit vector B-A
-    jaw: Vector  # S2 from B
-    toggle_axis: Vector  # unit vector C-B
-
-
-def _arms(machine: Machine, q: Coordinates) -> _Arms:
-    crank = direction(q.shaft.angle)
-    jaw_axis = direction(q.jaw.angle).perp()
-    return _Arms(
-        crank,
-        machine.shaft.mass_centre.along(crank),
-        jaw_axis,
-        machine.jaw.length * jaw_axis + machine.jaw.mass_centre.along(jaw_axis),
-        direction(-q.toggle.angle),
-    )
+    impact_velocities: AtJoints[Scalar]  # the normal laws' memories, m/s
 
 
 class MultiplierFormulation(AbstractFormulation):
@@ -101,96 +46,98 @@ class MultiplierFormulation(AbstractFormulation):
 
     def initial(self, scene: AbstractScene) -> MultiplierState:
         """The scene's start, on the constraints to rounding."""
-        machine, (joint, start) = scene.machine, clearance_joint(scene)
+        machine = scene.machine
         angle, speed = scene.drive.motion(scalar(0.0), scene.drive.initial())
         shaft = ShaftMotion(direction(angle), speed, None)
-        eccentricity, rate = start.eccentricity(scene)
-        chain = linkage.assemble(
-            machine,
-            pin_position(machine, shaft.crank) - eccentricity,
-            pin_velocity(machine, shaft) - rate,
-        )
+        chain = chain_of(machine, shaft, *start_of(scene).eccentricities(scene))
         arm = linkage.mass_centre_arm(machine, chain)
-        elbow = machine.toggle.length * chain.toggle
         centre = machine.shaft.mass_centre.along(shaft.crank)
         jaw_angle = jnp.arctan2(-chain.jaw.x, chain.jaw.y)
         toggle_angle = jnp.arctan2(-chain.toggle.y, chain.toggle.x)
         position = Coordinates(
             Body(machine.bearing + centre, angle),
-            Body(elbow + arm, jaw_angle),
-            Body(elbow / 2, toggle_angle),
+            Body(linkage.elbow_position(machine, chain) + arm, jaw_angle),
+            Body(linkage.toggle_centre(machine, chain), toggle_angle),
         )
         velocity = Coordinates(
             Body(speed * centre.perp(), speed),
             Body(linkage.mass_centre_velocity(machine, chain), chain.jaw_spin),
-            Body(linkage.elbow_velocity(machine, chain) / 2, -chain.toggle_spin),
+            Body(linkage.toggle_centre_velocity(machine, chain), -chain.toggle_spin),
         )
-        memory = joint.normal.impact_velocity.initial()
-        return MultiplierState(position, velocity * CONTACT_TIME, memory)
+        memories = scene.joints.map(lambda joint: joint.normal.impact_velocity.initial())
+        return MultiplierState(position, velocity * CONTACT_TIME, memories)
 
     def snapshot(self, time: Scalar, state: MultiplierState, scene: AbstractScene) -> Snapshot:
         """Solve (20) for the accelerations and the multipliers."""
-        machine, (joint, _) = scene.machine, clearance_joint(scene)
+        machine = scene.machine
         q, velocity = state.position, state.velocity * (1 / CONTACT_TIME)
-        arms = _arms(machine, q)
-        pin_arm = machine.shaft.eccentricity * arms.crank - arms.shaft  # A_shaft from S1
-        bearing_arm = machine.jaw.length * arms.jaw_axis - arms.jaw  # A_jaw from S2
-        eccentricity = q.shaft.centre + pin_arm - q.jaw.centre - bearing_arm
-        rate = (
-            velocity.shaft.centre
-            + velocity.shaft.angle * pin_arm.perp()
-            - velocity.jaw.centre
-            - velocity.jaw.angle * bearing_arm.perp()
-        )
-        contact = joint.contact(
-            eccentricity, rate, velocity.jaw.angle, velocity.shaft.angle, state.impact_velocity
-        )
+        arms = arms_of(machine, q)
+        gaps = gaps_of(q, velocity, arms, scene.joints)
+        e = gaps.map(lambda gap: gap.position)
+        rate = gaps.map(lambda gap: gap.change(velocity.entries()))
+        spins = -velocity.toggle.angle, velocity.jaw.angle
+        chain = Chain(arms.toggle_axis, arms.jaw_axis, *spins, e, rate)
+        contacts = contacts_of(scene, e, rate, chain, velocity.shaft.angle, state.impact_velocities)
         load = None
         if scene.load is not None:
             load = scene.load.force(arms.jaw_axis, velocity.jaw.centre)
-        prescribed = scene.drive.initial() is None
-        forces = _applied_forces(scene, contact, load, pin_arm, bearing_arm)
-        rows, violation, violation_rate, right = _constraints(scene, time, q, velocity, arms)
+        constraints = constraints_of(scene, time, q, velocity, arms)
         stabilised = [
-            gamma - 2 * self.alpha * dphi - self.beta**2 * phi
-            for gamma, dphi, phi in zip(right, violation_rate, violation, strict=True)
+            one.gamma - 2 * self.alpha * one.rate - self.beta**2 * one.violation
+            for one in constraints
         ]
-        accelerations, multipliers = solve_constrained(_masses(machine), rows, forces, stabilised)
-        acceleration = from_entries(accelerations)
-        bearing, elbow, pivot = (Vector(multipliers[i], multipliers[i + 1]) for i in (0, 2, 4))
-        residual = functools.reduce(jnp.maximum, [jnp.abs(phi) for phi in violation])
+        accelerations, found = solve_constrained(
+            _masses(machine),
+            [one.row for one in constraints],
+            _applied_forces(scene, contacts, load, gaps),
+            stabilised,
+        )
+        held = _by_name(constraints, found)
+        acceleration, drive = from_entries(accelerations), held.get("drive")
+        multipliers = Multipliers(
+            Vector(*held["bearing"]),
+            Vector(*held["elbow"]) if "elbow" in held else None,
+            Vector(*held["pivot"]) if "pivot" in held else None,
+            None if drive is None else drive[0],
+            functools.reduce(jnp.maximum, [jnp.abs(one.violation) for one in constraints]),
+            acceleration,
+        )
+        main = contacts.main
         return Snapshot(
             ShaftMotion(
-                arms.crank, velocity.shaft.angle, None if prescribed else acceleration.shaft.angle
+                arms.crank,
+                velocity.shaft.angle,
+                acceleration.shaft.angle if drive is None else None,
             ),
-            Chain(arms.toggle_axis, arms.jaw_axis, -velocity.toggle.angle, velocity.jaw.angle),
-            ChainAcceleration(-acceleration.toggle.angle, acceleration.jaw.angle),
-            contact,
-            eccentricity,
-            contact.force,
-            contact.bearing_moment,
-            contact.journal_moment,
+            chain,
+            ChainAcceleration(
+                -acceleration.toggle.angle,
+                acceleration.jaw.angle,
+                gaps.map(lambda gap: gap.acceleration(accelerations)),
+            ),
+            contacts,
+            e,
+            Vector(*held["main"]) if main is None else main.force,
+            None if main is None else main.bearing_moment,
+            None if main is None else main.journal_moment,
             load,
-            Multipliers(
-                bearing,
-                elbow,
-                pivot,
-                multipliers[6] if prescribed else None,
-                residual,
-                acceleration,
-            ),
+            multipliers,
         )
 
     def rate(
         self, snapshot: Snapshot, state: MultiplierState, scene: AbstractScene
     ) -> MultiplierState:
         """Velocities and accelerations, q' and q''."""
-        joint, _ = clearance_joint(scene)
-        assert snapshot.contact is not None and snapshot.multipliers is not None
+        assert snapshot.multipliers is not None
+        memories = scene.joints.map(
+            lambda joint, contact, memory: joint.memory_rate(contact, memory),
+            snapshot.contacts,
+            state.impact_velocities,
+        )
         return MultiplierState(
             state.velocity * (1 / CONTACT_TIME),
             snapshot.multipliers.acceleration * CONTACT_TIME,
-            joint.memory_rate(snapshot.contact, state.impact_velocity),
+            memories,
         )
 
     def unwound(self, state: MultiplierState) -> MultiplierState:
@@ -200,8 +147,8 @@ class MultiplierFormulation(AbstractFormulation):
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Positions of the order of 1 m count against the clearance, down to their rounding."""
-        joint, _ = clearance_joint(scene)
-        return jnp.maximum(rtol * joint.clearance, 2e-14)
+        clearances = [joint.clearance for _, joint in scene.joints.present()]
+        return jnp.maximum(rtol * functools.reduce(jnp.minimum, clearances), 2e-14)
 
 
 def _masses(machine: Machine) -> list[Scalar]:
@@ -210,78 +157,47 @@ def _masses(machine: Machine) -> list[Scalar]:
     return [entry for b in bodies for entry in (b.mass, b.mass, b.inertia)]
 
 
-def _applied_forces(scene, contact, load, pin_arm: Vector, bearing_arm: Vector) -> list[Scalar]:
-    """Q of (18) and the contact's forces with their moments, for the nine coordinates.
+def _by_name(constraints: list[Constraint], multipliers: list[Scalar]) -> dict[str, list[Scalar]]:
+    """The multipliers of what is held."""
+    found: dict[str, list[Scalar]] = {}
+    for constraint, multiplier in zip(constraints, multipliers, strict=True):
+        found.setdefault(constraint.of, []).append(multiplier)
+    return found
+
+
+# The coordinates that are the angles of pin and bore of each joint, and which way they count.
+_ANGLES = {"main": ((2, 1), (5, 1)), "elbow": ((8, -1), (5, 1)), "pivot": ((8, -1), None)}
+
+
+def _applied_forces(
+    scene: AbstractScene,
+    contacts: AtJoints[Contact],
+    load: Vector | None,
+    gaps: AtJoints[Gap],
+) -> list[Scalar]:
+    """Q of (18) and the contacts' forces with their moments, for the nine coordinates.
 
     A prescribed drive's torque is its multiplier; a given one stands here.
     """
-    machine, force = scene.machine, contact.force
-    weights = [
-        Vector(0.0, -b.mass * machine.gravity) for b in (machine.shaft, machine.jaw, machine.toggle)
-    ]
-    on_shaft = weights[0] - force
-    on_jaw = weights[1] + force if load is None else weights[1] + force + load
-    shaft_moment = -pin_arm.cross(force)
-    jaw_moment = bearing_arm.cross(force)
-    if contact.bearing_moment is not None:
-        shaft_moment = shaft_moment + contact.journal_moment
-        jaw_moment = jaw_moment + contact.bearing_moment
+    machine = scene.machine
+    none = jnp.zeros_like(machine.gravity)
+    forces = [none] * 9
+    for y, body in zip((1, 4, 7), (machine.shaft, machine.jaw, machine.toggle), strict=True):
+        forces[y] = -body.mass * machine.gravity
+    if load is not None:
+        forces[3], forces[4] = load.x, forces[4] + load.y
+    for name, contact in contacts.present():
+        gap: Gap = getattr(gaps, name)
+        # Of the force on the bore and its reaction on the pin, by virtual work.
+        for row, component in zip(gap.rows, (contact.force.x, contact.force.y), strict=True):
+            for i, entry in row.items():
+                forces[i] = forces[i] - entry * component
+        moments = contact.journal_moment, contact.bearing_moment
+        for angle, moment in zip(_ANGLES[name], moments, strict=True):
+            if angle is not None and moment is not None:
+                i, sense = angle
+                forces[i] = forces[i] + sense * moment
     # acceleration(moment, 1) is torque + moment, or None where the speed is prescribed.
-    driven = scene.drive.acceleration(shaft_moment, scalar(1.0))
-    shaft_moment = shaft_moment if driven is None else driven
-    no_moment = jnp.zeros_like(shaft_moment)
-    return [
-        on_shaft.x,
-        on_shaft.y,
-        shaft_moment,
-        on_jaw.x,
-        on_jaw.y,
-        jaw_moment,
-        weights[2].x,
-        weights[2].y,
-        no_moment,
-    ]
-
-
-def _constraints(
-    scene: AbstractScene, time: Scalar, q: Coordinates, velocity: Coordinates, arms: _Arms
-) -> tuple[list[SparseRow], list[Scalar], list[Scalar], list[Scalar]]:
-    """Phi_q, Phi, Phi' and gamma of (13)-(15): O, B, C, and the drive."""
-    machine, one = scene.machine, jnp.ones_like(time)
-    elbow, middle = (machine.toggle.length * s * arms.toggle_axis for s in (1.0, 0.5))
-    shaft_turn, jaw_turn = arms.shaft.perp(), arms.jaw.perp()
-    # theta3 counts clockwise: d(elbow)/d(theta3) = -perp(elbow)
-    elbow_turn, middle_turn = -elbow.perp(), -middle.perp()
-    rows: list[SparseRow] = [
-        {0: one, 2: -shaft_turn.x},
-        {1: one, 2: -shaft_turn.y},
-        {3: one, 5: -jaw_turn.x, 8: -elbow_turn.x},
-        {4: one, 5: -jaw_turn.y, 8: -elbow_turn.y},
-        {6: one, 8: -middle_turn.x},
-        {7: one, 8: -middle_turn.y},
-    ]
-    closures = [
-        q.shaft.centre - machine.bearing - arms.shaft,
-        q.jaw.centre - elbow - arms.jaw,
-        q.toggle.centre - middle,
-    ]
-    gammas = [
-        -(velocity.shaft.angle**2) * arms.shaft,
-        -(velocity.jaw.angle**2) * arms.jaw - velocity.toggle.angle**2 * elbow,
-        -(velocity.toggle.angle**2) * middle,
-    ]
-    violation = [component for closure in closures for component in (closure.x, closure.y)]
-    right = [component for gamma in gammas for component in (gamma.x, gamma.y)]
-    entries = velocity.entries()
-    if scene.drive.initial() is None:
-        angle, speed = scene.drive.motion(time, None)
-        rows.append({2: one})
-        violation.append(q.shaft.angle - angle)
-        right.append(jnp.zeros_like(time))
-    violation_rate = [
-        sum((entry * entries[column] for column, entry in row.items()), jnp.zeros_like(time))
-        for row in rows
-    ]
-    if scene.drive.initial() is None:
-        violation_rate[-1] = violation_rate[-1] - speed
-    return rows, violation, violation_rate, right
+    driven = scene.drive.acceleration(forces[2], scalar(1.0))
+    forces[2] = forces[2] if driven is None else driven
+    return forces

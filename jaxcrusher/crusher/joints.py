@@ -1,0 +1,46 @@
+"""The three joints of the crusher, and something of each that has clearance."""
+
+from collections.abc import Callable, Iterator
+from typing import Any, Generic, TypeVar
+
+import equinox as eqx
+
+T = TypeVar("T")
+
+# Names of the joints: the main bearing A (bore in the jaw, pin of the shaft), the elbow B (bore in
+# the jaw, pin of the toggle), the toggle's pivot C (bore in the frame, pin of the toggle).
+JOINTS = ("main", "elbow", "pivot")
+
+
+def before(joint: str) -> str:
+    """What stands before a name that is that of the main joint too: "elbow_"."""
+    return "" if joint == "main" else f"{joint}_"
+
+
+class AtJoints(eqx.Module, Generic[T]):
+    """One of a kind at each of `JOINTS`; None where the joint is ideal."""
+
+    main: T | None = None
+    elbow: T | None = None
+    pivot: T | None = None
+
+    def present(self) -> Iterator[tuple[str, T]]:
+        """Names, and what is there, of the joints with clearance."""
+        for name in JOINTS:
+            one = getattr(self, name)
+            if one is not None:
+                yield name, one
+
+    def map(self, function: Callable[..., Any], *others: "AtJoints[Any]") -> "AtJoints[Any]":
+        """`function` of what is at each joint, in this and in others; None where nothing is."""
+        return AtJoints(
+            **{
+                name: function(one, *(getattr(other, name) for other in others))
+                for name, one in self.present()
+            }
+        )
+
+    @property
+    def only_main(self) -> bool:
+        """Whether nothing is at elbow and pivot."""
+        return self.elbow is None and self.pivot is None
