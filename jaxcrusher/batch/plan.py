@@ -22,7 +22,7 @@ from jaxcrusher.batch.rows import row_of
 from jaxcrusher.files.provenance import machine, now
 from jaxcrusher.motion.statistics import statistics
 from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, PE250X400
+from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, complete, loose_besides
 
 # A chunk's number, its variables, and a record of how they were computed.
 Result = tuple[int, dict[str, np.ndarray], dict[str, Any]]
@@ -48,6 +48,11 @@ class Plan:
     def shape(self) -> tuple[int, ...]:
         """Designs along each axis."""
         return tuple(len(values) for values in self.axes.values())
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints that are loose besides the main one."""
+        return loose_besides((*self.axes, *self.base))
 
     @property
     def chunks(self) -> tuple[int, ...]:
@@ -125,9 +130,9 @@ def check_grid(
         require_choice("base", name, (*PARAMETERS, *CHOICES))
         require(name not in varied, "base", "name none of the axes", repr(name))
         fixed[name] = value if name in CHOICES else float(_numbers(f"base[{name!r}]", value, 0))
-    fixed = {
-        name: fixed.get(name, default) for name, default in PE250X400.items() if name not in varied
-    }
+    lowest = {name: values[0] for name, values in varied.items()}
+    described = complete({**fixed, **lowest})
+    fixed = {name: value for name, value in described.items() if name not in varied}
     # All limits are intervals, and what keeps off the dead points is convex: the grid's corners
     # speak for what lies between.
     ends = [
@@ -200,11 +205,17 @@ def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[
     cells += cells[-1:] * (lanes - len(cells))
     varied = dict(zip(plan.axes, zip(*cells, strict=True), strict=True))
     # Numbers that do not vary are traced too: a design's bits do not depend on what varies.
+    described = dict(plan.base) | varied
     numbers = {
         name: jnp.asarray(varied.get(name, [plan.base.get(name)] * len(cells)))
         for name in PARAMETERS
+        if name in described
     }
-    choices = {name: varied[name][0] if name in varied else plan.base[name] for name in CHOICES}
+    choices = {
+        name: varied[name][0] if name in varied else plan.base[name]
+        for name in CHOICES
+        if name in described
+    }
     function = eqx.Partial(
         _design, choices=choices, settle_turns=plan.settle_turns, turns=plan.turns, rtol=plan.rtol
     )

@@ -17,7 +17,7 @@ import numpy as np
 import zarr
 
 from jaxcrusher.batch.plan import Plan
-from jaxcrusher.batch.rows import LOGICAL, VARIABLES
+from jaxcrusher.batch.rows import LOGICAL, variables_of
 from jaxcrusher.files.durable import broken, checksum, lock, named, replace
 from jaxcrusher.files.resume import require_same
 
@@ -32,7 +32,7 @@ class ChunkStore:
     """
 
     def __init__(self, path: Path, plan: Plan, settings: dict[str, Any], attributes: dict):
-        self.path, self._plan = path, plan
+        self.path, self._plan, self._variables = path, plan, variables_of(plan.joints)
         self._digest = hashlib.sha256(_json(settings)).hexdigest()
         side = path / _SIDE
         if path.is_file() or (path.is_dir() and not side.is_dir() and any(path.iterdir())):
@@ -75,7 +75,7 @@ class ChunkStore:
             group = zarr.open_group(self.path, mode="r+")
             # Also chunks that are all False: every finished chunk has all its files.
             with zarr.config.set({"array.write_empty_chunks": True}):
-                for name in VARIABLES:
+                for name in self._variables:
                     group[name][self._plan.region(number)] = values[name]  # pyright: ignore
             marker = {"settings": self._digest, "sha256": self._checksums(number), **record}
             replace(self._marker(number), _json(marker))
@@ -89,7 +89,7 @@ class ChunkStore:
 
     def _checksums(self, number: int) -> dict[str, str]:
         """The checksums of a chunk's files, which are on the disk when this returns."""
-        names = [f"{name}/c.{self._key(number)}" for name in VARIABLES]
+        names = [f"{name}/c.{self._key(number)}" for name in self._variables]
         return {name: checksum(self.path / name, sync=True) for name in names}
 
     def _verified(self) -> set[int]:
@@ -136,7 +136,7 @@ class ChunkStore:
                 attributes=labels,
             )
             array[:] = values
-        for name, (unit, meaning) in VARIABLES.items():
+        for name, (unit, meaning) in variables_of(plan.joints).items():
             logical = name in LOGICAL
             group.create_array(
                 name,

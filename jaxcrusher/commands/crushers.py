@@ -11,21 +11,20 @@ from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.commands.program import tell
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_chamber, build_scene
-from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, PE250X400
+from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, complete
 from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text, require_parameter
 
 
 def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
-    """Every name of `jaxcrusher.PE250X400` with its value, and the scene that they make.
+    """Every name of a crusher with its value, and the scene that they make.
 
     What is unusual is told. Raises ValueError as `read_scene_file`, `build_scene`, `build_chamber`
     and `remarks` of `jaxcrusher.scenes.plausibility` do.
     """
-    values = dict(PE250X400)
-    if crusher.scene is not None:
-        values |= read_scene_file(crusher.scene)
-    values |= {name: read_text(name, text) for name, text in crusher.overrides}
+    given = {} if crusher.scene is None else read_scene_file(crusher.scene)
+    given |= {name: read_text(name, text) for name, text in crusher.overrides}
+    values = complete(given)
     scene = scene_of(values, crusher.scene)
     build_chamber(values)
     tell_unusual(values)
@@ -49,9 +48,9 @@ def scene_of(values: Mapping[str, Any], path: Path | None) -> Scene:
 
 
 def read_moving(crusher: Crusher) -> dict[str, Any]:
-    """A crusher whose pin can move in its bore; ValueError for an ideal joint too."""
+    """A crusher whose pins can move in their bores; ValueError for ideal joints too."""
     values, scene = read_crusher(crusher)
-    require(scene.joint is not None, "joint", "have clearance to move in", values["joint"])
+    require(not scene.is_ideal, "joint", "have clearance to move in", values["joint"])
     return values
 
 

@@ -13,6 +13,7 @@ from rich.table import Table
 import jaxcrusher as jc
 from jaxcrusher.commands.crushers import read_crusher
 from jaxcrusher.commands.options import Orbit
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_json
 from jaxcrusher.files.resume import begin
@@ -26,7 +27,9 @@ def run(options: Orbit, console: Console) -> int:
     values, _ = read_crusher(options.crusher)
     settings = {"command": "orbit", "scene": values, "period": options.period}
     folder = begin(options.results.folder, settings, "orbit.json", "orbit.png")
-    numbers = {name: jnp.asarray(values[name], dtype=float) for name in PARAMETERS}
+    numbers = {
+        name: jnp.asarray(values[name], dtype=float) for name in PARAMETERS if name in values
+    }
 
     def solve(numbers: dict[str, Any], nodes: int | None = None) -> jc.PeriodicOrbit:
         scene = jc.build_scene({**values, **numbers})
@@ -52,21 +55,26 @@ def run(options: Orbit, console: Console) -> int:
 
 
 def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:
-    """The pin in its bore, and the force on the foundation beside the ideal joint's."""
+    """Each pin in its bore, and the force on the foundation beside that of ideal joints."""
     angles = 2 * np.pi * np.arange(ANGLES * orbit.period + 1) / ANGLES
-    seen = orbit.motion(angles, ("foundation_force", "eccentricity"))
+    joints = dict(orbit.scene.joints.present())
+    names = [f"{before(joint)}eccentricity" for joint in joints]
+    seen = orbit.motion(angles, ("foundation_force", *names))
     ideal = jc.periodic_orbit(orbit.scene.ideal()).motion(angles, ("foundation_force",))
-    fig, (pin, force) = plt.subplots(1, 2, figsize=(10, 4), width_ratios=[1, 1.6])
-    if orbit.scene.joint is None:
-        pin.set_axis_off()
-    else:
-        clearance = float(orbit.scene.joint.clearance)
+    count = max(len(joints), 1)
+    fig, (*pins, force) = plt.subplots(
+        1, count + 1, figsize=(6 + 4 * count, 4), width_ratios=[1] * count + [1.6]
+    )
+    if not joints:
+        pins[0].set_axis_off()
+    for pin, name, (joint, clear) in zip(pins, names, joints.items(), strict=False):
+        clearance, at = float(clear.clearance), "" if joint == "main" else f"{joint}: "
         pin.add_patch(plt.Circle((0, 0), 1, fill=False, color="0.6"))  # pyright: ignore
-        pin.plot(*(np.asarray(seen["eccentricity"]).T / clearance))
+        pin.plot(*(np.asarray(seen[name]).T / clearance))
         pin.set(aspect="equal", xlabel="e_x / c", ylabel="e_y / c")
-        pin.set_title(f"radial clearance {1e3 * clearance:.4g} mm")
+        pin.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
     force.plot(np.degrees(angles), 1e-3 * seen["foundation_force"], label="settled")
-    force.plot(np.degrees(angles), 1e-3 * ideal["foundation_force"], ":", label="ideal joint")
+    force.plot(np.degrees(angles), 1e-3 * ideal["foundation_force"], ":", label="ideal joints")
     force.set(xlabel="shaft angle, degrees", ylabel="|R_O| + |R_C|, kN")
     force.legend()
     fig.tight_layout()
@@ -81,7 +89,7 @@ def summary(orbit: jc.PeriodicOrbit) -> list[str]:
         f"{float(orbit.foundation_mean):.4f} N, peak {float(orbit.foundation_peak):.4f} N"
     ]
     if orbit.eccentricity is None:
-        return [*lines, "an ideal joint: nothing swings"]
+        return [*lines, "ideal joints: nothing swings"]
     moduli = ", ".join(f"{abs(value):.6f}" for value in np.asarray(orbit.multipliers))
     settles = f"settles in {float(orbit.settling_turns):.4g} turns"
     return [

@@ -13,12 +13,14 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.commands.crushers import read_crusher
 from jaxcrusher.commands.options import Simulate
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_netcdf
 from jaxcrusher.files.resume import begin
 from jaxcrusher.pictures import plots
+from jaxcrusher.scenes.parameters import loose_besides
 
 # Simulated unless told otherwise, and, of these, drawn: the last ones.
 TURNS, DRAWN = 10.0, 2
@@ -99,6 +101,8 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
     """The motion with units, long names and provenance."""
     variables: dict[str, Any] = {}
     for name, observable in OBSERVABLES.items():
+        if name not in motion.values:
+            continue
         array = np.asarray(motion[name])
         dims = ("time", "direction")[: array.ndim]
         labels = {"units": observable.unit, "long_name": observable.meaning}
@@ -116,19 +120,23 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
 
 
 def draw(motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) -> Figure:
-    """Orbit and foundation force at the instants `drawn`; without an orbit for an ideal joint."""
-    seen = {name: motion[name][drawn] for name in ("foundation_force", "eccentricity")}
+    """An orbit for each joint with clearance, and foundation force, at the instants `drawn`."""
+    joints = dict(scene.joints.present())
+    names = ("foundation_force", *(f"{before(joint)}eccentricity" for joint in joints))
+    seen = {name: motion[name][drawn] for name in names}
     part = jc.Trajectory(motion.time[drawn], motion.outcome, seen)
-    fig = plt.figure(figsize=(10, 4), layout="constrained")
-    if scene.joint is None:
+    fig = plt.figure(figsize=(6 + 4 * max(len(joints), 1), 4), layout="constrained")
+    if not joints:
         ax = fig.add_subplot()
         plots.plot_force(part, ax=ax).set_title("ideal joint")
         ax.legend().remove()
     else:
-        orbit, force = fig.subplots(1, 2, width_ratios=[1, 1.6])
-        clearance, speed = float(scene.joint.clearance), float(scene.drive.speed)
-        plots.plot_orbit(part, clearance, orbit)
-        orbit.set_title(f"radial clearance {1e3 * clearance:.4g} mm")
+        *orbits, force = fig.subplots(1, len(joints) + 1, width_ratios=[1] * len(joints) + [1.6])
+        speed = float(scene.drive.speed)
+        for orbit, (name, joint) in zip(orbits, joints.items(), strict=True):
+            clearance, at = float(joint.clearance), "" if name == "main" else f"{name}: "
+            plots.plot_orbit(part, clearance, orbit, joint=name)
+            orbit.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
         ideal = jc.simulate(scene.ideal(), part.time, outputs=("foundation_force",))
         plots.plot_force(part, ideal, force).set_title(f"{speed:.4g} rad/s")
     return fig
@@ -138,7 +146,7 @@ def closing(
     motion: jc.Trajectory, summary: jc.Statistics | None, settle: int, values: dict[str, Any]
 ) -> str:
     """RMS, contact share, whirl and what is outside the model, on one line."""
-    ideal = values["joint"] == "ideal"
+    ideal = values["joint"] == "ideal" and not loose_besides(values)
     if summary is None:
         rms = float(np.sqrt(np.mean(motion.foundation_force**2)))
         contact = "" if ideal else f", contact share {float(motion.contact_fraction):.3f}"

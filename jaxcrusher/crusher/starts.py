@@ -57,7 +57,7 @@ class InContact(AbstractStart):
         def rate(e: Play) -> Play:
             return jax.tree.map(lambda part: matrix @ part, e)
 
-        e = scene.joints.map(lambda _: Vector(0 * times, 0 * times))
+        e = jax.vmap(lambda time: scene.joints.map(lambda _: Vector(0 * time, 0 * time)))(times)
         for _ in range(1 + self.refinements):
             e = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))(
                 times, e, rate(e), rate(rate(e)), scene

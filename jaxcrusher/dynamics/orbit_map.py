@@ -90,21 +90,25 @@ def orbit_map(
         require(nodes % 2 == 0, "nodes", "be even", nodes)
     levels = (NODES, 2 * NODES) if nodes is None else (nodes,)
     require_choice("metric", metric, tuple(STATISTIC))
-    require_names("slopes", slopes, tuple(PARAMETERS))
     varied, fixed = check_grid(axes, base or {})
+    require_names("slopes", slopes, tuple(name for name in PARAMETERS if name in fixed | varied))
     cells = list(itertools.product(*varied.values()))
     report = progress or (lambda finished, of: None)
     report(0, len(cells))
+    numbers_of, choices = (
+        [name for name in table if name in fixed or name in varied]
+        for table in (PARAMETERS, CHOICES)
+    )
     # Another choice is another program, and no neighbour.
     groups: dict[tuple, list[int]] = {}
     for number, cell in enumerate(cells):
         made = {**fixed, **dict(zip(varied, cell, strict=True))}
-        groups.setdefault(tuple(made[name] for name in CHOICES), []).append(number)
+        groups.setdefault(tuple(made[name] for name in choices), []).append(number)
     numbers = {
         name: np.array([cell[list(varied).index(name)] for cell in cells], float)
         if name in varied
         else np.full(len(cells), fixed[name], float)
-        for name in PARAMETERS
+        for name in numbers_of
     }
     shape = tuple(len(values) for values in varied.values())
     grid = _Grid(shape, tuple(name in PARAMETERS for name in varied), numbers)
@@ -112,7 +116,7 @@ def orbit_map(
         for level in levels:
             solve = eqx.Partial(
                 _cell,
-                choices=dict(zip(CHOICES, chosen, strict=True)),
+                choices=dict(zip(choices, chosen, strict=True)),
                 slopes=tuple(slopes),
                 metric=metric,
                 period=period,
@@ -149,7 +153,7 @@ def _cell(
     def solved(by: dict[str, Scalar]) -> tuple[Scalar, PeriodicOrbit]:
         scene = build_scene({**numbers, **choices, **by})
         first = None
-        if scene.joint is not None:
+        if not scene.is_ideal:
             rest = quasi_static(jax.lax.stop_gradient(scene), period, nodes * period)
             first = jnp.where(jnp.isfinite(guess), guess, rest)
         orbit = periodic_orbit(scene, period=period, nodes=nodes, guess=first)

@@ -49,8 +49,8 @@ class ClearanceJoint(eqx.Module):
         self,
         eccentricity: Vector,
         rate: Vector,
-        bearing_spin: Scalar,
-        journal_spin: Scalar,
+        bearing_spin: Scalar | float,
+        journal_spin: Scalar | float,
         memory: Scalar | None,
     ) -> Contact:
         """The contact at eccentricity e = journal centre - bearing centre (m), rate e' (m/s).

@@ -151,11 +151,14 @@ STATISTICS = tuple(_BY_DEFAULT)
 # What it computes when asked, with the same of elbow and pivot.
 FURTHER_STATISTICS = tuple(_FURTHER)
 
+# Joint -> what `statistics` computes of it without being asked.
+ALWAYS = {joint: tuple(always) for joint, (always, _) in _BY_JOINT.items()}
+
 
 def always_of(scene: Scene) -> tuple[str, ...]:
     """The names of what `statistics` computes of a scene without being asked."""
     others = AtJoints(None, scene.elbow, scene.pivot)
-    return (*STATISTICS, *(name for joint, _ in others.present() for name in _BY_JOINT[joint][0]))
+    return (*STATISTICS, *(name for joint, _ in others.present() for name in ALWAYS[joint]))
 
 
 def statistics_of(scene: Scene) -> tuple[str, ...]:

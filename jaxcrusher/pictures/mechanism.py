@@ -1,11 +1,14 @@
 """The mechanism to scale, its clearance magnified, and the forces on it."""
 
+import itertools
+
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from jaxcrusher.basics.checks import require
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE, PURPLE
@@ -29,6 +32,12 @@ FORCES = {
     "joint_force": ("$F_A$", ORANGE, "pin_position", "tail"),
     "crushing_load": ("$F_{load}$", PURPLE, "jaw_mass_centre", "tail"),
 }
+# Of a joint: its letter, the force on the bore and its sign, and where its inset lies.
+INSETS = {
+    "main": ("A", "joint_force", 1, (0.01, 0.52, 0.37, 0.45)),
+    "elbow": ("B", "elbow_reaction", 1, (0.75, 0.01, 0.24, 0.27)),
+    "pivot": ("C", "toggle_reaction", -1, (0.01, 0.12, 0.24, 0.3)),
+}
 # The longest arrow in lengths of the jaw, and the widest magnified gap in radii of the bore.
 LONGEST_ARROW, WIDEST_GAP = 0.4, 0.35
 # The outline of the jaw in bore radii, along B-A from A and across it to the face; from B below.
@@ -42,11 +51,12 @@ def plot_mechanism(
     """Draw the mechanism (m) at the trajectory's time of index `instant`.
 
     Links, pivots, bore and pin are to scale. The machine's tables hold no outline of the jaw, no
-    face and no fixed jaw: these are drawn for the eye, the face parallel to A-B. An inset shows
-    the pin in its bore with the clearance magnified (an ideal joint has none). Arrows show the
+    face and no fixed jaw: these are drawn for the eye, the face parallel to A-B. An inset for each
+    joint with clearance shows the pin in its bore with the clearance magnified. Arrows show the
     frame's R_O on the shaft and R_C on the toggle, and F_A and the crushing load on the jaw.
 
-    Raises ValueError if the trajectory lacks one of `DRAWN`, or the instant.
+    Raises ValueError if the trajectory lacks the instant, one of `DRAWN`, or the eccentricity and
+    the force of a loose elbow or pivot.
     """
     ax = plt.subplots(figsize=(8, 6.4), layout="constrained")[1] if ax is None else ax
     Drawing(scene, trajectory, ax, [instant]).show(instant)
@@ -60,13 +70,16 @@ class Drawing:
     """
 
     def __init__(self, scene: Scene, trajectory: Trajectory, ax: Axes, instants: list[int]):
-        for name in DRAWN:
+        joints = dict(scene.joints.present())
+        of_joints = [(before(name) + "eccentricity", INSETS[name][1]) for name in joints]
+        needed = tuple(dict.fromkeys((*DRAWN, *itertools.chain(*of_joints))))
+        for name in needed:
             require(name in trajectory.values, "trajectory", f"hold '{name}'", "without it")
         count = len(trajectory.time)
         good = len(instants) > 0 and all(-count <= i < count for i in instants)
         require(good, "instant", f"be the index of one of {count} times", instants)
         self.time = np.asarray(trajectory.time)
-        self.data = {name: np.asarray(trajectory[name]) for name in DRAWN}
+        self.data = {name: np.asarray(trajectory[name]) for name in needed}
         bearing = np.array([float(scene.machine.bearing.x), float(scene.machine.bearing.y)])
         self.data["bearing"] = np.broadcast_to(bearing, (count, 2))
         self.data["toggle_pivot"] = np.zeros((count, 2))
@@ -82,8 +95,9 @@ class Drawing:
             _Bodies(ax, size, radius, bearing, self.data),
             _Arrows(ax, largest / (LONGEST_ARROW * size), largest),
         ]
-        if scene.joint is not None:
-            self.parts.append(_Magnified(ax, radius, float(scene.joint.clearance), largest))
+        for name, joint in joints.items():
+            bore, clearance = float(joint.bore_radius), float(joint.clearance)
+            self.parts.append(_Magnified(ax, name, bore, clearance, largest))
         right, top = bearing + HUB * radius
         ax.set(
             xlim=(-0.95 * size, right + 0.63 * size),
@@ -243,13 +257,15 @@ class _Arrows:
 
 
 class _Magnified:
-    """The pin in its bore, the clearance as wide as can be seen."""
+    """The pin of a joint in its bore, the clearance, which is named, as wide as can be seen."""
 
-    def __init__(self, ax: Axes, radius: float, clearance: float, largest: float):
+    def __init__(self, ax: Axes, joint: str, radius: float, clearance: float, largest: float):
+        self.joint = joint
+        letter, _, _, place = INSETS[joint]
         times = _round_down(WIDEST_GAP * radius / clearance)
         self.scale = times / radius
         gap = self.scale * clearance
-        inset = ax.inset_axes((0.01, 0.52, 0.37, 0.45))
+        inset = ax.inset_axes(place)
         inset.set(
             xlim=(-1.35, 1.35),
             ylim=(-1.35, 1.35),
@@ -258,7 +274,7 @@ class _Magnified:
             yticks=[],
             facecolor=JAW,
         )
-        inset.set_title(f"clearance {1e3 * clearance:g} mm, times {times:g}", fontsize=9)
+        inset.set_title(f"{letter}: {1e3 * clearance:g} mm, times {times:g}", fontsize=9)
         inset.add_patch(Circle((0, 0), 1, facecolor="w", edgecolor="k", linewidth=1.5))
         inset.add_patch(Circle((0, 0), gap, fill=False, edgecolor="0.4", linestyle="--"))
         pin = Circle((0, 0), 1 - gap, facecolor=PIN, edgecolor="k", linewidth=1.5, alpha=0.8)
@@ -281,13 +297,14 @@ class _Magnified:
         )
 
     def show(self, here: dict[str, np.ndarray]) -> None:
-        centre = self.scale * here["eccentricity"]
+        _, force, sign, _ = INSETS[self.joint]
+        centre = self.scale * here[before(self.joint) + "eccentricity"]
         self.pin.set(center=centre)
         self.centre.set_data(*centre[:, None])
-        # On the jaw, at the bore's surface, where the pin presses.
+        # At the bore's surface, where the pin presses.
         away = np.linalg.norm(centre)
         self.force.set_offsets(centre / away if away > 0 else centre)
-        self.force.set_UVC(*here["joint_force"])
+        self.force.set_UVC(*(sign * here[force]))
 
 
 def _axes(pin: np.ndarray, elbow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

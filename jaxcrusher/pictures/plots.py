@@ -16,6 +16,7 @@ from matplotlib.patches import Patch
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.capacity import CrushingChamber
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.motion.section import Section
 from jaxcrusher.motion.simulation import Trajectory
 
@@ -124,10 +125,12 @@ def plot_capacity(
     return ax
 
 
-def plot_orbit(trajectory: Trajectory, clearance: float, ax: Axes | None = None) -> Axes:
-    """The pin's centre in its clearance circle (mm)."""
+def plot_orbit(
+    trajectory: Trajectory, clearance: float, ax: Axes | None = None, *, joint: str = "main"
+) -> Axes:
+    """The centre of the pin of a joint ("main", "elbow", "pivot") in its clearance circle (mm)."""
     ax = plt.subplots()[1] if ax is None else ax
-    orbit = 1e3 * trajectory.eccentricity
+    orbit = 1e3 * trajectory[f"{before(joint)}eccentricity"]
     _circle(ax, 1e3 * clearance)
     ax.plot(orbit[:, 0], orbit[:, 1], color=BLUE, linewidth=0.6, label="pin centre")
     ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)", aspect="equal")

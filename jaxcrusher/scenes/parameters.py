@@ -4,7 +4,7 @@ The names serve scene files, the command line, sweeps and the design search. Def
 PE250x400 of Wang, Cui, Wang, Appl. Sci. 2023, 13, 238, Tables 1 and 2.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -142,12 +142,17 @@ def joint_of(name: str) -> str | None:
 PE250X400 = {name: value for name, value in _DEFAULTS.items() if joint_of(name) is None}
 
 
+def loose_besides(names: Iterable[str]) -> tuple[str, ...]:
+    """The joints that a description with these names makes loose besides the main bearing."""
+    return tuple(joint for joint in WORN_JOINTS if f"{joint}.clearance" in set(names))
+
+
 def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     """A description with the default of every name that it lacks: of B and C if they are loose.
 
     Raises ValueError for a name of B or C without its clearance.
     """
-    loose = [joint for joint in WORN_JOINTS if f"{joint}.clearance" in values]
+    loose = loose_besides(values)
     for name in values:
         joint = joint_of(name)
         if joint is not None and joint not in loose:

@@ -75,7 +75,7 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count d
     pace = scene.drive.speed / period
     first, second = (pace**k * matrix for k, matrix in enumerate(differentiation(count), start=1))
     times = 2 * jnp.pi * jnp.asarray(nodes(count)) / pace
-    e = scene.joints.map(lambda _: Vector(0 * times, 0 * times))
+    e = jax.vmap(lambda time: scene.joints.map(lambda _: Vector(0 * time, 0 * time)))(times)
     along = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))
     for _ in range(1 + REFINEMENTS):
         rate, curvature = (jax.tree.map(lambda part, m=m: m @ part, e) for m in (first, second))

@@ -141,9 +141,9 @@ def test_contact_acts_at_one_point():
     scene = placed(jc.paper_scene(30.0, 0.06e-3, slip="surface"), STATES[3])
     s = scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
     # About the bearing's centre: the jaw's moment, and -F at the pin's centre e away.
-    net = s.jaw_moment - s.eccentricity.cross(s.joint_force) + s.shaft_moment
+    net = s.jaw_moment - s.eccentricities.main.cross(s.joint_force) + s.shaft_moment
     assert abs(float(net)) < 1e-12 * abs(float(s.jaw_moment))
-    assert float(s.contact.friction_force) * float(s.contact.surface_speed) < 0
+    assert float(s.contacts.main.friction_force) * float(s.contacts.main.surface_speed) < 0
 
 
 def test_assembly_at_angle_zero():

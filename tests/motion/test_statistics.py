@@ -14,7 +14,7 @@ from jaxcrusher.motion.tangents import SLICES, combine, tangents
 
 def eccentricity(s, scene):
     """The length of e in clearances."""
-    return jnp.hypot(s.eccentricity.x, s.eccentricity.y) / scene.joint.clearance
+    return jnp.hypot(s.eccentricities.main.x, s.eccentricities.main.y) / scene.joint.clearance
 
 
 OWN = {

@@ -13,7 +13,7 @@ from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.machine import with_counterweight
 from jaxcrusher.crusher.snapshot import shaft_inertia
 from jaxcrusher.scenes.build import build_machine
-from jaxcrusher.scenes.parameters import CHOICES, check_description
+from jaxcrusher.scenes.parameters import CHOICES, WORN_JOINTS, check_description
 
 
 def test_defaults_are_tables_1_and_2():
@@ -30,25 +30,27 @@ def test_defaults_are_tables_1_and_2():
 
 def test_every_number_reaches_the_scene():
     """A name that is ignored would leave the scene as it is."""
-    plain = jax.tree.leaves(jc.build_scene({}))
+    loose = {f"{joint}.clearance": 1e-4 for joint in WORN_JOINTS}
+    plain = jax.tree.leaves(jc.build_scene(loose))
     for name, parameter in jc.PARAMETERS.items():
         values = {name: 1.01 * parameter.default}
         if name in ("counterweight.radius", "counterweight.angle"):
-            plain_here = jax.tree.leaves(jc.build_scene({"counterweight.mass": 10.0}))
+            plain_here = jax.tree.leaves(jc.build_scene(loose | {"counterweight.mass": 10.0}))
             values["counterweight.mass"] = 10.0
         else:
             plain_here = plain
         if name == "counterweight.mass":
             values = {name: 10.0}
-        changed = jax.tree.leaves(jc.build_scene(values))
+        changed = jax.tree.leaves(jc.build_scene(loose | values))
         assert any(not np.array_equal(a, b) for a, b in zip(plain_here, changed, strict=True)), name
 
 
 def test_every_choice_makes_another_scene():
-    plain = jc.build_scene({})
+    loose = {f"{joint}.clearance": 1e-4 for joint in WORN_JOINTS}
+    plain = jc.build_scene(loose)
     for name, choices in CHOICES.items():
         for choice in choices[1:]:
-            assert not eqx.tree_equal(plain, jc.build_scene({name: choice})), (name, choice)
+            assert not eqx.tree_equal(plain, jc.build_scene(loose | {name: choice})), (name, choice)
 
 
 @pytest.mark.parametrize("formulation", CHOICES["formulation"])

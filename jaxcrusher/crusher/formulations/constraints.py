@@ -22,8 +22,8 @@ class Gap(eqx.Module):
 
     def change(self, entries: Sequence[Scalar]) -> Vector:
         """The rows times nine rates."""
-        x, y = (sum(entry * entries[i] for i, entry in row.items()) for row in self.rows)
-        return Vector(x, y)
+        products = ([entry * entries[i] for i, entry in row.items()] for row in self.rows)
+        return Vector(*(sum(rest, first) for first, *rest in products))
 
     def acceleration(self, entries: Sequence[Scalar]) -> Vector:
         """From those of the coordinates."""

@@ -102,7 +102,7 @@ class MultiplierFormulation(AbstractFormulation):
             functools.reduce(jnp.maximum, [jnp.abs(one.violation) for one in constraints]),
             acceleration,
         )
-        main = contacts.main
+        main, further = contacts.main, AtJoints(None, gaps.elbow, gaps.pivot)
         return Snapshot(
             ShaftMotion(
                 arms.crank,
@@ -113,7 +113,7 @@ class MultiplierFormulation(AbstractFormulation):
             ChainAcceleration(
                 -acceleration.toggle.angle,
                 acceleration.jaw.angle,
-                gaps.map(lambda gap: gap.acceleration(accelerations)),
+                further.map(lambda gap: gap.acceleration(accelerations)),
             ),
             contacts,
             e,

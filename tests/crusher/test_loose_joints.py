@@ -1,0 +1,196 @@
+"""Clearance in A, B and C: power, Newton and Euler, and the agreement of the formulations."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from benchmarks.scenes.operations import field_operations
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher import free_bodies, linkage
+from jaxcrusher.crusher import observables as ob
+from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.crusher.joints import AtJoints
+from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
+from jaxcrusher.crusher.starts import Given
+
+CLEARANCES = {"elbow": 1e-4, "pivot": 8e-5}
+# Which of A, B and C are loose.
+LOOSE = ["B", "C", "BC", "AB", "AC", "ABC"]
+# e in clearances and e' (m/s) of A, B, C: in flight, in light and in hard contact, sliding.
+STATES = [
+    (((0.3, -0.5), (0.2, 0.1)), ((0.1, 0.7), (-0.2, 0.3)), ((-0.4, 0.2), (0.1, -0.4))),
+    (((0.6, 0.81), (0.1, -0.3)), ((-0.9, -0.6), (0.5, 0.9)), ((0.72, 0.73), (-0.6, 0.4))),
+    (((-0.72, 0.7), (0.3, 0.4)), ((0.0, 1.04), (0.9, -0.1)), ((0.2, -0.3), (0.3, 0.2))),
+]
+
+
+def described(letters, slip="surface", **values):
+    found = {"joint": "clearance" if "A" in letters else "ideal", "slip": slip, **values}
+    for letter, joint in (("B", "elbow"), ("C", "pivot")):
+        if letter in letters:
+            found[f"{joint}.clearance"] = CLEARANCES[joint]
+            found[f"{joint}.slip"] = slip
+    return found
+
+
+def placed(scene, state):
+    a, b, c = (tuple(Vector(*pair) for pair in joint) for joint in state)
+    return eqx.tree_at(lambda s: s.start, scene, Given(*a, AtJoints(None, b, c)))
+
+
+def free_shaft(scene):
+    return eqx.tree_at(lambda s: s.drive, scene, GivenTorque(300.0, 30.0))
+
+
+def instant(scene):
+    return scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
+
+
+@pytest.mark.parametrize("formulation", ["eccentricity", "multiplier"])
+@pytest.mark.parametrize("drive", ["constant", "torque"])
+@pytest.mark.parametrize("letters", LOOSE)
+def test_power_balance(letters, drive, formulation):
+    """The energies change along the vector field by what the powers put in."""
+    scene = jc.build_scene(described(letters, formulation=formulation))
+    scene = free_shaft(scene) if drive == "torque" else scene
+
+    @eqx.filter_jit
+    def balance(scene):
+        formulation, time = scene.formulation, jnp.array(0.0)
+        state = formulation.initial(scene)
+
+        def energy(time, state):
+            s = formulation.snapshot(time, state, scene)
+            parts = (ob.kinetic_energy, ob.potential_energy, ob.elastic_energy)
+            return sum(part(s, scene) for part in parts)
+
+        s = formulation.snapshot(time, state, scene)
+        rate = formulation.rate(s, state, scene)
+        _, change = jax.jvp(energy, (time, state), (jnp.array(1.0), rate))
+        inputs = ob.drive_power(s, scene), ob.load_power(s, scene)
+        losses = ob.contact_loss(s, scene), ob.friction_loss(s, scene)
+        scale = sum(jnp.abs(power) for power in (*inputs, *losses))
+        forces = [ob.force_at(s, scene, joint) for joint in ("main", "elbow", "pivot")]
+        return change - sum(inputs) + sum(losses), scale + sum(forces)
+
+    for state in STATES:
+        difference, scale = balance(placed(scene, state))
+        # Rounding of some dozen terms of the size of the powers; nine coordinates know the depth
+        # of a contact to 1e-10 of itself.
+        assert abs(float(difference)) < (1e-10 if formulation == "eccentricity" else 1e-8) * scale
+
+
+@pytest.mark.parametrize("letters", LOOSE)
+def test_formulations_agree_at_an_instant(letters):
+    @eqx.filter_jit
+    def observe(scene):
+        s = instant(scene)
+        names = [name for name in observables_of(scene) if name != "constraint_residual"]
+        return {name: OBSERVABLES[name](s, scene) for name in names}
+
+    values = described(letters)
+    one, other = (
+        jc.build_scene({**values, "formulation": way}) for way in ("eccentricity", "multiplier")
+    )
+    for state in STATES:
+        seen, again = observe(placed(one, state)), observe(placed(other, state))
+        # e is a difference of positions of 0.6 m, known to 3e-16: 1e-10 of a penetration, so 1e-4 N
+        # of the largest force, which reaches every reaction.
+        largest = max(float(np.abs(seen[name]).max()) for name in seen if "force" in name)
+        for name in seen:
+            scale = largest if OBSERVABLES[name].unit == "N" else np.abs(seen[name]).max()
+            close = 1e-8 * float(scale) + 1e-12
+            if OBSERVABLES[name].unit in ("N m", "W"):
+                close = 1e-8 * largest  # levers of less than 1 m, speeds of about 1 m/s
+            np.testing.assert_allclose(again[name], seen[name], rtol=0, atol=close, err_msg=name)
+
+
+@pytest.mark.parametrize("letters", LOOSE)
+def test_bodies_obey_newton_and_euler(letters):
+    """Reactions by momentum are the contacts' forces, and turn jaw and toggle as they turn."""
+    for state in STATES:
+        scene = placed(jc.build_scene(described(letters)), state)
+        s, m = instant(scene), scene.machine
+        at_elbow, at_pivot = ob.elbow_reaction(s, scene), ob.toggle_reaction(s, scene)
+        # Sums of forces up to 1e6 N.
+        for contact, reaction in ((s.contacts.elbow, at_elbow), (s.contacts.pivot, -at_pivot)):
+            if contact is not None:
+                apart = contact.force - reaction
+                assert float(jnp.hypot(apart.x, apart.y)) < 1e-9 * 1e5
+        moments = {"jaw": 0.0, "toggle": 0.0}
+        for joint, (pin, bore) in (
+            ("main", (None, "jaw")),
+            ("elbow", ("toggle", "jaw")),
+            ("pivot", ("toggle", None)),
+        ):
+            contact = getattr(s.contacts, joint)
+            for body, moment in ((pin, "journal_moment"), (bore, "bearing_moment")):
+                if body is not None and contact is not None:
+                    moments[body] += getattr(contact, moment)
+        elbow_arm = -linkage.mass_centre_arm(m, s.chain)
+        joint_arm = m.jaw.length * s.chain.jaw + elbow_arm
+        jaw = elbow_arm.cross(at_elbow) + joint_arm.cross(s.joint_force) + moments["jaw"]
+        half = m.toggle.length / 2 * s.chain.toggle
+        toggle = half.cross(-at_elbow) - half.cross(at_pivot) + moments["toggle"]
+        # Of moments that all but cancel: up to 1e5 N m.
+        turned = s.chain_acceleration
+        assert float(jaw) == pytest.approx(float(m.jaw.inertia * turned.jaw), rel=1e-9, abs=1e-6)
+        expected = float(m.toggle.inertia * turned.toggle)
+        assert float(toggle) == pytest.approx(expected, rel=1e-8, abs=1e-6)
+
+
+def test_forces_at_rest_are_those_of_the_chain():
+    """Inverse dynamics of the bodies is that of the chain, where nothing is loose in it."""
+    scene = placed(jc.paper_scene(30.0, 0.06e-3, friction=0), STATES[1])
+    s = instant(scene)
+    found = free_bodies.forces_for(scene.machine, s.chain, s.load, s.chain_acceleration)
+    expected = s.joint_force, ob.elbow_reaction(s, scene), -ob.toggle_reaction(s, scene)
+    for one, other in zip((found.main, found.elbow, found.pivot), expected, strict=True):
+        # Sums of forces of 1e5 N.
+        np.testing.assert_allclose(one.array(), other.array(), rtol=1e-11, atol=1e-6)
+
+
+def test_pins_that_rest_carry_their_forces():
+    """Each contact's force is the reaction that momentum asks for, and nothing moves off."""
+    scene = jc.build_scene(
+        described("ABC", slip="centre", load_law="normal_to_jaw", start="contact")
+    )
+    s = instant(scene)
+    for contact, reaction in (
+        (s.contacts.main, s.joint_force),
+        (s.contacts.elbow, ob.elbow_reaction(s, scene)),
+        (s.contacts.pivot, -ob.toggle_reaction(s, scene)),
+    ):
+        assert float(contact.penetration) > 0
+        apart = contact.force - reaction
+        assert float(jnp.hypot(apart.x, apart.y)) < 1e-6 * float(contact.normal_force)
+    motion = jc.simulate(scene, np.linspace(0, 0.05, 501))
+    for name in ("penetration_ratio", "elbow_penetration_ratio", "pivot_penetration_ratio"):
+        # At rest but for a swing that the refinements leave, less than a tenth of the depth.
+        assert float(motion[name].min()) > 0.9 * float(motion[name][0]) * 0.2, name
+
+
+def test_the_main_joint_alone_costs_what_it_did():
+    """Operations of one evaluation before elbow and pivot could be loose."""
+    assert field_operations(jc.paper_scene(30.0, 0.06e-3, slip="surface")) == 344
+    assert field_operations(jc.paper_scene(30.0, 0.06e-3, friction=0)) == 266
+    assert field_operations(jc.ideal_scene(30.0)) == 197
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"elbow.friction": 0.1}, "`elbow.friction` must come with `elbow.clearance`"),
+        ({"pivot.slip": "surface"}, "`pivot.slip` must come with `pivot.clearance`"),
+        ({"elbow.clearance": -1e-4}, "`elbow.clearance` must be"),
+        ({"elbow.clearance": 0.05}, "`elbow.clearance` must be smaller than the bore radius 0.04"),
+        ({"pivot.clearance": 1e-4, "pivot.slip": "both"}, "`pivot.slip` must be one of"),
+    ],
+)
+def test_bad_joints_are_refused_in_one_line(values, words):
+    with pytest.raises(ValueError, match=words) as error:
+        jc.build_scene(values)
+    assert "\n" not in str(error.value)
