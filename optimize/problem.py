@@ -53,7 +53,7 @@ def check(options: Options) -> None:
     require_choice("objective", options.objective, tuple(OBJECTIVES))
     _require_used(options)
     described, free = description(options), bounds(options)
-    scene = scene_of(described, options.scene)
+    scene = scene_of({**described, **{name: low for name, (low, _) in free.items()}}, options.scene)
     if "clearance" in free:
         bore = described.get("bore_radius", PE250X400["bore_radius"])
         require_clearance(free["clearance"][1], bore)

@@ -78,7 +78,8 @@ def test_an_entry_makes_a_statistic(own):
 
 
 def test_every_statistic_has_a_unit_and_a_meaning():
-    assert (*jc.STATISTICS, *jc.FURTHER_STATISTICS) == tuple(STATISTIC)
+    main = (*jc.STATISTICS, *jc.FURTHER_STATISTICS)
+    assert main == tuple(STATISTIC)[: len(main)]
     for name, statistic in STATISTIC.items():
         assert statistic.unit in {"N", "W", "m/s", "1"}, name
         assert len(statistic.meaning) > 8, name
