@@ -80,7 +80,8 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count d
     for _ in range(1 + REFINEMENTS):
         rate, curvature = (jax.tree.map(lambda part, m=m: m @ part, e) for m in (first, second))
         e = along(times, e, rate, curvature, scene)
-    return numbers(scene.joints.map(lambda joint, at: at / joint.clearance, e)).T
+    relative = jax.vmap(lambda e: scene.joints.map(lambda joint, at: at / joint.clearance, e))(e)
+    return numbers(relative).T
 
 
 def snapshot(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
