@@ -16,6 +16,7 @@ from jaxcrusher.batch.engines import map_all
 from jaxcrusher.batch.rows import row_of
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.motion.statistic import always_of
 from jaxcrusher.scenes.build import LINKS, build_chamber
 from optimize.design import Design
 from optimize.objectives import Objective
@@ -172,7 +173,7 @@ def stacked_scenes(
 
 
 def _row(scene: jc.Scene, case: Case, window: Window) -> dict[str, Array]:
-    outputs = tuple(dict.fromkeys((*jc.STATISTICS, *case.objective.outputs)))
+    outputs = tuple(dict.fromkeys((*always_of(scene), *case.objective.outputs)))
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
     objective = case.objective.formula(result, scene, case.chamber)
     further = {"objective": objective, "steps": result.outcome.steps, "state": result.state}

@@ -8,6 +8,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_turn, map_all, map_chunks, side_by_side
+from jaxcrusher.batch.rows import variables_of
 
 
 def _double(x):
@@ -65,3 +66,19 @@ def test_the_engine_of_a_sweep_is_used_and_told_apart(tmp_path):
     np.testing.assert_array_equal(half.foundation_rms, whole.foundation_rms / 2)
     with pytest.raises(ValueError, match='differ engine: "_half" there, nothing here'):
         jc.sweep(axes, 0, 1, **ideal, store=tmp_path / "half")
+
+
+def test_loose_elbow_and_pivot_through_lanes():
+    """The same statistics, limits included, as one motion by diffrax; names say whose they are."""
+    base = {"load_law": "normal_to_jaw", "start": "contact", "pivot.clearance": 8e-5}
+    grid = jc.sweep({"elbow.clearance": [5e-5, 1e-4]}, 0, 1, base=base, rtol=1e-10)
+    scene = jc.build_scene({**base, "elbow.clearance": 1e-4})
+    one, at = jc.statistics(scene, 0, 1, rtol=1e-10), grid.isel({"elbow.clearance": 1})
+    for name in one.values:
+        # A quiet motion, both at 1e-10 a step.
+        assert float(at[name]) == pytest.approx(float(one[name]), rel=1e-6, abs=1e-8), name
+    assert float(at.pivot_half_width_ratio) == pytest.approx(
+        float(one.validity.others["pivot"].half_width_ratio), rel=1e-6
+    )
+    assert bool(at.inside_model) and set(one.validity.others) == {"elbow", "pivot"}
+    assert set(grid) == set(variables_of(("elbow", "pivot"))) > set(variables_of(()))
