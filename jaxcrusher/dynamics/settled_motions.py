@@ -13,7 +13,7 @@ from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.batch.engines import map_all
 from jaxcrusher.batch.lanes.layout import LANES
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.dynamics.swing import NEAR, Swing, distance, section_of, swing_about
+from jaxcrusher.dynamics.swing import NEAR, Swing, distance, places, section_of, swing_about
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.integrate import integrate
 from jaxcrusher.motion.method import resolve
@@ -82,7 +82,7 @@ def settled_motions(
     require_positive("spread", spread, "clearances")
     require_whole("turns", turns, 2 * LOOKS * CYCLE)
     require_whole("seed", seed, 0)
-    require(scene.joint is not None, "scene", "have a clearance joint", "an ideal one")
+    require(not scene.is_ideal, "scene", "have a joint with clearance", "ideal ones")
     quiet = periodic_orbit(scene)
     known = _Known(scene, [quiet] if bool(quiet.stable) else [])
     length = -(-turns // LOOKS)
@@ -121,16 +121,20 @@ def settled_motions(
     )
 
 
-def _shifted(scene: Scene, starts: int, spread: float, seed: int) -> Float[np.ndarray, "starts 4"]:
-    """Section points about the scene's start, evenly over a disc."""
-    random = np.random.default_rng(seed)
-    radii, angles = spread * np.sqrt(random.uniform(size=starts)), random.uniform(size=starts)
+def _shifted(
+    scene: Scene, starts: int, spread: float, seed: int
+) -> Float[np.ndarray, "starts dims"]:
+    """Section points about the scene's start, evenly over a disc at each joint."""
+    random, start = np.random.default_rng(seed), np.asarray(initial_state(scene))
+    count = len(list(scene.joints.present())), starts
+    radii, angles = spread * np.sqrt(random.uniform(size=count)), random.uniform(size=count)
     offsets = radii * np.exp(2j * np.pi * angles)
-    shift = np.stack([offsets.real, offsets.imag, 0 * offsets.real, 0 * offsets.real], axis=1)
-    return np.asarray(initial_state(scene)) + shift
+    still = np.zeros(count)
+    shift = np.stack([offsets.real, offsets.imag, still, still], axis=2)
+    return start + shift.transpose(1, 0, 2).reshape(starts, -1)
 
 
-def _cases(scene: Scene, states: Float[np.ndarray, "n 4"]) -> tuple[np.ndarray, Scene]:
+def _cases(scene: Scene, states: Float[np.ndarray, "n dims"]) -> tuple[np.ndarray, Scene]:
     """The scene from each state; as many as fill all lanes, so that few sizes are compiled."""
     count = -(-len(states) // LANES) * LANES
     padded = np.concatenate([states, np.repeat(states[-1:], count - len(states), axis=0)])
@@ -188,7 +192,7 @@ class _Known:
             if bool(orbit.stable):
                 break
         else:
-            self._failures.append(swing.centre[:, :2])
+            self._failures.append(places(swing.centre))
             return None
         alike = [i for i, other in enumerate(self.orbits) if _same(orbit, other)]
         if not alike:

@@ -28,22 +28,29 @@ def swing_about(states: Float[np.ndarray, "turns dims"], period: int) -> Swing:
     """What whole multiples of `period` turns swing about: a point that repeats after so many."""
     parts = states.reshape(-1, period, states.shape[1])
     centre = parts.mean(axis=0)
-    apart = (parts - centre)[..., :2]
+    apart = places(parts - centre)
     return Swing(centre, float(np.sqrt(np.mean(apart**2))))
 
 
-def section_of(orbit: PeriodicOrbit) -> Float[np.ndarray, "period 2"]:
-    """Where the pin is at the beginning of each turn, in clearances."""
-    places = [flat(orbit.state(2 * np.pi * turn), orbit.scene) for turn in range(orbit.period)]
-    return np.array(places)[:, :2]
+def places(states: Float[np.ndarray, "*turns dims"]) -> Float[np.ndarray, "*turns half"]:
+    """The eccentricities of section points, which hold four numbers a joint, in clearances."""
+    of_joints = states.reshape(*states.shape[:-1], -1, 4)[..., :2]
+    return of_joints.reshape(*states.shape[:-1], -1)
 
 
-def distance(section: Float[np.ndarray, "p 2"], centre: Float[np.ndarray, "n dims"]) -> float:
+def section_of(orbit: PeriodicOrbit) -> Float[np.ndarray, "period half"]:
+    """Where the pins are at the beginning of each turn, in clearances."""
+    turns = [flat(orbit.state(2 * np.pi * turn), orbit.scene) for turn in range(orbit.period)]
+    return places(np.array(turns))
+
+
+def distance(section: Float[np.ndarray, "p half"], centre: Float[np.ndarray, "n dims"]) -> float:
     """Of one orbit from another, RMS, in clearances; whichever turn comes first.
 
     Infinite where the periods differ.
     """
     if len(section) != len(centre):
         return np.inf
-    apart = [np.roll(section, -turn, axis=0) - centre[:, :2] for turn in range(len(section))]
+    middle = places(centre)
+    apart = [np.roll(section, -turn, axis=0) - middle for turn in range(len(section))]
     return min(float(np.sqrt(np.mean(shift**2))) for shift in apart)
