@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxcrusher.scenes.parameters import CHAMBER, PE250X400, readable
+from jaxcrusher.scenes.parameters import CHAMBER, WORN_JOINTS, complete, readable
 
 STANDARD_GRAVITY = 9.80665  # m/s2
 
@@ -40,6 +40,18 @@ RATIOS = (
         (1e-4, 5e-3),
         (0.0, 0.1),
         "journal bearings have about 0.001 (Hamrock, Schmid and Jacobson)",
+    ),
+    *(
+        Ratio(
+            f"{joint}.clearance / {joint}.bore_radius",
+            "",
+            (f"{joint}.clearance", f"{joint}.bore_radius"),
+            lambda c, bore: c / bore,
+            (1e-4, 0.02),
+            (0.0, 0.3),
+            "judged: a toggle's seat is no bearing, and wears",
+        )
+        for joint in WORN_JOINTS
     ),
     Ratio(
         "clearance / shaft.eccentricity",
@@ -188,10 +200,11 @@ def remarks(values: Mapping[str, Any]) -> list[str]:
     `values` as in `jaxcrusher.build_scene`, concrete. Raises ValueError for what cannot be.
     """
     defaults = {name: parameter.default for name, parameter in CHAMBER.items()}
-    v: dict[str, Any] = {**PE250X400, **defaults, **values}
+    v = {**defaults, **complete(values)}
     found = []
     for one in RATIOS:
-        if v["joint"] == "ideal" and "clearance" in one.of:
+        ideal = v["joint"] == "ideal" and "clearance" in one.of
+        if ideal or any(name not in v for name in one.of):
             continue
         ratio = float(one.ratio(*(float(v[name]) for name in one.of)))
         if one.usual[0] <= ratio <= one.usual[1]:
