@@ -8,7 +8,7 @@ import tyro
 from jaxcrusher.commands.program import program
 
 Case = Literal[
-    "instants", "ideal", "clearance", "smoothing", "torque", "impacts", "swings", "whirl"
+    "instants", "ideal", "clearance", "smoothing", "torque", "loose", "impacts", "swings", "whirl"
 ]
 
 

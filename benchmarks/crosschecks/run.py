@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks.comparison import Comparison, markdown_table, screen_table
-from benchmarks.crosschecks import clearance, longrun, pointwise, programs
+from benchmarks.crosschecks import clearance, longrun, loose, pointwise, programs
 from benchmarks.setting import setting
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command
@@ -19,6 +19,7 @@ CASES = {
     "clearance": clearance.clearance,
     "smoothing": clearance.smoothing,
     "torque": pointwise.torque,
+    "loose": loose.loose,
     "impacts": longrun.impacts,
     "swings": longrun.swings,
     "whirl": longrun.whirl,
@@ -41,6 +42,8 @@ Ambrosio's ramp, slip of the surfaces), written in `benchmarks/peers/` without j
 - SUNDIALS' CVODE (Adams) on the angles, rtol 1e-12 (1e-9 and 1e-10 for statistics).
 - SUNDIALS' IDA on the nine coordinates with seven multipliers, index 1 by differentiating the
   constraints twice, no stabilisation, rtol 1e-11.
+- SciPy's DOP853 on free bodies, for clearance in A, B and C: jaw and toggle by Newton and Euler,
+  rtol 1e-13.
 - EXUDYN: rigid bodies, joints and a pin in a hollow sphere from its own library, generalised-alpha
   with spectral radius 0.9 and steps of 1 us (5 us for statistics, a 4000th of a turn for the ideal
   joint). It shares the start with the others, but no equation.
@@ -55,6 +58,7 @@ CHAPTERS = {
     "clearance": "Clearance 0.06 mm, 30 rad/s, centred start",
     "smoothing": "What smoothing the law's corners does (as above, the default widths)",
     "torque": "Shaft free under 300 N m, clearance 0.06 mm, centred start",
+    "loose": "Clearance in A, B and C: 0.06, 0.1 and 0.08 mm, 30 rad/s, centred start, 10 ms",
     "impacts": "Statistics of impacting motions",
     "swings": "Statistics after settling",
     "whirl": "Friction whirl: friction 0.1, 30 rad/s, 0.06 mm, centred start, turns 5-12",

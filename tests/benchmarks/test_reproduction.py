@@ -201,7 +201,9 @@ def touching(formulation) -> tuple:
     )
     state = EccentricityFormulation().initial(scene)
     state = eqx.tree_at(
-        lambda s: (s.relative_eccentricity, s.rate), state, (Vector(0.5, -0.95), Vector(0.02, 0.1))
+        lambda s: (s.joints.main.relative_eccentricity, s.joints.main.rate),
+        state,
+        (Vector(0.5, -0.95), Vector(0.02, 0.1)),
     )
     return formulation.snapshot(jnp.asarray(0.01), state, scene), scene
 
@@ -209,7 +211,7 @@ def touching(formulation) -> tuple:
 def test_literal_contact_with_nothing_changed_is_the_correct_one():
     right, _ = touching(EccentricityFormulation())
     same, _ = touching(LiteralContact())
-    assert float(right.contact.normal_force) > 1e4
+    assert float(right.contacts.main.normal_force) > 1e4
     # The direction of e is normalised twice: rounding only.
     assert float(same.chain_acceleration.jaw) == pytest.approx(
         float(right.chain_acceleration.jaw), rel=1e-10
@@ -232,7 +234,7 @@ def test_signs_as_printed():
     right, _ = touching(LiteralContact())
     printed_, _ = touching(LiteralContact(x_sign=-1.0, folded=1.0))
     friction, normal = (
-        float(f) for f in (right.contact.friction_force, right.contact.normal_force)
+        float(f) for f in (right.contacts.main.friction_force, right.contacts.main.normal_force)
     )
     cosine, sine = np.array([0.5, 0.95]) / math.hypot(0.5, 0.95)  # sin phi >= 0, though e_y < 0
     expected = [-(normal * cosine - friction * sine), normal * sine + friction * cosine]
@@ -252,7 +254,7 @@ def test_plain_units():
     for formulation in (scene.formulation, PlainUnits()):
         state = formulation.initial(scene)
         snapshot = formulation.snapshot(jnp.asarray(0.0), state, scene)
-        assert float(snapshot.contact.normal_force) > 1e4
+        assert float(snapshot.contacts.main.normal_force) > 1e4
         rates.append((state.velocity, formulation.rate(snapshot, state, scene)))
     (scaled, scaled_rate), (plain, plain_rate) = rates
     for one, other, factor in (

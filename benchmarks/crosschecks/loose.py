@@ -1,0 +1,112 @@
+"""Clearance in A, B and C: the first 10 ms, beside free bodies in SciPy and EXUDYN."""
+
+from collections.abc import Iterator, Mapping
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Scalar
+
+import jaxcrusher as jc
+from benchmarks import comparison
+from benchmarks.comparison import Comparison
+from benchmarks.crosschecks.programs import DOP853, EXUDYN, FORMULATIONS, LEVELS, OURS, timed
+from benchmarks.peers import scipy_peer
+from benchmarks.peers.exudyn_free_bodies import Model
+from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
+from jaxcrusher.scenes.parameters import PE250X400
+
+TIMES = 1e-5 * np.arange(1001)
+CLEARANCES = {"A": 6e-5, "B": 1e-4, "C": 8e-5}
+FORCES = ("joint_force", "elbow_reaction", "toggle_reaction", "bearing_reaction")
+OFFSET = 1e-7  # clearances
+REASON = (
+    "The error of the less exact program at the first contact (in clearances: 3e-8 for ours in "
+    "eccentricities and DOP853, 1e-6 for ours with multipliers, 2e-6 for EXUDYN), grown as the "
+    f"free bodies part from starts {OFFSET:g} clearances away. Ours with a hundredth of the "
+    "default widths of smoothing: seats that are loaded little feel them."
+)
+# One number of a seat at a time, of B and of C, with A, B and C loose.
+EXTREMES = {"clearance": (1e-6, 5e-4), "young": (2.07e13,), "friction": (1.0,)}
+
+
+def described(loose: str, **changes: float | str) -> dict[str, float | str]:
+    """A crusher with these joints loose, friction 0.1 by the slip of the surfaces."""
+    numbers = PE250X400 | {"slip": "surface", "friction": 0.1}
+    if "A" not in loose:
+        numbers["joint"] = "ideal"
+    for joint in loose.replace("A", ""):
+        of_joint = {"clearance": CLEARANCES[joint], "slip": "surface", "friction": 0.1}
+        numbers |= {PREFIXES[joint] + name: value for name, value in of_joint.items()}
+    return numbers | changes
+
+
+def loose() -> Iterator[Comparison]:
+    """Sets of loose joints in both formulations, then one extreme number of a seat at a time."""
+    for joints in ("ABC", "AC", "B"):
+        yield from against(", ".join(joints), joints, described(joints), FORMULATIONS)
+    for joint in "BC":
+        for name, values in EXTREMES.items():
+            for value in values:
+                key = PREFIXES[joint] + name
+                numbers = described("ABC", **{key: value})
+                yield from against(f"{key} {value:g}", "ABC", numbers, FORMULATIONS[:1])
+    smooth = described("ABC", **{PREFIXES[j] + "friction": 0.0 for j in "ABC"})
+    yield from against("A, B, C, no friction", "ABC", smooth, FORMULATIONS[:1], EXUDYN)
+
+
+def against(
+    label: str, joints: str, numbers: Mapping[str, float | str], formulations, program: str = DOP853
+) -> Iterator[Comparison]:
+    """Ours beside free bodies: eccentricities, and forces in every joint."""
+    clearances = {j: float(numbers[PREFIXES[j] + "clearance"]) for j in joints}
+    still = moved(numbers, {})
+    parted = [
+        moved(numbers, {j: OFFSET * way * c for j, c in clearances.items()}) for way in (1, 1j)
+    ]
+    theirs = still
+    if program == EXUDYN:
+        with timed(EXUDYN):
+            theirs = Model(FreeBodies(numbers)).run(TIMES[-1], every=TIMES[1])
+    for formulation in formulations:
+        ours = simulated(dict(numbers) | {"formulation": formulation}, joints)
+        level = max(LEVELS[formulation], LEVELS[program])
+        for name in (*(PREFIXES[j] + "eccentricity" for j in joints), *FORCES):
+            # A pin in flight all the time has no force.
+            largest = abs(still[name]).max() or 1.0
+            growth = max(abs(one[name] - still[name]).max() for one in parted) / largest / OFFSET
+            yield comparison.histories(
+                f"{label}, {formulation}: {name}",
+                ours[name.replace(".", "_")],
+                theirs[name],
+                program,
+                level * (1 + growth),
+                REASON,
+            )
+
+
+def simulated(values: Mapping[str, float | str], joints: str) -> dict[str, np.ndarray]:
+    """Ours by name."""
+    names = [f"{PREFIXES[j]}eccentricity".replace(".", "_") for j in joints]
+    with timed(OURS):
+        found = jc.simulate(narrow(jc.build_scene(values)), TIMES, outputs=(*names, *FORCES))
+        if not found.success:
+            raise RuntimeError(f"jaxcrusher {found.failure}")
+        return {name: np.asarray(found[name]) for name in (*names, *FORCES)}
+
+
+def narrow(scene: jc.Scene) -> jc.Scene:
+    """With a hundredth of the widths that smooth the contacts' corners and |e|."""
+
+    def widths(scene: jc.Scene) -> list[Scalar]:
+        return [
+            w for _, joint in scene.joints.present() for w in (joint.normal.width, joint.norm_width)
+        ]
+
+    return eqx.tree_at(widths, scene, [width / 100 for width in widths(scene)])
+
+
+def moved(numbers: Mapping[str, float | str], e: dict[str, complex]) -> dict[str, np.ndarray]:
+    """Free bodies from eccentricities `e` (m)."""
+    bodies = FreeBodies(numbers, e=e)
+    with timed(DOP853):
+        return bodies.observe(TIMES, scipy_peer.integrate(bodies, TIMES, rtol=1e-13))
