@@ -1,0 +1,136 @@
+"""Each machine's settled motion, or averages over motions from several starts."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import jaxcrusher as jc
+from benchmarks.joints.cases import PREFIXES, SPEED, Case
+from benchmarks.joints.signature import mean_and_error, signature
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.batch.engines import stack
+from jaxcrusher.crusher.joints import AtJoints, before
+from jaxcrusher.crusher.starts import Given
+from jaxcrusher.motion.statistics import limits_of
+
+# Statistics have these before a joint's name.
+BEFORE = {"A": before("main"), "B": before("elbow"), "C": before("pivot")}
+OF_A_JOINT = ("joint_peak", "impact_speed", "sliding_power", "penetration_ratio")
+# Starts in contact, each pin off by some hundredths of its clearance (a standard deviation).
+STARTS, OFFSET = 6, 0.01
+SETTLE, TURNS, RTOL = 30, 30, 1e-8
+# Of further turns, over which forces at the frame are sampled, and samples of each.
+SAMPLED, SAMPLES = 8, 4096
+REACTIONS = ("bearing_reaction", "toggle_reaction")
+# Of an orbit: twice as many as usual follow the contacts' resonances too.
+NODES = 192
+
+
+@dataclass
+class Row:
+    """What is known of a machine under a load; errors are standard errors over the starts."""
+
+    load: str
+    case: Case
+    how: str  # "settled" or "average"
+    inside: bool  # the contact model, at every start
+    values: dict[str, float]
+    errors: dict[str, float] = field(default_factory=dict)
+    whirls: int = 0  # of the starts
+
+
+def settled(case: Case, load: str) -> tuple[Row, jc.PeriodicOrbit]:
+    """Of the orbit that keeps contact; its numbers are NaN where none is found that is stable."""
+    orbit = jc.periodic_orbit(jc.build_scene(case.description(load)), nodes=NODES)
+    values = {name: float(orbit[name]) for name in _outputs(case)}
+    values["settling_turns"] = float(orbit.settling_turns)
+    if not bool(orbit.stable):
+        values = dict.fromkeys(values, math.nan)
+    return Row(load, case, "settled", bool(orbit.validity.inside), values), orbit
+
+
+def settled_with_slopes(case: Case, load: str) -> Row:
+    """The same with the slopes of the RMS by each clearance (N/m), and the forces' signature."""
+    row, orbit = settled(case, load)
+    seen = orbit.motion(2 * np.pi * np.arange(SAMPLES) / SAMPLES, REACTIONS)
+    row.values |= signature(*(np.asarray(seen[name]) for name in REACTIONS), turns=1)
+    numbers = {PREFIXES[j] + "clearance": jnp.asarray(c) for j, c in case.clearances.items()}
+    found = _slopes(numbers, tuple(case.description(load).items()))
+    for joint in case.clearances:
+        slope = float(found[PREFIXES[joint] + "clearance"])
+        row.values[f"slope_{joint}"] = slope if bool(orbit.stable) else math.nan
+    return row
+
+
+@eqx.filter_jit
+@jax.grad
+def _slopes(clearances: dict[str, Any], rest: tuple[tuple[str, Any], ...]) -> Any:
+    """Of the settled RMS, N/m."""
+    scene = jc.build_scene(dict(rest) | clearances)
+    return jc.periodic_orbit(scene, nodes=NODES).foundation_rms
+
+
+def averages(cases: list[Case], load: str, slip: str) -> list[Row]:
+    """Of machines with the same joints loose, over starts that soon know nothing of each other."""
+    random = np.random.default_rng(0)
+    scenes = [jc.build_scene(case.description(load, slip)) for case in cases]
+    starts = [_nudged(scene, random) for scene in scenes for _ in range(STARTS)]
+    look = eqx.Partial(_look, outputs=_outputs(cases[0]))
+    found, reactions, winding = jc.map_all(look, stack(starts))
+    rows = []
+    for index, (case, scene) in enumerate(zip(cases, scenes, strict=True)):
+        mine = range(index * STARTS, (index + 1) * STARTS)
+        samples = [
+            {name: values[i] for name, values in found.items()}
+            | signature(*(reactions[name][i] for name in REACTIONS), turns=SAMPLED)
+            for i in mine
+        ]
+        both = {name: mean_and_error(np.array([s[name] for s in samples])) for name in samples[0]}
+        limits = [limits_of(scene, jax.tree.map(jnp.asarray, sample)) for sample in samples]
+        rows.append(
+            Row(
+                load,
+                case,
+                "average",
+                all(bool(one.inside) for one in limits if one is not None),
+                {name: mean for name, (mean, _) in both.items()},
+                {name: error for name, (_, error) in both.items()},
+                sum(bool(winding[i]) for i in mine),
+            )
+        )
+    return rows
+
+
+def _outputs(case: Case) -> tuple[str, ...]:
+    of_joints = [BEFORE[joint] + name for joint in case.clearances for name in OF_A_JOINT]
+    limits = ("penetration_ratio", "impact_speed")
+    return tuple(dict.fromkeys(("foundation_rms", "foundation_peak", *limits, *of_joints)))
+
+
+def _look(scene: jc.Scene, outputs: tuple[str, ...]) -> tuple[Any, Any, Any]:
+    """Statistics after settling, the forces at the frame in further turns, whether A whirls."""
+    further = ("contact_fraction", "winding")
+    seen = jc.statistics(scene, SETTLE, TURNS, outputs=(*outputs, *further), rtol=RTOL)
+    times = 2 * np.pi / SPEED * np.arange(SAMPLED * SAMPLES) / SAMPLES
+    motion = jc.simulate(scene, times, outputs=REACTIONS, state=seen.state, rtol=RTOL)
+    values = {name: seen[name] for name in outputs}
+    return values, {name: motion[name] for name in REACTIONS}, seen.whirl
+
+
+def _nudged(scene: jc.Scene, random: np.random.Generator) -> jc.Scene:
+    """The same with a start a little off its own."""
+    assert scene.start is not None
+    e, rates = scene.start.eccentricities(scene)
+
+    def off(joint: Any, at: Vector, rate: Vector) -> tuple[Vector, Vector]:
+        return at / joint.clearance + Vector(*OFFSET * random.standard_normal(2)), rate
+
+    places = scene.joints.map(off, e, rates)
+    at, rate = places.main or (Vector(0.0, 0.0), Vector(0.0, 0.0))
+    start = Given(at, rate, AtJoints(None, places.elbow, places.pivot))
+    return eqx.tree_at(lambda scene: scene.start, scene, start)

@@ -1,0 +1,64 @@
+"""All machines one group after the other, and what becomes of them."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+
+import jaxcrusher as jc
+from benchmarks.joints.cases import ACROSS, ALONG, WORN, Case, alone, together
+from benchmarks.joints.figure import draw
+from benchmarks.joints.measure import Row, averages, settled, settled_with_slopes
+from benchmarks.joints.page import page
+from jaxcrusher.files.progress import progress
+from jaxcrusher.files.results import results_folder, write_figure, write_table, write_text
+
+
+def run(out: Path, slip: str) -> None:
+    """Measure, write, print."""
+    jc.set_up()
+    folder, console, rows = results_folder(out), Console(), []
+    with progress(console, remaining=False) as bars:
+        bar = bars.add_task("", total=len(GROUPS))
+        for name, group in GROUPS.items():
+            bars.update(bar, description=name)
+            rows += group(slip)
+            bars.advance(bar)
+    write_table(folder / "which_joint.csv", [flat(row) for row in rows])
+    write_figure(folder / "which_joint.png", draw(rows), dpi=200)
+    text = page(rows)
+    write_text(folder / "which_joint.md", text)
+    print(text)
+
+
+def _settled(cases: list[Case], load: str) -> list[Row]:
+    return [settled(case, load)[0] for case in cases]
+
+
+# Friction matters where pins leave their bores; a settled motion in contact has no use for it.
+GROUPS: dict[str, Callable[[str], list[Row]]] = {
+    "load across the jaw, all loose": lambda slip: [
+        settled_with_slopes(case, ACROSS) for case in together()
+    ],
+    "load along the jaw, all loose": lambda slip: averages(together(), ALONG, slip),
+    "load along the jaw, A alone loose": lambda slip: _settled(alone("A"), ALONG),
+    "load along the jaw, B alone loose": lambda slip: averages(alone("B"), ALONG, slip),
+    "load along the jaw, C alone loose": lambda slip: averages(alone("C"), ALONG, slip),
+    "load across the jaw, A alone loose": lambda slip: _settled(alone("A"), ACROSS),
+    "load across the jaw, B alone loose": lambda slip: _settled(alone("B"), ACROSS),
+    "load across the jaw, C alone loose": lambda slip: _settled(alone("C"), ACROSS),
+}
+
+
+def flat(row: Row) -> dict[str, float | str | int | None]:
+    """For a table: clearances in m, forces in N, speeds in m/s, powers in W."""
+    return {
+        "load": row.load,
+        "worn": row.case.worn,
+        **{f"clearance_{joint}": row.case.clearances.get(joint) for joint in WORN},
+        "how": row.how,
+        "inside": row.inside,
+        "whirls": row.whirls,
+        **row.values,
+        **{f"{name}_error": error for name, error in row.errors.items()},
+    }
