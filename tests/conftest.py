@@ -1,6 +1,7 @@
 """A process set up before its first computation; one folder of compiled programs for this run."""
 
 import atexit
+import gc
 import os
 import shutil
 import tempfile
@@ -26,11 +27,15 @@ import jaxcrusher as jc  # noqa: E402
 
 # A test compiles longer than it computes, so it compiles without optimisation (a third of the time
 # of all) unless it is marked `slow`. Notebooks and subprocesses run as users have them.
-EMITTERS = " --xla_cpu_use_fusion_emitters=false"
-os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + EMITTERS
+EMITTERS = "--xla_cpu_use_fusion_emitters=false"
+os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {EMITTERS}"
 jc.set_up()
 jax.devices()  # which reads the flags
 os.environ["XLA_FLAGS"] = os.environ["XLA_FLAGS"].replace(EMITTERS, "")
+
+# What tracing leaves lives on to the end, and to look for garbage in it took a tenth of the time.
+gc.freeze()
+gc.set_threshold(50_000)
 
 
 @pytest.hookimpl(wrapper=True)
