@@ -81,7 +81,11 @@ class _State(eqx.Module):
     done: Bool[Array, ""]
 
 
-@eqx.filter_jit
+def _nothing(x: Float[Array, "nodes dims"]) -> Scalar:
+    """A monitor that never ends a branch."""
+    return jnp.ones(())
+
+
 def follow(
     family: Family,
     x: Float[Array, "nodes dims"],
@@ -109,9 +113,22 @@ def follow(
     **Returns:** a `Branch`. Pure JAX: branches of several designs run under `jax.vmap` and
     `jax.lax.map`. To be differentiated neither through nor by.
     """
-    watch = (lambda x: jnp.ones(())) if monitor is None else monitor
-    value = jnp.asarray(start, float) / scale
-    begin = _Place(x, value, jnp.zeros_like(x), jnp.asarray(float(np.sign(step))))
+    # As arrays, so that one program follows to either side and to any bounds.
+    numbers = [jnp.asarray(n, float) for n in (start, scale, *bounds, step, longest)]
+    return _follow(family, x, numbers, points, monitor)
+
+
+@eqx.filter_jit
+def _follow(
+    family: Family,
+    x: Float[Array, "nodes dims"],
+    numbers: list[Scalar],
+    points: int,
+    monitor: Monitor | None,
+) -> Branch:
+    start, scale, low, high, step, longest = numbers
+    watch = _nothing if monitor is None else monitor
+    begin = _Place(x, start / scale, jnp.zeros_like(x), jnp.sign(step))
     root = _correct(family, scale, begin, jnp.zeros(()))
     begin, values = _arrive(family, scale, begin, root)
     shape, dims = (points, *x.shape), x.shape[1]
@@ -125,7 +142,6 @@ def follow(
         jnp.array(0),
     )
     first = _kept(empty, begin, scale, values, watch(begin.x))
-    low, high = bounds
 
     def advance(state: _State) -> _State:
         root = _correct(family, scale, state.place, state.step)
@@ -141,7 +157,7 @@ def follow(
         full = branch.count >= points
         grown = jnp.where(root.steps <= EASY, GROWTH, 1.0)
         length = jnp.clip(state.step * jnp.where(good, grown, SHRINKAGE), None, longest)
-        stuck = length < SHORTEST * abs(step)
+        stuck = length < SHORTEST * jnp.abs(step)
         ends = [jnp.array(i) for i in (1, 2, 0, 3)]
         result = jnp.select([outside, lost, full, stuck], ends, branch.result)
         branch = eqx.tree_at(lambda b: b.result, branch, result)
@@ -149,7 +165,7 @@ def follow(
         done = outside | lost | full | stuck
         return _State(place, length, branch, state.tried + 1, done)
 
-    begun = _State(begin, jnp.abs(jnp.asarray(step, float)), first, jnp.array(0), ~root.success)
+    begun = _State(begin, jnp.abs(step), first, jnp.array(0), ~root.success)
     return jax.lax.while_loop(lambda state: ~state.done, advance, begun).branch
 
 
@@ -198,7 +214,7 @@ def _tests(seen: tuple[float, np.ndarray, float]) -> dict[str, float]:
 def _locate(
     family: Family, branch: Branch, i: int, kind: str, scale: float, monitor: Monitor | None
 ) -> Special | None:
-    watch = (lambda x: jnp.ones(())) if monitor is None else monitor
+    watch = _nothing if monitor is None else monitor
     values = branch.parameter / scale
     # Along the line to the next point; the direction of the branch itself is not kept.
     change = branch.x[i + 1] - branch.x[i], values[i + 1] - values[i]
@@ -207,7 +223,8 @@ def _locate(
     last: dict[str, tuple] = {}
 
     def test(length: float) -> float:
-        place, found, watched = _at(family, scale, begin, jnp.asarray(length), watch)
+        numbers = jnp.asarray(scale), begin, jnp.asarray(length)
+        place, found, watched = _at(family, *numbers, watch)
         last["seen"] = place, np.asarray(found), float(watched)
         return _tests((float(place.along), np.asarray(found), float(watched)))[kind]
 
@@ -226,7 +243,7 @@ def _locate(
 
 
 @eqx.filter_jit
-def _at(family: Family, scale: float, begin: _Place, length: Scalar, watch: Monitor):
+def _at(family: Family, scale: Scalar, begin: _Place, length: Scalar, watch: Monitor):
     """The point so far along the branch."""
     place, values = _arrive(family, scale, begin, _correct(family, scale, begin, length))
     return place, values, watch(place.x)
@@ -237,7 +254,7 @@ def _inner(one: _Place, other: _Place) -> Scalar:
 
 
 def _equations(
-    family: Family, scale: float, place: _Place
+    family: Family, scale: Scalar, place: _Place
 ) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
     """The system's residual and, last, the distance along the branch; and their Jacobian."""
     shape, size = place.x.shape, place.x.size
@@ -262,7 +279,7 @@ def _equations(
     return residual, jacobian
 
 
-def _correct(family: Family, scale: float, place: _Place, length: Scalar) -> Root:
+def _correct(family: Family, scale: Scalar, place: _Place, length: Scalar) -> Root:
     """The solution a length further on."""
     residual, jacobian = _equations(family, scale, place)
     ahead = place.x + length * place.along_x, place.value + length * place.along
@@ -274,7 +291,7 @@ def _correct(family: Family, scale: float, place: _Place, length: Scalar) -> Roo
     return newton(beyond, jacobian, guess, TOLERANCE, MOST_CORRECTIONS)
 
 
-def _arrive(family: Family, scale: float, before: _Place, root: Root) -> tuple[_Place, Array]:
+def _arrive(family: Family, scale: Scalar, before: _Place, root: Root) -> tuple[_Place, Array]:
     """The point that a correction found, its direction, and its multipliers."""
     x, value = root.point[:-1].reshape(before.x.shape), root.point[-1]
     _, jacobian = _equations(family, scale, before)
@@ -286,7 +303,7 @@ def _arrive(family: Family, scale: float, before: _Place, root: Root) -> tuple[_
     return place, multipliers(family(scale * value), x).values
 
 
-def _kept(branch: Branch, place: _Place, scale: float, values: Array, watched: Scalar) -> Branch:
+def _kept(branch: Branch, place: _Place, scale: Scalar, values: Array, watched: Scalar) -> Branch:
     """The branch with a point more."""
     i = branch.count
     return Branch(
