@@ -49,8 +49,10 @@ def test_a_motion_goes_on(scene, dims, rtol):
     np.testing.assert_allclose(state, whole.state, rtol=0, atol=10 * rtol)
     if dims in (4, 18):
         # The multiplier form's crank angle is a coordinate: it must not be a turn ahead.
-        section = jc.poincare_section(scene, 1, 2, outputs=OUTPUTS)
-        np.testing.assert_allclose(section.foundation_rms, whole.by_turn[RMS][1:], rtol=rtol)
+        # Turns to settle are a loop of their own, which is large in the multiplier form.
+        settle = 1 if dims == 4 else 0
+        section = jc.poincare_section(scene, settle, 3 - settle, outputs=OUTPUTS)
+        np.testing.assert_allclose(section.foundation_rms, whole.by_turn[RMS][settle:], rtol=rtol)
         np.testing.assert_allclose(section.state, whole.state, rtol=0, atol=10 * rtol)
     if dims == 6:
         # No turn of a shaft that gathers speed is like the first.
@@ -60,8 +62,9 @@ def test_a_motion_goes_on(scene, dims, rtol):
 def test_histories_go_on():
     scene, turn = quiet(), 2 * np.pi / 30
     times = np.linspace(0, turn, 101)
-    whole = jc.simulate(scene, times + turn, outputs=("foundation_force",), rtol=1e-9)
-    state = jc.statistics(scene, 0, 1, outputs=OUTPUTS, state=initial_state(scene)).state
+    start = initial_state(scene)
+    whole = jc.simulate(scene, times + turn, outputs=("foundation_force",), rtol=1e-9, state=start)
+    state = jc.statistics(scene, 0, 1, outputs=OUTPUTS, state=start).state
     further = jc.simulate(scene, times, outputs=("foundation_force",), rtol=1e-9, state=state)
     # A swing of 1e-7 clearances times the contact's stiffness.
     np.testing.assert_allclose(further.foundation_force, whole.foundation_force, rtol=1e-5)
