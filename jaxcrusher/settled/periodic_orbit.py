@@ -97,10 +97,10 @@ def periodic_orbit(
     orbit = solved(first, count)
     if not known:
         return judged(orbit, orbit.result)
-    while nodes is None and _blurred(orbit) and count < MOST_NODES:
+    while nodes is None and count < MOST_NODES and (_blurred(orbit) or _open(orbit)):
         count *= 2
         orbit = solved(orbit.eccentricity, count)
-    if bool(orbit.success) and not scene.is_ideal and not _closes(orbit):
+    if _open(orbit):
         return judged(orbit, RESULTS.open)
     if nodes is None and bool(_coarse(orbit)):
         found = shoot(scene, flat(orbit.state(), scene), period)
@@ -195,9 +195,12 @@ def _finer(samples: Float[Array, " n"]) -> Float[Array, " m"]:
     return resample(samples, FINER * len(samples))
 
 
-def _closes(orbit: PeriodicOrbit) -> bool:
-    """Whether the integrator comes back to where it set out (concrete values only)."""
+def _open(orbit: PeriodicOrbit) -> bool:
+    """Whether the integrator does not come back to where it set out (concrete values only)."""
+    if not bool(orbit.success) or orbit.scene.is_ideal:
+        return False
     start = orbit.state()
     state = flat(start, orbit.scene)
     end = poincare_section(orbit.scene, 0, orbit.period, state=state, rtol=RTOL)
-    return bool(end.success) and float(jnp.max(jnp.abs(end.states[-1] - state))) < CLOSURE
+    apart = float(jnp.max(jnp.abs(end.states[-1] - state)))
+    return not (bool(end.success) and apart < CLOSURE)

@@ -74,3 +74,10 @@ def test_what_parts_has_no_orbit_in_contact():
     orbit = jc.periodic_orbit(jc.build_scene(LOOSE | {"load_law": "along_jaw"}), nodes=NODES)
     assert not bool(orbit.success) and orbit.failure
     assert np.isnan(orbit.foundation_rms)
+
+
+def test_more_nodes_where_few_do_not_close():
+    """96 nodes estimate no error here, and yet the integrator does not come back."""
+    values = {"load_law": "normal_to_jaw", "clearance": 1.2e-4, "elbow.clearance": 3e-5}
+    orbit = jc.periodic_orbit(jc.build_scene(values | {"pivot.clearance": 3e-5}))
+    assert bool(orbit.success) and len(orbit.eccentricity) == 2 * NODES
