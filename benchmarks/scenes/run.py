@@ -101,7 +101,23 @@ def cases() -> list[tuple[str, jc.Scene, list]]:
             ),
             [rms_only],
         ),
+        *(
+            (f"full, {words} loose too", _worn(joints), [rms_only])
+            for words, joints in (
+                ("B", ("elbow",)),
+                ("C", ("pivot",)),
+                ("B and C", ("elbow", "pivot")),
+            )
+        ),
     ]
+
+
+def _worn(joints: tuple[str, ...]) -> jc.Scene:
+    """The full scene with these joints loose, under a load that keeps them in contact."""
+    values = {"slip": "surface", "start": "contact", "load_law": "normal_to_jaw"}
+    for joint in joints:
+        values |= {f"{joint}.clearance": 1e-4, f"{joint}.slip": "surface"}
+    return jc.build_scene(values)
 
 
 def run(out: Path) -> None:

@@ -88,16 +88,9 @@ def constraints_of(
         held["elbow"] = -held["elbow"] if joints.pivot else _from_pivot(q, velocity, arms)
     found = []
     for name, gap in held.items():
-        rate = gap.change(entries)
-        seen = (
-            (gap.position.x, rate.x, -gap.centripetal.x),
-            (
-                gap.position.y,
-                rate.y,
-                -gap.centripetal.y,
-            ),
-        )
-        found += [Constraint(name, row, *one) for row, one in zip(gap.rows, seen, strict=True)]
+        vectors = gap.position, gap.change(entries), -gap.centripetal
+        parts = zip(*((vector.x, vector.y) for vector in vectors), strict=True)
+        found += [Constraint(name, row, *one) for row, one in zip(gap.rows, parts, strict=True)]
     if scene.drive.initial() is None:
         angle, speed = scene.drive.motion(time, None)
         row = {2: jnp.ones_like(time)}
