@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require_whole
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.indicators import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
 from jaxcrusher.dynamics.swing import distance, section_of, swing_about
@@ -137,8 +138,11 @@ def classify(
 
 def _orbit_in_contact(scene: Scene, record: Section) -> PeriodicOrbit | None:
     """The stable motion of one turn that the record swings about without leaving contact."""
-    kept = bool(jnp.all(record.values["contact_fraction"] >= 1 - ROUNDING))
-    if not kept or scene.joint is None or refusal(scene):
+    kept = all(
+        bool(jnp.all(record.values[f"{before(joint)}contact_fraction"] >= 1 - ROUNDING))
+        for joint, _ in scene.joints.present()
+    )
+    if not kept or scene.is_ideal or refusal(scene):
         return None
     orbit = periodic_orbit(scene, nodes=NODES)
     if not bool(orbit.stable):
@@ -155,8 +159,10 @@ def _record(scene: Scene, settle_turns: int, turns: int, rtol: float) -> Section
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     state, steps, seen = initial_state(scene), 0, []
+    contact = (f"{before(joint)}contact_fraction" for joint, _ in scene.joints.present())
+    outputs = tuple(dict.fromkeys((*OUTPUTS, *contact)))
     for i in range(settle_turns + turns):
-        turn = poincare_section(scene, 0, 1, state=state, outputs=OUTPUTS, rtol=rtol)
+        turn = poincare_section(scene, 0, 1, state=state, outputs=outputs, rtol=rtol)
         state, steps = turn.state, steps + turn.outcome.steps
         reached = 2 * np.pi * i + turn.outcome.reached
         failed = not bool(turn.success)
@@ -172,7 +178,8 @@ def _record(scene: Scene, settle_turns: int, turns: int, rtol: float) -> Section
 
 def _joined(turns: list[Section], outcome: Outcome) -> Section:
     """Consecutive turns as one section."""
-    values = {name: jnp.concatenate([turn[name] for turn in turns]) for name in OUTPUTS}
+    names = turns[0].values
+    values = {name: jnp.concatenate([turn[name] for turn in turns]) for name in names}
     states = jnp.concatenate([turn.states for turn in turns])
     return Section(states, turns[0].jacobians, outcome, values)
 
