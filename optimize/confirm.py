@@ -96,5 +96,5 @@ def confirmed(case: Case, unit: Float[np.ndarray, " n"], rows: Rows) -> Confirme
 
 def _in_contact(by_run: Rows) -> bool:
     """Whether no run left contact: a swing in contact dies, and the orbit is all it can end on."""
-    kept = by_run["contact_fraction"] >= 1 - ROUNDING
-    return bool(kept.all() and by_run["success"].all())
+    shares = [column for name, column in by_run.items() if name.endswith("contact_fraction")]
+    return bool(np.min(shares) >= 1 - ROUNDING and by_run["success"].all())

@@ -158,7 +158,9 @@ def closing(
     scatter = f" ± {error:.2g}" if math.isfinite(error) else ""
     parts = [f"RMS of |R_O| + |R_C| {float(summary.foundation_rms):.0f}{scatter} N"]
     if not ideal:
-        parts.append(f"contact share {float(summary.contact_fraction):.3f}")
+        for joint in (*(["main"] if values["joint"] != "ideal" else []), *loose_besides(values)):
+            share = float(summary[f"{before(joint)}contact_fraction"])
+            parts.append(f"{'' if joint == 'main' else f'{joint} '}contact share {share:.3f}")
         parts.append("FRICTION WHIRL" if bool(summary.whirl) else "no whirl")
         remarks = summary.validity.remarks()
         parts.append(
