@@ -35,8 +35,8 @@ FORCES = {
 # Of a joint: its letter, the force on the bore and its sign, and where its inset lies.
 INSETS = {
     "main": ("A", "joint_force", 1, (0.01, 0.52, 0.37, 0.45)),
-    "elbow": ("B", "elbow_reaction", 1, (0.75, 0.01, 0.24, 0.27)),
-    "pivot": ("C", "toggle_reaction", -1, (0.01, 0.12, 0.24, 0.3)),
+    "elbow": ("B", "elbow_reaction", 1, (0.01, 0.31, 0.37, 0.16)),
+    "pivot": ("C", "toggle_reaction", -1, (0.01, 0.095, 0.37, 0.16)),
 }
 # The longest arrow in lengths of the jaw, and the widest magnified gap in radii of the bore.
 LONGEST_ARROW, WIDEST_GAP = 0.4, 0.35
