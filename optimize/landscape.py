@@ -9,8 +9,7 @@ from jaxtyping import Float
 from scipy.stats import qmc
 
 import jaxcrusher as jc
-from jaxcrusher.batch.rows import LOGICAL, variables_of
-from jaxcrusher.crusher.joints import JOINTS
+from jaxcrusher.batch.rows import LOGICAL, MEANINGS
 from optimize.design import Design
 from optimize.evaluate import STARTS, Case, Window, evaluate, judged
 
@@ -46,7 +45,7 @@ def mapped(
 
 def dataset(case: Case, units: np.ndarray, grid: tuple[int, int], columns: dict) -> xr.Dataset:
     """Columns of shape (starts, points, ...) as a labelled landscape."""
-    meanings = variables_of(JOINTS[1:]) | {
+    meanings = MEANINGS | {
         "objective": (case.objective.unit, case.objective.meaning),
         "counts": ("1", "may be chosen: succeeded, no whirl, inside the constraints"),
         "steps": ("1", "integration steps"),

@@ -2,15 +2,14 @@
 
 from collections.abc import Iterator, Mapping
 
-import equinox as eqx
 import numpy as np
-from jaxtyping import Scalar
 
 import jaxcrusher as jc
 from benchmarks import comparison
 from benchmarks.comparison import Comparison
 from benchmarks.crosschecks import programs
 from benchmarks.crosschecks.programs import DOP853, EXUDYN, FORMULATIONS, OURS, timed
+from benchmarks.narrow import narrow
 from benchmarks.peers import scipy_peer
 from benchmarks.peers.exudyn_free_bodies import Model
 from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
@@ -103,17 +102,6 @@ def simulated(values: Mapping[str, float | str], joints: str) -> dict[str, np.nd
         if not found.success:
             raise RuntimeError(f"jaxcrusher {found.failure}")
         return {name: np.asarray(found[name]) for name in (*names, *FORCES)}
-
-
-def narrow(scene: jc.Scene) -> jc.Scene:
-    """With a hundredth of the widths that smooth the contacts' corners and |e|."""
-
-    def widths(scene: jc.Scene) -> list[Scalar]:
-        return [
-            w for _, joint in scene.joints.present() for w in (joint.normal.width, joint.norm_width)
-        ]
-
-    return eqx.tree_at(widths, scene, [width / 100 for width in widths(scene)])
 
 
 def moved(numbers: Mapping[str, float | str], e: dict[str, complex]) -> dict[str, np.ndarray]:

@@ -2,14 +2,13 @@
 
 from dataclasses import dataclass
 
+from benchmarks.peers.free_bodies import PREFIXES
 from jaxcrusher.scenes.parameters import Value
 
 SPEED = 30.0
 # Radial clearances, m: of each joint when new, and as it wears.
 NEW = 0.03e-3
 WORN = {"A": (0.06e-3, 0.12e-3), "B": (0.1e-3, 0.2e-3, 0.5e-3), "C": (0.1e-3, 0.2e-3, 0.5e-3)}
-# What their names begin with in a description.
-PREFIXES = {"A": "", "B": "elbow.", "C": "pivot."}
 # The crushing force of 8.8 kN along the jaw, as in the paper, or across it, against the toggle.
 ALONG, ACROSS = "along_jaw", "normal_to_jaw"
 

@@ -10,8 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
-from benchmarks.joints.cases import PREFIXES, SPEED, Case
+from benchmarks.joints.cases import SPEED, Case
 from benchmarks.joints.signature import mean_and_error, signature
+from benchmarks.peers.free_bodies import PREFIXES
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import stack
 from jaxcrusher.crusher.joints import AtJoints, before

@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 
 import jaxcrusher as jc
 from jaxcrusher.files.results import write_figure
-from jaxcrusher.scenes.parameters import PARAMETERS, PE250X400
+from jaxcrusher.scenes.parameters import PE250X400, numbers_of
 
 SPEEDS, CLEARANCES = np.linspace(25, 40, 61), np.linspace(0.03e-3, 0.12e-3, 46)
 # The fold at this clearance, from both of its sides.
@@ -30,7 +30,7 @@ def run(out: Path) -> None:
         found = jc.orbit_map(
             {"speed": SPEEDS, "clearance": CLEARANCES},
             base={"slip": slip},
-            slopes=tuple(name for name in PARAMETERS if name in PE250X400),
+            slopes=tuple(numbers_of(PE250X400)),
         )
         spent = time.perf_counter() - begun, time.process_time() - used
         report(slip, found, *spent)

@@ -4,11 +4,11 @@ import math
 import time
 from dataclasses import dataclass
 
-import equinox as eqx
 import numpy as np
 from scipy import stats
 
 import jaxcrusher as jc
+from benchmarks.narrow import narrow
 from benchmarks.stability.cases import Case, Formulation
 from benchmarks.stability.reference import FEW, OURS, SETTLE, TIMES, TURNS, Reference, members
 from jaxcrusher.crusher.formulations import MultiplierFormulation
@@ -107,12 +107,6 @@ def simulate(scene: jc.Scene) -> jc.Trajectory:
     """Ours at the reference's instants."""
     outputs = ("foundation_force", "eccentricity")
     return jc.simulate(scene, TIMES, outputs=outputs, method=METHOD)
-
-
-def narrow(scene: jc.Scene) -> jc.Scene:
-    """The same with a hundredth of the widths that smooth the contact's corner and |e|."""
-    widths = [scene.joint.normal.width / 100, scene.joint.norm_width / 100]
-    return eqx.tree_at(lambda s: (s.joint.normal.width, s.joint.norm_width), scene, widths)
 
 
 def pointwise(scene: jc.Scene, history: jc.Trajectory, known: Reference) -> dict[str, float]:

@@ -18,11 +18,18 @@ import numpy as np
 
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
 from jaxcrusher.batch.engines import Engine, map_all
-from jaxcrusher.batch.rows import row_of
+from jaxcrusher.batch.rows import row_of, variables_of
 from jaxcrusher.files.provenance import machine, now
 from jaxcrusher.motion.statistics import statistics
 from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, complete, loose_besides
+from jaxcrusher.scenes.parameters import (
+    CHOICES,
+    PARAMETERS,
+    choices_of,
+    complete,
+    loose_besides,
+    numbers_of,
+)
 
 # A chunk's number, its variables, and a record of how they were computed.
 Result = tuple[int, dict[str, np.ndarray], dict[str, Any]]
@@ -50,9 +57,9 @@ class Plan:
         return tuple(len(values) for values in self.axes.values())
 
     @property
-    def joints(self) -> tuple[str, ...]:
-        """The joints that are loose besides the main one."""
-        return loose_besides((*self.axes, *self.base))
+    def variables(self) -> dict[str, tuple[str, str]]:
+        """Name -> unit and meaning of what is kept of a design."""
+        return variables_of(loose_besides((*self.axes, *self.base)))
 
     @property
     def chunks(self) -> tuple[int, ...]:
@@ -208,13 +215,11 @@ def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[
     described = dict(plan.base) | varied
     numbers = {
         name: jnp.asarray(varied.get(name, [plan.base.get(name)] * len(cells)))
-        for name in PARAMETERS
-        if name in described
+        for name in numbers_of(described)
     }
     choices = {
         name: varied[name][0] if name in varied else plan.base[name]
-        for name in CHOICES
-        if name in described
+        for name in choices_of(described)
     }
     function = eqx.Partial(
         _design, choices=choices, settle_turns=plan.settle_turns, turns=plan.turns, rtol=plan.rtol

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import jax
 
-from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.joints import JOINTS, before
 from jaxcrusher.motion.statistic import ALWAYS, STATISTIC, STATISTICS
 from jaxcrusher.motion.statistics import Statistics
 
@@ -36,6 +36,10 @@ def variables_of(joints: Iterable[str]) -> dict[str, tuple[str, str]]:
             for name, (unit, meaning) in _LIMITS.items()
         }
     return found
+
+
+# Those of any sweep.
+MEANINGS = variables_of(JOINTS[1:])
 
 
 def row_of(result: Statistics) -> dict[str, jax.Array]:

@@ -17,7 +17,7 @@ import numpy as np
 import zarr
 
 from jaxcrusher.batch.plan import Plan
-from jaxcrusher.batch.rows import LOGICAL, variables_of
+from jaxcrusher.batch.rows import LOGICAL
 from jaxcrusher.files.durable import broken, checksum, lock, named, replace
 from jaxcrusher.files.resume import require_same
 
@@ -32,7 +32,7 @@ class ChunkStore:
     """
 
     def __init__(self, path: Path, plan: Plan, settings: dict[str, Any], attributes: dict):
-        self.path, self._plan, self._variables = path, plan, variables_of(plan.joints)
+        self.path, self._plan, self._variables = path, plan, plan.variables
         self._digest = hashlib.sha256(_json(settings)).hexdigest()
         side = path / _SIDE
         if path.is_file() or (path.is_dir() and not side.is_dir() and any(path.iterdir())):
@@ -136,7 +136,7 @@ class ChunkStore:
                 attributes=labels,
             )
             array[:] = values
-        for name, (unit, meaning) in variables_of(plan.joints).items():
+        for name, (unit, meaning) in self._variables.items():
             logical = name in LOGICAL
             group.create_array(
                 name,

@@ -14,7 +14,7 @@ from jaxcrusher.basics.checks import require_x64
 from jaxcrusher.batch.cluster import compute_on, connect, worker_environment
 from jaxcrusher.batch.engines import CHUNK, Engine
 from jaxcrusher.batch.plan import Plan, Result, compute_chunk, make_plan
-from jaxcrusher.batch.rows import LOGICAL, variables_of
+from jaxcrusher.batch.rows import LOGICAL
 from jaxcrusher.batch.store import ChunkStore
 from jaxcrusher.files.provenance import environment, provenance
 from jaxcrusher.scenes.parameters import PARAMETERS
@@ -83,10 +83,9 @@ class Memory:
 
     def __init__(self, plan: Plan):
         self._plan, self.done = plan, set()
-        self._meanings = variables_of(plan.joints)
         self._columns = {
             name: np.full(plan.shape, False if name in LOGICAL else np.nan)
-            for name in self._meanings
+            for name in plan.variables
         }
 
     def write(self, number: int, values: dict[str, np.ndarray], record: dict[str, Any]) -> None:
@@ -100,7 +99,7 @@ class Memory:
         data = {
             name: (tuple(self._plan.axes), column, {"units": unit, "long_name": meaning})
             for (name, column), (unit, meaning) in zip(
-                self._columns.items(), self._meanings.values(), strict=True
+                self._columns.items(), self._plan.variables.values(), strict=True
             )
         }
         coordinates = {

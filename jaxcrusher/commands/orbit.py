@@ -17,7 +17,7 @@ from jaxcrusher.crusher.joints import before
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_json
 from jaxcrusher.files.resume import begin
-from jaxcrusher.scenes.parameters import PARAMETERS
+from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
 
 ANGLES = 720  # of the picture, a turn
 
@@ -27,9 +27,7 @@ def run(options: Orbit, console: Console) -> int:
     values, _ = read_crusher(options.crusher)
     settings = {"command": "orbit", "scene": values, "period": options.period}
     folder = begin(options.results.folder, settings, "orbit.json", "orbit.png")
-    numbers = {
-        name: jnp.asarray(values[name], dtype=float) for name in PARAMETERS if name in values
-    }
+    numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values)}
 
     def solve(numbers: dict[str, Any], nodes: int | None = None) -> jc.PeriodicOrbit:
         scene = jc.build_scene({**values, **numbers})

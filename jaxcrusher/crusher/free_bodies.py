@@ -100,7 +100,7 @@ def accelerations(
     joints = _joints(machine, shaft, chain, turning is not None)
     rows, right = [], []
     for name, (pin, bore) in joints.present():
-        contact: Contact | None = getattr(contacts, name)
+        contact = contacts[name]
         if contact is not None:
             bore.push(forces, contact.force, contact.bearing_moment)
             pin.push(forces, -contact.force, contact.journal_moment)

@@ -7,9 +7,10 @@ import equinox as eqx
 
 T = TypeVar("T")
 
-# Names of the joints: the main bearing A (bore in the jaw, pin of the shaft), the elbow B (bore in
-# the jaw, pin of the toggle), the toggle's pivot C (bore in the frame, pin of the toggle).
-JOINTS = ("main", "elbow", "pivot")
+# Names of the joints and their letters: the main bearing A (bore in the jaw, pin of the shaft), the
+# elbow B (bore in the jaw, pin of the toggle), the pivot C (bore in the frame, pin of the toggle).
+LETTERS = {"main": "A", "elbow": "B", "pivot": "C"}
+JOINTS = tuple(LETTERS)
 
 
 def before(joint: str) -> str:
@@ -24,10 +25,13 @@ class AtJoints(eqx.Module, Generic[T]):
     elbow: T | None = None
     pivot: T | None = None
 
+    def __getitem__(self, joint: str) -> T | None:
+        return getattr(self, joint)
+
     def present(self) -> Iterator[tuple[str, T]]:
         """Names, and what is there, of the joints with clearance."""
         for name in JOINTS:
-            one = getattr(self, name)
+            one = self[name]
             if one is not None:
                 yield name, one
 
@@ -35,7 +39,7 @@ class AtJoints(eqx.Module, Generic[T]):
         """`function` of what is at each joint, in this and in others; None where nothing is."""
         return AtJoints(
             **{
-                name: function(one, *(getattr(other, name) for other in others))
+                name: function(one, *(other[name] for other in others))
                 for name, one in self.present()
             }
         )

@@ -10,7 +10,7 @@ from jaxtyping import Array, Scalar
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.crusher import linkage
-from jaxcrusher.crusher.joints import JOINTS, before
+from jaxcrusher.crusher.joints import JOINTS, LETTERS, before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import (
     Snapshot,
@@ -109,12 +109,12 @@ def load_power(s: Snapshot, scene: Scene) -> Scalar:
 
 def contact_loss(s: Snapshot, scene: Scene) -> Scalar:
     """Power dissipated by the damping of the contact, W."""
-    return _over_joints(lambda joint, contact: joint.normal_loss(contact), s, scene)
+    return _over_joints(ClearanceJoint.normal_loss, s, scene)
 
 
 def friction_loss(s: Snapshot, scene: Scene) -> Scalar:
     """Power dissipated by friction, W; may be negative where slip is that of the centres."""
-    return _over_joints(lambda joint, contact: joint.friction_loss(contact), s, scene)
+    return _over_joints(ClearanceJoint.friction_loss, s, scene)
 
 
 def elbow_position(s: Snapshot, scene: Scene) -> Vector:
@@ -154,15 +154,14 @@ def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
 
 def elastic_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Stored in the contacts, J."""
-    return _over_joints(lambda joint, contact: joint.elastic_energy(contact), s, scene)
+    return _over_joints(ClearanceJoint.elastic_energy, s, scene)
 
 
 def _over_joints(
     part: Callable[[ClearanceJoint, Contact], Scalar | None], s: Snapshot, scene: Scene
 ) -> Scalar:
     """The sum of a number of each contact; zero where there is none."""
-    parts = (part(joint, getattr(s.contacts, name)) for name, joint in scene.joints.present())
-    known = [one for one in parts if one is not None]
+    known: list[Scalar] = [one for _, one in scene.joints.map(part, s.contacts).present()]
     return sum(known[1:], known[0]) if known else jnp.zeros_like(s.shaft.speed)
 
 
@@ -180,18 +179,18 @@ def force_at(s: Snapshot, scene: Scene, joint: str) -> Scalar:
 
 
 def _normal_force(s: Snapshot, scene: Scene, joint: str) -> Scalar:
-    contact = getattr(s.contacts, joint)
+    contact = s.contacts[joint]
     return force_at(s, scene, joint) if contact is None else contact.normal_force
 
 
 def _friction_force(s: Snapshot, scene: Scene, joint: str) -> Scalar:
-    contact = getattr(s.contacts, joint)
+    contact = s.contacts[joint]
     force = None if contact is None else contact.friction_force
     return jnp.zeros_like(s.shaft.speed) if force is None else force
 
 
 def _eccentricity(s: Snapshot, scene: Scene, joint: str) -> Vector:
-    found = getattr(s.eccentricities, joint)
+    found = s.eccentricities[joint]
     return Vector(0.0, 0.0) if found is None else found
 
 
@@ -200,14 +199,14 @@ def _crushing_load(s: Snapshot, scene: Scene) -> Vector:
 
 
 def _penetration_ratio(s: Snapshot, scene: Scene, joint: str) -> Scalar:
-    contact, clearance = getattr(s.contacts, joint), getattr(scene.joints, joint)
+    contact, clearance = s.contacts[joint], scene.joints[joint]
     if contact is None:
         return jnp.zeros_like(s.shaft.speed)
     return contact.penetration / clearance.clearance
 
 
 def _penetration_rate(s: Snapshot, scene: Scene, joint: str) -> Scalar:
-    contact = getattr(s.contacts, joint)
+    contact = s.contacts[joint]
     return jnp.zeros_like(s.shaft.speed) if contact is None else contact.penetration_rate
 
 
@@ -228,11 +227,11 @@ class Observable(NamedTuple):
         return value.array() if isinstance(value, Vector) else value
 
 
-def _at(joint: str, letter: str) -> dict[str, Observable]:
+def _at(joint: str) -> dict[str, Observable]:
     """What there is of a joint; its name stands before all but the main one's."""
     return {
         before(joint) + name: Observable(
-            functools.partial(function, joint=joint), unit, f"{meaning} at {letter}"
+            functools.partial(function, joint=joint), unit, f"{meaning} at {LETTERS[joint]}"
         )
         for name, function, unit, meaning in (
             ("normal_force", _normal_force, "N", "normal force"),
@@ -246,7 +245,7 @@ def _at(joint: str, letter: str) -> dict[str, Observable]:
 
 # Name -> function, unit and meaning of what can be observed of an instant.
 OBSERVABLES = {
-    **_at("main", "A"),
+    **_at("main"),
     "foundation_force": Observable(foundation_force, "N", "|R_O| + |R_C|"),
     "net_foundation_force": Observable(net_foundation_force, "N", "|R_O + R_C|"),
     "shaking_force": Observable(shaking_force, "N", "shaking force"),
@@ -267,13 +266,13 @@ OBSERVABLES = {
         lambda s, scene: linkage.elbow_velocity(scene.machine, s.chain), "m/s", "velocity of B"
     ),
     "constraint_residual": Observable(_constraint_residual, "m", "largest constraint residual"),
-    **_at("elbow", "B"),
-    **_at("pivot", "C"),
+    **_at("elbow"),
+    **_at("pivot"),
 }
 
 
 def observables_of(scene: Scene) -> tuple[str, ...]:
     """All but those of an elbow and a pivot that are ideal."""
-    absent = [joint for joint in JOINTS[1:] if getattr(scene.joints, joint) is None]
-    left_out = {before(joint) + name for joint in absent for name in _at("main", "A")}
+    absent = [joint for joint in JOINTS[1:] if scene.joints[joint] is None]
+    left_out = {before(joint) + name for joint in absent for name in _at("main")}
     return tuple(name for name in OBSERVABLES if name not in left_out)

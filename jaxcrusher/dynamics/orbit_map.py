@@ -25,7 +25,7 @@ from jaxcrusher.batch.plan import check_grid, coordinates
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS
+from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, choices_of, numbers_of
 from jaxcrusher.settled.forced import quasi_static
 from jaxcrusher.settled.periodic_orbit import NODES, SETTLED, periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit, reason
@@ -91,14 +91,12 @@ def orbit_map(
     levels = (NODES, 2 * NODES) if nodes is None else (nodes,)
     require_choice("metric", metric, tuple(STATISTIC))
     varied, fixed = check_grid(axes, base or {})
-    require_names("slopes", slopes, tuple(name for name in PARAMETERS if name in fixed | varied))
+    described = fixed | varied
+    require_names("slopes", slopes, tuple(numbers_of(described)))
     cells = list(itertools.product(*varied.values()))
     report = progress or (lambda finished, of: None)
     report(0, len(cells))
-    numbers_of, choices = (
-        [name for name in table if name in fixed or name in varied]
-        for table in (PARAMETERS, CHOICES)
-    )
+    choices = choices_of(described)
     # Another choice is another program, and no neighbour.
     groups: dict[tuple, list[int]] = {}
     for number, cell in enumerate(cells):
@@ -108,7 +106,7 @@ def orbit_map(
         name: np.array([cell[list(varied).index(name)] for cell in cells], float)
         if name in varied
         else np.full(len(cells), fixed[name], float)
-        for name in numbers_of
+        for name in numbers_of(described)
     }
     shape = tuple(len(values) for values in varied.values())
     grid = _Grid(shape, tuple(name in PARAMETERS for name in varied), numbers)

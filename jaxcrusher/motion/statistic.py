@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.crusher.joints import JOINTS, AtJoints, before
+from jaxcrusher.crusher.joints import JOINTS, LETTERS, AtJoints, before
 from jaxcrusher.crusher.observables import OBSERVABLES, drive_power, force_at, foundation_force
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
@@ -73,7 +73,7 @@ def _share_above_zero(samples: Float[Array, " n"]) -> Scalar:
 
 def _winding(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     """Revolutions of the pin round the bore over those of the shaft."""
-    contact = getattr(s.contacts, joint)
+    contact = s.contacts[joint]
     if contact is None:
         return jnp.zeros_like(scene.drive.speed)
     return contact.orbit_speed / scene.drive.speed
@@ -81,7 +81,7 @@ def _winding(s: Snapshot, scene: Scene, joint: str) -> Scalar:
 
 def _sliding_power(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     """F_n times the slip of the surfaces, whatever slip the friction law reads: Archard's rate."""
-    contact, prefix = getattr(s.contacts, joint), before(joint)
+    contact, prefix = s.contacts[joint], before(joint)
     if contact is None or contact.surface_speed is None:
         raise ValueError(
             f"Argument `outputs` must not ask for {prefix}sliding_power without friction, but does."
@@ -93,13 +93,13 @@ _PEAK, _LARGEST = Sampled(top, jnp.max), Sampled(jnp.max, jnp.max)
 _CONTACT = Sampled(_share_above_zero, jnp.mean)
 
 
-def _always_at(joint: str, letter: str) -> dict[str, Statistic]:
+def _always_at(joint: str) -> dict[str, Statistic]:
     """What is computed of a joint without being asked for."""
     seen, prefix = OBSERVABLES, before(joint)
     depth, rate = seen[f"{prefix}penetration_ratio"], seen[f"{prefix}penetration_rate"]
     winding = functools.partial(_winding, joint=joint)
     return {
-        prefix + name: Statistic(unit, f"{meaning}, at {letter}", quantity, reduction)
+        prefix + name: Statistic(unit, f"{meaning}, at {LETTERS[joint]}", quantity, reduction)
         for name, unit, meaning, quantity, reduction in (
             ("contact_fraction", "1", "share of time in contact", depth, _CONTACT),
             ("penetration_ratio", "1", "largest penetration / clearance", depth, _LARGEST),
@@ -109,14 +109,14 @@ def _always_at(joint: str, letter: str) -> dict[str, Statistic]:
     }
 
 
-def _further_at(joint: str, letter: str) -> dict[str, Statistic]:
+def _further_at(joint: str) -> dict[str, Statistic]:
     """What is computed of a joint if it is asked for."""
     prefix, force = before(joint), functools.partial(force_at, joint=joint)
     wear = functools.partial(_sliding_power, joint=joint)
     return {
-        f"{prefix}joint_peak": Statistic("N", f"largest force at {letter}", force, _PEAK),
+        f"{prefix}joint_peak": Statistic("N", f"largest force at {LETTERS[joint]}", force, _PEAK),
         f"{prefix}sliding_power": Statistic(
-            "W", f"mean of F_n |surface slip| at {letter}: wear", wear, PowerMean()
+            "W", f"mean of F_n |surface slip| at {LETTERS[joint]}: wear", wear, PowerMean()
         ),
     }
 
@@ -125,7 +125,7 @@ _BY_DEFAULT = {
     "foundation_rms": Statistic("N", "RMS of |R_O| + |R_C|", foundation_force, PowerMean(2)),
     "foundation_mean": Statistic("N", "mean of |R_O| + |R_C|", foundation_force, PowerMean()),
     "foundation_peak": Statistic("N", "peak of |R_O| + |R_C|", foundation_force, _PEAK),
-    **_always_at("main", "A"),
+    **_always_at("main"),
 }
 _FURTHER = {
     # Within 20 % of a peak that lasts 5 % of a turn, and differentiable where the instant of the
@@ -133,14 +133,11 @@ _FURTHER = {
     "foundation_smooth_peak": Statistic(
         "N", "(mean of (|R_O| + |R_C|)^16)^(1/16)", foundation_force, PowerMean(16)
     ),
-    **_further_at("main", "A"),
+    **_further_at("main"),
     "drive_power": Statistic("W", "mean power of the drive", drive_power, PowerMean()),
 }
 # Of each joint, what is computed without being asked, and what when asked.
-_BY_JOINT = {
-    joint: (_always_at(joint, letter), _further_at(joint, letter))
-    for joint, letter in zip(JOINTS, "ABC", strict=True)
-}
+_BY_JOINT = {joint: (_always_at(joint), _further_at(joint)) for joint in JOINTS}
 _OF_OTHERS = [of_joint for joint in JOINTS[1:] for of_joint in _BY_JOINT[joint]]
 
 # Name -> unit, meaning, quantity and reduction of what `statistics` computes when asked, the first

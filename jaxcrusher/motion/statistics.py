@@ -178,7 +178,7 @@ def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity | None:
         depth, speed = (before(joint) + name for name in ("penetration_ratio", "impact_speed"))
         if depth not in values or speed not in values:
             return None
-        found[joint] = validity(getattr(scene.joints, joint), values[depth], values[speed])
+        found[joint] = validity(scene.joints[joint], values[depth], values[speed])
     return dataclasses.replace(found.pop("main"), others=found)
 
 

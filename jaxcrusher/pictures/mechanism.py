@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from jaxcrusher.basics.checks import require
-from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.joints import LETTERS, before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE, PURPLE
@@ -32,11 +32,11 @@ FORCES = {
     "joint_force": ("$F_A$", ORANGE, "pin_position", "tail"),
     "crushing_load": ("$F_{load}$", PURPLE, "jaw_mass_centre", "tail"),
 }
-# Of a joint: its letter, the force on the bore and its sign, and where its inset lies.
+# Of a joint: the force on the bore and its sign, and where its inset lies.
 INSETS = {
-    "main": ("A", "joint_force", 1, (0.01, 0.52, 0.37, 0.45)),
-    "elbow": ("B", "elbow_reaction", 1, (0.01, 0.31, 0.37, 0.16)),
-    "pivot": ("C", "toggle_reaction", -1, (0.01, 0.095, 0.37, 0.16)),
+    "main": ("joint_force", 1, (0.01, 0.52, 0.37, 0.45)),
+    "elbow": ("elbow_reaction", 1, (0.01, 0.31, 0.37, 0.16)),
+    "pivot": ("toggle_reaction", -1, (0.01, 0.095, 0.37, 0.16)),
 }
 # The longest arrow in lengths of the jaw, and the widest magnified gap in radii of the bore.
 LONGEST_ARROW, WIDEST_GAP = 0.4, 0.35
@@ -71,7 +71,7 @@ class Drawing:
 
     def __init__(self, scene: Scene, trajectory: Trajectory, ax: Axes, instants: list[int]):
         joints = dict(scene.joints.present())
-        of_joints = [(before(name) + "eccentricity", INSETS[name][1]) for name in joints]
+        of_joints = [(before(name) + "eccentricity", INSETS[name][0]) for name in joints]
         needed = tuple(dict.fromkeys((*DRAWN, *itertools.chain(*of_joints))))
         for name in needed:
             require(name in trajectory.values, "trajectory", f"hold '{name}'", "without it")
@@ -261,7 +261,7 @@ class _Magnified:
 
     def __init__(self, ax: Axes, joint: str, radius: float, clearance: float, largest: float):
         self.joint = joint
-        letter, _, _, place = INSETS[joint]
+        *_, place = INSETS[joint]
         times = _round_down(WIDEST_GAP * radius / clearance)
         self.scale = times / radius
         gap = self.scale * clearance
@@ -274,7 +274,7 @@ class _Magnified:
             yticks=[],
             facecolor=JAW,
         )
-        inset.set_title(f"{letter}: {1e3 * clearance:g} mm, times {times:g}", fontsize=9)
+        inset.set_title(f"{LETTERS[joint]}: {1e3 * clearance:g} mm, times {times:g}", fontsize=9)
         inset.add_patch(Circle((0, 0), 1, facecolor="w", edgecolor="k", linewidth=1.5))
         inset.add_patch(Circle((0, 0), gap, fill=False, edgecolor="0.4", linestyle="--"))
         pin = Circle((0, 0), 1 - gap, facecolor=PIN, edgecolor="k", linewidth=1.5, alpha=0.8)
@@ -297,7 +297,7 @@ class _Magnified:
         )
 
     def show(self, here: dict[str, np.ndarray]) -> None:
-        _, force, sign, _ = INSETS[self.joint]
+        force, sign, _ = INSETS[self.joint]
         centre = self.scale * here[before(self.joint) + "eccentricity"]
         self.pin.set(center=centre)
         self.centre.set_data(*centre[:, None])

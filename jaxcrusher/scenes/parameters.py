@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import ArrayLike
 
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_within
+from jaxcrusher.crusher.joints import LETTERS
 
 Value = ArrayLike | str
 
@@ -71,14 +72,14 @@ PARAMETERS = {
     "counterweight.angle": Parameter(np.pi, "rad", "of the counterweight, ahead of O-A", _TURN),
 }
 
-# Joints that may be loose besides the main bearing: table, letter, the bore's and the pin's body.
-WORN_JOINTS = {"elbow": ("B", "jaw", "toggle"), "pivot": ("C", "frame", "toggle")}
+# Joints that may be loose besides the main bearing, and the bodies of bore and pin.
+WORN_JOINTS = {"elbow": ("jaw", "toggle"), "pivot": ("frame", "toggle")}
 _OF_A_JOINT = ("clearance", "bore_radius", "friction", "restitution", "impact_velocity")
 
 
 def _worn(name: str, joint: str) -> Parameter:
     """The number of B or C; it has the main bearing's default, but for the radius of its bore."""
-    letter, bore, pin = WORN_JOINTS[joint]
+    letter, (bore, pin) = LETTERS[joint], WORN_JOINTS[joint]
     main = PARAMETERS[name]
     if name == "bore_radius":
         return Parameter(0.04, "m", f"radius of the {bore}'s bore at {letter}")
@@ -159,6 +160,16 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
             require(False, name, f"come with `{joint}.clearance`", "alone: without it is no joint")
     there = {name: value for name, value in _DEFAULTS.items() if joint_of(name) in (None, *loose)}
     return there | dict(values)
+
+
+def numbers_of(names: Iterable[str]) -> list[str]:
+    """Those of the names that are of `PARAMETERS`, in its order."""
+    return [name for name in PARAMETERS if name in names]
+
+
+def choices_of(names: Iterable[str]) -> list[str]:
+    """Those of the names that are of `CHOICES`, in its order."""
+    return [name for name in CHOICES if name in names]
 
 
 def check_description(values: Mapping[str, Any]) -> None:

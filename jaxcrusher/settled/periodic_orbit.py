@@ -97,10 +97,12 @@ def periodic_orbit(
     orbit = solved(first, count)
     if not known:
         return judged(orbit, orbit.result)
-    while nodes is None and count < MOST_NODES and (_blurred(orbit) or _open(orbit)):
+    is_open = _open(orbit)
+    while nodes is None and count < MOST_NODES and (is_open or _blurred(orbit)):
         count *= 2
         orbit = solved(orbit.eccentricity, count)
-    if _open(orbit):
+        is_open = _open(orbit)
+    if is_open:
         return judged(orbit, RESULTS.open)
     if nodes is None and bool(_coarse(orbit)):
         found = shoot(scene, flat(orbit.state(), scene), period)

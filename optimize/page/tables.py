@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from jaxcrusher.batch.rows import VARIABLES
+from jaxcrusher.batch.rows import MEANINGS
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
 from jaxcrusher.scenes.parameters import NUMBERS, readable
 from optimize import words
@@ -113,7 +113,7 @@ def slopes(found: Answer) -> Table | None:
         return Table(("by", "slope", "differences off by"), rows, about=about)
     if report is None:
         return None
-    unit, meaning = VARIABLES.get(report.metric, ("its unit", report.metric))
+    unit, meaning = MEANINGS.get(report.metric, ("its unit", report.metric))
     rows = [
         (
             _per(slope.parameter, unit),
@@ -158,7 +158,7 @@ def _descent(one: Refinement) -> Iterable[object]:
 
 def runs(design: Confirmed, unit: str) -> Table:
     """Every variable of every run of a design."""
-    known = VARIABLES | {
+    known = MEANINGS | {
         "objective": (unit, "objective"),
         "steps": ("1", "integration steps"),
         "counts": ("1", "may be chosen"),

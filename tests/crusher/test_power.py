@@ -1,7 +1,6 @@
 """Power, momentum and the agreement of the formulations, without integrating anything."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -51,32 +50,8 @@ def scenes():
 @pytest.mark.parametrize(
     "scene", [*scenes()], ids=["bare", "surface", "closing", "tracked", "torque"]
 )
-def test_power_balance(scene, name):
+def test_power_balance(balance, scene, name):
     """The energies change along the vector field by what the powers put in."""
-
-    @eqx.filter_jit
-    def balance(scene):
-        formulation, time = scene.formulation, jnp.array(0.0)
-        state = formulation.initial(scene)
-
-        def energy(time, state):
-            s = formulation.snapshot(time, state, scene)
-            parts = (ob.kinetic_energy, ob.potential_energy, ob.elastic_energy)
-            return sum(part(s, scene) for part in parts)
-
-        s = formulation.snapshot(time, state, scene)
-        rate = formulation.rate(s, state, scene)
-        _, change = jax.jvp(energy, (time, state), (jnp.array(1.0), rate))
-        powers = jnp.stack(
-            [
-                ob.drive_power(s, scene),
-                ob.load_power(s, scene),
-                -ob.contact_loss(s, scene),
-                -ob.friction_loss(s, scene),
-            ]
-        )
-        scale = jnp.sum(jnp.abs(powers)) + jnp.abs(ob.contact_loss(s, scene))
-        return change - jnp.sum(powers), scale + jnp.abs(s.joint_force.dot(s.joint_force)) ** 0.5
 
     for state in STATES:
         difference, scale = balance(placed(with_formulation(scene, name), state))

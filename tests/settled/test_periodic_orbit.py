@@ -11,7 +11,7 @@ from jaxcrusher.crusher.drives import GivenTorque
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistic import STATISTIC, PowerMean, statistics_of
-from jaxcrusher.scenes.parameters import PARAMETERS
+from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_statistics_of_the_motion(orbit):
     assert orbit.validity.inside
 
 
-NAMES = tuple(name for name in PARAMETERS if name in jc.PE250X400)
+NAMES = tuple(numbers_of(jc.PE250X400))
 # With friction that slides, and a counterweight, so that all numbers matter but one.
 BASE = {"speed": 27.0, "clearance": 0.05e-3, "slip": "surface", "counterweight.mass": 50.0}
 

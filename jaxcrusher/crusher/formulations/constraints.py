@@ -80,7 +80,7 @@ def constraints_of(
 ) -> list[Constraint]:
     """O, the ideal ones of A, B and C, and a prescribed drive."""
     joints, entries = scene.joints, velocity.entries()
-    ideal = AtJoints(*(None if getattr(joints, name) else True for name in JOINTS))
+    ideal = AtJoints(*(None if joints[name] else True for name in JOINTS))
     held = {"bearing": _at_bearing(scene, q, velocity, arms)}
     held |= dict(gaps_of(q, velocity, arms, ideal).present())
     if "elbow" in held:

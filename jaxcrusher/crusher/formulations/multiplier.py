@@ -187,7 +187,8 @@ def _applied_forces(
     if load is not None:
         forces[3], forces[4] = load.x, forces[4] + load.y
     for name, contact in contacts.present():
-        gap: Gap = getattr(gaps, name)
+        gap = gaps[name]
+        assert gap is not None
         # Of the force on the bore and its reaction on the pin, by virtual work.
         for row, component in zip(gap.rows, (contact.force.x, contact.force.y), strict=True):
             for i, entry in row.items():
