@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 import jaxcrusher as jc
-from jaxcrusher.basics.checks import concrete, require, require_choice
+from jaxcrusher.basics.checks import concrete, require, require_known
 from jaxcrusher.scenes.parameters import check_description, check_number
 
 
@@ -74,7 +74,7 @@ class Design:
         require(len(self.bounds) > 0, "bounds", "name a parameter", dict(self.bounds))
         extra = [name for completion in self.completions for name in completion.inputs]
         for name, (low, high) in self.bounds.items():
-            require_choice("bounds", name, (*jc.PARAMETERS, *extra))
+            require_known(name, (*jc.PARAMETERS, *extra))
             good = bool(np.isfinite([low, high]).all()) and low < high
             require(good, f"bounds of {name}", "be finite, LOW < HIGH", (low, high))
             if name in jc.PARAMETERS:

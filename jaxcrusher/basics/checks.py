@@ -1,11 +1,15 @@
 """Checks of arguments, on the values that are concrete; traced values pass."""
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 
 import jax
 import jax.core
 import numpy as np
 from jaxtyping import ArrayLike, PyTree
+
+# More choices than these are not listed to whoever misspells one.
+SEVERAL = 8
 
 
 def concrete(value) -> np.ndarray | None:
@@ -37,20 +41,35 @@ def require_double(name: str, tree: PyTree) -> None:
         require(good, name, "hold 64-bit floats only", f"with {kind}")
 
 
+def require_untraced(name: str, tree: PyTree, function: str, instead: str) -> None:
+    """Numbers that are known: what steers a search or a loop of Python's cannot be traced."""
+    traced = any(concrete(leaf) is None for leaf in jax.tree.leaves(tree))
+    must = f"hold known numbers (jax.grad, jit and vmap go through {instead}, not {function})"
+    require(not traced, name, must, "traced")
+
+
 def require_positive(name: str, value: ArrayLike, unit: str) -> None:
-    """Every entry finite and > 0."""
-    known = concrete(value)
+    """Every entry a number, finite and > 0."""
+    known = _known_numbers(name, value)
     if known is not None:
         good = bool(np.all(np.isfinite(known) & (known > 0)))
         require(good, name, f"be finite and > 0 {unit}".rstrip(), value)
 
 
 def require_within(name: str, value: ArrayLike, low: float, high: float, unit: str = "") -> None:
-    """Every entry in [low, high]."""
-    known = concrete(value)
+    """Every entry a number in [low, high]."""
+    known = _known_numbers(name, value)
     if known is not None:
         good = bool(np.all((known >= low) & (known <= high)))
         require(good, name, f"lie in [{low:g}, {high:g}] {unit}".rstrip(), value)
+
+
+def _known_numbers(name: str, value: ArrayLike) -> np.ndarray | None:
+    """`concrete`, refused where it is none of numbers."""
+    known = concrete(value)
+    good = known is None or np.issubdtype(known.dtype, np.number) or known.dtype == bool
+    require(good, name, "be a number", repr(value))
+    return known
 
 
 def require_whole(name: str, value: object, least: int) -> None:
@@ -85,8 +104,24 @@ def require_names(name: str, value: object, choices: tuple) -> None:
 
 
 def require_choice(name: str, value: object, choices: tuple) -> None:
-    """One of the named choices."""
+    """One of the named choices; of many, those alone that come near."""
     known = any(value is choice or (value == choice) is True for choice in choices)
     if not known:
         listed = ", ".join(repr(choice) for choice in choices)
-        raise ValueError(f"Argument `{name}` must be one of {listed}, but is {value!r}.")
+        meant = _meant(value, choices)
+        known = "a known name" if meant and len(choices) > SEVERAL else f"one of {listed}"
+        raise ValueError(f"Argument `{name}` must be {known}, but is {value!r}{meant}.")
+
+
+def require_known(name: object, names: Iterable[str]) -> None:
+    """The name of an argument that goes by names of the package's own."""
+    names = tuple(names)
+    if name not in names:
+        meant = _meant(name, names) or f"; there are {', '.join(names)}"
+        raise ValueError(f"Argument `{name}` must be a known name, but is not{meant}.")
+
+
+def _meant(value: object, choices: Iterable[str]) -> str:
+    """What a misspelt one may stand for."""
+    near = get_close_matches(value, choices, n=2) if isinstance(value, str) else []
+    return f" (is {' or '.join(map(repr, near))} meant?)" if near else ""

@@ -17,6 +17,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
+from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.setup import remind_of_set_up
 from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.program import NoIntegration, program
@@ -42,6 +43,7 @@ def map_chunks(
     `engine` is `in_lanes`, `in_turn`, `side_by_side` or a function of your own in their place; None
     takes `in_lanes` on a CPU and `side_by_side` elsewhere.
     """
+    _require_stacked(function, scenes)
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
     scenes = jax.tree.map(np.asarray, scenes)
     count = jax.tree.leaves(scenes)[0].shape[0]
@@ -73,12 +75,22 @@ def map_all(
 
     `progress` is called after each chunk with the number of finished and of all scenes.
     """
+    _require_stacked(function, scenes)
     parts, count = [], len(jax.tree.leaves(scenes)[0])
     for rows, results in map_chunks(function, scenes, chunk, engine):
         parts.append(results)
         if progress is not None:
             progress(rows.stop, count)
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+
+
+def _require_stacked(function: Callable[[Any], PyTree], scenes: PyTree) -> None:
+    """Check that all leaves have a first axis, and that it is of the same length."""
+    require(callable(function), "function", "be one", f"a {type(function).__name__}")
+    lengths = {np.shape(leaf)[:1] for leaf in jax.tree.leaves(scenes)}
+    good = len(lengths) == 1 and () not in lengths and (0,) not in lengths
+    first = ", ".join(str(*length) or "none" for length in sorted(lengths)) or "no arrays"
+    require(good, "scenes", "hold arrays with a first axis of one length", f"with {first}")
 
 
 def without_lanes() -> Engine:

@@ -16,10 +16,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
+from jaxcrusher.basics.checks import require, require_known, require_whole
 from jaxcrusher.batch.engines import Engine, map_all
 from jaxcrusher.batch.rows import row_of, variables_of
 from jaxcrusher.files.provenance import machine, now
+from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistics import statistics
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.parameters import (
@@ -115,7 +116,7 @@ def make_plan(
     """
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
-    require_positive("rtol", rtol, "")
+    require_tolerance(rtol)
     require_whole("chunk", designs, 1)
     varied, fixed = check_grid(axes, base)
     shape = _chunk_shape(varied, designs)
@@ -131,10 +132,14 @@ def check_grid(
     """
     good = isinstance(axes, Mapping) and len(axes) > 0
     require(good, "axes", 'map names to values, as {"speed": [30.0, 32.0]}', repr(axes))
+    mapping = isinstance(base, Mapping)
+    require(
+        mapping, "base", 'map names to values, as {"start": "contact"}', f"a {type(base).__name__}"
+    )
     varied = {name: _axis(name, values) for name, values in axes.items()}
     fixed = {}
     for name, value in base.items():
-        require_choice("base", name, (*PARAMETERS, *CHOICES))
+        require_known(name, (*PARAMETERS, *CHOICES))
         require(name not in varied, "base", "name none of the axes", repr(name))
         fixed[name] = value if name in CHOICES else float(_numbers(f"base[{name!r}]", value, 0))
     lowest = {name: values[0] for name, values in varied.items()}
@@ -161,7 +166,7 @@ def coordinates(axes: Mapping[str, tuple]) -> dict[str, tuple[np.ndarray, dict[s
 
 
 def _axis(name: str, values: Any) -> tuple:
-    require_choice("axes", name, (*PARAMETERS, *CHOICES))
+    require_known(name, (*PARAMETERS, *CHOICES))
     called = f"axes[{name!r}]"
     array = np.asarray(values, object) if name in CHOICES else _numbers(called, values, 1)
     good = array.ndim == 1 and array.size > 0

@@ -1,9 +1,22 @@
 """A scene: who takes part. What it leaves out is None, and is never traced."""
 
-from jaxcrusher.basics.checks import concrete, require, require_positive, require_x64
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+
+from jaxcrusher.basics.checks import (
+    concrete,
+    require,
+    require_double,
+    require_kind,
+    require_positive,
+    require_x64,
+)
 from jaxcrusher.crusher.drives import AbstractDrive
 from jaxcrusher.crusher.formulations import ClosedLinkage
 from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene, AbstractStart
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.joint.clearance import ClearanceJoint
@@ -44,6 +57,24 @@ class Scene(AbstractScene):
     def ideal(self) -> "Scene":
         """The same machine, drive and load with ideal joints: what a clearance adds to."""
         return Scene(self.machine, self.drive, None, self.load, ClosedLinkage(), None)
+
+
+def require_scene(scene: Any) -> None:
+    """Check that it is one scene, of 64-bit floats."""
+    require_kind("scene", scene, Scene, "jaxcrusher.paper_scene(30.0, 6e-5)")
+    require_double("scene", scene)
+    shapes = {"speed": jnp.shape(getattr(scene.drive, "speed", 0.0))}
+    for joint, clearance in scene.joints.present():
+        shapes[f"{before(joint)}clearance"] = jnp.shape(clearance.clearance)
+    for name, shape in shapes.items():
+        one = "be one number (jax.vmap and jaxcrusher.sweep take many)"
+        require(shape == (), name, one, f"of shape {shape}")
+
+
+def require_maker(scene: Callable[..., Scene]) -> None:
+    """Check that it is a function: of what it makes nothing is known yet."""
+    makes = "be a function that makes a scene of the parameters, such as jaxcrusher.paper_scene"
+    require(callable(scene), "scene", makes, f"a {type(scene).__name__}")
 
 
 def require_clearance(clearance, bore_radius, prefix: str = "") -> None:

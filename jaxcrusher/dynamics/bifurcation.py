@@ -9,10 +9,16 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, ArrayLike
 
-from jaxcrusher.basics.checks import require, require_choice, require_whole, require_x64
+from jaxcrusher.basics.checks import (
+    require,
+    require_choice,
+    require_untraced,
+    require_whole,
+    require_x64,
+)
 from jaxcrusher.batch.engines import CHUNK, map_all, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.dynamics.indicators import detect_period
 from jaxcrusher.dynamics.regime import NOISE, OUTPUTS, spread_trend
 from jaxcrusher.motion.flow import initial_state
@@ -66,9 +72,11 @@ def bifurcation(
     Raises ValueError for arguments out of range, and as `poincare_section` does.
     """
     require_x64()
+    require_maker(scene)
     require_choice("direction", direction, ("up", "down", "cold"))
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, LEAST_TURNS)
+    require_untraced("values", values, "bifurcation", "jaxcrusher.statistics")
     numbers = np.asarray(values, dtype=float)
     good = numbers.ndim == 1 and numbers.size > 0 and bool((np.diff(numbers) > 0).all())
     require(good, "values", "have shape (n,), n > 0, and increase", values)

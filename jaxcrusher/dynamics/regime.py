@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxcrusher.basics.checks import require_whole
+from jaxcrusher.basics.checks import require_untraced, require_whole
 from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.dynamics.indicators import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
 from jaxcrusher.dynamics.swing import distance, section_of, swing_about
 from jaxcrusher.motion.flow import initial_state
@@ -79,6 +79,8 @@ def regime(
 
     Raises ValueError as `poincare_section` does.
     """
+    require_scene(scene)
+    require_untraced("scene", scene, "regime", "jaxcrusher.statistics")
     require_whole("tangent_turns", tangent_turns, 1)
 
     def further(state: Float[Array, " dims"]) -> Section:

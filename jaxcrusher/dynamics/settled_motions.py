@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxcrusher.basics.checks import require, require_positive, require_whole
+from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.batch.engines import map_all
 from jaxcrusher.batch.lanes.layout import LANES
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.dynamics.swing import NEAR, Swing, distance, places, section_of, swing_about
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.integrate import integrate
@@ -78,6 +78,8 @@ def settled_motions(
     Raises ValueError for a count, spread or turns out of range, and in one line for a scene that
     `jaxcrusher.periodic_orbit` refuses or whose joint is ideal.
     """
+    require_scene(scene)
+    require_untraced("scene", scene, "settled_motions", "jaxcrusher.periodic_orbit")
     require_whole("starts", starts, 1)
     require_positive("spread", spread, "clearances")
     require_whole("turns", turns, 2 * LOOKS * CYCLE)

@@ -4,7 +4,7 @@ A motion that forgets its start has a slope that the forward tangent finds; a ch
 none at a point: its tangent grows without bound, and a slope exists only at a finite radius.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxcrusher.basics.checks import require, require_choice
+from jaxcrusher.basics.checks import require, require_choice, require_untraced, require_within
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.dynamics.fits import Fit, fit_slopes
 from jaxcrusher.dynamics.indicators import Lyapunov
@@ -120,10 +120,12 @@ def gradient_report(
     and for an ideal joint.
     """
     require_choice("metric", metric, tuple(STATISTIC))
-    require(bool(parameters), "parameters", "name at least one number", parameters)
-    good = callable(scene)
-    makes = "be a function that makes a scene of the parameters, such as jaxcrusher.paper_scene"
-    require(good, "scene", makes, f"a {type(scene).__name__}")
+    require_maker(scene)
+    good = isinstance(parameters, Mapping) and len(parameters) > 0
+    require(good, "parameters", 'name at least one number, as {"speed": 30.0}', repr(parameters))
+    require_untraced("parameters", parameters, "gradient_report", "jaxcrusher.statistics")
+    for name, value in parameters.items():
+        require_within(f"parameters[{name!r}]", value, -np.inf, np.inf)
     names, numbers = tuple(parameters), np.array([*parameters.values()], dtype=float)
     radii = radius * np.array([_scale(name, value) for name, value in parameters.items()])
     point = jnp.asarray(numbers)

@@ -7,14 +7,13 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import (
+    concrete,
     require,
-    require_double,
     require_kind,
     require_positive,
     require_whole,
 )
-from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.motion.integrate import Integration, error_norm
 
 MOST_STEPS = 10_000_000
@@ -75,15 +74,8 @@ def resolve(
     are bounded below, so that a motion that is not finite ends at once, and in number.
     """
     require_kind("method", method, Method, "jaxcrusher.Method(diffrax.Dopri8())")
-    require_kind("scene", scene, Scene, "jaxcrusher.paper_scene(30.0, 6e-5)")
-    require_double("scene", scene)
-    speeds = jnp.shape(getattr(scene.drive, "speed", 0.0))
-    shapes = {"speed": speeds}
-    for joint, clearance in scene.joints.present():
-        shapes[f"{before(joint)}clearance"] = jnp.shape(clearance.clearance)
-    for name, shape in shapes.items():
-        good = shape == ()
-        require(good, name, "be one number (jaxcrusher.sweep takes many)", f"of shape {shape}")
+    require_scene(scene)
+    require_tolerance(rtol)
     return Integration(
         method.solver or diffrax.Tsit5(),
         method.stepsize_controller or _controller(scene, rtol),
@@ -91,6 +83,13 @@ def resolve(
         float(method.dt0 or first_step),
         method.adjoint,
     )
+
+
+def require_tolerance(rtol: Scalar | float) -> None:
+    """Check that it is a share of a clearance."""
+    require_positive("rtol", rtol, "")
+    known = concrete(rtol)
+    require(known is None or bool(known.ndim == 0 and known < 1), "rtol", "be one number < 1", rtol)
 
 
 def _controller(scene: Scene, rtol: Scalar | float) -> diffrax.PIDController:

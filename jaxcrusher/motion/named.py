@@ -1,23 +1,37 @@
 """Results by name."""
 
 import abc
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from jaxtyping import Array
+
+from jaxcrusher.basics.checks import concrete
 
 
 class AbstractNamed(abc.ABC):
     """Arrays by name: `result.x` or `result["x"]`, for every x of `values`.
 
-    What was not asked for raises AttributeError or KeyError, which say so.
+    What was not asked for raises AttributeError or KeyError, which say so. `print(result)` shows
+    what there is, with its units.
     """
 
     values: Mapping[str, Any]  # a field of the module that inherits
 
     @abc.abstractmethod
-    def could_hold(self) -> Iterable[str]:
-        """The names that may be asked for."""
+    def units(self) -> Mapping[str, str]:
+        """The names that may be asked for, and their units."""
+
+    @property
+    @abc.abstractmethod
+    def success(self) -> Any:
+        """Whether the numbers mean something; one, or one for each of a batch."""
+
+    @property
+    @abc.abstractmethod
+    def failure(self) -> str:
+        """Why they do not, or nothing (one result with concrete values only)."""
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.values:
@@ -35,7 +49,27 @@ class AbstractNamed(abc.ABC):
     def __dir__(self):
         return [*super().__dir__(), *self.values]
 
+    def __str__(self) -> str:
+        """A line for each name, and first what failed."""
+        known = concrete(self.success)
+        why = self.failure if known is not None and known.ndim == 0 else ""
+        lines = [f"{type(self).__name__}: {why}" if why else type(self).__name__]
+        width, units = max(map(len, self.values), default=0), self.units()
+        for name, value in self.values.items():
+            unit = "" if units[name] == "1" else f" {units[name]}"
+            lines.append(f"  {name:{width}} {_shown(value)}{unit}")
+        return "\n".join(lines)
+
     def _missing(self, name: str) -> str:
-        if name in self.could_hold():
+        if name in self.units():
             return f"`{name}` was not asked for: name it in `outputs`."
         return f"There is no `{name}`, but {', '.join(self.values)}."
+
+
+def _shown(value: Any) -> str:
+    """A number; of more its shape, of a module its name."""
+    shape = getattr(value, "shape", None)
+    if shape is None:
+        return type(value).__name__
+    known = concrete(value)
+    return f"{np.asarray(known).item():.10g}" if known is not None and not shape else f"{shape}"

@@ -1,6 +1,6 @@
 """Simulate a scene and look at it at given times."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax
@@ -73,9 +73,9 @@ class Trajectory(eqx.Module, AbstractNamed):
     outcome: Outcome
     values: Mapping[str, Float[Array, " times"] | Float[Array, "times 2"] | Energy]
 
-    def could_hold(self) -> Iterable[str]:
-        """`OUTPUTS`."""
-        return OUTPUTS
+    def units(self) -> dict[str, str]:
+        """Of `OUTPUTS`."""
+        return {name: one.unit for name, one in OBSERVABLES.items()} | {"energy": "J"}
 
     @property
     def energy(self) -> Energy:

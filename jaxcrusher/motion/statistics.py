@@ -38,9 +38,9 @@ class AbstractOverTurns(AbstractNamed):
 
     outcome: Outcome  # a field of the module that inherits
 
-    def could_hold(self) -> Iterable[str]:
-        """Every statistic there is."""
-        return STATISTIC
+    def units(self) -> dict[str, str]:
+        """Of every statistic there is."""
+        return {name: statistic.unit for name, statistic in STATISTIC.items()}
 
     @property
     def success(self) -> Bool[Array, "*batch"]:

@@ -11,7 +11,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import ArrayLike
 
-from jaxcrusher.basics.checks import require, require_choice, require_positive, require_within
+from jaxcrusher.basics.checks import (
+    require,
+    require_choice,
+    require_known,
+    require_positive,
+    require_within,
+)
 from jaxcrusher.crusher.joints import LETTERS
 
 Value = ArrayLike | str
@@ -181,7 +187,7 @@ def check_description(values: Mapping[str, Any]) -> None:
         if name in CHOICES:
             require_choice(name, value, CHOICES[name])
             continue
-        require_choice("description", name, (*PARAMETERS, *CHAMBER, *CHOICES))
+        require_known(name, (*PARAMETERS, *CHAMBER, *CHOICES))
         check_number(name, value)
 
 

@@ -12,12 +12,11 @@ from jaxtyping import Array, ArrayLike, Float, Scalar
 from jaxcrusher.basics.checks import (
     concrete,
     require,
-    require_double,
     require_whole,
     require_x64,
 )
 from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.crusher.starts import Centred
 from jaxcrusher.joint.validity import validity
@@ -76,7 +75,7 @@ def periodic_orbit(
     that is not one of these.
     """
     require_x64()
-    require_double("scene", scene)
+    require_scene(scene)
     require_whole("period", period, 1)
     if nodes is not None:
         require_whole("nodes", nodes, 4)
@@ -85,7 +84,7 @@ def periodic_orbit(
         raise ValueError(f"Argument `scene` must {refused}.")
     if isinstance(guess, PeriodicOrbit):
         guess = guess.eccentricity
-    first = None if guess is None else jnp.asarray(guess, dtype=float)
+    first = None if guess is None else _guess(guess, scene)
     known = all(concrete(leaf) is not None for leaf in jax.tree.leaves((scene, first)))
     count = nodes or NODES
     # Of all starts, which do not matter, one: a program serves all.
@@ -108,6 +107,16 @@ def periodic_orbit(
         found = shoot(scene, flat(orbit.state(), scene), period)
         orbit = found if bool(found.success) else orbit
     return judged(orbit, orbit.result)
+
+
+def _guess(guess: ArrayLike, scene: Scene) -> Array:
+    """Checked: a row of x and y of each joint with clearance at each of some angles."""
+    dims, shape = 2 * len(list(scene.joints.present())), np.shape(guess)
+    good = len(shape) == 2 and shape[1] == dims and shape[0] > 0
+    is_text = np.asarray(guess).dtype.kind in "US" if concrete(guess) is not None else False
+    given = repr(guess) if is_text else f"of shape {shape}"
+    require(good, "guess", f"be a PeriodicOrbit, or e / c of shape (n, {dims})", given)
+    return jnp.asarray(guess, dtype=float)
 
 
 def _coarse(orbit: PeriodicOrbit) -> Array:

@@ -1,7 +1,7 @@
 """What is known of a periodic motion, however it was found."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import equinox as eqx
 import jax
@@ -55,9 +55,9 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
     multipliers_error: Scalar  # estimated
     validity: Validity
 
-    def could_hold(self) -> Iterable[str]:
-        """Every statistic there is."""
-        return STATISTIC
+    def units(self) -> dict[str, str]:
+        """Of every statistic there is."""
+        return {name: statistic.unit for name, statistic in STATISTIC.items()}
 
     @property
     def success(self) -> Bool[Array, "*batch"]:

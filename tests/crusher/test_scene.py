@@ -92,6 +92,7 @@ def with_machine(scene, machine):
 
 long_jaw = Jaw(524.0, 128.48, 0.352, Vector(0, 0))
 
+SCENE = jc.paper_scene(30.0, 6e-5)
 BAD = [
     (lambda: jc.paper_scene(30.0, 0.0), "clearance", "0.0", "> 0 m"),
     (lambda: jc.paper_scene(30.0, -1e-5), "clearance", "-1e-05", "> 0 m"),
@@ -209,7 +210,88 @@ BAD = [
         "'x'",
         "'foundation_rms'",
     ),
+    # Misspelt: what comes near, and not two dozen names.
+    (
+        lambda: jc.statistics(jc.ideal_scene(30.0), 0, 1, outputs=("foundation_rm",)),
+        "outputs",
+        "'foundation_rm' (is 'foundation_rms' or",
+        "be a known name,",
+    ),
+    (lambda: jc.build_scene({"sped": 30.0}), "sped", "not (is 'speed' meant?)", "known name"),
+    (lambda: jc.paper_scene(30.0, 6e-5, frction=0.1), "frction", "is 'friction'", "known name"),
+    (lambda: jc.sweep({"sped": [30.0]}, 0, 1), "sped", "is 'speed' meant?", "known name"),
+    (lambda: jc.orbit_map({"speed": [30.0]}, base={"strt": "contact"}), "strt", "'start'", "known"),
+    (
+        lambda: jc.paper_scene(30.0, 6e-5, slip="surfaces"),
+        "slip",
+        "'surfaces' (is 'surface' meant?)",
+        "one of 'centre', 'surface'",
+    ),
+    # Of another kind than is meant.
+    (lambda: jc.sweep({"speed": [30.0]}, 0, 1, base=SCENE), "base", "a Scene", "map names"),
+    (lambda: jc.periodic_orbit((30.0, 6e-5)), "scene", "a tuple", "paper_scene(30.0, 6e-5)"),
+    (lambda: jc.regime(30.0), "scene", "a float", "paper_scene(30.0, 6e-5)"),
+    (lambda: jc.settled_motions(jc.paper_scene), "scene", "paper_scene: call it", "instance"),
+    (
+        lambda: jc.bifurcation(SCENE, [1.0], settle_turns=0, turns=20),
+        "scene",
+        "a Scene",
+        "a function that makes a scene",
+    ),
+    (
+        lambda: jc.gradient_report(jc.paper_scene, "foundation_rms", 6e-5),
+        "parameters",
+        "6e-05",
+        '{"speed": 30.0}',
+    ),
+    (lambda: jc.statistics(SCENE, 0, 1, rtol="1e-9"), "rtol", "'1e-9'", "a number"),
+    (lambda: jc.statistics(SCENE, 0, 1, rtol=-1e-9), "rtol", "-1e-09", "> 0"),
+    (lambda: jc.simulate(SCENE, [1e-3], rtol=1e9), "rtol", "1000000000.0", "< 1"),
+    (lambda: jc.sweep({"speed": [30.0]}, 0, 1, rtol=2), "rtol", "2", "< 1"),
+    (lambda: jc.Method(dt0="1e-6"), "dt0", "'1e-6'", "a number"),
+    (lambda: jc.periodic_orbit(SCENE, guess=jnp.zeros(3)), "guess", "shape (3,)", "(n, 2)"),
+    (lambda: jc.periodic_orbit(SCENE, guess="rest"), "guess", "'rest'", "a PeriodicOrbit, or"),
+    (
+        lambda: jc.gradient_report(jc.paper_scene, "foundation_rms", {"speed": "30"}),
+        "parameters['speed']",
+        "'30'",
+        "a number",
+    ),
+    (lambda: jc.map_all(np.cos, 30.0), "scenes", "with none", "a first axis"),
+    (lambda: jc.map_all(np.cos, {"a": np.ones(2), "b": np.ones(3)}), "scenes", "2, 3", "length"),
+    (lambda: jc.map_all(np.ones(2), np.cos), "function", "a ndarray", "be one"),
+    (
+        lambda: jax.vmap(jc.periodic_orbit)(jax.tree.map(lambda leaf: jnp.ones((1, 2)), SCENE)),
+        "speed",
+        "of shape (2,)",
+        "jax.vmap and jaxcrusher.sweep take many",
+    ),
 ]
+# Python steers by the numbers of these: under a trace they ended after minutes, in JAX's words.
+TRACED = {
+    "scene": (
+        lambda c: jc.regime(jc.paper_scene(30.0, c)).zero_one,
+        lambda c: jc.settled_motions(jc.paper_scene(30.0, c)).shares[0],
+    ),
+    "values": (
+        lambda c: jc.bifurcation(lambda _: SCENE, [c], settle_turns=0, turns=20),
+        lambda c: jc.bifurcation(lambda _: SCENE, c[None], settle_turns=0, turns=20),
+    ),
+    "parameters": (
+        lambda c: jc.gradient_report(jc.paper_scene, "foundation_rms", {"clearance": c}),
+    ),
+}
+
+
+@pytest.mark.parametrize("transform", [jax.grad, jax.jit])
+@pytest.mark.parametrize(
+    "name, function", [(name, one) for name, several in TRACED.items() for one in several]
+)
+@pytest.mark.usefixtures("unchecked")
+def test_what_cannot_be_traced_says_so_at_once(transform, name, function):
+    words = rf"^Argument `{name}` must hold known numbers \(jax.grad, .* but is traced\."
+    with pytest.raises(ValueError, match=words):
+        transform(function)(6e-5)
 
 
 @pytest.mark.parametrize("make, name, value, limit", BAD)

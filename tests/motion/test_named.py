@@ -30,6 +30,24 @@ def test_what_was_asked_for_is_there(results):
     assert section.winding.sum() == 2 and section.slices == 0
 
 
+def test_print_shows_numbers_and_units(results):
+    motion, summary = results
+    mean = float(summary.foundation_mean)
+    assert str(summary) == f"Statistics\n  foundation_mean {mean:.10g} N"
+    assert str(motion) == "Trajectory\n  drive_torque (2,) N m"
+    failed = jc.statistics(
+        jc.paper_scene(30.0, 6e-5), 0, 1, outputs=("winding",), method=jc.Method(max_steps=10)
+    )
+    first, last = str(failed).splitlines()
+    assert first.startswith("Statistics: stopped at ") and last == "  winding nan"
+    # Of many, and of one that is traced, there is a shape.
+    many = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), summary)
+    assert str(many) == "Statistics\n  foundation_mean (2,) N"
+    seen = []
+    jax.jit(lambda one: seen.append(str(one)))(summary)
+    assert seen == ["Statistics\n  foundation_mean () N"]
+
+
 def test_what_was_not_asked_for_says_so(results):
     motion, summary = results
     for result, name in ((motion, "normal_force"), (summary, "drive_power")):
