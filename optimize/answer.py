@@ -164,6 +164,7 @@ class Box:
     bounds: dict[str, tuple[float, float]]
     capacity_floor: float  # m3/h
     derived_speed: tuple[float, float]  # rad/s, by the equations of capacity
+    units: dict[str, str] = field(default_factory=dict)  # that numbers were given in, where known
 
 
 @dataclass(frozen=True)

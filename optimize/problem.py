@@ -8,6 +8,7 @@ from jaxcrusher.commands.crushers import scene_of
 from jaxcrusher.crusher.capacity import AFFLUENCE
 from jaxcrusher.crusher.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
+from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.parameters import CHOICES, PE250X400
 from jaxcrusher.scenes.plausibility import require_possible
 from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text
@@ -101,13 +102,18 @@ def bounds(options: Options) -> dict[str, tuple[float, float]]:
 
     Raises ValueError for unknown names, for values without a unit, and for no LOW < HIGH.
     """
-    paper = (("speed", *options.speed), ("clearance", *options.clearance))
     found = {}
-    for name, low, high in options.design or paper:
+    for name, low, high in _free(options):
         found[name] = read_range(name, low, high)
         good = found[name][0] < found[name][1]
         require(good, name, "have LOW < HIGH", f"{low} {high}")
     return found
+
+
+def _free(options: Options) -> tuple[tuple[str, str, str], ...]:
+    """As they are written."""
+    paper = (("speed", *options.speed), ("clearance", *options.clearance))
+    return options.design or paper
 
 
 def description(options: Options) -> dict[str, Any]:
@@ -177,8 +183,11 @@ def floor(options: Options) -> float:
     return float(build_chamber(fixed).capacity(slowest)) / AFFLUENCE
 
 
-def box(case: Case) -> Box:
+def box(case: Case, options: Options) -> Box:
     """The box searched, and the range of speeds that the capacity equations give."""
     chamber, floor = case.chamber, case.capacity_floor
     speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(floor))
-    return Box(dict(case.design.bounds), floor, speeds)
+    units = units_of_file(options.scene) | units_of(
+        (name, high) for name, _, high in _free(options)
+    )
+    return Box(dict(case.design.bounds), floor, speeds, units)

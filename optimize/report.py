@@ -4,6 +4,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from jaxcrusher.scenes.echo import unit_of
 from optimize import words
 from optimize.answer import Answer
 from optimize.evaluate import STARTS
@@ -11,12 +12,10 @@ from optimize.evaluate import STARTS
 
 def print_table(console: Console, answer: Answer) -> None:
     """The designs, the checks, and what to make of the answer."""
-    objective, unit = answer.objective, answer.objective.unit
+    objective, unit, units = answer.objective, answer.objective.unit, answer.box.units
     table = Table(title=objective.meaning, box=SIMPLE_HEAD, padding=0)
     table.add_column("", max_width=8)
-    free = [
-        "\n".join(filter(None, (name, words.design_unit(name)[0]))) for name in answer.box.bounds
-    ]
+    free = ["\n".join(filter(None, (name, unit_of(name, units)[0]))) for name in answer.box.bounds]
     starts = [f"{start}\nstart, {unit}" for start in STARTS]
     ends = ("ideal\nRMS, N", "capacity\nm3/h", "turns to\nsettle")
     for heading in (*free, f"settled\n{unit}", *starts, *ends):
@@ -24,7 +23,7 @@ def print_table(console: Console, answer: Answer) -> None:
     for title, design in answer.designs.items():
         table.add_row(
             title,
-            *(f"{words.shown(name, value)[0]:.5g}" for name, value in design.values.items()),
+            *(f"{words.shown(name, value, units):.5g}" for name, value in design.values.items()),
             words.settled(design),
             *(words.interval(design.transient[start]) for start in STARTS),
             f"{design.ideal_rms:.0f}",

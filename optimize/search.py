@@ -29,7 +29,7 @@ def run(options: Options, console: Console) -> Answer:
         command=command(),
         versions=versions("scipy"),
         objective=Sought(options.objective, case.objective.unit, case.objective.meaning),
-        box=problem.box(case),
+        box=problem.box(case, options),
         fixed=dict(case.design.fixed),
         settle_turns=stages.LONGER * options.settle,
         compared_with=problem.reference_title(options),

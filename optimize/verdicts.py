@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from jaxcrusher.scenes.echo import unit_of
 from optimize import settled, words
-from optimize.answer import Answer, Check, Confirmed, Held, Settled
+from optimize.answer import Answer, Check, Confirmed, Settled
 from optimize.evaluate import Case
 from optimize.options import Options
 from optimize.stages import CONFIRM_RTOL, LONGER
@@ -23,7 +24,7 @@ def checks(answer: Answer, case: Case, options: Options) -> tuple[Check, ...]:
     """What was checked of an answer that came to its evidence."""
     best, other = answer.optimum, answer.seed_choice
     assert best is not None and other is not None
-    unit = case.objective.unit
+    unit, units = case.objective.unit, answer.box.units
     inside = [
         low * (1 - 1e-12) <= best.values[name] <= high * (1 + 1e-12)
         for name, (low, high) in case.design.bounds.items()
@@ -35,9 +36,9 @@ def checks(answer: Answer, case: Case, options: Options) -> tuple[Check, ...]:
             "inside the box",
             all(inside),
             ", ".join(
-                f"{name} {words.shown(name, best.values[name])[0]:.6g} in "
-                f"{words.shown(name, low)[0]:g} to {words.shown(name, high)[0]:g} "
-                f"{words.design_unit(name)[0]}".rstrip()
+                f"{name} {words.shown(name, best.values[name], units):.6g} in "
+                f"{words.shown(name, low, units):.6g} to {words.shown(name, high, units):.6g} "
+                f"{unit_of(name, units)[0]}".rstrip()
                 for name, (low, high) in case.design.bounds.items()
             ),
         ),
@@ -52,7 +53,7 @@ def checks(answer: Answer, case: Case, options: Options) -> tuple[Check, ...]:
             f"all of {options.runs} runs each, {LONGER * options.settle} + "
             f"{LONGER * options.turns} turns at rtol {CONFIRM_RTOL:g}",
         ),
-        *_motion(best, case, answer.held),
+        *_motion(answer, best, case),
         Check(
             "not worse than any point of the map",
             answer.claim is not None and answer.claim.gain >= -VANISHED * abs(best.objective),
@@ -109,7 +110,7 @@ def _agree(best: Confirmed, unit: str) -> Check:
     )
 
 
-def _motion(best: Confirmed, case: Case, held: tuple[Held, ...]) -> tuple[Check, ...]:
+def _motion(answer: Answer, best: Confirmed, case: Case) -> tuple[Check, ...]:
     """That the numbers reported are those the machine comes to, from either start."""
     orbit = best.settled
     if orbit is None or not orbit.stable:
@@ -130,18 +131,19 @@ def _motion(best: Confirmed, case: Case, held: tuple[Held, ...]) -> tuple[Check,
         not worse,
         words.companions(best) or "none came to a motion that repeats",
     )
-    return comes, alone, _stationary(orbit, best, case, held)
+    return comes, alone, _stationary(answer, orbit, best, case)
 
 
-def _stationary(orbit: Settled, best: Confirmed, case: Case, held: tuple[Held, ...]) -> Check:
+def _stationary(answer: Answer, orbit: Settled, best: Confirmed, case: Case) -> Check:
     """Karush's, Kuhn's and Tucker's conditions: held by limits, or without slope."""
+    held, units = answer.held, answer.box.units
     limits = {one.parameter for one in held}
     left = [
         (name, abs(orbit.slopes[name]) * (high - low) / abs(best.objective))
         for name, (low, high) in case.design.bounds.items()
         if name not in limits
     ]
-    details = [words.held(one, case.objective.unit) for one in held]
+    details = [words.held(one, case.objective.unit, units) for one in held]
     details += [
         f"slope by {name} {share:.1g} of the objective over the box" for name, share in left
     ]

@@ -1,8 +1,9 @@
 """What a search found in words, for the console and for the page."""
 
 import math
+from collections.abc import Mapping
 
-import jaxcrusher as jc
+from jaxcrusher.scenes.echo import said, unit_of
 from optimize.answer import Answer, Confirmed, Held, Runs
 
 
@@ -58,24 +59,17 @@ def companions(design: Confirmed) -> str:
     return f"of random starts {', '.join(found)}" if found else ""
 
 
-def held(one: Held, unit: str) -> str:
+def held(one: Held, unit: str, units: Mapping[str, str]) -> str:
     """A limit and what it costs."""
-    of, factor = design_unit(one.parameter)
+    of, factor = unit_of(one.parameter, units)
     by = "the floor of the capacity" if one.limit == "capacity" else f"its {one.limit} value"
     per = f" per {of}" if of else ""
-    return f"{one.parameter} held at {by} by {number(one.multiplier / factor)} {unit}{per}"
+    return f"{one.parameter} held at {by} by {number(one.multiplier * factor)} {unit}{per}"
 
 
-def shown(name: str, value: float) -> tuple[float, str]:
-    """A parameter in the unit a reader wants, and that unit: lengths in mm."""
-    unit = jc.PARAMETERS[name].unit if name in jc.PARAMETERS else ""
-    return (1e3 * value, "mm") if unit == "m" else (value, "" if unit == "1" else unit)
-
-
-def design_unit(name: str) -> tuple[str, float]:
-    """The unit that a parameter of the design is shown in, and the factor from SI units."""
-    factor, unit = shown(name, 1.0)
-    return unit, factor
+def shown(name: str, value: float, units: Mapping[str, str]) -> float:
+    """A parameter in the unit that it was given in, or that drawings have."""
+    return value / unit_of(name, units)[1]
 
 
 def answer(found: Answer) -> str:
@@ -86,7 +80,7 @@ def answer(found: Answer) -> str:
     shown = [f"{best.speed:.4g} rad/s ({best.speed * 30 / math.pi:.0f} rpm)"]
     shown.append(f"{1e3 * best.clearance:.3g} mm of radial clearance")
     shown += [
-        f"{name} {value:.5g}"
+        f"{name.replace('.', ' ').replace('_', ' ')} {said(name, value, found.box.units)}"
         for name, value in best.values.items()
         if name not in ("speed", "clearance")
     ]

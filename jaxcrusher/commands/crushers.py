@@ -1,6 +1,6 @@
 """The crushers and the grids that a command line names, in SI units."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.commands.program import tell
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_chamber, build_scene
+from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, complete
 from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text, require_parameter
@@ -29,6 +30,11 @@ def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
     build_chamber(values)
     tell_unusual(values)
     return values, scene
+
+
+def units_given(crusher: Crusher, written: Iterable[tuple[str, str]] = ()) -> dict[str, str]:
+    """The units that a crusher's numbers, and further ones, are written in; the last one counts."""
+    return units_of_file(crusher.scene) | units_of((*crusher.overrides, *written))
 
 
 def tell_unusual(values: Mapping[str, Any]) -> None:
@@ -58,6 +64,11 @@ def require_moving(argument: str, name: str) -> None:
     """ValueError for a name that is no number of the motion."""
     require_parameter(name)
     require(name not in CHAMBER, argument, "name numbers of the motion", f"{name}, the capacity's")
+
+
+def bounds(over: Ranges) -> list[tuple[str, str]]:
+    """What is written for the highest value of each axis: its unit is the lowest one's too."""
+    return [(name, rest[1]) for name, *rest in over if len(rest) == 3 and name not in CHOICES]
 
 
 def read_axes(over: Ranges) -> dict[str, list]:

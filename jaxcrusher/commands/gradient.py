@@ -7,12 +7,14 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.commands.crushers import read_moving, require_moving
+from jaxcrusher.commands.crushers import read_moving, require_moving, units_given
 from jaxcrusher.commands.options import Gradient
+from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
 from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.parameters import PARAMETERS
 
 
@@ -42,9 +44,11 @@ def run(options: Gradient, console: Console) -> int:
         )
     path = folder / "gradient.json"
     write_json(path, provenance("Slopes", scene=values) | content(report))
-    console.print(str(report), highlight=False, markup=False, soft_wrap=True)
-    units = ", ".join(f"{name} {_unit(options.metric, name)}" for name in options.by)
-    console.print(f"units: {units}; {path}", highlight=False, soft_wrap=True)
+    given = units_given(options.crusher)
+    console.print(str(shown(report, given)), highlight=False, markup=False, soft_wrap=True)
+    of = STATISTIC[options.metric].unit
+    units = ", ".join(f"by {name} {per(of, unit_of(name, given)[0])}" for name in options.by)
+    console.print(f"units: {units}; {path} is in SI units", highlight=False, soft_wrap=True)
     return 1 if report.regime.name == "failed" else 0
 
 
@@ -58,6 +62,22 @@ def _check(options: Gradient, values: dict[str, Any]) -> None:
         require_whole(name, getattr(options, name), least)
     require_positive("radius", options.radius, "")
     require_positive("rtol", options.rtol, "")
+
+
+def shown(report: jc.GradientReport, units: dict[str, str]) -> jc.GradientReport:
+    """With slopes by the units that the numbers are given in."""
+
+    def one(slope: Slope) -> Slope:
+        _, factor = unit_of(slope.parameter, units)
+        estimates = {
+            name: (value * factor, error * factor)
+            for name, (value, error) in slope.estimates.items()
+        }
+        value, error = slope.value * factor, slope.standard_error * factor
+        return dataclasses.replace(slope, value=value, standard_error=error, estimates=estimates)
+
+    slopes = {name: one(slope) for name, slope in report.slopes.items()}
+    return dataclasses.replace(report, slopes=slopes)
 
 
 def content(report: jc.GradientReport) -> dict[str, Any]:

@@ -144,7 +144,8 @@ class Gradient:
     so on; an unknown one, as in "gradient any", lists them all."""
     crusher: Crusher = field(default_factory=Crusher)
     by: tuple[str, ...] = ("speed", "clearance")
-    """Keys of the scene file to differentiate by; slopes are in SI units."""
+    """Keys of the scene file to differentiate by. Slopes are printed by the units that their values
+    are given in; gradient.json has SI units."""
     settle: int = 50
     """Turns of the shaft before the statistic starts."""
     turns: int = 50

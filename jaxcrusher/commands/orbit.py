@@ -11,13 +11,14 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxcrusher as jc
-from jaxcrusher.commands.crushers import read_crusher
+from jaxcrusher.commands.crushers import read_crusher, units_given
 from jaxcrusher.commands.options import Orbit
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_json
 from jaxcrusher.files.resume import begin
-from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
+from jaxcrusher.scenes.echo import per, unit_of
+from jaxcrusher.scenes.parameters import numbers_of
 
 ANGLES = 720  # of the picture, a turn
 
@@ -47,8 +48,9 @@ def run(options: Orbit, console: Console) -> int:
     draw(orbit, folder / "orbit.png")
     for line in summary(orbit):
         console.print(line, highlight=False, soft_wrap=True)
-    console.print(table(float(orbit.foundation_rms), slopes, values))
-    console.print(str(path), highlight=False, soft_wrap=True)
+    units = units_given(options.crusher)
+    console.print(table(float(orbit.foundation_rms), slopes, values, units))
+    console.print(f"{path}, {folder / 'orbit.png'}", highlight=False, soft_wrap=True)
     return 0
 
 
@@ -97,14 +99,17 @@ def summary(orbit: jc.PeriodicOrbit) -> list[str]:
     ]
 
 
-def table(rms: float, slopes: dict[str, float], values: dict[str, Any]) -> Table:
-    """Slopes by every parameter, the largest percent per percent first."""
+def table(
+    rms: float, slopes: dict[str, float], values: dict[str, Any], units: dict[str, str]
+) -> Table:
+    """Slopes by every parameter, the largest percent per percent first, in the units given."""
     shares = {name: slope * values[name] / rms for name, slope in slopes.items()}
-    found = Table("parameter", "value", "slope of the RMS", "unit", "% per %")
+    found = Table("parameter", "value", "slope of the RMS", "% per %")
+    found.columns[0].overflow = "fold"  # a key is to be copied whole
     for name in sorted(shares, key=lambda name: -abs(shares[name])):
-        unit = PARAMETERS[name].unit
-        per = "N" if unit == "1" else f"N/({unit})" if "/" in unit or " " in unit else f"N/{unit}"
-        row = f"{values[name]:.6g}", f"{slopes[name]:.6g}", per, f"{shares[name]:.4g}"
+        unit, one = unit_of(name, units)
+        value, slope = f"{values[name] / one:.6g} {unit}", slopes[name] * one + 0.0  # no "-0"
+        row = value.rstrip(), f"{slope:.6g} {per('N', unit)}", f"{shares[name] + 0.0:.4g}"
         found.add_row(name, *row)
     return found
 

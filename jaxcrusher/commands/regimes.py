@@ -12,7 +12,7 @@ from rich.markup import escape
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
-from jaxcrusher.commands.crushers import read_axes, read_moving
+from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, units_given
 from jaxcrusher.commands.options import Regimes
 from jaxcrusher.dynamics.regime import OUTPUTS
 from jaxcrusher.files.progress import progress
@@ -20,7 +20,8 @@ from jaxcrusher.files.provenance import provenance, versions
 from jaxcrusher.files.results import results_folder, write_json, write_netcdf
 from jaxcrusher.files.resume import earlier
 from jaxcrusher.motion.statistic import STATISTIC
-from jaxcrusher.scenes.parameters import CHAMBER, PARAMETERS, readable
+from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.parameters import CHAMBER, PARAMETERS
 from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import read_text
 
@@ -39,6 +40,7 @@ COLUMNS = {
 def run(options: Regimes, console: Console) -> int:
     """Classify what is not done yet; 1 if a run failed. ValueError for bad options."""
     values, designs = read_moving(options.crusher), read_designs(options)
+    units = _units(options)
     for name, least in (("settle", 0), ("turns", 1), ("tangent_turns", 1)):
         require_whole(name, getattr(options, name), least)
     require_positive("rtol", options.rtol, "")
@@ -71,7 +73,7 @@ def run(options: Regimes, console: Console) -> int:
                 write_json(folder / "regimes.json", content)
                 write_netcdf(folder / "regimes.nc", dataset(done, settings, attributes))
             asked.append(row)
-            line = escape(f"{_name(design)}: {row['verdict']}{remark}")
+            line = escape(f"{_name(design, units)}: {row['verdict']}{remark}")
             bars.console.print(line, highlight=False, soft_wrap=True)
             bars.advance(bar)
     failed = sum(row["regime"] == "failed" for row in asked)
@@ -163,7 +165,14 @@ def _design(text: str) -> dict[str, Any]:
     return design
 
 
-def _name(design: dict[str, Any]) -> str:
+def _units(options: Regimes) -> dict[str, str]:
+    """Those that the designs are given in."""
+    parts = [part.partition("=") for text in options.design for part in text.split(",")]
+    designs = [(name.strip(), value) for name, _, value in parts]
+    return units_given(options.crusher, (*bounds(options.over), *designs))
+
+
+def _name(design: dict[str, Any], units: dict[str, str]) -> str:
     """A design in words."""
-    words = [f"{name} {readable(name, value)}" for name, value in design.items()]
+    words = [f"{name} {said(name, value, units)}" for name, value in design.items()]
     return ", ".join(words) or "the crusher"

@@ -11,11 +11,12 @@ from rich.console import Console
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.batch.sweep import sweep
-from jaxcrusher.commands.crushers import read_axes, read_crusher
+from jaxcrusher.commands.crushers import bounds, read_axes, read_crusher, units_given
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_netcdf
-from jaxcrusher.scenes.parameters import CHAMBER, readable
+from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.parameters import CHAMBER
 from jaxcrusher.scenes.plausibility import require_possible
 
 if TYPE_CHECKING:
@@ -46,7 +47,8 @@ def run(options: Sweep, console: Console) -> int:
     if options.netcdf:
         written.append(folder / "sweep.nc")
         write_netcdf(written[-1], grid.load())
-    console.print(closing(grid), highlight=False, soft_wrap=True)
+    units = units_given(options.crusher, bounds(options.over))
+    console.print(closing(grid, units), highlight=False, soft_wrap=True)
     console.print(", ".join(map(str, written)), highlight=False)
     return 0
 
@@ -74,7 +76,7 @@ def _workers(scheduler: str | None) -> "Iterator[str | distributed.Client | None
         yield client
 
 
-def closing(grid: xr.Dataset) -> str:
+def closing(grid: xr.Dataset, units: dict[str, str]) -> str:
     """How the designs fared, and the one that shakes least."""
     grid = grid[["foundation_rms", "success", "whirl", "inside_model"]].load()
     success, whirl = grid.success.to_numpy(), grid.whirl.to_numpy()
@@ -88,5 +90,5 @@ def closing(grid: xr.Dataset) -> str:
         return counts
     best = good.isel(good.argmin(...))  # pyright: ignore
     axes = map(str, grid.sizes)
-    design = ", ".join(f"{name} {readable(name, best.coords[name].item())}" for name in axes)
+    design = ", ".join(f"{name} {said(name, best.coords[name].item(), units)}" for name in axes)
     return f"{counts}; least RMS {best.item():.0f} N at {design}"

@@ -206,14 +206,16 @@ def check_number(name: str, value: ArrayLike) -> None:
         require_within(name, value, *parameter.limits, unit)
 
 
+# SI unit -> that of drawings and data sheets.
+DRAWN_IN = {"m": "mm", "rad": "deg", "Pa": "GPa"}
+
+
 def readable(name: str, value: float | str) -> str:
     """A value in the unit that drawings have: mm, degrees, GPa, and rpm beside rad/s."""
     if isinstance(value, str):
         return value
     unit = NUMBERS[name].unit
-    factor, written = _READABLE.get(unit, (1.0, "" if unit == "1" else unit))
+    factor = {"m": 1e3, "rad": 180 / np.pi, "Pa": 1e-9}.get(unit, 1.0)
+    written = DRAWN_IN.get(unit, "" if unit == "1" else unit)
     text = f"{value * factor:.6g} {written}".rstrip()
     return f"{text} ({value * 30 / np.pi:.4g} rpm)" if unit == "rad/s" else text
-
-
-_READABLE = {"m": (1e3, "mm"), "rad": (180 / np.pi, "deg"), "Pa": (1e-9, "GPa")}

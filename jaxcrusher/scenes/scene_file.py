@@ -49,6 +49,23 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
     limits, and an unknown choice. Whether the values make a crusher together, `build_scene` says.
     """
     path = Path(path)
+    values: dict[str, float | str] = {}
+    entries = read_entries(path)
+    try:
+        for name, value in entries:
+            if name in values:
+                raise ValueError(f"Argument `{name}` must be given once, but is given twice.")
+            values[name] = read_value(name, value)
+    except ValueError as error:
+        raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
+    return values
+
+
+def read_entries(path: Path) -> list[tuple[str, Any]]:
+    """Dotted names and what a TOML file has for them, as it is written.
+
+    Raises ValueError of one line for a file that cannot be read or is not TOML.
+    """
     try:
         text = _decoded(path.read_bytes())
         entries = tomllib.loads(text)
@@ -58,15 +75,10 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
         raise ValueError(f"{path}: must be UTF-8 text, but {error.reason}.") from None
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: is not TOML: {_slip(text, str(error))}.") from None
-    values: dict[str, float | str] = {}
     try:
-        for name, value in _flatten(entries):
-            if name in values:
-                raise ValueError(f"Argument `{name}` must be given once, but is given twice.")
-            values[name] = read_value(name, value)
+        return list(_flatten(entries))
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
-    return values
 
 
 def _decoded(content: bytes) -> str:
@@ -143,6 +155,12 @@ def read_range(name: str, low: str, high: str) -> tuple[float, float]:
     if unit is not None and re.fullmatch(_NUMBER, low.strip()):
         low = f"{low} {unit[2]}"
     return float(read_text(name, low)), float(read_text(name, high))
+
+
+def written_unit(text: str) -> str:
+    """The unit of a quantity as it is written, or nothing."""
+    match = _QUANTITY.fullmatch(text)
+    return match[2].strip() if match else ""
 
 
 def _example(unit: str) -> str:

@@ -2,6 +2,7 @@
 
 import base64
 import json
+from collections.abc import Mapping
 
 import numpy as np
 import xarray as xr
@@ -9,6 +10,7 @@ from markupsafe import Markup
 from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
+from jaxcrusher.scenes.echo import unit_of
 from optimize.answer import Answer
 from optimize.words import shown
 
@@ -31,7 +33,8 @@ def pack(landscape: xr.Dataset, motions: xr.Dataset | None, answer: Answer) -> d
     `MOST_BYTES`, or left out if too few instants a turn would remain.
     """
     dims = _cell_dims(landscape)
-    parameters = _parameters(landscape, dims)
+    units = answer.box.units
+    parameters = _parameters(landscape, dims, units)
     best = answer.optimum
     return {
         "parameters": parameters,
@@ -44,12 +47,12 @@ def pack(landscape: xr.Dataset, motions: xr.Dataset | None, answer: Answer) -> d
         ],
         "designs": [
             {
-                "at": [shown(name, value)[0] for name, value in design.values.items()][:2],
+                "at": [shown(name, value, units) for name, value in design.values.items()][:2],
                 "shape": STAR if title == "optimum" else DIAMOND,
             }
             for title, design in answer.designs.items()
         ],
-        "first": 0 if best is None else _nearest(parameters, best.values),
+        "first": 0 if best is None else _nearest(parameters, best.values, units),
         "colours": [to_hex(colour) for colour in colormaps["cividis"](np.linspace(0, 1, COLOURS))],
         "motions": None if motions is None else _pack_motions(motions, dims),
     }
@@ -67,7 +70,9 @@ def _cell_dims(landscape: xr.Dataset) -> tuple[str, ...]:
     return tuple(str(name) for name in dims if name != "start")
 
 
-def _parameters(landscape: xr.Dataset, dims: tuple[str, ...]) -> list[dict]:
+def _parameters(
+    landscape: xr.Dataset, dims: tuple[str, ...], units: Mapping[str, str]
+) -> list[dict]:
     """Name, meaning, unit of each parameter, and its number in every cell."""
     if dims == ("sample",):
         names = [str(name) for name, values in landscape.coords.items() if values.dims == dims]
@@ -80,8 +85,8 @@ def _parameters(landscape: xr.Dataset, dims: tuple[str, ...]) -> list[dict]:
         {
             "name": name,
             "label": str(landscape[name].attrs["long_name"]),
-            "unit": shown(name, 0.0)[1],
-            "values": [shown(name, float(value))[0] for value in values],
+            "unit": unit_of(name, units)[0],
+            "values": [shown(name, float(value), units) for value in values],
         }
         for name, values in zip(names, numbers, strict=True)
     ]
@@ -99,12 +104,13 @@ def _variable(variable: xr.DataArray, dims: tuple[str, ...]) -> dict:
     }
 
 
-def _nearest(parameters: list[dict], design: dict[str, float]) -> int:
+def _nearest(parameters: list[dict], design: dict[str, float], units: Mapping[str, str]) -> int:
     """The number of the cell next to a design, in shares of each parameter's range."""
     distance = 0.0
     for parameter in parameters:
         values = np.array(parameter["values"])
-        offset = values - shown(parameter["name"], design[parameter["name"]])[0]
+        name = parameter["name"]
+        offset = values - shown(name, design[name], units)
         distance = distance + (offset / (np.ptp(values) or 1.0)) ** 2
     return int(np.argmin(distance))
 

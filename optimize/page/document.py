@@ -67,7 +67,7 @@ def write_page(
         ],
         error=words.error(answer) if answer.designs else "",
         verdict=f"{failed} of {count} failed." if failed else f"All {count} passed.",
-        held=[words.held(one, answer.objective.unit) for one in answer.held],
+        held=[words.held(one, answer.objective.unit, answer.box.units) for one in answer.held],
         tables=_tables(answer),
         figures=[_figure(folder, name) for name in figures],
         limits=tables.LIMITS,

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 from jaxcrusher.batch.rows import MEANINGS
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
-from jaxcrusher.scenes.parameters import NUMBERS, readable
+from jaxcrusher.scenes.echo import said, unit_of
+from jaxcrusher.scenes.parameters import NUMBERS
 from optimize import words
 from optimize.answer import Answer, Confirmed, Refinement
-from optimize.words import design_unit, shown
+from optimize.words import shown
 
 # What the stages and the ways of descent are called.
 STAGES = {
@@ -71,7 +72,7 @@ def answer(found: Answer) -> Table:
     rows = [
         (
             title,
-            *_chosen(design),
+            *_chosen(found, design),
             words.settled(design),
             *(words.interval(runs) for runs in design.transient.values()),
             f"{design.ideal_rms:.0f}",
@@ -83,7 +84,7 @@ def answer(found: Answer) -> Table:
     starts = next(iter(found.designs.values())).transient
     headings = (
         "design",
-        *map(_with_unit, found.box.bounds),
+        *_parameters(found),
         f"settled, {unit}",
         *(f"{start} start after {found.settle_turns} turns, {unit}" for start in starts),
         "ideal joint's RMS, N",
@@ -105,9 +106,9 @@ def slopes(found: Answer) -> Table | None:
     if best is not None and best.settled is not None and best.settles:
         orbit = best.settled
         rows = [
-            (_per(name, unit), slope / factor, _two(orbit.slopes_apart[name] / factor))
+            (_per(found, name, unit), slope * factor, _two(orbit.slopes_apart[name] * factor))
             for name, slope in orbit.slopes.items()
-            for _, factor in [design_unit(name)]
+            for _, factor in [unit_of(name, found.box.units)]
         ]
         about = "Of the settled motion, exact; beside them, how far differences are from them."
         return Table(("by", "slope", "differences off by"), rows, about=about)
@@ -116,15 +117,15 @@ def slopes(found: Answer) -> Table | None:
     unit, meaning = MEANINGS.get(report.metric, ("its unit", report.metric))
     rows = [
         (
-            _per(slope.parameter, unit),
-            slope.value / factor,
-            _two(slope.standard_error / factor),
+            _per(found, slope.parameter, unit),
+            slope.value * factor,
+            _two(slope.standard_error * factor),
             slope.estimator,
             slope.verdict,
             "; ".join(slope.reasons),
         )
         for slope in report.slopes.values()
-        for _, factor in [design_unit(slope.parameter)]
+        for _, factor in [unit_of(slope.parameter, found.box.units)]
     ]
     headings = ("by", "slope", "standard error", "estimator", "verdict", "why")
     return Table(headings, rows, about=f"Of the {meaning}, start in contact, {report.regime}.")
@@ -135,7 +136,7 @@ def candidates(found: Answer) -> Table:
     unit = found.objective.unit
     headings = ("", *_parameters(found), f"objective, {unit}", f"±, {unit}", "worse start")
     rows = [
-        (i + 1, *_chosen(one), one.objective, _two(one.half_width), one.worse_start)
+        (i + 1, *_chosen(found, one), one.objective, _two(one.half_width), one.worse_start)
         for i, one in enumerate(found.candidates)
     ]
     return Table(headings, rows)
@@ -146,13 +147,17 @@ def descents(found: Answer) -> Table:
     unit = found.objective.unit
     ends = [f"{name} {end}" for end in ("first", "last") for name in _parameters(found)]
     headings = ("", "by", "evaluations", *ends, f"first, {unit}", f"last, {unit}")
-    rows = [(i + 1, *_descent(one)) for i, one in enumerate(found.refinement)]
+    rows = [(i + 1, *_descent(found, one)) for i, one in enumerate(found.refinement)]
     return Table(headings, rows)
 
 
-def _descent(one: Refinement) -> Iterable[object]:
+def _descent(found: Answer, one: Refinement) -> Iterable[object]:
     path = one.path.items()
-    ends = (f"{shown(name, float(points[end]))[0]:.5g}" for end in (0, -1) for name, points in path)
+    ends = (
+        f"{shown(name, float(points[end]), found.box.units):.5g}"
+        for end in (0, -1)
+        for name, points in path
+    )
     return (DESCENTS.get(one.by, one.by), one.evaluations, *ends, one.first, one.last)
 
 
@@ -180,8 +185,8 @@ def runs(design: Confirmed, unit: str) -> Table:
 def box(found: Answer) -> Table:
     """Where it was searched."""
     rows = [
-        (_with_unit(name), *(f"{shown(name, value)[0]:.5g}" for value in ends))
-        for name, ends in found.box.bounds.items()
+        (name, *(f"{shown(key, value, found.box.units):.5g}" for value in ends))
+        for name, (key, ends) in zip(_parameters(found), found.box.bounds.items(), strict=True)
     ]
     low, high = found.box.derived_speed
     rows += [
@@ -203,7 +208,7 @@ def stages(found: Answer) -> Table:
 def fixed(found: Answer) -> Table:
     """The numbers and choices that were not free."""
     rows = [
-        (_named(name), readable(name, value) if name in NUMBERS else str(value))
+        (_named(name), said(name, value, found.box.units) if name in NUMBERS else str(value))
         for name, value in found.fixed.items()
     ]
     return Table(("", "value"), rows)
@@ -214,8 +219,9 @@ def versions(found: Answer) -> Table:
     return Table(("", "version"), list(found.versions.items()))
 
 
-def _chosen(design: Confirmed) -> Iterable[str]:
-    return (f"{shown(name, value)[0]:.5g}" for name, value in design.values.items())
+def _chosen(found: Answer, design: Confirmed) -> Iterable[str]:
+    units = found.box.units
+    return (f"{shown(name, value, units):.5g}" for name, value in design.values.items())
 
 
 def _two(error: float) -> str:
@@ -224,16 +230,13 @@ def _two(error: float) -> str:
 
 
 def _parameters(found: Answer) -> list[str]:
-    return list(map(_with_unit, found.box.bounds))
+    units = found.box.units
+    return [f"{_named(name)}, {unit_of(name, units)[0]}".rstrip(", ") for name in found.box.bounds]
 
 
-def _per(name: str, unit: str) -> str:
-    return f"{_named(name)}, {unit} per {design_unit(name)[0] or '1'}"
+def _per(found: Answer, name: str, unit: str) -> str:
+    return f"{_named(name)}, {unit} per {unit_of(name, found.box.units)[0] or '1'}"
 
 
 def _named(name: str) -> str:
     return name.replace(".", " ").replace("_", " ")
-
-
-def _with_unit(name: str) -> str:
-    return f"{_named(name)}, {design_unit(name)[0]}".rstrip(", ")

@@ -71,7 +71,7 @@ def test_a_failed_cell_is_tried_from_its_neighbours():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"slopes": ("velocity",)}, "`slopes` must be one of"),
+        ({"slopes": ("velocity",)}, "`slopes` must be a known name, but is 'velocity'"),
         ({"metric": "noise"}, "`metric` must be one of"),
         ({"nodes": 95}, "`nodes` must be even"),
         ({"base": {"impact_law": "tracked"}}, "`scene` must have a constant impact velocity"),

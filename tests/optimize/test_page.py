@@ -264,6 +264,13 @@ def test_page_of_a_settled_motion(tmp_path):
     assert "18243.41</td>" in text
     assert "clearance held at its lowest value by 51 N per mm" in text
     assert cells(text, "clearance, N per mm") == ["51", "0.04"]
+    # In the units that they were given in.
+    given = replace(found, box=replace(found.box, units={"speed": "rpm", "clearance": "um"}))
+    rpm = write_page(tmp_path, given, None, None, ()).read_text()
+    assert "held at its lowest value by 0.051 N per um" in rpm
+    assert cells(rpm, "clearance, N per um") == ["0.051", "4e-05"]
+    assert cells(rpm, "speed, N per rpm")[0] == "23.038"
+    assert cells(rpm, "speed, rpm") == ["238.73", "334.23"] and "60</td>" in rpm
     assert "its swing dies towards the settled motion" in text and ">5000</td>" in text
 
 

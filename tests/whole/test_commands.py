@@ -206,6 +206,9 @@ def test_regimes_are_kept_one_by_one(tmp_path, verdicts):
     assert status == 0 and verdicts == [25.0, 30.0, 35.0, 35.0, 40.0]
     assert "speed 30 rad/s (286.5 rpm): chaotic: evidence (done before)" in text
     assert "speed 40 rad/s (382 rpm): chaotic: evidence\n" in text
+    as_given = ("--set", "speed", "25rad/s", "--design", "clearance=60 um")
+    assert "clearance 60 um: chaotic" in run("regimes", "--out", tmp_path / "um", *as_given)[1]
+    verdicts.pop()
     # A list of designs on the same settings adds to what is there.
     run("regimes", "--out", tmp_path, "--design", "speed=30rad/s", "--design", "speed=45 rad/s")
     assert verdicts[5:] == [45.0]
@@ -244,7 +247,7 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         "counterweight.mass",
         "--set",
         "jaw.mass",
-        "500 kg",
+        "0.5 tonne",
         "--set",
         "speed",
         "25 rad/s",
@@ -256,7 +259,9 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
     # A value of 0 is as good as another.
     numbers = {"jaw.mass": 500.0, "counterweight.mass": 0.0}
     assert asked == {**numbers, "metric": "contact_fraction", "turns": 7}
-    assert status == 0 and "by jaw.mass: 1.5 ± nan, fit, doubtful (why)" in text
+    # Printed by the unit given, kept in SI units.
+    assert status == 0 and "by jaw.mass: 1500 ± nan, fit, doubtful (why)" in text
+    assert "units: by jaw.mass 1/tonne, by counterweight.mass 1/kg" in text
     slope = json.loads((tmp_path / "gradient" / "gradient.json").read_text())["slopes"]["jaw.mass"]
     assert slope["units"] == "(1)/(kg)" and slope["value"] == 1.5
     assert slope["standard_error"] is None and slope["verdict"] == "doubtful"
@@ -411,7 +416,10 @@ def test_orbit_solves_for_the_settled_motion(tmp_path):
     slopes = kept["slopes_of_foundation_rms"]
     assert set(slopes) == set(jc.PARAMETERS) & set(jc.PE250X400)
     assert slopes["speed"] == pytest.approx(163.534, rel=1e-5)
-    assert re.search(r"speed\s.*27\s.*163.53", text)
+    # In the units given, and in those of drawings where none were.
+    assert re.search(r"speed\s.*27 rad/s.*163\.534 N/\(rad/s\)", text)
+    assert re.search(r"clearance\s.*5e-05 m .*N/m ", text) and "695 mm" in text
+    assert "jaw.mass_centre_distance" in text and " -0 " not in text
     assert (tmp_path / "orbit" / "orbit.png").stat().st_size > 10_000
     bad = ("orbit", "--out", tmp_path, "--name", "none", "--set", "load_law", "none")
     status, text = run(*bad)

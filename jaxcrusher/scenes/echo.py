@@ -1,0 +1,47 @@
+"""Values in the units that they were given in: mm in, mm out.
+
+`units` maps the name of a number to its unit as it was written; a name that it lacks has the unit
+that drawings have: mm, degrees, GPa, and what else is SI.
+"""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from jaxcrusher.scenes.parameters import DRAWN_IN, NUMBERS, readable
+from jaxcrusher.scenes.scene_file import read_entries, to_si, written_unit
+
+
+def units_of(written: Iterable[tuple[str, Any]]) -> dict[str, str]:
+    """Of names and what is written for them; what has no unit is left out."""
+    found = {name: written_unit(str(text)) for name, text in written if name in NUMBERS}
+    return {name: unit for name, unit in found.items() if unit}
+
+
+def units_of_file(path: Path | None) -> dict[str, str]:
+    """Of a scene file; ValueError as `read_scene_file` says."""
+    return {} if path is None else units_of(read_entries(path))
+
+
+def unit_of(name: str, units: Mapping[str, str]) -> tuple[str, float]:
+    """The unit that a number is shown in, "" for none, and what one of it is in SI units."""
+    if name not in NUMBERS or NUMBERS[name].unit == "1":
+        return "", 1.0
+    unit = units.get(name) or DRAWN_IN.get(NUMBERS[name].unit) or NUMBERS[name].unit
+    return unit, to_si(name, f"1 {unit}")
+
+
+def per(what: str, unit: str) -> str:
+    """The unit of a slope."""
+    if not unit:
+        return what
+    return f"{what}/({unit})" if "/" in unit or " " in unit else f"{what}/{unit}"
+
+
+def said(name: str, value: float | str, units: Mapping[str, str]) -> str:
+    """A value with its unit; a speed in rpm and in rad/s."""
+    if isinstance(value, str) or units.get(name, "rad/s") == "rad/s":
+        return readable(name, value)
+    unit, one = unit_of(name, units)
+    text = f"{value / one:.6g} {unit}"
+    return f"{text} ({value:.4g} rad/s)" if NUMBERS[name].unit == "rad/s" else text
