@@ -8,26 +8,13 @@ shaft's angle. State: e / c (2), e' (m/s, 2), and the integral of |R_O| + |R_C| 
 import math
 
 import numpy as np
-from numba import njit
 
+from benchmarks.peers import dopri5
+from benchmarks.peers.dopri5 import compiled
 from benchmarks.peers.equations import Crusher
 
 # Widths of the smoothed corners, as in jaxcrusher.
 NORM_WIDTH, CONTACT_WIDTH, FRICTION_WIDTH, FORCE_WIDTH = 1e-9, 1e-8, 1e-4, 1e-6
-
-# Dormand and Prince 1980: nodes, stages, and the error's weights.
-C = np.array([0.0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0, 1.0])
-A = np.zeros((7, 7))
-A[1, :1] = 1 / 5
-A[2, :2] = 3 / 40, 9 / 40
-A[3, :3] = 44 / 45, -56 / 15, 32 / 9
-A[4, :4] = 19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729
-A[5, :5] = 9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656
-A[6, :6] = 35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84
-ERROR = np.array([71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
-
-# Fast, but with NaN and infinity kept: a trial step may leave the linkage's reach.
-compiled = njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "arcp", "nsz"})
 
 
 def numbers(crusher: Crusher) -> np.ndarray:
@@ -113,62 +100,9 @@ def field(angle, y, p, rate):
 
 
 @compiled
-def attempt(angle, step, y, p, rtol, k, trial):
-    """One step from `y`, whose rate is k[0], into `trial`; returns its error over the allowed."""
-    for stage in range(1, 7):
-        for i in range(5):
-            change = 0.0
-            for j in range(stage):
-                change += A[stage, j] * k[j, i]
-            trial[i] = y[i] + step * change
-        field(angle + C[stage] * step, trial, p, k[stage])
-    squares = 0.0
-    for i in range(4):
-        error = 0.0
-        for j in range(7):
-            error += ERROR[j] * k[j, i]
-        scale = rtol + rtol * max(abs(y[i]), abs(trial[i]))
-        squares += (step * error / scale) ** 2
-    # What is not finite is a huge error.
-    return max(math.sqrt(squares / 4), 1e-10) if squares < 1e300 else 1e150
-
-
-@compiled
-def growth(error, previous):
-    """Of the step; PI control as diffrax writes it: pcoeff 0.4, icoeff 0.3, safety 0.9."""
-    factor = 0.9 * error ** (-0.7 / 5) * previous ** (0.4 / 5)
-    return min(max(factor, 1.0 if error < 1 else 0.2), 10.0)
-
-
-@compiled
 def integrate(y, p, settle, turns, rtol, h, most=1_000_000_000):
     """Integrate `y` over whole turns; returns the mean of |R_O| + |R_C| squared and the steps.
 
-    `h` is the first step (rad). Each turn ends on its last angle, as in jaxcrusher. The mean is NaN
-    if it would take more than `most` steps, as a motion that is not finite does.
+    As `dopri5.integrate`, whose compiled code is kept with this.
     """
-    k = np.empty((7, 5))
-    trial = np.empty(5)
-    total, steps, previous = 0.0, 0, 1.0
-    for turn in range(settle + turns):
-        angle, end = 0.0, 2 * math.pi
-        y[4] = 0.0
-        h = min(h, end)
-        field(angle, y, p, k[0])
-        while angle < end:
-            if steps >= most:
-                return math.nan, steps
-            last = angle + h >= end
-            step = end - angle if last else h
-            error = attempt(angle, step, y, p, rtol, k, trial)
-            steps += 1
-            if not last or error >= 1:
-                h = step * growth(error, previous)
-            if error < 1:
-                angle += step
-                y[:] = trial
-                k[0] = k[6]
-                previous = error
-        if turn >= settle:
-            total += y[4]
-    return total / turns, steps
+    return dopri5.integrate(field, y, p, settle, turns, rtol, h, most)

@@ -9,12 +9,13 @@ from sksundae.cvode import CVODE
 from sksundae.ida import IDA
 
 from benchmarks.peers import nine_coordinates
+from benchmarks.peers.free_bodies_numba import CompiledBodies
 from benchmarks.peers.motion import Motion
 from benchmarks.peers.nine_coordinates import COORDINATES, MULTIPLIERS, VELOCITIES, Instant
 
 
-def cvode(motion: Motion, times, rtol: float = 1e-12) -> np.ndarray:
-    """States of `motion` at `times` (s), increasing from 0: shape (times, 4 or 6)."""
+def cvode(motion: Motion | CompiledBodies, times, rtol: float = 1e-12) -> np.ndarray:
+    """States of `motion` at `times` (s), increasing from 0: shape (times, numbers of a state)."""
 
     def field(time, y, rate):
         rate[:] = motion.field(time, y)

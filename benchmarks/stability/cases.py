@@ -1,21 +1,12 @@
-"""The cases: one number of a base case changed at a time, and starts of every kind."""
+"""The cases of A: one number of a base case changed at a time, and starts of every kind."""
 
 import cmath
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Literal
 
-import equinox as eqx
-
-import jaxcrusher as jc
 from benchmarks.peers.equations import Crusher
-from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.crusher.starts import Given, InContact
-from jaxcrusher.scenes.parameters import PE250X400
-
-Formulation = Literal["eccentricity", "multiplier"]
-FORMULATIONS: tuple[Formulation, ...] = ("eccentricity", "multiplier")
+from benchmarks.stability.case import STARTS, AbstractCase
+from benchmarks.stability.peer import BearingPeer, Pins
 
 # With the paper's friction of 0.1 the centred start whirls, and hides all else; 0.02 leaves
 # impacts, swings and whirls. Slip is that of the surfaces.
@@ -63,8 +54,6 @@ AXES = {
     "load": Axis("N", (0.0, 1e3, 8.8e3, 5e4, 2e5, 1e6), ("load",)),
     "masses": Axis("x base", (1e-2, 0.1, 1.0, 10.0, 100.0), MASSES, True),
 }
-# Along every axis: at rest amid the bore, resting in it, thrown at its wall.
-STARTS = ("centred", "in contact", "violent")
 # Besides, on the base case alone: e in clearances, e' in m/s. A tilted direction, so that no
 # symmetry helps.
 TILTED = cmath.rect(1.0, 0.7)
@@ -83,53 +72,27 @@ GIVEN: dict[str, tuple[complex, complex]] = {
 
 
 @dataclass(frozen=True)
-class Case:
-    """A crusher and a start: `e` in m, `rate` in m/s."""
+class Case(AbstractCase):
+    """A crusher with clearance in A alone, and a start."""
 
-    axis: str
-    value: str
-    start: str
     crusher: Crusher
 
-    @cached_property
-    def motion(self) -> tuple[complex, complex]:
-        """Eccentricity (m) and rate (m/s) of the start, the same for all programs."""
-        if self.start == "in contact":
-            e, rate = resting(scene_of(self.crusher, "eccentricity"))
-            return complex(e.x, e.y), complex(rate.x, rate.y)
+    @property
+    def peer(self) -> BearingPeer:
+        """The crusher of the other programs."""
+        return BearingPeer(self.crusher)
+
+    @property
+    def values(self) -> dict[str, float | str]:
+        """The same as a description."""
+        numbers = {name: getattr(self.crusher, field) for name, field in FIELDS.items()}
+        return numbers | {"slip": "surface"}
+
+    @property
+    def given(self) -> Pins:
+        """The start of `GIVEN`."""
         relative, rate = GIVEN[self.start]
-        return relative * self.crusher.clearance, rate
-
-    def scene(
-        self, formulation: Formulation, motion: tuple[complex, complex] | None = None
-    ) -> jc.Scene:
-        """Ours, of one structure for all cases: one compiled program serves them.
-
-        From another `motion` (m, m/s) if given. ValueError as `jaxcrusher.build_scene`.
-        """
-        e, rate = self.motion if motion is None else motion
-        relative = e / self.crusher.clearance
-        start = Given(Vector(relative.real, relative.imag), Vector(rate.real, rate.imag))
-        scene = scene_of(self.crusher, formulation)
-        return eqx.tree_at(lambda s: s.start, scene, start)
-
-
-def scene_of(crusher: Crusher, formulation: Formulation) -> jc.Scene:
-    """The scene of a peer's crusher, centred. ValueError as `jaxcrusher.build_scene`."""
-    values = {name: getattr(crusher, field) for name, field in FIELDS.items()}
-    jc.build_scene(values)  # as a user would, with every check
-    # A friction of zero would be left out, and be another program.
-    values |= {"friction": PE250X400["friction"], "slip": "surface", "formulation": formulation}
-    scene = jc.build_scene(values)
-    return eqx.tree_at(lambda s: s.joint.friction.coefficient, scene, scalar(crusher.friction))
-
-
-@eqx.filter_jit
-def resting(scene: jc.Scene) -> tuple[Vector, Vector]:
-    """Where the pin rests in its bore."""
-    e, rate = InContact().eccentricities(scene)
-    assert e.main is not None and rate.main is not None
-    return e.main, rate.main
+        return Pins((relative * self.crusher.clearance,), (rate,))
 
 
 def cases() -> Iterator[Case]:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import jaxcrusher as jc
-from benchmarks.peers import numba_peer
-from benchmarks.stability.cases import BASE, FORMULATIONS, Case
+from benchmarks.stability.case import FORMULATIONS
+from benchmarks.stability.cases import BASE, Case
+from benchmarks.stability.peer import BearingPeer, Pins
 from benchmarks.stability.reference import members
 
 TURNS, BLOCK, MEMBERS = 1000, 100, 4
@@ -71,13 +72,11 @@ def run(case: Case, formulation, turns: int, block: int, known: np.ndarray) -> D
     )
 
 
-def reference(e: complex, rate: complex, turns: int = TURNS, block: int = BLOCK) -> np.ndarray:
+def reference(pins: Pins, turns: int = TURNS, block: int = BLOCK) -> np.ndarray:
     """The base case's RMS over the first and the last block by numba, N, shape (members, 2)."""
-    numbers, rows = numba_peer.numbers(BASE), []
-    for place in members(BASE, e, MEMBERS):
-        relative = place / BASE.clearance
-        y = np.array([relative.real, relative.imag, rate.real, rate.imag, 0.0])
-        first, _ = numba_peer.integrate(y, numbers, 0, block, 1e-9, 1e-5, MOST_STEPS)
-        last, _ = numba_peer.integrate(y, numbers, turns - 2 * block, block, 1e-9, 1e-5, MOST_STEPS)
+    peer, rows = BearingPeer(BASE), []
+    for place in members(peer, pins, MEMBERS):
+        first, _ = peer.mean_square(place, 0, block, MOST_STEPS)
+        last, _ = peer.mean_square(place, turns - 2 * block, block, MOST_STEPS)
         rows.append(np.sqrt([first, last]))
     return np.array(rows)

@@ -7,7 +7,9 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from benchmarks.stability.cases import AXES, FORMULATIONS, GIVEN, STARTS
+from benchmarks.stability import seats
+from benchmarks.stability.case import FORMULATIONS, STARTS
+from benchmarks.stability.cases import AXES, GIVEN
 from benchmarks.stability.judgement import AGREES, DISAGREES, OUTSIDE, REFUSED, WHIRL, Judged
 from jaxcrusher.pictures.page import STYLE, WIDTH
 
@@ -20,24 +22,14 @@ SHORT["masses"] = SHORT["stiffness"]
 
 
 def draw(rows: list[Judged]) -> Figure:
-    """The figure of all rows; what is not in the cells is in the page's tables."""
+    """The figure of A's rows; what is not in the cells is in the page's tables."""
     with plt.rc_context(STYLE):
         fig = plt.figure(figsize=(WIDTH, 8.2), layout="constrained")
         # Four rows of two axes each, the last place for the legend; below them the starts.
         grid = fig.add_gridspec(5, 2, height_ratios=(6, 6, 6, 6, 4))
-        lines = [(start, kind) for start in STARTS for kind in FORMULATIONS]
         for i, (name, axis) in enumerate(AXES.items()):
-            values = [f"{value:g}" for value in axis.values]
-            found = {(r.value, r.start, r.formulation): r for r in rows if r.axis == name}
-            unit, size = SHORT.get(name, (axis.unit.removeprefix("1"), 1.0))
             ax = fig.add_subplot(grid[divmod(i, 2)])
-            _panel(
-                ax,
-                [[found.get((v, *line)) for v in values] for line in lines],
-                [f"{value / size:g}" for value in axis.values],
-                [] if i % 2 else [f"{start}, {kind}" for start, kind in lines],
-            )
-            ax.set_title(f"{name} ({unit})" if unit else name)
+            _along(ax, rows, name, name, axis.unit, axis.values, STARTS, labelled=not i % 2)
         _legend(fig.add_subplot(grid[3, 1]))
         found = {(r.start, r.formulation): r for r in rows if r.axis == "start"}
         ax = fig.add_subplot(grid[4, :])
@@ -50,6 +42,41 @@ def draw(rows: list[Judged]) -> Figure:
         ax.set_title("starts of the base case")
         fig.draw_without_rendering()
     return fig
+
+
+def draw_seats(rows: list[Judged]) -> Figure:
+    """The figure of the rows of B and C: the left half is of B, the right of C."""
+    with plt.rc_context(STYLE):
+        fig = plt.figure(figsize=(WIDTH, 9.8), layout="constrained")
+        grid = fig.add_gridspec(6, 2, height_ratios=(6, 6, 6, 6, 8, 6))
+        for column, (joint, seat) in enumerate(seats.SEATS.items()):
+            of = seats.starts(joint)
+            for row, (name, axis) in enumerate(seats.AXES.items()):
+                ax, label = fig.add_subplot(grid[row, column]), f"{seat} {name}"
+                _along(ax, rows, label, name, axis.unit, axis.values, of, labelled=not column)
+        ax, sets = fig.add_subplot(grid[4, :]), [", ".join(loose) for loose in seats.SETS]
+        found = {(r.value, r.start, r.formulation): r for r in rows if r.axis == "loose"}
+        lines = [(start, kind) for start in seats.starts("BC") for kind in FORMULATIONS]
+        cells = [[found.get((loose, *line)) for loose in sets] for line in lines]
+        _panel(ax, cells, sets, [", ".join(line) for line in lines])
+        ax.set_title("loose joints")
+        load, ax = seats.LOADS, fig.add_subplot(grid[5, 0])
+        _along(ax, rows, "load", "load", load.unit, load.values, seats.starts("B"), labelled=True)
+        _legend(fig.add_subplot(grid[5, 1]))
+        fig.draw_without_rendering()
+    return fig
+
+
+def _along(ax: Axes, rows, label: str, name: str, unit: str, values, starts, *, labelled: bool):
+    """The rows of an axis: its values from left to right, a line for each start and formulation."""
+    lines = [(start, kind) for start in starts for kind in FORMULATIONS]
+    found = {(r.value, r.start, r.formulation): r for r in rows if r.axis == label}
+    short, size = SHORT.get(name, (unit.removeprefix("1"), 1.0))
+    cells = [[found.get((f"{value:g}", *line)) for value in values] for line in lines]
+    # Of "violent at B" the place is the panel's.
+    named = [f"{start.partition(' at ')[0]}, {kind}" for start, kind in lines]
+    _panel(ax, cells, [f"{value / size:g}" for value in values], named if labelled else [])
+    ax.set_title(f"{label} ({short})" if short else label)
 
 
 def _legend(ax: Axes) -> None:

@@ -9,9 +9,11 @@ from scipy import stats
 
 import jaxcrusher as jc
 from benchmarks.narrow import narrow
-from benchmarks.stability.cases import Case, Formulation
+from benchmarks.stability.case import AbstractCase, Formulation
 from benchmarks.stability.reference import FEW, OURS, SETTLE, TIMES, TURNS, Reference, members
 from jaxcrusher.crusher.formulations import MultiplierFormulation
+from jaxcrusher.crusher.joints import before
+from jaxcrusher.motion.statistics import WHIRL_WINDING
 
 AGREES, WHIRL, OUTSIDE = "agrees", "whirl", "outside the model"
 REFUSED, DISAGREES = "refused", "DISAGREES"
@@ -55,7 +57,7 @@ class Judged:
     seconds: float = math.nan
 
 
-def judge(case: Case, formulation: Formulation, known: Reference) -> Judged:
+def judge(case: AbstractCase, formulation: Formulation, known: Reference) -> Judged:
     """Run ours and say what is to be said."""
     labels = (case.axis, case.value, case.start, formulation)
     begin = time.perf_counter()
@@ -81,7 +83,7 @@ def judge(case: Case, formulation: Formulation, known: Reference) -> Judged:
         closer = pointwise(scene, sharp, known)
         if sharp.success and closer["error"] <= closer["allowed"]:
             agreement = "but for smoothing"
-    remarks = found.validity.remarks()
+    remarks = [*rolling(scene, found), *found.validity.remarks()]
     if bool(found.whirl):
         verdict, remarks = WHIRL, [f"{found.winding:.0f} revolutions a turn", *remarks]
     elif not bool(found.validity.inside):
@@ -103,10 +105,21 @@ def judge(case: Case, formulation: Formulation, known: Reference) -> Judged:
     )
 
 
+def rolling(scene: jc.Scene, found: jc.Statistics) -> list[str]:
+    """What goes round its bore at B and C, in words."""
+    told = []
+    for name, _ in scene.joints.present():
+        prefix = before(name)
+        winding, share = float(found[f"{prefix}winding"]), float(found[f"{prefix}contact_fraction"])
+        if name != "main" and abs(winding) > WHIRL_WINDING:
+            told.append(f"{name}: {winding:.0f} revolutions a turn, {share:.2f} of it in contact")
+    return told
+
+
 def simulate(scene: jc.Scene) -> jc.Trajectory:
     """Ours at the reference's instants."""
-    outputs = ("foundation_force", "eccentricity")
-    return jc.simulate(scene, TIMES, outputs=outputs, method=METHOD)
+    played = (f"{before(name)}eccentricity" for name, _ in scene.joints.present())
+    return jc.simulate(scene, TIMES, outputs=("foundation_force", *played), method=METHOD)
 
 
 def pointwise(scene: jc.Scene, history: jc.Trajectory, known: Reference) -> dict[str, float]:
@@ -116,17 +129,14 @@ def pointwise(scene: jc.Scene, history: jc.Trajectory, known: Reference) -> dict
     """
     multiplier = isinstance(scene.formulation, MultiplierFormulation)
     rounding = ROUNDING if multiplier else 0.0
-    level = max(OURS_RELATIVE * float(scene.joint.clearance), rounding, THEIRS)
+    widest = max(float(joint.clearance) for _, joint in scene.joints.present())
+    level = max(OURS_RELATIVE * widest, rounding, THEIRS)
     worst = {"error": 0.0, "allowed": PROMISED, "span_ms": 1e3 * TIMES[-1]}
-    pairs = (
-        (history.foundation_force, known.foundation_force, known.force_growth),
-        (history.eccentricity, known.eccentricity, known.eccentricity_growth),
-    )
-    for ours, theirs, growth in pairs:
+    for name, theirs in known.histories.items():
         size = abs(theirs).max()
-        grown = level * (1 + known.contacts) * growth / size
+        grown = level * (1 + known.contacts) * known.growth[name] / size
         kept, allowed = grown <= PREDICTABLE, np.maximum(grown, PROMISED)
-        off = abs(np.asarray(ours) - theirs).reshape(len(TIMES), -1).max(axis=1) / size
+        off = abs(np.asarray(history[name]) - theirs).reshape(len(TIMES), -1).max(axis=1) / size
         last = TIMES[kept][-1] if kept.any() else 0.0
         worst["span_ms"] = min(worst["span_ms"], 1e3 * float(last))
         at = int(np.argmax(np.where(kept, off / allowed, 0)))
@@ -135,13 +145,11 @@ def pointwise(scene: jc.Scene, history: jc.Trajectory, known: Reference) -> dict
     return worst
 
 
-def others(case: Case, formulation: Formulation, count: int) -> list[float]:
+def others(case: AbstractCase, formulation: Formulation, count: int) -> list[float]:
     """The RMS (N) of ours from starts about the case's."""
-    e, rate = case.motion
-    places = members(case.crusher, e, count)
     runs = (
-        jc.statistics(case.scene(formulation, (place, rate)), SETTLE, TURNS, method=METHOD)
-        for place in places
+        jc.statistics(case.scene(formulation, place), SETTLE, TURNS, method=METHOD)
+        for place in members(case.peer, case.pins, count)
     )
     return [rms_of(run) for run in runs]
 

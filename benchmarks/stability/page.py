@@ -1,6 +1,7 @@
 """The page and the csv of the stability run."""
 
 from collections import Counter
+from collections.abc import Iterable
 
 from benchmarks.setting import setting
 from benchmarks.stability import baumgarte, drift
@@ -84,7 +85,7 @@ def page(
     ]
     for name in (*AXES, "start"):
         unit = "" if name == "start" else f", {AXES[name].unit}".removesuffix(", 1")
-        lines += [f"## By {name}{unit}", "", *_table(r for r in rows if r.axis == name), ""]
+        lines += [f"## By {name}{unit}", "", *table_of(r for r in rows if r.axis == name), ""]
     lines += [
         "## Inputs without a motion",
         "",
@@ -117,7 +118,8 @@ def _marked(row: Judged) -> str:
     return f"**{row.verdict}**" if row.verdict == DISAGREES else row.verdict
 
 
-def _table(rows) -> list[str]:
+def table_of(rows: Iterable[Judged]) -> list[str]:
+    """Lines of a table, a row each."""
     lines = [f"| {' | '.join(COLUMNS)} |", "|" + "---|" * len(COLUMNS)]
     for r in rows:
         cells = (

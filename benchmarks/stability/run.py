@@ -4,20 +4,24 @@ import contextlib
 import multiprocessing
 import signal
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
+from rich.progress import Progress
 
-from benchmarks.stability import baumgarte, drift
-from benchmarks.stability.cases import BASE, FORMULATIONS, Case, cases
-from benchmarks.stability.figure import draw
+from benchmarks.stability import baumgarte, drift, seats
+from benchmarks.stability.case import FORMULATIONS, AbstractCase
+from benchmarks.stability.cases import BASE, Case, cases
+from benchmarks.stability.figure import draw, draw_seats
 from benchmarks.stability.inputs import inputs
 from benchmarks.stability.judgement import DISAGREES, Judged, judge
 from benchmarks.stability.page import page, summary
+from benchmarks.stability.peer import AbstractPeer, Pins
 from benchmarks.stability.reference import Reference, reference
+from benchmarks.stability.seats_page import seats_page
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import (
     read_table,
@@ -33,7 +37,7 @@ WORKERS = 2
 PATIENCE = 180.0
 
 
-def judged(case: Case, known: Future[Reference]) -> list[Judged]:
+def judged(case: AbstractCase, known: Future[Reference]) -> list[Judged]:
     """Both formulations of a case; a case without a reference never passes."""
     try:
         found = known.result(PATIENCE)
@@ -61,23 +65,37 @@ def _pool() -> Iterator[ProcessPoolExecutor]:
         pool.shutdown(cancel_futures=True)
 
 
+Known = dict[tuple[AbstractPeer, Pins], Future[Reference]]
+
+
+def _references(everything: Sequence[AbstractCase], pool: ProcessPoolExecutor) -> Known:
+    """Those of every case, under way; cases alike share one."""
+    known: Known = {}
+    for case in everything:
+        key = (case.peer, case.pins)
+        if key not in known:
+            known[key] = pool.submit(reference, *key)
+    return known
+
+
+def _all(everything: Sequence[AbstractCase], known: Known, bar: Progress) -> list[Judged]:
+    """Every case, as its reference comes."""
+    tracked = bar.track(everything, description="cases")
+    return [row for case in tracked for row in judged(case, known[case.peer, case.pins])]
+
+
 def run(out: Path) -> None:
-    """Judge everything; write the page, the csv and the figure."""
+    """Judge everything of A; write the page, the csv and the figure."""
     folder = results_folder(out)
-    begin, console, rows = time.perf_counter(), Console(), []
+    begin, console = time.perf_counter(), Console()
     everything = list(cases())
     with _pool() as pool, progress(console) as bar:
-        known = {}
-        for case in everything:
-            key = (case.crusher, *case.motion)
-            if key not in known:
-                known[key] = pool.submit(reference, *key)
+        known = _references(everything, pool)
         ended = {
-            start: pool.submit(drift.reference, *Case("start", start, start, BASE).motion)
+            start: pool.submit(drift.reference, Case("start", start, start, BASE).pins)
             for start in ("centred", "in contact")
         }
-        for case in bar.track(everything, description="cases"):
-            rows += judged(case, known[case.crusher, *case.motion])
+        rows = _all(everything, known, bar)
         refused = list(bar.track(inputs(), 38, description="inputs"))
         long = list(
             bar.track(
@@ -95,6 +113,24 @@ def run(out: Path) -> None:
     console.print(f"{folder / 'stability.md'}, .csv and .png")
 
 
+def run_seats(out: Path) -> None:
+    """Judge everything of B and C; write their page, csv and figure."""
+    folder = results_folder(out)
+    begin, console = time.perf_counter(), Console()
+    everything = list(seats.cases())
+    with _pool() as pool, progress(console) as bar:
+        rows = _all(everything, _references(everything, pool), bar)
+    write_table(folder / "stability_seats.csv", map(asdict, rows))
+    write_figure(folder / "stability_seats.png", draw_seats(rows))
+    minutes = (time.perf_counter() - begin) / 60
+    write_text(folder / "stability_seats.md", seats_page(rows, minutes))
+    console.print(summary(rows, []))
+    console.print(f"{folder / 'stability_seats.md'}, .csv and .png")
+
+
 def redraw(out: Path, table: Path) -> None:
     """The figure of an earlier run's rows, without a motion."""
-    write_figure(results_folder(out) / "stability.png", draw(read_table(table, Judged)))
+    rows = read_table(table, Judged)
+    of_seats = any(row.axis == "loose" for row in rows)
+    name, figure = ("stability_seats", draw_seats) if of_seats else ("stability", draw)
+    write_figure(results_folder(out) / f"{name}.png", figure(rows))

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.integrate import RK45
 
-from benchmarks.peers import numba_peer, scipy_peer
+from benchmarks.peers import dopri5, numba_peer, scipy_peer
+from benchmarks.peers.dopri5 import compiled
 from benchmarks.peers.exudyn_peer import Model
 from benchmarks.peers.motion import Motion
-from benchmarks.peers.numba_peer import compiled
 from benchmarks.peers.same_field import by_cvode, by_scipy
 from benchmarks.work_precision.cases import Answer, Case, closed_form, solved
 from benchmarks.work_precision.ours import FEW, LADDER, MOST_STEPS
@@ -76,9 +76,9 @@ def _march(y, p, angles, rtol, h, dense, states, most):
     while saved < len(angles) and steps < most:
         last = angle + h >= end
         step = end - angle if last else h
-        error = numba_peer.attempt(angle, step, y, p, rtol, k, trial)
+        error = dopri5.attempt(numba_peer.field, angle, step, y, p, rtol, k, trial)
         steps += 1
-        h = step * numba_peer.growth(error, previous)
+        h = step * dopri5.growth(error, previous)
         if error < 1:
             after = end if last else angle + step
             while saved < len(angles) and angles[saved] <= after:

@@ -12,6 +12,7 @@ from benchmarks.stability import judgement
 from benchmarks.stability.cases import BASE, Case
 from benchmarks.stability.inputs import cast
 from benchmarks.stability.reference import reference
+from benchmarks.stability.seats import SeatCase, described
 from jaxcrusher.basics.plane import scalar
 
 CASE = Case("start", "centred", "centred", BASE)
@@ -19,7 +20,7 @@ CASE = Case("start", "centred", "centred", BASE)
 
 @pytest.fixture(scope="module")
 def known():
-    return reference(BASE, *CASE.motion)
+    return reference(CASE.peer, CASE.pins)
 
 
 def error(scene, known) -> float:
@@ -33,6 +34,36 @@ def test_pointwise_tells_another_stiffness(known):
     assert error(CASE.scene("eccentricity"), known) <= 1
     softer = replace(BASE, young=0.999 * BASE.young)
     assert error(Case("start", "", "centred", softer).scene("eccentricity"), known) > 1
+
+
+@pytest.fixture(scope="module")
+def seat():
+    case = SeatCase("loose", "A, B, C", "centred", tuple(described("ABC", {}).items()))
+    return case, reference(case.peer, case.pins)
+
+
+def test_seats_are_compared_by_force_and_every_eccentricity(seat):
+    case, known = seat
+    assert known.contacts[-1] > 10
+    scene = case.scene("eccentricity")
+    ours = judgement.simulate(scene)
+    found = judgement.pointwise(scene, ours, known)
+    assert found["span_ms"] > 10 and found["error"] <= found["allowed"]
+    names = ("foundation_force", "eccentricity", "elbow_eccentricity", "pivot_eccentricity")
+    assert set(known.histories) == set(names)
+    for name in names:
+        wrong = eqx.tree_at(lambda o, n=name: o.values[n], ours, replace_fn=lambda v: 1.01 * v)
+        found = judgement.pointwise(scene, wrong, known)
+        assert not found["error"] <= found["allowed"], name
+
+
+def test_pointwise_tells_another_stiffness_of_a_seat(seat):
+    case, known = seat
+    for name in ("elbow.young", "pivot.young"):
+        values = described("ABC", {name: 0.999 * case.values[name]})
+        softer = SeatCase("", "", "centred", tuple(values.items())).scene("eccentricity")
+        found = judgement.pointwise(softer, judgement.simulate(softer), known)
+        assert found["error"] > found["allowed"]
 
 
 def test_statistics_tell_another_mean():

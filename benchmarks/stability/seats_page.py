@@ -1,0 +1,74 @@
+"""The page of the loose seats B and C."""
+
+from benchmarks.setting import setting
+from benchmarks.stability import seats
+from benchmarks.stability.judgement import PREDICTABLE, PROMISED, Judged
+from benchmarks.stability.page import summary, table_of
+from benchmarks.stability.reference import FEW, MANY, OFFSET, OURS, SETTLE, SPAN, TURNS
+from jaxcrusher.files.provenance import command
+
+INTRODUCTION = """\
+# Stiff and extreme seats
+
+Made by `{command}` in {minutes:.0f} minutes; not edited by hand. {machine}.
+
+![Verdicts by number of a seat, start and formulation](stability_seats.png)
+
+A cell is a motion, its number the steps of a turn in thousands; the errors are in the tables.
+
+{summary}
+
+Base case: 30 rad/s, A, B and C loose by {clearances} mm, restitution {restitution:g}, friction
+{friction:g} with the slip of the surfaces, a load of {load:g} kN along the jaw that keeps the seats
+in contact; one number of B (elbow) or of C (pivot) is changed at a time
+(csv: [stability_seats.csv](stability_seats.csv)). Centred: all e = e' = 0. In contact: all pins
+resting in their bores. Violent: from e = 0, the pin of one seat at 5 m/s.
+
+Every motion is compared twice, at the default tolerances, as [those of A](stability.md) are. First
+instant by instant over {span:g} ms, force on the foundation and the eccentricities of all loose
+joints, with SUNDIALS' CVODE on free bodies and the published laws without smoothing
+(`benchmarks/peers/free_bodies_numba.py`, written without jaxcrusher, the same as
+`free_bodies.py` to rounding). Allowed: {promised:g} of the largest value, or the errors of the
+programs at a contact, times the contacts so far, grown as CVODE's own motions part from starts
+{offset:g} m apart; where these exceed {predictable:g} nothing is compared. Then the RMS over turns
+{first} to {last} with the same free bodies in a Dormand-Prince program for numba, from {few} starts
+1e-5 clearances apart, {many} (and up to {ours} of ours) where they scatter. Verdicts and what the
+RMS is allowed are as there.
+
+{findings}
+"""
+
+
+def seats_page(rows: list[Judged], minutes: float) -> str:
+    """The page in Markdown."""
+    lines = [
+        INTRODUCTION.format(
+            command=command(),
+            minutes=minutes,
+            machine=setting("scikit-sundae", "numba"),
+            summary=summary(rows, []),
+            clearances=", ".join(f"{1e3 * c:g}" for c in seats.CLEARANCES.values()),
+            restitution=seats.LAW["restitution"],
+            friction=seats.LAW["friction"],
+            load=seats.LOAD / 1e3,
+            span=1e3 * SPAN,
+            promised=PROMISED,
+            offset=OFFSET,
+            predictable=PREDICTABLE,
+            first=SETTLE + 1,
+            last=SETTLE + TURNS,
+            few=FEW,
+            many=MANY,
+            ours=OURS,
+            findings="",
+        )
+    ]
+    units = {
+        f"{seat} {name}": a.unit for seat in seats.SEATS.values() for name, a in seats.AXES.items()
+    }
+    for axis in dict.fromkeys(row.axis for row in rows):
+        unit = {"load": seats.LOADS.unit, **units}.get(axis, "1")
+        named = "loose joints" if axis == "loose" else axis
+        heading = f"## By {named}, {unit}".removesuffix(", 1")
+        lines += [heading, "", *table_of(r for r in rows if r.axis == axis), ""]
+    return "\n".join(lines)
