@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Complex, Float, Int, Scalar
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Int, Scalar
 from scipy.optimize import brentq
 
 from jaxcrusher.settled.collocation import TOLERANCE, System
@@ -254,49 +254,48 @@ def _inner(one: _Place, other: _Place) -> Scalar:
 
 
 def _equations(
-    family: Family, scale: Scalar, place: _Place
-) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
-    """The system's residual and, last, the distance along the branch; and their Jacobian."""
+    family: Family, scale: Scalar, place: _Place, length: ArrayLike = 0.0
+) -> tuple[Callable[[Array], Array], Callable[[Array], tuple[Array, Array]]]:
+    """The system's residual and, last, the way along the branch less `length`; and linearised."""
     shape, size = place.x.shape, place.x.size
 
     def split(both: Array) -> tuple[Array, Scalar]:
         return both[:-1].reshape(shape), both[-1]
 
+    def joined(left: Array, x: Array, value: Scalar) -> Array:
+        ahead = jnp.mean(place.along_x * (x - place.x)) + place.along * (value - place.value)
+        return jnp.append(left.ravel(), ahead - length)
+
     def residual(both: Array) -> Array:
         x, value = split(both)
-        ahead = jnp.mean(place.along_x * (x - place.x)) + place.along * (value - place.value)
-        return jnp.append(family(scale * value).residual(x).ravel(), ahead)
+        return joined(family(scale * value).residual(x), x, value)
 
-    def jacobian(both: Array) -> Array:
+    def linearised(both: Array) -> tuple[Array, Array]:
         x, value = split(both)
-        matrix = family(scale * value).jacobian(x).reshape(size, size)
+        left, matrix = family(scale * value).linearised(x)
         # Of one number: forward costs a residual more.
         _, column = jax.jvp(lambda v: family(scale * v).residual(x), (value,), (jnp.ones(()),))
-        top = jnp.concatenate([matrix, column.reshape(size, 1)], axis=1)
+        top = jnp.concatenate([matrix.reshape(size, size), column.reshape(size, 1)], axis=1)
         bottom = jnp.append(place.along_x.ravel() / size, place.along)
-        return jnp.concatenate([top, bottom[None]])
+        return joined(left, x, value), jnp.concatenate([top, bottom[None]])
 
-    return residual, jacobian
+    return residual, linearised
 
 
 def _correct(family: Family, scale: Scalar, place: _Place, length: Scalar) -> Root:
     """The solution a length further on."""
-    residual, jacobian = _equations(family, scale, place)
+    residual, linearised = _equations(family, scale, place, length)
     ahead = place.x + length * place.along_x, place.value + length * place.along
     guess = jnp.append(ahead[0].ravel(), ahead[1])
-
-    def beyond(both: Array) -> Array:
-        return residual(both).at[-1].add(-length)
-
-    return newton(beyond, jacobian, guess, TOLERANCE, MOST_CORRECTIONS)
+    return newton(residual, linearised, guess, TOLERANCE, MOST_CORRECTIONS)
 
 
 def _arrive(family: Family, scale: Scalar, before: _Place, root: Root) -> tuple[_Place, Array]:
     """The point that a correction found, its direction, and its multipliers."""
     x, value = root.point[:-1].reshape(before.x.shape), root.point[-1]
-    _, jacobian = _equations(family, scale, before)
+    _, linearised = _equations(family, scale, before)
     onward = jnp.zeros_like(root.point).at[-1].set(1.0)
-    direction = jnp.linalg.solve(jacobian(root.point), onward)
+    direction = jnp.linalg.solve(linearised(root.point)[1], onward)
     along_x, along = direction[:-1].reshape(x.shape), direction[-1]
     size = jnp.sqrt(jnp.mean(along_x**2) + along**2)
     place = _Place(x, value, along_x / size, along / size)

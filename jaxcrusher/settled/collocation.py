@@ -38,23 +38,31 @@ class System(eqx.Module):
         times, rate, second = self._motion(x)
         return one_by_one(self.acceleration, (times, x, rate), self.args) - second
 
-    def jacobian(self, x: Float[Array, "nodes dims"]) -> Float[Array, "nodes dims nodes dims"]:
-        """Of the residual; full where differentiation joins the nodes, in blocks by f."""
-        times, rate, _ = self._motion(x)
-        by_x, by_rate = self.slopes(times, x, rate)
+    def linearised(
+        self, x: Float[Array, "nodes dims"]
+    ) -> tuple[Float[Array, "nodes dims"], Float[Array, "nodes dims nodes dims"]]:
+        """The residual and its Jacobian: full by differentiation of x, in blocks by f."""
+        times, rate, bend = self._motion(x)
+        (by_x, by_rate), found = self.slopes(times, x, rate)
         first, second = self._matrices(len(x))
         eye_nodes, eye = np.eye(len(x)), np.eye(x.shape[1])
-        return (
+        jacobian = (
             jnp.einsum("iab,ij->iajb", by_x, eye_nodes)
             + jnp.einsum("iab,ij->iajb", by_rate, first)
             - jnp.einsum("ab,ij->iajb", eye, second)
         )
+        return found - bend, jacobian
 
     def slopes(
         self, times: Float[Array, " n"], x: Float[Array, "n dims"], rate: Float[Array, "n dims"]
-    ) -> tuple[Float[Array, "n dims dims"], Float[Array, "n dims dims"]]:
-        """df/dx and df/dx' at some instants."""
-        by_both = jax.jacfwd(self.acceleration, argnums=(1, 2))
+    ) -> tuple[tuple[Float[Array, "n dims dims"], ...], Float[Array, "n dims"]]:
+        """df/dx and df/dx' at some instants, and f."""
+
+        def twice(*instant) -> tuple[Array, Array]:
+            found = self.acceleration(*instant)
+            return found, found
+
+        by_both = jax.jacfwd(twice, argnums=(1, 2), has_aux=True)
         return one_by_one(by_both, (times, x, rate), self.args)
 
     def at(
@@ -102,9 +110,14 @@ def collocate(
     """
     system_now, guess = jax.lax.stop_gradient((system, guess))
     shape = guess.shape
+
+    def linearised(x: Array) -> tuple[Array, Array]:
+        left, matrix = system_now.linearised(x.reshape(shape))
+        return left.ravel(), matrix.reshape(guess.size, guess.size)
+
     root = newton(
         lambda x: system_now.residual(x.reshape(shape)).ravel(),
-        lambda x: system_now.jacobian(x.reshape(shape)).reshape(guess.size, guess.size),
+        linearised,
         guess.ravel(),
         tolerance,
         max_steps,
@@ -128,7 +141,7 @@ def _attached_jvp(primals, tangents):
 
     # Of the differentiated equations, at the orbit itself.
     times, rate, _ = system._motion(x)
-    by_x, by_rate = system.slopes(times, x, rate)
+    (by_x, by_rate), _ = system.slopes(times, x, rate)
     first, second = system._matrices(len(x))
 
     def moved(change: Array) -> Array:

@@ -77,9 +77,12 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count d
     times = 2 * jnp.pi * jnp.asarray(nodes(count)) / pace
     e = jax.vmap(lambda time: scene.joints.map(lambda _: Vector(0 * time, 0 * time)))(times)
     along = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))
-    for _ in range(1 + REFINEMENTS):
+
+    def refined(_, e: AtJoints[Vector]) -> AtJoints[Vector]:
         rate, curvature = (jax.tree.map(lambda part, m=m: m @ part, e) for m in (first, second))
-        e = along(times, e, rate, curvature, scene)
+        return along(times, e, rate, curvature, scene)
+
+    e = jax.lax.fori_loop(0, 1 + REFINEMENTS, refined, e)
     relative = jax.vmap(lambda e: scene.joints.map(lambda joint, at: at / joint.clearance, e))(e)
     return numbers(relative).T
 
@@ -100,7 +103,7 @@ def missed(system: System, x: Float[Array, "nodes dims"], factors: Factors) -> S
         return foundation_force(snapshot(angle, x, rate, scene), scene) ** 2
 
     points, pace = 2 * len(x), 2 * np.pi / system.period
-    by_both = jax.jacfwd(square, argnums=(1, 2))
+    by_both = jax.grad(square, argnums=(1, 2))
     by_x, by_rate = one_by_one(by_both, system.at(x, len(x)), system.args)
     weights = by_x + pace * differentiation(len(x))[0].T @ by_rate
     dual = lu_solve(factors, weights.ravel(), trans=1).reshape(x.shape)

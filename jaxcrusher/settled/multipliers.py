@@ -45,7 +45,7 @@ def multipliers(system: System, x: Float[Array, "nodes dims"], steps: int = STEP
     """
     system, x = jax.lax.stop_gradient((system, x))
     along = _linearised(system, x, max(LOOKS, len(x)))
-    coarse, fine = (_monodromy(along, system.period, count) for count in (steps // 2, steps))
+    coarse, fine = _monodromies(along, system.period, (steps // 2, steps))
     # Twice the steps leave a 64th of the error.
     error = jnp.max(jnp.abs(fine - coarse)) / jnp.max(jnp.abs(fine)) / 63
     good = jnp.all(jnp.isfinite(fine))
@@ -53,33 +53,41 @@ def multipliers(system: System, x: Float[Array, "nodes dims"], steps: int = STEP
     return Multipliers(jnp.where(good, values, jnp.nan), fine, error)
 
 
-def _monodromy(along: Array, period: Scalar, steps: int) -> Array:
-    """The product of all steps, the last on the left."""
-    dims, step = along.shape[1] // 2, period / steps
+def _monodromies(along: Array, period: Scalar, counts: tuple[int, int]) -> tuple[Array, Array]:
+    """The product of all steps, the last on the left, of either number of steps."""
+    dims = along.shape[1] // 2
     # Rates in the unit of the fastest swing, so that all entries are of one size.
     pace = jnp.sqrt(jnp.max(jnp.abs(along[:, dims:, :dims])))
     units = jnp.concatenate([jnp.ones(dims), jnp.full(dims, 1 / pace)])
     scale = units[:, None] / units
     points = (-GAUSS, 0.0, GAUSS)
-    gauss = tuple(resample(step * scale * along, steps, 0.5 + off) for off in points)
+    gauss = tuple(
+        jnp.concatenate([resample(period / n * scale * along, n, 0.5 + off) for n in counts])
+        for off in points
+    )
 
-    # Step by step: XLA makes one kernel of the loop. Of all steps side by side it computes each
-    # product again for every entry of the next.
-    def pass_on(passed: Array, instants: tuple[Array, ...]) -> tuple[Array, None]:
-        early, first, late = instants
+    # Step by step, one number of steps after the other: XLA makes one kernel of the loop. Of all
+    # steps side by side it computes each product again for every entry of the next.
+    def pass_on(products, now) -> tuple[tuple[Array, Array], None]:
+        (early, first, late), begins = now
+        before, passed = products
+        before = jnp.where(begins, passed, before)
+        passed = jnp.where(begins, eye, passed)
         second = (late - early) / (2 * GAUSS)
         third = (late - 2 * first + early) / (2 * GAUSS**2)
         inner = _bracket(first, second)
         outer = -_bracket(first, 2 * third + inner) / 60
         bend = _bracket(-20 * first - third + inner, second + outer) / 240
-        return _exponential(first + third / 12 + bend) @ passed, None
+        return (before, _exponential(first + third / 12 + bend) @ passed), None
 
-    return jax.lax.scan(pass_on, jnp.eye(2 * dims), gauss)[0] / scale
+    eye, begins = jnp.eye(2 * dims), np.arange(sum(counts)) == counts[0]
+    one, other = jax.lax.scan(pass_on, (eye, eye), (gauss, begins))[0]
+    return one / scale, other / scale
 
 
 def _linearised(system: System, x: Array, count: int) -> Array:
     """The matrices of the variational equations at `count` instants of the period."""
-    by_x, by_rate = system.slopes(*system.at(x, count))
+    (by_x, by_rate), _ = system.slopes(*system.at(x, count))
     zero, eye = jnp.zeros_like(by_x), jnp.broadcast_to(np.eye(x.shape[1]), by_x.shape)
     return jnp.concatenate(
         [jnp.concatenate([zero, eye], axis=2), jnp.concatenate([by_x, by_rate], axis=2)], axis=1

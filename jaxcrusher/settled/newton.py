@@ -46,7 +46,6 @@ class Root(eqx.Module):
 
 class _Iterate(eqx.Module):
     point: Array
-    residual: Array
     factors: Factors
     share: Scalar  # of Newton's step, to be tried next
     step: Array  # the next step as the last Jacobian foresaw it
@@ -60,7 +59,6 @@ class _Trial(eqx.Module):
     share: Scalar
     next_share: Scalar
     point: Array
-    residual: Array
     step: Array
     settled: Bool[Array, ""]
     lost: Bool[Array, ""]
@@ -68,12 +66,12 @@ class _Trial(eqx.Module):
 
 def newton(
     residual: Callable[[Array], Array],
-    jacobian: Callable[[Array], Array],
+    linearised: Callable[[Array], tuple[Array, Array]],
     guess: Float[Array, " n"],
     tolerance: float,
     max_steps: int,
 ) -> Root:
-    """A zero of `residual` near `guess`.
+    """A zero of `residual` near `guess`; `linearised` gives the residual and its Jacobian.
 
     Converged when a further step, with the last Jacobian, is at most `tolerance` in every entry;
     that step is then taken. Pure JAX; not to be differentiated through.
@@ -81,8 +79,9 @@ def newton(
     successful = RESULTS.successful
 
     def advance(state: _Iterate) -> _Iterate:
-        factors = lu_factor(jacobian(state.point))
-        step = lu_solve(factors, -state.residual)
+        left, matrix = linearised(state.point)
+        factors = lu_factor(matrix)
+        step = lu_solve(factors, -left)
         length = _size(step)
         # By how much the last Jacobian mistook this step tells how much of it to trust.
         mistaken = _size(state.step - step)
@@ -95,9 +94,10 @@ def newton(
         result = RESULTS.where(exhausted, RESULTS.too_many_steps, successful)
         result = RESULTS.where(trial.settled, successful, result)
         result = RESULTS.where(lost, RESULTS.no_descent, result)
+        able = (state.steps > 0) | jnp.all(jnp.isfinite(left))
+        result = RESULTS.where(able, result, RESULTS.not_finite)
         return _Iterate(
             jnp.where(lost, state.point, trial.point),
-            trial.residual,
             factors,
             trial.share,
             trial.step,
@@ -107,19 +107,16 @@ def newton(
             result,
         )
 
-    start = residual(guess)
-    able = jnp.all(jnp.isfinite(start))
     n, none = guess.size, jnp.zeros_like(guess)
     first = _Iterate(
         guess,
-        start,
         (jnp.eye(n), jnp.arange(n, dtype=jnp.int32)),
         jnp.ones(()),
         none,
         jnp.zeros(()),
         jnp.array(0),
-        ~able,
-        RESULTS.where(able, RESULTS.too_many_steps, RESULTS.not_finite),
+        jnp.array(False),
+        RESULTS.too_many_steps,
     )
     last = jax.lax.while_loop(lambda state: ~state.done, advance, first)
     return Root(last.point, last.factors, last.steps, last.result)
@@ -150,13 +147,13 @@ def _damped(
         settled = usable & (share == 1) & (jnp.max(jnp.abs(following)) <= tolerance)
         end = jnp.where(settled, tried + following, tried)
         lost = ~(shorter | settled) & ~(retry >= LEAST_SHARE)
-        trial = _Trial(share, retry, end, left, following, settled, lost)
+        trial = _Trial(share, retry, end, following, settled, lost)
         return trial, shorter | settled | lost
 
-    def again(state: tuple[_Trial, Bool[Array, ""]]) -> tuple[_Trial, Bool[Array, ""]]:
-        return attempt(state[0].next_share)
-
-    return jax.lax.while_loop(lambda state: ~state[1], again, attempt(share))[0]
+    # One loop, so that what it does is compiled once. Where there is no step there is no share.
+    no = jnp.array(False)
+    none = _Trial(share, share, point, step, no, no), ~jnp.isfinite(length)
+    return jax.lax.while_loop(lambda s: ~s[1], lambda s: attempt(s[0].next_share), none)[0]
 
 
 def _size(vector: Array) -> Scalar:

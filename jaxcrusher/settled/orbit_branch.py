@@ -135,6 +135,6 @@ def _described(
     family: Callable[[Scalar], System], value: Scalar, x: Array, period: int
 ) -> PeriodicOrbit:
     system = family(value)
-    factors = lu_factor(system.jacobian(x).reshape(x.size, x.size))
+    factors = lu_factor(system.linearised(x)[1].reshape(x.size, x.size))
     root = Root(x.ravel(), (factors[0], factors[1]), jnp.array(0), RESULTS.successful)
     return described(system, period, x, root)
