@@ -13,23 +13,26 @@ from optimize.evaluate import STARTS
 def print_table(console: Console, answer: Answer) -> None:
     """The designs, the checks, and what to make of the answer."""
     objective, unit, units = answer.objective, answer.objective.unit, answer.box.units
-    table = Table(title=objective.meaning, box=SIMPLE_HEAD, padding=0)
-    table.add_column("", max_width=8)
-    free = ["\n".join(filter(None, (name, unit_of(name, units)[0]))) for name in answer.box.bounds]
-    starts = [f"{start}\nstart, {unit}" for start in STARTS]
-    ends = ("ideal\nRMS, N", "capacity\nm3/h", "turns to\nsettle")
-    for heading in (*free, f"settled\n{unit}", *starts, *ends):
-        table.add_column(heading, justify="right", no_wrap=True)
+    # A column a design: any number of free parameters fits 80 columns.
+    table = Table("", title=objective.meaning, box=SIMPLE_HEAD)
+    rows = [f"{name}, {unit_of(name, units)[0]}".rstrip(", ") for name in answer.box.bounds]
+    rows += [f"settled, {unit}", *(f"{start} start, {unit}" for start in STARTS)]
+    rows += ["ideal joints' RMS, N", "capacity, m3/h", "turns to settle"]
+    columns = []
     for title, design in answer.designs.items():
-        table.add_row(
-            title,
-            *(f"{words.shown(name, value, units):.5g}" for name, value in design.values.items()),
-            words.settled(design),
-            *(words.interval(design.transient[start]) for start in STARTS),
-            f"{design.ideal_rms:.0f}",
-            f"{design.capacity:.2f}",
-            words.turns(design),
+        table.add_column(title, justify="right")
+        columns.append(
+            (
+                *(f"{words.shown(name, of, units):.5g}" for name, of in design.values.items()),
+                words.settled(design),
+                *(words.interval(design.transient[start]) for start in STARTS),
+                f"{design.ideal_rms:.0f}",
+                f"{design.capacity:.2f}",
+                words.turns(design),
+            )
         )
+    for row in zip(rows, *columns, strict=True):
+        table.add_row(*row)
 
     def tell(line: str) -> None:
         console.print(line, highlight=False, markup=False)

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import subprocess
 import sys
 from dataclasses import asdict, replace
@@ -101,6 +102,23 @@ def test_closing_table_names_what_is_outside_the_model(finished):
     print_table(console, answer)
     text = console.export_text()
     assert "18243.41" in text and "21796.41" in text and "…" not in text
+    # With long names as well, and every design keeps its own.
+    bounds = {"counterweight.mass": (0.0, 60.0), "jaw.mass_centre_distance": (0.25, 0.35)}
+    values = dict(zip(bounds, (20.2047, 0.30125), strict=True))
+    answer = replace(
+        answer,
+        box=replace(answer.box, bounds=bounds),
+        optimum=replace(answer.optimum, values=values),
+        seed_choice=replace(answer.seed_choice, values=values),
+    )
+    console = Console(record=True, file=io.StringIO(), width=80)
+    print_table(console, answer)
+    text = console.export_text()
+    assert re.search(r"optimum +paper's choice *\n", text)
+    assert re.search(r"counterweight\.mass, kg +20\.205 +20\.205 *\n", text)
+    assert re.search(r"jaw\.mass_centre_distance, mm +301\.25 +301\.25 *\n", text)
+    assert re.search(r"settled, N +18243\.41 +21796\.41 *\n", text)
+    assert max(map(len, text.splitlines())) <= 80 and "…" not in text
 
 
 def test_map_of_settled_motions_is_labelled(finished):
@@ -474,7 +492,11 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"clearance": ("0.03", "100 mm")}, "clearance"),
     ],
 )
-def test_bad_options(change, name, tmp_path):
+def test_bad_options(change, name, tmp_path, monkeypatch):
+    def begun(*_):
+        raise AssertionError("a search began")  # which takes minutes
+
+    monkeypatch.setattr(stages, "Search", begun)
     with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
         run(Options(out=tmp_path, **change), Console(quiet=True))
     assert "\n" not in str(error.value)
