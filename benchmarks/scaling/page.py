@@ -6,6 +6,7 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from jaxcrusher.files.provenance import command
+from jaxcrusher.pictures.page import WIDTH, plain_powers
 
 BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
 # The aims of the project, in values: forward by the number of parameters, and reverse.
@@ -116,9 +117,13 @@ def aim_of(row: dict[str, Any]) -> float:
 
 
 def figure(rows: list[dict[str, Any]]) -> Figure:
-    """Three panels: time a design by designs, by turns, and gradients by parameters."""
-    plt.rcParams.update({"font.size": 9})
-    panels, (left, middle, right) = plt.subplots(1, 3, figsize=(10, 3.4), layout="constrained")
+    """Time a design by designs and by turns, and below it gradients by parameters."""
+    panels, at = plt.subplot_mosaic(
+        [["designs", "turns"], ["gradients", "gradients"]],
+        figsize=(WIDTH, 5.6),
+        layout="constrained",
+    )
+    left, middle, right = at["designs"], at["turns"], at["gradients"]
     for cores, colour, marker in ((1, BLUE, "o"), (2, ORANGE, "s")):
         for axes, what, unit in ((left, "designs", "designs"), (middle, "turns", "turns")):
             kept = [r for r in rows if r["what"] == what and r["cores"] == cores]
@@ -159,5 +164,7 @@ def figure(rows: list[dict[str, Any]]) -> Figure:
     right.set(xlabel="parameters", ylabel="value and gradient / value")
     right.set_xticks(sorted({r["parameters"] for r in gradients}))
     right.set_ylim(bottom=0)
-    right.legend(frameon=False, fontsize=7)
+    right.legend(frameon=False)
+    for axes in (left, middle):
+        plain_powers(axes)
     return panels

@@ -3,11 +3,14 @@
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
+
 from benchmarks.scaling.measure import DESIGNS, DIFFERENTIATED, METHODS, SWEEP_SIDES, TURNS
 from benchmarks.scaling.page import figure, page
 from benchmarks.setting import run_apart, setting
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_figure, write_table, write_text
+from jaxcrusher.pictures.page import STYLE
 
 # What to measure, and on how many cores.
 JOBS = (
@@ -31,6 +34,7 @@ def run(out: Path) -> None:
                 rows.append({"what": what, "cores": cores} | row)
                 write_table(folder / "scaling.csv", rows, setting())
                 bars.advance(task)
-    write_figure(folder / "scaling.png", figure(rows), dpi=200)
+    with plt.rc_context(STYLE):
+        write_figure(folder / "scaling.png", figure(rows))
     write_text(folder / "scaling.md", page(rows, setting()))
     print((folder / "scaling.md").read_text(encoding="utf-8"))

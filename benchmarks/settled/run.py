@@ -8,9 +8,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
 
 import jaxcrusher as jc
 from jaxcrusher.files.results import write_figure
+from jaxcrusher.pictures.page import STYLE, WIDTH, plain_powers
 from jaxcrusher.scenes.parameters import PE250X400, numbers_of
 
 SPEEDS, CLEARANCES = np.linspace(25, 40, 61), np.linspace(0.03e-3, 0.12e-3, 46)
@@ -23,9 +25,21 @@ BOUNDS = (36.8, 38.0)
 def run(out: Path) -> None:
     """Compute, print, draw."""
     jc.set_up()
-    fig, axes = plt.subplots(1, 3, figsize=(14, 4.2), layout="constrained")
+    with plt.rc_context(STYLE):
+        write_figure(out / "settled.png", figure())
+    print(out / "settled.png")
+
+
+def figure() -> Figure:
+    """Two maps, and below them the branch."""
+    fig, panels = plt.subplot_mosaic(
+        [["centre", "surface"], ["branch", "branch"]],
+        figsize=(WIDTH, 5.8),
+        layout="constrained",
+        height_ratios=(5, 4),
+    )
     ideal = np.array([float(jc.periodic_orbit(jc.ideal_scene(s)).foundation_rms) for s in SPEEDS])
-    for ax, slip in zip(axes, ("centre", "surface"), strict=False):
+    for slip in ("centre", "surface"):
         begun, used = time.perf_counter(), time.process_time()
         found = jc.orbit_map(
             {"speed": SPEEDS, "clearance": CLEARANCES},
@@ -34,10 +48,9 @@ def run(out: Path) -> None:
         )
         spent = time.perf_counter() - begun, time.process_time() - used
         report(slip, found, *spent)
-        draw_map(fig, ax, found, ideal, slip)
-    draw_branch(axes[2])
-    write_figure(out / "settled.png", fig)
-    print(out / "settled.png")
+        draw_map(fig, panels[slip], found, ideal, slip)
+    draw_branch(panels["branch"])
+    return fig
 
 
 def report(slip: str, found: xr.Dataset, wall: float, cpu: float) -> None:
@@ -62,7 +75,8 @@ def draw_map(fig, ax, found: xr.Dataset, ideal: np.ndarray, slip: str) -> None:
     image = ax.pcolormesh(
         SPEEDS, millimetres, excess.T, shading="nearest", norm=norm, rasterized=True
     )
-    fig.colorbar(image, ax=ax, label="RMS off an ideal joint's, N", extend="both")
+    bar = fig.colorbar(image, ax=ax, label="RMS off an ideal joint's, N", extend="both")
+    plain_powers(bar.ax)
     ax.set(xlabel="speed, rad/s", ylabel="clearance, mm", title=f"slip of the {slip}s")
 
 
@@ -86,7 +100,7 @@ def draw_branch(ax) -> None:
         ):
             print(f"at {1e3 * FOLDED:g} mm: {kind} at {value:.6f} rad/s")
             ax.axvline(value, color="0.6", lw=0.8)
-            ax.annotate(f" {kind} {value:.4f}", (value, 21060), fontsize=8)
+            ax.annotate(f" {kind} {value:.4f}", (value, 21060))
         print(f"  from {start:g} rad/s: {branch.sizes['point']} points. {branch.ended}")
     ax.legend()
     ax.set(

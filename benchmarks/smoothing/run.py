@@ -17,6 +17,7 @@ from benchmarks.peers.motion import Motion
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command
 from jaxcrusher.files.results import results_folder, write_figure, write_text
+from jaxcrusher.pictures.page import STYLE, WIDTH, plain_powers
 
 TIMES = 1e-5 * np.arange(2001)
 OUTPUTS = ("normal_force", "friction_force", "eccentricity")
@@ -70,7 +71,8 @@ def run(out: Path) -> None:
             changed = [eqx.tree_at(where, scene, jnp.array(width)) for width in widths]
             rows[name] = [measure(one, exact) for one in bars.track(changed, description=name)]
     write_text(folder / "smoothing.md", _table(rows, own))
-    write_figure(folder / "smoothing.png", _draw(rows, own))
+    with plt.rc_context(STYLE):
+        write_figure(folder / "smoothing.png", _draw(rows, own))
     print(f"{folder / 'smoothing.md'}, {folder / 'smoothing.png'}")
 
 
@@ -108,13 +110,16 @@ def _table(rows: dict, own: float) -> str:
 
 
 def _draw(rows: dict, own: float) -> Figure:
-    fig, axes = plt.subplots(1, len(WIDTHS), figsize=(11, 3.6), layout="constrained", sharey=True)
+    fig, axes = plt.subplots(
+        1, len(WIDTHS), figsize=(WIDTH, 3.4), layout="constrained", sharey=True
+    )
     for ax, (name, (_, unit, widths, speed)) in zip(axes, WIDTHS.items(), strict=True):
         ax.loglog(widths, [error for error, _ in rows[name]], "o-", color="C0", label="error")
         ax.axvline(default(name), color="C1", linestyle="--", label="default")
         ax.axhline(own, color="0.5", linestyle=":", label="reference's own error")
         ax.set(xlabel=f"width ({unit})", title=f"{name}, {speed:g} rad/s")
+        plain_powers(ax)
         ax.grid(alpha=0.3)
     axes[0].set_ylabel("largest error of the contact force")
-    axes[0].legend()
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return fig

@@ -11,7 +11,7 @@ from benchmarks.setting import setting
 from benchmarks.waiting.measure import CASES, WAYS, Row, of_ours, settled, waited
 from jaxcrusher.files.provenance import command
 from jaxcrusher.files.results import results_folder, write_figure, write_text
-from jaxcrusher.pictures.page import COLOURS
+from jaxcrusher.pictures.page import COLOURS, STYLE, WIDTH, plain_powers
 
 LINES = {"contact": "-", "centred": "--"}
 HEADING = """# Waiting for the settled motion
@@ -43,7 +43,8 @@ def run(out: Path, seconds: float) -> None:
             rows += waited(name, way, seconds)
     text = page(rows)
     write_text(folder / "waiting.md", text)
-    write_figure(folder / "waiting.png", draw(rows))
+    with plt.rc_context(STYLE):
+        write_figure(folder / "waiting.png", draw(rows))
     print(text)
 
 
@@ -73,7 +74,7 @@ def page(rows: list[Row]) -> str:
 
 def draw(rows: list[Row]) -> Figure:
     """A panel a case."""
-    fig, axes = plt.subplots(1, len(CASES), figsize=(11, 4.4), sharey=True, layout="constrained")
+    fig, axes = plt.subplots(1, len(CASES), figsize=(WIDTH, 4.2), sharey=True, layout="constrained")
     for ax, name in zip(np.ravel(axes), CASES, strict=True):
         mine = [row for row in rows if row.case == name]
         for way, colour in zip(WAYS, COLOURS, strict=False):
@@ -91,8 +92,9 @@ def draw(rows: list[Row]) -> Figure:
         label = "periodic_orbit"
         ax.loglog([1e3 * solved.seconds], [solved.error], "k*", markersize=15, label=label)
         ax.set(title=name, xlabel="processor time (ms)")
+        plain_powers(ax)
         ax.grid(alpha=0.3)
     first = np.ravel(axes)[0]
     first.set(ylabel="error of the settled RMS")
-    fig.legend(*first.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
+    fig.legend(*first.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return fig

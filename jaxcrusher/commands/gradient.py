@@ -1,6 +1,9 @@
 """`python -m jaxcrusher gradient`: slopes of a statistic, and whether to believe them."""
 
 import dataclasses
+import json
+import math
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -10,9 +13,9 @@ from jaxcrusher.basics.checks import require, require_choice, require_positive, 
 from jaxcrusher.commands.crushers import read_moving, require_moving, units_given
 from jaxcrusher.commands.options import Gradient
 from jaxcrusher.dynamics.judgement import Slope
-from jaxcrusher.files.provenance import provenance
+from jaxcrusher.files.provenance import environment, provenance
 from jaxcrusher.files.results import write_json
-from jaxcrusher.files.resume import begin
+from jaxcrusher.files.resume import SETTINGS, begin, earlier
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.parameters import PARAMETERS
@@ -25,12 +28,16 @@ def run(options: Gradient, console: Console) -> int:
     settings = {"command": "gradient", "scene": values}
     for name in ("metric", "by", "settle", "turns", "radius", "pairs", "seed", "rtol"):
         settings[name] = getattr(options, name)
-    folder = begin(options.results.folder, settings, "gradient.json")
+    path, given = options.results.folder / "gradient.json", units_given(options.crusher)
+    report = restored(path, settings)
+    if report is not None:
+        return _tell(report, given, f"{path} (done before)", console)
+    begin(options.results.folder, settings, path.name)
 
     def scene(**numbers) -> jc.Scene:
         return jc.build_scene({**values, **numbers})
 
-    with console.status("compiling and integrating: minutes"):
+    with console.status("compiling") as status:
         report = jc.gradient_report(
             scene,
             options.metric,
@@ -41,14 +48,18 @@ def run(options: Gradient, console: Console) -> int:
             pairs=options.pairs,
             seed=options.seed,
             rtol=options.rtol,
+            progress=lambda stage: status.update(f"{stage} (with compilation up to a minute)"),
         )
-    path = folder / "gradient.json"
     write_json(path, provenance("Slopes", scene=values) | content(report))
-    given = units_given(options.crusher)
+    return _tell(report, given, str(path), console)
+
+
+def _tell(report: jc.GradientReport, given: dict[str, str], path: str, console: Console) -> int:
+    """Print a report; the exit status."""
     console.print(str(shown(report, given)), highlight=False, markup=False, soft_wrap=True)
-    of = STATISTIC[options.metric].unit
-    units = ", ".join(f"by {name} {per(of, unit_of(name, given)[0])}" for name in options.by)
-    console.print(f"units: {units}; {path} is in SI units", highlight=False, soft_wrap=True)
+    of = STATISTIC[report.metric].unit
+    units = ", ".join(f"by {name} {per(of, unit_of(name, given)[0])}" for name in report.slopes)
+    console.print(f"units: {units}; in SI units: {path}", highlight=False, soft_wrap=True)
     return 1 if report.regime.name == "failed" else 0
 
 
@@ -88,12 +99,41 @@ def content(report: jc.GradientReport) -> dict[str, Any]:
     return {
         "metric": report.metric,
         "regime": report.regime.name,
+        "period": report.regime.period,
         "evidence": list(report.regime.evidence),
         "horizon_turns": report.horizon,
         "growth": dict(zip(("value", "standard_error"), map(float, report.growth), strict=True)),
         "usable": report.usable,
         "slopes": slopes,
     }
+
+
+def restored(path: Path, settings: dict[str, Any]) -> jc.GradientReport | None:
+    """The report that the same question got of the same versions, or None.
+
+    Raises ValueError for a folder with the answer to another question.
+    """
+    asked = earlier(path.with_name(SETTINGS), settings, "name")
+    if asked is None or not path.exists():
+        return None
+    kept = json.loads(path.read_text(encoding="utf-8"))
+    if kept.get("environment") != json.dumps(environment()) or "period" not in kept:
+        return None
+    kind = jc.Regime(kept["regime"], tuple(kept["evidence"]), kept["period"])
+    growth = _number(kept["growth"]["value"]), _number(kept["growth"]["standard_error"])
+    slopes = {}
+    for name, slope in kept["slopes"].items():
+        slope = {key: value for key, value in slope.items() if key != "units"}
+        for key in ("value", "standard_error"):
+            slope[key] = _number(slope[key])
+        estimates = {key: (_number(a), _number(b)) for key, (a, b) in slope["estimates"].items()}
+        slopes[name] = Slope(**slope | {"reasons": tuple(slope["reasons"]), "estimates": estimates})
+    return jc.GradientReport(kept["metric"], kind, kept["horizon_turns"], growth, slopes)
+
+
+def _number(value: float | None) -> float:
+    """What JSON cannot hold is null there."""
+    return math.nan if value is None else value
 
 
 def _unit(metric: str, name: str) -> str:

@@ -135,8 +135,9 @@ class Regimes:
 class Gradient:
     """Slopes of a statistic by some parameters, each with a verdict: ok, doubtful or refused.
 
-    Writes OUT/NAME/gradient.json. With the default turns one to four minutes, most of it
-    compilation; a chaotic motion takes longer than a periodic one.
+    Writes OUT/NAME/gradient.json; the same question again is answered from it. With the default
+    turns one to four minutes, most of it compilation; a chaotic motion takes longer than a
+    periodic one.
     """
 
     metric: Annotated[str, tyro.conf.Positional] = "foundation_rms"

@@ -92,6 +92,7 @@ def gradient_report(
     seed: int = 0,
     rtol: float = 1e-9,
     chunk: int = 64,
+    progress: Callable[[str], None] = lambda stage: None,
 ) -> GradientReport:
     """Slopes of a statistic by named parameters, each with its verdict.
 
@@ -105,6 +106,8 @@ def gradient_report(
       each value, or where that is 0 of the scale `jaxcrusher.PARAMETERS` has for the name.
     - `pairs`, `seed`: of runs of a fit, and for the random choice of them. There are at least
       twice as many pairs as parameters.
+    - `chunk`: runs at most in a batch of a fit.
+    - `progress`: called with what begins, in words: which stages there are, the motion decides.
 
     **Returns:** a `GradientReport`. A start beside a stable motion of one turn that keeps contact
     gets that motion's slopes, solved for (`jaxcrusher.settled.slopes`), in seconds. Otherwise
@@ -133,15 +136,18 @@ def gradient_report(
     here = build(point)
     require(here.joint is not None, "scene", "make scenes with a clearance joint", "an ideal one")
     horizon = settle_turns + turns
+    progress("looking for the settled motion")
     settled = settled_slopes(build, point, metric, radii)
     if settled is not None:
         return _settled_report(metric, names, radii, settled, horizon)
     along: list[Tangents] = []
 
     def further(state: Float[Array, " dims"]) -> Tangents:
+        progress(f"differentiating along {TANGENT_TURNS} turns")
         along.append(tangents(build, point, metric, state, TANGENT_TURNS, rtol))
         return along[-1]
 
+    progress(f"classifying the motion: {settle_turns + max(turns, REGIME_TURNS)} turns")
     kind = classify(here, settle_turns, max(turns, REGIME_TURNS), REGIME_RTOL, further)
     if kind.exponents is None:
         why = (f"the motion is {kind.name}: outside the model",)
@@ -154,6 +160,7 @@ def gradient_report(
     fits: list[Fit] = []
     period, orbit = kind.period, None
     if period is not None and kind.state is not None:
+        progress("differentiating along its orbit")
         orbit = section_point(build, point, metric, kind.state, period)
     if period is not None and orbit is not None:
         evidence["multipliers"] = multipliers(orbit[1])
@@ -169,6 +176,7 @@ def gradient_report(
         count = max(pairs if chaotic else QUIET_PAIRS, 2 * len(names))
         shift = START_SHIFT if chaotic else 0.0
         for share, name in zip((1.0, 0.5), FITS, strict=True):
+            progress(f"fitting slopes to {2 * count} runs of {horizon} turns")
             fits.append(fit_slopes(value, numbers, share * radii, count, seed, shift, chunk))
             estimates[name] = fits[-1].slopes, fits[-1].errors
     if chaotic and isinstance(STATISTIC[metric].reduction, PowerMean):

@@ -1,13 +1,15 @@
 """The design study in one figure."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
 
 from jaxcrusher.files.results import write_figure
+from jaxcrusher.pictures.page import STYLE, WIDTH, plain_powers
 from optimize.balance.compare import best_so_far
 from optimize.balance.methods import by_method
 
@@ -21,14 +23,21 @@ DESIGNS = {"paper": "0.5", "optimised": "C0", "robust": "C3"}
 
 def draw(path: Path, result: dict, turn: Mapping[str, Mapping[str, Any]]) -> None:
     """Best so far over work and seconds, and forces and power of the designs over a turn."""
-    fig, axes = plt.subplots(2, 3, figsize=(14, 7.5), layout="constrained")
-    for ax, kind in ((axes[0, 0], "work"), (axes[0, 1], "seconds")):
+    with plt.rc_context(STYLE):
+        fig, axes = plt.subplots(3, 2, figsize=(WIDTH, 8), layout="constrained")
+        _fill(axes.ravel(), result, turn)
+        write_figure(path, fig)
+
+
+def _fill(axes: Sequence[Axes], result: dict, turn: Mapping[str, Mapping[str, Any]]) -> None:
+    """The six panels, row by row."""
+    for ax, kind in ((axes[0], "work"), (axes[1], "seconds")):
         _draw_searches(ax, result, kind)
     angle = np.linspace(0, 360, len(turn["paper"]["foundation_force"]) + 1)[1:]
     curves = (
-        (axes[0, 2], "foundation_force", 1e-3, r"$|R_O| + |R_C|$, kN"),
-        (axes[1, 0], "shaking_force", 1e-3, "length of the shaking force, kN"),
-        (axes[1, 1], "drive_power", 1e-3, "drive power, kW"),
+        (axes[2], "foundation_force", 1e-3, "|R_O| + |R_C|, kN"),
+        (axes[3], "shaking_force", 1e-3, "shaking force, kN"),
+        (axes[4], "drive_power", 1e-3, "drive power, kW"),
     )
     for ax, key, factor, label in curves:
         for name, colour in DESIGNS.items():
@@ -43,20 +52,17 @@ def draw(path: Path, result: dict, turn: Mapping[str, Mapping[str, Any]]) -> Non
             )
         ax.set(xlabel="shaft angle, deg", ylabel=label, xlim=(0, 360), xticks=range(0, 361, 90))
         ax.grid(alpha=0.3)
-    axes[0, 2].set_ylim(bottom=0)
-    axes[0, 2].legend()
+    axes[2].set_ylim(bottom=0)
+    axes[2].legend()
     # The last of them moves the force most.
     condition, met = list(result["robust"]["conditions"].items())[-1]
     label, factor = CONDITIONS[condition]
     for name, colour in DESIGNS.items():
         rms = 1e-3 * np.array(result["robust"]["values"][name])
         filled = "none" if name == "robust" else "full"
-        axes[1, 2].plot(
-            factor * np.array(met), rms, "o", color=colour, markersize=4, fillstyle=filled
-        )
-    axes[1, 2].set(xlabel=label, ylabel=r"RMS of $|R_O| + |R_C|$, kN")
-    axes[1, 2].grid(alpha=0.3)
-    write_figure(path, fig, dpi=120)
+        axes[5].plot(factor * np.array(met), rms, "o", color=colour, markersize=4, fillstyle=filled)
+    axes[5].set(xlabel=label, ylabel="RMS of |R_O| + |R_C|, kN")
+    axes[5].grid(alpha=0.3)
 
 
 def _draw_searches(ax, result: dict, kind: str) -> None:
@@ -88,5 +94,6 @@ def _draw_searches(ax, result: dict, kind: str) -> None:
         ylabel="RMS above the best found, N",
         xlabel="work, values" if kind == "work" else "CPU seconds",
     )
+    plain_powers(ax)
     ax.grid(alpha=0.3)
-    ax.legend(fontsize=8)
+    ax.legend()

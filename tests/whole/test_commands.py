@@ -223,9 +223,11 @@ def test_regimes_are_kept_one_by_one(tmp_path, verdicts):
 
 def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch):
     """`jaxcrusher.gradient_report` is tested elsewhere: here, what goes in and what is written."""
-    asked = {}
+    asked, count = {}, []
 
     def report(scene, metric, parameters, **options):
+        count.append(metric)
+        options["progress"]("a stage")
         asked.update(parameters, metric=metric, turns=options["turns"])
         built = scene(**{name: 2 * value for name, value in parameters.items()})
         assert float(built.machine.jaw.mass) == 1000.0 and float(built.drive.speed) == 25.0
@@ -239,7 +241,7 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         return jc.GradientReport(metric, kind, 10, (0.5, 0.1), slopes)
 
     monkeypatch.setattr(gradient.jc, "gradient_report", report)
-    status, text = run(
+    line = (
         "gradient",
         "contact_fraction",
         "--by",
@@ -256,6 +258,18 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         "--out",
         tmp_path,
     )
+    status, text = run(*line)
+    # The same question is answered again at once, and another one is not.
+    again, kept = run(*line)
+    assert again == status == 0 and len(count) == 1
+    done = f"{tmp_path / 'gradient' / 'gradient.json'} (done before)"
+    assert kept == text.replace(str(tmp_path / "gradient" / "gradient.json"), done)
+    with pytest.raises(ValueError, match=r"`name` must .* differ turns: 7 there, 8 here"):
+        run(*line, "--turns", 8)
+    # Nor is one that an interrupted run, or other versions, left no answer to.
+    path = tmp_path / "gradient" / "gradient.json"
+    path.write_text(path.read_text().replace('"environment": "', '"environment": "other '))
+    assert run(*line) == (status, text) and len(count) == 2
     # A value of 0 is as good as another.
     numbers = {"jaw.mass": 500.0, "counterweight.mass": 0.0}
     assert asked == {**numbers, "metric": "contact_fraction", "turns": 7}
