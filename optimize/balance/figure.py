@@ -1,12 +1,12 @@
 """The design study in one figure."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from jaxcrusher.files.results import write_figure
 from jaxcrusher.pictures.page import STYLE, WIDTH, plain_powers
@@ -24,13 +24,13 @@ DESIGNS = {"paper": "0.5", "optimised": "C0", "robust": "C3"}
 def draw(path: Path, result: dict, turn: Mapping[str, Mapping[str, Any]]) -> None:
     """Best so far over work and seconds, and forces and power of the designs over a turn."""
     with plt.rc_context(STYLE):
-        fig, axes = plt.subplots(3, 2, figsize=(WIDTH, 8), layout="constrained")
-        _fill(axes.ravel(), result, turn)
-        write_figure(path, fig)
+        write_figure(path, figure(result, turn))
 
 
-def _fill(axes: Sequence[Axes], result: dict, turn: Mapping[str, Mapping[str, Any]]) -> None:
-    """The six panels, row by row."""
+def figure(result: dict, turn: Mapping[str, Mapping[str, Any]]) -> Figure:
+    """Six panels in three rows."""
+    fig, grid = plt.subplots(3, 2, figsize=(WIDTH, 8), layout="constrained")
+    axes = grid.ravel()
     for ax, kind in ((axes[0], "work"), (axes[1], "seconds")):
         _draw_searches(ax, result, kind)
     angle = np.linspace(0, 360, len(turn["paper"]["foundation_force"]) + 1)[1:]
@@ -53,7 +53,6 @@ def _fill(axes: Sequence[Axes], result: dict, turn: Mapping[str, Mapping[str, An
         ax.set(xlabel="shaft angle, deg", ylabel=label, xlim=(0, 360), xticks=range(0, 361, 90))
         ax.grid(alpha=0.3)
     axes[2].set_ylim(bottom=0)
-    axes[2].legend()
     # The last of them moves the force most.
     condition, met = list(result["robust"]["conditions"].items())[-1]
     label, factor = CONDITIONS[condition]
@@ -63,6 +62,10 @@ def _fill(axes: Sequence[Axes], result: dict, turn: Mapping[str, Mapping[str, An
         axes[5].plot(factor * np.array(met), rms, "o", color=colour, markersize=4, fillstyle=filled)
     axes[5].set(xlabel=label, ylabel="RMS of |R_O| + |R_C|, kN")
     axes[5].grid(alpha=0.3)
+    methods, designs = (ax.get_legend_handles_labels() for ax in (axes[0], axes[2]))
+    fig.legend(*methods, loc="outside upper center", ncols=4)
+    fig.legend(*designs, loc="outside lower center", ncols=4)
+    return fig
 
 
 def _draw_searches(ax, result: dict, kind: str) -> None:
@@ -96,4 +99,3 @@ def _draw_searches(ax, result: dict, kind: str) -> None:
     )
     plain_powers(ax)
     ax.grid(alpha=0.3)
-    ax.legend()

@@ -1,5 +1,6 @@
 """The benchmarks' figures, from their committed rows: legible at the width of a page."""
 
+import csv
 from collections import Counter
 from pathlib import Path
 
@@ -7,16 +8,21 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 from matplotlib.text import Text
 
+from benchmarks.scaling import page as scaling
+from benchmarks.smoothing import run as smoothing
 from benchmarks.stability import figure as stability
 from benchmarks.stability.judgement import Judged
+from benchmarks.waiting import run as waiting
 from benchmarks.work_precision import figure as work_precision
 from benchmarks.work_precision.measure import Row
 from benchmarks.work_precision.report import FIGURES
 from jaxcrusher.files.results import read_table
-from jaxcrusher.pictures.page import SMALLEST, WIDTH, power
+from jaxcrusher.pictures.page import SMALLEST, STYLE, WIDTH, power
+from optimize.balance import figure as balance
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -117,3 +123,68 @@ def test_pages_show_the_figures():
 )
 def test_powers_of_ten_in_few_letters(value, text):
     assert power(value) == text
+
+
+@pytest.fixture(scope="module")
+def further():
+    """Figures that fit one page each, of rows made by hand or committed."""
+    lines = (DOCS / "scaling.csv").read_text().splitlines()
+    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    numbers = [{name: _number(text) for name, text in row.items() if text} for row in rows]
+    widths = {name: [(1e-6, 1.0)] * len(of[2]) for name, of in smoothing.WIDTHS.items()}
+    waited = [waiting.Row(case, "periodic_orbit", "", None, 3e-3, 1e-15) for case in waiting.CASES]
+    waited += [
+        waiting.Row(case, way, start, 10, 0.1, 1e-6)
+        for case in waiting.CASES
+        for way in waiting.WAYS
+        for start in waiting.LINES
+    ]
+    result = {
+        "cost": {"scale": 19102.0},
+        "robust": {
+            "conditions": {"load": [8e3, 9e3]},
+            "values": {name: [19e3, 20e3] for name in balance.DESIGNS},
+        },
+        "searches": [
+            {"method": method, "start": 0, "work": [1, 9], "seconds": [0.1, 1.0], "best": [1, 0.9]}
+            | {"total_work": 9, "total_seconds": 1.0}
+            for method in balance.COLOURS
+        ],
+    }
+    turn = {
+        name: {
+            "foundation_force": np.ones(8),
+            "shaking_force": np.ones((8, 2)),
+            "drive_power": np.ones(8),
+        }
+        for name in balance.DESIGNS
+    }
+    with plt.rc_context(STYLE):
+        found = {
+            "scaling": scaling.figure(numbers),
+            "smoothing": smoothing._draw(widths, 1e-7),
+            "waiting": waiting.draw(waited),
+            "balance": balance.figure(result, turn),
+        }
+        # Ticks take their type when they are first drawn.
+        for fig in found.values():
+            fig.draw_without_rendering()
+    yield found
+    for fig in found.values():
+        plt.close(fig)
+
+
+def _number(text):
+    try:
+        return float(text) if set(text) & set(".e") else int(text)
+    except ValueError:
+        return text
+
+
+@pytest.mark.parametrize("name", ["scaling", "smoothing", "waiting", "balance"])
+def test_type_of_further_figures(further, name):
+    fig = further[name]
+    assert fig.get_figwidth() <= WIDTH and fig.get_figheight() <= 10
+    shown = [t for t in fig.findobj(Text) if t.get_visible() and t.get_text()]
+    assert len(shown) > 20 and min(text.get_fontsize() for text in shown) >= SMALLEST
+    assert not [text.get_text() for text in shown if "$" in text.get_text()]
