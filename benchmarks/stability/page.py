@@ -25,7 +25,8 @@ A cell is a motion, its number the steps of a turn in thousands; the errors are 
 
 Base case: {speed:g} rad/s, {clearance:g} mm, friction {friction:g} with the slip of the surfaces;
 one number is changed at a time (csv: [stability.csv](stability.csv)). Centred: e = e' = 0. In
-contact: resting in the bore. Violent: from e = 0 at 5 m/s.
+contact: resting in the bore. Violent: from e = 0 at 5 m/s. All are of the main bearing A; the seats
+B and C have [a page of their own](stability_seats.md).
 
 Every motion is compared twice, at the default tolerances. First instant by instant over
 {span:g} ms, force on the foundation and eccentricity, with SUNDIALS' CVODE on the published laws
@@ -101,10 +102,12 @@ def summary(rows: list[Judged], refused: list[Judged]) -> str:
     counts = Counter(row.verdict for row in rows)
     parts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS)
     bad = Counter(row.verdict for row in refused)
-    lines = [
-        f"{len(rows)} motions: {parts}. {len(refused)} inputs without a motion: "
-        f"{bad['refused']} refused, {bad[DISAGREES]} not."
-    ]
+    lines = [f"{len(rows)} motions: {parts}."]
+    if refused:
+        lines[0] += (
+            f" {len(refused)} inputs without a motion: {bad['refused']} refused, "
+            f"{bad[DISAGREES]} not."
+        )
     for row in (*rows, *refused):
         if row.agreement not in ("yes", ""):
             start = "" if row.start == row.value else row.start

@@ -37,7 +37,7 @@ class Axis:
 
 # Of each seat.
 AXES = {
-    "clearance": Axis("clearance", "m", (1e-6, 1e-5, 5e-4, 2e-3)),
+    "clearance": Axis("clearance", "m", (1e-6, 1e-5, 3e-5, 2e-4, 5e-4, 2e-3)),
     "stiffness": Axis("young", "x base", (1e-2, 100.0, 1e4), YOUNG),
     "restitution": Axis("restitution", "1", (0.05, 0.5, 1.0)),
     "friction": Axis("friction", "1", (0.0, 0.3, 1.0)),

@@ -38,13 +38,14 @@ def figures(rows):
         "first": work_precision.draw_first(rows),
         "rest": work_precision.draw_rest(rows, "rms_error"),
         "stability": stability.draw(read_table(DOCS / "stability.csv", Judged)),
+        "seats": stability.draw_seats(read_table(DOCS / "stability_seats.csv", Judged)),
     }
     yield found
     for fig in found.values():
         plt.close(fig)
 
 
-every = pytest.mark.parametrize("name", ["first", "rest", "stability"])
+every = pytest.mark.parametrize("name", ["first", "rest", "stability", "seats"])
 
 
 @every
@@ -105,13 +106,17 @@ def test_every_program_is_drawn(rows, figures):
     assert [len(ax.lines) for ax in figures["first"].axes] == [4, 4, 4, 3]
 
 
-def test_every_verdict_is_a_cell(figures):
-    motions = [row for row in read_table(DOCS / "stability.csv", Judged) if row.start]
-    axes = [ax for ax in figures["stability"].axes if ax.images]
+@pytest.mark.parametrize(
+    "name, table, verdicts", [("stability", "stability", 5), ("seats", "stability_seats", 3)]
+)
+def test_every_verdict_is_a_cell(figures, name, table, verdicts):
+    motions = [row for row in read_table(DOCS / f"{table}.csv", Judged) if row.start]
+    axes = [ax for ax in figures[name].axes if ax.images]
     assert sum(len(ax.texts) for ax in axes) == len(motions)
-    shown = Counter(int(code) for ax in axes for code in ax.images[0].get_array().ravel())
+    # A place without a case is masked.
+    shown = Counter(int(code) for ax in axes for code in ax.images[0].get_array().compressed())
     told = Counter(stability.ORDER.index(row.verdict) for row in motions)
-    assert shown == told and len(told) == len(stability.COLOURS)
+    assert shown == told and len(told) == verdicts
 
 
 def test_pages_show_the_figures():
