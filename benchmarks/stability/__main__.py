@@ -15,7 +15,7 @@ def main(
 ) -> None:
     """Judge every stiff and extreme case of the bearing A, and of the seats B and C.
 
-    About half an hour, of which the bearing takes eleven minutes.
+    Three quarters of an hour on two cores, of which the bearing takes eleven minutes.
 
     Args:
         of: Of what; of both without one.
