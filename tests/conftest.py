@@ -15,11 +15,12 @@ import jax
 import jaxtyping
 import pytest
 
-# Shapes and types of arguments and results are checked as the package is imported. Not yet in its
-# other rooms.
-ROOMS = ("basics", "joint", "crusher", "scenes", "motion", "pictures")
+# Shapes and types of arguments and results are checked as the package is imported, but for what
+# numba compiles, and what only writes and asks.
+ROOMS = ("basics", "joint", "crusher", "scenes", "motion", "settled", "dynamics", "pictures")
+BATCH = ("cluster", "engines", "plan", "rows", "store", "sweep")
 jaxtyping.install_import_hook(
-    [f"jaxcrusher.{room}" for room in ROOMS],
+    [f"jaxcrusher.{name}" for name in (*ROOMS, *(f"batch.{module}" for module in BATCH))],
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
 )
 

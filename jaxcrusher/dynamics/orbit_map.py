@@ -218,7 +218,7 @@ class _Grid:
         row = self.rows.get(number)
         if row is None or not row["success"] or "eccentricity" not in row:
             return np.full((points, 2), np.nan)
-        return np.asarray(resample(row["eccentricity"], points))
+        return np.asarray(resample(jnp.asarray(row["eccentricity"]), points))
 
     def _solve(self, solve: Callable, wanted: list[tuple[int, np.ndarray]], engine: Engine):
         """Rows as they come; the last chunk is as large as the others, or it were compiled anew."""

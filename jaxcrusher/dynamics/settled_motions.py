@@ -208,7 +208,7 @@ class _Known:
         A harmonic swing goes the square root of 2 times its RMS away.
         """
         least = float(self.orbits[number].least_penetration)
-        return swing.spread < max(NEAR, least / np.sqrt(2))
+        return bool(swing.spread < max(NEAR, least / np.sqrt(2)))
 
     def approached(self, before: _Swings, now: _Swings) -> int | None:
         """The orbit about which a motion swings less than it did.

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import lu_solve
-from jaxtyping import Array, Float, PyTree, Scalar
+from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.settled.newton import Factors, Root, newton
 from jaxcrusher.settled.trigonometric import differentiation, nodes, resample
@@ -97,7 +97,7 @@ def one_by_one(function: Callable, instants: PyTree, args: PyTree) -> PyTree:
 
 def collocate(
     system: System,
-    guess: Float[Array, "nodes dims"],
+    guess: Float[ArrayLike, "nodes dims"],
     *,
     tolerance: float = TOLERANCE,
     max_steps: int = MAX_STEPS,
@@ -108,7 +108,7 @@ def collocate(
     by the system's numbers in both directions, by the implicit function theorem and never through
     Newton's steps; the guess has no slope. Where the search failed the orbit is NaN.
     """
-    system_now, guess = jax.lax.stop_gradient((system, guess))
+    system_now, guess = jax.lax.stop_gradient((system, jnp.asarray(guess, float)))
     shape = guess.shape
 
     def linearised(x: Array) -> tuple[Array, Array]:

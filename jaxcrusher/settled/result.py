@@ -1,7 +1,7 @@
 """What is known of a periodic motion, however it was found."""
 
-import dataclasses
 from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -70,7 +70,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
         return reason(self.result)
 
     @property
-    def largest_multiplier(self) -> Scalar:
+    def largest_multiplier(self) -> Float[Array, "*batch"]:
         """The largest modulus."""
         return jnp.max(jnp.abs(self.multipliers), axis=-1, initial=0.0)
 
@@ -80,7 +80,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
         return self.success & (self.largest_multiplier < 1)
 
     @property
-    def settling_turns(self) -> Scalar:
+    def settling_turns(self) -> Float[Array, "*batch"]:
         """Turns in which a disturbance falls to 1/e in the end; infinite if it grows."""
         largest = self.largest_multiplier
         return jnp.where(largest >= 1, jnp.inf, -self.period / jnp.log(largest))
@@ -117,12 +117,17 @@ def _seen(
     return jax.vmap(look)(angles)
 
 
+def _is_none(node: Any) -> bool:
+    return node is None
+
+
 def judged(orbit: PeriodicOrbit, result: RESULTS) -> PeriodicOrbit:
     """The orbit with a result, and NaN in every number unless that is a success."""
 
     def number(leaf: Array) -> Array:
         return jnp.where(result == RESULTS.successful, leaf, jnp.nan)
 
-    bare = dataclasses.replace(orbit, scene=None, steps=None)
-    masked = jax.tree.map(lambda leaf: number(leaf) if eqx.is_inexact_array(leaf) else leaf, bare)
-    return dataclasses.replace(masked, scene=orbit.scene, steps=orbit.steps, result=result)
+    own = eqx.tree_at(lambda of: of.scene, orbit, None)
+    masked = jax.tree.map(lambda leaf: number(leaf) if eqx.is_inexact_array(leaf) else leaf, own)
+    changed = orbit.scene, result
+    return eqx.tree_at(lambda of: (of.scene, of.result), masked, changed, is_leaf=_is_none)

@@ -368,7 +368,7 @@ def test_missing_dask_is_one_clear_line(monkeypatch, tmp_path):
     [
         ({}, {}, "axes"),
         ([30.0, 32.0], {}, "axes"),
-        ({"sped": [1.0]}, {}, "axes"),
+        ({"sped": [1.0]}, {}, "sped"),
         ({"speed": 30.0}, {}, r"axes\['speed'\]"),
         ({"speed": [30.0, 30.0]}, {}, r"axes\['speed'\]"),
         ({"speed": ["x"]}, {}, "axes"),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.batch.engines import in_turn
 from jaxcrusher.dynamics import orbit_map as module
 from jaxcrusher.dynamics.orbit_map import orbit_map
 
@@ -55,7 +56,7 @@ def test_a_failed_cell_is_tried_from_its_neighbours():
             yield number, {"success": good, "eccentricity": orbit, "error": 0.0}
 
     grid._solve = solve
-    grid.fill(None, [0, 2, 4, 6, 8, 10], 4, None, lambda *counts: None)
+    grid.fill(solve, [0, 2, 4, 6, 8, 10], 4, in_turn, lambda *counts: None)
     assert [number for number, guess in tried if np.isnan(guess)] == [0, 2, 4, 6, 8, 10]
     again = [pair for pair in tried if not np.isnan(pair[1])]
     assert sorted(again) == [(6, 0.0), (6, 8.0), (10, 4.0), (10, 8.0)]
@@ -63,7 +64,7 @@ def test_a_failed_cell_is_tried_from_its_neighbours():
     # With more nodes: only what failed, or is not known well, that from itself.
     tried.clear()
     grid.rows[4]["error"] = 1e-6
-    grid.fill(None, [0, 2, 4, 6, 8, 10], 8, None, lambda *counts: None)
+    grid.fill(solve, [0, 2, 4, 6, 8, 10], 8, in_turn, lambda *counts: None)
     assert tried[0] == (4, 4.0) and tried[1][0] == 6 and np.isnan(tried[1][1])
     assert {number for number, _ in tried} == {4, 6}
 

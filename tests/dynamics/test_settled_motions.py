@@ -88,6 +88,7 @@ class Orbit:
         self.period, self.foundation_rms = len(section), 1.0 + np.sum(section)
 
 
+@pytest.mark.usefixtures("unchecked")  # what stands for scene and orbits is none
 def test_known_orbits_are_not_shot_for_again(monkeypatch):
     one, two = [[0.3, 0.4]], [[0.0, 0.0], [1.0, 0.0]]
     shots = []

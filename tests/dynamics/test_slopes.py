@@ -193,7 +193,7 @@ def test_the_slope_of_a_transient_is_doubtful():
         slope = judge("speed", estimates, chaotic, 0.3, growth=0.0, settling=True)
         assert slope.verdict == "doubtful" and "has not settled" in slope.reasons[-1]
     orbit = {"orbits": (10.0, 0.0), "implicit": (10.0, 0.0)}
-    numbers = np.array([0.5, 0.9])
+    numbers = np.array([0.5, 0.9], complex)
     slope = judge("speed", orbit, False, 0.3, growth=0.0, multipliers=numbers, settling=True)
     assert slope.verdict == "ok"
 
