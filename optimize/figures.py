@@ -14,6 +14,7 @@ import jaxcrusher as jc
 from jaxcrusher.files.results import write_figure
 from jaxcrusher.pictures import page, plots
 from optimize import landscape as maps
+from optimize import words
 from optimize.answer import Answer, Box, Confirmed
 from optimize.evaluate import Case, started
 from optimize.pareto import nondominated
@@ -38,7 +39,7 @@ def draw_all(
     if "speed" in case.design.names:
         draw_capacity(folder, case, answer.box)
         drawn.insert(0, "capacity.png")
-    if case.design.names == ("speed", "clearance"):
+    if len(case.design.names) == 2:
         draw_starts(folder, answer, data)
         drawn.insert(0, "starts.png")
         if orbits is not None:
@@ -57,7 +58,7 @@ def draw_settled(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
     """Map of the settled motions' objective, with descents and designs."""
     fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
     values = orbits.objective.where(orbits.stable)
-    plots.plot_landscape(values, ax)
+    plots.plot_landscape(values, ax, units=answer.box.units)
     _mark(ax, answer, descents=True, open_cells=not bool(orbits.stable.all()))
     write_figure(folder / "landscape.png", fig)
 
@@ -65,17 +66,18 @@ def draw_settled(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
 def draw_settling(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
     """Map of the turns in which a disturbance of the settled motion falls to 1/e."""
     fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
-    turns = orbits.settling_turns.where(orbits.stable).transpose("clearance", "speed")
+    turns, units = orbits.settling_turns.where(orbits.stable), answer.box.units
+    across, up = plots.axes_of(turns.dims)
     mesh = ax.pcolormesh(
-        orbits.speed,
-        1e3 * orbits.clearance,
-        turns,
+        words.shown(across, orbits[across].to_numpy(), units),
+        words.shown(up, orbits[up].to_numpy(), units),
+        turns.transpose(up, across),
         cmap="viridis",
         norm="log",
         shading="nearest",
     )
     fig.colorbar(mesh, ax=ax, label="turns in which a disturbance falls to 1/e")
-    ax.set(xlabel="driving speed (rad/s)", ylabel="radial clearance (mm)", facecolor="0.6")
+    plots.label_axes(ax, across, up, units)
     _mark(ax, answer, open_cells=not bool(orbits.stable.all()))
     write_figure(folder / "settling.png", fig)
 
@@ -88,7 +90,7 @@ def draw_starts(folder: Path, answer: Answer, data: xr.Dataset) -> None:
         "whirl": data.whirl.any("start"),
         "outside the contact model": ~data.inside_model.all("start"),
     }
-    plots.plot_landscape(maps.worst(data), ax, marks=marks)
+    plots.plot_landscape(maps.worst(data), ax, marks=marks, units=answer.box.units)
     _mark(ax, answer)
     write_figure(folder / "starts.png", fig)
 
@@ -103,16 +105,16 @@ def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool 
     if open_cells:
         handles.append(Patch(facecolor="0.6", edgecolor="w"))
         labels.append("no stable settled motion found")
+    names, units = plots.axes_of(answer.box.bounds), answer.box.units
     for i, descent in enumerate(answer.refinement if descents else ()):
-        across, up = descent.path["speed"], 1e3 * descent.path["clearance"]
-        (line,) = ax.plot(across, up, "w.-", linewidth=0.8, markersize=2)
+        path = (words.shown(name, np.asarray(descent.path[name]), units) for name in names)
+        (line,) = ax.plot(*path, "w.-", linewidth=0.8, markersize=2)
         if i == 0:
             handles, labels = [*handles, line], [*labels, "descents"]
     for title, design in answer.designs.items():
         marker, colour, size = OPTIMUM if title == "optimum" else COMPARED
         (mark,) = ax.plot(
-            design.speed,
-            1e3 * design.clearance,
+            *(words.shown(name, design.values[name], units) for name in names),
             marker,
             color=colour,
             markersize=size,

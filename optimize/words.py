@@ -2,6 +2,9 @@
 
 import math
 from collections.abc import Mapping
+from typing import TypeVar
+
+import numpy as np
 
 from jaxcrusher.scenes.echo import said, unit_of
 from optimize.answer import Answer, Confirmed, Held, Runs
@@ -67,7 +70,10 @@ def held(one: Held, unit: str, units: Mapping[str, str]) -> str:
     return f"{one.parameter} held at {by} by {number(one.multiplier * factor)} {unit}{per}"
 
 
-def shown(name: str, value: float, units: Mapping[str, str]) -> float:
+Number = TypeVar("Number", float, np.ndarray)
+
+
+def shown(name: str, value: Number, units: Mapping[str, str]) -> Number:
     """A parameter in the unit that it was given in, or that drawings have."""
     return value / unit_of(name, units)[1]
 

@@ -5,7 +5,7 @@ and maps are cividis, told apart by every kind of colour vision; what colour say
 marker or hatching says too.
 """
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Iterable, Mapping
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,6 +19,7 @@ from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.motion.section import Section
 from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.scenes.echo import unit_of
 
 # Okabe and Ito's.
 BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
@@ -33,9 +34,11 @@ def plot_landscape(
     ax: Axes | None = None,
     *,
     marks: Mapping[str, xr.DataArray] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Axes:
-    """A map over speed (rad/s) and clearance (shown in mm) of a variable of a sweep.
+    """A map over two numbers of the crusher, speed and clearance or others, of a sweep's variable.
 
+    `units` maps names to those that the axes have; without, rad/s, mm, degrees, GPa or SI units.
     `marks` maps names to the cells (true, or not 0) that are hatched and named in a legend; a
     cell with several marks shows the first. Cells without a number are grey.
 
@@ -43,26 +46,27 @@ def plot_landscape(
     """
     ax = plt.subplots()[1] if ax is None else ax
     kilo = landscape.attrs.get("units") == "N"
-    values = landscape.transpose("clearance", "speed").to_numpy() / (1e3 if kilo else 1)
-    speeds, clearances = landscape.speed.to_numpy(), 1e3 * landscape.clearance.to_numpy()
-    mesh = ax.pcolormesh(speeds, clearances, values, cmap="cividis", shading="nearest")
+    across, up = axes_of(landscape.dims)
+    values = landscape.transpose(up, across).to_numpy() / (1e3 if kilo else 1)
+    x, y = (landscape[name].to_numpy() / unit_of(name, units or {})[1] for name in (across, up))
+    mesh = ax.pcolormesh(x, y, values, cmap="cividis", shading="nearest")
     unit = "kN" if kilo else landscape.attrs.get("units", "")
     ax.figure.colorbar(mesh, ax=ax, label=f"{_name(landscape)} ({unit})")
-    ax.set(xlabel="driving speed (rad/s)", ylabel="radial clearance (mm)", facecolor="0.6")
+    label_axes(ax, across, up, units or {})
     marks = {} if marks is None else marks
     require(len(marks) <= len(HATCHES), "marks", f"be at most {len(HATCHES)}", len(marks))
     free = np.ones(values.shape, dtype=bool)
     handles = []
     for hatch, (name, cells) in zip(HATCHES, marks.items(), strict=False):
-        chosen = free & (cells.transpose("clearance", "speed").to_numpy() != 0)
+        chosen = free & (cells.transpose(up, across).to_numpy() != 0)
         free &= ~chosen
         if not chosen.any():
             continue
         # White on black, so that it reads on every colour of the map.
         for colour, width in (("k", 2.4), ("w", 1.0)):
             hatched = ax.pcolor(
-                speeds,
-                clearances,
+                x,
+                y,
                 np.where(chosen, 1.0, np.nan),
                 shading="nearest",
                 facecolor="none",
@@ -83,6 +87,24 @@ def plot_landscape(
             handlelength=3,
         )
     return ax
+
+
+def axes_of(dims: Iterable[Hashable]) -> tuple[str, str]:
+    """The numbers across and up a map: speed and clearance, or the two in their order."""
+    names = tuple(map(str, dims))
+    require(len(names) == 2, "landscape", "have two dims", names)
+    return ("speed", "clearance") if set(names) == {"speed", "clearance"} else (names[0], names[1])
+
+
+def label_axes(ax: Axes, across: str, up: str, units: Mapping[str, str]) -> None:
+    """Names and units of a map's numbers; what is not drawn is grey."""
+    called = {"speed": "driving speed", "clearance": "radial clearance"}
+    labels = []
+    for name in (across, up):
+        unit, _ = unit_of(name, units)
+        words = called.get(name, name.replace(".", " ").replace("_", " "))
+        labels.append(f"{words} ({unit})" if unit else words)
+    ax.set(xlabel=labels[0], ylabel=labels[1], facecolor="0.6")
 
 
 def _label(values: xr.DataArray) -> str:

@@ -84,7 +84,7 @@ def _parameters(
     return [
         {
             "name": name,
-            "label": str(landscape[name].attrs["long_name"]),
+            "label": name.replace(".", " ").replace("_", " "),
             "unit": unit_of(name, units)[0],
             "values": [shown(name, float(value), units) for value in values],
         }

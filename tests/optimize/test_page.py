@@ -16,6 +16,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.dynamics.slopes import Slope
+from optimize import figures
 from optimize.answer import (
     Answer,
     Box,
@@ -272,6 +273,31 @@ def test_page_of_a_settled_motion(tmp_path):
     assert cells(rpm, "speed, N per rpm")[0] == "23.038"
     assert cells(rpm, "speed, rpm") == ["238.73", "334.23"] and "60</td>" in rpm
     assert "its swing dies towards the settled motion" in text and ">5000</td>" in text
+
+
+def test_landscape_of_numbers_of_ones_own(tmp_path):
+    """Of any two numbers there are maps, with the designs where they are."""
+    bounds = {"speed": (25.0, 35.0), "friction": (0.0, 0.1)}
+    found = hand_made_answer(("speed", "friction"))
+    found = replace(found, box=replace(found.box, bounds=bounds, units={"speed": "rpm"}))
+    axes = {"speed": np.linspace(25, 35, 3), "friction": np.linspace(0, 0.1, 4)}
+    ones = (("speed", "friction"), np.ones((3, 4)))
+    orbits = xr.Dataset(
+        {"objective": ones, "settling_turns": ones, "stable": (ones[0], np.ones((3, 4), bool))},
+        axes,
+    )
+    drawn = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figures, "write_figure", lambda path, fig: drawn.append((path.name, fig)))
+        figures.draw_settled(tmp_path, found, orbits)
+        figures.draw_settling(tmp_path, found, orbits)
+    assert [name for name, _ in drawn] == ["landscape.png", "settling.png"]
+    for _, fig in drawn:
+        ax = fig.axes[0]
+        assert (ax.get_xlabel(), ax.get_ylabel()) == ("driving speed (rpm)", "friction")
+        star = next(line for line in ax.lines if line.get_marker() == figures.OPTIMUM[0])
+        speed, friction = found.optimum.values["speed"], found.optimum.values["friction"]
+        np.testing.assert_allclose(star.get_xydata(), [[speed * 30 / np.pi, friction]])
 
 
 def test_motions_survive_packing(page):

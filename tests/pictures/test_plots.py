@@ -258,6 +258,23 @@ def test_map_without_marks_has_no_legend():
         plots.plot_landscape(grid().foundation_rms, marks={str(i): grid().whirl for i in range(7)})
 
 
+def test_map_of_other_numbers_in_the_units_given():
+    """A search over numbers of one's own: its own names on the axes, as they were given."""
+    values = grid().foundation_rms.rename(speed="counterweight.mass", clearance="jaw.length")
+    ax = plots.plot_landscape(values, units={"jaw.length": "cm"})
+    names = values.dims  # in their order
+    labels = {
+        "counterweight.mass": "counterweight mass (kg)",
+        "jaw.length": "jaw length (cm)",
+    }
+    assert [ax.get_xlabel(), ax.get_ylabel()] == [labels[str(name)] for name in names]
+    of_length = ax.get_xlim() if names[0] == "jaw.length" else ax.get_ylim()
+    lengths = 1e2 * values["jaw.length"].to_numpy()
+    assert of_length[0] < lengths.min() < lengths.max() < of_length[1] < 2 * lengths.max()
+    with pytest.raises(ValueError, match=r"^Argument `landscape` must have two dims"):
+        plots.plot_landscape(values.isel({"jaw.length": 0}))
+
+
 def test_lines_hold_the_data():
     fig, (orbit, force, spectrum, section) = plt.subplots(1, 4)
     motion = Trajectory(
