@@ -69,7 +69,8 @@ class Simulate:
     settle: int | None = None
     """Turns before the closing line's statistics start; half of the time span."""
     rtol: float = 1e-11
-    """Tolerance of a step, in clearances and m/s."""
+    """Tolerance of a step, in clearances and m/s: tighter than for statistics, since impacts
+    multiply errors of a history."""
     results: Results = field(default_factory=lambda: Results("simulate"))
 
 
@@ -127,7 +128,8 @@ class Regimes:
     tangent_turns: int = 100
     """Further turns for the exponents."""
     rtol: float = 1e-10
-    """Tolerance of a step, in clearances and m/s."""
+    """Tolerance of a step, in clearances and m/s: tighter than for statistics, since points that
+    repeat are told by it."""
     results: Results = field(default_factory=lambda: Results("regimes"))
 
 

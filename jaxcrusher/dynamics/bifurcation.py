@@ -60,7 +60,7 @@ def bifurcation(
       with its scene's start, on all cores. Where up and down differ there is hysteresis.
     - `settle_turns`, `turns`: >= 0 and >= 20.
     - `name`, `units`: of the parameter, for the labels.
-    - `rtol`: as in `jaxcrusher.simulate`. `chunk`: values between two reports of progress of
+    - `rtol`: as in `jaxcrusher.statistics`. `chunk`: values between two reports of progress of
       cold starts. `progress`: called with the number of finished and of all values.
 
     **Returns:** an `xarray.Dataset`: `e_x`, `e_y` (clearances), `rate_x`, `rate_y` (m/s) and

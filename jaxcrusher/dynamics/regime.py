@@ -75,7 +75,8 @@ def regime(
     its indicators to agree; points whose spread still changes are "not settled", unless they
     repeat or are chaotic. A motion that never leaves contact and swings about a stable orbit of one
     turn is "not settled" too, however slowly the swing dies: the multipliers of that orbit say so
-    where no window does. Whirls are named by `Statistics.whirl`.
+    where no window does. Whirls are named by `Statistics.whirl`. `rtol` is that of
+    `jaxcrusher.statistics`, tighter by default: points that repeat are told by it.
 
     Raises ValueError as `poincare_section` does.
     """

@@ -26,11 +26,11 @@ class Method(eqx.Module):
     - `solver`: any of diffrax; None is Tsit5.
     - `stepsize_controller`: any of diffrax, which then ignores `rtol`; None is a PI controller of
       equal relative and absolute tolerance.
-    - `max_steps`: accepted and rejected, of a turn, or of all of `simulate`; None is ten million.
-      With fewer than a motion needs the run fails, and a derivative, which may need more than
-      twice as many, is NaN.
-    - `dt0`: the first step, or every step of `diffrax.ConstantStepSize`: in rad of shaft angle,
-      and in s for `simulate`; None is 1e-5 rad, or 1e-6 s.
+    - `max_steps`: accepted and rejected, of one integration: a turn, but all of `simulate`, whose
+      times need not end with turns. None is ten million. With fewer than a motion needs the run
+      fails, and a derivative, which may need more than twice as many, is NaN.
+    - `dt0`: the first step of an integration, or every step of `diffrax.ConstantStepSize`: in rad
+      of shaft angle, but in s for `simulate`, as its times. None is 1e-5 rad, or 1e-6 s.
     - `adjoint`: a diffrax adjoint differentiates through the steps; None is tangents beside the
       motion, under the same error control.
 

@@ -10,8 +10,14 @@ import xarray as xr
 from jax.scipy.linalg import lu_factor
 from jaxtyping import Array, ArrayLike, Float, Scalar
 
-from jaxcrusher.basics.checks import require, require_positive, require_whole, require_x64
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.basics.checks import (
+    require,
+    require_positive,
+    require_untraced,
+    require_whole,
+    require_x64,
+)
+from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.settled import forced
 from jaxcrusher.settled.branch import ENDS, follow, special_points
@@ -74,6 +80,8 @@ def orbit_branch(
     require_x64()
     require_whole("points", points, 2)
     require_whole("nodes", nodes, 4)
+    require_maker(scene)
+    require_untraced("start", (start, bounds), "orbit_branch", "jaxcrusher.periodic_orbit")
     low, high = bounds
     require(low <= start <= high, "start", f"lie in the bounds [{low:g}, {high:g}]", start)
     scale = abs(start) / 30 if scale is None else scale
