@@ -1,10 +1,14 @@
 """`python -m optimize.run`: find the design that shakes the foundation least."""
 
+from typing import Annotated
+
+import tyro
+
 from jaxcrusher.commands.program import keeping, program
 from optimize.options import Options
 
 
-def search(options: Options) -> None:
+def search(options: Annotated[Options, tyro.conf.arg(name="search")]) -> None:
     """Find the design of a jaw crusher that shakes its foundation least, inside a box: by default
     the driving speed and bearing clearance of a PE250x400, and the RMS of |R_O| + |R_C|.
     """  # noqa: D205

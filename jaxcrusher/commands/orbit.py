@@ -21,6 +21,11 @@ from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.parameters import numbers_of
 
 ANGLES = 720  # of the picture, a turn
+REMEDY = (
+    "Where the pin's swing meets a harmonic of the drive, or contact is lost, there may be none of "
+    "this period, or several: try a value a thousandth off, another --period, or "
+    "jaxcrusher.settled_motions, which looks from many starts."
+)
 
 
 def run(options: Orbit, console: Console) -> int:
@@ -38,6 +43,7 @@ def run(options: Orbit, console: Console) -> int:
         orbit = solve(numbers)
     if not bool(orbit.success):
         console.print(f"no settled motion: {orbit.failure}", highlight=False, soft_wrap=True)
+        console.print(REMEDY, highlight=False, soft_wrap=True)
         return 1
     nodes = None if orbit.eccentricity is None else len(orbit.eccentricity) // options.period
     with console.status("differentiating"):

@@ -1,10 +1,14 @@
 """`python -m optimize.balance`: the counterweight and links that shake the foundation least."""
 
+from typing import Annotated
+
+import tyro
+
 from jaxcrusher.commands.program import keeping, program
 from optimize.balance.options import Options
 
 
-def study(options: Options) -> None:
+def study(options: Annotated[Options, tyro.conf.arg(name="study")]) -> None:
     """Choose counterweight, mass centre and links of a PE250x400 that shake its foundation least,
     at equal stroke, capacity and speed: a gradient search against two rivals without gradients.
     Interrupted, the same command goes on where it was.

@@ -58,6 +58,7 @@ def test_help_comes_at_once_and_what_is_unknown_is_refused(path, run):
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("usage: python ") and done.stderr == ""
+    assert "options options" not in done.stdout
     # Of the processor, so that a busy machine does not count; it takes about 0.4 s.
     assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 2
     done = run(*start(path), "--no-such-option", jax=NO_JAX)
