@@ -36,6 +36,9 @@ LEDGER = {
     "imbalance": "what the ledger fails to account for",
 }
 
+# A standard error beyond this share of the RMS is told to be rough.
+SCATTERED = 0.01
+
 
 def run(options: Simulate, console: Console) -> int:
     """Simulate, write, print; 1 if the integration failed. ValueError for bad options."""
@@ -73,6 +76,8 @@ def run(options: Simulate, console: Console) -> int:
         console.print(f"FAILED: {failure}", style="red", highlight=False)
     else:
         console.print(closing(motion, summary, settle, values), highlight=False, soft_wrap=True)
+        if summary is not None and (advice := scattered(summary)):
+            console.print(advice, highlight=False, soft_wrap=True)
     console.print(f"{folder / 'motion.nc'}, {folder / 'motion.png'}", highlight=False)
     return 1 if failure else 0
 
@@ -142,6 +147,17 @@ def draw(motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) -> Figure:
     return fig
 
 
+def scattered(summary: jc.Statistics) -> str:
+    """What to do about an average that has not come to rest, or nothing."""
+    share = float(summary.foundation_rms_error) / float(summary.foundation_rms)
+    if not SCATTERED < share < math.inf or bool(summary.whirl):
+        return ""
+    return (
+        f"The average still scatters by {share:.0%}: more --turns, or python -m jaxcrusher orbit, "
+        "which solves for the motion that it settles on."
+    )
+
+
 def closing(
     motion: jc.Trajectory, summary: jc.Statistics | None, settle: int, values: dict[str, Any]
 ) -> str:
@@ -155,7 +171,7 @@ def closing(
             "settling: no verdict on whirl and contact model)"
         )
     error = float(summary.foundation_rms_error)
-    scatter = f" ± {error:.2g}" if math.isfinite(error) else ""
+    scatter = f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
     parts = [f"RMS of |R_O| + |R_C| {float(summary.foundation_rms):.0f}{scatter} N"]
     if not ideal:
         for joint in (*(["main"] if values["joint"] != "ideal" else []), *loose_besides(values)):

@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ import xarray as xr
 import jaxcrusher as jc
 from jaxcrusher import __main__
 from jaxcrusher.batch import sweep
-from jaxcrusher.commands import gradient, regimes
+from jaxcrusher.commands import gradient, regimes, simulate
 from jaxcrusher.commands.program import parse
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import Slope
@@ -92,6 +93,17 @@ def test_simulate_says_what_the_motion_is(simulated):
     # 200 samples of a turn, quiet in the bore, and rounding to 1 N.
     assert float(found[1]) == pytest.approx(np.sqrt(np.mean(last**2)), abs=1 + 1e-3 * last[0])
     assert float(found[2]) == 1.0
+
+
+def test_an_average_that_scatters_says_what_to_do():
+    def summary(error, whirl=False):
+        return SimpleNamespace(foundation_rms=36548.0, foundation_rms_error=error, whirl=whirl)
+
+    assert simulate.scattered(summary(5100.0)).startswith("The average still scatters by 14%: ")
+    assert "python -m jaxcrusher orbit" in simulate.scattered(summary(5100.0))
+    # Nothing of what is known, of a turn that tells no scatter, and of a whirl, which has no orbit.
+    quiet = (summary(30.0), summary(np.inf), summary(5100.0, whirl=True))
+    assert [simulate.scattered(one) for one in quiet] == ["", "", ""]
 
 
 def test_failed_run_is_kept_and_named(simulated):
