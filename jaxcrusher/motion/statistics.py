@@ -82,9 +82,10 @@ class Statistics(eqx.Module, AbstractOverTurns):
 
     @property
     def whirl(self) -> Bool[Array, "*batch"]:
-        """Whether the motion is a friction whirl: the pin rolls backwards round the bore.
+        """Whether the motion is a friction whirl: the main pin rolls backwards round its bore.
 
-        Its penetrations, of the order of the clearance, are outside Hertz's theory.
+        Its penetrations, of the order of the clearance, are outside Hertz's theory. Pins of elbow
+        and pivot go round only while it whirls (docs/stability_seats.md).
         """
         return (self["contact_fraction"] > WHIRL_CONTACT) & (self["winding"] < -WHIRL_WINDING)
 
