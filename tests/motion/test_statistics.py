@@ -72,7 +72,7 @@ def test_an_entry_makes_a_statistic(own):
     assert turn == pytest.approx(float(found.by_turn[own[0]][1]), rel=1e-6)
 
     with pytest.raises(
-        ValueError, match=r"^Argument `outputs` must be one of .*'rms_eccentricity'"
+        ValueError, match=r"^Argument `outputs` must be a known name, .*'rms_eccentricity'"
     ):
         jc.statistics(scene, 0, 1, outputs=("rms_eccentricty",))
 
