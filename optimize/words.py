@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from jaxcrusher.scenes.echo import said, unit_of
+from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Answer, Confirmed, Held, Runs
 
 
@@ -86,7 +87,7 @@ def answer(found: Answer) -> str:
     shown = [f"{best.speed:.4g} rad/s ({best.speed * 30 / math.pi:.0f} rpm)"]
     shown.append(f"{1e3 * best.clearance:.3g} mm of radial clearance")
     shown += [
-        f"{name.replace('.', ' ').replace('_', ' ')} {said(name, value, found.box.units)}"
+        f"{in_words(name)} {said(name, value, found.box.units)}"
         for name, value in best.values.items()
         if name not in ("speed", "clearance")
     ]

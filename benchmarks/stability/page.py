@@ -9,7 +9,7 @@ from benchmarks.stability.baumgarte import Stabilised
 from benchmarks.stability.cases import AXES, BASE
 from benchmarks.stability.drift import Drift
 from benchmarks.stability.judgement import DISAGREES, PREDICTABLE, PROMISED, VERDICTS, Judged
-from benchmarks.stability.reference import FEW, MANY, OURS, SETTLE, SPAN, TURNS
+from benchmarks.stability.reference import FEW, MANY, OFFSET, OURS, SETTLE, SPAN, TURNS
 from jaxcrusher.files.provenance import command
 
 INTRODUCTION = """\
@@ -66,22 +66,13 @@ def page(
 ) -> str:
     """The page in Markdown."""
     lines = [
-        INTRODUCTION.format(
-            command=command(),
-            minutes=minutes,
-            machine=setting("scikit-sundae", "numba"),
-            summary=summary(rows, refused),
+        introduction(
+            INTRODUCTION,
+            minutes,
+            summary(rows, refused),
             speed=BASE.speed,
             clearance=1e3 * BASE.clearance,
             friction=BASE.friction,
-            span=1e3 * SPAN,
-            promised=PROMISED,
-            predictable=PREDICTABLE,
-            first=SETTLE + 1,
-            last=SETTLE + TURNS,
-            few=FEW,
-            many=MANY,
-            ours=OURS,
         )
     ]
     for name in (*AXES, "start"):
@@ -95,6 +86,26 @@ def page(
     ]
     lines += [f"| {r.axis} | {r.value} | {_marked(r)} | {r.remark} |" for r in refused]
     return "\n".join([*lines, "", *_drift(long), "", *_baumgarte(stabilised), ""])
+
+
+def introduction(text: str, minutes: float, counts: str, **base: object) -> str:
+    """A page's beginning: how it was made and judged, and numbers of its base case."""
+    return text.format(
+        command=command(),
+        minutes=minutes,
+        machine=setting("scikit-sundae", "numba"),
+        summary=counts,
+        span=1e3 * SPAN,
+        promised=PROMISED,
+        offset=OFFSET,
+        predictable=PREDICTABLE,
+        first=SETTLE + 1,
+        last=SETTLE + TURNS,
+        few=FEW,
+        many=MANY,
+        ours=OURS,
+        **base,
+    )
 
 
 def summary(rows: list[Judged], refused: list[Judged]) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from benchmarks.peers.free_bodies import PREFIXES
 from benchmarks.stability.case import AbstractCase
 from benchmarks.stability.peer import Pins, SeatsPeer
+from jaxcrusher.crusher.joints import JOINTS, LETTERS
 from jaxcrusher.scenes.parameters import PE250X400
 
 CLEARANCES = {"A": 6e-5, "B": 1e-4, "C": 8e-5}
@@ -22,7 +23,7 @@ LAW = {
 # With the paper's 8.8 kN the seats rattle for good, beyond the elastic limit at every turn.
 LOAD = 5e4  # N
 VIOLENT = 5 * cmath.rect(1.0, 0.7)  # m/s, tilted so that no symmetry helps
-SEATS = {"B": "elbow", "C": "pivot"}
+SEATS = {LETTERS[seat]: seat for seat in JOINTS[1:]}
 
 
 @dataclass(frozen=True)

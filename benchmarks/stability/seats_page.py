@@ -1,11 +1,8 @@
 """The page of the loose seats B and C."""
 
-from benchmarks.setting import setting
 from benchmarks.stability import seats
-from benchmarks.stability.judgement import PREDICTABLE, PROMISED, Judged
-from benchmarks.stability.page import summary, table_of
-from benchmarks.stability.reference import FEW, MANY, OFFSET, OURS, SETTLE, SPAN, TURNS
-from jaxcrusher.files.provenance import command
+from benchmarks.stability.judgement import Judged
+from benchmarks.stability.page import introduction, summary, table_of
 
 INTRODUCTION = """\
 # Stiff and extreme seats
@@ -49,24 +46,14 @@ themselves, with A ideal, they do not go on.
 def seats_page(rows: list[Judged], minutes: float) -> str:
     """The page in Markdown."""
     lines = [
-        INTRODUCTION.format(
-            command=command(),
-            minutes=minutes,
-            machine=setting("scikit-sundae", "numba"),
-            summary=summary(rows, []),
+        introduction(
+            INTRODUCTION,
+            minutes,
+            summary(rows, []),
             clearances=", ".join(f"{1e3 * c:g}" for c in seats.CLEARANCES.values()),
             restitution=seats.LAW["restitution"],
             friction=seats.LAW["friction"],
             load=seats.LOAD / 1e3,
-            span=1e3 * SPAN,
-            promised=PROMISED,
-            offset=OFFSET,
-            predictable=PREDICTABLE,
-            first=SETTLE + 1,
-            last=SETTLE + TURNS,
-            few=FEW,
-            many=MANY,
-            ours=OURS,
             vague=sum(row.rms_allowed > 0.5 for row in rows),
         )
     ]

@@ -75,12 +75,11 @@ def map_all(
 
     `progress` is called after each chunk with the number of finished and of all scenes.
     """
-    _require_stacked(function, scenes)
-    parts, count = [], len(jax.tree.leaves(scenes)[0])
+    parts = []
     for rows, results in map_chunks(function, scenes, chunk, engine):
         parts.append(results)
         if progress is not None:
-            progress(rows.stop, count)
+            progress(rows.stop, len(jax.tree.leaves(scenes)[0]))
     return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
 
 

@@ -20,6 +20,7 @@ from jaxcrusher.crusher.joints import before
 from jaxcrusher.motion.section import Section
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.echo import unit_of
+from jaxcrusher.scenes.parameters import in_words
 
 # Okabe and Ito's.
 BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
@@ -102,7 +103,7 @@ def label_axes(ax: Axes, across: str, up: str, units: Mapping[str, str]) -> None
     labels = []
     for name in (across, up):
         unit, _ = unit_of(name, units)
-        words = called.get(name, name.replace(".", " ").replace("_", " "))
+        words = called.get(name, in_words(name))
         labels.append(f"{words} ({unit})" if unit else words)
     ax.set(xlabel=labels[0], ylabel=labels[1], facecolor="0.6")
 

@@ -27,7 +27,8 @@ def unit_of(name: str, units: Mapping[str, str]) -> tuple[str, float]:
     """The unit that a number is shown in, "" for none, and what one of it is in SI units."""
     if name not in NUMBERS or NUMBERS[name].unit == "1":
         return "", 1.0
-    unit = units.get(name) or DRAWN_IN.get(NUMBERS[name].unit) or NUMBERS[name].unit
+    _, drawn = DRAWN_IN.get(NUMBERS[name].unit, (1.0, NUMBERS[name].unit))
+    unit = units.get(name) or drawn
     return unit, to_si(name, f"1 {unit}")
 
 

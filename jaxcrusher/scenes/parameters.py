@@ -206,8 +206,13 @@ def check_number(name: str, value: ArrayLike) -> None:
         require_within(name, value, *parameter.limits, unit)
 
 
-# SI unit -> that of drawings and data sheets.
-DRAWN_IN = {"m": "mm", "rad": "deg", "Pa": "GPa"}
+# SI unit -> how many of the unit of drawings and data sheets it is, and that unit.
+DRAWN_IN = {"m": (1e3, "mm"), "rad": (180 / np.pi, "deg"), "Pa": (1e-9, "GPa")}
+
+
+def in_words(name: str) -> str:
+    """A key of a description as a heading."""
+    return name.replace(".", " ").replace("_", " ")
 
 
 def readable(name: str, value: float | str) -> str:
@@ -215,7 +220,6 @@ def readable(name: str, value: float | str) -> str:
     if isinstance(value, str):
         return value
     unit = NUMBERS[name].unit
-    factor = {"m": 1e3, "rad": 180 / np.pi, "Pa": 1e-9}.get(unit, 1.0)
-    written = DRAWN_IN.get(unit, "" if unit == "1" else unit)
+    factor, written = DRAWN_IN.get(unit, (1.0, "" if unit == "1" else unit))
     text = f"{value * factor:.6g} {written}".rstrip()
     return f"{text} ({value * 30 / np.pi:.4g} rpm)" if unit == "rad/s" else text

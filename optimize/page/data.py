@@ -11,6 +11,7 @@ from matplotlib import colormaps
 from matplotlib.colors import to_hex
 
 from jaxcrusher.scenes.echo import unit_of
+from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Answer
 from optimize.words import shown
 
@@ -84,7 +85,7 @@ def _parameters(
     return [
         {
             "name": name,
-            "label": name.replace(".", " ").replace("_", " "),
+            "label": in_words(name),
             "unit": unit_of(name, units)[0],
             "values": [shown(name, float(value), units) for value in values],
         }

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from jaxcrusher.batch.rows import MEANINGS
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
 from jaxcrusher.scenes.echo import said, unit_of
-from jaxcrusher.scenes.parameters import NUMBERS
+from jaxcrusher.scenes.parameters import NUMBERS, in_words
 from optimize import words
 from optimize.answer import Answer, Confirmed, Refinement
 from optimize.words import shown
@@ -208,7 +208,7 @@ def stages(found: Answer) -> Table:
 def fixed(found: Answer) -> Table:
     """The numbers and choices that were not free."""
     rows = [
-        (_named(name), said(name, value, found.box.units) if name in NUMBERS else str(value))
+        (in_words(name), said(name, value, found.box.units) if name in NUMBERS else str(value))
         for name, value in found.fixed.items()
     ]
     return Table(("", "value"), rows)
@@ -231,12 +231,10 @@ def _two(error: float) -> str:
 
 def _parameters(found: Answer) -> list[str]:
     units = found.box.units
-    return [f"{_named(name)}, {unit_of(name, units)[0]}".rstrip(", ") for name in found.box.bounds]
+    return [
+        f"{in_words(name)}, {unit_of(name, units)[0]}".rstrip(", ") for name in found.box.bounds
+    ]
 
 
 def _per(found: Answer, name: str, unit: str) -> str:
-    return f"{_named(name)}, {unit} per {unit_of(name, found.box.units)[0] or '1'}"
-
-
-def _named(name: str) -> str:
-    return name.replace(".", " ").replace("_", " ")
+    return f"{in_words(name)}, {unit} per {unit_of(name, found.box.units)[0] or '1'}"
