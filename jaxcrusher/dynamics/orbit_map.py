@@ -42,6 +42,10 @@ VARIABLES = {
 LOGICAL = {"success": "solved", "stable": "disturbances die"}
 # Designs solved between two looks at what their neighbours are.
 CHUNK = 16
+# Steps along an axis to the furthest neighbour. Where a branch folds back from the next cells, one
+# that comes from further away may pass: in a tongue the shape of a motion matters more than how
+# near it is.
+REACH = 4
 
 
 def orbit_map(
@@ -58,12 +62,14 @@ def orbit_map(
     """Settled motions over the grid product of any parameters, as `jaxcrusher.periodic_orbit`.
 
     Every cell is solved from the pin resting in its bore, on all cores; a cell where that fails is
-    tried again from each neighbour along the axes that is solved, for as long as that helps.
+    tried again from neighbours along the axes that are solved, up to four steps away and the
+    nearest first, for as long as that helps. What is found there may lie on another branch than
+    the next cell's.
 
     **Arguments:**
 
     - `axes`: names of `jaxcrusher.PE250X400` -> values, shape (n,), in SI units, or choices.
-      Neighbours are cells one step along a number, so their order should be increasing.
+      Neighbours are cells some steps along a number, so their order should be increasing.
     - `base`: names -> values of what does not vary, where it is not the paper's.
     - `period`: turns of the motions, as in `periodic_orbit`.
     - `nodes`: even number of nodes a turn. None is 96, and 192 for what these do not solve, or
@@ -194,19 +200,24 @@ class _Grid:
         wanted = [(n, self._own(n, points)) for n in members if not self._settled(n)]
         tried: set[tuple[int, int]] = set()
         while wanted:
+            found: set[int] = set()
             for number, row in self._solve(solve, wanted, engine):
-                if row["success"] or number not in self.rows:
+                if number not in self.rows or (row["success"] and number not in found):
                     self.rows[number] = row
+                    if row["success"]:
+                        found.add(number)
                 report(len(self.rows), total)
-            wanted = []
-            for number in members:
-                if self.rows[number]["success"]:
-                    continue
-                for near in self._neighbours(number):
-                    if self.rows[near]["success"] and (number, near) not in tried:
-                        tried.add((number, near))
-                        wanted.append((number, self._own(near, points)))
-                        break
+            left = [number for number in members if not self.rows[number]["success"]]
+            # As many guesses of each as fill a chunk.
+            guesses = max(1, CHUNK // max(1, len(left)))
+            pairs = [(n, near) for n in left for near in self._untried(n, tried)[:guesses]]
+            tried.update(pairs)
+            wanted = [(number, self._own(near, points)) for number, near in pairs]
+
+    def _untried(self, number: int, tried: set[tuple[int, int]]) -> list[int]:
+        """Neighbours that are solved, and from which a cell was not yet tried."""
+        near = self._neighbours(number)
+        return [n for n in near if self.rows[n]["success"] and (number, n) not in tried]
 
     def _settled(self, number: int) -> bool:
         """Whether a cell is known as well as it can be wished for."""
@@ -233,14 +244,14 @@ class _Grid:
                 yield number, jax.tree.map(lambda leaf, i=i: leaf[i], found)
 
     def _neighbours(self, number: int) -> list[int]:
-        """One step along each axis of numbers, of the same choices."""
+        """Some steps along one axis of numbers, the nearest first; of the same choices."""
         place = np.unravel_index(number, self.shape)
+        steps = [sign * length for length in range(1, REACH + 1) for sign in (-1, 1)]
         found = []
-        for axis, size in enumerate(self.shape):
-            for step in (-1, 1) if self.ordered[axis] else ():
-                if 0 <= place[axis] + step < size:
-                    moved = [p + step * (k == axis) for k, p in enumerate(place)]
-                    found.append(int(np.ravel_multi_index(moved, self.shape)))
+        for step, (axis, size) in itertools.product(steps, enumerate(self.shape)):
+            if self.ordered[axis] and 0 <= place[axis] + step < size:
+                moved = [p + step * (k == axis) for k, p in enumerate(place)]
+                found.append(int(np.ravel_multi_index(moved, self.shape)))
         return found
 
 

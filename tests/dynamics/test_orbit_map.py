@@ -59,7 +59,7 @@ def test_a_failed_cell_is_tried_from_its_neighbours():
     grid.fill(solve, [0, 2, 4, 6, 8, 10], 4, in_turn, lambda *counts: None)
     assert [number for number, guess in tried if np.isnan(guess)] == [0, 2, 4, 6, 8, 10]
     again = [pair for pair in tried if not np.isnan(pair[1])]
-    assert sorted(again) == [(6, 0.0), (6, 8.0), (10, 4.0), (10, 8.0)]
+    assert sorted(again) == [(6, 0.0), (6, 8.0), (6, 10.0), (10, 4.0), (10, 8.0)]
     assert grid.rows[10]["success"] and not grid.rows[6]["success"]
     # With more nodes: only what failed, or is not known well, that from itself.
     tried.clear()
@@ -67,6 +67,26 @@ def test_a_failed_cell_is_tried_from_its_neighbours():
     grid.fill(solve, [0, 2, 4, 6, 8, 10], 8, in_turn, lambda *counts: None)
     assert tried[0] == (4, 4.0) and tried[1][0] == 6 and np.isnan(tried[1][1])
     assert {number for number, _ in tried} == {4, 6}
+
+
+def test_neighbours_further_away_are_tried_too():
+    """The nearest first; of guesses that fill a chunk the first that leads somewhere counts."""
+    grid = module._Grid((9,), (True,), {"speed": np.arange(9.0)})
+    tried = []
+
+    def solve(_, wanted, engine):
+        for number, guess in wanted:
+            tried.append((number, guess[0, 0]))
+            good = number != 3 or guess[0, 0] in (5, 6)
+            yield number, {"success": good, "eccentricity": guess, "error": guess[0, 0]}
+
+    grid._solve = solve
+    grid._own = lambda number, points: np.full((4, 2), float(number))
+    grid.fill(solve, list(range(9)), 4, in_turn, lambda *counts: None)
+    near = [guess for number, guess in tried if number == 3]
+    # Itself, and as far as there are cells, and four steps at most.
+    assert near == [3, 2, 4, 1, 5, 0, 6, 7]
+    assert grid.rows[3]["error"] == 5
 
 
 @pytest.mark.parametrize(
