@@ -3,16 +3,18 @@
 import re
 import time
 from collections import Counter
-from types import ModuleType
-from typing import Any
 
 import jax
 import numpy as np
 from numba import njit
 
 from benchmarks.step_cost.programs import Designs, statistics_of
-from jaxcrusher.batch.lanes.layout import LANES
+from jaxcrusher.batch.lanes.instructions import call
+from jaxcrusher.batch.lanes.kernels import Kernels
+from jaxcrusher.batch.lanes.layout import places
+from jaxcrusher.batch.lanes.module import assembly, load
 from jaxcrusher.batch.lanes.recorded import Recorded, integration_p, record
+from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.motion.integrate import integrator
 
 EVALUATIONS = 20_000
@@ -40,20 +42,17 @@ def _recorded(d: Designs) -> Recorded:
     return found
 
 
-def _compiled(d: Designs) -> tuple[Any, Any]:
-    """The module of the equations, compiled anew, and its sizes; the contact's exponent is 1.5."""
+def _kernels(d: Designs) -> Kernels:
+    """Those of the designs; the contact's exponent is 1.5."""
     what = _recorded(d)
-    text, sizes = what.source(dict.fromkeys(what.exponents, 1.5))
-    module = ModuleType("equations")
-    exec(text.replace("cache=True", "cache=False"), module.__dict__)
-    return module, sizes
+    return what.kernels(dict.fromkeys(what.exponents, 1.5))
 
 
 def counts(d: Designs) -> dict[str, int]:
     """Arithmetic instructions of the field on x86, by the registers that they work on."""
-    module, _ = _compiled(d)
     found: Counter[str] = Counter()
-    for line in module.field._library.get_asm_str().splitlines():
+    _, text = assembly(_kernels(d).text).split("\nfield:", 1)
+    for line in text[: text.index(".Lfunc_end")].splitlines():
         operation = _ARITHMETIC.search(line)
         if operation:
             scalar = operation[1] == "sd"
@@ -63,21 +62,23 @@ def counts(d: Designs) -> dict[str, int]:
 
 
 @njit
-def _again(count, field, time, y, kept, rate):
+def _again(count, function, memory):
     for _ in range(count):
-        field(time, y, kept, rate)
+        call(function, memory, 0)
 
 
 def evaluation(d: Designs) -> float:
     """CPU nanoseconds of one evaluation of the field, of each of the designs side by side."""
-    module, sizes = _compiled(d)
+    kernels = _kernels(d)
+    machine, at = load(kernels.text), places(kernels.sizes)
     # Any numbers will do: nothing branches.
-    y, kept = np.full(sizes.states * LANES, 0.5), np.full(sizes.kept * LANES, 0.5)
-    operands = module.field, np.linspace(0, 6, LANES), y, kept, np.zeros_like(y)
-    _again(1, *operands)
+    memory = np.full((at.end, LANES), 0.5)
+    memory[0] = np.linspace(0, 6, LANES)
+    function = machine["evaluate"]
+    _again(1, function, memory)
     seconds = []
     for _ in range(5):
         began = time.process_time()
-        _again(EVALUATIONS, *operands)
+        _again(EVALUATIONS, function, memory)
         seconds.append(time.process_time() - began)
     return 1e9 * float(np.median(seconds)) / EVALUATIONS / LANES

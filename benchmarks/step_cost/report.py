@@ -5,7 +5,7 @@ from pathlib import Path
 
 from benchmarks.setting import setting
 from benchmarks.step_cost import fewer, profile, programs
-from jaxcrusher.batch.lanes.layout import LANES
+from jaxcrusher.batch.lanes.vector import WIDTH
 from jaxcrusher.files.provenance import command
 from jaxcrusher.files.results import write_table, write_text
 
@@ -106,8 +106,7 @@ def _lanes_lines(instructions: dict, evaluation: float, costs: list[dict]) -> li
     return [
         "## What lanes do",
         "",
-        f"Arithmetic of the machine code of the field, of {LANES} designs at once: {counted}.",
-        "(LLVM keeps a copy of the loop, on single numbers, for arrays that overlap: not run.)",
+        f"Arithmetic of the machine code of the field, of {WIDTH} designs at once: {counted}.",
         f"An evaluation takes {evaluation:.1f} ns a design; six are {share:.0%} of a step of "
         f"{step:.3f} us",
         "on the quiet motion, and the stepper takes the rest.",

@@ -13,7 +13,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from jaxcrusher.basics.checks import require, require_known, require_whole
@@ -219,7 +218,7 @@ def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[
     # Numbers that do not vary are traced too: a design's bits do not depend on what varies.
     described = dict(plan.base) | varied
     numbers = {
-        name: jnp.asarray(varied.get(name, [plan.base.get(name)] * len(cells)))
+        name: np.asarray(varied.get(name, [plan.base.get(name)] * len(cells)), float)
         for name in numbers_of(described)
     }
     choices = {

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.batch.engines import map_all
-from jaxcrusher.batch.lanes.layout import LANES
+from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.dynamics.swing import NEAR, Swing, distance, places, section_of, swing_about
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened

@@ -1,97 +1,92 @@
 """Integrations of many designs by lanes, on all cores."""
 
+import ctypes
 import os
-from collections.abc import Callable
+from collections.abc import Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
-from pathlib import Path
-from typing import Any, NamedTuple
+from math import prod
 
-import jax
 import numpy as np
-from jaxtyping import PyTree
 
-from jaxcrusher.batch.lanes import stepper
+from jaxcrusher.batch.lanes.kernels import Kernels
 from jaxcrusher.batch.lanes.layout import (
-    DONE,
-    FREE,
-    LANES,
     Batch,
+    Control,
     Designs,
     Ends,
-    Method,
-    Sizes,
+    Functions,
     new_lanes,
-    new_rows,
+    places,
 )
-from jaxcrusher.batch.lanes.module import load
-
-# Of segments that wait to be summarised, in each thread.
-ROWS_BYTES = 2_000_000
-
-
-class Found(NamedTuple):
-    """What a batch came to."""
-
-    summaries: PyTree  # leaves of shape (designs, segments, ...)
-    ends: Ends
+from jaxcrusher.batch.lanes.module import load, loop
+from jaxcrusher.batch.lanes.vector import LANES
 
 
 def run(
-    text: str,
-    sizes: Sizes,
+    kernels: Kernels,
+    control: Control,
     designs: Designs,
-    method: Method,
-    summarise: Callable[[Any, Any], PyTree],
+    shapes: Sequence[tuple[int, ...]],
     threads: int | None = None,
-) -> Found:
-    """Integrate the designs with the equations of the module `text`.
+) -> tuple[list[np.ndarray], Ends]:
+    """Integrate the designs by the kernels, whose summaries of a segment have these shapes.
 
-    `summarise` takes of a number of segments what was seen at their instants, shape (segments,
-    instants, observed), and the states at their ends, shape (segments, states); from a failure on
-    they are NaN. The bits of a design depend on its own numbers only. Interrupted, all threads end
-    within milliseconds.
+    Gives the summaries, each with axes of the designs and segments before its own, and how the
+    designs ended; from a failure on numbers are NaN. The bits of a design depend on its own numbers
+    only. Interrupted, all threads end within milliseconds.
     """
-    equations: Any = load(text)
-    advance = load(Path(stepper.__file__).read_text("utf-8")).advance
-    count, (_, segments, instants) = len(designs.starts), designs.times.shape
-    room = ROWS_BYTES // (8 * LANES * max(sizes.observed * instants, sizes.states))
-    size = LANES * min(max(room, 2), 64)
+    machine, sizes, page = load(kernels.text), kernels.sizes, kernels.page
+    functions = Functions(*(machine[name] for name in Functions._fields))
+    count, segments = len(designs.starts), designs.floors.shape[1]
     ends = Ends(np.zeros(count, np.int64), np.zeros(count), np.zeros(count, np.int64))
     next_design, stop = np.zeros(1, np.int64), np.zeros(1, np.int64)
-
-    def fill(like: Any) -> np.ndarray:
-        leaf = np.asarray(like)[0]
-        return np.broadcast_to(leaf, (count, segments, *leaf.shape)).copy()
-
-    blank = new_rows(size, sizes, instants)
-    summaries = jax.tree.map(fill, summarise(blank.seen[:, :instants], blank.last))
-    leaves = jax.tree.leaves(summaries)
-
-    def work() -> None:
-        rows, lanes = new_rows(size, sizes, instants), new_lanes(sizes)
-        batch = Batch(sizes, designs, method, ends, next_design, stop, rows)
-        functions = equations.prepare, equations.field, equations.observe
-        more = True
-        while more:
-            more = advance(*functions, batch, lanes)
-            done = np.flatnonzero(rows.state == DONE)
-            if done.size:
-                place = rows.design[done], rows.segment[done]
-                found = jax.tree.leaves(summarise(rows.seen[:, :instants], rows.last))
-                for whole, part in zip(leaves, found, strict=True):
-                    whole[place] = np.asarray(part)[done]
-                rows.state[done] = FREE
-
+    found = np.empty((count, segments, sum(map(prod, shapes))))
+    found[:] = _of_nothing(functions.summarise, kernels)[: found.shape[2]]
+    batch = Batch(
+        functions,
+        places(sizes),
+        page,
+        sizes.motion,
+        kernels.instants,
+        control,
+        designs,
+        found,
+        ends,
+        next_design,
+        stop,
+    )
     threads = min(threads or cores(), -(-count // LANES))
     with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(work) for _ in range(threads)]
+        work = (new_lanes(sizes, control, page) for _ in range(threads))
+        futures = [pool.submit(loop().advance, batch, lanes) for lanes in work]
         try:
             wait(futures, return_when=FIRST_EXCEPTION)
         finally:
             stop[0] = 1
     for future in futures:
         future.result()
-    return Found(summaries, ends)
+    return list(_apart(found, shapes, kernels.over)), ends
+
+
+def _of_nothing(summarise: int, kernels: Kernels) -> np.ndarray:
+    """The summary of a segment that was not reached."""
+    page = np.full(kernels.page.end * LANES, np.nan)
+    ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(summarise)(page.ctypes.data, 0)
+    return page[kernels.page.found * LANES :]
+
+
+def _apart(found: np.ndarray, shapes: Sequence[tuple[int, ...]], over: Sequence[bool]):
+    """Every summary by itself."""
+    first = 0
+    for shape, is_over in zip(shapes, over, strict=True):
+        part = found[..., first : first + prod(shape)]
+        first += prod(shape)
+        if is_over:
+            # Written with the instants last.
+            part = part.reshape(*part.shape[:2], *shape[1:], shape[0])
+            yield np.moveaxis(part, -1, 2)
+        else:
+            yield part.reshape(*part.shape[:2], *shape)
 
 
 def cores() -> int:

@@ -1,4 +1,4 @@
-"""Instructions of the processor that numba has no name for, and how functions are compiled."""
+"""Instructions of the processor that numba has no name for."""
 
 from collections.abc import Callable
 from typing import Any, cast
@@ -8,36 +8,23 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-# Of functions that only compiled ones call: without what Python would need to call them, and
-# without counts of references to arrays, which outlive every call. That halves the time to compile.
-WITHIN: dict[str, Any] = {
-    "_nrt": False,
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-    "no_rewrites": True,
-}
 # For type checkers: what it makes is called without its first operand.
 instruction = cast(Callable[[Callable], Any], intrinsic)
 
 
 @instruction
-def bits(typingctx, x):
-    """The 64 bits of a double as an integer."""
+def call(typingctx, address, memory, row):
+    """Call a function of `kernels` with the lanes' memory, an array, and a row."""
 
     def code(context, builder, signature, args):
-        return builder.bitcast(args[0], ir.IntType(64))
+        array = context.make_array(signature.args[1])(context, builder, args[1])
+        integer = ir.IntType(64)
+        kind = ir.FunctionType(ir.VoidType(), [array.data.type, integer])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        builder.call(function, [array.data, args[2]])
+        return context.get_dummy_value()
 
-    return types.int64(types.float64), code
-
-
-@instruction
-def double(typingctx, bits):
-    """The double of 64 bits."""
-
-    def code(context, builder, signature, args):
-        return builder.bitcast(args[0], ir.DoubleType())
-
-    return types.float64(types.int64), code
+    return types.void(types.int64, memory, types.int64), code
 
 
 @instruction

@@ -1,4 +1,7 @@
-"""Source as a compiled module, kept on disk for the next process."""
+"""Machine code of LLVM's text, and of the loop over steps, kept on disk for the next process.
+
+A folder that cannot be written costs the time to compile, and is no error.
+"""
 
 import hashlib
 import importlib.util
@@ -10,45 +13,105 @@ from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 
+import llvmlite.binding as llvm
 import platformdirs
 
-from jaxcrusher.batch.lanes import elementary, instructions, layout
+FOLDER = Path(__file__).parent
+# What is compiled into the loop over steps.
+LOOP = [FOLDER / f"{name}.py" for name in ("stepper", "instructions", "layout", "vector")]
+
+
+class Machine:
+    """Functions in machine code, by name -> address; they live as long as this."""
+
+    def __init__(self, code: bytes) -> None:
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        self._engine.finalize_object()
+
+    def __getitem__(self, name: str) -> int:
+        return self._engine.get_function_address(name)
 
 
 def cache_folder() -> Path:
-    """Where compiled modules are kept, per user; numba tells processors apart in it."""
-    versions = f"lanes-{version('jaxcrusher')}-numba-{version('numba')}"
-    return platformdirs.user_cache_path("jaxcrusher") / versions
+    """Where machine code is kept, per user."""
+    return platformdirs.user_cache_path("jaxcrusher") / "lanes"
 
 
 @cache
-def load(text: str) -> ModuleType:
-    """The module with this text; numba compiles it unless an earlier process did.
-
-    It is kept by its content and that of the functions that are compiled into it: numba by itself
-    looks at the date of the one file only. A folder that cannot be written costs the time to
-    compile, and is no error.
-    """
-    inlined = [Path(str(part.__file__)) for part in (elementary, instructions, layout)]
-    parts = chr(0).join([text, *(file.read_text("utf-8") for file in inlined)])
-    name = f"jaxcrusher_lanes_{hashlib.sha256(parts.encode()).hexdigest()[:32]}"
+def load(text: str) -> Machine:
+    """The functions of a text, compiled unless an earlier process on such a processor did."""
+    processor = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    key = _digest(text, *processor, version("llvmlite"))
+    file = cache_folder() / f"{key}.o"
     try:
-        file = cache_folder() / f"{name}.py"
+        return Machine(file.read_bytes())
+    except OSError:
+        code = _target().emit_object(optimised(text))
+    try:
+        _write(file, code)
+    except OSError:
+        pass
+    return Machine(code)
+
+
+@cache
+def loop() -> ModuleType:
+    """The module `stepper`, compiled by numba unless an earlier process did.
+
+    It is kept by its content and that of what is compiled into it: numba by itself looks at the
+    date of one file only. It tells processors apart.
+    """
+    texts = [file.read_text("utf-8") for file in LOOP]
+    name = f"jaxcrusher_lanes_{_digest(*texts, version('numba'))}"
+    file, text = cache_folder() / f"{name}.py", texts[0]
+    try:
         if not file.exists():
-            file.parent.mkdir(parents=True, exist_ok=True)
-            aside = file.with_suffix(f".{os.getpid()}")
-            aside.write_text(text, "utf-8")
-            os.replace(aside, file)
+            _write(file, text.encode())
         specification = importlib.util.spec_from_file_location(name, file)
         assert specification is not None and specification.loader is not None
         module = importlib.util.module_from_spec(specification)
         # numba finds a function's module by name.
         sys.modules[name] = module
         specification.loader.exec_module(module)
-    # No home, no permission; numba's own error is a RuntimeError.
+    # numba's own error is a RuntimeError.
     except (OSError, RuntimeError):
         module = sys.modules[name] = ModuleType(name)
         text = text.replace("cache=True", "cache=False")
         linecache.cache[name] = (len(text), None, text.splitlines(keepends=True), name)
         exec(compile(text, name, "exec"), module.__dict__)
     return module
+
+
+def _digest(*parts: str) -> str:
+    return hashlib.sha256(chr(0).join(parts).encode()).hexdigest()[:32]
+
+
+def _write(file: Path, content: bytes) -> None:
+    """Whole or not at all."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    aside = file.with_suffix(f".{os.getpid()}")
+    aside.write_bytes(content)
+    os.replace(aside, file)
+
+
+def optimised(text: str) -> llvm.ModuleRef:
+    """The module after LLVM's passes."""
+    module, tuning = llvm.parse_assembly(text), llvm.create_pipeline_tuning_options(3)
+    builder = llvm.create_pass_builder(_target(), tuning)
+    builder.getModulePassManager().run(module, builder)
+    return module
+
+
+def assembly(text: str) -> str:
+    """What the processor is told, in words."""
+    return _target().emit_assembly(optimised(text))
+
+
+def _target() -> llvm.TargetMachine:
+    """This machine; a new one each time, for an engine takes it as its own."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
+        llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), opt=3, jit=True
+    )

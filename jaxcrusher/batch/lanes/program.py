@@ -198,7 +198,11 @@ class _Group:
         jaxpr = Jaxpr([], operands, results, equations, debug_info=about)
         function = jaxpr_as_fun(ClosedJaxpr(jaxpr, []))
         axes = tuple(0 if flag else None for flag in batched)
-        self._function = jax.jit(jax.vmap(function, axes) if self._batched else function)
+        # There is little to compute: compiled in a hurry.
+        self._function = jax.jit(
+            jax.vmap(function, axes) if self._batched else function,
+            compiler_options={"xla_backend_optimization_level": 0},
+        )
 
     def run(self, operands: list[Value], count: int) -> list[Value]:
         """One value for each result."""
@@ -237,12 +241,12 @@ class _Integration:
         floors = times[..., -1] - 100 * np.spacing(times[..., -1])
         found: list[np.ndarray] = []
         for known, rows in self._kinds(numbers):
-            designs = Designs(
-                starts[rows], numbers[rows], tolerances[rows], times, floors, schedule[rows]
-            )
-            source = self._what.source(known)
-            summaries, ends = engine.run(*source, designs, self._what.method, self._what.summarise)
-            parts = [*jax.tree.leaves(summaries), *ends]
+            of_each = starts[rows], numbers[rows], tolerances[rows]
+            designs = Designs(*of_each, times.ravel(), floors, schedule[rows])
+            what = self._what
+            shapes = [shape.shape[1:] for shape in what.shapes[:-3]]
+            summaries, ends = engine.run(what.kernels(known), what.control, designs, shapes)
+            parts = [*summaries, *ends]
             if not found:
                 found = [np.empty((count, *part.shape[1:]), part.dtype) for part in parts]
             for whole, part in zip(found, parts, strict=True):

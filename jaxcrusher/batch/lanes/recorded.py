@@ -1,6 +1,5 @@
 """An integration as one step of a traced program: what it integrates, and how."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,8 +12,9 @@ from jax.extend.core import Primitive
 from jaxtyping import Array, PyTree
 
 from jaxcrusher.batch.lanes.emit import Unsupported
-from jaxcrusher.batch.lanes.layout import Method, Sizes
-from jaxcrusher.batch.lanes.source import Equations, exponents, source, tableau
+from jaxcrusher.batch.lanes.kernels import Equations, Kernels, exponents, kernels
+from jaxcrusher.batch.lanes.layout import Control, Tableau
+from jaxcrusher.batch.lanes.tableau import tableau
 from jaxcrusher.motion.integrate import (
     RESULTS,
     Carried,
@@ -40,23 +40,23 @@ class Recorded:
     """An integration without its numbers."""
 
     equations: Equations
-    method: Method
-    summarise: Callable[[Array, Array], PyTree]  # see `engine.run`
-    shapes: list[ShapedArray]
+    tableau: Tableau
+    control: Control
+    shapes: list[ShapedArray]  # of the summaries, then of code, time and steps
 
     @cached_property
     def exponents(self) -> list[int]:
-        """See `source.exponents`."""
+        """See `kernels.exponents`."""
         return exponents(self.equations)
 
-    def source(self, known: dict[int, float]) -> tuple[str, Sizes]:
-        """See `source.source`."""
-        if (key := tuple(known.items())) not in self._sources:
-            self._sources[key] = source(self.equations, known)
-        return self._sources[key]
+    def kernels(self, known: dict[int, float]) -> Kernels:
+        """See `kernels.kernels`."""
+        if (key := tuple(known.items())) not in self._kernels:
+            self._kernels[key] = kernels(self.equations, known, self.tableau)
+        return self._kernels[key]
 
     @cached_property
-    def _sources(self) -> dict[Any, tuple[str, Sizes]]:
+    def _kernels(self) -> dict[Any, Kernels]:
         return {}
 
 
@@ -69,7 +69,7 @@ def record(
     """
     if not isinstance(y, Carried):
         raise Unsupported("derivatives")
-    steps, tolerances = _method(method)
+    control, tolerances = _control(method)
     states, state_tree = jax.tree.flatten(y)
     numbers, args_tree = jax.tree.flatten(args)
     if any(jnp.shape(leaf) != () for leaf in states + numbers):
@@ -88,40 +88,29 @@ def record(
     field, _ = of_scalars(problem.field)
     observe, seen = of_scalars(problem.observe)
     parts, seen_tree = jax.tree.flatten(seen)
-    motion = len(jax.tree.leaves(y.motion))
-
-    def summarise(seen, last):
-        observed, first = [], 0
-        for part in parts:
-            flat = seen[:, first : first + part.size]
-            observed.append(flat.reshape(-1, *part.shape))
-            first += part.size
-        end = jax.tree.unflatten(state_tree, list(last))
-        return problem.summarise(jax.tree.unflatten(seen_tree, observed), end)
-
     segments, instants = times.shape
-    size = sum(part.size for part in parts)
-    summaries = jax.eval_shape(
-        jax.vmap(summarise), _like(segments, instants, size), _like(segments, count)
-    )
-    leaves, tree = jax.tree.flatten(summaries)
+
+    def of_segment(*numbers):
+        stacked = jax.tree.unflatten(seen_tree, numbers[: len(parts)])
+        return problem.summarise(stacked, jax.tree.unflatten(state_tree, numbers[len(parts) :]))
+
+    stacked = [jax.ShapeDtypeStruct((instants, *part.shape), float) for part in parts]
+    summarise, found = jax.make_jaxpr(of_segment, return_shape=True)(*stacked, *states)
+    leaves, tree = jax.tree.flatten(found)
     integer = jnp.zeros((), int).dtype
-    shapes = [ShapedArray(leaf.shape, leaf.dtype) for leaf in leaves]
+    shapes = [ShapedArray((segments, *leaf.shape), leaf.dtype) for leaf in leaves]
     shapes += [ShapedArray((), kind) for kind in (integer, jnp.zeros(()).dtype, integer)]
+    motion = len(jax.tree.leaves(y.motion))
     what = Recorded(
-        Equations(field, observe, motion, count, len(numbers)),
-        steps,
-        jax.jit(jax.vmap(summarise)),
+        Equations(field, observe, summarise, instants, motion, count, len(numbers)),
+        tableau(method.solver),
+        control,
         shapes,
     )
     *found, code, reached, steps = integration_p.bind(
         times, *tolerances, *map(jnp.asarray, states + numbers), what=what
     )
     return jax.tree.unflatten(tree, found), Outcome(_result(code), reached, steps)
-
-
-def _like(*shape: int) -> jax.ShapeDtypeStruct:
-    return jax.ShapeDtypeStruct(shape, float)
 
 
 def _result(code: Array) -> RESULTS:
@@ -133,8 +122,8 @@ def _result(code: Array) -> RESULTS:
     return result
 
 
-def _method(method: Integration) -> tuple[Method, tuple[Array, Array]]:
-    """Solver, controller and limits in numbers, and the absolute and relative tolerance."""
+def _control(method: Integration) -> tuple[Control, tuple[Array, Array]]:
+    """Controller and limits in numbers, and the absolute and relative tolerance."""
     pid = method.stepsize_controller
     if method.adjoint is not None:
         raise Unsupported("an adjoint")
@@ -149,8 +138,8 @@ def _method(method: Integration) -> tuple[Method, tuple[Array, Array]]:
     assert order is not None
     numbers = ((pid.pcoeff + pid.icoeff) / order, -pid.pcoeff / order, pid.safety, pid.factormin)
     smallest = 0.0 if pid.dtmin is None else pid.dtmin
-    rest = (pid.factormax, smallest, method.dt0, method.max_steps)
+    rest = (pid.factormax, smallest, max(method.dt0, smallest), method.max_steps)
     if any(isinstance(value, Tracer) for value in (*numbers, *rest)):
         raise Unsupported("a step-size controller whose coefficients are traced")
     tolerances = (jnp.asarray(pid.atol, float), jnp.asarray(pid.rtol, float))
-    return Method(*tableau(method.solver), *map(float, (*numbers, *rest))), tolerances
+    return Control(*map(float, (*numbers, *rest))), tolerances

@@ -93,7 +93,8 @@ def test_quiet_motions_agree_with_diffrax(choices):
 
 
 def _free(scene):
-    result = jc.statistics(scene, 0, 1)
+    # At 1e-9 a start one unit in the last place away moves diffrax's own RMS by 5e-8.
+    result = jc.statistics(scene, 0, 1, rtol=1e-11)
     return {**result.values, "success": result.success}
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
 from jaxcrusher.batch.lanes import engine, module
-from jaxcrusher.batch.lanes.layout import LANES
+from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.motion.integrate import (
     RESULTS,
     Carried,
@@ -151,16 +151,6 @@ def test_the_number_of_threads_changes_no_bit(monkeypatch):
     _equal(found[0], found[2])
 
 
-def test_few_rows_are_emptied_again_and_again(monkeypatch):
-    swings = _swings(4 * LANES)
-    whole, ends = in_lanes(_run, swings)
-    monkeypatch.setattr(engine, "ROWS_BYTES", 1)
-    again, same = in_lanes(_run, swings)
-    _equal(same, ends)
-    # JAX may add up the mean of other rows in another order.
-    jax.tree.map(lambda *pair: np.testing.assert_allclose(*pair, atol=1e-15), again, whole)
-
-
 @pytest.mark.filterwarnings("error")
 def test_a_failure_stays_in_its_lane():
     swings = _swings(4 * LANES)
@@ -228,10 +218,12 @@ def test_a_folder_that_cannot_be_written_is_no_error(monkeypatch, tmp_path):
     file.write_text("no folder")
     monkeypatch.setattr(module, "cache_folder", lambda: file)
     module.load.cache_clear()
+    module.loop.cache_clear()
     swings = _swings(LANES)
     without = in_lanes(_run, swings)
     monkeypatch.undo()
     module.load.cache_clear()
+    module.loop.cache_clear()
     _equal(without, in_lanes(_run, swings))
 
 
@@ -239,23 +231,16 @@ def test_a_folder_that_cannot_be_written_is_no_error(monkeypatch, tmp_path):
 def test_an_interrupted_batch_stops_its_threads(monkeypatch, which):
     # One thread fails, the first or the second; the other has work for minutes.
     swings = _swings(2 * LANES)
-    load = engine.load
+    advance = engine.loop().advance
 
-    def failing(text):
-        found = load(text)
-        if not hasattr(found, "advance"):
-            return found
+    class Loop:
+        @staticmethod
+        def advance(*operands):
+            if threading.current_thread().name.endswith(f"_{which}"):
+                raise KeyboardInterrupt
+            return advance(*operands)
 
-        class Module:
-            @staticmethod
-            def advance(*operands):
-                if threading.current_thread().name.endswith(f"_{which}"):
-                    raise KeyboardInterrupt
-                return found.advance(*operands)
-
-        return Module
-
-    monkeypatch.setattr(engine, "load", failing)
+    monkeypatch.setattr(engine, "loop", lambda: Loop)
     monkeypatch.setattr(engine, "cores", lambda: 2)
     with pytest.raises(KeyboardInterrupt):
         in_lanes(

@@ -1,0 +1,44 @@
+"""Functions of vectors, run over arrays of any length."""
+
+import ctypes
+from collections.abc import Callable
+
+import numpy as np
+from llvmlite import ir
+
+from jaxcrusher.batch.lanes.module import load
+from jaxcrusher.batch.lanes.vector import LANES, Code, over_lanes
+
+
+def over_rows(write: Callable[[Code], list], *operands: np.ndarray) -> np.ndarray:
+    """What `write` makes of the first rows, the operands of shape (n,): shape (results, n)."""
+    module = ir.Module("test")
+    code = Code(module, "part")
+    results = write(code)
+    for i, result in enumerate(results, len(operands)):
+        code.write(result, i)
+    return run(module, [code], len(results), *operands)
+
+
+def run(module: ir.Module, parts: list[Code], results: int, *operands: np.ndarray) -> np.ndarray:
+    """The rows behind the operands, once functions ran one after the other."""
+    for i, part in enumerate(parts):
+        over_lanes(module, f"function{i}", part.end())
+    machine, kind = load(str(module)), ctypes.CFUNCTYPE(None, ctypes.c_void_p)
+    functions = [kind(machine[f"function{i}"]) for i in range(len(parts))]
+    # What is beyond the end is not looked at.
+    count, rows = -(-len(operands[0]) // LANES), len(operands) + results
+    memory = np.ones((count, rows + SPARE, LANES))
+    for i, operand in enumerate(operands):
+        row = np.ones(count * LANES)
+        row[: operand.size] = operand
+        memory[:, i] = row.reshape(count, LANES)
+    for part in memory:
+        for function in functions:
+            function(part.ctypes.data)
+    found = np.moveaxis(memory[:, len(operands) : rows], 1, 0).reshape(results, -1)
+    return found[:, : len(operands[0])]
+
+
+# Rows behind the results.
+SPARE = 100

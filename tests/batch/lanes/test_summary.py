@@ -1,0 +1,76 @@
+"""Reductions over the instants of a segment, against JAX."""
+
+import ctypes
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from llvmlite import ir
+
+from jaxcrusher.batch.lanes.emit import Unsupported
+from jaxcrusher.batch.lanes.module import load
+from jaxcrusher.batch.lanes.summary import write_summary
+from jaxcrusher.batch.lanes.vector import LANES
+from jaxcrusher.motion.statistic import top
+
+# Of a series x, one of pairs y, and the state z at the end.
+REDUCTIONS = {
+    "max": lambda x, y, z: jnp.max(x),
+    "min": lambda x, y, z: jnp.min(x),
+    "mean": lambda x, y, z: jnp.mean(x * z),
+    "argmax": lambda x, y, z: jnp.argmax(x).astype(float),
+    "at the largest": lambda x, y, z: x[jnp.argmax(y[:, 1])],
+    "top": lambda x, y, z: top(x),
+    "share": lambda x, y, z: jnp.mean(jnp.heaviside(x, 0.0)),
+    "last": lambda x, y, z: y[-1],
+    "number": lambda x, y, z: jnp.sqrt(z) + 1,
+    "series": lambda x, y, z: x + z,
+    "pairs": lambda x, y, z: y,
+}
+
+
+def _summarised(function, x, y, z):
+    """By the compiled function of a page."""
+    count, module = len(x), ir.Module("summary")
+    jaxpr = jax.make_jaxpr(function)(x, y, z)
+    page, over = write_summary(module, jaxpr, [(), (2,)], count)
+    memory = np.full((page.end, LANES), np.nan)
+    for i, series in enumerate((x, *y.T)):
+        memory[i * page.series : (i + 1) * page.series].ravel()[:count] = series
+    memory[page.last] = z
+    call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(load(str(module))["summarise"])
+    call(memory.ctypes.data, 0)
+    found, parts = memory[page.found :].ravel(), []
+    for is_over, variable in zip(over, jaxpr.jaxpr.outvars, strict=True):
+        shape = variable.aval.shape
+        part, found = found[: int(np.prod(shape))], found[int(np.prod(shape)) :]
+        last = part.reshape(*shape[1:], *shape[:1]) if is_over else part.reshape(shape)
+        parts.append(np.moveaxis(last, -1, 0) if is_over else last)
+    return parts
+
+
+def _every(x, y, z):
+    return [reduction(x, y, z) for reduction in REDUCTIONS.values()]
+
+
+# As many as fill all lanes, fewer, and some over.
+@pytest.mark.parametrize("count", [3, LANES, 2 * LANES + 5])
+def test_as_jax_reduces(count):
+    random = np.random.default_rng(count)
+    y, z = random.normal(size=(count, 2)), 2.5
+    for x in (
+        random.normal(size=count),
+        np.round(random.normal(size=count)),  # equal ones: the first counts
+        np.where(np.arange(count) == 1, np.nan, random.normal(size=count)),
+        np.full(count, -np.inf),
+    ):
+        exact = jax.jit(_every)(x, y, z)
+        for name, ours, theirs in zip(REDUCTIONS, _summarised(_every, x, y, z), exact, strict=True):
+            # Sums are added up in another order.
+            np.testing.assert_allclose(ours, theirs, rtol=1e-14, atol=1e-14, err_msg=name)
+
+
+def test_a_part_of_the_instants_is_left_to_others():
+    with pytest.raises(Unsupported, match="a part of the instants"):
+        _summarised(lambda x, y, z: jnp.max(x[1:]), np.ones(5), np.ones((5, 2)), 1.0)
