@@ -6,8 +6,7 @@ from jaxtyping import Float
 from scipy.stats import t as student
 
 import jaxcrusher as jc
-from optimize import settled
-from optimize.answer import Confirmed, Runs
+from optimize.answer import Confirmed, Runs, Settled
 from optimize.evaluate import STARTS, Case, Progress, Rows, Window, evaluate
 
 CONFIDENCE = 0.95
@@ -24,12 +23,13 @@ def interval(values: Float[np.ndarray, " runs"]) -> tuple[float, float]:
     return float(values.mean()), quantile * float(values.std(ddof=1)) / len(values) ** 0.5
 
 
-def confirm(
+def long_runs(
     case: Case, units: np.ndarray, runs: int, window: Window, seed: int, progress: Progress
-) -> list[Confirmed]:
+) -> list[Rows]:
     """Independent long runs of points (m, n) of the unit box, `runs` from each start.
 
-    The first run starts as the scene says, the others are shifted at random.
+    The first run starts as the scene says, the others are shifted at random. Returns rows of
+    shape (starts, runs, ...) for each point.
     """
     rng = np.random.default_rng(seed)
     shifts = rng.uniform(-SHIFT, SHIFT, (len(units), runs, 2))
@@ -44,18 +44,16 @@ def confirm(
         name: values.reshape(len(STARTS), len(units), runs, *values.shape[2:])
         for name, values in whole.items()
     }
-    return [
-        confirmed(case, unit, {name: values[:, i] for name, values in grouped.items()})
-        for i, unit in enumerate(units)
-    ]
+    return [{name: values[:, i] for name, values in grouped.items()} for i in range(len(units))]
 
 
-def confirmed(case: Case, unit: Float[np.ndarray, " n"], rows: Rows) -> Confirmed:
-    """A point of the unit box with its runs: `rows` of shape (starts, runs, ...)."""
+def confirmed(
+    case: Case, unit: Float[np.ndarray, " n"], rows: Rows, orbit: Settled | None
+) -> Confirmed:
+    """A point of the unit box with its long runs and its settled motion."""
     values = case.design.numbers(unit)
     described = {**jc.PE250X400, **case.design.fixed, **values}
     scene = jc.build_scene({**case.design.fixed, **values})
-    orbit = None if settled.unsolvable(case) else settled.looked_at(case, unit, scene)
     intervals = [interval(numbers) for numbers in rows["objective"]]
     runs, judged = {}, []
     for i, (start, numbers) in enumerate(zip(STARTS, intervals, strict=True)):

@@ -11,6 +11,7 @@ from jaxcrusher.files.provenance import command, versions
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
 from optimize import figures, landscape, problem, report, stages, verdicts
+from optimize.abreast import abreast
 from optimize.answer import Answer, Sought
 from optimize.claim import claim
 from optimize.options import Options
@@ -41,8 +42,12 @@ def run(options: Options, console: Console) -> Answer:
     try:
         with progress(console) as bars:
             search = stages.Search(case, options, bars)
-            orbits = stages.map_orbits(search, answer, points, folder)
-            explored = data = stages.explore(search, answer, units, folder)
+            orbits, (data, motions) = abreast(
+                search.stop,
+                lambda: stages.map_orbits(search, answer, points, folder),
+                lambda: stages.explore(search, answer, units, folder),
+            )
+            explored = data
             ends, answer = stages.refine(search, answer, units, data, points, orbits)
             candidates, reference = stages.settle_on(search, answer, ends)
             best = candidates[int(np.nanargmin([one.objective for one in candidates]))]
@@ -54,7 +59,6 @@ def run(options: Options, console: Console) -> Answer:
                 claim=claim(case, orbits, best),
             )
             answer = stages.weigh(search, answer, best, reference)
-            motions = stages.film(search, answer, units, data)
         checks = verdicts.checks(answer, case, options)
         remark = verdicts.remark(best, case, options)
         answer = replace(answer, checks=checks, remark=remark, status="finished")

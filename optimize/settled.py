@@ -52,7 +52,8 @@ def solve(
     the constraints), statistics, `VARIABLES` and `failure` in words; and `slope` of the objective
     per unit of each free parameter, (points, n). Numbers are NaN where there is a failure.
     """
-    padded = np.concatenate([units, np.repeat(units[-1:], -len(units) % CHUNK, axis=0)])
+    padding = np.full((-len(units) % CHUNK, units.shape[1]), np.nan)
+    padded = np.concatenate([units, padding])
     function = eqx.Partial(_row, case=case)
 
     def report(done: int, _: int) -> None:
@@ -79,6 +80,17 @@ def widths(case: Case) -> Float[np.ndarray, " n"]:
 
 
 def _row(unit: Float[Array, " n"], case: Case) -> dict[str, Any]:
+    """What is kept of a point; of one that is NaN, which fills a chunk up, zeros at no cost."""
+    like = eqx.filter_eval_shape(_orbit, unit, case)
+
+    def nothing(_: Array) -> dict[str, Any]:
+        return jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
+
+    return jax.lax.cond(jnp.isnan(unit[0]), nothing, lambda point: _orbit(point, case), unit)
+
+
+@eqx.filter_jit
+def _orbit(unit: Float[Array, " n"], case: Case) -> dict[str, Any]:
     def objective(unit: Array):
         scene = case.design.scene(unit)
         orbit = jc.periodic_orbit(scene, nodes=NODES)
@@ -110,11 +122,15 @@ def mapped(case: Case, units: np.ndarray, cells: tuple[int, int], rows: Rows) ->
     return labelled(case.design, units, cells, rows, meanings, {"slope": "parameter"})
 
 
-def looked_at(case: Case, unit: Float[np.ndarray, " n"], scene: jc.Scene) -> Settled:
+def looked_at(case: Case, unit: Float[np.ndarray, " n"]) -> Settled | None:
     """The settled motion of one point, with as many nodes as it takes, integrated round once.
 
-    Its slopes stand beside central differences of settled motions.
+    Its slopes stand beside central differences of settled motions. None where there is no orbit
+    to solve for.
     """
+    if unsolvable(case):
+        return None
+    scene = jc.build_scene({**case.design.fixed, **case.design.numbers(unit)})
     orbit = jc.periodic_orbit(scene)
     beside = BESIDE * np.eye(len(unit))
     rows = solve(case, np.concatenate([unit[None], unit + beside, unit - beside]))

@@ -3,8 +3,9 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,9 @@ import jaxcrusher as jc
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
 from optimize import landscape, local, problem, settled
+from optimize.abreast import Stopped, abreast
 from optimize.answer import Answer, Confirmed, Held, Refinement
-from optimize.confirm import SHIFT, confirm
+from optimize.confirm import SHIFT, confirmed, long_runs
 from optimize.evaluate import Case, Progress, Window, evaluate, judged, started
 from optimize.motions import cell_motions
 from optimize.options import Options
@@ -33,18 +35,28 @@ AT_LIMIT = 1e-12
 
 @dataclass(frozen=True)
 class Search:
-    """What every stage works on: the case, what was asked for, and where its progress is told."""
+    """What every stage works on: the case, what was asked for, and where its progress is told.
+
+    Stages may run side by side; where `stop` is set they end when they next tell their progress.
+    """
 
     case: Case
     options: Options
     bars: Bars
+    stop: Event = field(default_factory=Event)
 
     @contextmanager
     def stage(self, answer: Answer, name: str, total: int) -> Iterator[Progress]:
         """A bar for a stage, whose seconds are booked when it ends; yields its progress."""
         bar = self.bars.add_task(name, total=total)
         began = time.perf_counter()
-        yield lambda done, _: self.bars.update(bar, completed=done)
+
+        def progress(done: int, _: int) -> None:
+            self.bars.update(bar, completed=done)
+            if self.stop.is_set():
+                raise Stopped
+
+        yield progress
         answer.seconds[name] = time.perf_counter() - began
 
 
@@ -63,8 +75,13 @@ def map_orbits(
     return data
 
 
-def explore(search: Search, answer: Answer, units: np.ndarray, folder: Path) -> xr.Dataset:
-    """What both starts of `units` do in their first turns, written after every chunk."""
+def explore(
+    search: Search, answer: Answer, units: np.ndarray, folder: Path
+) -> tuple[xr.Dataset, xr.Dataset]:
+    """What both starts of `units` do in their first turns, written after every chunk.
+
+    Also their motions after these, for the page.
+    """
     case, options = search.case, search.options
     window = Window(options.settle, options.turns, MAP_RTOL)
     attributes = _provenance("Landscape of a design search", search, answer, **asdict(window))
@@ -75,7 +92,9 @@ def explore(search: Search, answer: Answer, units: np.ndarray, folder: Path) -> 
             write_netcdf(folder / "landscape.nc", data)
             progress(done, len(units))
     answer.steps["landscape"] = int(data.steps.sum())
-    return data
+    with search.stage(answer, "motions", data.objective.size) as progress:
+        motions, answer.steps["motions"] = cell_motions(case, units, data, MAP_RTOL, progress)
+    return data, motions
 
 
 def _provenance(title: str, search: Search, answer: Answer, **settings: Any) -> dict[str, Any]:
@@ -186,7 +205,12 @@ def settle_on(
     points = np.concatenate([candidates, case.design.unit(problem.reference(options))[None]])
     window = Window(LONGER * options.settle, LONGER * options.turns, CONFIRM_RTOL)
     with search.stage(answer, "confirmation", len(points) * options.runs) as progress:
-        found = confirm(case, points, options.runs, window, options.seed, progress)
+        runs, orbits = abreast(
+            search.stop,
+            lambda: long_runs(case, points, options.runs, window, options.seed, progress),
+            lambda: [settled.looked_at(case, point) for point in points],
+        )
+        found = [confirmed(case, *of) for of in zip(points, runs, orbits, strict=True)]
     answer.steps["confirmation"] = sum(
         int(runs.by_run["steps"].sum()) for one in found for runs in one.transient.values()
     )
@@ -217,9 +241,11 @@ def weigh(search: Search, answer: Answer, best: Confirmed, reference: Confirmed)
 
     if not settled.unsolvable(case):
         with search.stage(answer, "companions", 2) as progress:
-            best = accompanied(case, best)
-            progress(1, 2)
-            reference = accompanied(case, reference)
+            best, reference = abreast(
+                search.stop,
+                lambda: accompanied(case, best),
+                lambda: accompanied(case, reference),
+            )
             progress(2, 2)
     if not (best.settles and reference.settles):
         with search.stage(answer, "regimes", 3) as progress:
@@ -274,10 +300,3 @@ def held(case: Case, best: Confirmed) -> tuple[Held, ...]:
 def _kept(regime: jc.Regime) -> jc.Regime:
     """The verdict with its indicators, without the motion they are of."""
     return replace(regime, statistics=None, state=None)
-
-
-def film(search: Search, answer: Answer, units: np.ndarray, data: xr.Dataset) -> xr.Dataset:
-    """The motion of every point of the landscape after its window, for the page."""
-    with search.stage(answer, "motions", data.objective.size) as progress:
-        found, answer.steps["motions"] = cell_motions(search.case, units, data, MAP_RTOL, progress)
-    return found

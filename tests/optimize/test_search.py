@@ -220,43 +220,35 @@ def rows_of_three_runs():
     }
 
 
-@pytest.fixture
-def orbit_by_hand(monkeypatch):
+def orbit_by_hand(**changes):
     """An orbit for `confirm.confirmed` to judge by."""
-
-    def make(**changes):
-        numbers = {"objective": 7.0, "foundation_rms": 8.0, "foundation_peak": 9.0, "error": 1e-9}
-        kept = dict(multipliers=[[0.5, 0.0]], largest_multiplier=0.5, settling_turns=1.4)
-        rest = dict(failure="", least_penetration=0.1, validity=None, slopes={}, slopes_apart={})
-        orbit = Settled(**(numbers | kept | rest | changes))
-        monkeypatch.setattr(confirm.settled, "looked_at", lambda *_: orbit)
-
-    return make
+    numbers = {"objective": 7.0, "foundation_rms": 8.0, "foundation_peak": 9.0, "error": 1e-9}
+    kept = dict(multipliers=[[0.5, 0.0]], largest_multiplier=0.5, settling_turns=1.4)
+    rest = dict(failure="", least_penetration=0.1, validity=None, slopes={}, slopes_apart={})
+    return Settled(**(numbers | kept | rest | changes))
 
 
-def test_a_design_is_judged_by_what_its_worse_start_comes_to(orbit_by_hand):
-    case, rows = problem.case(Options()), rows_of_three_runs()
-    orbit_by_hand()
-    one = confirm.confirmed(case, np.zeros(2), rows)
+def test_a_design_is_judged_by_what_its_worse_start_comes_to():
+    case, rows, orbit = problem.case(Options()), rows_of_three_runs(), orbit_by_hand()
+    one = confirm.confirmed(case, np.zeros(2), rows, orbit)
     assert one.settles and one.objective == 7.0 and one.foundation_rms == 8.0
     assert one.half_width == pytest.approx(7e-9)
     # A start that leaves contact in a single run is judged by its time average, here the better.
     rows["contact_fraction"][0, 1] = 0.999
-    one = confirm.confirmed(case, np.zeros(2), rows)
+    one = confirm.confirmed(case, np.zeros(2), rows, orbit)
     assert not one.transient["centred"].settles and one.transient["contact"].settles
     assert one.objective == 7.0 and one.worse_start == "contact"
     rows["objective"][0] = 9.0
-    assert confirm.confirmed(case, np.zeros(2), rows).objective == 9.0
+    assert confirm.confirmed(case, np.zeros(2), rows, orbit).objective == 9.0
     # Nor does an orbit count that disturbances grow from, or none.
     for change in ({"largest_multiplier": 1.0001}, {"failure": "none", "objective": np.nan}):
-        orbit_by_hand(**change)
-        one = confirm.confirmed(case, np.zeros(2), rows_of_three_runs())
+        changed = orbit_by_hand(**change)
+        one = confirm.confirmed(case, np.zeros(2), rows_of_three_runs(), changed)
         assert one.worse_start == "centred" and one.objective == 2.0
         assert one.half_width == one.transient["centred"].objective_half_width > 1
     # A single run that does not count, of either start, leaves no number to choose by.
-    orbit_by_hand()
     rows["counts"][1, 2] = False
-    assert not confirm.confirmed(case, np.zeros(2), rows).counts
+    assert not confirm.confirmed(case, np.zeros(2), rows, orbit).counts
 
 
 def test_checks_fail_where_their_rules_are_broken(finished):
