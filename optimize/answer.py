@@ -118,7 +118,7 @@ class Refinement:
 class Held:
     """A limit that holds the optimum: without it the objective would fall."""
 
-    parameter: str
+    parameter: str  # or "capacity" itself, where the links are free
     limit: str  # "lowest", "highest" or "capacity"
     multiplier: float  # what the objective would gain per unit of the parameter
 
@@ -132,6 +132,20 @@ class Claim:
     open_cells: int  # of the map, without a stable settled motion: nothing is said of them
     gain: float  # of the descents, on the map's best point
     words: str
+
+
+@dataclass(frozen=True)
+class Front:
+    """What cannot be had together with the least objective: no point gains in both.
+
+    Points in the order of a rising objective; of a single one there is nothing to trade.
+    """
+
+    of: str  # the other number: "capacity" or an objective
+    unit: str
+    objective: np.ndarray  # (points,)
+    other: np.ndarray  # (points,)
+    values: dict[str, np.ndarray]  # of the free parameters, (points,)
 
 
 @dataclass(frozen=True)
@@ -187,8 +201,10 @@ class Answer:
     optimum: Confirmed | None = None
     seed_choice: Confirmed | None = None  # what the optimum is compared with
     ideal: float | None = None  # RMS of the optimum's machine with an ideal joint, N
-    held: tuple[Held, ...] = ()  # by what limits the optimum is held; elsewhere slopes vanish
+    held: tuple[Held, ...] = ()  # by what limits the optimum is held; the other slopes vanish
+    unheld: dict[str, float] = field(default_factory=dict)  # these slopes; limits have their part
     claim: Claim | None = None
+    fronts: tuple[Front, ...] = ()
     gradient_report: jc.GradientReport | None = None  # where the optimum has no settled motion
     checks: tuple[Check, ...] = ()
     remark: str = ""

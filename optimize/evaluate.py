@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
@@ -33,7 +33,7 @@ Rows = dict[str, np.ndarray]
 class Case:
     """What is searched, what for, and what a design must satisfy to count.
 
-    `chamber` is that of the numbers that are not free.
+    `chamber` is that of the numbers that are not free; where links are, see `chamber_of`.
     """
 
     design: Design
@@ -44,12 +44,16 @@ class Case:
 
     def capacity(self, units: Float[np.ndarray, "*batch n"]) -> np.ndarray:
         """Crushing capacity of points of the unit box, m3/h."""
-        if self.links_free:
-            rows = jnp.reshape(units, (-1, len(self.design.names)))
-            return np.asarray(_capacities(self, rows)).reshape(np.shape(units)[:-1])
-        values = {**self.design.fixed, **self.design.values(units)}
-        speed = values.get("speed", jc.PE250X400["speed"])
-        return np.broadcast_to(np.asarray(self.chamber.capacity(speed)), np.shape(units)[:-1])
+        rows = jnp.reshape(units, (-1, len(self.design.names)))
+        return np.asarray(_capacities(self, rows)).reshape(np.shape(units)[:-1])
+
+    def capacity_slope(self, unit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Of the capacity by the axes of the unit box, m3/h."""
+        return np.asarray(_capacity_slope(self, jnp.asarray(unit)))
+
+    def chamber_of(self, described: Mapping[str, Any]) -> CrushingChamber:
+        """That of a description, whose numbers may be traced: the links decide its stroke."""
+        return build_chamber({**jc.PE250X400, **described}) if self.links_free else self.chamber
 
     @property
     def links_free(self) -> bool:
@@ -79,13 +83,19 @@ class Case:
         return corner
 
 
+def _capacity(unit: Float[Array, " n"], case: Case) -> Scalar:
+    described = {**jc.PE250X400, **case.design.description(unit)}
+    return case.chamber_of(described).capacity(described["speed"])
+
+
 @eqx.filter_jit
 def _capacities(case: Case, units: Float[Array, "points n"]) -> Float[Array, " points"]:
-    def one(unit: Array) -> Array:
-        values = {**jc.PE250X400, **case.design.description(unit)}
-        return build_chamber(values).capacity(values["speed"])
+    return jax.vmap(lambda unit: _capacity(unit, case))(units)
 
-    return jax.vmap(one)(units)
+
+@eqx.filter_jit
+def _capacity_slope(case: Case, unit: Float[Array, " n"]) -> Float[Array, " n"]:
+    return jax.grad(_capacity)(unit, case)
 
 
 @dataclass(frozen=True)
@@ -120,8 +130,8 @@ def evaluate(
         part = slice(first, min(first + size, len(units)))
         index = np.minimum(np.arange(first, first + size), len(units) - 1)
         points, moves = jnp.asarray(units[index]), jnp.asarray(shifts[index])
-        scenes = stacked_scenes(case, points, moves)
-        row = map_all(function, scenes, len(STARTS) * len(points))
+        batch = stacked_scenes(case, points, moves), np.tile(points, (len(STARTS), 1))
+        row = map_all(function, batch, len(STARTS) * len(points))
         used = part.stop - part.start
         rows = {
             name: values.reshape(len(STARTS), size, *values.shape[1:])[:, :used]
@@ -172,9 +182,12 @@ def stacked_scenes(
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 
-def _row(scene: jc.Scene, case: Case, window: Window) -> dict[str, Array]:
+def _row(batch: tuple[jc.Scene, Array], case: Case, window: Window) -> dict[str, Array]:
+    """Of a scene at a point of the unit box."""
+    scene, unit = batch
     outputs = tuple(dict.fromkeys((*always_of(scene), *case.objective.outputs)))
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
-    objective = case.objective.formula(result, scene, case.chamber)
+    chamber = case.chamber_of(case.design.description(unit))
+    objective = case.objective.formula(result, scene, chamber)
     further = {"objective": objective, "steps": result.outcome.steps, "state": result.state}
     return row_of(result) | further

@@ -17,6 +17,7 @@ from optimize import landscape as maps
 from optimize import words
 from optimize.answer import Answer, Box, Confirmed
 from optimize.evaluate import Case, started
+from optimize.objectives import OBJECTIVES
 from optimize.pareto import nondominated
 
 OPTIMUM, COMPARED = ("*", "C3", 13), ("D", "C1", 8)
@@ -153,37 +154,45 @@ def draw_capacity(folder: Path, case: Case, box: Box) -> None:
 def draw_pareto(
     folder: Path, case: Case, units: np.ndarray, data: xr.Dataset, answer: Answer
 ) -> None:
-    """RMS against capacity and against the peak at the points of a map, and the designs among them.
+    """The objective against capacity and another force, at the points of a map and the designs.
 
-    The front is what no other point beats in both.
-
-    `data` is the map of settled motions, or the landscape, whose worse start counts.
+    `data` is the map of settled motions, whose fronts the answer has, or the landscape, whose
+    worse start counts: its front is what no other point beats in both.
     """
-    names, capacity = ("foundation_rms", "foundation_peak"), case.capacity(units)
-    if "start" in data.dims:
-        worse, motion = data[[*names, "counts"]].max("start"), "worse start"
-        counts = data.counts.all("start")
-    else:
-        worse, counts, motion = data, data.counts, "settled"
-    columns = {name: worse[name].where(counts).to_numpy().ravel() / 1e3 for name in names}
-    rms, peak = columns.values()
+    transient = "start" in data.dims
+    other = answer.fronts[-1].of if answer.fronts else "peak"
+    force = OBJECTIVES[other]
+    (statistic,) = force.outputs
+    worse = data[["objective", statistic]].max("start") if transient else data
+    counts = data.counts.all("start") if transient else data.counts
+    objective, forces = (
+        worse[name].where(counts).to_numpy().ravel() for name in ("objective", statistic)
+    )
+    kilo, unit = (1e3, "kN") if answer.objective.unit == "N" else (1.0, answer.objective.unit)
     with plt.rc_context(page.STYLE):
         fig, axes = plt.subplots(1, 2, figsize=(page.WIDTH, 3.4), layout="constrained")
-        for ax, other, sign, label in (
-            (axes[0], capacity, -1.0, "capacity (m³/h)"),
-            (axes[1], peak, 1.0, "peak of the foundation force (kN)"),
-        ):
-            front = nondominated(np.stack([rms, sign * other], axis=-1))
-            ax.plot(rms, other, "o", color="0.7", markersize=3, label="points of the map")
-            order = np.flatnonzero(front)[np.argsort(rms[front])]
-            ax.plot(rms[order], other[order], "s-", color="C0", markersize=7, label="front")
-            ax.set(xlabel=f"RMS of the foundation force, {motion} (kN)", ylabel=label)
+        of_axes = (case.capacity(units), -1.0, 1.0), (forces, 1.0, 1e3)
+        for k, (ax, (column, sign, one)) in enumerate(zip(axes, of_axes, strict=True)):
+            dots = objective / kilo, column / one
+            ax.plot(*dots, "o", color="0.7", markersize=3, label="points of the map")
+            if answer.fronts:
+                line = answer.fronts[k].objective, answer.fronts[k].other
+            else:
+                of_map = np.flatnonzero(nondominated(np.stack([objective, sign * column], axis=-1)))
+                order = of_map[np.argsort(objective[of_map])]
+                line = objective[order], column[order]
+            size = 4 if len(line[0]) > 1 else 7
+            ax.plot(line[0] / kilo, line[1] / one, "s-", color="C0", markersize=size, label="front")
+            meaning = "worse start" if transient else "settled"
+            ax.set_xlabel(f"{answer.objective.meaning}, {meaning} ({unit})")
+        axes[0].set_ylabel("capacity (m³/h)")
+        axes[1].set_ylabel(f"{force.meaning} (kN)")
         for title, design in answer.designs.items():
-            least, highest = _forces(design, "start" in data.dims)
+            least, highest = _numbers(design, statistic, transient)
             marker, colour, size = OPTIMUM if title == "optimum" else COMPARED
-            for ax, value in zip(axes, (design.capacity, highest), strict=True):
+            for ax, value in zip(axes, (design.capacity, highest / 1e3), strict=True):
                 ax.plot(
-                    least,
+                    least / kilo,
                     value,
                     marker,
                     color=colour,
@@ -194,21 +203,32 @@ def draw_pareto(
                     label=title,
                     zorder=3,
                 )
+        for ax in axes:
+            _zoom_to_front(ax)
         fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
         write_figure(folder / "pareto.png", fig)
 
 
-def _forces(design: Confirmed, transient: bool) -> tuple[float, float]:
-    """RMS and peak (kN) of the worse start's first run, or of the settled motion; NaN if none."""
+def _zoom_to_front(ax: Axes) -> None:
+    """Leave out the points of the map that lie far from a front of several points."""
+    _, front, *designs = ax.lines
+    shown = np.concatenate([line.get_xydata() for line in (front, *designs)])
+    if np.size(front.get_xdata()) > 1:
+        low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
+        margin = 0.1 * (high - low)
+        ax.set(xlim=(low[0] - margin[0], high[0] + margin[0]))
+        ax.set(ylim=(low[1] - margin[1], high[1] + margin[1]))
+
+
+def _numbers(design: Confirmed, statistic: str, transient: bool) -> tuple[float, float]:
+    """Objective and a statistic of the worse start's first run, or of the settled motion."""
     if transient:
         runs = design.transient.values()
-        rms, peak = (
-            max(one.first(name) for one in runs) for name in ("foundation_rms", "foundation_peak")
-        )
-        return rms / 1e3, peak / 1e3
+        one, two = (max(run.first(name) for run in runs) for name in ("objective", statistic))
+        return one, two
     if design.settled is None:
         return math.nan, math.nan
-    return design.settled.foundation_rms / 1e3, design.settled.foundation_peak / 1e3
+    return design.settled.objective, getattr(design.settled, statistic)
 
 
 def draw_motions(folder: Path, case: Case, answer: Answer) -> None:

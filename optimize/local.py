@@ -1,7 +1,8 @@
 """The local stage: exact gradients on settled motions, fits where there are none."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.optimize
@@ -13,8 +14,12 @@ SIGNIFICANT = 2.0
 FIRST_RADIUS, LAST_RADIUS = 0.2, 0.01
 # A descent ends where the projected gradient by the unit box is so small a share of the value.
 STATIONARY = 1e-9
+EXACT = {"gtol": STATIONARY, "ftol": 0.0}
+# With a constraint it ends where a step gains less than this share of the value.
+SETTLED = 1e-14
 
 Objective = Callable[[np.ndarray, np.ndarray], np.ndarray]
+# Value and gradient at a point of the unit box.
 Smooth = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
 
@@ -34,11 +39,12 @@ def descend(
     start: Float[np.ndarray, " n"],
     upper: Float[np.ndarray, " n"],
     steps: int,
+    spares: Sequence[Smooth] = (),
 ) -> Descent:
     """L-BFGS-B inside the box from 0 to `upper`, at most `steps` iterations.
 
-    `function` gives value and gradient at a point; NaN, where there is none, is a wall that the
-    line search comes back from. A start without a value stays where it is.
+    A NaN of `function` is a wall that the line search comes back from. A start without a value
+    stays where it is. Where there are `spares`, each must end at least 0: SLSQP sees to that.
     """
     seen: dict[bytes, tuple[float, np.ndarray]] = {}
 
@@ -65,13 +71,22 @@ def descend(
         scaled,
         start,
         jac=True,
-        method="L-BFGS-B",
+        method="SLSQP" if spares else "L-BFGS-B",
         bounds=[(0.0, float(top)) for top in upper],
+        constraints=[_constraint(spare) for spare in spares],
         callback=lambda intermediate_result: path.append(intermediate_result.x.copy()),
-        options={"maxiter": steps, "gtol": STATIONARY, "ftol": 0.0},
+        options={"maxiter": steps, **({"ftol": SETTLED} if spares else EXACT)},
     )
     last, gradient = known(found.x)
     return Descent(np.stack([*path, found.x]), first, last, gradient, len(seen))
+
+
+def _constraint(spare: Smooth) -> dict[str, Any]:
+    return {
+        "type": "ineq",
+        "fun": lambda point: spare(point)[0],
+        "jac": lambda point: spare(point)[1],
+    }
 
 
 def descend_by_fits(

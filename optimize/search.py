@@ -59,6 +59,7 @@ def run(options: Options, console: Console) -> Answer:
                 claim=claim(case, orbits, best),
             )
             answer = stages.weigh(search, answer, best, reference)
+            answer = stages.trade(search, answer, best, points, orbits)
         checks = verdicts.checks(answer, case, options)
         remark = verdicts.remark(best, case, options)
         answer = replace(answer, checks=checks, remark=remark, status="finished")

@@ -92,9 +92,10 @@ def _row(unit: Float[Array, " n"], case: Case) -> dict[str, Any]:
 @eqx.filter_jit
 def _orbit(unit: Float[Array, " n"], case: Case) -> dict[str, Any]:
     def objective(unit: Array):
-        scene = case.design.scene(unit)
+        described = case.design.description(unit)
+        scene = jc.build_scene(described)
         orbit = jc.periodic_orbit(scene, nodes=NODES)
-        return case.objective.formula(orbit, scene, case.chamber), orbit
+        return case.objective.formula(orbit, scene, case.chamber_of(described)), orbit
 
     (value, orbit), slope = jax.value_and_grad(objective, has_aux=True)(unit)
     row = {name: orbit[name] for name in STATISTICS}
@@ -130,14 +131,15 @@ def looked_at(case: Case, unit: Float[np.ndarray, " n"]) -> Settled | None:
     """
     if unsolvable(case):
         return None
-    scene = jc.build_scene({**case.design.fixed, **case.design.numbers(unit)})
+    described = {**case.design.fixed, **case.design.numbers(unit)}
+    scene = jc.build_scene(described)
     orbit = jc.periodic_orbit(scene)
     beside = BESIDE * np.eye(len(unit))
     rows = solve(case, np.concatenate([unit[None], unit + beside, unit - beside]))
     above, below = np.split(rows["objective"][1:], 2)
     slopes, names = rows["slope"][0], case.design.names
     apart = np.abs((above - below) / (2 * BESIDE * widths(case)) - slopes)
-    value = case.objective.formula(orbit, scene, case.chamber)
+    value = case.objective.formula(orbit, scene, case.chamber_of(described))
     modulus = np.abs(orbit.multipliers)
     return Settled(
         failure=orbit.failure,
@@ -157,13 +159,14 @@ def looked_at(case: Case, unit: Float[np.ndarray, " n"]) -> Settled | None:
 
 def companions(case: Case, values: dict[str, float]) -> tuple[Companion, ...]:
     """The stable motions of a design that random starts about the centred one come to."""
-    scene = started({**case.design.fixed, **values}, "centred")
+    described = {**case.design.fixed, **values}
+    scene, chamber = started(described, "centred"), case.chamber_of(described)
     found = jc.settled_motions(scene, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
     return tuple(
         Companion(
             share,
             orbit.period,
-            float(case.objective.formula(orbit, scene, case.chamber)),
+            float(case.objective.formula(orbit, scene, chamber)),
             float(orbit.foundation_rms),
             float(orbit.foundation_peak),
             float(orbit.least_penetration),

@@ -15,11 +15,13 @@ from rich.progress import Progress as Bars
 import jaxcrusher as jc
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
-from optimize import landscape, local, problem, settled
+from optimize import landscape, local, problem, settled, smooth
 from optimize.abreast import Stopped, abreast
-from optimize.answer import Answer, Confirmed, Held, Refinement
+from optimize.answer import Answer, Confirmed, Refinement
 from optimize.confirm import SHIFT, confirmed, long_runs
 from optimize.evaluate import Case, Progress, Window, evaluate, judged, started
+from optimize.front import fronts
+from optimize.held import held
 from optimize.motions import cell_motions
 from optimize.options import Options
 
@@ -29,8 +31,6 @@ MAP_RTOL, CONFIRM_RTOL = 1e-6, 1e-8
 LONGER = 3
 # Turns of the regime of the few designs that matter: settling, section points, exponents.
 REGIME = (60, 200, 20)
-# A coordinate of the unit box this near its end is at it: rounding.
-AT_LIMIT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ def refine(
         counts = orbits.counts.to_numpy().ravel() & started
         values = np.where(counts, orbits.objective.to_numpy().ravel(), np.nan)
     best = landscape.best_points(values, points, options.refine)
-    smooth = len(best) > 0
-    if not smooth:
+    exact = len(best) > 0
+    if not exact:
         best = landscape.best_points(
             landscape.worst(data).to_numpy().ravel(), units, options.refine
         )
@@ -134,7 +134,7 @@ def refine(
     with search.stage(answer, "refinement", len(starts)) as progress:
         found, ends = [], []
         for i, start in enumerate(starts):
-            if smooth:
+            if exact:
                 end, refined = _by_gradients(case, start, options.steps)
             else:
                 end, refined = _by_fits(case, start, answer, options)
@@ -142,18 +142,14 @@ def refine(
             found.append(refined)
             progress(i + 1, len(starts))
     # Descents that meet need one confirmation.
-    candidates = np.stack(ends) if smooth else np.concatenate([best, ends])
+    candidates = np.stack(ends) if exact else np.concatenate([best, ends])
     _, first = np.unique(np.round(candidates, 4), axis=0, return_index=True)
     return candidates[np.sort(first)], replace(answer, refinement=tuple(found))
 
 
 def _by_gradients(case: Case, start: np.ndarray, steps: int) -> tuple[np.ndarray, Refinement]:
-    def function(unit: np.ndarray) -> tuple[float, np.ndarray]:
-        rows = settled.solve(case, unit[None])
-        value = float(rows["objective"][0]) if rows["stable"][0] else float("nan")
-        return value, rows["slope"][0] * settled.widths(case)
-
-    descent = local.descend(function, start, case.upper, steps)
+    function, spares = smooth.objective(case), smooth.floor(case)
+    descent = local.descend(function, start, case.upper, steps, spares)
     slopes = descent.gradient / settled.widths(case)
     return descent.path[-1], Refinement(
         "gradient",
@@ -262,13 +258,27 @@ def weigh(search: Search, answer: Answer, best: Confirmed, reference: Confirmed)
                 slopes = replace(slopes, regime=_kept(slopes.regime))
                 answer = replace(answer, gradient_report=slopes)
             progress(3, 3)
+    limits, unheld = held(case, best)
     return replace(
         answer,
         optimum=best,
         seed_choice=reference,
         ideal=best.ideal_rms,
-        held=held(case, best),
+        held=limits,
+        unheld=unheld,
     )
+
+
+def trade(
+    search: Search, answer: Answer, best: Confirmed, units: np.ndarray, orbits: xr.Dataset | None
+) -> Answer:
+    """The answer with the fronts of a settled optimum."""
+    if orbits is None or not best.settles:
+        return answer
+    with search.stage(answer, "fronts", 2) as progress:
+        found = fronts(search.case, best, units, orbits, search.options.steps)
+        progress(2, 2)
+    return replace(answer, fronts=found)
 
 
 def accompanied(case: Case, design: Confirmed) -> Confirmed:
@@ -280,21 +290,6 @@ def accompanied(case: Case, design: Confirmed) -> Confirmed:
     if worst is None or not settled.worse(worst.objective, design.objective):
         return design
     return replace(design, objective=worst.objective, foundation_rms=worst.foundation_rms)
-
-
-def held(case: Case, best: Confirmed) -> tuple[Held, ...]:
-    """The limits that the settled objective pushes against (Karush, Kuhn and Tucker)."""
-    if best.settled is None:
-        return ()
-    found = []
-    at = case.design.unit(best.values)
-    for name, place, top in zip(case.design.names, at, case.upper, strict=True):
-        slope = best.settled.slopes[name]
-        if place <= AT_LIMIT and slope > 0:
-            found.append(Held(name, "lowest", slope))
-        elif place >= top - AT_LIMIT and slope < 0:
-            found.append(Held(name, "highest" if top == 1 else "capacity", -slope))
-    return tuple(found)
 
 
 def _kept(regime: jc.Regime) -> jc.Regime:

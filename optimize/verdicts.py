@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxcrusher.scenes.echo import unit_of
 from optimize import settled, words
-from optimize.answer import Answer, Check, Confirmed, Settled
+from optimize.answer import Answer, Check, Confirmed
 from optimize.evaluate import Case
 from optimize.options import Options
 from optimize.stages import CONFIRM_RTOL, LONGER
@@ -70,11 +70,11 @@ def checks(answer: Answer, case: Case, options: Options) -> tuple[Check, ...]:
             not other.objective < best.objective,
             f"{words.number(best.objective)} <= {there}",
         ),
-        _slopes(answer, best),
+        _slopes(answer, best, case),
     )
 
 
-def _slopes(answer: Answer, best: Confirmed) -> Check:
+def _slopes(answer: Answer, best: Confirmed, case: Case) -> Check:
     """That the slopes at the optimum are what they are said to be."""
     name, report, orbit = "the slopes at the optimum may be believed", answer.gradient_report, None
     if best.settles:
@@ -84,16 +84,20 @@ def _slopes(answer: Answer, best: Confirmed) -> Check:
         return Check(name, report.usable, ", ".join(verdicts) + "; rule: each ok")
     if orbit is None:
         return Check(name, False, "none known")
-    shares = {
-        name: orbit.slopes_apart[name] / max(abs(slope), 1e-300)
-        for name, slope in orbit.slopes.items()
-    }
-    details = [f"by {name} {share:.1g}" for name, share in shares.items()]
+    good, details = True, []
+    for parameter, slope in orbit.slopes.items():
+        low, high = case.design.bounds[parameter]
+        apart = orbit.slopes_apart[parameter]
+        of_slope, of_value = apart / max(abs(slope), 1e-300), apart * (high - low)
+        of_value /= max(abs(best.objective), 1e-300)
+        # A slope that vanishes leaves nothing to take a share of.
+        good &= of_slope <= APART or of_value <= VANISHED
+        details.append(f"by {parameter} {of_slope:.1g} and {of_value:.1g}")
     return Check(
         name,
-        max(shares.values()) <= APART,
-        f"differences of settled motions are off, {', '.join(details)} of the slope; "
-        f"rule: <= {APART:g}",
+        good,
+        "differences of settled motions are off by shares of the slope, and of the objective over "
+        f"the box: {', '.join(details)}; rule: <= {APART:g} or <= {VANISHED:g}",
     )
 
 
@@ -131,19 +135,17 @@ def _motion(answer: Answer, best: Confirmed, case: Case) -> tuple[Check, ...]:
         not worse,
         words.companions(best) or "none came to a motion that repeats",
     )
-    return comes, alone, _stationary(answer, orbit, best, case)
+    return comes, alone, _stationary(answer, best, case)
 
 
-def _stationary(answer: Answer, orbit: Settled, best: Confirmed, case: Case) -> Check:
+def _stationary(answer: Answer, best: Confirmed, case: Case) -> Check:
     """Karush's, Kuhn's and Tucker's conditions: held by limits, or without slope."""
-    held, units = answer.held, answer.box.units
-    limits = {one.parameter for one in held}
+    bounds = case.design.bounds
     left = [
-        (name, abs(orbit.slopes[name]) * (high - low) / abs(best.objective))
-        for name, (low, high) in case.design.bounds.items()
-        if name not in limits
+        (name, abs(slope) * (bounds[name][1] - bounds[name][0]) / abs(best.objective))
+        for name, slope in answer.unheld.items()
     ]
-    details = [words.held(one, case.objective.unit, units) for one in held]
+    details = [words.held(one, case.objective.unit, answer.box.units) for one in answer.held]
     details += [
         f"slope by {name} {share:.1g} of the objective over the box" for name, share in left
     ]

@@ -65,7 +65,7 @@ def companions(design: Confirmed) -> str:
 
 def held(one: Held, unit: str, units: Mapping[str, str]) -> str:
     """A limit and what it costs."""
-    of, factor = unit_of(one.parameter, units)
+    of, factor = ("m3/h", 1.0) if one.parameter == "capacity" else unit_of(one.parameter, units)
     by = "the floor of the capacity" if one.limit == "capacity" else f"its {one.limit} value"
     per = f" per {of}" if of else ""
     return f"{one.parameter} held at {by} by {number(one.multiplier * factor)} {unit}{per}"

@@ -14,6 +14,7 @@ from matplotlib.text import Text
 
 from jaxcrusher.pictures.page import SMALLEST, WIDTH
 from optimize import figures
+from optimize.answer import Front
 
 # RMS and peak of a map of 3 x 2 points, N; the first point beats all others in everything.
 RMS = np.array([[18e3, 18.5e3], [20e3, 20.5e3], [22e3, np.nan]])
@@ -23,10 +24,10 @@ CAPACITY = np.array([[9.0, 9.0], [7.0, 7.0], [6.0, 6.0]])
 def design(rms, capacity, **changes) -> Any:
     """As the search confirms one: from the worse of two starts 1 kN more than settled."""
     runs = [
-        SimpleNamespace(first={"foundation_rms": rms + k, "foundation_peak": 1.5 * rms + k}.get)
+        SimpleNamespace(first={"objective": rms + k, "foundation_peak": 1.5 * rms + k}.get)
         for k in (1e3, 0.0)
     ]
-    settled = SimpleNamespace(foundation_rms=rms, foundation_peak=1.5 * rms)
+    settled = SimpleNamespace(objective=rms, foundation_peak=1.5 * rms)
     known = {"capacity": capacity, "settled": settled, "transient": dict(enumerate(runs))}
     return SimpleNamespace(**known | changes)
 
@@ -37,9 +38,10 @@ def drawn(monkeypatch, tmp_path):
     kept = []
     monkeypatch.setattr(figures, "write_figure", lambda path, figure: kept.append(figure))
 
-    def draw(data: xr.Dataset, **designs):
+    def draw(data: xr.Dataset, fronts=(), **designs):
         case = SimpleNamespace(capacity=lambda units: units)
-        answer = SimpleNamespace(designs=designs)
+        sought = SimpleNamespace(unit="N", meaning="RMS of |R_O| + |R_C|")
+        answer = SimpleNamespace(designs=designs, fronts=fronts, objective=sought)
         figures.draw_pareto(tmp_path, cast(Any, case), CAPACITY.ravel(), data, cast(Any, answer))
         return kept[-1]
 
@@ -52,7 +54,7 @@ def grid(start: bool) -> xr.Dataset:
     dims, counts = ("speed", "clearance"), np.isfinite(RMS)
     data = xr.Dataset(
         {
-            "foundation_rms": (dims, RMS),
+            "objective": (dims, RMS),
             "foundation_peak": (dims, 1.5 * RMS),
             "counts": (dims, counts),
         }
@@ -81,3 +83,13 @@ def test_pareto_of_a_design_without_a_settled_motion(drawn):
     fig = drawn(grid(False), optimum=design(18e3, 9.0, settled=None))
     (mark,) = (line for line in fig.axes[0].lines if line.get_label() == "optimum")
     assert np.isnan(mark.get_xdata()).all()
+
+
+def test_pareto_draws_the_fronts_of_the_answer(drawn):
+    ends = np.array([18e3, 19e3])
+    fronts = [Front("capacity", "m3/h", ends, np.array([7.0, 9.0]), {})]
+    fronts.append(Front("peak", "N", ends, np.array([27e3, 25e3]), {}))
+    fig = drawn(grid(False), tuple(fronts), optimum=design(18e3, 7.0))
+    for ax, other in zip(fig.axes, ([7.0, 9.0], [27.0, 25.0]), strict=True):
+        (line,) = (line for line in ax.lines if line.get_label() == "front")
+        np.testing.assert_array_equal(line.get_xydata(), np.transpose([[18.0, 19.0], other]))

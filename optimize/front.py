@@ -1,0 +1,89 @@
+"""Fronts by exact gradients: what the least of one number costs in another."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from optimize import smooth
+from optimize.answer import Confirmed, Front
+from optimize.evaluate import Case
+from optimize.local import Smooth, descend
+from optimize.objectives import OBJECTIVES
+
+# Points of a front, from the least of one number to the least of the other.
+POINTS = 9
+# A gain in the second number of less than this share is none.
+NO_GAIN = 1e-6
+
+
+def fronts(
+    case: Case, optimum: Confirmed, units: np.ndarray, orbits: xr.Dataset, steps: int
+) -> tuple[Front, ...]:
+    """Of the objective against capacity, and against the peak (of the peak, against the RMS).
+
+    `units` are the points of the map `orbits`; where none of them gains anything in the other
+    number, the optimum is all there is.
+    """
+    assert optimum.settled is not None
+    least = np.clip(case.design.unit(optimum.values), 0, case.upper)
+    name = "rms" if case.objective is OBJECTIVES["peak"] else "peak"
+    rival = OBJECTIVES[name]
+    (statistic,) = rival.outputs
+    counts = orbits.counts.to_numpy().ravel()
+    over_map = orbits[statistic].to_numpy().ravel()
+    value, spares, found = smooth.objective(case), smooth.floor(case), []
+    for of, unit, sign, number, here, there in (
+        ("capacity", "m3/h", -1, smooth.capacity(case), optimum.capacity, case.capacity(units)),
+        (
+            name,
+            rival.unit,
+            1,
+            smooth.objective(replace(case, objective=rival)),
+            getattr(optimum.settled, statistic),
+            over_map,
+        ),
+    ):
+        costs = np.where(counts, sign * there, np.nan)
+        points, rows = least[None], [[optimum.settled.objective], [here]]
+        if sign * here - np.nanmin(costs) > NO_GAIN * abs(here):
+            best = units[int(np.nanargmin(costs))]
+            small = number if sign > 0 else smooth.negative(number)
+            points = front(value, small, least, best, case.upper, steps, spares)
+            rows = [[f(point)[0] for point in points] for f in (value, number)]
+        values = {key: np.asarray(column) for key, column in case.design.values(points).items()}
+        objective, other = map(np.array, rows)
+        found.append(Front(of, unit, objective, other, values))
+    return tuple(found)
+
+
+def front(
+    one: Smooth,
+    other: Smooth,
+    least: Float[np.ndarray, " n"],
+    best: Float[np.ndarray, " n"],
+    upper: Float[np.ndarray, " n"],
+    steps: int,
+    spares: Sequence[Smooth] = (),
+    count: int = POINTS,
+) -> Float[np.ndarray, "points n"]:
+    """Points of the unit box where `one` is least for what `other` is, both to be small.
+
+    From `least`, where `one` is, to where `other` is, which a descent from `best` finds. From
+    there on `other` is bounded by equal steps, and `one` goes down from the point before.
+    """
+    end = descend(other, best, upper, steps, spares).path[-1]
+    highest, lowest = other(least)[0], other(end)[0]
+    # What `other` does not depend on is free at its least too.
+    levels = np.linspace(highest, lowest + NO_GAIN * (highest - lowest), count)
+
+    def bounded(level: float, start: np.ndarray) -> np.ndarray:
+        below = smooth.above(smooth.negative(other), -level)
+        return descend(one, start, upper, steps, (*spares, below)).path[-1]
+
+    points = [least]
+    for level in levels[1:-1]:
+        points.append(bounded(float(level), points[-1]))
+    return np.stack([*points, bounded(float(levels[-1]), end)])

@@ -1,0 +1,50 @@
+"""Numbers of a design with their exact slopes, as descents take them."""
+
+import numpy as np
+
+from optimize import settled
+from optimize.evaluate import Case
+from optimize.local import Smooth
+
+
+def objective(case: Case) -> Smooth:
+    """That of the settled motion; NaN where there is none that is stable."""
+
+    def function(unit: np.ndarray) -> tuple[float, np.ndarray]:
+        rows = settled.solve(case, unit[None])
+        value = float(rows["objective"][0]) if rows["stable"][0] else float("nan")
+        return value, rows["slope"][0] * settled.widths(case)
+
+    return function
+
+
+def capacity(case: Case) -> Smooth:
+    """The crushing capacity, m3/h."""
+    return lambda unit: (float(case.capacity(unit)), case.capacity_slope(unit))
+
+
+def floor(case: Case) -> tuple[Smooth, ...]:
+    """What the capacity has to spare; nothing where its floor is a corner of the box, or none."""
+    if not case.links_free or case.capacity_floor <= 0:
+        return ()
+    return (above(capacity(case), case.capacity_floor),)
+
+
+def above(number: Smooth, least: float) -> Smooth:
+    """By how much a number is above its least, as a share of that."""
+
+    def spare(unit: np.ndarray) -> tuple[float, np.ndarray]:
+        value, slope = number(unit)
+        return (value - least) / abs(least), slope / abs(least)
+
+    return spare
+
+
+def negative(number: Smooth) -> Smooth:
+    """A number that is to be large."""
+
+    def function(unit: np.ndarray) -> tuple[float, np.ndarray]:
+        value, slope = number(unit)
+        return -value, -slope
+
+    return function

@@ -1,0 +1,118 @@
+"""Fronts, floors and multipliers on functions whose answers are known by hand."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from optimize import problem, smooth
+from optimize.evaluate import Case
+from optimize.front import front
+from optimize.held import held
+from optimize.local import descend
+from optimize.options import Options
+from optimize.verdicts import _slopes
+
+UPPER = np.ones(2)
+
+
+def bowl(*centre: float, weights=(1.0, 1.0)):
+    """w . (x - centre)^2 with its gradient."""
+
+    def function(x):
+        apart = x - np.array(centre)
+        return float(np.dot(weights, apart**2)), 2 * np.asarray(weights) * apart
+
+    return function
+
+
+def test_a_front_joins_two_minima():
+    """Between two round bowls it is the straight line: at every point the slopes are opposite."""
+    points = front(bowl(0.2, 0.3), bowl(0.8, 0.6), np.array([0.2, 0.3]), np.ones(2), UPPER, 60)
+    assert len(points) == 9
+    # SLSQP ends where a step gains 1e-14: half of that in the point.
+    np.testing.assert_allclose(points[:, 1], 0.3 + (points[:, 0] - 0.2) / 2, atol=1e-6)
+    bounded = [bowl(0.8, 0.6)(point)[0] for point in points]
+    np.testing.assert_allclose(bounded, np.linspace(bounded[0], 0, 9), atol=1e-5)
+
+
+def test_the_end_of_a_front_is_least_in_what_the_other_does_not_depend_on():
+    other = bowl(0.8, 0.0, weights=(1.0, 0.0))
+    points = front(bowl(0.2, 0.3), other, np.array([0.2, 0.3]), np.array([0.8, 0.9]), UPPER, 60)
+    np.testing.assert_allclose(points[-1], [0.8, 0.3], atol=1e-3)
+    np.testing.assert_allclose(points[:, 1], 0.3, atol=1e-6)
+
+
+def test_a_descent_stops_at_its_floor():
+    """x + y >= 1 holds the bowl about (0.2, 0.4) at (0.4, 0.6), with a multiplier of 0.4."""
+    floor = smooth.above(lambda x: (float(x.sum()), np.ones(2)), 1.0)
+    found = descend(bowl(0.2, 0.4), np.array([0.9, 0.9]), UPPER, 60, (floor,))
+    np.testing.assert_allclose(found.path[-1], [0.4, 0.6], atol=1e-7)
+    np.testing.assert_allclose(found.gradient, 0.4, atol=1e-6)
+
+
+def a_case(floor: float, slope: tuple[float, float]) -> Case:
+    """Two numbers in boxes 2 and 5 wide, and links that decide the capacity."""
+    names, bounds = ("a", "b"), {"a": (0.0, 2.0), "b": (0.0, 5.0)}
+    design = SimpleNamespace(
+        names=names,
+        bounds=bounds,
+        unit=lambda values: np.array([values["a"] / 2, values["b"] / 5]),
+    )
+    known = dict(design=design, upper=np.ones(2), links_free=True, capacity_floor=floor)
+    by_unit = np.array(slope) * (2.0, 5.0)
+    return cast(Any, SimpleNamespace(**known, capacity_slope=lambda unit: by_unit))
+
+
+def an_optimum(a: float, b: float, slopes: dict[str, float], capacity: float) -> Any:
+    settled = SimpleNamespace(slopes=slopes)
+    return SimpleNamespace(values={"a": a, "b": b}, settled=settled, capacity=capacity)
+
+
+def test_the_floor_of_the_capacity_takes_its_part_of_the_slopes():
+    """Slopes of 6 and 3 along a capacity that rises by 2 and 1: held by 3 a unit of it."""
+    best = an_optimum(1.0, 2.0, {"a": 6.0, "b": 3.0}, 8.0)
+    limits, left = held(a_case(8.0, (2.0, 1.0)), best)
+    assert [(one.parameter, one.multiplier) for one in limits] == [("capacity", 3.0)]
+    assert left == {"a": 0.0, "b": 0.0}
+    # Above its floor the capacity holds nothing.
+    limits, left = held(a_case(7.0, (2.0, 1.0)), best)
+    assert not limits and left == {"a": 6.0, "b": 3.0}
+    # Nor can it hold what falls with it.
+    limits, left = held(a_case(8.0, (-2.0, -1.0)), best)
+    assert limits[0].multiplier == 0 and left == {"a": 6.0, "b": 3.0}
+
+
+def test_a_limit_and_the_floor_hold_together():
+    """With b at its lowest value only a tells the floor's multiplier."""
+    best = an_optimum(1.0, 0.0, {"a": 6.0, "b": 5.0}, 8.0)
+    limits, left = held(a_case(8.0, (2.0, 1.0)), best)
+    assert [(one.parameter, one.multiplier) for one in limits] == [("capacity", 3.0), ("b", 2.0)]
+    assert left == {"a": 0.0}
+
+
+@pytest.mark.parametrize("apart, good", [(1e-4, True), (1e-1, False)])
+def test_slopes_that_vanish_are_judged_by_the_objective(apart, good):
+    """0.1 N over a box of 1 wide is 1e-5 of the objective, and far more than the slope."""
+    orbit = SimpleNamespace(slopes={"a": 1e-9}, slopes_apart={"a": apart})
+    best = SimpleNamespace(settles=True, settled=orbit, objective=1e4)
+    case = SimpleNamespace(design=SimpleNamespace(bounds={"a": (0.0, 1.0)}))
+    answer = SimpleNamespace(gradient_report=None)
+    assert _slopes(cast(Any, answer), cast(Any, best), cast(Any, case)).passed == good
+
+
+def test_volume_is_that_of_the_links_of_each_design():
+    """A power of 1 W over what the chamber of a design crushes, not over the paper's."""
+    stroke = ("shaft.eccentricity", "8", "16 mm")
+    case = problem.case(Options(objective="wear", design=(("speed", "25", "40 rad/s"), stroke)))
+    unit = np.array([0.3, 0.9])
+    described = case.design.description(unit)
+    found, chamber = cast(Any, {"sliding_power": 1.0}), case.chamber_of(described)
+    value = case.objective.formula(found, case.design.scene(unit), chamber)
+    assert float(value) == pytest.approx(3600 / float(case.capacity(unit)), rel=1e-14)
+    assert float(case.capacity(unit)) < 0.99 * float(case.chamber.capacity(29.5))
+    beside = 1e-4 * np.eye(2)
+    differences = (case.capacity(unit + beside) - case.capacity(unit - beside)) / 2e-4
+    # Their truncation is 1e-8 of a third derivative of the size of the first.
+    np.testing.assert_allclose(case.capacity_slope(unit), differences, rtol=1e-6)
