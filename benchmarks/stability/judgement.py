@@ -1,7 +1,6 @@
 """The verdict on a case: our numbers beside the reference's, and what the package says of them."""
 
 import math
-import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +9,7 @@ from scipy import stats
 import jaxcrusher as jc
 from benchmarks.narrow import narrow
 from benchmarks.stability.case import AbstractCase, Formulation
+from benchmarks.stability.ours import MOST_STEPS, Ours, in_lanes, simulate, statistics
 from benchmarks.stability.reference import FEW, OURS, SETTLE, TIMES, TURNS, Reference, members
 from jaxcrusher.crusher.formulations import MultiplierFormulation
 from jaxcrusher.crusher.joints import before
@@ -19,9 +19,6 @@ AGREES, WHIRL, OUTSIDE = "agrees", "whirl", "outside the model"
 REFUSED, DISAGREES = "refused", "DISAGREES"
 VERDICTS = (AGREES, WHIRL, OUTSIDE, REFUSED, DISAGREES)
 
-# Steps of a span and of a turn, at most: a bound of seconds a case.
-MOST_STEPS = 1_000_000
-METHOD = jc.Method(max_steps=MOST_STEPS)
 # Errors at the first contact: of ours in clearances (the tolerance of a step, 1e-11, times a
 # few thousand), and with multipliers the rounding of positions of 0.6 m (2e-14 m a step, times
 # as many); of CVODE 1e-12 of its angles, times as many. Every contact renews them.
@@ -54,22 +51,19 @@ class Judged:
     rms_error: float = math.nan  # relative
     rms_allowed: float = math.nan  # relative
     steps_a_turn: float = math.nan
-    seconds: float = math.nan
 
 
-def judge(case: AbstractCase, formulation: Formulation, known: Reference) -> Judged:
-    """Run ours and say what is to be said."""
+def judge(
+    case: AbstractCase, formulation: Formulation, known: Reference, ours: Ours | ValueError
+) -> Judged:
+    """Say what is to be said of ours."""
     labels = (case.axis, case.value, case.start, formulation)
-    begin = time.perf_counter()
-    try:
-        scene = case.scene(formulation)
-        history = simulate(scene)
-        found = jc.statistics(scene, SETTLE, TURNS, method=METHOD)
-    except ValueError as error:
-        return Judged(*labels, REFUSED, "", str(error))
+    if isinstance(ours, ValueError):
+        return Judged(*labels, REFUSED, "", str(ours))
+    history, found = ours
     if not (history.success and found.success):
         return Judged(*labels, REFUSED, "", history.failure or found.failure)
-    seconds = time.perf_counter() - begin
+    scene = case.scene(formulation)
     rms, steps = [rms_of(found)], int(found.outcome.steps)
     if len(known.rms) > FEW:
         count = min(OURS, 1 + MOST_STEPS // steps)
@@ -79,7 +73,7 @@ def judge(case: AbstractCase, formulation: Formulation, known: Reference) -> Jud
     near = close["error"] <= close["allowed"]
     agreement = "yes" if near and off <= allowed else "no"
     if not near and off <= allowed:
-        sharp = simulate(narrow(scene))
+        (sharp,) = in_lanes(simulate, [narrow(scene)])
         closer = pointwise(scene, sharp, known)
         if sharp.success and closer["error"] <= closer["allowed"]:
             agreement = "but for smoothing"
@@ -101,7 +95,6 @@ def judge(case: AbstractCase, formulation: Formulation, known: Reference) -> Jud
         rms_error=off,
         rms_allowed=allowed,
         steps_a_turn=steps / (SETTLE + TURNS),
-        seconds=seconds,
     )
 
 
@@ -114,12 +107,6 @@ def rolling(scene: jc.Scene, found: jc.Statistics) -> list[str]:
         if name != "main" and abs(winding) > WHIRL_WINDING:
             told.append(f"{name}: {winding:.0f} revolutions a turn, {share:.2f} of it in contact")
     return told
-
-
-def simulate(scene: jc.Scene) -> jc.Trajectory:
-    """Ours at the reference's instants."""
-    played = (f"{before(name)}eccentricity" for name, _ in scene.joints.present())
-    return jc.simulate(scene, TIMES, outputs=("foundation_force", *played), method=METHOD)
 
 
 def pointwise(scene: jc.Scene, history: jc.Trajectory, known: Reference) -> dict[str, float]:
@@ -147,11 +134,8 @@ def pointwise(scene: jc.Scene, history: jc.Trajectory, known: Reference) -> dict
 
 def others(case: AbstractCase, formulation: Formulation, count: int) -> list[float]:
     """The RMS (N) of ours from starts about the case's."""
-    runs = (
-        jc.statistics(case.scene(formulation, place), SETTLE, TURNS, method=METHOD)
-        for place in members(case.peer, case.pins, count)
-    )
-    return [rms_of(run) for run in runs]
+    scenes = [case.scene(formulation, place) for place in members(case.peer, case.pins, count)]
+    return list(map(rms_of, in_lanes(statistics, scenes)))
 
 
 def rms_of(found: jc.Statistics) -> float:

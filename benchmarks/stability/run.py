@@ -13,11 +13,12 @@ from rich.console import Console
 from rich.progress import Progress
 
 from benchmarks.stability import baumgarte, drift, seats
-from benchmarks.stability.case import FORMULATIONS, AbstractCase
+from benchmarks.stability.case import FORMULATIONS, AbstractCase, Formulation
 from benchmarks.stability.cases import BASE, Case, cases
 from benchmarks.stability.figure import draw, draw_seats
 from benchmarks.stability.inputs import inputs
 from benchmarks.stability.judgement import DISAGREES, Judged, judge
+from benchmarks.stability.ours import Ours, motions
 from benchmarks.stability.page import page, summary
 from benchmarks.stability.peer import AbstractPeer, Pins
 from benchmarks.stability.reference import Reference, reference
@@ -37,7 +38,10 @@ WORKERS = 2
 PATIENCE = 180.0
 
 
-def judged(case: AbstractCase, known: Future[Reference]) -> list[Judged]:
+Motions = dict[Formulation, dict[AbstractCase, Ours | ValueError]]
+
+
+def judged(case: AbstractCase, known: Future[Reference], ours: Motions) -> list[Judged]:
     """Both formulations of a case; a case without a reference never passes."""
     try:
         found = known.result(PATIENCE)
@@ -47,7 +51,7 @@ def judged(case: AbstractCase, known: Future[Reference]) -> list[Judged]:
             Judged(case.axis, case.value, case.start, kind, DISAGREES, "no", remark)
             for kind in FORMULATIONS
         ]
-    return [judge(case, kind, found) for kind in FORMULATIONS]
+    return [judge(case, kind, found, ours[kind][case]) for kind in FORMULATIONS]
 
 
 @contextlib.contextmanager
@@ -79,9 +83,11 @@ def _references(everything: Sequence[AbstractCase], pool: ProcessPoolExecutor) -
 
 
 def _all(everything: Sequence[AbstractCase], known: Known, bar: Progress) -> list[Judged]:
-    """Every case, as its reference comes."""
+    """Every case: ours at once, then the verdicts, as references come."""
+    kinds = bar.track(FORMULATIONS, description="motions")
+    ours: Motions = {kind: motions(everything, kind) for kind in kinds}
     tracked = bar.track(everything, description="cases")
-    return [row for case in tracked for row in judged(case, known[case.peer, case.pins])]
+    return [row for case in tracked for row in judged(case, known[case.peer, case.pins], ours)]
 
 
 def run(out: Path) -> None:
