@@ -41,15 +41,14 @@ def cache_folder() -> Path:
 @cache
 def load(text: str) -> Machine:
     """The functions of a text, compiled unless an earlier process on such a processor did."""
-    processor = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
-    key = _digest(text, *processor, version("llvmlite"))
+    key = digest(text, *processor(), version("llvmlite"))
     file = cache_folder() / f"{key}.o"
     try:
         return Machine(file.read_bytes())
     except OSError:
         code = _target().emit_object(optimised(text))
     try:
-        _write(file, code)
+        write(file, code)
     except OSError:
         pass
     return Machine(code)
@@ -63,11 +62,11 @@ def loop() -> ModuleType:
     date of one file only. It tells processors apart.
     """
     texts = [file.read_text("utf-8") for file in LOOP]
-    name = f"jaxcrusher_lanes_{_digest(*texts, version('numba'))}"
+    name = f"jaxcrusher_lanes_{digest(*texts, version('numba'))}"
     file, text = cache_folder() / f"{name}.py", texts[0]
     try:
         if not file.exists():
-            _write(file, text.encode())
+            write(file, text.encode())
         specification = importlib.util.spec_from_file_location(name, file)
         assert specification is not None and specification.loader is not None
         module = importlib.util.module_from_spec(specification)
@@ -83,11 +82,17 @@ def loop() -> ModuleType:
     return module
 
 
-def _digest(*parts: str) -> str:
+def processor() -> tuple[str, str]:
+    """Its name and what it knows."""
+    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+
+
+def digest(*parts: str) -> str:
+    """A name for what has this content."""
     return hashlib.sha256(chr(0).join(parts).encode()).hexdigest()[:32]
 
 
-def _write(file: Path, content: bytes) -> None:
+def write(file: Path, content: bytes) -> None:
     """Whole or not at all."""
     file.parent.mkdir(parents=True, exist_ok=True)
     aside = file.with_suffix(f".{os.getpid()}")
@@ -113,5 +118,5 @@ def _target() -> llvm.TargetMachine:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten(), opt=3, jit=True
+        *processor(), opt=3, jit=True
     )

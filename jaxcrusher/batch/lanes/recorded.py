@@ -13,8 +13,8 @@ from jaxtyping import Array, PyTree
 
 from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.kernels import Equations, Kernels, exponents, kernels
-from jaxcrusher.batch.lanes.layout import Control, Tableau
-from jaxcrusher.batch.lanes.tableau import tableau
+from jaxcrusher.batch.lanes.layout import Control
+from jaxcrusher.batch.lanes.tableau import Solver, known, tableau
 from jaxcrusher.motion.integrate import (
     RESULTS,
     Carried,
@@ -40,7 +40,7 @@ class Recorded:
     """An integration without its numbers."""
 
     equations: Equations
-    tableau: Tableau
+    solver: Solver
     control: Control
     shapes: list[ShapedArray]  # of the summaries, then of code, time and steps
 
@@ -49,10 +49,10 @@ class Recorded:
         """See `kernels.exponents`."""
         return exponents(self.equations)
 
-    def kernels(self, known: dict[int, float]) -> Kernels:
-        """See `kernels.kernels`."""
-        if (key := tuple(known.items())) not in self._kernels:
-            self._kernels[key] = kernels(self.equations, known, self.tableau)
+    def kernels(self, written: dict[int, float]) -> Kernels:
+        """See `kernels.kernels`; `written` are the numbers that are written into them."""
+        if (key := tuple(written.items())) not in self._kernels:
+            self._kernels[key] = kernels(self.equations, written, tableau(self.solver))
         return self._kernels[key]
 
     @cached_property
@@ -103,7 +103,7 @@ def record(
     motion = len(jax.tree.leaves(y.motion))
     what = Recorded(
         Equations(field, observe, summarise, instants, motion, count, len(numbers)),
-        tableau(method.solver),
+        known(method.solver),
         control,
         shapes,
     )

@@ -9,16 +9,21 @@ import numpy as np
 
 from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.layout import STAGES, Tableau
+from jaxcrusher.batch.lanes.pieces import compiled
+
+Solver = diffrax.Tsit5 | diffrax.Dopri5
+
+
+def known(solver: diffrax.AbstractSolver) -> Solver:
+    """The solver, if it is one of them; raises `Unsupported` for another."""
+    if not isinstance(solver, Solver):
+        raise Unsupported(f"the solver `{type(solver).__name__}`")
+    return solver
 
 
 @cache
-def tableau(solver: diffrax.AbstractSolver) -> Tableau:
-    """Taken from diffrax; its interpolation by asking for values at enough places.
-
-    Raises `Unsupported` for another kind of solver.
-    """
-    if not isinstance(solver, diffrax.Tsit5 | diffrax.Dopri5):
-        raise Unsupported(f"the solver `{type(solver).__name__}`")
+def tableau(solver: Solver) -> Tableau:
+    """Taken from diffrax; its interpolation by asking for values at enough places."""
     table = solver.tableau
     weights = np.zeros((STAGES, STAGES))
     for stage, row in enumerate(table.a_lower, 1):
@@ -30,8 +35,7 @@ def tableau(solver: diffrax.AbstractSolver) -> Tableau:
         ends = {"t0": 0.0, "t1": 1.0, "y0": jnp.zeros(STAGES), "y1": jnp.asarray(table.b_sol)}
         return solver.interpolation_cls(**ends, k=jnp.eye(STAGES)).evaluate(place)
 
-    with jax.ensure_compile_time_eval():
-        values = np.asarray(jax.jit(jax.vmap(weight))(places))
+    values = np.asarray(compiled(jax.vmap(weight), [places])(places))
     powers = places[:, None] ** np.arange(1, 5)
     dense = np.ascontiguousarray(np.linalg.solve(powers, values).T)
     return Tableau(np.append(0.0, table.c), weights, np.asarray(table.b_error), dense)
