@@ -4,7 +4,7 @@ import dataclasses
 import resource
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -15,8 +15,8 @@ import jaxcrusher as jc
 from benchmarks.step_cost import programs
 from jaxcrusher.batch.engines import CHUNK, map_all, map_chunks
 
-DESIGNS = (1, 4, 16, 64, 256, 1024, 4096, 16384)
-DESIGNS_TURNS = 10
+DESIGNS = (1, 4, 16, 64, 256, 1024, 4096, 16384, 100_000)
+DESIGNS_TURNS = 5
 SWEEP_SIDES = (8, 16, 32, 64, 100)
 SWEEP_TURNS = 5
 TURNS = (10, 30, 100, 300, 1000)
@@ -67,19 +67,26 @@ METHODS = {
 }
 
 
-def seconds(run: Callable[[], Any]) -> float:
-    """Of one run."""
-    began = time.perf_counter()
+class Spent(NamedTuple):
+    """Seconds by the clock, and of the processor on all cores: others' work does not count."""
+
+    wall: float
+    cpu: float
+
+
+def spent(run: Callable[[], Any]) -> Spent:
+    """In one run."""
+    began = time.perf_counter(), time.process_time()
     jax.block_until_ready(run())
-    return time.perf_counter() - began
+    return Spent(time.perf_counter() - began[0], time.process_time() - began[1])
 
 
-def median_seconds(run: Callable[[], Any]) -> float:
-    """Of several runs, many of short ones, or of one that is long."""
-    times = [seconds(run)]
-    while times[-1] < LONG and (len(times) < REPEATS or sum(times) < ENOUGH):
-        times.append(seconds(run))
-    return float(np.median(times))
+def median_spent(run: Callable[[], Any]) -> Spent:
+    """In several runs, many of short ones, or in one that is long."""
+    runs = [spent(run)]
+    while runs[-1].wall < LONG and (len(runs) < REPEATS or sum(r.wall for r in runs) < ENOUGH):
+        runs.append(spent(run))
+    return Spent(*np.median(runs, axis=0).tolist())
 
 
 def batch(designs: int, turns: int) -> dict[str, Any]:
@@ -96,8 +103,8 @@ def batch(designs: int, turns: int) -> dict[str, Any]:
         found[:] = map_all(function, scenes, CHUNK)
 
     # Later chunks run the program of the first.
-    first = seconds(lambda: next(map_chunks(function, scenes, CHUNK)))
-    again = median_seconds(run)
+    first = spent(lambda: next(map_chunks(function, scenes, CHUNK)))
+    again = median_spent(run)
     rms, steps = found
     if not np.isfinite(rms).all():
         raise RuntimeError(f"{np.sum(~np.isfinite(rms))} of {designs} designs failed.")
@@ -106,8 +113,9 @@ def batch(designs: int, turns: int) -> dict[str, Any]:
     return {
         "designs": designs,
         "turns": turns,
-        "first_s": first,
-        "seconds": again,
+        "first_cpu_s": first.cpu,
+        "seconds": again.wall,
+        "cpu_s": again.cpu,
         "steps": float(steps.sum()),
         "peak_mib": peak,
     }
@@ -134,17 +142,20 @@ def whole_sweep(side: int) -> dict[str, Any]:
         if not bool(grid.success.all()):
             raise RuntimeError("A design failed.")
 
-    first, _ = seconds(run), by_hand()
+    first, _ = spent(run), by_hand()
     began, pairs = time.process_time(), []
     while not pairs or (len(pairs) < REPEATS and time.process_time() - began < LONG):
-        pairs.append((seconds(run), seconds(by_hand)))
-    ours, theirs = np.median(pairs, axis=0)
+        pairs.append((spent(run), spent(by_hand)))
+    ours, theirs = (Spent(*np.median(runs, axis=0).tolist()) for runs in zip(*pairs, strict=True))
+    share = side**2 / len(peers.starts)
     return {
         "designs": side**2,
         "turns": SWEEP_TURNS,
-        "first_s": first,
-        "seconds": float(ours),
-        "by_hand_s": float(theirs) * side**2 / len(peers.starts),
+        "first_cpu_s": first.cpu,
+        "seconds": ours.wall,
+        "cpu_s": ours.cpu,
+        "by_hand_s": theirs.wall * share,
+        "by_hand_cpu_s": theirs.cpu * share,
     }
 
 
@@ -162,17 +173,17 @@ def gradient(method: str, count: int) -> dict[str, Any]:
 
     value = jax.jit(lambda point: rms(point))
     both = jax.jit(jax.value_and_grad(rms, has_aux=True))
-    first_value, one = seconds(lambda: value(point)), median_seconds(lambda: value(point))
-    first, again = seconds(lambda: both(point)), median_seconds(lambda: both(point))
+    first_value, one = spent(lambda: value(point)), median_spent(lambda: value(point))
+    first, again = spent(lambda: both(point)), median_spent(lambda: both(point))
     (_, steps), slopes = both(point)
     if not np.isfinite(slopes).all():
         raise RuntimeError(f"The gradient is not finite: {slopes}.")
     return {
         "parameters": count,
-        "value_s": one,
-        "seconds": again,
-        "value_first_s": first_value,
-        "first_s": first,
+        "value_cpu_s": one.cpu,
+        "cpu_s": again.cpu,
+        "value_first_cpu_s": first_value.cpu,
+        "first_cpu_s": first.cpu,
         "value_steps": int(value(point)[1]),
         "steps": int(steps),
     }

@@ -19,7 +19,9 @@ def compiled(function: Callable, operands: Sequence[Any]) -> Callable[..., Any]:
 
     A folder that cannot be written costs the time to compile, and is no error.
     """
-    lowered = jax.jit(function, compiler_options=IN_A_HURRY).lower(*operands)
+    # Operands that are not used are kept: the text names all that it is to be called with.
+    jitted = jax.jit(function, compiler_options=IN_A_HURRY, keep_unused=True)
+    lowered = jitted.lower(*operands)
     devices = str(jax.devices())
     key = digest(lowered.as_text(), devices, version("jaxlib"), version("jax"), *processor())
     file = cache_folder() / f"{key}.xla"
