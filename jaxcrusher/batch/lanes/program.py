@@ -25,8 +25,8 @@ from jaxtyping import PyTree
 from jaxcrusher.batch.lanes import engine
 from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.layout import Designs
-from jaxcrusher.batch.lanes.pieces import compiled
 from jaxcrusher.batch.lanes.recorded import Recorded, integration_p, record
+from jaxcrusher.batch.lanes.tableau import IN_A_HURRY
 from jaxcrusher.motion.integrate import integrator
 
 # Primitives that call a jaxpr, and where it stands.
@@ -199,30 +199,21 @@ class _Group:
         jaxpr = Jaxpr([], operands, results, equations, debug_info=about)
         function = jaxpr_as_fun(ClosedJaxpr(jaxpr, []))
         axes = tuple(0 if flag else None for flag in batched)
-        self._function = jax.vmap(function, axes) if self._batched else function
-        self._kinds = [getattr(variable.aval, "dtype", None) for variable in operands]
-        self._compiled: Callable[..., Any] | None = None
+        together = jax.vmap(function, axes) if self._batched else function
+        self._function = jax.jit(together, compiler_options=IN_A_HURRY)
 
     def run(self, operands: list[Value], count: int) -> list[Value]:
         """One value for each result."""
         if not self._batched:
-            return [Value(array, False) for array in self._compute([v.array for v in operands])]
+            return [Value(array, False) for array in self._function(*(v.array for v in operands))]
         tiles = []
         for first in range(0, count, TILE):
             # The last one is filled up with its last design.
             rows = np.minimum(np.arange(first, first + TILE), count - 1)
-            part = [np.asarray(v.array)[rows] if v.batched else v.array for v in operands]
-            tiles.append(map(np.asarray, self._compute(part)))
+            part = (np.asarray(v.array)[rows] if v.batched else v.array for v in operands)
+            tiles.append(map(np.asarray, self._function(*part)))
         columns = (np.concatenate(parts)[:count] for parts in zip(*tiles, strict=True))
         return [Value(column, True) for column in columns]
-
-    def _compute(self, operands: list) -> list:
-        operands = [
-            np.asarray(array, kind) for array, kind in zip(operands, self._kinds, strict=True)
-        ]
-        if self._compiled is None:
-            self._compiled = compiled(self._function, operands)
-        return self._compiled(*operands)
 
 
 class _Integration:

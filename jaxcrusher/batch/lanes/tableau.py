@@ -1,6 +1,7 @@
 """The Runge-Kutta methods that lanes know, taken from diffrax."""
 
 from functools import cache
+from typing import Any
 
 import diffrax
 import jax
@@ -9,7 +10,9 @@ import numpy as np
 
 from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.layout import STAGES, Tableau
-from jaxcrusher.batch.lanes.pieces import compiled
+
+# For XLA: there is little to compute.
+IN_A_HURRY: dict[str, Any] = {"xla_backend_optimization_level": 0}
 
 Solver = diffrax.Tsit5 | diffrax.Dopri5
 
@@ -35,7 +38,7 @@ def tableau(solver: Solver) -> Tableau:
         ends = {"t0": 0.0, "t1": 1.0, "y0": jnp.zeros(STAGES), "y1": jnp.asarray(table.b_sol)}
         return solver.interpolation_cls(**ends, k=jnp.eye(STAGES)).evaluate(place)
 
-    values = np.asarray(compiled(jax.vmap(weight), [places])(places))
+    values = np.asarray(jax.jit(jax.vmap(weight), compiler_options=IN_A_HURRY)(places))
     powers = places[:, None] ** np.arange(1, 5)
     dense = np.ascontiguousarray(np.linalg.solve(powers, values).T)
     return Tableau(np.append(0.0, table.c), weights, np.asarray(table.b_error), dense)
