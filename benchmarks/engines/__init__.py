@@ -1,0 +1,1 @@
+"""What lanes do for the programs that they serve."""

@@ -1,0 +1,96 @@
+"""The programs, small, each by lanes and one motion after the other."""
+
+import itertools
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+from unittest import mock
+
+import numpy as np
+
+import jaxcrusher as jc
+from benchmarks.reproduction.motions import portraits
+from benchmarks.setting import setting
+from benchmarks.stability.cases import cases
+from benchmarks.stability.ours import motions
+from jaxcrusher.batch import engines
+from optimize import problem
+from optimize.evaluate import Window, evaluate
+from optimize.options import Options
+
+RTOL = 1e-6
+
+
+def _bifurcation() -> None:
+    def scene(clearance: float) -> jc.Scene:
+        return jc.paper_scene(30.0, clearance, start="contact")
+
+    clearances = np.linspace(4e-5, 8e-5, 64)
+    jc.bifurcation(scene, clearances, direction="cold", settle_turns=0, turns=20, rtol=RTOL)
+
+
+def _settled_motions() -> None:
+    scene = jc.paper_scene(30.0, 6e-5, friction=0.02, slip="surface")
+    jc.settled_motions(scene, starts=16, turns=96)
+
+
+def _landscape() -> None:
+    case = problem.case(Options())
+    units = np.random.default_rng(0).uniform(size=(64, len(case.design.names)))
+    for _ in evaluate(case, units, Window(0, 3, RTOL)):
+        pass
+
+
+def _portraits() -> None:
+    portraits([(speed, c) for speed in (25.0, 30.0) for c in (0.06, 0.12)], "surface")
+
+
+def _stability() -> None:
+    motions(itertools.islice(cases(), 16), "eccentricity")
+
+
+def _sweep() -> None:
+    axes = {"speed": np.linspace(28, 32, 16), "clearance": np.linspace(5e-5, 7e-5, 16)}
+    jc.sweep(axes, 0, 3, base={"start": "contact"}, rtol=RTOL)
+
+
+# What users call by it -> the program.
+PROGRAMS: dict[str, Callable[[], None]] = {
+    "sweep: 256 crushers, 3 turns": _sweep,
+    "bifurcation diagram: 64 clearances, 20 turns": _bifurcation,
+    "settled motions: 16 starts, 96 turns": _settled_motions,
+    "search's landscape: 64 points, two starts, 3 turns": _landscape,
+    "portraits of the paper's: 4 motions": _portraits,
+    "stiff and extreme cases: 16 of them": _stability,
+}
+
+
+class Spent(NamedTuple):
+    """CPU seconds: of the first run, which compiles, and of another."""
+
+    first: float
+    again: float
+
+
+def _spent(run: Callable[[], None]) -> Spent:
+    times = []
+    for _ in range(2):
+        began = time.process_time()
+        run()
+        times.append(time.process_time() - began)
+    return Spent(*times)
+
+
+def run() -> None:
+    """Print the table, a line at a time."""
+    print(f"{setting('llvmlite', 'numba')}. CPU seconds; first runs in brackets.\n")
+    print("| program | in turn | lanes | in turn / lanes |\n|---|---|---|---|")
+    for name, run in PROGRAMS.items():
+        lanes = _spent(run)
+        with mock.patch.object(engines, "in_lanes", engines.in_turn):
+            turn = _spent(run)
+        print(
+            f"| {name} | {turn.again:.2f} ({turn.first:.1f}) | "
+            f"{lanes.again:.2f} ({lanes.first:.1f}) | {turn.again / lanes.again:.1f} |",
+            flush=True,
+        )
