@@ -16,7 +16,8 @@ from jaxcrusher.pictures import page, plots
 from optimize import landscape as maps
 from optimize import words
 from optimize.answer import Answer, Box, Confirmed
-from optimize.evaluate import Case, started
+from optimize.evaluate import Case
+from optimize.motions import DRAWN, design_motions
 from optimize.objectives import OBJECTIVES
 from optimize.pareto import nondominated
 
@@ -241,15 +242,14 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
         gridspec_kw={"width_ratios": [1, 1.5] * len(answer.designs)},
         squeeze=False,
     )
+    turns = np.linspace(0, 2, 4001)
+    motions = design_motions(case, list(answer.designs.values()), turns)
     for column, (title, design) in enumerate(answer.designs.items()):
         described: dict[str, Any] = {**case.design.fixed, **design.values}
         speed, clearance = design.speed, design.clearance
-        times = 2 * np.pi / speed * np.linspace(0, 2, 4001)
-        outputs = ("foundation_force", "eccentricity")
-        ideal = jc.simulate(jc.build_scene(described).ideal(), times, outputs=outputs)
-        for row, (start, runs) in enumerate(design.transient.items()):
-            scene = started(described, start)
-            motion = jc.simulate(scene, times, outputs=outputs, state=runs.state, rtol=1e-9)
+        times = 2 * np.pi / speed * turns
+        ideal = jc.simulate(jc.build_scene(described).ideal(), times, outputs=DRAWN)
+        for row, (start, motion) in enumerate(motions[column].items()):
             orbit, force = axes[row, 2 * column : 2 * column + 2]
             plots.plot_orbit(motion, clearance, orbit)
             plots.plot_force(motion, ideal, force)

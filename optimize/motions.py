@@ -1,8 +1,10 @@
-"""The motion of every cell of the landscape: what the report's page draws.
+"""Motions to be drawn: of every cell of the landscape for the report's page, and of designs.
 
 A drawing needs the orbit and the force at some hundred instants of two turns, not their
 statistics: it goes on where the landscape's window ended.
 """
+
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -13,12 +15,15 @@ from jaxtyping import Array, Float
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_whole
-from jaxcrusher.batch.engines import map_all
-from optimize.evaluate import Case, Progress, stacked_scenes
+from jaxcrusher.batch.engines import map_all, stack
+from optimize.answer import Confirmed
+from optimize.evaluate import Case, Progress, stacked_scenes, started
 
 # Turns drawn (the second tells whether the first repeats) and instants in each. Peaks of single
 # impacts, a tenth of a millisecond wide, fall between the instants.
 TURNS, SAMPLES = 2, 256
+# What is drawn of a motion, and the tolerance of those of designs that were run for long.
+DRAWN, FINE = ("foundation_force", "eccentricity"), 1e-9
 # Motions between two reports of progress.
 CHUNK = 32
 # Name -> unit and meaning of what is kept of a motion.
@@ -86,12 +91,34 @@ def cell_motions(
     return motions, int(steps.sum())
 
 
+def design_motions(
+    case: Case, designs: Sequence[Confirmed], turns: Float[np.ndarray, " n"]
+) -> list[dict[str, jc.Trajectory]]:
+    """What each design does after its long runs, by start, at so many turns from their end."""
+    batch = [
+        (
+            started({**case.design.fixed, **one.values}, start),
+            np.asarray(run.state),
+            2 * np.pi / one.speed * turns,
+        )
+        for one in designs
+        for start, run in one.transient.items()
+    ]
+    found = map_all(_drawn, stack(batch))
+    each = (jax.tree.map(lambda leaf, i=i: leaf[i], found) for i in range(len(batch)))
+    return [{start: next(each) for start in one.transient} for one in designs]
+
+
+def _drawn(batch: tuple[jc.Scene, Array, Array]) -> jc.Trajectory:
+    scene, state, times = batch
+    return jc.simulate(scene, times, outputs=DRAWN, state=state, rtol=FINE)
+
+
 def _motion(batch: tuple[jc.Scene, Array], angles: Float[Array, " n"], rtol: float):
     """One motion at these shaft angles (rad), and its steps."""
     scene, state = batch
-    outputs = ("foundation_force", "eccentricity")
     times = angles / scene.drive.speed
-    motion = jc.simulate(scene, times, outputs=outputs, state=state, rtol=rtol)
+    motion = jc.simulate(scene, times, outputs=DRAWN, state=state, rtol=rtol)
     orbit = motion.eccentricity / scene.joint.clearance
     columns = {
         "eccentricity_x": orbit[:, 0],
