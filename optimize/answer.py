@@ -24,6 +24,7 @@ class Settled:
     largest_multiplier: float
     settling_turns: float  # in which a disturbance falls to 1/e; infinite if it grows
     least_penetration: float  # in clearances
+    section: np.ndarray  # where the pins are as a turn begins, (2 a joint,) in clearances
     validity: jc.Validity
     slopes: dict[str, float]  # of the objective, per unit of each free parameter
     slopes_apart: dict[str, float]  # how far differences of settled motions are from them
@@ -48,6 +49,16 @@ class Companion:
 
 
 @dataclass(frozen=True)
+class Decay:
+    """How a swing about the settled motion dies after the long runs."""
+
+    first: float  # in clearances, RMS over the first turns looked at
+    last: float  # over the last ones
+    rate: float  # share by which it falls in a turn
+    error: float  # standard error of the rate
+
+
+@dataclass(frozen=True)
 class Runs:
     """Independent long runs of a design from one start, which show how far it has settled."""
 
@@ -57,6 +68,7 @@ class Runs:
     state: np.ndarray  # at the end of the first run, as in `jaxcrusher.Section`
     by_run: dict[str, np.ndarray]  # every variable, shape (runs,); the first start is not shifted
     settles: bool  # there is a stable settled motion, and no run ever lost contact
+    decay: Decay | None = None  # of the run whose start is not shifted, if it settles
 
     @property
     def count(self) -> int:

@@ -105,7 +105,7 @@ def design_motions(
         for start, run in one.transient.items()
     ]
     found = map_all(_drawn, stack(batch))
-    each = (jax.tree.map(lambda leaf, i=i: leaf[i], found) for i in range(len(batch)))
+    each = (jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf[i]), found) for i in range(len(batch)))
     return [{start: next(each) for start in one.transient} for one in designs]
 
 

@@ -151,6 +151,7 @@ def looked_at(case: Case, unit: Float[np.ndarray, " n"]) -> Settled | None:
         largest_multiplier=float(modulus.max(initial=0.0)),
         settling_turns=float(orbit.settling_turns),
         least_penetration=float(orbit.least_penetration),
+        section=np.asarray(orbit.eccentricity)[0],
         validity=orbit.validity,
         slopes=dict(zip(names, slopes.tolist(), strict=True)),
         slopes_apart=dict(zip(names, apart.tolist(), strict=True)),

@@ -17,8 +17,9 @@ from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
 from optimize import landscape, local, problem, settled, smooth
 from optimize.abreast import Stopped, abreast
-from optimize.answer import Answer, Confirmed, Refinement
+from optimize.answer import Answer, Companion, Confirmed, Refinement
 from optimize.confirm import SHIFT, confirmed, long_runs
+from optimize.decay import with_decay
 from optimize.evaluate import Case, Progress, Window, evaluate, judged, started
 from optimize.front import fronts
 from optimize.held import held
@@ -237,11 +238,13 @@ def weigh(search: Search, answer: Answer, best: Confirmed, reference: Confirmed)
 
     if not settled.unsolvable(case):
         with search.stage(answer, "companions", 2) as progress:
-            best, reference = abreast(
+            of_best, of_reference, (best, reference) = abreast(
                 search.stop,
-                lambda: accompanied(case, best),
-                lambda: accompanied(case, reference),
+                lambda: settled.companions(case, best.values),
+                lambda: settled.companions(case, reference.values),
+                lambda: with_decay(case, [best, reference]),
             )
+            best, reference = accompanied(best, of_best), accompanied(reference, of_reference)
             progress(2, 2)
     if not (best.settles and reference.settles):
         with search.stage(answer, "regimes", 3) as progress:
@@ -281,9 +284,8 @@ def trade(
     return replace(answer, fronts=found)
 
 
-def accompanied(case: Case, design: Confirmed) -> Confirmed:
+def accompanied(design: Confirmed, found: tuple[Companion, ...]) -> Confirmed:
     """A design with the motions that random starts come to, judged by the worst."""
-    found = settled.companions(case, design.values)
     design = replace(design, companions=found)
     worst = max(found, key=lambda one: one.objective, default=None)
     # What does not count, a NaN, stays so.

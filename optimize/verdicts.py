@@ -3,8 +3,8 @@
 import numpy as np
 
 from jaxcrusher.scenes.echo import unit_of
-from optimize import settled, words
-from optimize.answer import Answer, Check, Confirmed
+from optimize import decay, settled, words
+from optimize.answer import Answer, Check, Confirmed, Settled
 from optimize.evaluate import Case
 from optimize.options import Options
 from optimize.stages import CONFIRM_RTOL, LONGER
@@ -16,6 +16,8 @@ VANISHED = 1e-6
 ALIKE = 0.01
 # What rounding may leave of a small slope's differences, as a share of it.
 APART = 0.02
+# Standard errors of a measured decay.
+ERRORS = 3
 # What a bearing's clearance takes off the RMS of a quiet motion at most.
 BELOW_IDEAL = 0.003
 
@@ -135,7 +137,29 @@ def _motion(answer: Answer, best: Confirmed, case: Case) -> tuple[Check, ...]:
         not worse,
         words.companions(best) or "none came to a motion that repeats",
     )
-    return comes, alone, _stationary(answer, best, case)
+    return comes, *_dying(best, orbit), alone, _stationary(answer, best, case)
+
+
+def _dying(best: Confirmed, orbit: Settled) -> tuple[Check, ...]:
+    """That swings which the integration resolves die at least as fast as the multiplier says.
+
+    A wide one, which does not feel the contact's force as linear, may die faster.
+    """
+    swings = {start: runs.decay for start, runs in best.transient.items() if runs.decay is not None}
+    wide = {start: swing for start, swing in swings.items() if swing.last >= decay.RESOLVED}
+    if not wide:
+        return ()
+    says = decay.rate(orbit)
+    details = [
+        f"{start} start {swing.rate:.2g}, {(swing.rate - says) / swing.error:+.1f} standard errors"
+        for start, swing in wide.items()
+    ]
+    check = Check(
+        "swings die as fast as the multiplier says",
+        all(swing.rate >= says - ERRORS * swing.error for swing in wide.values()),
+        f"by {says:.2g} a turn: {', '.join(details)}; rule: not below -{ERRORS:g}",
+    )
+    return (check,)
 
 
 def _stationary(answer: Answer, best: Confirmed, case: Case) -> Check:

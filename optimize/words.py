@@ -8,7 +8,8 @@ import numpy as np
 
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
-from optimize.answer import Answer, Confirmed, Held, Runs
+from optimize.answer import Answer, Confirmed, Decay, Held, Runs
+from optimize.decay import GONE, RESOLVED, rate
 
 
 def number(value: float) -> str:
@@ -47,10 +48,29 @@ def regimes(design: Confirmed) -> str:
     found = []
     for start, runs in design.transient.items():
         if runs.settles:
-            found.append(f"{start} start: in contact, its swing dies towards the settled motion")
+            text = f"{start} start: in contact, its swing dies towards the settled motion"
+            found.append(f"{text}{decay(runs, design)}")
         elif start in design.regime:
             found.append(f"{start} start: {design.regime[start].name}, by its time average")
     return "; ".join(filter(None, (*found, companions(design))))
+
+
+def decay(runs: Runs, design: Confirmed) -> str:
+    """How a start's swing dies, and how long that takes at most."""
+    if runs.decay is None or design.settled is None:
+        return ""
+    swing, in_the_end = runs.decay, rate(design.settled)
+    if swing.last < RESOLVED:
+        return f" and is below {RESOLVED:g} clearances"
+    text = f" by {_percent(swing)} a turn (by {100 * in_the_end:.2g} % in the end: the multiplier)"
+    text += f" and is {swing.last:.2g} clearances wide"
+    if swing.last <= GONE:
+        return text
+    return f"{text}, {GONE:g} within {math.log(swing.last / GONE) / in_the_end:.2g} turns"
+
+
+def _percent(swing: Decay) -> str:
+    return f"{100 * swing.rate:.2g}±{200 * swing.error:.1g} %"
 
 
 def companions(design: Confirmed) -> str:

@@ -5,19 +5,23 @@ from dataclasses import dataclass
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Float
 
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.batch.engines import map_all
 from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.crusher.scene import Scene, require_scene
-from jaxcrusher.dynamics.swing import NEAR, Swing, distance, places, section_of, swing_about
-from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
-from jaxcrusher.motion.integrate import integrate
-from jaxcrusher.motion.method import resolve
-from jaxcrusher.motion.statistics import statistics_problem
+from jaxcrusher.dynamics.swing import (
+    NEAR,
+    Swing,
+    distance,
+    places,
+    section_of,
+    section_points,
+    swing_about,
+)
+from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.settled.periodic_orbit import periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit
 from jaxcrusher.settled.shooting import shoot
@@ -88,7 +92,7 @@ def settled_motions(
     quiet = periodic_orbit(scene)
     known = _Known(scene, [quiet] if bool(quiet.stable) else [])
     length = -(-turns // LOOKS)
-    advance = eqx.Partial(_advanced, turns=length)
+    advance = eqx.Partial(section_points, turns=length, rtol=RTOL)
     state, going = _shifted(scene, starts, spread, seed), list(range(starts))
     looks: list[dict[int, _Swings]] = []
     counts, failed = Counter[int](), 0
@@ -142,15 +146,6 @@ def _cases(scene: Scene, states: Float[np.ndarray, "n dims"]) -> tuple[np.ndarra
     padded = np.concatenate([states, np.repeat(states[-1:], count - len(states), axis=0)])
     alike = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), scene)
     return padded, alike
-
-
-def _advanced(case: tuple[Array, Scene], *, turns: int) -> tuple[Array, Bool[Array, ""]]:
-    """Section points of the next turns. One integration: lanes do not wait at each turn's end."""
-    state, scene = case
-    flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, RTOL)
-    times = 2 * jnp.pi * jnp.arange(1, turns + 1)[:, None]
-    (states, _), outcome = integrate(flow, times, problem=statistics_problem(()), method=method)
-    return jax.vmap(lambda one: flat(one, scene))(states), outcome.success
 
 
 # By the turns of an orbit that it may be about.

@@ -254,7 +254,9 @@ def test_page_of_a_settled_motion(tmp_path):
     found = hand_made_answer()
     runs = {name: replace(one, settles=True) for name, one in found.optimum.transient.items()}
     optimum = replace(
-        found.optimum, settled=Settled("", *numbers, validity, *slopes), transient=runs
+        found.optimum,
+        settled=Settled("", *numbers, np.zeros(2), validity, *slopes),
+        transient=runs,
     )
     held = (Held("clearance", "lowest", 51000.0),)
     other = replace(found.seed_choice, objective=21796.4)

@@ -15,7 +15,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.batch.rows import VARIABLES
-from optimize import confirm, landscape, local, problem, stages, verdicts, words
+from optimize import confirm, decay, landscape, local, problem, stages, verdicts, words
 from optimize.answer import Settled
 from optimize.claim import cell_bounds
 from optimize.evaluate import Window, judged, started
@@ -35,6 +35,7 @@ def finished(tmp_path_factory):
         # After eight turns the centred start still impacts. That a motion in contact counts as
         # its orbit has a test of its own.
         patch.setattr(confirm, "_in_contact", lambda by_run: True)
+        patch.setattr(decay, "TURNS", 48)
         result = run(Options(out=out, name="small", **SMALL), Console(quiet=True))
     return out / "small", result
 
@@ -223,7 +224,7 @@ def rows_of_three_runs():
 def orbit_by_hand(**changes):
     """An orbit for `confirm.confirmed` to judge by."""
     numbers = {"objective": 7.0, "foundation_rms": 8.0, "foundation_peak": 9.0, "error": 1e-9}
-    kept = dict(multipliers=[[0.5, 0.0]], largest_multiplier=0.5, settling_turns=1.4)
+    kept = dict(multipliers=[[0.5, 0.0]], largest_multiplier=0.5, settling_turns=1.4, section=None)
     rest = dict(failure="", least_penetration=0.1, validity=None, slopes={}, slopes_apart={})
     return Settled(**(numbers | kept | rest | changes))
 
@@ -296,21 +297,21 @@ def test_checks_fail_where_their_rules_are_broken(finished):
     assert "both starts agree" in none and not any(name.startswith("a minimum") for name in none)
 
 
-def test_a_design_is_judged_by_the_worst_that_random_starts_come_to(finished, monkeypatch):
+def test_a_design_is_judged_by_the_worst_that_random_starts_come_to(finished):
     _, answer = finished
     case, best = problem.case(Options()), answer.optimum
     # Of the optimum all come to the settled motion, the same to rounding.
     assert [one.share for one in best.companions] == [1.0]
     assert best.companions[0].objective == pytest.approx(best.objective, rel=1e-9)
     loud = replace(best.companions[0], share=0.2, objective=2e4, foundation_rms=2e4, period=2)
-    monkeypatch.setattr(stages.settled, "companions", lambda *_: (*best.companions, loud))
-    judged_by = stages.accompanied(case, best)
+    judged_by = stages.accompanied(best, (*best.companions, loud))
     assert judged_by.objective == judged_by.foundation_rms == 2e4
     assert "100% to 18243, 20% to 20000 over 2 turns" in words.regimes(judged_by)
     failed = verdicts.checks(replace(answer, optimum=judged_by), case, Options(**SMALL))
     assert "no random start comes to a worse motion" in [c.name for c in failed if not c.passed]
     # What does not count is not made to count.
-    assert not stages.accompanied(case, replace(best, objective=float("nan"))).counts
+    uncounted = replace(best, objective=float("nan"))
+    assert not stages.accompanied(uncounted, (loud,)).counts
 
 
 def test_descents_end_where_karush_kuhn_and_tucker_say():
