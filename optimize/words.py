@@ -48,8 +48,7 @@ def regimes(design: Confirmed) -> str:
     found = []
     for start, runs in design.transient.items():
         if runs.settles:
-            text = f"{start} start: in contact, its swing dies towards the settled motion"
-            found.append(f"{text}{decay(runs, design)}")
+            found.append(f"{start} start: in contact, {decay(runs, design)}")
         elif start in design.regime:
             found.append(f"{start} start: {design.regime[start].name}, by its time average")
     return "; ".join(filter(None, (*found, companions(design))))
@@ -57,20 +56,20 @@ def regimes(design: Confirmed) -> str:
 
 def decay(runs: Runs, design: Confirmed) -> str:
     """How a start's swing dies, and how long that takes at most."""
-    if runs.decay is None or design.settled is None:
-        return ""
-    swing, in_the_end = runs.decay, rate(design.settled)
+    swing = runs.decay
+    if swing is None or design.settled is None:
+        return "its swing dies towards the settled motion"
     if swing.last < RESOLVED:
-        return f" and is below {RESOLVED:g} clearances"
-    text = f" by {_percent(swing)} a turn (by {100 * in_the_end:.2g} % in the end: the multiplier)"
-    text += f" and is {swing.last:.2g} clearances wide"
+        return f"on the settled motion, to {RESOLVED:g} clearances"
+    in_the_end = rate(design.settled)
+    text = (
+        f"its swing of {swing.last:.2g} clearances dies by {100 * swing.rate:.2g}±"
+        f"{200 * swing.error:.1g} % a turn (in the end by {100 * in_the_end:.2g} %: the multiplier)"
+    )
     if swing.last <= GONE:
         return text
-    return f"{text}, {GONE:g} within {math.log(swing.last / GONE) / in_the_end:.2g} turns"
-
-
-def _percent(swing: Decay) -> str:
-    return f"{100 * swing.rate:.2g}±{200 * swing.error:.1g} %"
+    turns = float(f"{np.log(swing.last / GONE) / in_the_end:.2g}")
+    return f"{text}, to {GONE:g} within {turns:.0f} turns"
 
 
 def companions(design: Confirmed) -> str:
