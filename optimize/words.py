@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
-from optimize.answer import Answer, Confirmed, Decay, Held, Runs
+from optimize.answer import Answer, Confirmed, Held, Runs
 from optimize.decay import GONE, RESOLVED, rate
 
 
