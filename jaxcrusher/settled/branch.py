@@ -184,7 +184,7 @@ def special_points(
     count = int(branch.count)
     found = []
     for i in range(count - 1):
-        here, there = (_tests(_seen(branch, k)) for k in (i, i + 1))
+        here, there = (test_functions(*_seen(branch, k)) for k in (i, i + 1))
         for kind in here:
             if not here[kind] * there[kind] < 0:
                 continue
@@ -198,9 +198,10 @@ def _seen(branch: Branch, i: int) -> tuple[float, np.ndarray, float]:
     return float(branch.tangent[i]), np.asarray(branch.multipliers[i]), float(branch.monitor[i])
 
 
-def _tests(seen: tuple[float, np.ndarray, float]) -> dict[str, float]:
+def test_functions(
+    tangent: float, values: Complex[np.ndarray, " n"], watched: float
+) -> dict[str, float]:
     """What changes its sign where a branch changes; no eigenvalue of these has to be told apart."""
-    tangent, values, watched = seen
     pairs = [1 - a * b for i, a in enumerate(values) for b in values[i + 1 :]]
     return {
         "fold": tangent,
@@ -209,6 +210,12 @@ def _tests(seen: tuple[float, np.ndarray, float]) -> dict[str, float]:
         "Neimark-Sacker": float(np.prod(pairs).real) if len(values) > 2 else 1.0,
         "monitor": watched,
     }
+
+
+def leaves_circle(values: Complex[np.ndarray, " n"]) -> bool:
+    """Whether a pair lies on the unit circle, off the real axis: two real ones may be 1 / each."""
+    off_axis = values[np.abs(np.imag(values)) > ON_CIRCLE]
+    return bool(np.any(np.abs(np.abs(off_axis) - 1) < ON_CIRCLE))
 
 
 def _locate(
@@ -226,7 +233,7 @@ def _locate(
         numbers = jnp.asarray(scale), begin, jnp.asarray(length)
         place, found, watched = _at(family, *numbers, watch)
         last["seen"] = place, np.asarray(found), float(watched)
-        return _tests((float(place.along), np.asarray(found), float(watched)))[kind]
+        return test_functions(float(place.along), np.asarray(found), float(watched))[kind]
 
     low, high = test(0.0), test(float(size))
     if not low * high < 0:
@@ -236,8 +243,7 @@ def _locate(
     assert isinstance(where, float)
     test(where)
     place, found, _ = last["seen"]
-    off_axis = found[np.abs(found.imag) > ON_CIRCLE]
-    if kind == "Neimark-Sacker" and not np.any(np.abs(np.abs(off_axis) - 1) < ON_CIRCLE):
+    if kind == "Neimark-Sacker" and not leaves_circle(found):
         return None
     return Special(kind, scale * float(place.value), np.asarray(place.x), found)
 

@@ -18,13 +18,15 @@ from jaxcrusher.basics.checks import (
     require_x64,
 )
 from jaxcrusher.crusher.scene import Scene, require_maker
+from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import STATISTIC
-from jaxcrusher.settled import forced
+from jaxcrusher.settled import forced, shooting
 from jaxcrusher.settled.branch import ENDS, follow, special_points
 from jaxcrusher.settled.collocation import System
 from jaxcrusher.settled.newton import RESULTS, Root
 from jaxcrusher.settled.periodic_orbit import INSTANTS, described, periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit
+from jaxcrusher.settled.section_branch import DOUBLING, SectionBranches
 from jaxcrusher.settled.trigonometric import resample
 
 # Nodes a turn: near a fold an orbit and its multipliers want more than elsewhere.
@@ -56,6 +58,10 @@ def orbit_branch(
 ) -> xr.Dataset:
     """The branch of settled motions through the one at a value of a parameter.
 
+    By collocation while contact is kept, to where it is lost. The branch of a `guess` that loses
+    contact, as `jaxcrusher.settled_motions` may find, is followed by shooting, through gain and
+    loss of contact; a point takes some two seconds.
+
     **Arguments:**
 
     - `scene`: makes a scene that `jaxcrusher.periodic_orbit` takes from a value, which is traced.
@@ -63,7 +69,7 @@ def orbit_branch(
     - `upwards`: whether the parameter grows at first.
     - `scale`: what a change of the parameter is small against, > 0; None is a thirtieth of
       `start`. Steps are a tenth of it at most.
-    - `period`, `nodes`: turns, and an even number of nodes a turn.
+    - `period`, `nodes`: turns, and an even number of nodes a turn, unless it is shot for.
     - `points`: at most.
     - `guess`: of the first motion, as in `periodic_orbit`.
 
@@ -72,8 +78,9 @@ def orbit_branch(
     `foundation_peak` (N), `error` (of the RMS, a share of it: where it is large the nodes do not
     resolve the motion, and its multipliers mean nothing), `least_penetration` (clearances),
     `largest_multiplier`, `stable`. With the dimension `special`: `special_kind` ("fold", "period
-    doubling", "Neimark-Sacker", "contact lost"), `special_parameter`, and `special_error` as
-    `error`. The attribute `ended` says why it ends.
+    doubling", "Neimark-Sacker"; by collocation "contact lost") and `special_parameter`, by shooting
+    NaN where a change is seen but not located; a branch may end in the doubling that it came from.
+    The attribute `ended` says why it ends.
 
     Raises ValueError for arguments out of range, and where there is no motion to begin with.
     """
@@ -86,6 +93,9 @@ def orbit_branch(
     require(low <= start <= high, "start", f"lie in the bounds [{low:g}, {high:g}]", start)
     scale = abs(start) / 30 if scale is None else scale
     require_positive("scale", scale, "")
+    if isinstance(guess, PeriodicOrbit) and not bool(guess.least_penetration > 0):
+        require(period == guess.period, "period", f"be the guess's {guess.period}", period)
+        return _by_sections(scene, guess, start, bounds, upwards, scale, points)
     first = periodic_orbit(scene(jnp.asarray(start)), period=period, nodes=nodes, guess=guess)
     require(bool(first.success), "start", "have a settled motion", f"{start}: {first.failure}")
     require(first.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
@@ -109,16 +119,60 @@ def orbit_branch(
         count, ended = int(np.argmin(good)), "These nodes do not resolve the motion any further."
         branch = eqx.tree_at(lambda b: b.count, branch, jnp.array(count))
     special = special_points(family, branch, scale=scale, monitor=_least_penetration)
-    data = {"parameter": ("point", np.asarray(branch.parameter[:count]), {})}
-    meanings = {name: (STATISTIC[name].unit, STATISTIC[name].meaning) for name in HELD} | VARIABLES
-    for name, (unit, meaning) in meanings.items():
-        labels = {"units": unit, "long_name": meaning}
-        data[name] = "point", np.asarray(getattr(along, name)[:count]), labels
-    stable = data["largest_multiplier"][1] < 1
-    data["stable"] = "point", stable, {"units": "1", "long_name": "disturbances die"}
+    values = {name: np.asarray(getattr(along, name)[:count]) for name in (*HELD, *VARIABLES)}
+    values["parameter"] = np.asarray(branch.parameter[:count])
     kinds = [{"monitor": "contact lost"}.get(one.kind, one.kind) for one in special]
+    places = [one.parameter for one in special]
+    return _labelled(values, kinds, places, ended, period)
+
+
+def _by_sections(
+    scene: Callable[[Scalar], Scene],
+    orbit: PeriodicOrbit,
+    start: float,
+    bounds: tuple[float, float],
+    upwards: bool,
+    scale: float,
+    points: int,
+) -> xr.Dataset:
+    """The branch through an orbit that loses contact."""
+    sections = SectionBranches(eqx.Partial(_made, scene=scene), orbit.period, scale)
+    state = np.asarray(flat(orbit.state(), orbit.scene))
+    branch, ended = sections.follow(state, start, bounds, upwards=upwards, points=points)
+    require(bool(branch), "guess", "lead to an orbit that repeats", "one that does not")
+    special = sections.special_points(branch)
+    if branch[-1].turns < orbit.period:
+        special.append((DOUBLING, sections.origin(branch)[1]))
+        branch = branch[:-1]
+    seen = [
+        shooting.described(
+            scene(jnp.asarray(scale * one.value)), one.state, orbit.period, one.multipliers, np.nan
+        )
+        for one in branch
+    ]
+    values = {
+        name: np.array([float(getattr(one, name)) for one in seen]) for name in (*HELD, *VARIABLES)
+    }
+    values["parameter"] = np.array([scale * one.value for one in branch])
+    places = [np.nan if one is None else scale * one.value for _, one in special]
+    return _labelled(values, [kind for kind, _ in special], places, ended, orbit.period)
+
+
+def _made(point: Float[Array, "1"], scene: Callable[[Scalar], Scene]) -> Scene:
+    return scene(point[0])
+
+
+def _labelled(
+    values: dict[str, np.ndarray], kinds: list[str], places: list[float], ended: str, period: int
+) -> xr.Dataset:
+    meanings = {name: (STATISTIC[name].unit, STATISTIC[name].meaning) for name in HELD} | VARIABLES
+    data = {"parameter": ("point", values["parameter"], {})}
+    for name, (unit, meaning) in meanings.items():
+        data[name] = "point", values[name], {"units": unit, "long_name": meaning}
+    stable = values["largest_multiplier"] < 1
+    data["stable"] = "point", stable, {"units": "1", "long_name": "disturbances die"}
     data["special_kind"] = "special", np.array(kinds, object), {}
-    data["special_parameter"] = "special", np.array([one.parameter for one in special]), {}
+    data["special_parameter"] = "special", np.array(places, float), {}
     return xr.Dataset(data, attrs={"ended": ended, "period": period})
 
 

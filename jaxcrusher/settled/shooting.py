@@ -45,7 +45,7 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> Period
     state = state + _solved(matrix, along.state - state)
     coarse, _ = chain(tangents(build, none, "foundation_rms", state, period, 100 * RTOL))
     blur = np.max(np.abs(coarse - matrix)) / np.max(np.abs(matrix))
-    orbit = _described(scene, state, period, np.linalg.eigvals(matrix), blur)
+    orbit = described(scene, state, period, np.linalg.eigvals(matrix), blur)
     return judged(orbit, orbit.result)
 
 
@@ -73,7 +73,7 @@ def _missing(scene: Scene, period: int) -> PeriodicOrbit:
     )
 
 
-def _described(
+def described(
     scene: Scene,
     state: Float[ArrayLike, " dims"],
     period: int,

@@ -79,5 +79,10 @@ def test_what_parts_has_no_orbit_in_contact():
 def test_more_nodes_where_few_do_not_close():
     """96 nodes estimate no error here, and yet the integrator does not come back."""
     values = {"load_law": "normal_to_jaw", "clearance": 1.2e-4, "elbow.clearance": 3e-5}
-    orbit = jc.periodic_orbit(jc.build_scene(values | {"pivot.clearance": 3e-5}))
+    scene = jc.build_scene(values | {"pivot.clearance": 3e-5})
+    orbit = jc.periodic_orbit(scene)
     assert bool(orbit.success) and len(orbit.eccentricity) == 2 * NODES
+    # Asked for, they are refused; traced, when nothing is integrated, they are not.
+    refused = jc.periodic_orbit(scene, nodes=NODES)
+    assert not bool(refused.success) and "does not repeat" in refused.failure
+    assert np.isnan(refused.foundation_rms)

@@ -1,0 +1,14 @@
+"""`python -m benchmarks.settled.companion`: where a loud companion of the quiet motion lives."""
+
+from jaxcrusher.commands.program import program
+
+
+def main() -> None:
+    """Follow the motion of two turns over speed and over clearance, both ways; ten minutes."""
+    from benchmarks.settled.window import run
+
+    run()
+
+
+if __name__ == "__main__":
+    program(main)

@@ -1,0 +1,103 @@
+"""Branches of section points, of maps whose bifurcations are known."""
+
+import equinox as eqx
+import numpy as np
+import pytest
+
+from jaxcrusher.motion.tangents import Tangents
+from jaxcrusher.settled import section_branch as module
+from jaxcrusher.settled.branch import ENDS
+from jaxcrusher.settled.section_branch import SHORTER, SectionBranches
+
+
+def henon(state, number):
+    """Henon's map with b = 0.3: folds and doubles where is known."""
+    return np.array([1 - number * state[0] ** 2 + 0.3 * state[1], state[0]])
+
+
+def delayed_logistic(state, number):
+    """Its fixed point 1 - 1 / r loses a pair at r = 2 (Maynard Smith 1968)."""
+    return np.array([number * state[0] * (1 - state[1]), state[0], 0.3 * state[2] + state[0]])
+
+
+@pytest.fixture
+def branches(monkeypatch):
+    """Of a map in place of the integrated turn."""
+
+    def made(of, period):
+        def tangents(build, point, metric, state, turns, rtol):
+            number, step = float(point[0]), 1e-6
+            shifts = step * np.eye(state.size)
+            columns = [(of(state + d, number) - of(state - d, number)) / 2e-6 for d in shifts]
+            jacobian = np.stack(columns, axis=1)
+            forcing = (of(state, number + step) - of(state, number - step)) / (2 * step)
+            none, by_state, by_number = np.zeros(1), np.zeros((1, state.size)), np.zeros((1, 1))
+            after = of(state, number), jacobian[None], forcing[None, :, None]
+            return Tangents(*after, none, by_state, by_number)
+
+        monkeypatch.setattr(module, "tangents", tangents)
+        return SectionBranches(eqx.Partial(of), period, 1.0)
+
+    return made
+
+
+def test_folds_and_doublings_of_henons_map(branches):
+    """The fold at -(1 - b)^2 / 4, the doubling at 3 (1 - b)^2 / 4."""
+    sections = branches(henon, 1)
+    # From the stable point at a = 0, down and round the fold.
+    low, _ = sections.follow(np.full(2, 1 / 0.7), 0.0, (-1.0, 0.3), upwards=False, points=25)
+    assert [kind for kind, _ in sections.special_points(low)] == ["fold"]
+    assert low[-1].along[-1] > 0 > low[0].along[-1]
+    ((_, fold),) = sections.special_points(low)
+    # Differences of 1e-6 leave 1e-9 of the derivatives.
+    np.testing.assert_allclose(fold.value, -0.1225, atol=1e-8)
+    high, _ = sections.follow(np.full(2, 1 / 0.7), 0.0, (-0.1, 0.5), upwards=True, points=200)
+    ((kind, doubling),) = sections.special_points(high)
+    assert kind == "period doubling"
+    np.testing.assert_allclose(doubling.value, 0.3675, atol=1e-8)
+
+
+def cycle(number):
+    """Of two turns of Henon's map."""
+    state = np.zeros(2)
+    for _ in range(1000):
+        state = henon(state, number)
+    return state
+
+
+def test_a_branch_of_two_turns_from_birth_to_doubling(branches):
+    """It turns back in what it came from; and it doubles at (1 - b)^2 + (1 + b)^2 / 4."""
+    sections = branches(henon, 2)
+    branch, _ = sections.follow(cycle(0.6), 0.6, (0.1, 0.7), upwards=False, points=200)
+    assert {point.turns for point in branch} == {2}
+    ((kind, origin),) = sections.special_points(branch)
+    assert kind == "period doubling" and origin.turns == 1
+    np.testing.assert_allclose(origin.value, 0.3675, atol=1e-8)
+    branch, ended = sections.follow(cycle(0.8), 0.8, (0.1, 0.95), upwards=True, points=200)
+    assert ended == ENDS[1]
+    ((kind, doubling),) = sections.special_points(branch)
+    assert kind == "period doubling" and doubling.turns == 2
+    np.testing.assert_allclose(doubling.value, 0.9125, atol=1e-8)
+
+
+def test_a_step_past_the_birth_of_a_branch(branches):
+    """What repeats after one turn is no point of a branch of two; where it was left is located."""
+    # So small that a step passes where the two turns come together.
+    sections = branches(lambda state, number: 1e-2 * henon(1e2 * state, number), 2)
+    state = 1e-2 * cycle(0.4)
+    branch, ended = sections.follow(state, 0.4, (0.0, 0.95), upwards=False, points=200)
+    assert ended == SHORTER
+    assert [point.turns for point in branch[-2:]] == [2, 1]
+    assert sections.special_points(branch) == []
+    shorter, origin = sections.origin(branch)
+    assert shorter.period == 1
+    np.testing.assert_allclose(origin.value, 0.3675, atol=1e-8)
+
+
+def test_a_pair_that_leaves_the_unit_circle(branches):
+    sections = branches(delayed_logistic, 1)
+    branch, _ = sections.follow(np.full(3, 0.4), 1 / 0.6, (1.5, 2.3), upwards=True, points=200)
+    ((kind, special),) = sections.special_points(branch)
+    assert kind == "Neimark-Sacker"
+    np.testing.assert_allclose(special.value, 2.0, atol=1e-8)
+    np.testing.assert_allclose(np.sort(np.abs(special.multipliers)), [0.3, 1, 1], atol=1e-8)
