@@ -103,6 +103,7 @@ def run(out: Path) -> None:
         }
         rows = _all(everything, known, bar)
         refused = list(bar.track(inputs(), 38, description="inputs"))
+        write_table(folder / "stability.csv", map(asdict, rows + refused))
         long = list(
             bar.track(
                 drift.measure({start: known.result() for start, known in ended.items()}),
@@ -111,7 +112,6 @@ def run(out: Path) -> None:
             )
         )
         stabilised = list(bar.track(baumgarte.measure(), 52, description="Baumgarte"))
-    write_table(folder / "stability.csv", map(asdict, rows + refused))
     write_figure(folder / "stability.png", draw(rows))
     minutes = (time.perf_counter() - begin) / 60
     write_text(folder / "stability.md", page(rows, refused, long, stabilised, minutes))
