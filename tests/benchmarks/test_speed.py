@@ -24,7 +24,6 @@ def costs():
 
     compiled = eqx.filter_jit(lambda speeds: jax.lax.map(ideal, speeds))
     asked = {
-        "lanes": programs.in_lanes(designs),
         "turn": programs.in_turn(designs),
         "vmap": programs.vmap(designs),
         "numba": programs.numba(designs),
@@ -33,8 +32,12 @@ def costs():
     return programs.costs(asked, repeats=7)
 
 
-def test_a_step_in_lanes_beside_numba(costs):
-    assert costs["lanes"].cpu / costs["numba"].cpu < 0.7  # 0.25 to 0.35
+def test_a_step_in_lanes_beside_numba():
+    # Fewer designs leave the lanes empty, and a batch costs milliseconds besides.
+    designs = programs.designs("contact", TURNS)
+    pair = {"lanes": programs.in_lanes(designs), "numba": programs.numba(designs)}
+    costs = programs.costs(pair, repeats=7)
+    assert costs["lanes"].cpu / costs["numba"].cpu < 0.45  # 0.22
 
 
 def test_a_step_beside_numba(costs):
