@@ -28,9 +28,13 @@ class Machine:
         self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
         self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         self._engine.finalize_object()
+        self._addresses: dict[str, int] = {}
 
     def __getitem__(self, name: str) -> int:
-        return self._engine.get_function_address(name)
+        # LLVM takes a third of a millisecond to find one.
+        if name not in self._addresses:
+            self._addresses[name] = self._engine.get_function_address(name)
+        return self._addresses[name]
 
 
 def cache_folder() -> Path:
@@ -41,14 +45,14 @@ def cache_folder() -> Path:
 @cache
 def load(text: str) -> Machine:
     """The functions of a text, compiled unless an earlier process on such a processor did."""
-    key = digest(text, *processor(), version("llvmlite"))
+    key = _digest(text, *_processor(), version("llvmlite"))
     file = cache_folder() / f"{key}.o"
     try:
         return Machine(file.read_bytes())
     except OSError:
         code = _target().emit_object(optimised(text))
     try:
-        write(file, code)
+        _write(file, code)
     except OSError:
         pass
     return Machine(code)
@@ -62,11 +66,11 @@ def loop() -> ModuleType:
     date of one file only. It tells processors apart.
     """
     texts = [file.read_text("utf-8") for file in LOOP]
-    name = f"jaxcrusher_lanes_{digest(*texts, version('numba'))}"
+    name = f"jaxcrusher_lanes_{_digest(*texts, version('numba'))}"
     file, text = cache_folder() / f"{name}.py", texts[0]
     try:
         if not file.exists():
-            write(file, text.encode())
+            _write(file, text.encode())
         specification = importlib.util.spec_from_file_location(name, file)
         assert specification is not None and specification.loader is not None
         module = importlib.util.module_from_spec(specification)
@@ -82,17 +86,17 @@ def loop() -> ModuleType:
     return module
 
 
-def processor() -> tuple[str, str]:
+def _processor() -> tuple[str, str]:
     """Its name and what it knows."""
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
 
-def digest(*parts: str) -> str:
+def _digest(*parts: str) -> str:
     """A name for what has this content."""
     return hashlib.sha256(chr(0).join(parts).encode()).hexdigest()[:32]
 
 
-def write(file: Path, content: bytes) -> None:
+def _write(file: Path, content: bytes) -> None:
     """Whole or not at all."""
     file.parent.mkdir(parents=True, exist_ok=True)
     aside = file.with_suffix(f".{os.getpid()}")
@@ -118,5 +122,5 @@ def _target() -> llvm.TargetMachine:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        *processor(), opt=3, jit=True
+        *_processor(), opt=3, jit=True
     )
