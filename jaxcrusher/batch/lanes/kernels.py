@@ -90,8 +90,7 @@ def kernels(equations: Equations, known: Mapping[int, float], table: Tableau) ->
     _write_field(field, equations, emitter, numbers)
     _write_look(Code(module, "look"), equations, emitter, numbers, table, at)
     sizes = _write_prepare(prepare, emitter, sizes)
-    seen = [variable.aval.shape for variable in equations.observe.jaxpr.outvars]
-    page = write_summary(module, equations.summarise, seen, equations.instants)
+    page = _write_summary(module, equations)
     for name, part in {
         "evaluate": _write_evaluation(Code(module, "once"), field, at),
         "begin": _write_begin(Code(module, "renew"), prepare, field, at, sizes),
@@ -114,7 +113,14 @@ def exponents(equations: Equations) -> list[int]:
     _write_field(Code(module, "field", rows=3), equations, emitter, numbers)
     states = [Atom(emitter.prepare.read(i)) for i in range(1 + equations.states)]
     emitter.body(Code(module, "look"), equations.observe, [*states, *numbers])
+    _write_summary(module, equations)
     return sorted(emitter.exponents)
+
+
+def _write_summary(module: ir.Module, equations: Equations) -> tuple[Page, list[bool]]:
+    """Of what is observed at the instants of a segment; see `summary.write_summary`."""
+    seen = [variable.aval.shape for variable in equations.observe.jaxpr.outvars]
+    return write_summary(module, equations.summarise, seen, equations.instants)
 
 
 def _write_field(code: Code, equations: Equations, emitter: Emitter, numbers: list[Atom]) -> None:

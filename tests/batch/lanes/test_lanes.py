@@ -57,7 +57,7 @@ def _summarise(seen, end):
 PROBLEM = Problem(_initial, _field, _observe, _summarise)
 
 
-def _run(swing, solver=None, rtol=1e-9, max_steps=10_000, times=TIMES):
+def _run(swing, solver=None, rtol=1e-9, max_steps=10_000, times=TIMES, problem=PROBLEM):
     controller = diffrax.PIDController(
         rtol=rtol,
         atol=rtol,
@@ -68,7 +68,7 @@ def _run(swing, solver=None, rtol=1e-9, max_steps=10_000, times=TIMES):
         force_dtmin=False,
     )
     method = Integration(solver or diffrax.Tsit5(), controller, max_steps, 1e-3, None)
-    found, outcome = integrate(swing, times, problem=PROBLEM, method=method)
+    found, outcome = integrate(swing, times, problem=problem, method=method)
     return found, outcome
 
 
@@ -211,6 +211,9 @@ def test_what_lanes_cannot_do_is_done_in_turn_and_said():
     _equal(found, _in_turn(_slope, swings))
     with pytest.warns(UserWarning, match="Lanes do not know the solver `Heun`"):
         map_all(eqx.Partial(_run, solver=diffrax.Heun(), rtol=1e-3), swings, engine=in_lanes)
+    median = Problem(_initial, _field, _observe, lambda seen, end: jnp.sort(seen["place"])[10])
+    with pytest.warns(UserWarning, match="Lanes do not know the primitive `sort`"):
+        map_all(eqx.Partial(_run, problem=median, rtol=1e-3), swings, engine=in_lanes)
 
 
 def test_a_folder_that_cannot_be_written_is_no_error(monkeypatch, tmp_path):
