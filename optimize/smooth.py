@@ -8,11 +8,12 @@ from optimize.local import Smooth
 
 
 def objective(case: Case) -> Smooth:
-    """That of the settled motion; NaN where there is none that is stable."""
+    """That of the settled motion; NaN where none is stable, or none inside the model if asked."""
 
     def function(unit: np.ndarray) -> tuple[float, np.ndarray]:
         rows = settled.solve(case, unit[None])
-        value = float(rows["objective"][0]) if rows["stable"][0] else float("nan")
+        good = rows["stable"][0] and (rows["inside_model"][0] or not case.inside_model)
+        value = float(rows["objective"][0]) if good else float("nan")
         return value, rows["slope"][0] * settled.widths(case)
 
     return function

@@ -151,13 +151,14 @@ def _dying(best: Confirmed, orbit: Settled) -> tuple[Check, ...]:
         return ()
     says = decay.rate(orbit)
     details = [
-        f"{start} start {swing.rate:.2g}, {(swing.rate - says) / swing.error:+.1f} standard errors"
+        f"{start} start {swing.rate:.2g}, standard error {swing.error:.1g}"
         for start, swing in wide.items()
     ]
     check = Check(
         "swings die as fast as the multiplier says",
         all(swing.rate >= says - ERRORS * swing.error for swing in wide.values()),
-        f"by {says:.2g} a turn: {', '.join(details)}; rule: not below -{ERRORS:g}",
+        f"by {says:.2g} a turn: {', '.join(details)}; rule: not below by more "
+        f"than {ERRORS:g} of these",
     )
     return (check,)
 

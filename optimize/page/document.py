@@ -22,8 +22,8 @@ FIGURES = {
     "settling.png": "Turns in which a disturbance of the settled motion falls to 1/e.",
     "starts.png": "The objective over the first turns, worse of both starts.",
     "capacity.png": "Capacity over driving speed, with its floor and the box searched.",
-    "pareto.png": "RMS of the foundation force against capacity and against its peak; the "
-    "front is what no other point beats in both.",
+    "pareto.png": "The objective against capacity and against the peak of the foundation force "
+    "(of the peak, its RMS); the front is what nothing beats in both.",
     "motion.png": "Orbit of the pin and foundation force of the optimum and of the design it is "
     "compared with, after their long runs.",
 }
@@ -91,6 +91,7 @@ def _tables(answer: Answer) -> dict:
         "answer": tables.answer(answer) if answer.designs else None,
         "checks": tables.checks(answer),
         "slopes": tables.slopes(answer),
+        "fronts": tables.fronts(answer),
         "candidates": tables.candidates(answer),
         "descents": tables.descents(answer),
         "runs": {title: tables.runs(design, unit) for title, design in answer.designs.items()},

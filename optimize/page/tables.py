@@ -21,7 +21,8 @@ STAGES = {
     "refinement": "descents",
     "confirmation": "long runs",
     "regimes": "regimes and slopes",
-    "companions": "motions of random starts",
+    "companions": "motions of random starts, decay",
+    "fronts": "fronts",
     "motions": "motions of the cells",
 }
 DESCENTS = {"gradient": "exact gradients", "fits": "fits to noisy runs"}
@@ -129,6 +130,32 @@ def slopes(found: Answer) -> Table | None:
     ]
     headings = ("by", "slope", "standard error", "estimator", "verdict", "why")
     return Table(headings, rows, about=f"Of the {meaning}, start in contact, {report.regime}.")
+
+
+def fronts(found: Answer) -> list[Table]:
+    """What the least objective costs in another number; none where nothing has to be traded."""
+    unit = found.objective.unit
+    traded = [front for front in found.fronts if len(front.objective) > 1]
+    return [
+        Table(
+            (
+                f"{in_words(front.of)}, {front.unit}",
+                f"objective, {unit}",
+                *_parameters(found),
+            ),
+            [
+                (f"{other:.5g}", objective, *(f"{number:.5g}" for number in numbers))
+                for other, objective, *numbers in zip(
+                    front.other.tolist(),
+                    front.objective.tolist(),
+                    *(shown(name, of, found.box.units) for name, of in front.values.items()),
+                    strict=True,
+                )
+            ],
+            caption=f"{found.objective.meaning} against {in_words(front.of)}",
+        )
+        for front in traded
+    ]
 
 
 def candidates(found: Answer) -> Table:

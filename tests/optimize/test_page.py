@@ -23,6 +23,7 @@ from optimize.answer import (
     Check,
     Claim,
     Confirmed,
+    Front,
     Held,
     Refinement,
     Runs,
@@ -261,7 +262,14 @@ def test_page_of_a_settled_motion(tmp_path):
     held = (Held("clearance", "lowest", 51000.0),)
     other = replace(found.seed_choice, objective=21796.4)
     found = replace(found, optimum=optimum, seed_choice=other, held=held, gradient_report=None)
+    values = {"speed": np.array([25.0, 25.0]), "clearance": np.array([0.03e-3, 0.05e-3])}
+    front = Front("capacity", "m3/h", np.array([18243.4, 18300.0]), np.array([7.5, 7.9]), values)
+    single = Front("peak", "N", np.array([18243.4]), np.array([24e3]), values)
+    found = replace(found, fronts=(front, single))
     text = write_page(tmp_path, found, None, None, ()).read_text()
+    # A single point trades nothing.
+    assert "against capacity" in text and "against peak" not in text
+    assert cells(text, "7.9") == ["18300", "25", "0.05"]
     assert "Run it at 25 rad/s (239 rpm) with 0.06 mm of radial clearance" in text
     assert "16.3 % less than 21796 at the paper&#39;s choice" in text
     assert "18243.41</td>" in text
