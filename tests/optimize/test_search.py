@@ -278,6 +278,12 @@ def test_checks_fail_where_their_rules_are_broken(finished):
     off = {"speed": 0.03 * best.settled.slopes["speed"], "clearance": 0.0}
     wrong = replace(best, settled=replace(best.settled, slopes_apart=off))
     assert failed(optimum=wrong) == ["the slopes at the optimum may be believed"]
+    # Friction of sliding surfaces, 0.03 at a bore of 0.13 m over a jaw of 0.695 m: 1.1 % more.
+    low = replace(best, foundation_rms=0.99 * best.ideal_rms)
+    assert failed(optimum=low) == ["not below the ideal joint"]
+    case = problem.case(Options(slip="surface", friction=0.03))
+    assert failed(optimum=low) == []
+    case = problem.case(Options())
     # Without an orbit time averages are compared, and nothing is said of a minimum.
     none = [
         c.name
