@@ -3,6 +3,7 @@
 import equinox as eqx
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from jaxcrusher.motion.tangents import Tangents
 from jaxcrusher.settled import section_branch as module
@@ -101,3 +102,50 @@ def test_a_pair_that_leaves_the_unit_circle(branches):
     assert kind == "Neimark-Sacker"
     np.testing.assert_allclose(special.value, 2.0, atol=1e-8)
     np.testing.assert_allclose(np.sort(np.abs(special.multipliers)), [0.3, 1, 1], atol=1e-8)
+
+
+FREE = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-1, 1, -0.03, 0.03], [1, -2, 0.03, -0.06]])
+HELD = FREE - np.array([[0, 0, 0, 0], [0, 0, 0, 0], [100, 0, 0, 0], [0, 0, 0, 0]])
+
+
+def stopped(phase, values, speed):
+    """NLvib's example 03, two masses and a stop, with its tangents: rates by the phase of the load.
+
+    Columns of `values`: the state, its derivatives by the first, and by the speed.
+    """
+    columns = values.reshape(6, 4).T
+    held = columns[0, 0] > 1
+    rates = (HELD if held else FREE) @ columns
+    rates[3, 0] += 0.1 * np.cos(phase)
+    rates[2, 0] += 100 if held else 0
+    rates[:, 5] -= rates[:, 0] / speed
+    return rates.T.ravel() / speed
+
+
+def one_turn(build, point, metric, state, turns, rtol):
+    begun = np.concatenate([state, np.eye(4).ravel(), np.zeros(4)])
+    # Seven digits are published.
+    run = solve_ivp(
+        stopped, (0, 2 * np.pi), begun, "DOP853", rtol=1e-9, atol=1e-9, args=(float(point[0]),)
+    )
+    after, by_state, by_speed = np.split(run.y[:, -1].reshape(6, 4).T, [1, 5], axis=1)
+    none, gone, still = np.zeros(1), np.zeros((1, 4)), np.zeros((1, 1))
+    return Tangents(after[:, 0], by_state[None], by_speed[None], none, gone, still)
+
+
+def test_two_masses_and_a_stop(monkeypatch):
+    """The points published for NLvib's example 03. Its stiffness jumps: nodes do not reach them."""
+    monkeypatch.setattr(module, "tangents", one_turn)
+    sections = SectionBranches(eqx.Partial(stopped), 1, 0.05)
+    near = np.array([0.961, 0.658, 0.317, 0.086])
+    quiet, _ = sections.follow(near, 0.635, (0.615, 0.7), upwards=False, points=9)
+    moduli = np.sort(np.abs(quiet[0].multipliers))
+    np.testing.assert_allclose(moduli, [0.72329, 0.72329, 0.88575, 0.88575], atol=6e-6)
+    near = np.array([0.567, 0.633, 0.646, 0.822])
+    loud, _ = sections.follow(near, 0.731819, (0.73, 0.76), upwards=True, points=22)
+    found = sections.special_points(quiet) + sections.special_points(loud)
+    found.sort(key=lambda pair: pair[1].value)
+    kinds = ["Neimark-Sacker", "period doubling", "period doubling", "fold"]
+    assert [kind for kind, _ in found] == kinds
+    speeds = [0.05 * one.value for _, one in found]
+    np.testing.assert_allclose(speeds, [0.6186069, 0.7387830, 0.7555862, 0.7556274], atol=6e-8)
