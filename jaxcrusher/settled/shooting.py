@@ -39,7 +39,7 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> Period
     build, none = eqx.Partial(_same, scene=scene), jnp.zeros(0)
     found = section_point(build, none, "foundation_rms", guess, period)
     if found is None:
-        return _missing(scene, period)
+        return missing(scene, period)
     state, along = found
     matrix, _ = chain(along)
     state = state + _solved(matrix, along.state - state)
@@ -53,7 +53,7 @@ def _same(_: Array, scene: Scene) -> Scene:
     return scene
 
 
-def _missing(scene: Scene, period: int) -> PeriodicOrbit:
+def missing(scene: Scene, period: int) -> PeriodicOrbit:
     """No orbit: NaN in every number."""
     lost, values = jnp.asarray(jnp.nan), dict.fromkeys(statistics_of(scene), jnp.asarray(jnp.nan))
     limits, dims = limits_of(scene, values), initial_state(scene).size

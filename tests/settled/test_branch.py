@@ -9,6 +9,7 @@ from scipy.special import mathieu_a, mathieu_b
 import jaxcrusher as jc
 from jaxcrusher.settled.branch import ENDS, follow, special_points
 from jaxcrusher.settled.collocation import System, collocate
+from jaxcrusher.settled.shooting import missing
 
 PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
 
@@ -124,3 +125,6 @@ def test_refusals():
         jc.orbit_branch(scene, 30.0, (31.0, 32.0))
     with pytest.raises(ValueError, match="`points` must be a whole number"):
         jc.orbit_branch(scene, 30.0, (29.0, 32.0), points=0)
+    lost = missing(jc.paper_scene(30.0, 0.1e-3), 2)
+    with pytest.raises(ValueError, match="`period` must be the guess's 2, but is 1"):
+        jc.orbit_branch(scene, 30.0, (29.0, 32.0), guess=lost)
