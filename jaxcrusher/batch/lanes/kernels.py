@@ -161,10 +161,10 @@ def _write_look(
 
 
 def _write_prepare(code: Code, emitter: Emitter, sizes: Sizes) -> Sizes:
-    """Of the numbers of new designs, to what is kept; the sizes with it."""
-    kept, first, fresh = emitter.keep(), places(sizes).kept, code.read(FRESH) > 0
+    """Of the numbers of designs, to what is kept; the sizes with it."""
+    kept, first = emitter.keep(), places(sizes).kept
     for i, value in enumerate(kept):
-        code.write(where(fresh, value, code.read(first + i)), first + i)
+        code.write(value, first + i)
     code.end()
     return sizes._replace(kept=len(kept))
 
