@@ -2,6 +2,7 @@
 
 import atexit
 import gc
+import itertools
 import os
 import shutil
 import tempfile
@@ -37,6 +38,17 @@ os.environ["XLA_FLAGS"] = os.environ["XLA_FLAGS"].replace(EMITTERS, "")
 # What tracing leaves lives on to the end, and to look for garbage in it took a tenth of the time.
 gc.freeze()
 gc.set_threshold(50_000)
+
+
+def pytest_collection_modifyitems(items):
+    """Spread the notebooks over the run: side by side they compile the same programs twice."""
+    files = [list(group) for _, group in itertools.groupby(items, key=lambda item: item.path)]
+    notebooks = [file for file in files if file[0].path.suffix == ".ipynb"]
+    order = [file for file in files if file[0].path.suffix != ".ipynb"]
+    apart = len(order) // max(len(notebooks), 1)
+    for i, notebook in reversed(list(enumerate(notebooks))):
+        order.insert(i * apart, notebook)
+    items[:] = itertools.chain.from_iterable(order)
 
 
 @pytest.hookimpl(wrapper=True)
