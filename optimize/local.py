@@ -47,13 +47,7 @@ def descend(
     stays where it is. Where there are `spares`, each must end at least 0: SLSQP sees to that.
     """
     seen: dict[bytes, tuple[float, np.ndarray]] = {}
-
-    def known(point: np.ndarray) -> tuple[float, np.ndarray]:
-        key = np.ascontiguousarray(point).tobytes()
-        if key not in seen:
-            seen[key] = function(point)
-        return seen[key]
-
+    known = _once(function, seen)
     start = np.clip(start, 0, upper)
     first, slope = known(start)
     if not np.isfinite(first):
@@ -81,11 +75,24 @@ def descend(
     return Descent(np.stack([*path, found.x]), first, last, gradient, len(seen))
 
 
+def _once(number: Smooth, seen: dict[bytes, tuple[float, np.ndarray]]) -> Smooth:
+    """The number, computed once at each point and remembered in `seen`."""
+
+    def known(point: np.ndarray) -> tuple[float, np.ndarray]:
+        key = np.ascontiguousarray(point).tobytes()
+        if key not in seen:
+            seen[key] = number(point)
+        return seen[key]
+
+    return known
+
+
 def _constraint(spare: Smooth) -> dict[str, Any]:
+    known = _once(spare, {})  # value and gradient are asked for one by one
     return {
         "type": "ineq",
-        "fun": lambda point: spare(point)[0],
-        "jac": lambda point: spare(point)[1],
+        "fun": lambda point: known(point)[0],
+        "jac": lambda point: known(point)[1],
     }
 
 
