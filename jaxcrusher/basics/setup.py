@@ -50,11 +50,11 @@ def set_up() -> None:
     given = os.environ.get("XLA_FLAGS", "")
     # XLA adds up the extra options of several flags.
     loop = "" if _LOOP_FLAG in given else f" --xla_backend_extra_options={_LOOP_FLAG}=1000000000"
-    cores = None if _DEVICE_FLAG in given or _setting("jax_num_cpu_devices") > 0 else _cores()
-    if not loop and cores is None:
+    count = None if _DEVICE_FLAG in given or _setting("jax_num_cpu_devices") > 0 else cores()
+    if not loop and count is None:
         return
     if _started():
-        devices = "" if cores is None else f" --{_DEVICE_FLAG}={cores}"
+        devices = "" if count is None else f" --{_DEVICE_FLAG}={count}"
         warnings.warn(
             "set_up() came after JAX had started and has no effect on cores and loops. Call it "
             f"earlier, or start Python with XLA_FLAGS='{(given + loop + devices).strip()}'.",
@@ -62,8 +62,8 @@ def set_up() -> None:
         )
         return
     os.environ["XLA_FLAGS"] = (given + loop).strip()
-    if cores is not None:
-        jax.config.update("jax_num_cpu_devices", cores)
+    if count is not None:
+        jax.config.update("jax_num_cpu_devices", count)
 
 
 # Its name when it did less.
@@ -91,7 +91,7 @@ def _setting(name: str):
     return getattr(jax.config, name)
 
 
-def _cores() -> int:
+def cores() -> int:
     """The cores this process may use; not every system tells."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 

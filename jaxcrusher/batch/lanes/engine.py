@@ -1,13 +1,13 @@
 """Integrations of many designs by lanes, on all cores."""
 
 import ctypes
-import os
 from collections.abc import Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from math import prod
 
 import numpy as np
 
+from jaxcrusher.basics.setup import cores
 from jaxcrusher.batch.lanes.kernels import Kernels
 from jaxcrusher.batch.lanes.layout import (
     Batch,
@@ -87,8 +87,3 @@ def _apart(found: np.ndarray, shapes: Sequence[tuple[int, ...]], over: Sequence[
             yield np.moveaxis(part, -1, 2)
         else:
             yield part.reshape(*part.shape[:2], *shape)
-
-
-def cores() -> int:
-    """The cores this process may use; not every system tells."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
