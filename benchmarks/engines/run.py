@@ -85,10 +85,10 @@ def run() -> None:
     """Print the table, a line at a time."""
     print(f"{setting('llvmlite', 'numba')}. CPU seconds; first runs in brackets.\n")
     print("| program | in turn | lanes | in turn / lanes |\n|---|---|---|---|")
-    for name, run in PROGRAMS.items():
-        lanes = _spent(run)
+    for name, program in PROGRAMS.items():
+        lanes = _spent(program)
         with mock.patch.object(engines, "in_lanes", engines.in_turn):
-            turn = _spent(run)
+            turn = _spent(program)
         print(
             f"| {name} | {turn.again:.2f} ({turn.first:.1f}) | "
             f"{lanes.again:.2f} ({lanes.first:.1f}) | {turn.again / lanes.again:.1f} |",

@@ -18,7 +18,6 @@ BOUNDS = {"speed": (39.5, 41.0), "clearance": (0.116e-3, 0.125e-3)}
 
 def run() -> None:
     """Compute and print."""
-    jc.set_up()
     loud = loudest(jc.paper_scene(SPEED, CLEARANCE), 2)
     for name in UNITS:
         at = {"speed": SPEED, "clearance": CLEARANCE}
@@ -34,7 +33,7 @@ def run() -> None:
 
 def loudest(scene: jc.Scene, period: int) -> jc.PeriodicOrbit:
     """Of the stable motions of so many turns."""
-    found = [one for one in jc.settled_motions(scene, starts=16, turns=400).orbits]
+    found = jc.settled_motions(scene, starts=16, turns=400).orbits
     return max((one for one in found if one.period == period), key=lambda o: o.foundation_rms)
 
 
