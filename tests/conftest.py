@@ -17,7 +17,7 @@ import jaxtyping
 import pytest
 
 # Shapes and types of arguments and results are checked as the package is imported, but for what
-# numba compiles, and what only writes and asks.
+# writes LLVM's text, and what only writes and asks.
 ROOMS = ("basics", "joint", "crusher", "scenes", "motion", "settled", "dynamics", "pictures")
 BATCH = ("cluster", "engines", "plan", "rows", "store", "sweep")
 jaxtyping.install_import_hook(

@@ -1,20 +1,19 @@
 """The machine code of a field in lanes: its instructions counted, and its time."""
 
+import ctypes
 import re
 import time
 from collections import Counter
 
 import jax
 import numpy as np
-from numba import njit
 
 from benchmarks.step_cost.programs import Designs, statistics_of
-from jaxcrusher.batch.lanes.instructions import call
 from jaxcrusher.batch.lanes.kernels import Kernels
-from jaxcrusher.batch.lanes.layout import places
+from jaxcrusher.batch.lanes.layout import TIME, places
 from jaxcrusher.batch.lanes.module import assembly, load
 from jaxcrusher.batch.lanes.recorded import Recorded, integration_p, record
-from jaxcrusher.batch.lanes.vector import LANES
+from jaxcrusher.batch.lanes.vector import LANES, WIDTH
 from jaxcrusher.motion.integrate import integrator
 
 EVALUATIONS = 20_000
@@ -61,24 +60,39 @@ def counts(d: Designs) -> dict[str, int]:
     return dict(found)
 
 
-@njit
-def _again(count, function, memory):
-    for _ in range(count):
-        call(function, memory, 0)
+# The field of all lanes, so many times: at the time of the row TIME, to the first stage's rates.
+_AGAIN = """
+define void @again(ptr %memory, i64 %count) {{
+  br label %turn
+turn:
+  %i = phi i64 [ 0, %0 ], [ %next, %turn ]
+  {calls}
+  %next = add i64 %i, 1
+  %more = icmp slt i64 %next, %count
+  br i1 %more, label %turn, label %end
+end:
+  ret void
+}}
+"""
 
 
 def evaluation(d: Designs) -> float:
     """CPU nanoseconds of one evaluation of the field, of each of the designs side by side."""
     kernels = _kernels(d)
-    machine, at = load(kernels.text), places(kernels.sizes)
+    at = places(kernels.sizes)
+    calls = (
+        f"call void @field(ptr %memory, i64 {first}, i64 {TIME}, i64 {at.y}, i64 {at.k})"
+        for first in range(0, LANES, WIDTH)
+    )
+    machine = load(kernels.text + _AGAIN.format(calls="\n  ".join(calls)))
     # Any numbers will do: nothing branches.
     memory = np.full((at.end, LANES), 0.5)
     memory[0] = np.linspace(0, 6, LANES)
-    function = machine["evaluate"]
-    _again(1, function, memory)
+    again = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(machine["again"])
+    again(memory.ctypes.data, 1)
     seconds = []
     for _ in range(5):
         began = time.process_time()
-        _again(EVALUATIONS, function, memory)
+        again(memory.ctypes.data, EVALUATIONS)
         seconds.append(time.process_time() - began)
     return 1e9 * float(np.median(seconds)) / EVALUATIONS / LANES

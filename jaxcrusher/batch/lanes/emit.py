@@ -15,7 +15,8 @@ import numpy as np
 from jax.extend.core import ClosedJaxpr, Literal
 
 from jaxcrusher.batch.lanes.elementary import cosine, exponential, logarithm, power, sine
-from jaxcrusher.batch.lanes.vector import Code, is_truth, is_vector, sqrt, where
+from jaxcrusher.batch.lanes.expression import is_expression, is_truth, sqrt, where
+from jaxcrusher.batch.lanes.vector import Code
 
 # The powers that are products and roots.
 _POWERS: dict[float, Callable[[Any], Any]] = {
@@ -42,7 +43,7 @@ def _whole_power(base: Any, exponent: int) -> Any:
 
 
 def _power(x: Any, exponent: Any) -> Any:
-    usual = None if is_vector(exponent) else _POWERS.get(float(exponent))
+    usual = None if is_expression(exponent) else _POWERS.get(float(exponent))
     return power(x, exponent) if usual is None else usual(x)
 
 
@@ -185,7 +186,7 @@ class Emitter:
             made_of = frozenset[int]().union(*(atom.made_of for atom in operands))
             with np.errstate(all="ignore"):
                 result = function(*values)
-            if not (is_vector(result) or is_truth(result)):
+            if not (is_expression(result) or is_truth(result)):
                 result = np.float64(result)
             self._found[key] = Atom(result, of_design, made_of if of_design else frozenset())
         return self._found[key]

@@ -9,16 +9,8 @@ import numpy as np
 
 from jaxcrusher.basics.setup import cores
 from jaxcrusher.batch.lanes.kernels import Kernels
-from jaxcrusher.batch.lanes.layout import (
-    Batch,
-    Control,
-    Designs,
-    Ends,
-    Functions,
-    new_lanes,
-    places,
-)
-from jaxcrusher.batch.lanes.module import load, loop
+from jaxcrusher.batch.lanes.layout import Arrays, Control, Designs, Ends, Page, new_lanes, table
+from jaxcrusher.batch.lanes.module import Machine, load
 from jaxcrusher.batch.lanes.vector import LANES
 
 
@@ -36,29 +28,21 @@ def run(
     only. Interrupted, all threads end within milliseconds.
     """
     machine, sizes, page = load(kernels.text), kernels.sizes, kernels.page
-    functions = Functions(*(machine[name] for name in Functions._fields))
     count, segments = len(designs.starts), designs.floors.shape[1]
     ends = Ends(np.zeros(count, np.int64), np.zeros(count), np.zeros(count, np.int64))
     next_design, stop = np.zeros(1, np.int64), np.zeros(1, np.int64)
     found = np.empty((count, segments, sum(map(prod, shapes))))
-    found[:] = _of_nothing(functions.summarise, kernels)[: found.shape[2]]
-    batch = Batch(
-        functions,
-        places(sizes),
-        page,
-        sizes.motion,
-        kernels.instants,
-        control,
-        designs,
-        found,
-        ends,
-        next_design,
-        stop,
-    )
+    found[:] = _of_nothing(machine, page)[: found.shape[2]]
+    limits = np.array([control.first, control.smallest, control.steps])
+    shared = (*designs, limits, np.array([count, segments]), found, *ends, next_design, stop)
+
+    def work() -> None:
+        arrays = Arrays(*new_lanes(sizes, control, page), *shared)
+        _advance(machine, table(arrays))
+
     threads = min(threads or cores(), -(-count // LANES))
     with ThreadPoolExecutor(threads) as pool:
-        work = (new_lanes(sizes, control, page) for _ in range(threads))
-        futures = [pool.submit(loop().advance, batch, lanes) for lanes in work]
+        futures = [pool.submit(work) for _ in range(threads)]
         try:
             wait(futures, return_when=FIRST_EXCEPTION)
         finally:
@@ -68,11 +52,17 @@ def run(
     return list(_apart(found, shapes, kernels.over)), ends
 
 
-def _of_nothing(summarise: int, kernels: Kernels) -> np.ndarray:
+def _advance(machine: Machine, table: np.ndarray) -> None:
+    """The loop over steps, without Python's lock."""
+    ctypes.CFUNCTYPE(None, ctypes.c_void_p)(machine["advance"])(table.ctypes.data)
+
+
+def _of_nothing(machine: Machine, page: Page) -> np.ndarray:
     """The summary of a segment that was not reached."""
-    page = np.full(kernels.page.end * LANES, np.nan)
-    ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(summarise)(page.ctypes.data, 0)
-    return page[kernels.page.found * LANES :]
+    numbers = np.full(page.end * LANES, np.nan)
+    kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
+    kind(machine["summarise"])(numbers.ctypes.data, 0, 0)
+    return numbers[page.found * LANES :]
 
 
 def _apart(found: np.ndarray, shapes: Sequence[tuple[int, ...]], over: Sequence[bool]):

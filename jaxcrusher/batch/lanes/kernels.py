@@ -1,4 +1,4 @@
-"""What lanes do side by side: the equations, and the arithmetic of a step.
+"""All of a batch as functions of lanes: the equations, the arithmetic of a step, and the loop.
 
 The step is that of an explicit Runge-Kutta method under a PI controller, as diffrax has it.
 """
@@ -12,6 +12,7 @@ from llvmlite import ir
 
 from jaxcrusher.batch.lanes.elementary import exponential, logarithm
 from jaxcrusher.batch.lanes.emit import Atom, Emitter, number
+from jaxcrusher.batch.lanes.expression import where
 from jaxcrusher.batch.lanes.layout import (
     AT,
     ATOL,
@@ -42,8 +43,9 @@ from jaxcrusher.batch.lanes.layout import (
     Tableau,
     places,
 )
-from jaxcrusher.batch.lanes.summary import write_summary
-from jaxcrusher.batch.lanes.vector import Code, over_lanes, where
+from jaxcrusher.batch.lanes.stepper import Parts, write_loop
+from jaxcrusher.batch.lanes.summary import Summary, write_summary
+from jaxcrusher.batch.lanes.vector import Code
 
 # Bounds of the mean square of an error over the allowed one.
 HUGE, TINY = 1e300, 1e-300
@@ -62,17 +64,16 @@ class Equations(NamedTuple):
 
 
 class Kernels(NamedTuple):
-    """LLVM's text of the functions of all lanes, and what they are of."""
+    """LLVM's text of `advance` (see `stepper`) and `summarise` (see `summary`), and of what."""
 
     text: str
     sizes: Sizes
-    instants: int
     page: Page
     over: list[bool]  # of every summary, whether it is an array over the instants
 
 
 def kernels(equations: Equations, known: Mapping[int, float], table: Tableau) -> Kernels:
-    """The functions of all lanes, and `summarise` of a page (see `summary`).
+    """The functions of a batch.
 
     `known` are those numbers of a design that are written into them. Raises `Unsupported` for a
     primitive that lanes do not know.
@@ -82,23 +83,25 @@ def kernels(equations: Equations, known: Mapping[int, float], table: Tableau) ->
     sizes = Sizes(equations.motion, equations.states, equations.numbers, observed)
     at = places(sizes)
     prepare, field = Code(module, "prepare"), Code(module, "field", rows=3)
+    look = Code(module, "look")
     emitter = Emitter(prepare, at.kept)
     numbers = [
         number(known[i]) if i in known else emitter.given(i, at.given + i)
         for i in range(equations.numbers)
     ]
     _write_field(field, equations, emitter, numbers)
-    _write_look(Code(module, "look"), equations, emitter, numbers, table, at)
+    _write_look(look, equations, emitter, numbers, table, at)
     sizes = _write_prepare(prepare, emitter, sizes)
-    page = _write_summary(module, equations)
-    for name, part in {
-        "evaluate": _write_evaluation(Code(module, "once"), field, at),
-        "begin": _write_begin(Code(module, "renew"), prepare, field, at, sizes),
-        "step": _write_step(Code(module, "advance"), field, table, at, sizes),
-        "accept": _write_acceptance(Code(module, "go"), at, sizes),
-    }.items():
-        over_lanes(module, name, part)
-    return Kernels(str(module), sizes, equations.instants, *page)
+    summary = _write_summary(module, equations)
+    parts = Parts(
+        _write_begin(Code(module, "begin"), prepare, field, at, sizes),
+        _write_step(Code(module, "step"), field, table, at, sizes),
+        look,
+        _write_acceptance(Code(module, "accept"), at, sizes),
+        summary.part,
+    )
+    write_loop(module, parts, sizes, summary.page, equations.instants, summary.numbers)
+    return Kernels(str(module), sizes, summary.page, summary.over)
 
 
 def exponents(equations: Equations) -> list[int]:
@@ -117,7 +120,7 @@ def exponents(equations: Equations) -> list[int]:
     return sorted(emitter.exponents)
 
 
-def _write_summary(module: ir.Module, equations: Equations) -> tuple[Page, list[bool]]:
+def _write_summary(module: ir.Module, equations: Equations) -> Summary:
     """Of what is observed at the instants of a segment; see `summary.write_summary`."""
     seen = [variable.aval.shape for variable in equations.observe.jaxpr.outvars]
     return write_summary(module, equations.summarise, seen, equations.instants)
@@ -157,7 +160,7 @@ def _write_look(
     operands = [Atom(due), *(Atom(state(i)) for i in range(states)), *numbers]
     for i, value in enumerate(emitter.body(code, equations.observe, operands)):
         code.write(value, at.seen + i)
-    code.end(by_name=True)
+    code.end()
 
 
 def _write_prepare(code: Code, emitter: Emitter, sizes: Sizes) -> Sizes:
@@ -177,12 +180,6 @@ def _write_begin(code: Code, prepare: Code, field: Code, at: Places, sizes: Size
     for i in range(sizes.states):
         rate = where(fresh, code.read(at.trial + i), code.read(at.k + i))
         code.write(rate, at.k + i)
-    return code.end()
-
-
-def _write_evaluation(code: Code, field: Code, at: Places) -> Code:
-    """The rates of the first stage, and nothing else: to be looked at by itself."""
-    code.run(field, TIME, at.y, at.k)
     return code.end()
 
 

@@ -3,7 +3,7 @@
 All numbers of the lanes stand in one memory, a row of `LANES` for each.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,9 +19,11 @@ MEMORY, END, FLOOR, DT, SMALLEST, COUNT, MOST, ATOL, RTOL = range(8, 17)
 # Of the method, the same in all lanes.
 THIS, LAST, SAFETY, LEAST, LARGEST = range(17, 22)
 CLOCK = 22
-# Whole numbers of a lane: design (-1: none), segment, instants seen, steps in earlier segments, and
+# Whole numbers of a lane: design, segment, instants seen, steps in earlier segments, and
 # where the segment's instants begin.
 DESIGN, SEGMENT, INSTANT, STEPS, FIRST = range(5)
+# In place of a design.
+WANTED, NONE_LEFT = -1, -2
 # How a design ended.
 SUCCESS, TOO_MANY_STEPS, STEP_TOO_SMALL, NOT_FINITE = range(4)
 
@@ -120,46 +122,51 @@ class Ends(NamedTuple):
     steps: np.ndarray
 
 
-class Functions(NamedTuple):
-    """Addresses of the functions of `kernels`."""
+class Arrays(NamedTuple):
+    """All that a thread reads and writes: arrays, and in its code what is at their addresses."""
 
-    begin: int
-    step: int
-    look: int
-    accept: int
-    summarise: int
-
-
-class Batch(NamedTuple):
-    """All that threads share."""
-
-    functions: Functions
-    places: Places
-    page: Page
-    motion: int  # states of the motion
-    instants: int  # of a segment
-    control: Control
-    designs: Designs
-    found: np.ndarray  # (designs, segments, numbers): their summaries
-    ends: Ends
-    next_design: np.ndarray  # (1,)
-    stop: np.ndarray  # (1,): not 0 to end early
-
-
-class Lanes(NamedTuple):
-    """Where the lanes are."""
-
-    whole: np.ndarray  # (5, LANES): whole numbers
-    memory: np.ndarray  # (rows, LANES)
-    pages: np.ndarray  # (LANES, numbers): of the segments that they are in
+    # Of a thread.
+    memory: Any  # (rows, LANES)
+    whole: Any  # (5, LANES): whole numbers
+    pages: Any  # (LANES, numbers): of the segments that they are in
+    # See `Designs`.
+    starts: Any
+    numbers: Any
+    tolerances: Any
+    times: Any
+    floors: Any
+    schedule: Any
+    limits: Any  # first step, smallest step, steps in a segment
+    counts: Any  # of designs and segments
+    found: Any  # (designs, segments, numbers): their summaries
+    # See `Ends`.
+    result: Any
+    reached: Any
+    steps: Any
+    next_design: Any  # (1,)
+    stop: Any  # (1,): not 0 to end early
 
 
-def new_lanes(sizes: Sizes, control: Control, page: Page) -> Lanes:
-    """Lanes without a design."""
+# Those of whole numbers.
+WHOLE = {"whole", "schedule", "counts", "result", "steps", "next_design", "stop"}
+
+
+def table(arrays: Arrays) -> np.ndarray:
+    """Their addresses, one after the other; valid as long as they are."""
+    for name, array in zip(Arrays._fields, arrays, strict=True):
+        kind = np.int64 if name in WHOLE else np.float64
+        assert array.dtype == kind and array.flags.c_contiguous, name
+    return np.array([array.ctypes.data for array in arrays], np.uintp)
+
+
+def new_lanes(
+    sizes: Sizes, control: Control, page: Page
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Lanes without a design: their memory, whole numbers and pages."""
     whole = np.zeros((5, LANES), np.int64)
-    whole[DESIGN] = -1
+    whole[DESIGN] = WANTED
     memory = np.zeros((places(sizes).end, LANES))
     memory[THIS : LARGEST + 1] = np.array(control[:5])[:, None]
     # Lanes without a design divide by them too.
     memory[[ATOL, RTOL]] = 1.0
-    return Lanes(whole, memory, np.full((LANES, page.end * LANES), np.nan))
+    return memory, whole, np.full((LANES, page.end * LANES), np.nan)

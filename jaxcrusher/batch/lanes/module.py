@@ -1,24 +1,16 @@
-"""Machine code of LLVM's text, and of the loop over steps, kept on disk for the next process.
+"""Machine code of LLVM's text, kept on disk for the next process.
 
 A folder that cannot be written costs the time to compile, and is no error.
 """
 
 import hashlib
-import importlib.util
-import linecache
 import os
-import sys
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from types import ModuleType
 
 import llvmlite.binding as llvm
 import platformdirs
-
-FOLDER = Path(__file__).parent
-# What is compiled into the loop over steps.
-LOOP = [FOLDER / f"{name}.py" for name in ("stepper", "instructions", "layout", "vector")]
 
 
 class Machine:
@@ -56,34 +48,6 @@ def load(text: str) -> Machine:
     except OSError:
         pass
     return Machine(code)
-
-
-@cache
-def loop() -> ModuleType:
-    """The module `stepper`, compiled by numba unless an earlier process did.
-
-    It is kept by its content and that of what is compiled into it: numba by itself looks at the
-    date of one file only. It tells processors apart.
-    """
-    texts = [file.read_text("utf-8") for file in LOOP]
-    name = f"jaxcrusher_lanes_{_digest(*texts, version('numba'))}"
-    file, text = cache_folder() / f"{name}.py", texts[0]
-    try:
-        if not file.exists():
-            _write(file, text.encode())
-        specification = importlib.util.spec_from_file_location(name, file)
-        assert specification is not None and specification.loader is not None
-        module = importlib.util.module_from_spec(specification)
-        # numba finds a function's module by name.
-        sys.modules[name] = module
-        specification.loader.exec_module(module)
-    # numba's own error is a RuntimeError.
-    except (OSError, RuntimeError):
-        module = sys.modules[name] = ModuleType(name)
-        text = text.replace("cache=True", "cache=False")
-        linecache.cache[name] = (len(text), None, text.splitlines(keepends=True), name)
-        exec(compile(text, name, "exec"), module.__dict__)
-    return module
 
 
 def _processor() -> tuple[str, str]:

@@ -1,16 +1,18 @@
 """The loop over steps: designs into lanes, segments to their ends, instants to be observed.
 
 Every lane has its own time, step and segment; a lane that has ended takes the next design, so none
-waits for another. What all lanes do side by side are compiled functions of their memory (see
-`kernels`); what is rare is done here, lane by lane. One compilation of this file serves them all.
+waits for another. What all lanes do side by side are functions of their memory (see `kernels`);
+what is rare is done here, lane by lane.
 """
 
 import math
-from typing import Any
+import operator
+from functools import reduce
+from typing import Any, NamedTuple
 
-from numba import njit
+from llvmlite import ir
 
-from jaxcrusher.batch.lanes.instructions import call, take
+from jaxcrusher.batch.lanes.expression import DOUBLE, INTEGER, Expression, where
 from jaxcrusher.batch.lanes.layout import (
     ATOL,
     COUNT,
@@ -27,6 +29,7 @@ from jaxcrusher.batch.lanes.layout import (
     MEMORY,
     MOST,
     NEXT,
+    NONE_LEFT,
     NOT_FINITE,
     RTOL,
     SEGMENT,
@@ -37,168 +40,220 @@ from jaxcrusher.batch.lanes.layout import (
     SUCCESS,
     TIME,
     TOO_MANY_STEPS,
+    WANTED,
+    WHOLE,
+    Arrays,
+    Page,
+    Sizes,
+    places,
 )
-from jaxcrusher.batch.lanes.vector import LANES, WIDTH
-
-# Functions that only compiled ones call: without what Python would need to call them, and without
-# counts of references to arrays, which outlive every call.
-WITHIN: dict[str, Any] = {
-    "_nrt": False,
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-    "no_rewrites": True,
-}
-within = njit(error_model="numpy", **WITHIN)
+from jaxcrusher.batch.lanes.routine import Array, Routine
+from jaxcrusher.batch.lanes.vector import LANES, WIDTH, Code
 
 
-@njit(error_model="numpy", nogil=True, cache=True)
-def advance(batch, lanes):
-    """Go on until nothing is left, or `stop` is set."""
-    functions, memory = batch.functions, lanes.memory
-    while batch.stop[0] == 0 and refill(batch, lanes) > 0:
-        looks = False
-        while not looks and batch.stop[0] == 0:
-            call(functions.step, memory, 0)
-            for first in range(0, LANES, WIDTH):
-                look(first, batch, lanes)
-            call(functions.accept, memory, 0)
-            for lane in range(LANES):
-                looks |= memory[LOOK, lane] > 0.0
-        for lane in range(LANES):
-            if memory[LOOK, lane] > 0.0:
-                end_segment(lane, batch, lanes)
+class Parts(NamedTuple):
+    """Functions of `kernels`: of all lanes, but for `look`, and of a page."""
+
+    begin: Code
+    step: Code
+    look: Code
+    accept: Code
+    summarise: Code
 
 
-@within
-def look(first, batch, lanes):
-    """Observe the instants that `WIDTH` lanes have passed in their steps."""
-    memory, whole, at, times = lanes.memory, lanes.whole, batch.places, batch.designs.times
-    series, due = batch.page.series * LANES, True
-    while due:
-        due = False
-        for lane in range(first, first + WIDTH):
-            due |= memory[KEEP, lane] > 0.0 and memory[DUE, lane] <= memory[NEXT, lane]
-        if due:
-            call(batch.functions.look, memory, first)
-            for lane in range(first, first + WIDTH):
-                if memory[KEEP, lane] > 0.0 and memory[DUE, lane] <= memory[NEXT, lane]:
+def write_loop(
+    module: ir.Module, parts: Parts, sizes: Sizes, page: Page, instants: int, found: int
+) -> None:
+    """The function `advance` of a table of addresses (see `layout.Arrays`).
+
+    It goes on until nothing is left, or `stop` is set.
+    """
+    loop = _Loop(module, parts, sizes, page, instants, found)
+    f, stop = loop.f, loop.arrays.stop
+    live = f.variable(1)
+    with f.repeat(lambda: (live[0] > 0) & (stop.now(0) == 0)):
+        loop.refill(live)
+        with f.repeat(lambda: (live[0] > 0) & (stop.now(0) == 0) & ~loop.is_any(LOOK)):
+            loop.run(parts.step)
+            with f.each(0, LANES, WIDTH) as first:
+                loop.observe(first)
+            loop.run(parts.accept)
+        with f.each(0, LANES) as lane, f.when(loop.arrays.memory[LOOK, lane] > 0):
+            loop.end_segment(lane)
+    f.end(by_name=True)
+
+
+class _Loop:
+    """What the loop is written of; `f` is the function that is being written."""
+
+    def __init__(
+        self, module: ir.Module, parts: Parts, sizes: Sizes, page: Page, instants: int, found: int
+    ) -> None:
+        self.f = Routine(module, "advance")
+        self._parts, self._sizes, self._page, self._at = parts, sizes, page, places(sizes)
+        self._instants, self._found = instants, found
+        counts = self._array("counts")
+        self._designs, self._segments = counts[0], counts[1]
+        lengths: dict[str, tuple[Any, ...]] = {
+            "memory": (LANES,),
+            "whole": (LANES,),
+            "pages": (page.end * LANES,),
+            "starts": (sizes.states,),
+            "numbers": (sizes.numbers,),
+            "tolerances": (2,),
+            "floors": (self._segments,),
+            "found": (self._segments, found),
+        }
+        self.arrays = Arrays(*(self._array(x, *lengths.get(x, ())) for x in Arrays._fields))
+
+    def _array(self, name: str, *lengths: Any) -> Array:
+        kind = INTEGER if name in WHOLE else DOUBLE
+        return self.f.array(Arrays._fields.index(name), kind, *lengths)
+
+    def run(self, part: Code) -> None:
+        """Run a function for all lanes."""
+        with self.f.each(0, LANES, WIDTH) as first:
+            self.f.run(part, self.arrays.memory, first)
+
+    def is_any(self, row: int) -> Expression:
+        """Whether a row of the clock says yes for a lane."""
+        memory = self.arrays.memory
+        return self.f.any(_all_of(operator.or_, (memory.lanes(row, i) > 0 for i in _FIRSTS)))
+
+    def observe(self, first: Expression) -> None:
+        """Observe the instants that `WIDTH` lanes have passed in their steps."""
+        f, memory, whole, pages = self.f, self.arrays.memory, self.arrays.whole, self.arrays.pages
+        if self._sizes.observed == 0:
+            return
+
+        def due(row: Any) -> Expression:
+            return (row(KEEP) > 0) & (row(DUE) <= row(NEXT))
+
+        with f.repeat(lambda: f.any(due(lambda row: memory.lanes(row, first)))):
+            f.run(self._parts.look, memory, first)
+            with f.each(first, first + WIDTH) as lane:
+                with f.when(due(lambda row: memory[row, lane])):
                     instant = whole[INSTANT, lane]
-                    for i in range(at.kept - at.seen):
-                        lanes.pages[lane, i * series + instant] = memory[at.seen + i, lane]
-                    instant += 1
-                    whole[INSTANT, lane] = instant
-                    more = instant < batch.instants
-                    following = times[whole[FIRST, lane] + instant] if more else math.inf
-                    memory[DUE, lane] = following
+                    with f.each(0, self._sizes.observed) as i:
+                        place = i * (self._page.series * LANES) + instant
+                        pages[lane, place] = memory[i + self._at.seen, lane]
+                    whole[INSTANT, lane] = instant + 1
+                    memory[DUE, lane] = math.inf
+                    with f.when(instant + 1 < self._instants):
+                        following = whole[FIRST, lane] + instant + 1
+                        memory[DUE, lane] = self.arrays.times[following]
+
+    def end_segment(self, lane: Expression) -> None:
+        """Hand over the segment of a lane that has come to its end, or that goes no further."""
+        f, a, memory, whole = self.f, self.arrays, self.arrays.memory, self.arrays.whole
+        rows = range(self._at.y, self._at.trial)
+        finite = _all_of(operator.and_, (abs(memory[i, lane]) < math.inf for i in rows))
+        result = where(finite, f.number(SUCCESS), NOT_FINITE)
+        result = where(memory[TIME, lane] < memory[END, lane], f.number(TOO_MANY_STEPS), result)
+        stuck = memory[DT, lane] < memory[SMALLEST, lane]
+        result = where(stuck, f.number(STEP_TOO_SMALL), result)
+        self._summarise(lane, result == SUCCESS)
+        design = whole[DESIGN, lane]
+        whole[STEPS, lane] = whole[STEPS, lane] + f.whole(memory[COUNT, lane])
+        whole[SEGMENT, lane] = whole[SEGMENT, lane] + 1
+        goes_on = (result == SUCCESS) & (whole[SEGMENT, lane] < self._segments)
+        with f.either(goes_on) as (then, otherwise):
+            with then:
+                self._begin_segment(lane)
+            with otherwise:
+                a.result[design] = result
+                a.reached[design] = memory[TIME, lane]
+                a.steps[design] = whole[STEPS, lane]
+                whole[DESIGN, lane] = WANTED
+
+    def _summarise(self, lane: Expression, success: Expression) -> None:
+        """Reduce a segment's page; from a failure on it is NaN."""
+        f, memory, whole, pages = self.f, self.arrays.memory, self.arrays.whole, self.arrays.pages
+        for i in range(self._sizes.states):
+            state = memory[self._at.y + i, lane]
+            pages[lane, (self._page.last + i) * LANES] = where(success, state, math.nan)
+        with f.when(~success), f.each(0, self._sizes.observed) as i:
+            with f.each(whole[INSTANT, lane], self._instants) as instant:
+                pages[lane, i * (self._page.series * LANES) + instant] = math.nan
+        f.run(self._parts.summarise, pages, 0, lane * self._page.end)
+        with f.each(0, self._found) as i:
+            number = pages[lane, i + self._page.found * LANES]
+            self.arrays.found[whole[DESIGN, lane], whole[SEGMENT, lane], i] = number
+
+    def _begin_segment(self, lane: Expression) -> None:
+        """Start a lane's segment: totals of zero, the first step anew."""
+        a, memory, whole = self.arrays, self.arrays.memory, self.arrays.whole
+        segment, schedule = whole[SEGMENT, lane], a.schedule[whole[DESIGN, lane]]
+        first = (schedule * self._segments + segment) * self._instants
+        whole[INSTANT, lane] = 0
+        whole[FIRST, lane] = first
+        for i in range(self._at.y + self._sizes.motion, self._at.trial):
+            memory[i, lane] = 0.0
+        end = a.times[first + (self._instants - 1)]
+        after = memory[TIME, lane] + a.limits[0]
+        memory[NEXT, lane] = where(after < end, after, end)
+        memory[STEP, lane] = memory[NEXT, lane] - memory[TIME, lane]
+        memory[DUE, lane] = a.times[first]
+        memory[END, lane] = end
+        memory[FLOOR, lane] = a.floors[schedule, segment]
+        memory[MEMORY, lane] = 0.0
+        memory[COUNT, lane] = 0.0
+
+    def refill(self, live: Array) -> None:
+        """Give a design to every lane without one, as far as there are; count those with one."""
+        f, a, memory, whole = self.f, self.arrays, self.arrays.memory, self.arrays.whole
+        live[0] = 0
+        with f.each(0, LANES) as lane:
+            memory[FRESH, lane] = 0.0
+            memory[LOOK, lane] = 0.0
+            with f.repeat(lambda: whole[DESIGN, lane] == WANTED):
+                design = a.next_design.take(0)
+                with f.either(design < self._designs) as (then, otherwise):
+                    with then:
+                        self._start(lane, design)
+                    with otherwise:
+                        self._stand_still(lane)
+            with f.when(whole[DESIGN, lane] >= 0):
+                live[0] = live[0] + 1
+        with f.when(self.is_any(FRESH)):
+            self.run(self._parts.begin)
+
+    def _start(self, lane: Expression, design: Expression) -> None:
+        """Put a design into a lane, if its state is finite."""
+        f, a, memory, whole = self.f, self.arrays, self.arrays.memory, self.arrays.whole
+        states = (abs(a.starts[design, i]) < math.inf for i in range(self._sizes.states))
+        with f.either(_all_of(operator.and_, states)) as (then, otherwise):
+            with then:
+                whole[DESIGN, lane] = design
+                whole[SEGMENT, lane] = 0
+                whole[STEPS, lane] = 0
+                with f.each(0, self._sizes.states) as i:
+                    memory[i + self._at.y, lane] = a.starts[design, i]
+                with f.each(0, self._sizes.numbers) as i:
+                    memory[i + self._at.given, lane] = a.numbers[design, i]
+                memory[TIME, lane] = 0.0
+                memory[FRESH, lane] = 1.0
+                memory[ATOL, lane] = a.tolerances[design, 0]
+                memory[RTOL, lane] = a.tolerances[design, 1]
+                memory[SMALLEST, lane] = a.limits[1]
+                memory[MOST, lane] = a.limits[2]
+                self._begin_segment(lane)
+            with otherwise:
+                a.result[design] = NOT_FINITE
+
+    def _stand_still(self, lane: Expression) -> None:
+        """A lane without a design takes steps of zero, and is never looked at."""
+        memory = self.arrays.memory
+        self.arrays.whole[DESIGN, lane] = NONE_LEFT
+        memory[STEP, lane] = 0.0
+        memory[NEXT, lane] = memory[TIME, lane]
+        for row in (END, FLOOR, DUE, MOST):
+            memory[row, lane] = math.inf
+        memory[SMALLEST, lane] = -1.0
 
 
-@within
-def end_segment(lane, batch, lanes):
-    """Hand over the segment of a lane that has come to its end, or that goes no further."""
-    memory, whole, at = lanes.memory, lanes.whole, batch.places
-    finite = True
-    for i in range(at.y, at.trial):
-        finite = finite and abs(memory[i, lane]) < math.inf
-    if memory[DT, lane] < memory[SMALLEST, lane]:
-        result = STEP_TOO_SMALL
-    elif memory[TIME, lane] < memory[END, lane]:
-        result = TOO_MANY_STEPS
-    else:
-        result = SUCCESS if finite else NOT_FINITE
-    summarise(lane, result == SUCCESS, batch, lanes)
-    design = whole[DESIGN, lane]
-    whole[STEPS, lane] += int(memory[COUNT, lane])
-    whole[SEGMENT, lane] += 1
-    if result == SUCCESS and whole[SEGMENT, lane] < batch.found.shape[1]:
-        begin_segment(lane, batch, lanes)
-        return
-    batch.ends.result[design] = result
-    batch.ends.reached[design] = memory[TIME, lane]
-    batch.ends.steps[design] = whole[STEPS, lane]
-    whole[DESIGN, lane] = -1
+_FIRSTS = range(0, LANES, WIDTH)
 
 
-@within
-def summarise(lane, success, batch, lanes):
-    """Reduce a segment's page; from a failure on it is NaN."""
-    whole, page, series = lanes.whole, lanes.pages[lane], batch.page.series * LANES
-    for i in range(batch.places.trial - batch.places.y):
-        state = lanes.memory[batch.places.y + i, lane]
-        page[(batch.page.last + i) * LANES] = state if success else math.nan
-    if not success:
-        for i in range(batch.places.kept - batch.places.seen):
-            for instant in range(whole[INSTANT, lane], batch.instants):
-                page[i * series + instant] = math.nan
-    call(batch.functions.summarise, lanes.pages, lane * batch.page.end)
-    found = batch.found[whole[DESIGN, lane], whole[SEGMENT, lane]]
-    for i in range(found.size):
-        found[i] = page[batch.page.found * LANES + i]
-
-
-@within
-def begin_segment(lane, batch, lanes):
-    """Start a lane's segment: totals of zero, the first step anew."""
-    memory, whole, designs, at = lanes.memory, lanes.whole, batch.designs, batch.places
-    segment, schedule = whole[SEGMENT, lane], designs.schedule[whole[DESIGN, lane]]
-    first = (schedule * batch.found.shape[1] + segment) * batch.instants
-    whole[INSTANT, lane], whole[FIRST, lane] = 0, first
-    for i in range(at.y + batch.motion, at.trial):
-        memory[i, lane] = 0.0
-    end = designs.times[first + batch.instants - 1]
-    memory[NEXT, lane] = min(memory[TIME, lane] + batch.control.first, end)
-    memory[STEP, lane] = memory[NEXT, lane] - memory[TIME, lane]
-    memory[DUE, lane] = designs.times[first] if at.kept > at.seen else math.inf
-    memory[END, lane], memory[FLOOR, lane] = end, designs.floors[schedule, segment]
-    memory[MEMORY, lane] = memory[COUNT, lane] = 0.0
-
-
-@within
-def refill(batch, lanes):
-    """Give a design to every lane without one, as far as there are; how many lanes have one."""
-    memory, whole, starts = lanes.memory, lanes.whole, batch.designs.starts
-    live = fresh = 0
-    for lane in range(LANES):
-        memory[FRESH, lane] = 0.0
-        while whole[DESIGN, lane] < 0:
-            design = take(batch.next_design)
-            if design >= starts.shape[0]:
-                stand_still(lane, memory)
-                break
-            finite = True
-            for i in range(starts.shape[1]):
-                finite = finite and abs(starts[design, i]) < math.inf
-            if finite:
-                start(lane, design, batch, lanes)
-                fresh += 1
-            else:
-                batch.ends.result[design] = NOT_FINITE
-        live += whole[DESIGN, lane] >= 0
-    if fresh > 0:
-        call(batch.functions.begin, memory, 0)
-    return live
-
-
-@within
-def start(lane, design, batch, lanes):
-    """Put a design into a lane."""
-    memory, whole, designs, at = lanes.memory, lanes.whole, batch.designs, batch.places
-    whole[DESIGN, lane], whole[SEGMENT, lane], whole[STEPS, lane] = design, 0, 0
-    for i in range(designs.starts.shape[1]):
-        memory[at.y + i, lane] = designs.starts[design, i]
-    for i in range(designs.numbers.shape[1]):
-        memory[at.given + i, lane] = designs.numbers[design, i]
-    memory[TIME, lane], memory[FRESH, lane] = 0.0, 1.0
-    memory[ATOL, lane] = designs.tolerances[design, 0]
-    memory[RTOL, lane] = designs.tolerances[design, 1]
-    memory[SMALLEST, lane] = batch.control.smallest
-    memory[MOST, lane] = batch.control.steps
-    begin_segment(lane, batch, lanes)
-
-
-@within
-def stand_still(lane, memory):
-    """A lane without a design takes steps of zero, and is never looked at."""
-    memory[STEP, lane] = 0.0
-    memory[NEXT, lane] = memory[TIME, lane]
-    memory[END, lane] = memory[FLOOR, lane] = memory[DUE, lane] = math.inf
-    memory[SMALLEST, lane], memory[MOST, lane] = -1.0, math.inf
+def _all_of(combine: Any, truths: Any) -> Expression:
+    return reduce(combine, truths)

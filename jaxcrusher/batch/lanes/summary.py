@@ -6,7 +6,7 @@ It reads and writes the segment's page (see `layout.Page`).
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf, prod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jax.extend.core import ClosedJaxpr
@@ -20,10 +20,11 @@ from jaxcrusher.batch.lanes.emit import (
     operation,
     walk,
 )
+from jaxcrusher.batch.lanes.expression import Expression, where
 from jaxcrusher.batch.lanes.layout import Page, page_of
-from jaxcrusher.batch.lanes.vector import WIDTH, Code, Vector, over_lanes, where
+from jaxcrusher.batch.lanes.vector import WIDTH, Code
 
-Read = Callable[[int], Vector]
+Read = Callable[[int], Expression]
 
 
 class Series:
@@ -46,15 +47,23 @@ class Over:
     cells: np.ndarray
 
 
+class Summary(NamedTuple):
+    """A function of the first row of a page, and what it finds."""
+
+    part: Code
+    page: Page
+    numbers: int
+    over: list[bool]  # of every result, whether it is an array over the instants, its last axis
+
+
 def write_summary(
     module: ir.Module, function: ClosedJaxpr, seen: Iterable[tuple[int, ...]], instants: int
-) -> tuple[Page, list[bool]]:
+) -> Summary:
     """The function `summarise` of a page: of arrays over instants, of shapes `seen`, and states.
 
-    Says of every result whether it is an array over the instants, which then are its last axis.
     Raises `Unsupported` for a primitive that lanes do not know.
     """
-    code = Code(module, "summary", rows=1)
+    code = Code(module, "summarise", rows=1)
     shapes, operands, count = list(seen), [], 0
     for shape in shapes:
         cells = [Series(lambda read, i=count + i: read(i)) for i in range(prod(shape))]
@@ -70,8 +79,8 @@ def write_summary(
     results = walk(function, operands, writer.primitive, _constant)
     for result in results:
         place += writer.keep(result, place)
-    over_lanes(module, "summarise", code.end(), lanes=1)
-    return page, [isinstance(result, Over) for result in results]
+    over = [isinstance(result, Over) for result in results]
+    return Summary(code.end(by_name=True), page, found, over)
 
 
 def _constant(value: Any) -> np.ndarray:
@@ -134,7 +143,7 @@ class _Writer:
         """The values at one instant."""
         page, (first,) = self._page, self._code.rows
 
-        def read(i: int) -> Vector:
+        def read(i: int) -> Expression:
             return self._code.scalar(self._code.row(first, i * page.series), index)
 
         return elementwise(lambda cell: cell.at(read), [array.cells])[None]
@@ -143,15 +152,15 @@ class _Writer:
         """A loop over the instants; `body` is given how to read a series, and what is carried."""
         code, (first,) = self._code, self._code.rows
 
-        def turn(carried: list[Vector]) -> list:
-            def read(i: int) -> Vector:
+        def turn(carried: list[Expression]) -> list:
+            def read(i: int) -> Expression:
                 return code.read(first, i * self._page.series)
 
             return body(read, carried)
 
         return code.loop(self._instants, start, turn)
 
-    def reduce(self, cell: Series, combine: Callable, start: float) -> Vector:
+    def reduce(self, cell: Series, combine: Callable, start: float) -> Expression:
         """By a function of two; `start` changes nothing."""
 
         def body(read: Read, carried: list) -> list:
@@ -163,7 +172,7 @@ class _Writer:
             parts[0] = combine(parts[0], part)
         return parts[0]
 
-    def argmax(self, cell: Series) -> Vector:
+    def argmax(self, cell: Series) -> Expression:
         """The first place of the largest, or of a NaN."""
 
         def better(one: list, other: list) -> list:
@@ -182,7 +191,7 @@ class _Writer:
             lanes[0] = better(lanes[0], other)
         return lanes[0][1]
 
-    def _existing(self, value: Any, otherwise: float) -> Vector:
+    def _existing(self, value: Any, otherwise: float) -> Expression:
         """Of the last instants there may be fewer than lanes."""
         if self._instants % WIDTH == 0:
             return self._code.vector(value)
@@ -205,7 +214,7 @@ class _Writer:
         return result.cells.size * self._instants
 
 
-_REDUCTIONS: dict[str, Callable[[_Writer, Series], Vector]] = {
+_REDUCTIONS: dict[str, Callable[[_Writer, Series], Expression]] = {
     "argmax": lambda writer, cell: writer.argmax(cell),
     "reduce_max": lambda writer, cell: writer.reduce(cell, ELEMENTWISE["max"], -inf),
     "reduce_min": lambda writer, cell: writer.reduce(cell, ELEMENTWISE["min"], inf),

@@ -6,8 +6,10 @@ from collections.abc import Callable
 import numpy as np
 from llvmlite import ir
 
+from jaxcrusher.batch.lanes.expression import DOUBLE
 from jaxcrusher.batch.lanes.module import load
-from jaxcrusher.batch.lanes.vector import LANES, Code, over_lanes
+from jaxcrusher.batch.lanes.routine import Routine
+from jaxcrusher.batch.lanes.vector import LANES, WIDTH, Code
 
 
 def over_rows(write: Callable[[Code], list], *operands: np.ndarray) -> np.ndarray:
@@ -23,7 +25,11 @@ def over_rows(write: Callable[[Code], list], *operands: np.ndarray) -> np.ndarra
 def run(module: ir.Module, parts: list[Code], results: int, *operands: np.ndarray) -> np.ndarray:
     """The rows behind the operands, once functions ran one after the other."""
     for i, part in enumerate(parts):
-        over_lanes(module, f"function{i}", part.end())
+        over_lanes = Routine(module, f"function{i}")
+        memory = over_lanes.array(0, DOUBLE)
+        with over_lanes.each(0, LANES, WIDTH) as first:
+            over_lanes.run(part.end(), memory, first)
+        over_lanes.end(by_name=True)
     machine, kind = load(str(module)), ctypes.CFUNCTYPE(None, ctypes.c_void_p)
     functions = [kind(machine[f"function{i}"]) for i in range(len(parts))]
     # What is beyond the end is not looked at.
@@ -35,7 +41,7 @@ def run(module: ir.Module, parts: list[Code], results: int, *operands: np.ndarra
         memory[:, i] = row.reshape(count, LANES)
     for part in memory:
         for function in functions:
-            function(part.ctypes.data)
+            function(np.array([part.ctypes.data]).ctypes.data)
     found = np.moveaxis(memory[:, len(operands) : rows], 1, 0).reshape(results, -1)
     return found[:, : len(operands[0])]
 

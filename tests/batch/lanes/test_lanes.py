@@ -221,12 +221,10 @@ def test_a_folder_that_cannot_be_written_is_no_error(monkeypatch, tmp_path):
     file.write_text("no folder")
     monkeypatch.setattr(module, "cache_folder", lambda: file)
     module.load.cache_clear()
-    module.loop.cache_clear()
     swings = _swings(LANES)
     without = in_lanes(_run, swings)
     monkeypatch.undo()
     module.load.cache_clear()
-    module.loop.cache_clear()
     _equal(without, in_lanes(_run, swings))
 
 
@@ -234,16 +232,14 @@ def test_a_folder_that_cannot_be_written_is_no_error(monkeypatch, tmp_path):
 def test_an_interrupted_batch_stops_its_threads(monkeypatch, which):
     # One thread fails, the first or the second; the other has work for minutes.
     swings = _swings(2 * LANES)
-    advance = engine.loop().advance
+    advance = engine._advance
 
-    class Loop:
-        @staticmethod
-        def advance(*operands):
-            if threading.current_thread().name.endswith(f"_{which}"):
-                raise KeyboardInterrupt
-            return advance(*operands)
+    def interrupted(*operands):
+        if threading.current_thread().name.endswith(f"_{which}"):
+            raise KeyboardInterrupt
+        return advance(*operands)
 
-    monkeypatch.setattr(engine, "loop", lambda: Loop)
+    monkeypatch.setattr(engine, "_advance", interrupted)
     monkeypatch.setattr(engine, "cores", lambda: 2)
     with pytest.raises(KeyboardInterrupt):
         in_lanes(

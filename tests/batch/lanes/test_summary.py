@@ -34,13 +34,13 @@ def _summarised(function, x, y, z):
     """By the compiled function of a page."""
     count, module = len(x), ir.Module("summary")
     jaxpr = jax.make_jaxpr(function)(x, y, z)
-    page, over = write_summary(module, jaxpr, [(), (2,)], count)
+    _, page, _, over = write_summary(module, jaxpr, [(), (2,)], count)
     memory = np.full((page.end, LANES), np.nan)
     for i, series in enumerate((x, *y.T)):
         memory[i * page.series : (i + 1) * page.series].ravel()[:count] = series
     memory[page.last] = z
-    call = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(load(str(module))["summarise"])
-    call(memory.ctypes.data, 0)
+    kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
+    kind(load(str(module))["summarise"])(memory.ctypes.data, 0, 0)
     found, parts = memory[page.found :].ravel(), []
     for is_over, variable in zip(over, jaxpr.jaxpr.outvars, strict=True):
         shape = variable.aval.shape
