@@ -46,11 +46,12 @@ def _scene(start: Start) -> jc.Scene:
 @eqx.filter_jit
 def _run(scene: jc.Scene, angle: jax.Array, method: Integration):
     """RMS (N) over `angle` (rad) from the start, and the steps."""
-    problem = statistics_problem(("foundation_rms",), angle / (2 * math.pi))
+    problem = statistics_problem(("foundation_rms",))
     (_, values), outcome = integrate(
         Flow(scene), angle.reshape(1, 1), problem=problem, method=method
     )
-    return values["foundation_rms"][0], outcome.steps
+    # The problem takes the angle for a whole turn.
+    return values["foundation_rms"][0] * jnp.sqrt(2 * math.pi / angle), outcome.steps
 
 
 def _adaptive(solver, coefficients, tolerance: float) -> Integration:

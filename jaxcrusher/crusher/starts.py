@@ -66,6 +66,7 @@ class InContact(AbstractStart):
         return jax.tree.map(lambda leaf: leaf[middle], (e, rate(e)))
 
 
+@jax.jit
 def resting(time: Scalar, e: Play, rate: Play, curvature: Play, scene: AbstractScene) -> Play:
     """The eccentricities that carry the forces of a motion whose pins are e off their bores."""
     machine = scene.machine

@@ -8,6 +8,7 @@ wrong at any tolerance.) The rule is linear in the tangents, so `jax.grad`, `jax
 diffrax differentiates instead.
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -17,6 +18,8 @@ import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree, Scalar
+
+from jaxcrusher.motion.last_step import floats_counted_at_once
 
 # Tangents are carried in multiples of this, the last ones zero: XLA makes vector instructions of
 # loops over whole registers of doubles, and scalar ones of others (3 cost more than 4).
@@ -44,9 +47,11 @@ class Problem(eqx.Module):
     `summarise` reduces the stacked observations of one segment with what is carried at its end.
     """
 
-    initial: Callable[[PyTree], Any]  # args -> Carried
-    field: Callable[[Scalar, Any, PyTree], Any]  # time, state, args -> Carried
-    observe: Callable[[Scalar, Any, PyTree], PyTree]  # time, state, args
+    # Diffrax and derivatives call these about ten times; jitted they are traced once.
+    initial: Callable[[PyTree], Any] = eqx.field(converter=jax.jit)  # args -> Carried
+    # time, state, args -> Carried, or what is observed
+    field: Callable[[Any, Any, PyTree], Any] = eqx.field(converter=jax.jit)
+    observe: Callable[[Any, Any, PyTree], PyTree] = eqx.field(converter=jax.jit)
     summarise: Callable[[PyTree, Any], PyTree]  # observations, Carried
 
 
@@ -162,6 +167,7 @@ def _integrate_jvp(primals, tangents, *, problem: Problem, method: Integration):
     return (summary, outcome), (summary_dot, jax.tree.map(lambda _: None, outcome))
 
 
+@functools.cache  # so that one trace serves programs of several counts
 def _with_tangents(problem: Problem, unravel: Callable) -> Problem:
     """The problem that carries the derivative by every entry of a vector of numbers."""
 
@@ -215,9 +221,6 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
     """The loop over segments."""
     start, y = jnp.zeros_like(times[0, 0]), problem.initial(args)
     success = RESULTS.promote(diffrax.RESULTS.successful)
-    # diffrax traces what it integrates about ten times; an inlined jit remembers the first.
-    field = diffrax.ODETerm(jax.jit(problem.field, inline=True))
-    observe = jax.jit(problem.observe, inline=True)
     if not jax.tree.leaves(y):
         return _evaluate(args, times, y, problem), Outcome(success, times[-1, -1], jnp.array(0))
     if integrator.value is not None:
@@ -228,25 +231,26 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
         # After a failure the remaining segments have no length, and their numbers are NaN.
         dead = before.result != success
         saves = jnp.where(dead, start, saves)
-        solution = diffrax.diffeqsolve(
-            field,
-            method.solver,
-            start,
-            saves[-1],
-            method.dt0,
-            y,
-            args,
-            saveat=diffrax.SaveAt(
-                subs=[
-                    diffrax.SubSaveAt(t1=True),
-                    diffrax.SubSaveAt(ts=saves, fn=observe),
-                ]
-            ),
-            stepsize_controller=method.stepsize_controller,
-            max_steps=method.max_steps,
-            adjoint=diffrax.ForwardMode() if method.adjoint is None else method.adjoint,
-            throw=False,
-        )
+        with floats_counted_at_once():
+            solution = diffrax.diffeqsolve(
+                diffrax.ODETerm(problem.field),
+                method.solver,
+                start,
+                saves[-1],
+                method.dt0,
+                y,
+                args,
+                saveat=diffrax.SaveAt(
+                    subs=[
+                        diffrax.SubSaveAt(t1=True),
+                        diffrax.SubSaveAt(ts=saves, fn=problem.observe),
+                    ]
+                ),
+                stepsize_controller=method.stepsize_controller,
+                max_steps=method.max_steps,
+                adjoint=diffrax.ForwardMode() if method.adjoint is None else method.adjoint,
+                throw=False,
+            )
         assert solution.ts is not None and solution.ys is not None
         y = jax.tree.map(lambda leaf: leaf[0], solution.ys[0])
         result = RESULTS.promote(solution.result)

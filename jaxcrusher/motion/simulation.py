@@ -1,5 +1,6 @@
 """Simulate a scene and look at it at given times."""
 
+import functools
 from collections.abc import Mapping, Sequence
 
 import equinox as eqx
@@ -165,6 +166,7 @@ def _simulate(
     return Trajectory(times, outcome, jax.tree.map(lambda leaf: leaf[0], seen))
 
 
+@functools.cache  # so that programs of other counts share its trace
 def _problem(outputs: tuple[str, ...]) -> Problem:
     """Observe the named outputs, in real time."""
     works = WORKS if "energy" in outputs else {}

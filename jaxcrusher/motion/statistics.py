@@ -1,6 +1,7 @@
 """Statistics of a motion over whole turns, integrated or sampled along with it."""
 
 import dataclasses
+import functools
 import math
 from collections.abc import Iterable, Mapping
 
@@ -195,7 +196,8 @@ def instants(outputs: tuple[str, ...], share: float = 1.0) -> Float[Array, " n"]
     return share * jnp.arange(1, count + 1) / count
 
 
-def statistics_problem(outputs: tuple[str, ...], share: Scalar | float = 1.0) -> Problem:
+@functools.cache  # so that programs of other counts share its trace
+def statistics_problem(outputs: tuple[str, ...], share: float = 1.0) -> Problem:
     """Of a `Flow`: the state at the end of a turn, or a share of it, and statistics until then.
 
     Totals and samples by shaft angle, in radians.
