@@ -1,7 +1,6 @@
 """A process set up before its first computation; one folder of compiled programs for this run."""
 
 import atexit
-import gc
 import itertools
 import os
 import shutil
@@ -34,10 +33,6 @@ os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {EMITTERS}"
 jc.set_up()
 jax.devices()  # which reads the flags
 os.environ["XLA_FLAGS"] = os.environ["XLA_FLAGS"].replace(EMITTERS, "")
-
-# What tracing leaves lives on to the end, and to look for garbage in it took a tenth of the time.
-gc.freeze()
-gc.set_threshold(50_000)
 
 
 def pytest_collection_modifyitems(items):

@@ -58,6 +58,13 @@ def test_flags_of_the_user_stay():
     assert python(program, XLA_FLAGS=mine).stdout.strip() == f"{mine} {LOOP}"
 
 
+def test_garbage_is_looked_for_less_often_and_where_the_user_says_so():
+    program = "import gc\nimport jaxcrusher as jc\njc.set_up()\nprint(gc.get_threshold()[0])"
+    assert python(program).stdout == "50000\n"
+    assert python(f"import gc\ngc.set_threshold(90_000)\n{program}").stdout == "90000\n"
+    assert python(f"import gc\ngc.disable()\ngc.set_threshold(0)\n{program}").stdout == "0\n"
+
+
 def test_one_device_a_core():
     program = "import jaxcrusher as jc; jc.set_up(); import jax; print(jax.device_count())"
     assert int(python(program).stdout) == len(os.sched_getaffinity(0))
