@@ -3,7 +3,8 @@
 On a CPU integrations are compiled to loops over lanes of designs (see `batch.lanes`). What lanes
 cannot do, each core does for one design after the other: a batch under `jax.vmap` costs its slowest
 lane, and XLA compiles a sequential loop to one kernel if it is asked to (see `jaxcrusher.set_up`).
-On a GPU or TPU the designs run side by side under `jax.vmap`.
+On a GPU or TPU the designs run side by side under `jax.vmap`; on one of NVIDIA's lanes may be asked
+for.
 """
 
 import warnings
@@ -20,6 +21,9 @@ from jaxtyping import PyTree
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.setup import remind_of_set_up
 from jaxcrusher.batch.lanes.emit import Unsupported
+from jaxcrusher.batch.lanes.engine import Device
+from jaxcrusher.batch.lanes.gpu import GPU
+from jaxcrusher.batch.lanes.processor import PROCESSOR
 from jaxcrusher.batch.lanes.program import NoIntegration, program
 
 # Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
@@ -40,8 +44,8 @@ def map_chunks(
     memory stays bounded, and what is finished is in the caller's hands. Chunks are of the same
     size, about, and of `chunk` scenes at most, or a few more, as many on each device. `function`
     should be an `equinox.Partial` of a module-level function, so that chunks share one compilation.
-    `engine` is `in_lanes`, `in_turn`, `side_by_side` or a function of your own in their place; None
-    takes `in_lanes` on a CPU and `side_by_side` elsewhere.
+    `engine` is `in_lanes`, `in_turn`, `side_by_side`, `on_gpu` or a function of your own in their
+    place; None takes `in_lanes` on a CPU and `side_by_side` elsewhere.
     """
     _require_stacked(function, scenes)
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
@@ -102,13 +106,29 @@ def in_lanes(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
 
     What lanes cannot do, such as derivatives, `in_turn` does; a UserWarning says why.
     """
+    return _by_lanes(function, scenes, PROCESSOR, in_turn)
+
+
+def on_gpu(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
+    """Integrations by the same lanes on a GPU of NVIDIA's, a thread each (see `batch.lanes.gpu`).
+
+    Never run on one so far: it is tested thread by thread on a processor. It needs CuPy, and
+    raises ImportError without. What lanes cannot do, `side_by_side` does.
+    """
+    return _by_lanes(function, scenes, GPU, side_by_side)
+
+
+def _by_lanes(
+    function: Callable[[Any], PyTree], scenes: PyTree, device: Device, otherwise: Engine
+) -> PyTree:
     try:
-        run = program(function, scenes)
+        run = program(function, scenes, device)
     except NoIntegration:
-        return in_turn(function, scenes)
+        return otherwise(function, scenes)
     except Unsupported as why:
-        warnings.warn(f"Lanes do not know {why}: each scene is computed in turn.", stacklevel=2)
-        return in_turn(function, scenes)
+        name = otherwise.__name__.replace("_", " ")
+        warnings.warn(f"Lanes do not know {why}: scenes are computed {name}.", stacklevel=3)
+        return otherwise(function, scenes)
     return run(function, scenes)
 
 

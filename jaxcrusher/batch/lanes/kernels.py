@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jax.extend.core import ClosedJaxpr
-from llvmlite import ir
 
 from jaxcrusher.batch.lanes.elementary import exponential, logarithm
 from jaxcrusher.batch.lanes.emit import Atom, Emitter, number
@@ -45,7 +44,7 @@ from jaxcrusher.batch.lanes.layout import (
 )
 from jaxcrusher.batch.lanes.stepper import Parts, write_loop
 from jaxcrusher.batch.lanes.summary import Summary, write_summary
-from jaxcrusher.batch.lanes.vector import Code
+from jaxcrusher.batch.lanes.vector import CORES, Code, Module, Shape
 
 # Bounds of the mean square of an error over the allowed one.
 HUGE, TINY = 1e300, 1e-300
@@ -67,18 +66,21 @@ class Kernels(NamedTuple):
     """LLVM's text of `advance` (see `stepper`) and `summarise` (see `summary`), and of what."""
 
     text: str
+    shape: Shape
     sizes: Sizes
     page: Page
     over: list[bool]  # of every summary, whether it is an array over the instants
 
 
-def kernels(equations: Equations, known: Mapping[int, float], table: Tableau) -> Kernels:
+def kernels(
+    equations: Equations, known: Mapping[int, float], table: Tableau, shape: Shape = CORES
+) -> Kernels:
     """The functions of a batch.
 
     `known` are those numbers of a design that are written into them. Raises `Unsupported` for a
     primitive that lanes do not know.
     """
-    module = ir.Module("lanes")
+    module = Module(shape)
     observed = sum(int(np.prod(v.aval.shape)) for v in equations.observe.jaxpr.outvars)
     sizes = Sizes(equations.motion, equations.states, equations.numbers, observed)
     at = places(sizes)
@@ -101,7 +103,7 @@ def kernels(equations: Equations, known: Mapping[int, float], table: Tableau) ->
         summary.part,
     )
     write_loop(module, parts, sizes, summary.page, equations.instants, summary.numbers)
-    return Kernels(str(module), sizes, summary.page, summary.over)
+    return Kernels(str(module), shape, sizes, summary.page, summary.over)
 
 
 def exponents(equations: Equations) -> list[int]:
@@ -110,7 +112,7 @@ def exponents(equations: Equations) -> list[int]:
     x^1.5 is a product and a root, x^p a logarithm and an exponential. Raises `Unsupported` as
     `kernels` does.
     """
-    module = ir.Module("exponents")
+    module = Module()
     emitter = Emitter(Code(module, "prepare"), 0)
     numbers = [emitter.given(i, i) for i in range(equations.numbers)]
     _write_field(Code(module, "field", rows=3), equations, emitter, numbers)
@@ -120,7 +122,7 @@ def exponents(equations: Equations) -> list[int]:
     return sorted(emitter.exponents)
 
 
-def _write_summary(module: ir.Module, equations: Equations) -> Summary:
+def _write_summary(module: Module, equations: Equations) -> Summary:
     """Of what is observed at the instants of a segment; see `summary.write_summary`."""
     seen = [variable.aval.shape for variable in equations.observe.jaxpr.outvars]
     return write_summary(module, equations.summarise, seen, equations.instants)

@@ -1,13 +1,11 @@
 """What a batch is made of: designs, lanes, and the places where results go.
 
-All numbers of the lanes stand in one memory, a row of `LANES` for each.
+All numbers of the lanes stand in one memory, a row of all lanes for each.
 """
 
 from typing import Any, NamedTuple
 
 import numpy as np
-
-from jaxcrusher.batch.lanes.vector import LANES
 
 # Stages of the Runge-Kutta methods, the last of which is the first of the next step.
 STAGES = 7
@@ -72,12 +70,12 @@ class Page(NamedTuple):
     end: int
 
 
-def page_of(observed: int, instants: int, states: int, found: int) -> Page:
+def page_of(observed: int, instants: int, states: int, found: int, lanes: int) -> Page:
     """One after the other; behind the summary is room for what a whole vector writes."""
     # Rows a power of 2 apart would all meet in one set of the processor's cache.
-    series = -(-instants // LANES) + 1
+    series = -(-instants // lanes) + 1
     last = observed * series
-    return Page(series, last, last + states, last + states + -(-found // LANES) + 1)
+    return Page(series, last, last + states, last + states + -(-found // lanes) + 1)
 
 
 class Designs(NamedTuple):
@@ -122,13 +120,17 @@ class Ends(NamedTuple):
     steps: np.ndarray
 
 
-class Arrays(NamedTuple):
-    """All that a thread reads and writes: arrays, and in its code what is at their addresses."""
+class Lanes(NamedTuple):
+    """What a thread has to itself: arrays, and in its code what is at their addresses."""
 
-    # Of a thread.
-    memory: Any  # (rows, LANES)
-    whole: Any  # (5, LANES): whole numbers
-    pages: Any  # (LANES, numbers): of the segments that they are in
+    memory: Any  # (rows, lanes)
+    whole: Any  # (5, lanes): whole numbers
+    pages: Any  # (lanes, numbers): of the segments that they are in
+
+
+class Shared(NamedTuple):
+    """What all threads read and write, alike."""
+
     # See `Designs`.
     starts: Any
     numbers: Any
@@ -151,22 +153,24 @@ class Arrays(NamedTuple):
 WHOLE = {"whole", "schedule", "counts", "result", "steps", "next_design", "stop"}
 
 
-def table(arrays: Arrays) -> np.ndarray:
+# The fields of a table, in their order.
+FIELDS = Lanes._fields + Shared._fields
+
+
+def table(lanes: Lanes, shared: Shared) -> np.ndarray:
     """Their addresses, one after the other; valid as long as they are."""
-    for name, array in zip(Arrays._fields, arrays, strict=True):
+    for name, array in zip(FIELDS, (*lanes, *shared), strict=True):
         kind = np.int64 if name in WHOLE else np.float64
         assert array.dtype == kind and array.flags.c_contiguous, name
-    return np.array([array.ctypes.data for array in arrays], np.uintp)
+    return np.array([array.ctypes.data for array in (*lanes, *shared)], np.uintp)
 
 
-def new_lanes(
-    sizes: Sizes, control: Control, page: Page
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Lanes without a design: their memory, whole numbers and pages."""
-    whole = np.zeros((5, LANES), np.int64)
+def new_lanes(sizes: Sizes, control: Control, page: Page, lanes: int) -> Lanes:
+    """Lanes without a design."""
+    whole = np.zeros((5, lanes), np.int64)
     whole[DESIGN] = WANTED
-    memory = np.zeros((places(sizes).end, LANES))
+    memory = np.zeros((places(sizes).end, lanes))
     memory[THIS : LARGEST + 1] = np.array(control[:5])[:, None]
     # Lanes without a design divide by them too.
     memory[[ATOL, RTOL]] = 1.0
-    return memory, whole, np.full((LANES, page.end * LANES), np.nan)
+    return Lanes(memory, whole, np.full((lanes, page.end * lanes), np.nan))

@@ -42,7 +42,7 @@ def load(text: str) -> Machine:
     try:
         return Machine(file.read_bytes())
     except OSError:
-        code = _target().emit_object(optimised(text))
+        code = _target().emit_object(optimised(text, _target()))
     try:
         _write(file, code)
     except OSError:
@@ -68,17 +68,17 @@ def _write(file: Path, content: bytes) -> None:
     os.replace(aside, file)
 
 
-def optimised(text: str) -> llvm.ModuleRef:
+def optimised(text: str, target: llvm.TargetMachine) -> llvm.ModuleRef:
     """The module after LLVM's passes."""
     module, tuning = llvm.parse_assembly(text), llvm.create_pipeline_tuning_options(3)
-    builder = llvm.create_pass_builder(_target(), tuning)
+    builder = llvm.create_pass_builder(target, tuning)
     builder.getModulePassManager().run(module, builder)
     return module
 
 
 def assembly(text: str) -> str:
     """What the processor is told, in words."""
-    return _target().emit_assembly(optimised(text))
+    return _target().emit_assembly(optimised(text, _target()))
 
 
 def _target() -> llvm.TargetMachine:

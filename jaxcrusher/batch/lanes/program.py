@@ -22,9 +22,10 @@ from jax.extend.core import (
 )
 from jaxtyping import PyTree
 
-from jaxcrusher.batch.lanes import engine
 from jaxcrusher.batch.lanes.emit import Unsupported
+from jaxcrusher.batch.lanes.engine import Device, run
 from jaxcrusher.batch.lanes.layout import Designs
+from jaxcrusher.batch.lanes.processor import PROCESSOR
 from jaxcrusher.batch.lanes.recorded import Recorded, integration_p, record
 from jaxcrusher.batch.lanes.tableau import IN_A_HURRY
 from jaxcrusher.motion.integrate import integrator
@@ -59,7 +60,9 @@ class Program:
     Raises `Unsupported` for what lanes cannot do.
     """
 
-    def __init__(self, function: Callable[[Any], PyTree], scene: PyTree) -> None:
+    def __init__(
+        self, function: Callable[[Any], PyTree], scene: PyTree, device: Device = PROCESSOR
+    ) -> None:
         numbers, rest = eqx.partition(function, _is_array)
         with integrator(record):
             jaxpr, shapes = jax.make_jaxpr(
@@ -68,7 +71,7 @@ class Program:
         if not any(_integrates(equation) for equation in jaxpr.jaxpr.eqns):
             raise NoIntegration
         self._results = jax.tree.structure(shapes)
-        self._block = _Block(jaxpr, _batched(numbers, False) + _batched(scene, True))
+        self._block = _Block(jaxpr, _batched(numbers, False) + _batched(scene, True), device)
 
     def __call__(self, function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
         """The results for scenes stacked along the first axis of every leaf, stacked alike."""
@@ -93,7 +96,9 @@ _PROGRAMS: dict[Any, Program | Unsupported] = {}
 _MOST_PROGRAMS = 64
 
 
-def program(function: Callable[[Any], PyTree], scenes: PyTree) -> Program:
+def program(
+    function: Callable[[Any], PyTree], scenes: PyTree, device: Device = PROCESSOR
+) -> Program:
     """The program of a function for stacked scenes, from an earlier call if there was one like it.
 
     Raises `Unsupported` for what lanes cannot do.
@@ -102,10 +107,10 @@ def program(function: Callable[[Any], PyTree], scenes: PyTree) -> Program:
     numbers, rest = eqx.partition(function, _is_array)
     fixed, tree = jax.tree.flatten(rest)
     shapes = [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves((numbers, scene))]
-    key = (*fixed, tree, jax.tree.structure((numbers, scene)), *shapes)
+    key = (device, *fixed, tree, jax.tree.structure((numbers, scene)), *shapes)
     if key not in _PROGRAMS:
         try:
-            _PROGRAMS[key] = Program(function, scene)
+            _PROGRAMS[key] = Program(function, scene, device)
         except Unsupported as error:
             _PROGRAMS[key] = error
         if len(_PROGRAMS) > _MOST_PROGRAMS:
@@ -117,9 +122,10 @@ def program(function: Callable[[Any], PyTree], scenes: PyTree) -> Program:
 
 
 class _Block:
-    """A jaxpr cut at its integrations; `batched` says it of each operand."""
+    """A jaxpr cut at its integrations, for a device; `batched` says it of each operand."""
 
-    def __init__(self, jaxpr: ClosedJaxpr, batched: Sequence[bool]) -> None:
+    def __init__(self, jaxpr: ClosedJaxpr, batched: Sequence[bool], device: Device) -> None:
+        self._device = device
         self._constants: dict[Var, Any] = {}
         self._operands = [Var(variable.aval) for variable in jaxpr.jaxpr.invars]
         equations, self._outputs = _inlined(jaxpr, self._operands, self._constants)
@@ -147,7 +153,7 @@ class _Block:
     def _special(self, equation: JaxprEqn) -> "_Integration | _Loop":
         flags = [self._differs(operand) for operand in equation.invars]
         kind = _Integration if equation.primitive is integration_p else _Loop
-        return kind(equation, flags)
+        return kind(equation, flags, self._device)
 
     def _group(self, group: list[JaxprEqn], equations: list[JaxprEqn]) -> "_Group":
         """What of a group of equations is read elsewhere is its result."""
@@ -219,7 +225,8 @@ class _Group:
 class _Integration:
     """Integrations of all designs, by lanes."""
 
-    def __init__(self, equation: JaxprEqn, batched: list[bool]) -> None:
+    def __init__(self, equation: JaxprEqn, batched: list[bool], device: Device) -> None:
+        self._device = device
         self.operands, self.results = equation.invars, equation.outvars
         self.batched = [True] * len(self.results)
         self._what: Recorded = equation.params["what"]
@@ -241,9 +248,10 @@ class _Integration:
         for known, rows in self._kinds(numbers):
             of_each = starts[rows], numbers[rows], tolerances[rows]
             designs = Designs(*of_each, times.ravel(), floors, schedule[rows])
-            what = self._what
+            what, device = self._what, self._device
             shapes = [shape.shape[1:] for shape in what.shapes[:-3]]
-            summaries, ends = engine.run(what.kernels(known), what.control, designs, shapes)
+            kernels = what.kernels(known, device.shape)
+            summaries, ends = run(kernels, what.control, designs, shapes, device)
             parts = [*summaries, *ends]
             if not found:
                 found = [np.empty((count, *part.shape[1:]), part.dtype) for part in parts]
@@ -268,7 +276,7 @@ class _Integration:
 class _Loop:
     """A `lax.scan` over integrations."""
 
-    def __init__(self, equation: JaxprEqn, batched: list[bool]) -> None:
+    def __init__(self, equation: JaxprEqn, batched: list[bool], device: Device) -> None:
         params = equation.params
         if equation.primitive.name != "scan":
             raise Unsupported(f"an integration inside `{equation.primitive.name}`")
@@ -279,7 +287,7 @@ class _Loop:
             self._order = self._order[::-1]
         first = self._constants + self._carried
         flags = [*batched[: self._constants], *[True] * self._carried, *batched[first:]]
-        self._block = _Block(params["jaxpr"], flags)
+        self._block = _Block(params["jaxpr"], flags, device)
         self.batched = [True] * len(self.results)
 
     def run(self, operands: list[Value], count: int) -> list[Value]:

@@ -15,6 +15,7 @@ from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.kernels import Equations, Kernels, exponents, kernels
 from jaxcrusher.batch.lanes.layout import Control
 from jaxcrusher.batch.lanes.tableau import Solver, known, tableau
+from jaxcrusher.batch.lanes.vector import CORES, Shape
 from jaxcrusher.motion.integrate import (
     RESULTS,
     Carried,
@@ -49,10 +50,10 @@ class Recorded:
         """See `kernels.exponents`."""
         return exponents(self.equations)
 
-    def kernels(self, written: dict[int, float]) -> Kernels:
+    def kernels(self, written: dict[int, float], shape: Shape = CORES) -> Kernels:
         """See `kernels.kernels`; `written` are the numbers that are written into them."""
-        if (key := tuple(written.items())) not in self._kernels:
-            self._kernels[key] = kernels(self.equations, written, tableau(self.solver))
+        if (key := (shape, *written.items())) not in self._kernels:
+            self._kernels[key] = kernels(self.equations, written, tableau(self.solver), shape)
         return self._kernels[key]
 
     @cached_property

@@ -13,18 +13,20 @@ from jaxcrusher.batch.lanes.expression import (
     Function,
     declared,
 )
-from jaxcrusher.batch.lanes.vector import FLOATS, WIDTH, Code
+from jaxcrusher.batch.lanes.vector import Code, Module
 
 
 class Routine(Function):
-    """A function as it is written; its operand is a table of addresses.
+    """A function as it is written; its operands are a table of addresses and a first lane.
 
     Its conditions and loops are those of `with` statements: what is written inside runs if, or as
     often as, they say.
     """
 
-    def __init__(self, module: ir.Module, name: str) -> None:
-        super().__init__(module, name, [POINTER])
+    def __init__(self, module: Module, name: str) -> None:
+        super().__init__(module, name, [POINTER, INTEGER])
+        self._table, first = self.function.args
+        self.shape, self.first = module.shape, Expression(self, first)
         self.flags = ()
 
     def number(self, value: Any) -> Expression:
@@ -55,6 +57,14 @@ class Routine(Function):
         self.builder.branch(head)
         self.builder.position_at_end(after)
 
+    def each_lane(self) -> AbstractContextManager[Expression]:
+        """For every lane of the thread."""
+        return self.each(self.first, self.first + self.shape.own)
+
+    def each_vector(self) -> AbstractContextManager[Expression]:
+        """For every first lane of an instruction."""
+        return self.each(self.first, self.first + self.shape.own, self.shape.width)
+
     @contextmanager
     def each(self, first: Any, end: Any, step: int = 1) -> Iterator[Expression]:
         """For every whole number from the first one on, before the end."""
@@ -76,8 +86,7 @@ class Routine(Function):
 
         Of `DOUBLE` or `INTEGER`.
         """
-        (table,) = self.function.args
-        row = self.builder.gep(table, [ir.Constant(INTEGER, place)], source_etype=POINTER)
+        row = self.builder.gep(self._table, [ir.Constant(INTEGER, place)], source_etype=POINTER)
         return Array(self, self.builder.load(row, typ=POINTER), kind, *lengths)
 
     def run(self, part: Code, memory: "Array", first: Any, *rows: int) -> None:
@@ -88,7 +97,7 @@ class Routine(Function):
     def any(self, truths: Expression) -> Expression:
         """Whether one of a vector is true."""
         kind = ir.FunctionType(ir.IntType(1), [truths.value.type])
-        name = f"llvm.vector.reduce.or.v{WIDTH}i1"
+        name = f"llvm.vector.reduce.or.v{self.shape.width}i1"
         function = declared(self.function.module, name, kind)
         return Expression(self, self.builder.call(function, [truths.value]))
 
@@ -108,8 +117,9 @@ class Array:
         self._code.builder.store(like.like(value).value, self.place(index), align=8)
 
     def lanes(self, *index: Any) -> Expression:
-        """Doubles of `WIDTH` lanes, from this place on."""
-        load = self._code.builder.load(self.place(index), align=8, typ=FLOATS)
+        """Doubles from this place on, as many as an instruction has lanes."""
+        kind = ir.VectorType(self._kind, self._code.shape.width)
+        load = self._code.builder.load(self.place(index), align=8, typ=kind)
         return Expression(self._code, load)
 
     def place(self, index: Any) -> ir.Value:

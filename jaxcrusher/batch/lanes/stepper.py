@@ -10,8 +10,6 @@ import operator
 from functools import reduce
 from typing import Any, NamedTuple
 
-from llvmlite import ir
-
 from jaxcrusher.batch.lanes.expression import DOUBLE, INTEGER, Expression, where
 from jaxcrusher.batch.lanes.layout import (
     ATOL,
@@ -20,6 +18,7 @@ from jaxcrusher.batch.lanes.layout import (
     DT,
     DUE,
     END,
+    FIELDS,
     FIRST,
     FLOOR,
     FRESH,
@@ -42,13 +41,14 @@ from jaxcrusher.batch.lanes.layout import (
     TOO_MANY_STEPS,
     WANTED,
     WHOLE,
-    Arrays,
+    Lanes,
     Page,
+    Shared,
     Sizes,
     places,
 )
 from jaxcrusher.batch.lanes.routine import Array, Routine
-from jaxcrusher.batch.lanes.vector import LANES, WIDTH, Code
+from jaxcrusher.batch.lanes.vector import Code, Module
 
 
 class Parts(NamedTuple):
@@ -62,23 +62,23 @@ class Parts(NamedTuple):
 
 
 def write_loop(
-    module: ir.Module, parts: Parts, sizes: Sizes, page: Page, instants: int, found: int
+    module: Module, parts: Parts, sizes: Sizes, page: Page, instants: int, found: int
 ) -> None:
-    """The function `advance` of a table of addresses (see `layout.Arrays`).
+    """The function `advance` of a table of addresses (see `layout.table`) and its first lane.
 
     It goes on until nothing is left, or `stop` is set.
     """
     loop = _Loop(module, parts, sizes, page, instants, found)
-    f, stop = loop.f, loop.arrays.stop
+    f, stop = loop.f, loop.shared.stop
     live = f.variable(1)
     with f.repeat(lambda: (live[0] > 0) & (stop.now(0) == 0)):
         loop.refill(live)
         with f.repeat(lambda: (live[0] > 0) & (stop.now(0) == 0) & ~loop.is_any(LOOK)):
             loop.run(parts.step)
-            with f.each(0, LANES, WIDTH) as first:
+            with f.each_vector() as first:
                 loop.observe(first)
             loop.run(parts.accept)
-        with f.each(0, LANES) as lane, f.when(loop.arrays.memory[LOOK, lane] > 0):
+        with f.each_lane() as lane, f.when(loop.lanes.memory[LOOK, lane] > 0):
             loop.end_segment(lane)
     f.end(by_name=True)
 
@@ -87,42 +87,45 @@ class _Loop:
     """What the loop is written of; `f` is the function that is being written."""
 
     def __init__(
-        self, module: ir.Module, parts: Parts, sizes: Sizes, page: Page, instants: int, found: int
+        self, module: Module, parts: Parts, sizes: Sizes, page: Page, instants: int, found: int
     ) -> None:
         self.f = Routine(module, "advance")
+        lanes = module.shape.lanes
         self._parts, self._sizes, self._page, self._at = parts, sizes, page, places(sizes)
         self._instants, self._found = instants, found
         counts = self._array("counts")
         self._designs, self._segments = counts[0], counts[1]
         lengths: dict[str, tuple[Any, ...]] = {
-            "memory": (LANES,),
-            "whole": (LANES,),
-            "pages": (page.end * LANES,),
+            "memory": (lanes,),
+            "whole": (lanes,),
+            "pages": (page.end * lanes,),
             "starts": (sizes.states,),
             "numbers": (sizes.numbers,),
             "tolerances": (2,),
             "floors": (self._segments,),
             "found": (self._segments, found),
         }
-        self.arrays = Arrays(*(self._array(x, *lengths.get(x, ())) for x in Arrays._fields))
+        self.lanes = Lanes(*(self._array(x, *lengths[x]) for x in Lanes._fields))
+        self.shared = Shared(*(self._array(x, *lengths.get(x, ())) for x in Shared._fields))
 
     def _array(self, name: str, *lengths: Any) -> Array:
         kind = INTEGER if name in WHOLE else DOUBLE
-        return self.f.array(Arrays._fields.index(name), kind, *lengths)
+        return self.f.array(FIELDS.index(name), kind, *lengths)
 
     def run(self, part: Code) -> None:
         """Run a function for all lanes."""
-        with self.f.each(0, LANES, WIDTH) as first:
-            self.f.run(part, self.arrays.memory, first)
+        with self.f.each_vector() as first:
+            self.f.run(part, self.lanes.memory, first)
 
     def is_any(self, row: int) -> Expression:
         """Whether a row of the clock says yes for a lane."""
-        memory = self.arrays.memory
-        return self.f.any(_all_of(operator.or_, (memory.lanes(row, i) > 0 for i in _FIRSTS)))
+        f, memory, shape = self.f, self.lanes.memory, self.f.shape
+        firsts = range(0, shape.own, shape.width)
+        return f.any(_all_of(operator.or_, (memory.lanes(row, f.first + i) > 0 for i in firsts)))
 
     def observe(self, first: Expression) -> None:
-        """Observe the instants that `WIDTH` lanes have passed in their steps."""
-        f, memory, whole, pages = self.f, self.arrays.memory, self.arrays.whole, self.arrays.pages
+        """Observe the instants that lanes have passed in their steps, from the first one on."""
+        f, (memory, whole, pages) = self.f, self.lanes
         if self._sizes.observed == 0:
             return
 
@@ -131,21 +134,21 @@ class _Loop:
 
         with f.repeat(lambda: f.any(due(lambda row: memory.lanes(row, first)))):
             f.run(self._parts.look, memory, first)
-            with f.each(first, first + WIDTH) as lane:
+            with f.each(first, first + f.shape.width) as lane:
                 with f.when(due(lambda row: memory[row, lane])):
                     instant = whole[INSTANT, lane]
                     with f.each(0, self._sizes.observed) as i:
-                        place = i * (self._page.series * LANES) + instant
+                        place = i * (self._page.series * self.f.shape.lanes) + instant
                         pages[lane, place] = memory[i + self._at.seen, lane]
                     whole[INSTANT, lane] = instant + 1
                     memory[DUE, lane] = math.inf
                     with f.when(instant + 1 < self._instants):
                         following = whole[FIRST, lane] + instant + 1
-                        memory[DUE, lane] = self.arrays.times[following]
+                        memory[DUE, lane] = self.shared.times[following]
 
     def end_segment(self, lane: Expression) -> None:
         """Hand over the segment of a lane that has come to its end, or that goes no further."""
-        f, a, memory, whole = self.f, self.arrays, self.arrays.memory, self.arrays.whole
+        f, a, (memory, whole, _) = self.f, self.shared, self.lanes
         rows = range(self._at.y, self._at.trial)
         finite = _all_of(operator.and_, (abs(memory[i, lane]) < math.inf for i in rows))
         result = where(finite, f.number(SUCCESS), NOT_FINITE)
@@ -168,21 +171,23 @@ class _Loop:
 
     def _summarise(self, lane: Expression, success: Expression) -> None:
         """Reduce a segment's page; from a failure on it is NaN."""
-        f, memory, whole, pages = self.f, self.arrays.memory, self.arrays.whole, self.arrays.pages
+        f, (memory, whole, pages) = self.f, self.lanes
         for i in range(self._sizes.states):
             state = memory[self._at.y + i, lane]
-            pages[lane, (self._page.last + i) * LANES] = where(success, state, math.nan)
+            pages[lane, (self._page.last + i) * self.f.shape.lanes] = where(
+                success, state, math.nan
+            )
         with f.when(~success), f.each(0, self._sizes.observed) as i:
             with f.each(whole[INSTANT, lane], self._instants) as instant:
-                pages[lane, i * (self._page.series * LANES) + instant] = math.nan
+                pages[lane, i * (self._page.series * self.f.shape.lanes) + instant] = math.nan
         f.run(self._parts.summarise, pages, 0, lane * self._page.end)
         with f.each(0, self._found) as i:
-            number = pages[lane, i + self._page.found * LANES]
-            self.arrays.found[whole[DESIGN, lane], whole[SEGMENT, lane], i] = number
+            number = pages[lane, i + self._page.found * self.f.shape.lanes]
+            self.shared.found[whole[DESIGN, lane], whole[SEGMENT, lane], i] = number
 
     def _begin_segment(self, lane: Expression) -> None:
         """Start a lane's segment: totals of zero, the first step anew."""
-        a, memory, whole = self.arrays, self.arrays.memory, self.arrays.whole
+        a, (memory, whole, _) = self.shared, self.lanes
         segment, schedule = whole[SEGMENT, lane], a.schedule[whole[DESIGN, lane]]
         first = (schedule * self._segments + segment) * self._instants
         whole[INSTANT, lane] = 0
@@ -201,9 +206,9 @@ class _Loop:
 
     def refill(self, live: Array) -> None:
         """Give a design to every lane without one, as far as there are; count those with one."""
-        f, a, memory, whole = self.f, self.arrays, self.arrays.memory, self.arrays.whole
+        f, a, (memory, whole, _) = self.f, self.shared, self.lanes
         live[0] = 0
-        with f.each(0, LANES) as lane:
+        with f.each_lane() as lane:
             memory[FRESH, lane] = 0.0
             memory[LOOK, lane] = 0.0
             with f.repeat(lambda: whole[DESIGN, lane] == WANTED):
@@ -220,7 +225,7 @@ class _Loop:
 
     def _start(self, lane: Expression, design: Expression) -> None:
         """Put a design into a lane, if its state is finite."""
-        f, a, memory, whole = self.f, self.arrays, self.arrays.memory, self.arrays.whole
+        f, a, (memory, whole, _) = self.f, self.shared, self.lanes
         states = (abs(a.starts[design, i]) < math.inf for i in range(self._sizes.states))
         with f.either(_all_of(operator.and_, states)) as (then, otherwise):
             with then:
@@ -243,16 +248,13 @@ class _Loop:
 
     def _stand_still(self, lane: Expression) -> None:
         """A lane without a design takes steps of zero, and is never looked at."""
-        memory = self.arrays.memory
-        self.arrays.whole[DESIGN, lane] = NONE_LEFT
+        memory = self.lanes.memory
+        self.lanes.whole[DESIGN, lane] = NONE_LEFT
         memory[STEP, lane] = 0.0
         memory[NEXT, lane] = memory[TIME, lane]
         for row in (END, FLOOR, DUE, MOST):
             memory[row, lane] = math.inf
         memory[SMALLEST, lane] = -1.0
-
-
-_FIRSTS = range(0, LANES, WIDTH)
 
 
 def _all_of(combine: Any, truths: Any) -> Expression:

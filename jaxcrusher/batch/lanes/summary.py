@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jax.extend.core import ClosedJaxpr
-from llvmlite import ir
 
 from jaxcrusher.batch.lanes.emit import (
     ELEMENTWISE,
@@ -22,7 +21,7 @@ from jaxcrusher.batch.lanes.emit import (
 )
 from jaxcrusher.batch.lanes.expression import Expression, where
 from jaxcrusher.batch.lanes.layout import Page, page_of
-from jaxcrusher.batch.lanes.vector import WIDTH, Code
+from jaxcrusher.batch.lanes.vector import Code, Module
 
 Read = Callable[[int], Expression]
 
@@ -57,7 +56,7 @@ class Summary(NamedTuple):
 
 
 def write_summary(
-    module: ir.Module, function: ClosedJaxpr, seen: Iterable[tuple[int, ...]], instants: int
+    module: Module, function: ClosedJaxpr, seen: Iterable[tuple[int, ...]], instants: int
 ) -> Summary:
     """The function `summarise` of a page: of arrays over instants, of shapes `seen`, and states.
 
@@ -71,7 +70,7 @@ def write_summary(
         count += len(cells)
     states = len(function.jaxpr.invars) - len(operands)
     found = sum(prod(variable.aval.shape) for variable in function.jaxpr.outvars)
-    page = page_of(count, instants, states, found)
+    page = page_of(count, instants, states, found, module.shape.lanes)
     (first,) = code.rows
     for i in range(states):
         operands.append(np.array(code.scalar(code.row(first, page.last + i)), object))
@@ -167,7 +166,10 @@ class _Writer:
             return [combine(carried[0], self._existing(cell.at(read), start))]
 
         (result,) = self._over_instants([start], body)
-        parts = [self._code.alike(self._code.lane(result, lane)) for lane in range(WIDTH)]
+        parts = [
+            self._code.alike(self._code.lane(result, lane))
+            for lane in range(self._code.shape.width)
+        ]
         for part in parts[1:]:
             parts[0] = combine(parts[0], part)
         return parts[0]
@@ -186,14 +188,17 @@ class _Writer:
             return better(carried, [self._existing(cell.at(read), -inf), self._code.positions()])
 
         pair = self._over_instants([-inf, inf], body)
-        lanes = [[self._code.alike(self._code.lane(v, i)) for v in pair] for i in range(WIDTH)]
+        lanes = [
+            [self._code.alike(self._code.lane(v, i)) for v in pair]
+            for i in range(self._code.shape.width)
+        ]
         for other in lanes[1:]:
             lanes[0] = better(lanes[0], other)
         return lanes[0][1]
 
     def _existing(self, value: Any, otherwise: float) -> Expression:
         """Of the last instants there may be fewer than lanes."""
-        if self._instants % WIDTH == 0:
+        if self._instants % self._code.shape.width == 0:
             return self._code.vector(value)
         return where(self._code.positions() < self._instants, self._code.vector(value), otherwise)
 

@@ -1,38 +1,56 @@
 """Functions of lanes: the same instructions for all, so that the bits of each are its own."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 from llvmlite import ir
 
 from jaxcrusher.batch.lanes.expression import DOUBLE, INTEGER, POINTER, Expression, Function
 
-# Lanes of all functions. What one instruction does not hold LLVM splits in two or four, whose
-# chains of instructions run side by side: twice what AVX2 holds, and once or twice what others do.
-LANES = 16
-WIDTH = 16 if llvm.get_host_cpu_features().get("avx512f") else 8
 
-FLOATS = ir.VectorType(DOUBLE, WIDTH)
+class Shape(NamedTuple):
+    """How many lanes there are."""
+
+    lanes: int  # in a row of their memory
+    width: int  # in an instruction
+    own: int  # of a thread
+
+
+# Of a processor's cores. What one instruction does not hold LLVM splits in two or four, whose
+# chains of instructions run side by side: twice what AVX2 holds, and once or twice what others do.
+CORES = Shape(16, 16 if llvm.get_host_cpu_features().get("avx512f") else 8, 16)
+# Of a GPU's warps: each thread has a lane, and what they read at once stands side by side.
+WARPS = Shape(32, 1, 1)
+LANES, WIDTH = CORES.lanes, CORES.width
+
+
+class Module(ir.Module):
+    """Functions of lanes of one shape."""
+
+    def __init__(self, shape: Shape = CORES) -> None:
+        super().__init__("lanes")
+        self.shape = shape
 
 
 class Code(Function):
-    """A function as it is written, for `WIDTH` lanes at a time.
+    """A function as it is written, for as many lanes at a time as an instruction has.
 
-    Its operands are the memory of the lanes, in which row r stands at [r * LANES], the first lane,
+    Its operands are the memory of the lanes, in which row r stands at [r * lanes], the first lane,
     and as many rows as it has names for.
     """
 
-    def __init__(self, module: ir.Module, name: str, rows: int = 0) -> None:
+    def __init__(self, module: Module, name: str, rows: int = 0) -> None:
         super().__init__(module, name, [POINTER, INTEGER, *[INTEGER] * rows])
+        self.shape, self.floats = module.shape, ir.VectorType(DOUBLE, module.shape.width)
         self.memory, self.first, *self.rows = self.function.args
 
     def vector(self, value: Any) -> Expression:
         """A number as doubles; vectors remain."""
-        return Expression(self, ir.Constant(FLOATS, 0.0)).like(value)
+        return Expression(self, ir.Constant(self.floats, 0.0)).like(value)
 
     def _place(self, row: Any, lane: ir.Value | None = None) -> Any:
-        lanes = self.builder.mul(self.row(row), ir.Constant(INTEGER, LANES))
+        lanes = self.builder.mul(self.row(row), ir.Constant(INTEGER, self.shape.lanes))
         index = self.builder.add(lanes, self.first if lane is None else lane)
         return self.builder.gep(self.memory, [index], source_etype=DOUBLE)
 
@@ -45,7 +63,7 @@ class Code(Function):
     def read(self, row: Any, more: int = 0) -> Expression:
         """A row of the memory."""
         place = self._place(self.row(row, more))
-        return Expression(self, self.builder.load(place, align=8, typ=FLOATS))
+        return Expression(self, self.builder.load(place, align=8, typ=self.floats))
 
     def write(self, value: Any, row: Any, more: int = 0) -> None:
         """Keep a value in a row of the memory, from the first lane on."""
@@ -69,8 +87,10 @@ class Code(Function):
     def alike(self, number: Any) -> Expression:
         """A double in all lanes."""
         first = ir.Constant(ir.IntType(32), 0)
-        one = self.builder.insert_element(ir.Constant(FLOATS, ir.Undefined), number, first)
-        everywhere = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
+        one = self.builder.insert_element(ir.Constant(self.floats, ir.Undefined), number, first)
+        everywhere = ir.Constant(
+            ir.VectorType(ir.IntType(32), self.shape.width), [0] * self.shape.width
+        )
         return Expression(self, self.builder.shuffle_vector(one, one, everywhere))
 
     def lane(self, value: Any, lane: int = 0) -> Any:
@@ -81,12 +101,14 @@ class Code(Function):
     def positions(self) -> Expression:
         """The first lane and those that follow it, as doubles."""
         first = self.alike(self.builder.sitofp(self.first, DOUBLE))
-        return first + Expression(self, ir.Constant(FLOATS, [float(i) for i in range(WIDTH)]))
+        return first + Expression(
+            self, ir.Constant(self.floats, [float(i) for i in range(self.shape.width)])
+        )
 
     def loop(
         self, count: int, start: list, body: Callable[[list[Expression]], list[Expression]]
     ) -> list:
-        """Run `body` for the first of `count` lanes, and every `WIDTH` more.
+        """Run `body` for the first of `count` lanes, and every a vector more.
 
         It is given what it gave back the last time, at first `start`; the last is the result.
         """
@@ -96,11 +118,11 @@ class Code(Function):
         builder.position_at_end(inside)
         self.first = builder.phi(INTEGER)
         self.first.add_incoming(ir.Constant(INTEGER, 0), before)
-        carried = [builder.phi(FLOATS) for _ in start]
+        carried = [builder.phi(self.floats) for _ in start]
         for phi, value in zip(carried, start, strict=True):
             phi.add_incoming(self.vector(value).value, before)
         results = body([Expression(self, phi) for phi in carried])
-        following = builder.add(self.first, ir.Constant(INTEGER, WIDTH))
+        following = builder.add(self.first, ir.Constant(INTEGER, self.shape.width))
         self.first.add_incoming(following, builder.block)
         for phi, result in zip(carried, results, strict=True):
             phi.add_incoming(result.value, builder.block)

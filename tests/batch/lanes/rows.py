@@ -4,17 +4,16 @@ import ctypes
 from collections.abc import Callable
 
 import numpy as np
-from llvmlite import ir
 
 from jaxcrusher.batch.lanes.expression import DOUBLE
 from jaxcrusher.batch.lanes.module import load
 from jaxcrusher.batch.lanes.routine import Routine
-from jaxcrusher.batch.lanes.vector import LANES, WIDTH, Code
+from jaxcrusher.batch.lanes.vector import LANES, Code, Module
 
 
 def over_rows(write: Callable[[Code], list], *operands: np.ndarray) -> np.ndarray:
     """What `write` makes of the first rows, the operands of shape (n,): shape (results, n)."""
-    module = ir.Module("test")
+    module = Module()
     code = Code(module, "part")
     results = write(code)
     for i, result in enumerate(results, len(operands)):
@@ -22,15 +21,15 @@ def over_rows(write: Callable[[Code], list], *operands: np.ndarray) -> np.ndarra
     return run(module, [code], len(results), *operands)
 
 
-def run(module: ir.Module, parts: list[Code], results: int, *operands: np.ndarray) -> np.ndarray:
+def run(module: Module, parts: list[Code], results: int, *operands: np.ndarray) -> np.ndarray:
     """The rows behind the operands, once functions ran one after the other."""
     for i, part in enumerate(parts):
         over_lanes = Routine(module, f"function{i}")
         memory = over_lanes.array(0, DOUBLE)
-        with over_lanes.each(0, LANES, WIDTH) as first:
+        with over_lanes.each_vector() as first:
             over_lanes.run(part.end(), memory, first)
         over_lanes.end(by_name=True)
-    machine, kind = load(str(module)), ctypes.CFUNCTYPE(None, ctypes.c_void_p)
+    machine, kind = load(str(module)), ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)
     functions = [kind(machine[f"function{i}"]) for i in range(len(parts))]
     # What is beyond the end is not looked at.
     count, rows = -(-len(operands[0]) // LANES), len(operands) + results
@@ -41,7 +40,7 @@ def run(module: ir.Module, parts: list[Code], results: int, *operands: np.ndarra
         memory[:, i] = row.reshape(count, LANES)
     for part in memory:
         for function in functions:
-            function(np.array([part.ctypes.data]).ctypes.data)
+            function(np.array([part.ctypes.data]).ctypes.data, 0)
     found = np.moveaxis(memory[:, len(operands) : rows], 1, 0).reshape(results, -1)
     return found[:, : len(operands[0])]
 

@@ -4,10 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from llvmlite import ir
 
 from jaxcrusher.batch.lanes.emit import ELEMENTWISE, Atom, Emitter, Unsupported, number
-from jaxcrusher.batch.lanes.vector import LANES, Code
+from jaxcrusher.batch.lanes.vector import LANES, Code, Module
 from tests.batch.lanes.rows import run
 
 SPECIAL = [np.nan, np.inf, -np.inf, 0.0, -0.0, 1.0]
@@ -56,7 +55,7 @@ def _emitted(formula, known=None):
 
     What depends on p alone is computed by the first one. The emitter, and the number of results.
     """
-    module = ir.Module("formula")
+    module = Module()
     prepare, body = Code(module, "prepare"), Code(module, "body")
     jaxpr = jax.make_jaxpr(formula)(*[jnp.zeros(())] * 4)
     results = sum(int(np.prod(variable.aval.shape)) for variable in jaxpr.jaxpr.outvars)

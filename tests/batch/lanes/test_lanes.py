@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
-from jaxcrusher.batch.lanes import engine, module
+from jaxcrusher.batch.lanes import module, processor
 from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.motion.integrate import (
     RESULTS,
@@ -145,7 +145,7 @@ def test_exponents_of_neighbours_do_not_matter():
 def test_the_number_of_threads_changes_no_bit(monkeypatch):
     swings, found = _swings(5 * LANES + 3), []
     for threads in (1, 2, 5):
-        monkeypatch.setattr(engine, "cores", lambda n=threads: n)
+        monkeypatch.setattr(processor, "cores", lambda n=threads: n)
         found.append(in_lanes(_run, swings))
     _equal(found[0], found[1])
     _equal(found[0], found[2])
@@ -232,15 +232,15 @@ def test_a_folder_that_cannot_be_written_is_no_error(monkeypatch, tmp_path):
 def test_an_interrupted_batch_stops_its_threads(monkeypatch, which):
     # One thread fails, the first or the second; the other has work for minutes.
     swings = _swings(2 * LANES)
-    advance = engine._advance
+    advance = processor._advance
 
     def interrupted(*operands):
         if threading.current_thread().name.endswith(f"_{which}"):
             raise KeyboardInterrupt
         return advance(*operands)
 
-    monkeypatch.setattr(engine, "_advance", interrupted)
-    monkeypatch.setattr(engine, "cores", lambda: 2)
+    monkeypatch.setattr(processor, "_advance", interrupted)
+    monkeypatch.setattr(processor, "cores", lambda: 2)
     with pytest.raises(KeyboardInterrupt):
         in_lanes(
             eqx.Partial(_run, rtol=1e-13, max_steps=10**9),

@@ -6,12 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from llvmlite import ir
 
 from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.module import load
 from jaxcrusher.batch.lanes.summary import write_summary
-from jaxcrusher.batch.lanes.vector import LANES
+from jaxcrusher.batch.lanes.vector import LANES, Module
 from jaxcrusher.motion.statistic import top
 
 # Of a series x, one of pairs y, and the state z at the end.
@@ -32,7 +31,7 @@ REDUCTIONS = {
 
 def _summarised(function, x, y, z):
     """By the compiled function of a page."""
-    count, module = len(x), ir.Module("summary")
+    count, module = len(x), Module()
     jaxpr = jax.make_jaxpr(function)(x, y, z)
     _, page, _, over = write_summary(module, jaxpr, [(), (2,)], count)
     memory = np.full((page.end, LANES), np.nan)
