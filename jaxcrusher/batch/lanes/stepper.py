@@ -126,8 +126,6 @@ class _Loop:
     def observe(self, first: Expression) -> None:
         """Observe the instants that lanes have passed in their steps, from the first one on."""
         f, (memory, whole, pages) = self.f, self.lanes
-        if self._sizes.observed == 0:
-            return
 
         def due(row: Any) -> Expression:
             return (row(KEEP) > 0) & (row(DUE) <= row(NEXT))

@@ -117,6 +117,18 @@ def test_the_bits_of_a_design_are_its_own():
     _equal(map_all(_run, swings, 10, in_lanes), whole)
 
 
+def _brief(swing):
+    return _run(swing, times=1e-4 * TIMES)
+
+
+def test_segments_shorter_than_the_first_step():
+    swings = _swings(3)
+    (found, ends), (exact, expected) = in_lanes(_brief, swings), _in_turn(_brief, swings)
+    np.testing.assert_array_equal(ends.steps, expected.steps)
+    for name in exact:
+        np.testing.assert_allclose(found[name], exact[name], rtol=0, atol=1e-15)
+
+
 def _own_times(swing):
     return _run(swing, times=TIMES / jnp.sqrt(swing.stiffness))
 
