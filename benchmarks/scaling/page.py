@@ -50,13 +50,13 @@ def page(rows: list[dict[str, Any]], setting: str) -> str:
                 f"{1e6 * r['cpu_s'] / r['steps']:.2f} | {r['first_cpu_s']:.1f} | "
                 f"{r['peak_mib']:.0f} |"
             )
-        lines += ["", _flatness(chosen, per), ""]
+        lines += ["", _flatness(chosen), ""]
     lines += _sweep_lines([r for r in rows if r["what"] == "sweeps"])
     lines += _gradient_lines(gradients)
     return "\n".join(lines) + "\n"
 
 
-def _flatness(rows: list[dict[str, Any]], per: str) -> str:
+def _flatness(rows: list[dict[str, Any]]) -> str:
     """How much the cost a step varies over the rows that fill the lanes of every core."""
     said = []
     for cores in sorted({r["cores"] for r in rows}):
@@ -64,9 +64,7 @@ def _flatness(rows: list[dict[str, Any]], per: str) -> str:
         costs = [1e6 * r["cpu_s"] / r["steps"] for r in kept]
         if costs:
             said.append(f"{min(costs):.2f} to {max(costs):.2f} us on {_cores(cores)}")
-    full = (
-        f"A step takes {' and '.join(said)}, over {per}, with {4 * LANES} designs a core or more."
-    )
+    full = f"A step takes {' and '.join(said)}, with {4 * LANES} designs a core or more."
     return full if said else f"With fewer than {LANES} designs lanes stand empty."
 
 

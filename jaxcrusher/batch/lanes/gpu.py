@@ -51,12 +51,13 @@ def _on_warps(kernels: Kernels, control: Control, shared: Shared) -> None:
     try:
         import cupy  # pyright: ignore[reportMissingImports]
     except ImportError:
-        text = "needs CuPy: pip install cupy-cuda13x, or cupy-cuda12x for CUDA 12."
-        raise ImportError(f"The engine `on_gpu` {text}") from None
+        raise ImportError(
+            "The engine `on_gpu` needs CuPy: pip install cupy-cuda13x, or cupy-cuda12x for CUDA 12."
+        ) from None
     processors = cupy.cuda.Device().attributes["MultiProcessorCount"]
     count = min(-(-len(shared.starts) // WARPS.lanes), _WARPS_OF_EACH * processors)
     one = new_lanes(kernels.sizes, control, kernels.page, WARPS.lanes)
-    lanes = Lanes(*(cupy.asarray(np.repeat(array[None], count, axis=0)) for array in one))
+    lanes = Lanes(*(cupy.repeat(cupy.asarray(array[None]), count, axis=0) for array in one))
     there = Shared(*map(cupy.asarray, shared))
     addresses = [[part.data.ptr for part in (*own, *there)] for own in zip(*lanes, strict=True)]
     tables = cupy.asarray(np.array(addresses, np.uintp))

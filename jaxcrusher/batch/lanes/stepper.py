@@ -52,7 +52,7 @@ from jaxcrusher.batch.lanes.vector import Code, Module
 
 
 class Parts(NamedTuple):
-    """Functions of `kernels`: of all lanes, but for `look`, and of a page."""
+    """Functions of `kernels`, of a vector of lanes each, and of a page."""
 
     begin: Code
     step: Code
@@ -121,7 +121,7 @@ class _Loop:
         """Whether a row of the clock says yes for a lane."""
         f, memory, shape = self.f, self.lanes.memory, self.f.shape
         firsts = range(0, shape.own, shape.width)
-        return f.any(_all_of(operator.or_, (memory.lanes(row, f.first + i) > 0 for i in firsts)))
+        return f.any(reduce(operator.or_, (memory.lanes(row, f.first + i) > 0 for i in firsts)))
 
     def observe(self, first: Expression) -> None:
         """Observe the instants that lanes have passed in their steps, from the first one on."""
@@ -148,7 +148,7 @@ class _Loop:
         """Hand over the segment of a lane that has come to its end, or that goes no further."""
         f, a, (memory, whole, _) = self.f, self.shared, self.lanes
         rows = range(self._at.y, self._at.trial)
-        finite = _all_of(operator.and_, (abs(memory[i, lane]) < math.inf for i in rows))
+        finite = reduce(operator.and_, (abs(memory[i, lane]) < math.inf for i in rows))
         result = where(finite, f.number(SUCCESS), NOT_FINITE)
         result = where(memory[TIME, lane] < memory[END, lane], f.number(TOO_MANY_STEPS), result)
         stuck = memory[DT, lane] < memory[SMALLEST, lane]
@@ -225,7 +225,7 @@ class _Loop:
         """Put a design into a lane, if its state is finite."""
         f, a, (memory, whole, _) = self.f, self.shared, self.lanes
         states = (abs(a.starts[design, i]) < math.inf for i in range(self._sizes.states))
-        with f.either(_all_of(operator.and_, states)) as (then, otherwise):
+        with f.either(reduce(operator.and_, states)) as (then, otherwise):
             with then:
                 whole[DESIGN, lane] = design
                 whole[SEGMENT, lane] = 0
@@ -253,7 +253,3 @@ class _Loop:
         for row in (END, FLOOR, DUE, MOST):
             memory[row, lane] = math.inf
         memory[SMALLEST, lane] = -1.0
-
-
-def _all_of(combine: Any, truths: Any) -> Expression:
-    return reduce(combine, truths)

@@ -35,6 +35,10 @@ class _There:
         return self.array
 
 
+def _repeat(there, count, axis):
+    return _There(np.repeat(there.array, count, axis))
+
+
 class _Module:
     """Its kernel: every thread of every warp, eight at a time."""
 
@@ -59,7 +63,7 @@ def simulated(monkeypatch):
     """CuPy, whose device is the processor; it takes the text that PTX is made of, not PTX."""
     attributes = {"MultiProcessorCount": 1}
     device = SimpleNamespace(Device=lambda: SimpleNamespace(attributes=attributes))
-    cupy = SimpleNamespace(asarray=_There, RawModule=_Module, cuda=device)
+    cupy = SimpleNamespace(asarray=_There, repeat=_repeat, RawModule=_Module, cuda=device)
     monkeypatch.setitem(sys.modules, "cupy", cupy)
     monkeypatch.setattr(gpu, "ptx", str.encode)
 
