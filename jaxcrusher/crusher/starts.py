@@ -57,16 +57,15 @@ class InContact(AbstractStart):
         def rate(e: Play) -> Play:
             return jax.tree.map(lambda part: matrix @ part, e)
 
+        along = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))
         e = jax.vmap(lambda time: scene.joints.map(lambda _: Vector(0 * time, 0 * time)))(times)
-        for _ in range(1 + self.refinements):
-            e = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))(
-                times, e, rate(e), rate(rate(e)), scene
-            )
+        e = jax.lax.fori_loop(
+            0, 1 + self.refinements, lambda _, e: along(times, e, rate(e), rate(rate(e)), scene), e
+        )
         middle = len(points) // 2
         return jax.tree.map(lambda leaf: leaf[middle], (e, rate(e)))
 
 
-@jax.jit
 def resting(time: Scalar, e: Play, rate: Play, curvature: Play, scene: AbstractScene) -> Play:
     """The eccentricities that carry the forces of a motion whose pins are e off their bores."""
     machine = scene.machine
