@@ -243,7 +243,7 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
                 saveat=diffrax.SaveAt(
                     subs=[
                         diffrax.SubSaveAt(t1=True),
-                        diffrax.SubSaveAt(ts=saves, fn=problem.observe),
+                        diffrax.SubSaveAt(ts=saves),
                     ]
                 ),
                 stepsize_controller=method.stepsize_controller,
@@ -260,7 +260,11 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
         after = Outcome(
             result, reached, before.steps + jnp.asarray(solution.stats["num_steps"], int)
         )
-        observed = _masked(solution.ys[1], dead | ~jnp.isfinite(solution.ts[1]))
+        # Diffrax would have it compiled in two places of its loop.
+        observed = jax.lax.map(
+            lambda at: problem.observe(at[0], at[1], args), (saves, solution.ys[1])
+        )
+        observed = _masked(observed, dead | ~jnp.isfinite(solution.ts[1]))
         summary = problem.summarise(observed, _masked(y, ~after.success))
         return (saves[-1], _restarted(y), after), summary
 
