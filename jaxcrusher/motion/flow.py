@@ -24,6 +24,7 @@ class Flow(eqx.Module):
         return self.scene.formulation.initial(self.scene) if self.state is None else self.state
 
 
+@jax.jit  # one trace for the rate, for what is observed, and for every set of outputs
 def by_angle(angle: Scalar, state: PyTree[Scalar], scene: Scene) -> tuple[PyTree[Scalar], Snapshot]:
     """The derivative of the state by the shaft angle (rad), and the snapshot that it is of.
 
