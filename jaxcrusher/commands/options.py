@@ -56,7 +56,7 @@ class Simulate:
 
     Writes OUT/NAME/motion.nc (forces, positions, powers and energies over time) and motion.png
     (orbit of the pin and force on the foundation, the last two turns, with the ideal joint's).
-    Ten turns take about 20 s, most of it compilation.
+    Ten turns take about 10 s, most of it compilation.
     """
 
     crusher: Crusher = field(default_factory=Crusher)
