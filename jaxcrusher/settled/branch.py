@@ -129,8 +129,6 @@ def _follow(
     start, scale, low, high, step, longest = numbers
     watch = _nothing if monitor is None else monitor
     begin = _Place(x, start / scale, jnp.zeros_like(x), jnp.sign(step))
-    root = _correct(family, scale, begin, jnp.zeros(()))
-    begin, values = _arrive(family, scale, begin, root)
     shape, dims = (points, *x.shape), x.shape[1]
     empty = Branch(
         jnp.array(0),
@@ -141,23 +139,26 @@ def _follow(
         jnp.full(points, jnp.nan),
         jnp.array(0),
     )
-    first = _kept(empty, begin, scale, values, watch(begin.x))
 
+    # The start is put right by a step of no length, so that all is compiled once.
     def advance(state: _State) -> _State:
-        root = _correct(family, scale, state.place, state.step)
+        first = state.branch.count == 0
+        root = _correct(family, scale, state.place, jnp.where(first, 0.0, state.step))
         place, values = _arrive(family, scale, state.place, root)
         cosine = _inner(place, state.place)
-        good = root.success & (cosine > LEAST_COSINE)
+        good = root.success & (first | (cosine > LEAST_COSINE))
         watched = watch(place.x)
         kept = _kept(state.branch, place, scale, values, watched)
         branch = jax.tree.map(lambda new, old: jnp.where(good, new, old), kept, state.branch)
         parameter = scale * place.value
-        outside = good & ((parameter < low) | (parameter > high))
-        lost = good & ~(watched > 0)
+        onward = good & ~first
+        outside = onward & ((parameter < low) | (parameter > high))
+        lost = onward & ~(watched > 0)
         full = branch.count >= points
         grown = jnp.where(root.steps <= EASY, GROWTH, 1.0)
         length = jnp.clip(state.step * jnp.where(good, grown, SHRINKAGE), None, longest)
-        stuck = length < SHORTEST * jnp.abs(step)
+        length = jnp.where(first, state.step, length)
+        stuck = (length < SHORTEST * jnp.abs(step)) | (first & ~good)
         ends = [jnp.array(i) for i in (1, 2, 0, 3)]
         result = jnp.select([outside, lost, full, stuck], ends, branch.result)
         branch = eqx.tree_at(lambda b: b.result, branch, result)
@@ -165,7 +166,7 @@ def _follow(
         done = outside | lost | full | stuck
         return _State(place, length, branch, state.tried + 1, done)
 
-    begun = _State(begin, jnp.abs(step), first, jnp.array(0), ~root.success)
+    begun = _State(begin, jnp.abs(step), empty, jnp.array(0), jnp.array(False))
     return jax.lax.while_loop(lambda state: ~state.done, advance, begun).branch
 
 
