@@ -58,6 +58,7 @@ def state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
     return EccentricityState(scene.joints.map(one, pairs(x, scene), pairs(rate, scene)), None)
 
 
+@jax.jit  # traced once for all that is asked of orbits
 def acceleration(
     angle: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
 ) -> Float[Array, " dims"]:
@@ -87,6 +88,7 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count d
     return numbers(relative).T
 
 
+@jax.jit  # as above
 def snapshot(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
     """At an instant of an orbit."""
     return scene.formulation.snapshot(angle / scene.drive.speed, state(x, rate, scene), scene)
