@@ -87,7 +87,7 @@ def _parameters(
             "name": name,
             "label": in_words(name),
             "unit": unit_of(name, units)[0],
-            "values": [shown(name, float(value), units) for value in values],
+            "values": shown(name, values.astype(float), units).tolist(),
         }
         for name, values in zip(names, numbers, strict=True)
     ]
