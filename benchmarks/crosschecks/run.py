@@ -24,7 +24,7 @@ CASES = {
     "swings": longrun.swings,
     "whirl": longrun.whirl,
 }
-PACKAGES = ("scipy", "scikit-sundae", "exudyn")
+PACKAGES = ("scipy", "numba", "scikit-sundae", "exudyn")
 
 INTRODUCTION = """\
 # Cross-checks

@@ -83,7 +83,7 @@ def _spent(run: Callable[[], None]) -> Spent:
 
 def run() -> None:
     """Print the table, a line at a time."""
-    print(f"{setting('llvmlite', 'numba')}. CPU seconds; first runs in brackets.\n")
+    print(f"{setting()}. CPU seconds; first runs in brackets.\n")
     print("| program | in turn | lanes | in turn / lanes |\n|---|---|---|---|")
     for name, program in PROGRAMS.items():
         lanes = _spent(program)

@@ -32,9 +32,9 @@ def run(out: Path) -> None:
         for what, cores in JOBS:
             for row in run_apart("benchmarks.scaling.worker", what, cores=cores):
                 rows.append({"what": what, "cores": cores} | row)
-                write_table(folder / "scaling.csv", rows, setting())
+                write_table(folder / "scaling.csv", rows, setting("numba"))
                 bars.advance(task)
     with plt.rc_context(STYLE):
         write_figure(folder / "scaling.png", figure(rows))
-    write_text(folder / "scaling.md", page(rows, setting()))
+    write_text(folder / "scaling.md", page(rows, setting("numba")))
     print((folder / "scaling.md").read_text(encoding="utf-8"))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 # Packages whose version can change the last bit of a result.
-PACKAGES = ("jaxcrusher", "jax", "jaxlib", "diffrax", "equinox", "numba", "llvmlite")
+PACKAGES = ("jaxcrusher", "jax", "jaxlib", "diffrax", "equinox", "llvmlite")
 
 
 def provenance(

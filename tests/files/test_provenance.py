@@ -2,14 +2,16 @@
 
 import json
 import os
+import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
-from jaxcrusher.files.provenance import environment, provenance
+from jaxcrusher.files.provenance import PACKAGES, environment, provenance
 
 PRINT = "from jaxcrusher.files.provenance import command; print(command())"
 
@@ -63,3 +65,13 @@ def test_attributes_of_a_result():
     # The environment of another process may have computed it.
     other = environment() | {"backend": "abacus"}
     assert json.loads(provenance("", other)["environment"])["backend"] == "abacus"
+
+
+def test_a_plain_installation_has_what_results_name():
+    text = (Path(__file__).parents[2] / "pyproject.toml").read_text()
+    needed = tomllib.loads(text)["project"]["dependencies"]
+    # jaxlib comes with jax.
+    assert set(PACKAGES) <= {re.split("[<>=]", name)[0] for name in needed} | {
+        "jaxcrusher",
+        "jaxlib",
+    }
