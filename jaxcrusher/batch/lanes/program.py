@@ -25,7 +25,6 @@ from jaxtyping import PyTree
 from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.engine import Device, run
 from jaxcrusher.batch.lanes.layout import Designs
-from jaxcrusher.batch.lanes.processor import PROCESSOR
 from jaxcrusher.batch.lanes.recorded import Recorded, integration_p, record
 from jaxcrusher.batch.lanes.tableau import IN_A_HURRY
 from jaxcrusher.motion.integrate import integrator
@@ -60,9 +59,7 @@ class Program:
     Raises `Unsupported` for what lanes cannot do.
     """
 
-    def __init__(
-        self, function: Callable[[Any], PyTree], scene: PyTree, device: Device = PROCESSOR
-    ) -> None:
+    def __init__(self, function: Callable[[Any], PyTree], scene: PyTree, device: Device) -> None:
         numbers, rest = eqx.partition(function, _is_array)
         with integrator(record):
             jaxpr, shapes = jax.make_jaxpr(
@@ -96,9 +93,7 @@ _PROGRAMS: dict[Any, Program | Unsupported] = {}
 _MOST_PROGRAMS = 64
 
 
-def program(
-    function: Callable[[Any], PyTree], scenes: PyTree, device: Device = PROCESSOR
-) -> Program:
+def program(function: Callable[[Any], PyTree], scenes: PyTree, device: Device) -> Program:
     """The program of a function for stacked scenes, from an earlier call if there was one like it.
 
     Raises `Unsupported` for what lanes cannot do.
