@@ -28,11 +28,7 @@ import jaxcrusher as jc  # noqa: E402
 
 # A test compiles longer than it computes, so it compiles without optimisation (a third of the time
 # of all) unless it is marked `slow`. Notebooks and subprocesses run as users have them.
-EMITTERS = "--xla_cpu_use_fusion_emitters=false"
-os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {EMITTERS}"
 jc.set_up()
-jax.devices()  # which reads the flags
-os.environ["XLA_FLAGS"] = os.environ["XLA_FLAGS"].replace(EMITTERS, "")
 
 
 def pytest_collection_modifyitems(items):

@@ -18,6 +18,9 @@ import platformdirs
 # XLA compiles a whole loop to one kernel where the loop is smaller than this. Internal to XLA:
 # a loop of this package runs about seven times faster with it, and works without it.
 _LOOP_FLAG = "xla_cpu_small_while_loop_byte_threshold"
+# What XLA fuses it can write in two ways. The newer one took a fifth longer to compile an orbit or
+# a gradient, and its programs ran no faster. Versions that do not know the option ignore it.
+_FUSION_FLAG = "xla_cpu_disable_new_fusion_emitters"
 _DEVICE_FLAG = "xla_force_host_platform_device_count"
 _OBJECTS = 50_000
 
@@ -29,8 +32,8 @@ def set_up() -> None:
     nothing. Later it can only warn (UserWarning) and say how Python should have been started.
 
     - JAX computes in 64-bit floats.
-    - Each core is a device of JAX, and XLA compiles a loop to one kernel. What `XLA_FLAGS` holds
-      of this already stays as it is.
+    - Each core is a device of JAX, and XLA compiles a loop to one kernel, by the emitters that
+      compile fastest. What `XLA_FLAGS` holds of this already stays as it is.
     - OpenBLAS, in which JAX solves linear systems, takes one thread (unless `OPENBLAS_NUM_THREADS`
       says otherwise, or SciPy is loaded already): its threads wait for each other where every
       core has work, and a system of 200 unknowns then takes 100 ms in place of half of one.
@@ -55,7 +58,8 @@ def set_up() -> None:
     _keep_programs()
     given = os.environ.get("XLA_FLAGS", "")
     # XLA adds up the extra options of several flags.
-    loop = "" if _LOOP_FLAG in given else f" --xla_backend_extra_options={_LOOP_FLAG}=1000000000"
+    options = f"{_LOOP_FLAG}=1000000000,{_FUSION_FLAG}"
+    loop = "" if _LOOP_FLAG in given else f" --xla_backend_extra_options={options}"
     count = None if _DEVICE_FLAG in given or _setting("jax_num_cpu_devices") > 0 else cores()
     if not loop and count is None:
         return

@@ -128,7 +128,7 @@ def _coarse(orbit: PeriodicOrbit) -> Array:
 
 def _blurred(orbit: PeriodicOrbit) -> bool:
     """Whether more nodes may help (concrete values only)."""
-    return bool(_coarse(orbit) | (orbit.success & ~(orbit.error <= SETTLED)))
+    return bool(_coarse(orbit)) or (bool(orbit.success) and not float(orbit.error) <= SETTLED)
 
 
 @eqx.filter_jit
@@ -215,5 +215,5 @@ def _open(orbit: PeriodicOrbit) -> bool:
     start = orbit.state()
     state = flat(start, orbit.scene)
     end = poincare_section(orbit.scene, 0, orbit.period, state=state, rtol=RTOL)
-    apart = float(jnp.max(jnp.abs(end.states[-1] - state)))
+    apart = np.max(np.abs(np.asarray(end.states)[-1] - np.asarray(state)))
     return not (bool(end.success) and apart < CLOSURE)

@@ -88,10 +88,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
     def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
         """Where the motion is at a shaft angle (rad); it may be handed to a formulation."""
         require(self.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
-        assert self.eccentricity is not None
-        place = jnp.asarray(angle) / (2 * np.pi * self.period)
-        rate = evaluate(self.eccentricity, place, 1) / self.period
-        return forced.state(evaluate(self.eccentricity, place), rate, self.scene)
+        return _state(self, jnp.asarray(angle, dtype=float))
 
     def motion(
         self, angles: Float[ArrayLike, " n"], outputs: tuple[str, ...] = tuple(OBSERVABLES)
@@ -105,11 +102,19 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
 
 
 @eqx.filter_jit
+def _state(orbit: PeriodicOrbit, angle: Scalar) -> EccentricityState:
+    assert orbit.eccentricity is not None
+    place = angle / (2 * np.pi * orbit.period)
+    rate = evaluate(orbit.eccentricity, place, 1) / orbit.period
+    return forced.state(evaluate(orbit.eccentricity, place), rate, orbit.scene)
+
+
+@eqx.filter_jit
 def _seen(
     orbit: PeriodicOrbit, angles: Float[Array, " n"], outputs: tuple[str, ...]
 ) -> dict[str, Array]:
     def look(angle: Scalar) -> dict[str, Array]:
-        state = None if orbit.eccentricity is None else orbit.state(angle)
+        state = None if orbit.eccentricity is None else _state(orbit, angle)
         time = angle / orbit.scene.drive.speed
         snapshot = orbit.scene.formulation.snapshot(time, state, orbit.scene)
         return {name: OBSERVABLES[name](snapshot, orbit.scene) for name in outputs}
@@ -123,11 +128,13 @@ def _is_none(node: Any) -> bool:
 
 def judged(orbit: PeriodicOrbit, result: RESULTS) -> PeriodicOrbit:
     """The orbit with a result, and NaN in every number unless that is a success."""
-
-    def number(leaf: Array) -> Array:
-        return jnp.where(result == RESULTS.successful, leaf, jnp.nan)
-
-    own = eqx.tree_at(lambda of: of.scene, orbit, None)
-    masked = jax.tree.map(lambda leaf: number(leaf) if eqx.is_inexact_array(leaf) else leaf, own)
+    own = _masked(eqx.tree_at(lambda of: of.scene, orbit, None), result == RESULTS.successful)
     changed = orbit.scene, result
-    return eqx.tree_at(lambda of: (of.scene, of.result), masked, changed, is_leaf=_is_none)
+    return eqx.tree_at(lambda of: (of.scene, of.result), own, changed, is_leaf=_is_none)
+
+
+@eqx.filter_jit
+def _masked(orbit: PeriodicOrbit, good: Bool[Array, ""]) -> PeriodicOrbit:
+    numbers, others = eqx.partition(orbit, eqx.is_inexact_array)
+    numbers = jax.tree.map(lambda leaf: jnp.where(good, leaf, jnp.nan), numbers)
+    return eqx.combine(numbers, others)

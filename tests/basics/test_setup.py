@@ -4,7 +4,10 @@ import os
 import subprocess
 import sys
 
-LOOP = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000"
+LOOP = (
+    "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000"
+    ",xla_cpu_disable_new_fusion_emitters"
+)
 OURS = ("XLA_FLAGS", "EQX_ON_ERROR", "JAX_COMPILATION_CACHE_DIR", "JAX_ENABLE_X64")
 
 # Counts the programs that JAX compiles and does not find in its folder.
