@@ -77,11 +77,10 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count d
     first, second = (pace**k * matrix for k, matrix in enumerate(differentiation(count), start=1))
     times = 2 * jnp.pi * jnp.asarray(nodes(count)) / pace
     e = jax.vmap(lambda time: scene.joints.map(lambda _: Vector(0 * time, 0 * time)))(times)
-    along = jax.vmap(resting, in_axes=(0, 0, 0, 0, None))
 
     def refined(_, e: AtJoints[Vector]) -> AtJoints[Vector]:
         rate, curvature = (jax.tree.map(lambda part, m=m: m @ part, e) for m in (first, second))
-        return along(times, e, rate, curvature, scene)
+        return one_by_one(resting, (times, e, rate, curvature), scene)
 
     e = jax.lax.fori_loop(0, 1 + REFINEMENTS, refined, e)
     relative = jax.vmap(lambda e: scene.joints.map(lambda joint, at: at / joint.clearance, e))(e)
@@ -94,22 +93,26 @@ def snapshot(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
     return scene.formulation.snapshot(angle / scene.drive.speed, state(x, rate, scene), scene)
 
 
-def missed(system: System, x: Float[Array, "nodes dims"], factors: Factors) -> Scalar:
+def missed(
+    system: System,
+    x: Float[Array, "nodes dims"],
+    factors: Factors,
+    accelerations: Float[Array, "instants dims"],
+) -> Scalar:
     """What the nodes miss of the mean square of the force, estimated.
 
-    The defect, zero at the nodes, is what the polynomial cannot follow between them; the dual of
-    the mean square says what it matters (Becker and Rannacher, Acta Numerica 10, 2001).
+    The defect, zero at the nodes, is what the polynomial cannot follow between them, where the
+    `accelerations` are those that the equations ask for at equal steps, two a node or more; the
+    dual of the mean square says what it matters (Becker and Rannacher, Acta Numerica 10, 2001).
     """
 
     def square(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Scalar:
         return foundation_force(snapshot(angle, x, rate, scene), scene) ** 2
 
-    points, pace = 2 * len(x), 2 * np.pi / system.period
+    points, pace = len(accelerations), 2 * np.pi / system.period
     by_both = jax.grad(square, argnums=(1, 2))
     by_x, by_rate = one_by_one(by_both, system.at(x, len(x)), system.args)
     weights = by_x + pace * differentiation(len(x))[0].T @ by_rate
     dual = lu_solve(factors, weights.ravel(), trans=1).reshape(x.shape)
-    times, between, rate = system.at(x, points)
-    acceleration = one_by_one(system.acceleration, (times, between, rate), system.args)
-    defect = acceleration - pace**2 * resample(x, points, order=2)
+    defect = accelerations - pace**2 * resample(x, points, order=2)
     return jnp.mean(jnp.sum(resample(dual, points) * defect, axis=1))

@@ -44,8 +44,19 @@ def multipliers(system: System, x: Float[Array, "nodes dims"], steps: int = STEP
     Pure JAX, without slopes; NaN where the orbit is.
     """
     system, x = jax.lax.stop_gradient((system, x))
-    along = _linearised(system, x, max(LOOKS, len(x)))
-    coarse, fine = _monodromies(along, system.period, (steps // 2, steps))
+    slopes, _ = system.slopes(*system.at(x, max(LOOKS, len(x))))
+    return of_slopes(slopes, system.period, steps)
+
+
+def of_slopes(
+    slopes: tuple[Float[Array, "n dims dims"], ...], period: Scalar, steps: int = STEPS
+) -> Multipliers:
+    """From df/dx and df/dx' at equally spaced instants of the period."""
+    by_x, by_rate = slopes
+    zero, eye = jnp.zeros_like(by_x), jnp.broadcast_to(np.eye(by_x.shape[1]), by_x.shape)
+    upper, lower = (jnp.concatenate(row, axis=2) for row in ((zero, eye), (by_x, by_rate)))
+    along = jnp.concatenate([upper, lower], axis=1)
+    coarse, fine = _monodromies(along, period, (steps // 2, steps))
     # Twice the steps leave a 64th of the error.
     error = jnp.max(jnp.abs(fine - coarse)) / jnp.max(jnp.abs(fine)) / 63
     good = jnp.all(jnp.isfinite(fine))
@@ -83,15 +94,6 @@ def _monodromies(along: Array, period: Scalar, counts: tuple[int, int]) -> tuple
     eye, begins = jnp.eye(2 * dims), np.arange(sum(counts)) == counts[0]
     one, other = jax.lax.scan(pass_on, (eye, eye), (gauss, begins))[0]
     return one / scale, other / scale
-
-
-def _linearised(system: System, x: Array, count: int) -> Array:
-    """The matrices of the variational equations at `count` instants of the period."""
-    (by_x, by_rate), _ = system.slopes(*system.at(x, count))
-    zero, eye = jnp.zeros_like(by_x), jnp.broadcast_to(np.eye(x.shape[1]), by_x.shape)
-    return jnp.concatenate(
-        [jnp.concatenate([zero, eye], axis=2), jnp.concatenate([by_x, by_rate], axis=2)], axis=1
-    )
 
 
 def _bracket(a: Array, b: Array) -> Array:

@@ -26,7 +26,7 @@ from jaxcrusher.motion.statistic import STATISTIC, PowerMean, statistics_of
 from jaxcrusher.motion.statistics import limits_of
 from jaxcrusher.settled import forced, newton
 from jaxcrusher.settled.collocation import System, collocate, one_by_one
-from jaxcrusher.settled.multipliers import multipliers
+from jaxcrusher.settled.multipliers import LOOKS, of_slopes
 from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged
 from jaxcrusher.settled.shooting import shoot
 from jaxcrusher.settled.trigonometric import resample
@@ -161,13 +161,15 @@ def described(
     scene = system.args
     seen = system.at(x, INSTANTS * period)
     values, error, least = _statistics(forced.snapshot, seen, scene)
-    missed = forced.missed(*jax.lax.stop_gradient((system, x, root.factors)))
+    still, nodes = jax.lax.stop_gradient((system, x))
+    slopes, accelerations = still.slopes(*still.at(nodes, max(LOOKS, 2 * len(x))))
+    missed = forced.missed(still, nodes, jax.lax.stop_gradient(root.factors), accelerations)
     error += jnp.abs(missed) / (2 * jax.lax.stop_gradient(values["foundation_rms"]) ** 2)
     reason = RESULTS.where(least > 0, RESULTS.unresolved, RESULTS.contact_lost)
     result = RESULTS.promote(root.result)
     blurred = (result == RESULTS.successful) & ~(error <= UNRESOLVED)
     result = RESULTS.where(blurred, reason, result)
-    found = multipliers(system, x)
+    found = of_slopes(slopes, still.period)
     limits = limits_of(scene, values)
     assert limits is not None
     numbers = values, error, least, found.values, found.error, limits
