@@ -131,21 +131,24 @@ def collocate(
         max_steps,
     )
     x = jnp.where(root.success, root.point, jnp.nan).reshape(shape)
-    return _attached(system, x, root.factors), root
+    return attached(system, x, root.factors), root
 
 
 @eqx.filter_custom_jvp
-def _attached(
+def attached(
     system: System, x: Float[Array, "nodes dims"], factors: Factors
 ) -> Float[Array, "nodes dims"]:
-    """`x`, as the function of the system's numbers that the residual makes it."""
+    """The orbit `x`, as the function of the system's numbers that the equations make it.
+
+    `factors` are those of the Jacobian, one step of Newton's before or less.
+    """
     return x
 
 
-@_attached.def_jvp
+@attached.def_jvp
 def _attached_jvp(primals, tangents):
     system, x, factors = primals
-    x = _attached(system, x, factors)
+    x = attached(system, x, factors)
 
     # Of the differentiated equations, at the orbit itself.
     times, rate, _ = system._motion(x)

@@ -71,6 +71,11 @@ def acceleration(
     return numbers(scaled)
 
 
+def system(scene: Scene, period: int) -> System:
+    """That of motions which repeat after `period` turns."""
+    return System(acceleration, jnp.asarray(2 * np.pi * period), scene)
+
+
 def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count dims"]:
     """The pins resting under the forces of a motion that their own depth corrects."""
     pace = scene.drive.speed / period

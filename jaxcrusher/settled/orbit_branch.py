@@ -23,8 +23,9 @@ from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.settled import forced, shooting
 from jaxcrusher.settled.branch import ENDS, follow, special_points
 from jaxcrusher.settled.collocation import System
+from jaxcrusher.settled.described import INSTANTS, described, known_without_slopes
 from jaxcrusher.settled.newton import RESULTS, Root
-from jaxcrusher.settled.periodic_orbit import INSTANTS, described, periodic_orbit
+from jaxcrusher.settled.periodic_orbit import periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit
 from jaxcrusher.settled.section_branch import DOUBLING, SectionBranches
 from jaxcrusher.settled.trigonometric import resample
@@ -177,7 +178,7 @@ def _labelled(
 
 
 def _family(value: Scalar, *, scene: Callable[[Scalar], Scene], period: int) -> System:
-    return System(forced.acceleration, jnp.asarray(2 * np.pi * period), scene(value))
+    return forced.system(scene(value), period)
 
 
 def _least_penetration(x: Float[Array, "nodes 2"]) -> Scalar:
@@ -199,4 +200,4 @@ def _described(
     system = family(value)
     factors = lu_factor(system.linearised(x)[1].reshape(x.size, x.size))
     root = Root(x.ravel(), (factors[0], factors[1]), jnp.array(0), RESULTS.successful)
-    return described(system, period, x, root)
+    return described(system, known_without_slopes(system, x, root), period)

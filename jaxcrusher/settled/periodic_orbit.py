@@ -1,13 +1,12 @@
 """The motion that a crusher settles on, solved for instead of waited for."""
 
 import dataclasses
-from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Scalar
+from jaxtyping import Array, ArrayLike, Float
 
 from jaxcrusher.basics.checks import (
     concrete,
@@ -15,33 +14,21 @@ from jaxcrusher.basics.checks import (
     require_whole,
     require_x64,
 )
-from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene, require_scene
-from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.crusher.starts import Centred
-from jaxcrusher.joint.validity import validity
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistic import STATISTIC, PowerMean, statistics_of
-from jaxcrusher.motion.statistics import limits_of
-from jaxcrusher.settled import forced, newton
-from jaxcrusher.settled.collocation import System, collocate, one_by_one
-from jaxcrusher.settled.multipliers import LOOKS, of_slopes
+from jaxcrusher.settled import forced
+from jaxcrusher.settled.collocation import collocate
+from jaxcrusher.settled.described import Nodes, described, kinematic, known_without_slopes
 from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged
 from jaxcrusher.settled.shooting import shoot
 from jaxcrusher.settled.trigonometric import resample
 
 # Nodes a turn to begin with, and the most that doubling leads to.
 NODES, MOST_NODES = 96, 384
-# Where values are known, nodes are doubled until the RMS is known this well; an orbit known no
-# better than the second is none.
-SETTLED, UNRESOLVED = 1e-8, 1e-4
-# Instants a turn at which forces are looked at: the length of a reaction that passes near zero
-# bends more sharply than the motion does.
-INSTANTS = 1024
-# Instants between two of these at which the trigonometric polynomial through them is searched for
-# peaks.
-FINER = 8
+# Where values are known, nodes are doubled until the RMS is known this well.
+SETTLED = 1e-8
 # Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
 CLOSURE, RTOL = 1e-6, 1e-11
 
@@ -131,83 +118,30 @@ def _blurred(orbit: PeriodicOrbit) -> bool:
     return bool(_coarse(orbit)) or (bool(orbit.success) and not float(orbit.error) <= SETTLED)
 
 
-@eqx.filter_jit
 def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> PeriodicOrbit:
     """The orbit with `count` nodes a turn, as far as one set of nodes can tell."""
-    instants = INSTANTS * period
-    zero, angles = jnp.zeros(()), 2 * jnp.pi * jnp.arange(instants) / INSTANTS
     if scene.is_ideal:
-        # Kinematics alone: a sum over a turn.
-        times = angles / scene.drive.speed
-        values, error, _ = _statistics(
-            lambda time, scene: scene.formulation.snapshot(time, None, scene), (times,), scene
-        )
-        found, result = jnp.zeros(0, complex), RESULTS.promote(newton.RESULTS.successful)
-        limits = validity(None, zero, zero)
-        ideal = None, result, jnp.array(0), values, error, zero, found, zero, limits
-        return PeriodicOrbit(scene, period, *ideal)
-    count *= period
-    still = jax.lax.stop_gradient(scene)
-    start = forced.quasi_static(still, period, count) if guess is None else resample(guess, count)
-    system = System(forced.acceleration, jnp.asarray(2 * np.pi * period), scene)
-    x, root = collocate(system, start)
-    return described(system, period, x, root)
+        return _kinematic(scene, period)
+    # A program of its own, which serves values and slopes.
+    found = _found(jax.lax.stop_gradient(scene), guess, period, count * period)
+    return _described(scene, found, period)
 
 
-def described(
-    system: System, period: int, x: Float[Array, "nodes dims"], root: newton.Root
-) -> PeriodicOrbit:
-    """What is known of the orbit of a crusher through nodes that Newton's method ended at."""
-    scene = system.args
-    seen = system.at(x, INSTANTS * period)
-    values, error, least = _statistics(forced.snapshot, seen, scene)
-    still, nodes = jax.lax.stop_gradient((system, x))
-    slopes, accelerations = still.slopes(*still.at(nodes, max(LOOKS, 2 * len(x))))
-    missed = forced.missed(still, nodes, jax.lax.stop_gradient(root.factors), accelerations)
-    error += jnp.abs(missed) / (2 * jax.lax.stop_gradient(values["foundation_rms"]) ** 2)
-    reason = RESULTS.where(least > 0, RESULTS.unresolved, RESULTS.contact_lost)
-    result = RESULTS.promote(root.result)
-    blurred = (result == RESULTS.successful) & ~(error <= UNRESOLVED)
-    result = RESULTS.where(blurred, reason, result)
-    found = of_slopes(slopes, still.period)
-    limits = limits_of(scene, values)
-    assert limits is not None
-    numbers = values, error, least, found.values, found.error, limits
-    return PeriodicOrbit(scene, period, x, result, root.steps, *numbers)
+@eqx.filter_jit
+def _found(scene: Scene, guess: Array | None, period: int, nodes: int) -> Nodes:
+    start = forced.quasi_static(scene, period, nodes) if guess is None else resample(guess, nodes)
+    system = forced.system(scene, period)
+    return known_without_slopes(system, *collocate(system, start))
 
 
-def _statistics(
-    snapshot: Callable[..., Snapshot], instants: tuple[Array, ...], scene: Scene
-) -> tuple[dict[str, Scalar], Scalar, Scalar]:
-    """Of snapshots at equal steps; what half of them make of the RMS, and the least penetration.
-
-    Means are sums over the instants, peaks those of the trigonometric polynomial through them.
-    """
-    statistics = {name: STATISTIC[name] for name in statistics_of(scene)}
-    quantities = dict.fromkeys(statistic.quantity for statistic in statistics.values())
-
-    def look(*instant) -> list[Scalar]:
-        seen = snapshot(*instant)
-        return [quantity(seen, scene) for quantity in quantities]
-
-    samples = dict(zip(quantities, one_by_one(look, instants, scene), strict=True))
-
-    def reduce(name: str, step: int = 1) -> Scalar:
-        how, q = statistics[name].reduction, samples[statistics[name].quantity][::step]
-        if isinstance(how, PowerMean):
-            return how.root(jnp.mean(q**how.power))
-        return how.of_samples(_finer(q))
-
-    values = {name: reduce(name) for name in statistics}
-    error = jnp.abs(reduce("foundation_rms", 2) / values["foundation_rms"] - 1)
-    names = [f"{before(joint)}penetration_ratio" for joint, _ in scene.joints.present()]
-    depths = [samples[statistics[name].quantity] for name in names or ["penetration_ratio"]]
-    least = jnp.min(jnp.stack([jnp.min(_finer(depth)) for depth in depths]))
-    return values, jax.lax.stop_gradient(error), least
+@eqx.filter_jit
+def _described(scene: Scene, found: Nodes, period: int) -> PeriodicOrbit:
+    return described(forced.system(scene, period), found, period)
 
 
-def _finer(samples: Float[Array, " n"]) -> Float[Array, " m"]:
-    return resample(samples, FINER * len(samples))
+@eqx.filter_jit
+def _kinematic(scene: Scene, period: int) -> PeriodicOrbit:
+    return kinematic(scene, period)
 
 
 def _open(orbit: PeriodicOrbit) -> bool:

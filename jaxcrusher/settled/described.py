@@ -1,0 +1,110 @@
+"""What is known of an orbit through nodes: its statistics, its multipliers, and their errors."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Scalar
+
+from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.joint.validity import validity
+from jaxcrusher.motion.statistic import STATISTIC, PowerMean, statistics_of
+from jaxcrusher.motion.statistics import limits_of
+from jaxcrusher.settled import forced, newton
+from jaxcrusher.settled.collocation import System, attached, one_by_one
+from jaxcrusher.settled.multipliers import LOOKS, Multipliers, of_slopes
+from jaxcrusher.settled.result import RESULTS, PeriodicOrbit
+from jaxcrusher.settled.trigonometric import resample
+
+# An orbit whose RMS is known no better, as a share of it, is none.
+UNRESOLVED = 1e-4
+# Instants a turn at which forces are looked at: the length of a reaction that passes near zero
+# bends more sharply than the motion does.
+INSTANTS = 1024
+# Instants between two of these at which the trigonometric polynomial through them is searched for
+# peaks.
+FINER = 8
+
+
+class Nodes(eqx.Module):
+    """Where Newton's method ended, and what of it has no slopes."""
+
+    x: Float[Array, "nodes dims"]
+    root: newton.Root
+    missed: Scalar  # of the mean square of the force, estimated
+    multipliers: Multipliers
+
+
+def known_without_slopes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -> Nodes:
+    """Of the crusher `system` through the nodes `x`."""
+    slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
+    missed = forced.missed(system, x, root.factors, accelerations)
+    return Nodes(x, root, missed, of_slopes(slopes, system.period))
+
+
+def described(system: System, found: Nodes, period: int) -> PeriodicOrbit:
+    """The orbit, which moves with the numbers of `system` as the equations have it."""
+    scene = system.args
+    x = attached(system, found.x, found.root.factors)
+    values, error, least = _statistics(forced.snapshot, system.at(x, INSTANTS * period), scene)
+    still = jax.lax.stop_gradient(values["foundation_rms"])
+    error += jnp.abs(found.missed) / (2 * still**2)
+    reason = RESULTS.where(least > 0, RESULTS.unresolved, RESULTS.contact_lost)
+    result = RESULTS.promote(found.root.result)
+    blurred = (result == RESULTS.successful) & ~(error <= UNRESOLVED)
+    result = RESULTS.where(blurred, reason, result)
+    limits, multipliers = limits_of(scene, values), found.multipliers
+    assert limits is not None
+    numbers = values, error, least, multipliers.values, multipliers.error, limits
+    return PeriodicOrbit(scene, period, x, result, found.root.steps, *numbers)
+
+
+def kinematic(scene: Scene, period: int) -> PeriodicOrbit:
+    """That of ideal joints: a sum over turns."""
+    zero, angles = jnp.zeros(()), 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS
+    values, error, _ = _statistics(
+        lambda time, scene: scene.formulation.snapshot(time, None, scene),
+        (angles / scene.drive.speed,),
+        scene,
+    )
+    result, limits = RESULTS.promote(newton.RESULTS.successful), validity(None, zero, zero)
+    none = jnp.zeros(0, complex)
+    numbers = jnp.array(0), values, error, zero, none, zero, limits
+    return PeriodicOrbit(scene, period, None, result, *numbers)
+
+
+def _statistics(
+    snapshot: Callable[..., Snapshot], instants: tuple[Array, ...], scene: Scene
+) -> tuple[dict[str, Scalar], Scalar, Scalar]:
+    """Of snapshots at equal steps; what half of them make of the RMS, and the least penetration.
+
+    Means are sums over the instants, peaks those of the trigonometric polynomial through them.
+    """
+    statistics = {name: STATISTIC[name] for name in statistics_of(scene)}
+    quantities = dict.fromkeys(statistic.quantity for statistic in statistics.values())
+
+    def look(*instant) -> list[Scalar]:
+        seen = snapshot(*instant)
+        return [quantity(seen, scene) for quantity in quantities]
+
+    samples = dict(zip(quantities, one_by_one(look, instants, scene), strict=True))
+
+    def reduce(name: str, step: int = 1) -> Scalar:
+        how, q = statistics[name].reduction, samples[statistics[name].quantity][::step]
+        if isinstance(how, PowerMean):
+            return how.root(jnp.mean(q**how.power))
+        return how.of_samples(_finer(q))
+
+    values = {name: reduce(name) for name in statistics}
+    error = jnp.abs(reduce("foundation_rms", 2) / values["foundation_rms"] - 1)
+    names = [f"{before(joint)}penetration_ratio" for joint, _ in scene.joints.present()]
+    depths = [samples[statistics[name].quantity] for name in names or ["penetration_ratio"]]
+    least = jnp.min(jnp.stack([jnp.min(_finer(depth)) for depth in depths]))
+    return values, jax.lax.stop_gradient(error), least
+
+
+def _finer(samples: Float[Array, " n"]) -> Float[Array, " m"]:
+    return resample(samples, FINER * len(samples))
