@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
@@ -35,9 +36,13 @@ def run(options: Orbit, console: Console) -> int:
     folder = begin(options.results.folder, settings, "orbit.json", "orbit.png")
     numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values)}
 
+    @eqx.filter_jit
+    def build(numbers: dict[str, Any]) -> jc.Scene:
+        return jc.build_scene({**values, **numbers})
+
+    # Not under `jax.jit`: the program that solves for the orbit serves its slopes too.
     def solve(numbers: dict[str, Any], nodes: int | None = None) -> jc.PeriodicOrbit:
-        scene = jc.build_scene({**values, **numbers})
-        return jc.periodic_orbit(scene, period=options.period, nodes=nodes)
+        return jc.periodic_orbit(build(numbers), period=options.period, nodes=nodes)
 
     with console.status("solving"):
         orbit = solve(numbers)
@@ -47,7 +52,7 @@ def run(options: Orbit, console: Console) -> int:
         return 1
     nodes = None if orbit.eccentricity is None else len(orbit.eccentricity) // options.period
     with console.status("differentiating"):
-        by_number = jax.jit(jax.grad(lambda n: solve(n, nodes).foundation_rms))(numbers)
+        by_number = jax.grad(lambda n: solve(n, nodes).foundation_rms)(numbers)
     slopes = {name: float(slope) for name, slope in by_number.items()}
     path = folder / "orbit.json"
     write_json(path, provenance("Settled motion", scene=values) | content(orbit, slopes))

@@ -38,8 +38,8 @@ class Nodes(eqx.Module):
     multipliers: Multipliers
 
 
-def known_without_slopes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -> Nodes:
-    """Of the crusher `system` through the nodes `x`."""
+def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -> Nodes:
+    """What needs no slopes is found once, and serves values and their slopes alike."""
     slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
     missed = forced.missed(system, x, root.factors, accelerations)
     return Nodes(x, root, missed, of_slopes(slopes, system.period))

@@ -23,7 +23,7 @@ from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.settled import forced, shooting
 from jaxcrusher.settled.branch import ENDS, follow, special_points
 from jaxcrusher.settled.collocation import System
-from jaxcrusher.settled.described import INSTANTS, described, known_without_slopes
+from jaxcrusher.settled.described import INSTANTS, described, of_nodes
 from jaxcrusher.settled.newton import RESULTS, Root
 from jaxcrusher.settled.periodic_orbit import periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit
@@ -200,4 +200,4 @@ def _described(
     system = family(value)
     factors = lu_factor(system.linearised(x)[1].reshape(x.size, x.size))
     root = Root(x.ravel(), (factors[0], factors[1]), jnp.array(0), RESULTS.successful)
-    return described(system, known_without_slopes(system, x, root), period)
+    return described(system, of_nodes(system, x, root), period)

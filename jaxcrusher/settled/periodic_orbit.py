@@ -20,7 +20,7 @@ from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.settled import forced
 from jaxcrusher.settled.collocation import collocate
-from jaxcrusher.settled.described import Nodes, described, kinematic, known_without_slopes
+from jaxcrusher.settled.described import Nodes, described, kinematic, of_nodes
 from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged
 from jaxcrusher.settled.shooting import shoot
 from jaxcrusher.settled.trigonometric import resample
@@ -131,7 +131,7 @@ def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> Perio
 def _found(scene: Scene, guess: Array | None, period: int, nodes: int) -> Nodes:
     start = forced.quasi_static(scene, period, nodes) if guess is None else resample(guess, nodes)
     system = forced.system(scene, period)
-    return known_without_slopes(system, *collocate(system, start))
+    return of_nodes(system, *collocate(system, start))
 
 
 @eqx.filter_jit

@@ -45,7 +45,7 @@ def settled_slopes(
     None where there is none to be had so: for a scene that `periodic_orbit` refuses, an orbit that
     is not found, not stable, hardly in contact, or not near the scene's start.
     """
-    scene = build(point)
+    scene = _built(build, point)
     if scene.joint is None or refusal(scene):
         return None
     orbit = periodic_orbit(scene)
@@ -54,26 +54,22 @@ def settled_slopes(
     if jnp.max(jnp.abs(initial_state(scene) - flat(orbit.state(), scene))) > NEAR:
         return None
     nodes = len(orbit.eccentricity)
-    values = np.asarray(_slopes(point, build, metric, nodes))
+
+    # Not under `jax.jit`: the program that has solved for the orbit serves all of these.
+    def value(point: Array) -> Array:
+        return periodic_orbit(_built(build, point), nodes=nodes)[metric]
 
     def differences(radii: Float[np.ndarray, " n"]) -> np.ndarray:
-        found = [
-            float(
-                _value(point + shift, build, metric, nodes)
-                - _value(point - shift, build, metric, nodes)
-            )
-            for shift in jnp.diag(jnp.asarray(radii))
-        ]
-        return np.array(found) / (2 * radii)
+        ends = [(value(point + shift), value(point - shift)) for shift in np.diag(radii)]
+        return np.array([float(ahead) - float(behind) for ahead, behind in ends]) / (2 * radii)
+
+    values = np.asarray(jax.jacfwd(value)(point))
 
     return SettledSlopes(
         orbit, values, np.abs(differences(SMALLER * radii) - values), differences(radii)
     )
 
 
-def _metric(point: Array, build: Callable[[Array], Scene], metric: str, nodes: int) -> Array:
-    return periodic_orbit(build(point), nodes=nodes)[metric]
-
-
-_value = eqx.filter_jit(_metric)
-_slopes = eqx.filter_jit(jax.jacfwd(_metric))
+@eqx.filter_jit
+def _built(build: Callable[[Array], Scene], point: Array) -> Scene:
+    return build(point)
