@@ -103,6 +103,7 @@ def _is_slow(primitive: Primitive, *_, **__) -> bool:
     return primitive.name in ("sin", "cos", "pow")
 
 
+@eqx.filter_jit
 def collocate(
     system: System,
     guess: Float[ArrayLike, "nodes dims"],

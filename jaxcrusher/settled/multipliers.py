@@ -38,6 +38,7 @@ class Multipliers(eqx.Module):
         return jnp.max(jnp.abs(self.values))
 
 
+@eqx.filter_jit
 def multipliers(system: System, x: Float[Array, "nodes dims"], steps: int = STEPS) -> Multipliers:
     """Of the orbit through the nodes `x`, with `steps` (a power of two) a period.
 

@@ -1,12 +1,12 @@
 """Indicators against systems whose numbers are known, and the crusher's own section."""
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
 from benchmarks.lyapunov.systems import duffing, flow, henon, iterate, logistic, lorenz
+from jaxcrusher.basics.plane import scalar
 from jaxcrusher.dynamics.indicators import (
     birkhoff_average,
     detect_period,
@@ -122,7 +122,7 @@ def test_section_of_the_quiet_motion():
 
 def test_section_of_a_failed_motion():
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
-    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, jnp.array(jnp.nan))
+    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, scalar(np.nan))
     # Counts that are compiled already.
     section = poincare_section(broken, 0, 3, slices=4, state=initial_state(scene))
     assert not section.outcome.success and np.isnan(section.states).all()

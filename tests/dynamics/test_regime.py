@@ -1,12 +1,11 @@
 """Verdicts on motions whose kind is known, and on evidence that does not agree."""
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.regime import spread_trend, verdict
@@ -76,6 +75,6 @@ def test_whirl_and_failure_are_named():
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
     found = jc.regime(scene, 10, 20, rtol=1e-8)
     assert found.name == "whirl" and "round its bore" in str(found)
-    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, jnp.array(jnp.nan))
+    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, scalar(np.nan))
     found = jc.regime(broken, 1, 2)
     assert found.name == "failed" and "stopped at 0 rad" in str(found)

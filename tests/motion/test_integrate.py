@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.basics.plane import scalar
 
 
 def test_values_are_checked_only_where_concrete():
@@ -35,7 +36,7 @@ def test_a_failed_run_is_reported_and_never_a_number():
     assert np.isnan(motion.normal_force[late]).all()
     assert np.isfinite(motion.normal_force[~late]).all()
 
-    broken = eqx.tree_at(lambda s: s.joint.normal.stiffness, scene, jnp.array(jnp.nan))
+    broken = eqx.tree_at(lambda s: s.joint.normal.stiffness, scene, scalar(jnp.nan))
     result = jc.statistics(broken, 0, 3)
     assert not result.success and result.failure.startswith("stopped at")
     for name in jc.STATISTICS:
@@ -65,7 +66,7 @@ def test_a_failed_lane_leaves_the_others_alone():
 def test_nothing_finite_ends_at_once(start):
     """Also where the first state is not finite, and beside a lane that is."""
     scene = jc.paper_scene(30.0, 0.06e-3, start=start)
-    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, jnp.array(jnp.nan))
+    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, scalar(jnp.nan))
     result = jc.statistics(
         broken, 0, 2, outputs=("foundation_rms",), method=jc.Method(max_steps=1000)
     )
