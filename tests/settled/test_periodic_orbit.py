@@ -47,6 +47,20 @@ def test_load_normal_to_the_jaw(speed, clearance, rms):
     np.testing.assert_allclose(jc.periodic_orbit(scene).foundation_rms, rms, atol=1e-6)
 
 
+def test_a_slope_beside_an_orbit_compiles_no_second_search(caplog):
+    def rms(clearance):
+        return jc.periodic_orbit(jc.paper_scene(27.0, clearance), nodes=96).foundation_rms
+
+    rms(0.05e-3)
+    with jax.log_compiles():
+        slope = jax.grad(rms)(0.05e-3)
+    compiled = [line for line in caplog.messages if line.startswith("Compiling")]
+    assert any("_described" in line for line in compiled)
+    assert not any("_found" in line for line in compiled)
+    # Differences of orbits over 1 um give 30 125.93.
+    assert float(slope) == pytest.approx(30125.93, rel=1e-6)
+
+
 def test_multipliers_against_the_section(orbit):
     """The Jacobian of the once-per-turn map, by tangents under the integrator's error control."""
     state = flat(orbit.state(), orbit.scene)
