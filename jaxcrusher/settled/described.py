@@ -62,6 +62,7 @@ def described(system: System, found: Nodes, period: int) -> PeriodicOrbit:
     return PeriodicOrbit(scene, period, x, result, found.root.steps, *numbers)
 
 
+@eqx.filter_jit
 def kinematic(scene: Scene, period: int) -> PeriodicOrbit:
     """That of ideal joints: a sum over turns."""
     zero, angles = jnp.zeros(()), 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS

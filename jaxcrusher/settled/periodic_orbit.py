@@ -121,7 +121,7 @@ def _blurred(orbit: PeriodicOrbit) -> bool:
 def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> PeriodicOrbit:
     """The orbit with `count` nodes a turn, as far as one set of nodes can tell."""
     if scene.is_ideal:
-        return _kinematic(scene, period)
+        return kinematic(scene, period)
     # A program of its own, which serves values and slopes.
     found = _found(jax.lax.stop_gradient(scene), guess, period, count * period)
     return _described(scene, found, period)
@@ -137,11 +137,6 @@ def _found(scene: Scene, guess: Array | None, period: int, nodes: int) -> Nodes:
 @eqx.filter_jit
 def _described(scene: Scene, found: Nodes, period: int) -> PeriodicOrbit:
     return described(forced.system(scene, period), found, period)
-
-
-@eqx.filter_jit
-def _kinematic(scene: Scene, period: int) -> PeriodicOrbit:
-    return kinematic(scene, period)
 
 
 def _open(orbit: PeriodicOrbit) -> bool:
