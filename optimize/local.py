@@ -119,7 +119,7 @@ def descend_by_fits(
     centre, radius = np.asarray(start, dtype=float), FIRST_RADIUS
     common = rng.integers(2**31, size=pairs)
 
-    def sample(point):
+    def sample(point: np.ndarray) -> np.ndarray:
         return objective(np.tile(point, (pairs, 1)), common)
 
     here = sample(centre)
@@ -128,15 +128,8 @@ def descend_by_fits(
         if radius < LAST_RADIUS or not np.isfinite(here).all():
             path.append((centre, here))
             continue
-        offsets = rng.uniform(-1, 1, (pairs, len(centre)))
-        numbers = rng.integers(2**31, size=pairs)
-        high = np.clip(centre + radius * offsets, 0, 1)
-        low = np.clip(centre - radius * offsets, 0, 1)
-        rise = objective(high, numbers) - objective(low, numbers)
-        good = np.isfinite(rise)
-        if good.sum() > len(centre):
-            slope, *_ = np.linalg.lstsq((high - low)[good], rise[good], rcond=None)
-            trial = np.clip(centre - radius * slope / max(np.abs(slope).max(), 1e-300), 0, 1)
+        trial = _downhill(objective, centre, radius, pairs, rng)
+        if trial is not None:
             there = sample(trial)
             gain = here - there
             error = gain.std(ddof=1) / np.sqrt(pairs)
@@ -149,3 +142,23 @@ def descend_by_fits(
     centres = np.stack([point for point, _ in path])
     values = np.stack([value for _, value in path])
     return centres, values.mean(axis=1), values.std(axis=1, ddof=1) / np.sqrt(pairs)
+
+
+def _downhill(
+    objective: Objective,
+    centre: Float[np.ndarray, " n"],
+    radius: float,
+    pairs: int,
+    rng: np.random.Generator,
+) -> Float[np.ndarray, " n"] | None:
+    """Down a plane fitted to runs at opposite points, to the box's edge; None if too many fail."""
+    offsets = rng.uniform(-1, 1, (pairs, len(centre)))
+    numbers = rng.integers(2**31, size=pairs)
+    high = np.clip(centre + radius * offsets, 0, 1)
+    low = np.clip(centre - radius * offsets, 0, 1)
+    rise = objective(high, numbers) - objective(low, numbers)
+    good = np.isfinite(rise)
+    if good.sum() <= len(centre):
+        return None
+    slope, *_ = np.linalg.lstsq((high - low)[good], rise[good], rcond=None)
+    return np.clip(centre - radius * slope / max(np.abs(slope).max(), 1e-300), 0, 1)

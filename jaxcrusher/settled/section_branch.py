@@ -87,9 +87,8 @@ class SectionBranches:
                 return None
             rows = np.hstack([matrix - np.eye(dims), self.scale * forcing])
             left = np.append(ends[-1] - place[:-1], along @ (place - guess))
-            try:
-                change = np.linalg.solve(np.vstack([rows, along]), -left)
-            except np.linalg.LinAlgError:
+            change = _solved(np.vstack([rows, along]), -left)
+            if change is None:
                 return None
             place = place + change
             if np.max(np.abs(change)) < CLOSURE:
@@ -211,3 +210,13 @@ class SectionBranches:
         except ValueError:
             return None
         return last
+
+
+def _solved(
+    matrix: Float[np.ndarray, "n n"], right: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"] | None:
+    """None for a singular matrix."""
+    try:
+        return np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        return None
