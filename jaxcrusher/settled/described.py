@@ -39,7 +39,7 @@ class Nodes(eqx.Module):
 
 
 def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -> Nodes:
-    """What needs no slopes is found once, and serves values and their slopes alike."""
+    """What is known of the orbit through `x` without its slopes, and serves these too."""
     slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
     missed = forced.missed(system, x, root.factors, accelerations)
     return Nodes(x, root, missed, of_slopes(slopes, system.period))

@@ -24,6 +24,7 @@ from jaxcrusher.settled.branch import (
     leaves_circle,
     test_functions,
 )
+from jaxcrusher.settled.shooting import solved
 
 # Of Newton's last step, in clearances and m/s, and the integrations' tolerance.
 CLOSURE, RTOL = 1e-7, 1e-10
@@ -87,8 +88,8 @@ class SectionBranches:
                 return None
             rows = np.hstack([matrix - np.eye(dims), self.scale * forcing])
             left = np.append(ends[-1] - place[:-1], along @ (place - guess))
-            change = _solved(np.vstack([rows, along]), -left)
-            if change is None:
+            change = solved(np.vstack([rows, along]), -left)
+            if not np.isfinite(change).all():
                 return None
             place = place + change
             if np.max(np.abs(change)) < CLOSURE:
@@ -210,13 +211,3 @@ class SectionBranches:
         except ValueError:
             return None
         return last
-
-
-def _solved(
-    matrix: Float[np.ndarray, "n n"], right: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"] | None:
-    """None for a singular matrix."""
-    try:
-        return np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        return None

@@ -42,7 +42,7 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> Period
         return missing(scene, period)
     state, along = found
     matrix, _ = chain(along)
-    state = state + _solved(matrix, along.state - state)
+    state = state + _step(matrix, along.state - state)
     coarse, _ = chain(tangents(build, none, "foundation_rms", state, period, 100 * RTOL))
     blur = np.max(np.abs(coarse - matrix)) / np.max(np.abs(matrix))
     orbit = described(scene, state, period, np.linalg.eigvals(matrix), blur)
@@ -148,13 +148,13 @@ def section_point(
         if not np.isfinite(matrix).all():
             return None
         # Deuflhard's test: seen with the last matrix, the next step must be shorter.
-        if np.any(step) and not _size(_solved(last, left)) < (1 - share / 4) * _size(step):
+        if np.any(step) and not _size(_step(last, left)) < (1 - share / 4) * _size(step):
             share /= 2
             if share < LEAST_SHARE:
                 return None
             continue
         x, last, share = x + share * step, matrix, min(1.0, 2 * share)
-        step = _solved(matrix, left)
+        step = _step(matrix, left)
         if _size(step) < CLOSURE and rtol == RTOL:
             return x, along
         if not _size(step) < LEAP:
@@ -163,12 +163,19 @@ def section_point(
     return None
 
 
-def _solved(matrix: Float[np.ndarray, "n n"], left: Float[np.ndarray, " n"]) -> np.ndarray:
-    """Newton's step, not finite where a multiplier is 1."""
+def solved(
+    matrix: Float[np.ndarray, "n n"], right: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """The solution of linear equations, not finite where the matrix is singular."""
     try:
-        return np.linalg.solve(np.eye(len(left)) - matrix, left)
+        return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:
-        return np.full(len(left), np.nan)
+        return np.full(len(right), np.nan)
+
+
+def _step(matrix: Float[np.ndarray, "n n"], left: Float[np.ndarray, " n"]) -> np.ndarray:
+    """Newton's step, not finite where a multiplier is 1."""
+    return solved(np.eye(len(left)) - matrix, left)
 
 
 def _size(step: Float[np.ndarray, " n"]) -> float:

@@ -57,8 +57,8 @@ def test_a_slope_beside_an_orbit_compiles_no_second_search(caplog):
     compiled = [line for line in caplog.messages if line.startswith("Compiling")]
     assert any("_described" in line for line in compiled)
     assert not any("_found" in line for line in compiled)
-    # Differences of orbits over 1 um give 30 125.93.
-    assert float(slope) == pytest.approx(30125.93, rel=1e-6)
+    # Differences of orbits give 30 125.936 over 0.1 um, 30 125.935 over 0.03 um.
+    assert float(slope) == pytest.approx(30125.935, rel=1e-6)
 
 
 def test_multipliers_against_the_section(orbit):
