@@ -1,4 +1,4 @@
-"""Checks of arguments, on the values that are concrete; traced values pass."""
+"""Checks of arguments, on the values that are known; values known only to `jax.jit` pass."""
 
 from collections.abc import Iterable
 from difflib import get_close_matches
@@ -15,6 +15,14 @@ SEVERAL = 8
 def concrete(value) -> np.ndarray | None:
     """The value as a NumPy array, or None if it is traced."""
     return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
+
+
+def primal(value) -> np.ndarray | None:
+    """The value as a NumPy array, without its derivatives; None under `jax.jit` or `jax.vmap`.
+
+    `jax.grad` and its kin alone leave it known.
+    """
+    return concrete(jax.lax.stop_gradient(value) if concrete(value) is None else value)
 
 
 def require(condition: bool | np.bool, name: str, must: str, value: object) -> None:
@@ -53,7 +61,7 @@ def require_positive(name: str, value: ArrayLike, unit: str) -> None:
     known = _known_numbers(name, value)
     if known is not None:
         good = bool(np.all(np.isfinite(known) & (known > 0)))
-        require(good, name, f"be finite and > 0 {unit}".rstrip(), value)
+        require(good, name, f"be finite and > 0 {unit}".rstrip(), _shown(value, known))
 
 
 def require_within(name: str, value: ArrayLike, low: float, high: float, unit: str = "") -> None:
@@ -61,12 +69,17 @@ def require_within(name: str, value: ArrayLike, low: float, high: float, unit: s
     known = _known_numbers(name, value)
     if known is not None:
         good = bool(np.all((known >= low) & (known <= high)))
-        require(good, name, f"lie in [{low:g}, {high:g}] {unit}".rstrip(), value)
+        require(good, name, f"lie in [{low:g}, {high:g}] {unit}".rstrip(), _shown(value, known))
+
+
+def _shown(value: ArrayLike, known: np.ndarray) -> object:
+    """The value as it was given, or the number inside a tracer."""
+    return known if concrete(value) is None else value
 
 
 def _known_numbers(name: str, value: ArrayLike) -> np.ndarray | None:
-    """`concrete`, refused where it is none of numbers."""
-    known = concrete(value)
+    """`primal`, refused where it is none of numbers."""
+    known = primal(value)
     good = known is None or np.issubdtype(known.dtype, np.number) or known.dtype == bool
     # Half a millisecond, so only where it is told.
     require(good, name, "be a number", "" if good else repr(value))

@@ -21,6 +21,10 @@ from jaxtyping import Array, Bool, Float, Int, PyTree, Scalar
 
 from jaxcrusher.motion.last_step import floats_counted_at_once
 
+# What an error of a second derivative weighs against one of the motion. The second derivative of
+# the contact's force jumps where its smoothed corner ends, by 1e5 m/s2 for a clearance that grows
+# by all of itself. At full weight no step of more than 1e-14 s would pass there.
+SECOND = 1e-3
 # Tangents are carried in multiples of this, the last ones zero: XLA makes vector instructions of
 # loops over whole registers of doubles, and scalar ones of others (3 cost more than 4).
 REGISTER = 4
@@ -109,20 +113,22 @@ def failure_text(outcome: Outcome, unit: str) -> str:
     return f"stopped at {float(outcome.reached):.6g} {unit}: {reason}"
 
 
-def error_norm(error: PyTree) -> Scalar:
+def error_norm(error: PyTree, order: int = 0) -> Scalar:
     """The root mean square over the motion; totals do not count unless there is no motion.
 
     With sensitivities the largest over the state and each of its tangents, so that asking
-    for derivatives never loosens the control of the motion itself.
+    for derivatives never loosens the control of the motion itself. `order` is that of the
+    derivative, of which `SECOND` has the weights.
     """
     if isinstance(error, Sensitive):
-        tangents = jax.vmap(error_norm)(error.tangents)
-        return jnp.maximum(error_norm(error.state), jnp.max(tangents))
+        tangents = jax.vmap(lambda tangent: error_norm(tangent, order + 1))(error.tangents)
+        return jnp.maximum(error_norm(error.state, order), jnp.max(tangents))
     if isinstance(error, Carried) and jax.tree.leaves(error.motion):
-        return error_norm(error.motion)
+        return error_norm(error.motion, order)
     squares = [jnp.sum(leaf**2) for leaf in jax.tree.leaves(error)]
     count = sum(leaf.size for leaf in jax.tree.leaves(error))
-    return jnp.sqrt(sum(squares, jnp.zeros(())) / max(count, 1))
+    weight = SECOND ** max(order - 1, 0)
+    return weight * jnp.sqrt(sum(squares, jnp.zeros(())) / max(count, 1))
 
 
 @eqx.filter_custom_jvp
@@ -154,8 +160,9 @@ def _integrate_jvp(primals, tangents, *, problem: Problem, method: Integration):
     fixed = eqx.filter(
         args, jax.tree.map(lambda leaf: leaf is None, args_dot, is_leaf=lambda leaf: leaf is None)
     )
-    # Tangents by relative changes of a number: of the same units and size as the state.
-    scales = jnp.where(values == 0, 1.0, jnp.abs(values))
+    # Tangents by relative changes of a number: of the same units and size as the state. They are
+    # units, and cancel: a second derivative has none by them.
+    scales = jax.lax.stop_gradient(jnp.where(values == 0, 1.0, jnp.abs(values)))
     augmented = _with_tangents(problem, unravel)
     (summary, jacobian), outcome = integrate(
         (values, scales, fixed), times, problem=augmented, method=method
@@ -221,8 +228,11 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
     """The loop over segments."""
     start, y = jnp.zeros_like(times[0, 0]), problem.initial(args)
     success = RESULTS.promote(diffrax.RESULTS.successful)
+    # A NaN among the numbers is one outside its limits: see `scenes.parameters.within_limits`.
+    able = RESULTS.where(_finite((y, args)), success, RESULTS.not_finite)
     if not jax.tree.leaves(y):
-        return _evaluate(args, times, y, problem), Outcome(success, times[-1, -1], jnp.array(0))
+        summary = _masked(_evaluate(args, times, y, problem), able != success)
+        return summary, Outcome(able, times[-1, -1], jnp.array(0))
     if integrator.value is not None:
         return integrator.value(args, times, y, problem, method)
 
@@ -268,7 +278,6 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
         summary = problem.summarise(observed, _masked(y, ~after.success))
         return (saves[-1], _restarted(y), after), summary
 
-    able = RESULTS.where(_finite(y), success, RESULTS.not_finite)
     carry = (start, y, Outcome(able, start, jnp.array(0)))
     (_, _, outcome), summaries = jax.lax.scan(segment, carry, times)
     return summaries, outcome
@@ -286,10 +295,8 @@ def _finite(tree: PyTree) -> Bool[Array, ""]:
 
 
 def _masked(tree: PyTree, bad: Bool[Array, "..."]) -> PyTree:
-    """NaN where `bad`, which has the leading axes of every leaf."""
+    """NaN where `bad`, which has the leading axes of every leaf, in slopes too: by a factor."""
+    factor = jnp.where(bad, jnp.nan, 1.0)
     return jax.tree.map(
-        lambda leaf: jnp.where(
-            bad.reshape(bad.shape + (1,) * (leaf.ndim - bad.ndim)), jnp.nan, leaf
-        ),
-        tree,
+        lambda leaf: factor.reshape(bad.shape + (1,) * (leaf.ndim - bad.ndim)) * leaf, tree
     )

@@ -164,7 +164,9 @@ def _statistics(
     (states, by_turn), outcome = integrate(flow, times, problem=problem, method=method)
     by_turn = {name: values[settle_turns:] for name, values in by_turn.items()}
     values = {name: over_pieces(name, values) for name, values in by_turn.items()}
-    values = {name: jnp.where(outcome.success, v, jnp.nan) for name, v in values.items()}
+    # A factor, and no choice by `jnp.where`, so that slopes of a failed run are NaN too.
+    factor = jnp.where(outcome.success, 1.0, jnp.nan)
+    values = {name: factor * v for name, v in values.items()}
     limits = limits_of(scene, values)
     end = flat(jax.tree.map(lambda leaf: leaf[-1], states), scene)
     return Statistics(turns, outcome, values, by_turn, end, limits)

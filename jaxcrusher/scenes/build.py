@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.lax import stop_gradient
 
-from jaxcrusher.basics.checks import concrete, require, require_x64
+from jaxcrusher.basics.checks import concrete, primal, require, require_x64
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.capacity import CrushingChamber, stroke
 from jaxcrusher.crusher.drives import ConstantSpeed
@@ -39,6 +39,7 @@ from jaxcrusher.scenes.parameters import (
     check_description,
     complete,
     readable,
+    within_limits,
 )
 
 # What the names of `jaxcrusher.scenes.parameters.CHOICES` stand for.
@@ -73,15 +74,16 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     """The scene of a description; names that are missing take the paper's value.
 
     `values` maps names of `PARAMETERS` to scalars in SI units, which may be traced, and names of
-    `CHOICES` to one of theirs; those of `CHAMBER` are `build_chamber`'s. A friction of exactly 0
-    that is not traced leaves friction out. With an `elbow.clearance` B is loose, with a
-    `pivot.clearance` C; their other numbers and choices stand by the same prefix.
+    `CHOICES` to one of theirs; those of `CHAMBER` are `build_chamber`'s. A number that only
+    `jax.jit` knows and that lies outside its limits becomes NaN, and the motion a failure. A
+    friction of exactly 0 that is not traced leaves friction out. With an `elbow.clearance` B is
+    loose, with a `pivot.clearance` C; their other numbers and choices stand by the same prefix.
 
     Raises ValueError as `check_description` and `complete` do, and as `Scene` and `Machine` do.
     """
     require_x64()
     check_description(values)
-    v = complete(values)
+    v = within_limits(complete(values))
     law = None if v["load_law"] == "none" else _LOADS[v["load_law"]](v["load"])
     machine, drive = build_machine(v), ConstantSpeed(v["speed"])
     main = None if v["joint"] == "ideal" else _joint(v, "")
@@ -129,13 +131,10 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
     if any(_differs(v[name], PE250X400[name]) for name in LINKS):
         travel = jax.jit(stroke)
         double_width = double_width - (travel(build_machine(v)) - travel(build_machine({})))
-    known = concrete(double_width)
-    require(
-        known is None or bool(np.all(known > v["chamber.discharge"])),
-        "chamber.discharge",
-        "be wider than the jaw's stroke at its lower end",
-        readable("chamber.discharge", v["chamber.discharge"]),
-    )
+    width, discharge = primal(double_width), primal(v["chamber.discharge"])
+    if width is not None and discharge is not None and not np.all(width > discharge):
+        must = "be wider than the jaw's stroke at its lower end"
+        require(False, "chamber.discharge", must, readable("chamber.discharge", float(discharge)))
     return CrushingChamber(
         v["chamber.width"], v["chamber.height"], v["chamber.loosening"], double_width, v["gravity"]
     )

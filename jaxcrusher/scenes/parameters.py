@@ -8,10 +8,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike
+from jaxtyping import Array, ArrayLike
 
 from jaxcrusher.basics.checks import (
+    concrete,
     require,
     require_choice,
     require_known,
@@ -181,7 +183,7 @@ def choices_of(names: Iterable[str]) -> list[str]:
 def check_description(values: Mapping[str, Any]) -> None:
     """ValueError for an unknown name, a number outside its limits, or an unknown choice.
 
-    Numbers are scalars or arrays; traced ones pass.
+    Numbers are scalars or arrays; what is known only to `jax.jit` passes (see `within_limits`).
     """
     for name, value in values.items():
         if name in CHOICES:
@@ -189,6 +191,23 @@ def check_description(values: Mapping[str, Any]) -> None:
             continue
         require_known(name, (*PARAMETERS, *CHAMBER, *CHOICES))
         check_number(name, value)
+
+
+def within_limits(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The same description, with NaN for every traced number that lies outside its limits.
+
+    A check cannot raise an error for a value that only `jax.jit` will know. NaN makes the motion
+    a failure, in place of a number that means nothing.
+    """
+    traced = {name: v for name, v in values.items() if name in NUMBERS and concrete(v) is None}
+    return {**values, **{name: _or_nan(NUMBERS[name], v) for name, v in traced.items()}}
+
+
+def _or_nan(parameter: Parameter, value: Array) -> Array:
+    if parameter.limits is None:
+        return jnp.where((value > 0) & (value < jnp.inf), value, jnp.nan)
+    low, high = parameter.limits
+    return jnp.where((value >= low) & (value <= high), value, jnp.nan)
 
 
 def check_number(name: str, value: ArrayLike) -> None:
