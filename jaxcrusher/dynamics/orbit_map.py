@@ -20,15 +20,24 @@ from jaxcrusher.basics.checks import (
     require_whole,
     require_x64,
 )
-from jaxcrusher.batch.engines import Engine, map_chunks, without_lanes
+from jaxcrusher.batch.engines import Engine, map_all, map_chunks, without_lanes
+from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.batch.plan import check_grid, coordinates
+from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, choices_of, numbers_of
+from jaxcrusher.scenes.parameters import (
+    CHOICES,
+    PARAMETERS,
+    choices_of,
+    loose_besides,
+    numbers_of,
+)
 from jaxcrusher.settled.forced import quasi_static
 from jaxcrusher.settled.periodic_orbit import NODES, SETTLED, periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit, reason
+from jaxcrusher.settled.transient import one_period, resting_start, section_mean
 from jaxcrusher.settled.trigonometric import resample
 
 # Name -> unit and meaning of what a map holds besides the statistics.
@@ -63,8 +72,9 @@ def orbit_map(
 
     Every cell is solved from the pin resting in its bore, on all cores; a cell where that fails is
     tried again from neighbours along the axes that are solved, up to four steps away and the
-    nearest first, for as long as that helps. What is found there may lie on another branch than
-    the next cell's.
+    nearest first, for as long as that helps. What fails still is waited for over 270 turns, and
+    solved for from there if it keeps contact. What is found so may lie on another branch than the
+    next cell's.
 
     **Arguments:**
 
@@ -76,7 +86,7 @@ def orbit_map(
       leave with an `error` above 1e-8.
     - `slopes`: names of numbers by which `metric`, a statistic of `jaxcrusher.PeriodicOrbit`, is
       differentiated: any number of them costs about as much as one.
-    - `engine`: as in `jaxcrusher.map_chunks`; nothing is integrated, so None is never lanes.
+    - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
     - `progress`: called with the number of finished and of all designs, first at the start; what
       fails is finished when its neighbours have been tried.
 
@@ -115,18 +125,26 @@ def orbit_map(
         for name in numbers_of(described)
     }
     shape = tuple(len(values) for values in varied.values())
-    grid = _Grid(shape, tuple(name in PARAMETERS for name in varied), numbers)
+    dims = 2 * (1 + len(loose_besides(described)))
+    grid = _Grid(shape, tuple(name in PARAMETERS for name in varied), numbers, dims)
     for chosen, members in groups.items():
+        words = dict(zip(choices, chosen, strict=True))
         for level in levels:
             solve = eqx.Partial(
                 _cell,
-                choices=dict(zip(choices, chosen, strict=True)),
+                choices=words,
                 slopes=tuple(slopes),
                 metric=metric,
                 period=period,
                 nodes=level,
             )
             grid.fill(solve, members, level * period, engine or without_lanes(), report)
+        # What no neighbour leads to is waited for.
+        if left := [number for number in members if not grid.rows[number]["success"]]:
+            guesses = _waited(grid.numbers_of(left), words, period, engine)
+            known = {n: guess for n, guess in zip(left, guesses, strict=True) if _kept(guess)}
+            points = levels[-1] * period
+            grid.fill(solve, list(known), points, engine or without_lanes(), report, known)
     rows = [grid.rows[number] for number in range(len(cells))]
     data = _variables(varied, shape, rows, metric)
     labels = {name: (name, *rest) for name, rest in coordinates(varied).items()}
@@ -143,7 +161,7 @@ def orbit_map(
 
 
 def _cell(
-    case: tuple[dict[str, Scalar], Float[Array, "n 2"]],
+    case: tuple[dict[str, Scalar], Float[Array, "n dims"]],
     *,
     choices: dict[str, str],
     slopes: tuple[str, ...],
@@ -178,6 +196,30 @@ def _cell(
     return row
 
 
+def _waited(
+    numbers: dict[str, np.ndarray], choices: dict[str, str], period: int, engine: Engine | None
+) -> Float[np.ndarray, "cells angles dims"]:
+    """The motions that scenes come to, as guesses of their orbits; NaN where one fails."""
+    count = len(next(iter(numbers.values())))
+    # As many as fill all lanes, so that few sizes are compiled.
+    index = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1)
+
+    def start(by: dict[str, Scalar]) -> tuple[Array, Scene]:
+        return resting_start(build_scene({**by, **choices}))
+
+    cases = {name: values[index] for name, values in numbers.items()}
+    states, scenes = eqx.filter_jit(jax.vmap(start))(cases)
+    mean, seen = (eqx.Partial(look, period=period) for look in (section_mean, one_period))
+    means, _, ended = map_all(mean, (states, scenes), engine=engine)
+    found, good = map_all(seen, (means, scenes), engine=engine)
+    return np.where((ended & good)[:, None, None], found, np.nan)[:count]
+
+
+def _kept(guess: Float[np.ndarray, "angles dims"]) -> bool:
+    """Whether a motion keeps contact at all joints: collocation finds no other."""
+    return bool(np.all(np.linalg.norm(guess.reshape(len(guess), -1, 2), axis=2) > 1))
+
+
 @dataclass
 class _Grid:
     """Cells in the order of their product, and what is known of each."""
@@ -185,6 +227,7 @@ class _Grid:
     shape: tuple[int, ...]
     ordered: tuple[bool, ...]  # whether an axis has neighbours
     numbers: dict[str, np.ndarray]
+    dims: int = 2  # of a guess
     rows: dict[int, dict[str, Any]] = field(default_factory=dict)
 
     def fill(
@@ -194,10 +237,16 @@ class _Grid:
         points: int,
         engine: Engine,
         report: Callable[[int, int], None],
+        guesses: Mapping[int, np.ndarray] | None = None,
     ) -> None:
-        """Solve what is not solved well, then what fails from neighbours, until none is new."""
+        """Solve what is not solved well, then what fails from neighbours, until none is new.
+
+        `guesses` of cells take the place of what is known of them.
+        """
         total = math.prod(self.shape)
         wanted = [(n, self._own(n, points)) for n in members if not self._settled(n)]
+        if guesses is not None:
+            wanted = [(n, np.asarray(resample(jnp.asarray(guesses[n]), points))) for n in members]
         tried: set[tuple[int, int]] = set()
         while wanted:
             found: set[int] = set()
@@ -214,6 +263,10 @@ class _Grid:
             tried.update(pairs)
             wanted = [(number, self._own(near, points)) for number, near in pairs]
 
+    def numbers_of(self, cells: list[int]) -> dict[str, np.ndarray]:
+        """The numbers of some cells."""
+        return {name: column[cells] for name, column in self.numbers.items()}
+
     def _untried(self, number: int, tried: set[tuple[int, int]]) -> list[int]:
         """Neighbours that are solved, and from which a cell was not yet tried."""
         near = self._neighbours(number)
@@ -228,7 +281,7 @@ class _Grid:
         """The orbit of a cell, as a guess; NaN, which stands for the pin at rest, if none."""
         row = self.rows.get(number)
         if row is None or not row["success"] or "eccentricity" not in row:
-            return np.full((points, 2), np.nan)
+            return np.full((points, self.dims), np.nan)
         return np.asarray(resample(jnp.asarray(row["eccentricity"]), points))
 
     def _solve(self, solve: Callable, wanted: list[tuple[int, np.ndarray]], engine: Engine):
@@ -236,7 +289,7 @@ class _Grid:
         padded = wanted + wanted[-1:] * (-len(wanted) % CHUNK)
         index = np.array([number for number, _ in padded])
         cases = (
-            {name: column[index] for name, column in self.numbers.items()},
+            self.numbers_of(list(index)),
             np.stack([guess for _, guess in padded]),
         )
         for part, found in map_chunks(solve, cases, CHUNK, engine):

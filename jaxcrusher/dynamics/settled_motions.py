@@ -18,13 +18,13 @@ from jaxcrusher.dynamics.swing import (
     distance,
     places,
     section_of,
-    section_points,
     swing_about,
 )
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.settled.periodic_orbit import periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit
 from jaxcrusher.settled.shooting import shoot
+from jaxcrusher.settled.transient import section_points
 
 # A run is looked at so many times; the orbits searched for, and a multiple of all their periods.
 LOOKS, PERIODS, CYCLE = 4, (1, 2, 3, 4), 12

@@ -2,16 +2,10 @@
 
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Float
 
-from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.motion.flow import Flow, flat, unflattened
-from jaxcrusher.motion.integrate import integrate
-from jaxcrusher.motion.method import resolve
-from jaxcrusher.motion.statistics import statistics_problem
+from jaxcrusher.motion.flow import flat
 from jaxcrusher.settled.result import PeriodicOrbit
 
 # An orbit is that mean if it is no further from it, as a share of the spread and in clearances.
@@ -28,20 +22,6 @@ class Swing(NamedTuple):
     def allowed(self) -> float:
         """How far off an orbit may be that this swings about, in clearances."""
         return max(ABOUT * self.spread, NEAR)
-
-
-def section_points(
-    case: tuple[Float[Array, " dims"], Scene], *, turns: int, rtol: float
-) -> tuple[Float[Array, "turns dims"], Bool[Array, ""]]:
-    """Those of the next turns from a state, and whether the integration succeeded.
-
-    One integration: in lanes designs do not wait for each other at each turn's end.
-    """
-    state, scene = case
-    flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, rtol)
-    times = 2 * jnp.pi * jnp.arange(1, turns + 1)[:, None]
-    (states, _), outcome = integrate(flow, times, problem=statistics_problem(()), method=method)
-    return jax.vmap(lambda one: flat(one, scene))(states), outcome.success
 
 
 def swing_about(states: Float[np.ndarray, "turns dims"], period: int) -> Swing:

@@ -6,14 +6,16 @@ found: the orbit has no freedom of phase, and no multiplier that is always 1.
 """
 
 from collections.abc import Callable
+from types import ModuleType
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_batching import custom_vmap
 from jax.extend.core import Primitive
-from jax.scipy.linalg import lu_solve
-from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
+from jax.scipy.linalg import lu_factor, lu_solve
+from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
 from jaxcrusher.settled.newton import Factors, Root, newton
 from jaxcrusher.settled.trigonometric import differentiation, nodes, resample
@@ -44,15 +46,26 @@ class System(eqx.Module):
     ) -> tuple[Float[Array, "nodes dims"], Float[Array, "nodes dims nodes dims"]]:
         """The residual and its Jacobian: full by differentiation of x, in blocks by f."""
         times, rate, bend = self._motion(x)
-        (by_x, by_rate), found = self.slopes(times, x, rate)
-        first, second = self._matrices(len(x))
-        eye_nodes, eye = np.eye(len(x)), np.eye(x.shape[1])
-        jacobian = (
+        slopes, found = self.slopes(times, x, rate)
+        return found - bend, self.jacobian(*slopes)
+
+    def jacobian(
+        self,
+        by_x: Float[Array, "nodes dims dims"],
+        by_rate: Float[Array, "nodes dims dims"],
+        xp: ModuleType = np,
+    ) -> Float[Array, "nodes dims nodes dims"]:
+        """Return that of the residual from df/dx and df/dx' at the nodes.
+
+        `xp` is as in `differentiation`.
+        """
+        first, second = self._matrices(len(by_x), xp)
+        eye_nodes, eye = xp.eye(len(by_x)), xp.eye(by_x.shape[1])
+        return (
             jnp.einsum("iab,ij->iajb", by_x, eye_nodes)
             + jnp.einsum("iab,ij->iajb", by_rate, first)
             - jnp.einsum("ab,ij->iajb", eye, second)
         )
-        return found - bend, jacobian
 
     def slopes(
         self, times: Float[Array, " n"], x: Float[Array, "n dims"], rate: Float[Array, "n dims"]
@@ -76,9 +89,9 @@ class System(eqx.Module):
         rate = 2 * np.pi / self.period * resample(x, points, shift, 1)
         return self.period * (np.arange(points) + shift) / points, resample(x, points, shift), rate
 
-    def _matrices(self, count: int) -> tuple[Array, Array]:
+    def _matrices(self, count: int, xp: ModuleType = np) -> tuple[Array, Array]:
         pace = 2 * np.pi / self.period
-        first, second = differentiation(count)
+        first, second = differentiation(count, xp)
         return pace * first, pace**2 * second
 
     def _motion(self, x: Array) -> tuple[Array, Array, Array]:
@@ -135,9 +148,15 @@ def collocate(
     return attached(system, x, root.factors), root
 
 
+class Unfactored(eqx.Module):
+    """Stands for factors that are found when slopes are asked for, if they are `needed` at all."""
+
+    needed: Bool[Array, ""]
+
+
 @eqx.filter_custom_jvp
 def attached(
-    system: System, x: Float[Array, "nodes dims"], factors: Factors
+    system: System, x: Float[Array, "nodes dims"], factors: Factors | Unfactored
 ) -> Float[Array, "nodes dims"]:
     """The orbit `x`, as the function of the system's numbers that the equations make it.
 
@@ -161,6 +180,10 @@ def _attached_jvp(primals, tangents):
         return bent + jnp.einsum("iab,ib->ia", by_rate, first @ change) - second @ change
 
     def solve(apply: Callable, right: Array, transposed: int) -> Array:
+        if isinstance(factors, Unfactored):
+            known = factors.needed, system, by_x, by_rate
+            return _directly(transposed)(known, right[None])[0]
+
         # The factors belong to a point a small step away: each pass squares what that leaves.
         def closer(_, found: Array) -> Array:
             left = (right - apply(found)).ravel()
@@ -169,6 +192,8 @@ def _attached_jvp(primals, tangents):
         return jax.lax.fori_loop(0, 1 + REFINEMENTS, closer, jnp.zeros_like(right))
 
     _, forcing = eqx.filter_jvp(lambda system: system.residual(x), (system,), (tangents[0],))
+    if forcing is None:  # by numbers that do not move the orbit
+        return x, jnp.zeros_like(x)
     change = jax.lax.custom_linear_solve(
         moved,
         -forcing,
@@ -176,3 +201,39 @@ def _attached_jvp(primals, tangents):
         lambda apply, right: solve(apply, right, 1),
     )
     return x, change
+
+
+def _directly(transposed: int) -> Callable:
+    """Solve the linearised equations for right sides of shape (sides, nodes, dims).
+
+    Under `jax.vmap` right sides of one design share its factors, and designs go one after the
+    other, so that those that need no solution cost nothing.
+    """
+
+    @custom_vmap
+    def solve(known: tuple, rights: Array) -> Array:
+        needed, system, by_x, by_rate = known
+
+        def solved() -> Array:
+            size = by_x.shape[0] * by_x.shape[1]
+            # Constants of this program would be copied for every design.
+            factors = lu_factor(system.jacobian(by_x, by_rate, jnp).reshape(size, size))
+            flat = lu_solve(factors, rights.reshape(len(rights), size).T, trans=transposed)
+            return flat.T.reshape(rights.shape)
+
+        return jax.lax.cond(needed, solved, lambda: jnp.zeros_like(rights))
+
+    @solve.def_vmap
+    def _(count: int, batched: tuple, known: tuple, rights: Array) -> tuple[Array, bool]:
+        if not any(jax.tree.leaves(batched[0])):
+            return solve(known, rights.reshape(-1, *rights.shape[2:])).reshape(rights.shape), True
+        leaves, structure = jax.tree.flatten((known, rights))
+        flags = jax.tree.leaves(batched)
+
+        def one(i: Array) -> Array:
+            own = [leaf[i] if flag else leaf for leaf, flag in zip(leaves, flags, strict=True)]
+            return solve(*jax.tree.unflatten(structure, own))
+
+        return jax.lax.map(one, jnp.arange(count)), True
+
+    return solve

@@ -5,22 +5,24 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Scalar
+from jaxtyping import Array, Float, Int, Scalar
 
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.joint.validity import validity
+from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import STATISTIC, PowerMean, statistics_of
 from jaxcrusher.motion.statistics import limits_of
 from jaxcrusher.settled import forced, newton
-from jaxcrusher.settled.collocation import System, attached, one_by_one
+from jaxcrusher.settled.collocation import System, one_by_one
 from jaxcrusher.settled.multipliers import LOOKS, Multipliers, of_slopes
+from jaxcrusher.settled.newton import Factors
 from jaxcrusher.settled.result import RESULTS, PeriodicOrbit
 from jaxcrusher.settled.trigonometric import resample
 
 # An orbit whose RMS is known no better, as a share of it, is none.
-UNRESOLVED = 1e-4
+UNRESOLVED = 1e-3
 # Instants a turn at which forces are looked at: the length of a reaction that passes near zero
 # bends more sharply than the motion does.
 INSTANTS = 1024
@@ -30,36 +32,42 @@ FINER = 8
 
 
 class Nodes(eqx.Module):
-    """Where Newton's method ended, and what of it has no slopes."""
+    """Where Newton's method ended, and what is known there without slopes."""
 
     x: Float[Array, "nodes dims"]
-    root: newton.Root
-    missed: Scalar  # of the mean square of the force, estimated
+    result: newton.RESULTS
+    steps: Int[Array, ""]
+    missed: Scalar  # of the RMS of the force, as a share of it; estimated
     multipliers: Multipliers
 
 
-def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -> Nodes:
-    """What is known of the orbit through `x` without its slopes, and serves these too."""
+def of_nodes(
+    system: System, x: Float[Array, "nodes dims"], root: newton.Root
+) -> tuple[Nodes, Factors]:
+    """What is known of the orbit through `x`, and the factors that its slopes take."""
     slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
     missed = forced.missed(system, x, root.factors, accelerations)
-    return Nodes(x, root, missed, of_slopes(slopes, system.period))
+    multipliers = of_slopes(slopes, system.period)
+    return Nodes(x, root.result, root.steps, missed, multipliers), root.factors
 
 
-def described(system: System, found: Nodes, period: int) -> PeriodicOrbit:
-    """The orbit, which moves with the numbers of `system` as the equations have it."""
+def described(
+    system: System, found: Nodes, x: Float[Array, "nodes dims"], period: int
+) -> PeriodicOrbit:
+    """The orbit through `x`: the nodes found, moving with the numbers of `system`."""
     scene = system.args
-    x = attached(system, found.x, found.root.factors)
     values, error, least = _statistics(forced.snapshot, system.at(x, INSTANTS * period), scene)
-    still = jax.lax.stop_gradient(values["foundation_rms"])
-    error += jnp.abs(found.missed) / (2 * still**2)
+    error += found.missed
     reason = RESULTS.where(least > 0, RESULTS.unresolved, RESULTS.contact_lost)
-    result = RESULTS.promote(found.root.result)
+    result = RESULTS.promote(found.result)
     blurred = (result == RESULTS.successful) & ~(error <= UNRESOLVED)
     result = RESULTS.where(blurred, reason, result)
     limits, multipliers = limits_of(scene, values), found.multipliers
     assert limits is not None
+    _, place, rate = (part[0] for part in system.at(x, len(x)))
+    section = flat(forced.state(place, rate, scene), scene)
     numbers = values, error, least, multipliers.values, multipliers.error, limits
-    return PeriodicOrbit(scene, period, x, result, found.root.steps, *numbers)
+    return PeriodicOrbit(scene, period, x, section, result, found.steps, *numbers)
 
 
 @eqx.filter_jit
@@ -74,7 +82,7 @@ def kinematic(scene: Scene, period: int) -> PeriodicOrbit:
     result, limits = RESULTS.promote(newton.RESULTS.successful), validity(None, zero, zero)
     none = jnp.zeros(0, complex)
     numbers = jnp.array(0), values, error, zero, none, zero, limits
-    return PeriodicOrbit(scene, period, None, result, *numbers)
+    return PeriodicOrbit(scene, period, None, jnp.zeros(0), result, *numbers)
 
 
 def _statistics(

@@ -18,11 +18,10 @@ from jaxcrusher.basics.checks import (
     require_x64,
 )
 from jaxcrusher.crusher.scene import Scene, require_maker
-from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.settled import forced, shooting
 from jaxcrusher.settled.branch import ENDS, follow, special_points
-from jaxcrusher.settled.collocation import System
+from jaxcrusher.settled.collocation import System, attached
 from jaxcrusher.settled.described import INSTANTS, described, of_nodes
 from jaxcrusher.settled.newton import RESULTS, Root
 from jaxcrusher.settled.periodic_orbit import periodic_orbit
@@ -52,16 +51,16 @@ def orbit_branch(
     *,
     upwards: bool = True,
     scale: float | None = None,
-    period: int = 1,
+    period: int | None = None,
     nodes: int = NODES,
     points: int = 200,
     guess: PeriodicOrbit | Float[ArrayLike, "n 2"] | None = None,
 ) -> xr.Dataset:
     """The branch of settled motions through the one at a value of a parameter.
 
-    By collocation while contact is kept, to where it is lost. The branch of a `guess` that loses
-    contact, as `jaxcrusher.settled_motions` may find, is followed by shooting, through gain and
-    loss of contact; a point takes some two seconds.
+    By collocation while contact is kept, to where it is lost. The branch of a first motion that
+    the nodes do not resolve, such as one that loses contact, is followed by shooting, through gain
+    and loss of contact. A point of it takes some two seconds.
 
     **Arguments:**
 
@@ -94,12 +93,19 @@ def orbit_branch(
     require(low <= start <= high, "start", f"lie in the bounds [{low:g}, {high:g}]", start)
     scale = abs(start) / 30 if scale is None else scale
     require_positive("scale", scale, "")
-    if isinstance(guess, PeriodicOrbit) and not bool(guess.least_penetration > 0):
+    if isinstance(guess, PeriodicOrbit):
+        period = guess.period if period is None else period
         require(period == guess.period, "period", f"be the guess's {guess.period}", period)
-        return _by_sections(scene, guess, start, bounds, upwards, scale, points)
-    first = periodic_orbit(scene(jnp.asarray(start)), period=period, nodes=nodes, guess=guess)
-    require(bool(first.success), "start", "have a settled motion", f"{start}: {first.failure}")
+    begin = scene(jnp.asarray(start))
+    first = periodic_orbit(begin, period=period, nodes=nodes, guess=guess)
     require(first.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
+    if not bool(first.success):
+        found = periodic_orbit(begin, period=period, guess=guess)
+        require(bool(found.success), "start", "have a settled motion", f"{start}: {found.failure}")
+        first = periodic_orbit(begin, nodes=nodes, guess=found)
+        if not bool(first.success):
+            return _by_sections(scene, found, start, bounds, upwards, scale, points)
+    period = first.period
     assert first.eccentricity is not None
     family = eqx.Partial(_family, scene=scene, period=period)
     branch = follow(
@@ -138,7 +144,7 @@ def _by_sections(
 ) -> xr.Dataset:
     """The branch through an orbit that loses contact."""
     sections = SectionBranches(eqx.Partial(_made, scene=scene), orbit.period, scale)
-    state = np.asarray(flat(orbit.state(), orbit.scene))
+    state = np.asarray(orbit.section)
     branch, ended = sections.follow(state, start, bounds, upwards=upwards, points=points)
     require(bool(branch), "guess", "lead to an orbit that repeats", "one that does not")
     special = sections.special_points(branch)
@@ -181,9 +187,10 @@ def _family(value: Scalar, *, scene: Callable[[Scalar], Scene], period: int) -> 
     return forced.system(scene(value), period)
 
 
-def _least_penetration(x: Float[Array, "nodes 2"]) -> Scalar:
-    """In clearances."""
-    return jnp.min(jnp.linalg.norm(resample(x, INSTANTS), axis=1)) - 1
+def _least_penetration(x: Float[Array, "nodes dims"]) -> Scalar:
+    """The least over the period and over all joints, in clearances."""
+    by_joint = resample(x, INSTANTS).reshape(INSTANTS, -1, 2)
+    return jnp.min(jnp.linalg.norm(by_joint, axis=2)) - 1
 
 
 @eqx.filter_jit
@@ -198,6 +205,8 @@ def _described(
     family: Callable[[Scalar], System], value: Scalar, x: Array, period: int
 ) -> PeriodicOrbit:
     system = family(value)
-    factors = lu_factor(system.linearised(x)[1].reshape(x.size, x.size))
-    root = Root(x.ravel(), (factors[0], factors[1]), jnp.array(0), RESULTS.successful)
-    return described(system, of_nodes(system, x, root), period)
+    matrix = system.linearised(x)[1].reshape(x.size, x.size)
+    lower, rows = lu_factor(matrix)
+    root = Root(x.ravel(), (lower, rows), jnp.array(0), RESULTS.successful)
+    found, factors = of_nodes(system, x, root)
+    return described(system, found, attached(system, x, factors), period)

@@ -1,15 +1,14 @@
 """What is known of a periodic motion, however it was found."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Scalar
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import require, require_names
+from jaxcrusher.basics.checks import concrete, require, require_names
 from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
@@ -39,13 +38,15 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
 
     `orbit.foundation_rms` and so on: units and meanings stand in
     `jaxcrusher.motion.statistic.STATISTIC`. A failed search has `success` False, NaN in every
-    number, and says why in `failure`. The multipliers have no slopes.
+    number, and says why in `failure`. Slopes of a failure are NaN, and so are slopes of the
+    multipliers and of what follows from them.
     """
 
     scene: Scene
     period: int = eqx.field(static=True)  # turns
     # e / c at equal steps of shaft angle: x and y of each joint with clearance, A, B, C
     eccentricity: Float[Array, "nodes dims"] | None
+    section: Float[Array, " states"]  # the state at shaft angle zero: a section point
     result: RESULTS
     steps: Array  # Newton's
     values: Mapping[str, Scalar]  # statistics
@@ -122,19 +123,48 @@ def _seen(
     return jax.vmap(look)(angles)
 
 
-def _is_none(node: Any) -> bool:
-    return node is None
+def finished(orbit: PeriodicOrbit) -> PeriodicOrbit:
+    """The orbit as it is handed out: NaN in every number and slope of a failure.
 
-
-def judged(orbit: PeriodicOrbit, result: RESULTS) -> PeriodicOrbit:
-    """The orbit with a result, and NaN in every number unless that is a success."""
-    own = _masked(eqx.tree_at(lambda of: of.scene, orbit, None), result == RESULTS.successful)
-    changed = orbit.scene, result
-    return eqx.tree_at(lambda of: (of.scene, of.result), own, changed, is_leaf=_is_none)
+    Slopes of multipliers and errors are NaN too. They are computed without slopes, and a slope of
+    zero would be wrong.
+    """
+    scene, own = orbit.scene, _masked(eqx.tree_at(lambda of: of.scene, orbit, None))
+    if any(concrete(leaf) is None for leaf in jax.tree.leaves(scene)):
+        own = _sloped_if(own.success, own, scene)
+        bare = own.error, own.multipliers, own.multipliers_error
+        bare = _sloped_if(jnp.array(False), bare, scene)
+        own = eqx.tree_at(lambda of: (of.error, of.multipliers, of.multipliers_error), own, bare)
+    return eqx.tree_at(lambda of: of.scene, own, scene, is_leaf=lambda node: node is None)
 
 
 @eqx.filter_jit
-def _masked(orbit: PeriodicOrbit, good: Bool[Array, ""]) -> PeriodicOrbit:
+def _masked(orbit: PeriodicOrbit) -> PeriodicOrbit:
     numbers, others = eqx.partition(orbit, eqx.is_inexact_array)
-    numbers = jax.tree.map(lambda leaf: jnp.where(good, leaf, jnp.nan), numbers)
+    numbers = jax.tree.map(lambda leaf: jnp.where(orbit.success, leaf, jnp.nan), numbers)
     return eqx.combine(numbers, others)
+
+
+def without_slopes(orbit: PeriodicOrbit, scene: Scene) -> PeriodicOrbit:
+    """The orbit, with NaN for every slope by the numbers of `scene`: nobody knows them."""
+    return _sloped_if(jnp.array(False), orbit, scene)
+
+
+def _sloped_if(good: Bool[Array, ""], tree: PyTree, scene: Scene) -> PyTree:
+    """The numbers of a tree, whose slopes by those of `scene` are NaN unless `good`."""
+    leaves = [leaf for leaf in jax.tree.leaves(scene) if eqx.is_inexact_array(leaf)]
+    total = sum(map(jnp.sum, leaves), jnp.zeros(()))
+    numbers, others = eqx.partition(tree, eqx.is_inexact_array)
+    return eqx.combine(jax.tree.map(lambda leaf: _marked(leaf, good, total), numbers), others)
+
+
+@jax.custom_jvp
+def _marked(number: Array, good: Bool[Array, ""], total: Scalar) -> Array:
+    return number
+
+
+@_marked.defjvp
+def _marked_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    number, good, _ = primals
+    slope, _, by_scene = tangents
+    return number, slope + jnp.where(good, 0.0, jnp.nan) * by_scene

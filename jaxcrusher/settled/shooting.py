@@ -19,7 +19,7 @@ from jaxcrusher.motion.statistic import SAMPLES, statistics_of
 from jaxcrusher.motion.statistics import limits_of, over_pieces
 from jaxcrusher.motion.tangents import Build, Tangents, chain, changes, combine, tangents
 from jaxcrusher.settled import newton
-from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, judged
+from jaxcrusher.settled.result import RESULTS, PeriodicOrbit
 
 # Of the map, and the shortest step as a share of Newton's.
 EVALUATIONS, LEAST_SHARE = 16, 0.1
@@ -46,7 +46,7 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> Period
     coarse, _ = chain(tangents(build, none, "foundation_rms", state, period, 100 * RTOL))
     blur = np.max(np.abs(coarse - matrix)) / np.max(np.abs(matrix))
     orbit = described(scene, state, period, np.linalg.eigvals(matrix), blur)
-    return judged(orbit, orbit.result)
+    return orbit
 
 
 def _same(_: Array, scene: Scene) -> Scene:
@@ -62,6 +62,7 @@ def missing(scene: Scene, period: int) -> PeriodicOrbit:
         scene,
         period,
         jnp.full((SAMPLES * period, dims // 2), jnp.nan),
+        jnp.full(dims, jnp.nan),
         RESULTS.open,
         jnp.array(0),
         values,
@@ -110,6 +111,7 @@ def described(
         scene,
         period,
         jnp.concatenate(relative, axis=1),
+        jnp.asarray(state, float),
         RESULTS.promote(newton.RESULTS.successful),
         jnp.array(0),
         values,

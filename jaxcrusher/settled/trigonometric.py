@@ -5,6 +5,9 @@ values at the points determine (Trefethen, Spectral Methods in MATLAB, 2000, cha
 are counted in periods, derivatives are by the phase, which is 2 pi a period.
 """
 
+from types import ModuleType
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
@@ -15,12 +18,17 @@ def nodes(count: int) -> Float[np.ndarray, " count"]:
     return np.arange(count) / count
 
 
-def differentiation(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """The matrices from values at the nodes to the first two derivatives there."""
-    spectrum, harmonics = np.fft.rfft(np.eye(count), axis=0), np.arange(count // 2 + 1)[:, None]
-    first, second = (
-        np.fft.irfft((1j * harmonics) ** order * spectrum, count, axis=0) for order in (1, 2)
-    )
+def differentiation(count: int, xp: ModuleType = np) -> tuple[Any, Any]:
+    """The matrices from values at the nodes to the first two derivatives there (chapter 3).
+
+    They are constants of a program if `xp` is NumPy, and computed by it if that is `jax.numpy`.
+    """
+    apart = xp.arange(count)[:, None] - xp.arange(count)
+    same = apart == 0
+    half = xp.where(same, 1.0, np.pi / count * apart)
+    sign = 1 - 2 * (apart % 2)
+    first = xp.where(same, 0.0, sign / (2 * xp.tan(half)))
+    second = xp.where(same, -(count**2 + 2) / 12, -sign / (2 * xp.sin(half) ** 2))
     return first, second
 
 

@@ -133,3 +133,12 @@ def test_refusals():
         jc.settled_motions(jc.paper_scene(30.0, 0.06e-3), spread=0.0)
     with pytest.raises(ValueError, match="`turns` must be a whole number >= 96"):
         jc.settled_motions(jc.paper_scene(30.0, 0.06e-3), turns=95)
+
+
+def test_what_was_found_can_be_handed_back(found):
+    """The loud motion leaves the bore: shooting goes on from its section point."""
+    loud = next(orbit for orbit in found.orbits if orbit.period == 2)
+    again = jc.periodic_orbit(loud.scene, guess=loud)
+    assert again.stable and again.period == 2
+    # Both close to 1e-7 clearances.
+    np.testing.assert_allclose(again.foundation_rms, loud.foundation_rms, rtol=1e-7)
