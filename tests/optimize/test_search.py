@@ -348,7 +348,7 @@ def test_the_answer_says_first_what_shakes_the_ground_more(finished):
     orbits = xr.Dataset({name: ("cell", column) for name, column in columns.items()})
     orbits["counts"] = "cell", [True, True, False]
     text = verdicts.quieter(answer, case, points, orbits)
-    assert "at driving speed 32.5 rad/s, clearance 0.12 mm the RMS of the shaking force" in text
+    assert "at speed 32.5 rad/s (310.4 rpm), clearance 0.12 mm the RMS of the shaking force" in text
     assert "is 1555 N instead of 3135 N, and that of |R_O| + |R_C| is 19000 N" in text
     assert verdicts.quieter(answer, case, points[:1], orbits.isel(cell=[0])) == ""
 
