@@ -135,7 +135,6 @@ _BY_DEFAULT = {
     # that the mean of -sum of m a is zero; over turns of a transient the mean is the momentum's
     # change over their time, and is not taken off.
     "shaking_rms": Statistic("N", "RMS of the shaking force", shaking_size, PowerMean(2)),
-    "shaking_peak": Statistic("N", "peak of the shaking force", shaking_size, _PEAK),
     **_always_at("main"),
 }
 _FURTHER = {
@@ -144,6 +143,7 @@ _FURTHER = {
     "foundation_smooth_peak": Statistic(
         "N", "(mean of (|R_O| + |R_C|)^16)^(1/16)", foundation_force, PowerMean(16)
     ),
+    "shaking_peak": Statistic("N", "peak of the shaking force", shaking_size, _PEAK),
     **_further_at("main"),
     "drive_power": Statistic("W", "mean power of the drive", drive_power, PowerMean()),
 }
