@@ -19,6 +19,8 @@ class Settled:
     objective: float
     foundation_rms: float
     foundation_peak: float
+    shaking_rms: float
+    shaking_peak: float
     error: float  # estimated, of the RMS as a share of it
     multipliers: list[list[float]]  # of a disturbance, a turn: real and imaginary parts
     largest_multiplier: float
@@ -44,6 +46,7 @@ class Companion:
     objective: float
     foundation_rms: float
     foundation_peak: float
+    shaking_rms: float
     least_penetration: float  # in clearances
     settling_turns: float
 
@@ -95,6 +98,7 @@ class Confirmed:
     speed: float
     clearance: float
     foundation_rms: float  # of the settled motion, or the mean of the worse start's runs
+    shaking_rms: float  # likewise
     ideal_rms: float  # the same machine's with an ideal joint
     capacity: float  # m3/h
     multipliers: list[list[float]]  # of the settled motion; none where there is none
@@ -158,6 +162,7 @@ class Front:
     objective: np.ndarray  # (points,)
     other: np.ndarray  # (points,)
     values: dict[str, np.ndarray]  # of the free parameters, (points,)
+    forces: dict[str, np.ndarray]  # the RMS of both forces of the settled motions, (points,)
 
 
 @dataclass(frozen=True)

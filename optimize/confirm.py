@@ -8,6 +8,7 @@ from scipy.stats import t as student
 import jaxcrusher as jc
 from optimize.answer import Confirmed, Runs, Settled
 from optimize.evaluate import STARTS, Case, Progress, Rows, Window, evaluate
+from optimize.forces import FORCES
 
 CONFIDENCE = 0.95
 # Starts of independent runs are shifted at random by up to this many clearances: a swing or a
@@ -73,9 +74,9 @@ def confirmed(
     worse = int(np.argmax([mean for mean, _ in judged]))
     objective, half_width = judged[worse]
     worst = runs[STARTS[worse]]
-    rms = worst.by_run["foundation_rms"].mean()
+    forces = {name: float(worst.by_run[name].mean()) for name in FORCES}
     if orbit is not None and worst.settles:
-        rms = orbit.foundation_rms
+        forces = {name: getattr(orbit, name) for name in FORCES}
     return Confirmed(
         values,
         objective if rows["counts"].all() else float("nan"),
@@ -83,7 +84,8 @@ def confirmed(
         STARTS[worse],
         float(described["speed"]),
         float(described["clearance"]),
-        float(rms),
+        forces["foundation_rms"],
+        forces["shaking_rms"],
         float(jc.periodic_orbit(scene.ideal()).foundation_rms),
         float(case.capacity(unit)),
         orbit.multipliers if orbit is not None else [],

@@ -7,9 +7,10 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from optimize import smooth
+from optimize import settled, smooth
 from optimize.answer import Confirmed, Front
 from optimize.evaluate import Case
+from optimize.forces import FORCES
 from optimize.local import Smooth, descend
 from optimize.objectives import OBJECTIVES
 
@@ -17,19 +18,22 @@ from optimize.objectives import OBJECTIVES
 POINTS = 9
 # A gain in the second number of less than this share is none.
 NO_GAIN = 1e-6
+# Objective -> the force that it is traded against; the peak where there is none.
+RIVALS = dict.fromkeys(("peak", "shaking_rms", "shaking_peak"), "rms")
 
 
 def fronts(
     case: Case, optimum: Confirmed, units: np.ndarray, orbits: xr.Dataset, steps: int
 ) -> tuple[Front, ...]:
-    """Of the objective against capacity, and against the peak (of the peak, against the RMS).
+    """Of the objective against capacity, and against the peak or the force in `RIVALS`.
 
     `units` are the points of the map `orbits`; where none of them gains anything in the other
     number, the optimum is all there is.
     """
     assert optimum.settled is not None
     least = np.clip(case.design.unit(optimum.values), 0, case.upper)
-    name = "rms" if case.objective is OBJECTIVES["peak"] else "peak"
+    of_objective = {OBJECTIVES[name].meaning: rival for name, rival in RIVALS.items()}
+    name = of_objective.get(case.objective.meaning, "peak")
     rival = OBJECTIVES[name]
     (statistic,) = rival.outputs
     counts = orbits.counts.to_numpy().ravel()
@@ -55,7 +59,9 @@ def fronts(
             rows = [[f(point)[0] for point in points] for f in (value, number)]
         values = {key: np.asarray(column) for key, column in case.design.values(points).items()}
         objective, other = map(np.array, rows)
-        found.append(Front(of, unit, objective, other, values))
+        solved = settled.solve(case, points)
+        forces = {force: solved[force] for force in FORCES}
+        found.append(Front(of, unit, objective, other, values, forces))
     return tuple(found)
 
 

@@ -50,6 +50,8 @@ OBJECTIVES = {
     "peak": _plain("foundation_peak"),
     "smooth_peak": _plain("foundation_smooth_peak"),
     "mean": _plain("foundation_mean"),
+    "shaking_rms": _plain("shaking_rms"),
+    "shaking_peak": _plain("shaking_peak"),
     "excess": Objective("N", "RMS less that of the ideal joint", ("foundation_rms",), _excess),
     "joint_peak": _plain("joint_peak"),
     "wear": Objective(

@@ -20,11 +20,21 @@ class Options:
     out: Path = Path("results")
     """Folder of all results."""
     objective: Literal[
-        "rms", "peak", "smooth_peak", "mean", "excess", "joint_peak", "wear", "energy"
+        "rms",
+        "peak",
+        "smooth_peak",
+        "mean",
+        "shaking_rms",
+        "shaking_peak",
+        "excess",
+        "joint_peak",
+        "wear",
+        "energy",
     ] = "rms"
-    """What to make small: RMS, peak, smooth peak or mean of the foundation force, its excess over
-    the ideal joint, the peak force in the bearing (all N), sliding work or drive energy per
-    volume crushed (J/m3)."""
+    """What to make small: RMS, peak, smooth peak or mean of the foundation force |R_O| + |R_C|, RMS
+    or peak of the shaking force (what moves of the force on the ground), the RMS's excess over the
+    ideal joint, the peak force in the bearing (all N), sliding work or drive energy per volume
+    crushed (J/m3)."""
     speed: Range = ("25", "40rad/s")
     """Lowest and highest driving speed, the first in the unit of the second."""
     clearance: Range = ("0.03", "0.12mm")

@@ -8,6 +8,7 @@ from jaxcrusher.scenes.echo import unit_of
 from optimize import words
 from optimize.answer import Answer
 from optimize.evaluate import STARTS
+from optimize.forces import besides
 
 
 def print_table(console: Console, answer: Answer) -> None:
@@ -17,6 +18,8 @@ def print_table(console: Console, answer: Answer) -> None:
     table = Table("", title=objective.meaning, box=SIMPLE_HEAD)
     rows = [f"{name}, {unit_of(name, units)[0]}".rstrip(", ") for name in answer.box.bounds]
     rows += [f"settled, {unit}", *(f"{start} start, {unit}" for start in STARTS)]
+    others = besides(objective.meaning)
+    rows += [f"{meaning}, N" for meaning in others.values()]
     rows += ["ideal joints' RMS, N", "capacity, m3/h", "turns to settle"]
     columns = []
     for title, design in answer.designs.items():
@@ -26,6 +29,7 @@ def print_table(console: Console, answer: Answer) -> None:
                 *(f"{words.shown(name, of, units):.5g}" for name, of in design.values.items()),
                 words.settled(design),
                 *(words.interval(design.transient[start]) for start in STARTS),
+                *(words.force(design, name) for name in others),
                 f"{design.ideal_rms:.0f}",
                 f"{design.capacity:.2f}",
                 words.turns(design),

@@ -61,7 +61,11 @@ def run(options: Options, console: Console) -> Answer:
             answer = stages.weigh(search, answer, best, reference)
             answer = stages.trade(search, answer, best, points, orbits)
         checks = verdicts.checks(answer, case, options)
-        remark = verdicts.remark(best, case, options)
+        remarks = (
+            verdicts.remark(best, case, options),
+            verdicts.quieter(answer, case, points, orbits),
+        )
+        remark = " ".join(filter(None, remarks))
         answer = replace(answer, checks=checks, remark=remark, status="finished")
     finally:
         write_json(folder / "result.json", asdict(answer))

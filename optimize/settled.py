@@ -146,6 +146,8 @@ def looked_at(case: Case, unit: Float[np.ndarray, " n"]) -> Settled | None:
         objective=float(value) if bool(orbit.success) else float("nan"),
         foundation_rms=float(orbit.foundation_rms),
         foundation_peak=float(orbit.foundation_peak),
+        shaking_rms=float(orbit.shaking_rms),
+        shaking_peak=float(orbit.shaking_peak),
         error=float(orbit.error),
         multipliers=[[float(m.real), float(m.imag)] for m in orbit.multipliers],
         largest_multiplier=float(modulus.max(initial=0.0)),
@@ -170,6 +172,7 @@ def companions(case: Case, values: dict[str, float]) -> tuple[Companion, ...]:
             float(case.objective.formula(orbit, scene, chamber)),
             float(orbit.foundation_rms),
             float(orbit.foundation_peak),
+            float(orbit.shaking_rms),
             float(orbit.least_penetration),
             float(orbit.settling_turns),
         )

@@ -291,7 +291,12 @@ def accompanied(design: Confirmed, found: tuple[Companion, ...]) -> Confirmed:
     # What does not count, a NaN, stays so.
     if worst is None or not settled.worse(worst.objective, design.objective):
         return design
-    return replace(design, objective=worst.objective, foundation_rms=worst.foundation_rms)
+    return replace(
+        design,
+        objective=worst.objective,
+        foundation_rms=worst.foundation_rms,
+        shaking_rms=worst.shaking_rms,
+    )
 
 
 def _kept(regime: jc.Regime) -> jc.Regime:

@@ -1,9 +1,11 @@
 """What was checked of a search's answer, each with its rule, and what the answer leaves out."""
 
 import numpy as np
+import xarray as xr
 
 import jaxcrusher as jc
-from jaxcrusher.scenes.echo import unit_of
+from jaxcrusher.scenes.echo import said, unit_of
+from jaxcrusher.scenes.parameters import in_words
 from optimize import decay, settled, words
 from optimize.answer import Answer, Check, Confirmed, Settled
 from optimize.evaluate import Case
@@ -210,4 +212,30 @@ def remark(best: Confirmed, case: Case, options: Options) -> str:
         "The least RMS lies at the lowest speed allowed: the RMS alone is least there, for the "
         "force follows the speed, and the clearance matters only through the motion it allows. "
         "The paper rules low speeds out for wear, which this objective does not count."
+    )
+
+
+def quieter(answer: Answer, case: Case, points: np.ndarray, orbits: xr.Dataset | None) -> str:
+    """Say which point of the map shakes the ground far less than the optimum, if one does.
+
+    `orbits` are the settled motions of `points`.
+    """
+    best = answer.optimum
+    if best is None or orbits is None or not orbits.counts.any():
+        return ""
+    if "shaking_rms" in case.objective.outputs:
+        return ""
+    shaking = orbits.shaking_rms.where(orbits.counts).to_numpy().ravel()
+    least = int(np.nanargmin(shaking))
+    if not shaking[least] < best.shaking_rms * (1 - ALIKE):
+        return ""
+    at = ", ".join(
+        f"{in_words(name)} {said(name, value, answer.box.units)}"
+        for name, value in case.design.numbers(points[least]).items()
+    )
+    rms = float(orbits.foundation_rms.to_numpy().ravel()[least])
+    return (
+        f"The ground is shaken less elsewhere: at {at} the RMS of the shaking force is "
+        f"{words.number(shaking[least])} N instead of {words.number(best.shaking_rms)} N, and that "
+        f"of |R_O| + |R_C| is {words.number(rms)} N. The objective shaking_rms looks for the least."
     )

@@ -10,6 +10,7 @@ from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Answer, Confirmed, Held, Runs
 from optimize.decay import GONE, RESOLVED, rate
+from optimize.forces import FORCES, besides, opposed
 
 
 def number(value: float) -> str:
@@ -33,6 +34,12 @@ def settled(design: Confirmed) -> str:
         return "none" if orbit is None else "none found"
     text = f"{orbit.objective:.2f}" if abs(orbit.objective) >= 100 else f"{orbit.objective:.6g}"
     return text if orbit.stable else f"{text}, unstable"
+
+
+def force(design: Confirmed, name: str) -> str:
+    """One of `FORCES` of the motion that a design is judged by, in N, if it has one."""
+    value = getattr(design, name)
+    return number(value) if math.isfinite(value) else "none"
 
 
 def turns(design: Confirmed) -> str:
@@ -99,7 +106,7 @@ def shown(name: str, value: Number, units: Mapping[str, str]) -> Number:
 
 
 def answer(found: Answer) -> str:
-    """The answer in a sentence."""
+    """The answer in a sentence, and before it one where the two forces go different ways."""
     best, other = found.optimum, found.seed_choice
     if best is None or other is None:
         return ""
@@ -115,7 +122,19 @@ def answer(found: Answer) -> str:
     if other.counts and other.objective > best.objective > 0:
         less = 100 * (1 - best.objective / other.objective)
         text += f", {less:.1f} % less than {number(other.objective)} at the {found.compared_with}"
-    return text + "."
+    for name, meaning in besides(found.objective.meaning).items():
+        text += f"; {meaning} {force(best, name)} N"
+        text += f" against {force(other, name)} N" if other.counts else ""
+    return " ".join(filter(None, (trade(found), text + ".")))
+
+
+def trade(found: Answer) -> str:
+    """Say that one force falls and the other rises, from the design compared with, or nothing."""
+    before, after = found.seed_choice, found.optimum
+    if before is None or after is None or not (before.counts and after.counts):
+        return ""
+    stood, stand = ({name: getattr(one, name) for name in FORCES} for one in (before, after))
+    return opposed(stood, stand, found.compared_with)
 
 
 def limits(design: Confirmed) -> str:

@@ -1,5 +1,6 @@
 """`python -m jaxcrusher orbit`: the settled motion, solved for, and its slopes by every number."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+from jaxtyping import Scalar
 from rich.console import Console
 from rich.table import Table
 
@@ -22,6 +24,8 @@ from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.parameters import numbers_of
 
 ANGLES = 720  # of the picture, a turn
+# The statistics whose slopes are told: what frame and bearings carry, and what shakes the ground.
+METRICS = ("foundation_rms", "shaking_rms")
 REMEDY = (
     "Where the pin's swing meets a harmonic of the drive, or contact is lost, there may be none of "
     "this period, or several: try a value a thousandth off, another --period, or "
@@ -52,17 +56,33 @@ def run(options: Orbit, console: Console) -> int:
         return 1
     nodes = None if orbit.eccentricity is None else len(orbit.eccentricity) // options.period
     with console.status("differentiating"):
-        by_number = jax.grad(lambda n: solve(n, nodes).foundation_rms)(numbers)
-    slopes = {name: float(slope) for name, slope in by_number.items()}
+        slopes = _slopes(lambda n: solve(n, nodes), numbers)
     path = folder / "orbit.json"
     write_json(path, provenance("Settled motion", scene=values) | content(orbit, slopes))
     draw(orbit, folder / "orbit.png")
     for line in summary(orbit):
         console.print(line, highlight=False, soft_wrap=True)
     units = units_given(options.crusher)
-    console.print(table(float(orbit.foundation_rms), slopes, values, units))
+    console.print(table(orbit, slopes, values, units))
     console.print(f"{path}, {folder / 'orbit.png'}", highlight=False, soft_wrap=True)
     return 0
+
+
+def _slopes(
+    solve: Callable[[dict[str, Any]], jc.PeriodicOrbit], numbers: dict[str, Any]
+) -> dict[str, dict[str, float]]:
+    """Return the slopes of each of `METRICS` by every number: one orbit, pulled back twice."""
+
+    def metrics(numbers: dict[str, Any]) -> dict[str, Scalar]:
+        orbit = solve(numbers)
+        return {metric: orbit[metric] for metric in METRICS}
+
+    found, back = jax.vjp(metrics, numbers)
+    slopes = {}
+    for metric in METRICS:
+        (by_number,) = back({name: jnp.asarray(float(name == metric)) for name in found})
+        slopes[metric] = {name: float(slope) for name, slope in by_number.items()}
+    return slopes
 
 
 def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:
@@ -97,7 +117,9 @@ def summary(orbit: jc.PeriodicOrbit) -> list[str]:
     """The motion in a few lines."""
     lines = [
         f"RMS {float(orbit.foundation_rms):.4f} N (error {float(orbit.error):.1g} of it), mean "
-        f"{float(orbit.foundation_mean):.4f} N, peak {float(orbit.foundation_peak):.4f} N"
+        f"{float(orbit.foundation_mean):.4f} N, peak {float(orbit.foundation_peak):.4f} N",
+        f"shaking force: RMS {float(orbit.shaking_rms):.4f} N, peak "
+        f"{float(orbit.shaking_peak):.4f} N",
     ]
     if orbit.eccentricity is None:
         return [*lines, "ideal joints: nothing swings"]
@@ -111,23 +133,35 @@ def summary(orbit: jc.PeriodicOrbit) -> list[str]:
 
 
 def table(
-    rms: float, slopes: dict[str, float], values: dict[str, Any], units: dict[str, str]
+    orbit: jc.PeriodicOrbit,
+    slopes: dict[str, dict[str, float]],
+    values: dict[str, Any],
+    units: dict[str, str],
 ) -> Table:
-    """Slopes by every parameter, the largest percent per percent first, in the units given."""
-    shares = {name: slope * values[name] / rms for name, slope in slopes.items()}
-    found = Table("parameter", "value", "slope of the RMS", "% per %")
+    """Slopes of both forces by every parameter, in the units given.
+
+    The largest of the RMS in percent per percent come first.
+    """
+    rms, shaking = (slopes[metric] for metric in METRICS)
+    shares = {name: of * values[name] / float(orbit.foundation_rms) for name, of in rms.items()}
+    # Without a frame every key stands in one line of 80 columns.
+    headings = ("parameter", "value", "slope of the RMS", "% per %", "of shaking")
+    found = Table(*headings, box=None, padding=(0, 1, 0, 0), pad_edge=False)
     found.columns[0].overflow = "fold"  # a key is to be copied whole
     for name in sorted(shares, key=lambda name: -abs(shares[name])):
         unit, one = unit_of(name, units)
-        value, slope = f"{values[name] / one:.6g} {unit}", slopes[name] * one + 0.0  # no "-0"
-        row = value.rstrip(), f"{slope:.6g} {per('N', unit)}", f"{shares[name] + 0.0:.4g}"
-        found.add_row(name, *row)
+        value = f"{values[name] / one:.6g} {unit}".rstrip()
+        # No "-0".
+        slope = f"{rms[name] * one + 0.0:.6g} {per('N', unit)}"
+        beside = f"{shaking[name] * one + 0.0:.6g}"
+        found.add_row(name, value, slope, f"{shares[name] + 0.0:.4g}", beside)
     return found
 
 
-def content(orbit: jc.PeriodicOrbit, slopes: dict[str, float]) -> dict[str, Any]:
+def content(orbit: jc.PeriodicOrbit, slopes: dict[str, dict[str, float]]) -> dict[str, Any]:
     """An orbit as JSON keeps it."""
-    names = ("foundation_rms", "foundation_mean", "foundation_peak", "error", "least_penetration")
+    forces = ("foundation_rms", "foundation_mean", "foundation_peak", "shaking_rms", "shaking_peak")
+    names = (*forces, "error", "least_penetration")
     values = [] if orbit.multipliers is None else np.asarray(orbit.multipliers)
     return {
         "period": orbit.period,
@@ -135,5 +169,5 @@ def content(orbit: jc.PeriodicOrbit, slopes: dict[str, float]) -> dict[str, Any]
         "multipliers": [[float(value.real), float(value.imag)] for value in values],
         "stable": bool(orbit.stable),
         "settling_turns": float(orbit.settling_turns),
-        "slopes_of_foundation_rms": slopes,
+        **{f"slopes_of_{metric}": of for metric, of in slopes.items()},
     }

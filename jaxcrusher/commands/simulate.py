@@ -171,18 +171,22 @@ def scattered(summary: jc.Statistics) -> str:
 def closing(
     motion: jc.Trajectory, summary: jc.Statistics | None, settle: int, values: dict[str, Any]
 ) -> str:
-    """RMS, contact share, whirl and what is outside the model, on one line."""
+    """RMS of both forces, contact share, whirl and what is outside the model, on one line."""
     ideal = values["joint"] == "ideal" and not loose_besides(values)
     if summary is None:
         rms = float(np.sqrt(np.mean(motion.foundation_force**2)))
+        shaking = float(np.sqrt(np.mean(np.sum(motion.shaking_force**2, axis=1))))
         contact = "" if ideal else f", contact share {float(motion.contact_fraction):.3f}"
         return (
-            f"RMS of |R_O| + |R_C| {rms:.0f} N{contact}, over the samples (no whole turn after "
-            "settling: no verdict on whirl and contact model)"
+            f"RMS of |R_O| + |R_C| {rms:.0f} N, of the shaking force {shaking:.0f} N{contact}, "
+            "over the samples (no whole turn after settling: no verdict on whirl and contact model)"
         )
     error = float(summary.foundation_rms_error)
     scatter = f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
-    parts = [f"RMS of |R_O| + |R_C| {float(summary.foundation_rms):.0f}{scatter} N"]
+    parts = [
+        f"RMS of |R_O| + |R_C| {float(summary.foundation_rms):.0f}{scatter} N",
+        f"of the shaking force {float(summary.shaking_rms):.0f} N",
+    ]
     if not ideal:
         for joint in (*(["main"] if values["joint"] != "ideal" else []), *loose_besides(values)):
             share = float(summary[f"{before(joint)}contact_fraction"])

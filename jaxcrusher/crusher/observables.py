@@ -80,9 +80,18 @@ def net_foundation_force(s: Snapshot, scene: Scene) -> Scalar:
 
 
 def shaking_force(s: Snapshot, scene: Scene) -> Vector:
-    """Minus the bodies' mass times acceleration, N: without weight and crushing load."""
+    """Return -sum of m a, N: the moving part of the force on the ground.
+
+    The machine stands on the ground by bearing, pivot and fixed jaw. The crushing load closes
+    between jaw and fixed jaw, inside the machine, and the weight stands still: neither shakes.
+    """
     shaft, jaw, toggle = _momentum_rates(s, scene)
     return -(shaft + jaw + toggle)
+
+
+def shaking_size(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the length of the shaking force, N."""
+    return norm(shaking_force(s, scene), FORCE_WIDTH)
 
 
 def drive_torque(s: Snapshot, scene: Scene) -> Scalar:

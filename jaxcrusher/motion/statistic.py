@@ -9,7 +9,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.crusher.joints import JOINTS, LETTERS, AtJoints, before
-from jaxcrusher.crusher.observables import OBSERVABLES, drive_power, force_at, foundation_force
+from jaxcrusher.crusher.observables import (
+    OBSERVABLES,
+    drive_power,
+    force_at,
+    foundation_force,
+    shaking_size,
+)
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 
@@ -125,6 +131,10 @@ _BY_DEFAULT = {
     "foundation_rms": Statistic("N", "RMS of |R_O| + |R_C|", foundation_force, PowerMean(2)),
     "foundation_mean": Statistic("N", "mean of |R_O| + |R_C|", foundation_force, PowerMean()),
     "foundation_peak": Statistic("N", "peak of |R_O| + |R_C|", foundation_force, _PEAK),
+    # The force on the ground less its mean. Over a period the momentum comes back to itself, so
+    # that the mean of -sum of m a is zero; over turns of a transient the mean is the momentum's
+    # change over their time, and is not taken off.
+    "shaking_rms": Statistic("N", "RMS of the shaking force", shaking_size, PowerMean(2)),
     **_always_at("main"),
 }
 _FURTHER = {
@@ -133,6 +143,7 @@ _FURTHER = {
     "foundation_smooth_peak": Statistic(
         "N", "(mean of (|R_O| + |R_C|)^16)^(1/16)", foundation_force, PowerMean(16)
     ),
+    "shaking_peak": Statistic("N", "peak of the shaking force", shaking_size, _PEAK),
     **_further_at("main"),
     "drive_power": Statistic("W", "mean power of the drive", drive_power, PowerMean()),
 }

@@ -5,6 +5,7 @@ import numpy as np
 import jaxcrusher as jc
 from optimize.balance.evidence import AS_IT_IS, STANDING
 from optimize.evaluate import STARTS
+from optimize.forces import FORCES, besides, opposed
 
 # Of the inputs of completions, which are no parameters.
 UNITS = {"counterweight.moment_along": "kg m", "counterweight.moment_across": "kg m"}
@@ -37,15 +38,17 @@ def designs(result: dict) -> tuple[list[str], list[list[str]]]:
             position = design["point"][list(bounds).index(name)]
             at = " *" if min(position, 1 - position) < 1e-3 else ""
             cells.append(f"{factor * design['values'][name]:.4g}{at}")
-        lost = chosen["optimised"]["one_by_one"][name]
-        rows.append([*cells, f"{lost:.0f}"])
+        lost = chosen["optimised"]["one_by_one"]
+        rows.append([*cells, *(f"{lost[force][name]:.0f}" for force in FORCES)])
     for key, label in (
         ("eccentricity", "eccentricity that follows, m"),
         ("counterweight_mass", "counterweight that follows, kg"),
         ("capacity", "capacity, m3/h"),
     ):
-        rows.append([label, "", *(f"{round(d[key], 6):.4g}" for d in chosen.values()), ""])
-    return ["parameter (* at a bound)", "bounds", *chosen, "N more if it alone goes back"], rows
+        numbers = (f"{round(d[key], 6):.4g}" for d in chosen.values())
+        rows.append([label, "", *numbers, *("" for _ in FORCES)])
+    back = ("N more if it alone goes back", "N more of the shaking force")
+    return ["parameter (* at a bound)", "bounds", *chosen, *back], rows
 
 
 def forces(result: dict) -> tuple[list[str], list[list[str]]]:
@@ -60,10 +63,14 @@ def forces(result: dict) -> tuple[list[str], list[list[str]]]:
 
 def origins(result: dict) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of the table of what the force is made of."""
-    chosen = result["designs"]["chosen"]
-    names = next(iter(chosen.values()))["variants"]
-    rows = [[name, *(f"{d['variants'][name]:.0f}" for d in chosen.values())] for name in names]
-    return ["RMS with the ideal joint, N", *chosen], rows
+    found = {name: design["variants"] for name, design in result["designs"]["chosen"].items()}
+    rms, shaking = FORCES
+    names = next(iter(found.values()))[rms]
+    rows = [
+        [name, *(f"{of[rms][name]:.0f} ({of[shaking][name]:.0f})" for of in found.values())]
+        for name in names
+    ]
+    return ["RMS with the ideal joint, N (of the shaking force)", *found], rows
 
 
 def long_runs(result: dict) -> tuple[list[str], list[list[str]]]:
@@ -73,16 +80,17 @@ def long_runs(result: dict) -> tuple[list[str], list[list[str]]]:
         [f"{start} start", *(_long_run(runs[start]) for runs in found.values())] for start in STARTS
     ]
     turns = result["settings"]["settle"]
-    return [f"RMS over {turns} turns after {turns}, N", *found], rows
+    return [f"RMS over {turns} turns after {turns}, N (of the shaking force)", *found], rows
 
 
 def _long_run(run: dict) -> str:
-    """An RMS with its standard error, and what is wrong with it."""
+    """An RMS with its standard error, that of the shaking force, and what is wrong with them."""
     if not run["success"]:
         return "failed"
     wrong = ["friction whirl"] if run["whirl"] else []
     wrong += jc.Validity(**run["validity"]).remarks()
-    return ", ".join([f"{run['foundation_rms']:.0f} ± {run['foundation_rms_error']:.1f}", *wrong])
+    text = f"{run['foundation_rms']:.0f} ± {run['foundation_rms_error']:.1f}"
+    return ", ".join([f"{text} ({run['shaking_rms']:.0f})", *wrong])
 
 
 def robust(result: dict) -> tuple[list[str], list[list[str]]]:
@@ -98,22 +106,35 @@ def robust(result: dict) -> tuple[list[str], list[list[str]]]:
                 f"{values.std():.1f}",
                 f"{values.mean() + sigmas * values.std():.1f}",
                 f"{values.max():.1f}",
+                f"{np.mean(result['robust']['shaking'][name]):.1f}",
             ]
         )
-    return ["design", "mean, N", "spread, N", f"mean + {sigmas:g} spreads, N", "worst, N"], rows
+    headings = ("mean, N", "spread, N", f"mean + {sigmas:g} spreads, N", "worst, N")
+    return ["design", *headings, "mean of the shaking force, N"], rows
+
+
+def headline(result: dict) -> str:
+    """Return the RMS of both forces before and after; first, where they go different ways, that."""
+    before, after = (result["figures"][name] for name in ("paper", "optimised"))
+    numbers = [
+        f"{meaning}: {before[force]:.0f} N before, {after[force]:.0f} N after."
+        for force, meaning in besides().items()
+    ]
+    return " ".join(filter(None, (opposed(before, after, "paper's machine"), *numbers)))
 
 
 def remarks(result: dict) -> list[str]:
     """What the optimum owes its force to, in words."""
     chosen, found = result["designs"]["chosen"], result["figures"]
-    before, after = (chosen[name]["variants"] for name in ("paper", "optimised"))
+    rms, _ = FORCES
+    before, after = (chosen[name]["variants"][rms] for name in ("paper", "optimised"))
     old, new = found["paper"], found["optimised"]
     whole, standing = (before[key] - after[key] for key in (AS_IT_IS, STANDING))
     inertia = {
         name: [v[AS_IT_IS] - v[f"{name} of a slender rod"] for v in (before, after)]
         for name in ("J2", "J3")
     }
-    lost = chosen["optimised"]["one_by_one"]
+    lost = chosen["optimised"]["one_by_one"][rms]
     worst = sorted(lost, key=lambda name: -lost[name])[:3]
     bounds = [
         name
@@ -127,9 +148,9 @@ def remarks(result: dict) -> list[str]:
         f"1 rad/s, {before[STANDING]:.0f} N before): |R_O| + |R_C| contains the weight. The RMS of "
         f"|R_C| goes from {old['toggle_rms']:.0f} to {new['toggle_rms']:.0f} N, that of |R_O| from "
         f"{old['bearing_rms']:.0f} to {new['bearing_rms']:.0f} N.",
-        f"What shakes falls more: the shaking force from {old['shaking_rms']:.0f} to "
-        f"{new['shaking_rms']:.0f} N, the variation of R_O + R_C from {old['net_variation']:.0f} "
-        f"to {new['net_variation']:.0f} N.",
+        f"The ground feels the shaking force: its RMS goes from {old['shaking_rms']:.0f} to "
+        f"{new['shaking_rms']:.0f} N. The variation of R_O + R_C, which holds the crushing load, "
+        f"goes from {old['net_variation']:.0f} to {new['net_variation']:.0f} N.",
         f"The eccentricity goes from {1e3 * chosen['paper']['eccentricity']:.2f} to "
         f"{1e3 * chosen['optimised']['eccentricity']:.2f} mm: other links give B the same "
         f"horizontal travel with less motion of the jaw (vertical travel of B "

@@ -13,6 +13,7 @@ import jaxcrusher as jc
 from jaxcrusher.batch.engines import map_all, stack
 from optimize.design import Design
 from optimize.evaluate import STARTS, started
+from optimize.forces import FORCES
 
 AS_IT_IS, STANDING = "as it is", "at 1 rad/s: weight and load alone"
 CONFIRM_RTOL = 1e-9
@@ -115,9 +116,11 @@ def variants(description: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def origins(design: Design, points: Mapping[str, np.ndarray]) -> dict[str, dict[str, dict]]:
-    """RMS of |R_O| + |R_C|, N, with the ideal joint: of the `variants` of each design, and what
-    is added when one parameter alone goes back to that of the first design.
-    """  # noqa: D205
+    """Return the RMS of both forces with the ideal joint, N, by design and by force.
+
+    `variants` holds them for the `variants` of each design, `one_by_one` what is added when one
+    parameter alone goes back to that of the first design.
+    """
     reference = next(iter(points.values()))
     rows, names = [], []
     for name, point in points.items():
@@ -132,17 +135,17 @@ def origins(design: Design, points: Mapping[str, np.ndarray]) -> dict[str, dict[
             names.append((name, "one_by_one", parameter))
     # No integration: the joint's force follows from the shaft's motion.
     scenes = stack([jc.build_scene(row).ideal() for row in rows])
-    rms = map_all(_ideal_rms, scenes, len(rows))
-    found: dict[str, dict[str, dict]] = {}
-    for (name, kind, entry), value in zip(names, rms.tolist(), strict=True):
-        found.setdefault(name, {}).setdefault(kind, {})[entry] = value
-    for kinds in found.values():
-        whole = kinds["variants"][AS_IT_IS]
-        kinds["one_by_one"] = {key: v - whole for key, v in kinds["one_by_one"].items()}
+    forces = map_all(_ideal_forces, scenes, len(rows))
+    found: dict[str, dict[str, dict]] = {name: {} for name in points}
+    for force, rms in forces.items():
+        for (name, kind, entry), value in zip(names, rms.tolist(), strict=True):
+            found[name].setdefault(kind, {}).setdefault(force, {})[entry] = value
+        for kinds in found.values():
+            whole, back = kinds["variants"][force][AS_IT_IS], kinds["one_by_one"][force]
+            kinds["one_by_one"][force] = {key: v - whole for key, v in back.items()}
     return found
 
 
-def _ideal_rms(scene: jc.Scene) -> Any:
-    times = 2 * jnp.pi / scene.drive.speed * (jnp.arange(POINTS) / POINTS)
-    motion = jc.simulate(scene, times, outputs=("foundation_force",))
-    return jnp.sqrt(jnp.mean(motion.foundation_force**2))
+def _ideal_forces(scene: jc.Scene) -> dict[str, Any]:
+    result = jc.statistics(scene, 0, 1, outputs=FORCES)
+    return {name: result[name] for name in FORCES}

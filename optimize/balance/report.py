@@ -4,13 +4,22 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from optimize.balance.designs import designs, forces, long_runs, origins, remarks, robust
+from optimize.balance.designs import (
+    designs,
+    forces,
+    headline,
+    long_runs,
+    origins,
+    remarks,
+    robust,
+)
 from optimize.balance.methods import ARRIVED, comparison, verdict
 from optimize.balance.problem import CONDITIONS
 
 
 def print_tables(console: Console, result: dict) -> None:
-    """The methods, the designs and their forces."""
+    """The answer in a line, the methods, the designs and their forces."""
+    console.print(headline(result), highlight=False, markup=False)
     for make in (comparison, designs, forces, long_runs, origins, robust):
         headings, rows = make(result)
         table = Table(box=SIMPLE_HEAD, padding=(0, 0, 0, 1), pad_edge=False)
@@ -27,8 +36,6 @@ def print_tables(console: Console, result: dict) -> None:
 def markdown(result: dict, picture: str) -> str:
     """The study as a page, with the name of its picture."""
     options, cost = result["settings"], result["cost"]
-    gain = result["figures"]["paper"]["foundation_rms"]
-    least = result["figures"]["optimised"]["foundation_rms"]
     ratio = cost["gradient_seconds"] / cost["value_seconds"]
     wide = dict(zip(CONDITIONS, options["tolerance"], strict=True))
     wide = {name: width for name, width in wide.items() if name in result["robust"]["conditions"]}
@@ -41,7 +48,7 @@ def markdown(result: dict, picture: str) -> str:
         "eccentricity follows from the rest so that the jaw's lower end B keeps its horizontal "
         "travel; with the same discharge opening (set by moving C, as on the machine) and the "
         "same speed, the capacity by laminating crushing theory is the same too.",
-        f"RMS of |R_O| + |R_C|: {gain:.0f} N before, {least:.0f} N after.",
+        headline(result),
         f"![best so far, forces and power]({picture})",
         "## The searches",
         f"{options['starts']} random starts, the same for each method: machines that move. At most "

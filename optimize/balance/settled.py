@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -22,17 +22,24 @@ NODES = 96
 Conditions = Mapping[str, Any]  # names of `jaxcrusher.PARAMETERS` to what the machine meets
 
 
+class Beside(NamedTuple):
+    """What is known of a settled motion besides its RMS: RMS of the shaking force, N, and steps."""
+
+    shaking_rms: Scalar
+    steps: Int[Array, ""]  # of Newton's method
+
+
 def settled_rms(
     unit: Float[Array, " n"], conditions: Conditions, design: Design
-) -> tuple[Scalar, Int[Array, ""]]:
-    """RMS of |R_O| + |R_C| of the settled motion, N, and the steps of Newton's method."""
+) -> tuple[Scalar, Beside]:
+    """Return the RMS of |R_O| + |R_C| of the settled motion, N, and what else is known of it."""
     orbit = jc.periodic_orbit(design.scene(unit, conditions), nodes=NODES)
-    return orbit.foundation_rms, orbit.steps
+    return orbit.foundation_rms, Beside(orbit.shaking_rms, orbit.steps)
 
 
 def settled_slope(
     unit: Float[Array, " n"], conditions: Conditions, design: Design
-) -> tuple[tuple[Scalar, Int[Array, ""]], Float[Array, " n"]]:
+) -> tuple[tuple[Scalar, Beside], Float[Array, " n"]]:
     """`settled_rms`, and its derivative by the unit box's coordinates."""
     return jax.value_and_grad(settled_rms, has_aux=True)(unit, conditions, design)
 
@@ -51,12 +58,12 @@ def settled_objective(
         raise RuntimeError("the paper's machine has no settled motion: nothing to compare with")
 
     def gradient(point: np.ndarray) -> Answer:
-        (rms, steps), slope = both(jnp.asarray(point))
-        return Answer(float(rms) / scale, int(steps), np.asarray(slope) / scale)
+        (rms, beside), slope = both(jnp.asarray(point))
+        return Answer(float(rms) / scale, int(beside.steps), np.asarray(slope) / scale)
 
     def plain(point: np.ndarray) -> Answer:
-        rms, steps = value(jnp.asarray(point))
-        return Answer(float(rms) / scale, int(steps))
+        rms, beside = value(jnp.asarray(point))
+        return Answer(float(rms) / scale, int(beside.steps))
 
     smooth = Smooth(plain, gradient, _seconds(plain, reference), _seconds(gradient, reference))
     return smooth, scale
@@ -90,15 +97,18 @@ def tolerances(
 
 def sampled(
     unit: np.ndarray, conditions: Mapping[str, np.ndarray], design: Design
-) -> tuple[np.ndarray, np.ndarray]:
-    """`settled_rms` (samples,) and its gradient (samples, n) under each of the conditions."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the RMS of both forces under each of the conditions, and the gradient of the first.
+
+    `settled_rms` (samples,), its gradient (samples, n), and the shaking force's RMS (samples,).
+    """
     count = len(next(iter(conditions.values())))
     stacked = {"unit": np.tile(unit, (count, 1)), "conditions": dict(conditions)}
     function = eqx.Partial(_sample, design=design)
-    (values, _), slopes = map_all(
+    (values, beside), slopes = map_all(
         function, jax.tree.map(jnp.asarray, stacked), count, without_lanes()
     )
-    return values, slopes
+    return values, slopes, beside.shaking_rms
 
 
 def _sample(point: dict[str, Any], design: Design):

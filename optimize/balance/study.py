@@ -159,26 +159,28 @@ def _robust(
     widths = dict(zip(problem.CONDITIONS, options.tolerance, strict=True))
     conditions = settled.tolerances(middle, widths, options.samples, options.seed)
 
-    def rms(point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def sampled(point: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return settled.sampled(point, conditions, design)
 
-    scale = float(rms(points["paper"])[0].mean())
+    scale = float(sampled(points["paper"])[0].mean())
 
     def gradient(point: np.ndarray) -> Answer:
         advance()
-        value, slope = settled.mean_and_spread(*rms(point), options.sigmas)
+        rms, slopes, _ = sampled(point)
+        value, slope = settled.mean_and_spread(rms, slopes, options.sigmas)
         return Answer(value / scale, 0, slope / scale)
 
     objective = Smooth(gradient, gradient, 1.0, 1.0)
     found = search("L-BFGS-B", objective, points["optimised"], ROBUST_GRADIENTS)
     # From the optimum at the middle of the tolerances; where that has no number, there it stays.
     point = np.array(found.point or points["optimised"])
-    values = {name: rms(p)[0] for name, p in {**points, "robust": point}.items()}
+    forces = {name: sampled(p) for name, p in {**points, "robust": point}.items()}
     return {
         "point": point.tolist(),
         "gradients": found.evaluations,
         "conditions": {name: column.tolist() for name, column in conditions.items()},
-        "values": {name: column.tolist() for name, column in values.items()},
+        "values": {name: rms.tolist() for name, (rms, _, _) in forces.items()},
+        "shaking": {name: column.tolist() for name, (_, _, column) in forces.items()},
     }
 
 

@@ -23,7 +23,7 @@ FIGURES = {
     "starts.png": "The objective over the first turns, worse of both starts.",
     "capacity.png": "Capacity over driving speed, with its floor and the box searched.",
     "pareto.png": "The objective against capacity and against the peak of the foundation force "
-    "(of the peak, its RMS); the front is what nothing beats in both.",
+    "(of the peak and of the shaking force, its RMS); the front is what nothing beats in both.",
     "motion.png": "Orbit of the pin and foundation force of the optimum and of the design it is "
     "compared with, after their long runs.",
 }

@@ -43,7 +43,8 @@ function account(cell, start) {
   // The objective is often the RMS itself.
   const other = objective === at("foundation_rms", start, cell)
     ? [] : [`${label} ${number(objective)} ${units}`];
-  return [`${starts[start]} start: RMS ${rms}${scatter} N`, ...other, ...named].join(", ");
+  const shaking = `shaking RMS ${number(at("shaking_rms", start, cell))} N`;
+  return [`${starts[start]} start: RMS ${rms}${scatter} N`, shaking, ...other, ...named].join(", ");
 }
 
 function accounts(cell) {

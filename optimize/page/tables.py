@@ -12,6 +12,8 @@ from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, in_words
 from optimize import words
 from optimize.answer import Answer, Confirmed, Refinement
+from optimize.forces import besides
+from optimize.objectives import OBJECTIVES
 from optimize.words import shown
 
 # What the stages and the ways of descent are called.
@@ -29,7 +31,8 @@ DESCENTS = {"gradient": "exact gradients", "fits": "fits to noisy runs"}
 # What the numbers cannot say.
 LIMITS = (
     "The force is |R_O| + |R_C|, the reactions of the frame on shaft and toggle: the source "
-    "of the crusher's data never defines its foundation force.",
+    "of the crusher's data never defines its foundation force. It holds the weight and the "
+    "crushing load. The ground feels the shaking force: the load closes inside the machine.",
     f"Hertz's contact needs a half-width of at most {WIDEST_CONTACT:g} bore radii, a bearing a "
     f"clearance of at most {WIDEST_CLEARANCE:g} of them; impacts above "
     f"{ELASTIC_IMPACT_SPEED:g} m/s are not elastic. Motions beyond any are marked.",
@@ -70,12 +73,14 @@ def is_number(value: object) -> bool:
 def answer(found: Answer) -> Table:
     """The closing table."""
     objective, unit = found.objective, found.objective.unit
+    others = besides(objective.meaning)
     rows = [
         (
             title,
             *_chosen(found, design),
             words.settled(design),
             *(words.interval(runs) for runs in design.transient.values()),
+            *(getattr(design, name) for name in others),
             f"{design.ideal_rms:.0f}",
             f"{design.capacity:.2f}",
             words.turns(design),
@@ -88,6 +93,7 @@ def answer(found: Answer) -> Table:
         *_parameters(found),
         f"settled, {unit}",
         *(f"{start} start after {found.settle_turns} turns, {unit}" for start in starts),
+        *(f"{meaning}, N" for meaning in others.values()),
         "ideal joint's RMS, N",
         "capacity, m³/h",
         "turns to settle",
@@ -134,36 +140,53 @@ def slopes(found: Answer) -> Table | None:
 
 def fronts(found: Answer) -> list[Table]:
     """What the least objective costs in another number; none where nothing has to be traded."""
-    unit = found.objective.unit
-    traded = [front for front in found.fronts if len(front.objective) > 1]
-    return [
-        Table(
-            (
-                f"{in_words(front.of)}, {front.unit}",
-                f"objective, {unit}",
-                *_parameters(found),
-            ),
-            [
-                (f"{other:.5g}", objective, *(f"{number:.5g}" for number in numbers))
-                for other, objective, *numbers in zip(
-                    front.other.tolist(),
-                    front.objective.tolist(),
-                    *(shown(name, of, found.box.units) for name, of in front.values.items()),
-                    strict=True,
-                )
-            ],
-            caption=f"{found.objective.meaning} against {in_words(front.of)}",
+    unit, told = found.objective.unit, found.objective.meaning
+    tables = []
+    for front in found.fronts:
+        if len(front.objective) == 1:
+            continue
+        of = OBJECTIVES[front.of].meaning if front.of in OBJECTIVES else front.of
+        others = besides(told, of)
+        headings = (
+            f"{in_words(front.of)}, {front.unit}",
+            f"objective, {unit}",
+            *(f"{meaning}, N" for meaning in others.values()),
+            *_parameters(found),
         )
-        for front in traded
-    ]
+        columns = (
+            [f"{other:.5g}" for other in front.other],
+            front.objective.tolist(),
+            *(front.forces[name].tolist() for name in others),
+            *(
+                [f"{number:.5g}" for number in shown(name, numbers, found.box.units)]
+                for name, numbers in front.values.items()
+            ),
+        )
+        rows = list(zip(*columns, strict=True))
+        tables.append(Table(headings, rows, caption=f"{told} against {in_words(front.of)}"))
+    return tables
 
 
 def candidates(found: Answer) -> Table:
     """Where the descents ended, confirmed."""
-    unit = found.objective.unit
-    headings = ("", *_parameters(found), f"objective, {unit}", f"±, {unit}", "worse start")
+    unit, others = found.objective.unit, besides(found.objective.meaning)
+    headings = (
+        "",
+        *_parameters(found),
+        f"objective, {unit}",
+        f"±, {unit}",
+        *(f"{meaning}, N" for meaning in others.values()),
+        "worse start",
+    )
     rows = [
-        (i + 1, *_chosen(found, one), one.objective, _two(one.half_width), one.worse_start)
+        (
+            i + 1,
+            *_chosen(found, one),
+            one.objective,
+            _two(one.half_width),
+            *(getattr(one, name) for name in others),
+            one.worse_start,
+        )
         for i, one in enumerate(found.candidates)
     ]
     return Table(headings, rows)

@@ -16,7 +16,7 @@ from optimize.balance import compare, problem, settled
 from optimize.balance import study as balance
 from optimize.balance.__main__ import study
 from optimize.balance.compare import Answer, Search, Smooth, search, spent_until
-from optimize.balance.designs import long_runs
+from optimize.balance.designs import headline, long_runs
 from optimize.balance.methods import comparison
 from optimize.balance.options import Options
 from optimize.balance.problem import PAPER
@@ -73,11 +73,15 @@ def test_gradient_against_differences():
     def rms(point):
         return float(function(point)[0][0])
 
+    def shaking(point):
+        return float(function(point)[0][1].shaking_rms)
+
     # Printed for the ideal joint by two independent programs as 19 099 N; clearance adds 0.02 %.
     assert rms(design.unit(PAPER)) == pytest.approx(19_099, rel=5e-4)
+    assert shaking(design.unit(PAPER)) == pytest.approx(4513.63, rel=1e-3)
     point, step = np.array([0.3, 0.6, 0.7, 0.4, 0.3, 0.6, 0.5, 0.4, 0.6]), 0.01
-    (_, steps), slope = function(point)
-    assert slope.shape == (9,) and 0 < steps < 30
+    (_, beside), slope = function(point)
+    assert slope.shape == (9,) and 0 < beside.steps < 30
     differences = [(rms(point + e) - rms(point - e)) / (2 * step) for e in step * np.eye(9)]
     # The third derivative over a hundredth of the box leaves 1e-4 of the largest slope.
     np.testing.assert_allclose(slope, differences, rtol=0, atol=2e-4 * np.abs(slope).max())
@@ -278,6 +282,7 @@ def test_a_long_run_outside_the_contact_model_says_so():
         "whirl": False,
         "foundation_rms": 1.0,
         "foundation_rms_error": 0.1,
+        "shaking_rms": 2.0,
         "validity": limits,
     }
     bad = run | {"whirl": True, "validity": limits | {"half_width_ratio": jnp.array(1.8)}}
@@ -286,8 +291,24 @@ def test_a_long_run_outside_the_contact_model_says_so():
         "optimised": {"centred": run | {"success": False}, "contact": run},
     }
     _, rows = long_runs({"long_runs": found, "settings": {"settle": 5}})
-    assert rows[0][1:] == ["1 ± 0.1", "failed"]
-    assert rows[1][1].startswith("1 ± 0.1, friction whirl, contact 1.80 bore radii wide")
+    assert rows[0][1:] == ["1 ± 0.1 (2)", "failed"]
+    assert rows[1][1].startswith("1 ± 0.1 (2), friction whirl, contact 1.80 bore radii wide")
+
+
+def test_a_design_that_shakes_the_ground_more_says_so_first():
+    """Its RMS of |R_O| + |R_C| is less all the same."""
+
+    def told(**forces):
+        figures = {"paper": {"foundation_rms": 19e3, "shaking_rms": 4e3}, "optimised": forces}
+        return headline({"figures": figures})
+
+    worse = told(foundation_rms=15.2e3, shaking_rms=5e3)
+    assert worse.startswith(
+        "Against the paper's machine the RMS of |R_O| + |R_C| falls by 20 %, but the RMS of the "
+        "shaking force, which the ground feels, rises by 25 %, from 4000 to 5000 N. RMS of |R_O|"
+    )
+    assert worse.endswith("RMS of the shaking force: 4000 N before, 5000 N after.")
+    assert told(foundation_rms=15.2e3, shaking_rms=1e3).startswith("RMS of |R_O| + |R_C|: 19000 N")
 
 
 def test_missing_packages_are_named(monkeypatch, tmp_path):

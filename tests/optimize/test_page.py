@@ -52,6 +52,7 @@ def hand_made_landscape() -> xr.Dataset:
     success[0, 2, 1], rms[0, 2, 1] = False, np.nan
     variables = {
         "foundation_rms": (rms, "N", "RMS of |R_O| + |R_C|"),
+        "shaking_rms": (rms / 4, "N", "RMS of the shaking force"),
         "foundation_rms_error": (np.where(success, 12.3, np.nan), "N", LONG),
         "whirl": (whirl, "1", "friction whirl"),
         "success": (success, "1", "integrated to the end"),
@@ -138,7 +139,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
     optimum = Confirmed(
         chosen(25.0, 6e-5),
         *(18250.1, 7.2, "centred"),
-        *(25.0, 6e-5, 18243.2, 18240.0, 9.41),
+        *(25.0, 6e-5, 18243.2, 3135.0, 18240.0, 9.41),
         *([], None),
         {"centred": hand_made_runs(18250.1), "contact": hand_made_runs(9250.1)},
         {"centred": quiet},
@@ -146,7 +147,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
     other = Confirmed(
         chosen(39.0, 3e-5),
         *(np.nan, np.nan, "contact"),
-        *(39.0, 3e-5, np.nan, 21790.0, 6.03),
+        *(39.0, 3e-5, np.nan, np.nan, 21790.0, 6.03),
         *([], None),
         {"centred": hand_made_runs(21832.0), "contact": hand_made_runs(21799.0, success=False)},
     )
@@ -250,7 +251,8 @@ def cells(text: str, row: str) -> list[str]:
 def test_page_of_a_settled_motion(tmp_path):
     """The answer in a sentence, and slopes and what they are held by in the reader's units."""
     validity = jc.Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9, 0.001)))
-    numbers = (18243.4112, 18243.4112, 24000.0, 1e-9, [[0.9998, 0.0]], 0.9998, 5000.0, 0.1)
+    forces = (18243.4112, 18243.4112, 24000.0, 3135.0, 3879.0)
+    numbers = (*forces, 1e-9, [[0.9998, 0.0]], 0.9998, 5000.0, 0.1)
     slopes = {"speed": 220.0, "clearance": 51000.0}, {"speed": 0.1, "clearance": 40.0}
     found = hand_made_answer()
     runs = {name: replace(one, settles=True) for name, one in found.optimum.transient.items()}
@@ -263,13 +265,15 @@ def test_page_of_a_settled_motion(tmp_path):
     other = replace(found.seed_choice, objective=21796.4)
     found = replace(found, optimum=optimum, seed_choice=other, held=held, gradient_report=None)
     values = {"speed": np.array([25.0, 25.0]), "clearance": np.array([0.03e-3, 0.05e-3])}
-    front = Front("capacity", "m3/h", np.array([18243.4, 18300.0]), np.array([7.5, 7.9]), values)
-    single = Front("peak", "N", np.array([18243.4]), np.array([24e3]), values)
+    ends, forces = np.array([18243.4, 18300.0]), {"shaking_rms": np.array([3135.0, np.nan])}
+    front = Front("capacity", "m3/h", ends, np.array([7.5, 7.9]), values, forces)
+    single = Front("peak", "N", np.array([18243.4]), np.array([24e3]), values, forces)
     found = replace(found, fronts=(front, single))
     text = write_page(tmp_path, found, None, None, ()).read_text()
     # A single point trades nothing.
     assert "against capacity" in text and "against peak" not in text
-    assert cells(text, "7.9") == ["18300", "25", "0.05"]
+    assert cells(text, "7.5") == ["18243", "3135", "25", "0.03"]
+    assert cells(text, "7.9") == ["18300", "no value", "25", "0.05"]
     assert "Run it at 25 rad/s (239 rpm) with 0.06 mm of radial clearance" in text
     assert "16.3 % less than 21796 at the paper&#39;s choice" in text
     assert "18243.41</td>" in text
@@ -453,7 +457,7 @@ def radius(browser, start: int) -> float:
 def test_hover_shows_a_cell(opened):
     text = hover(opened, 4)
     assert text.splitlines()[0] == "speed 35 rad/s, clearance 0.03 mm"
-    assert "centred start: RMS 18\u202f400 ± 12 N" in text
+    assert "centred start: RMS 18\u202f400 ± 12 N, shaking RMS 4\u202f600 N" in text
     assert "contact start: RMS 19\u202f000 ± 12 N" in text
     # The path's coordinates have one decimal: 0.05 of some 80 units.
     assert radius(opened, 0) == pytest.approx(0.5, abs=2e-3)
@@ -488,7 +492,7 @@ def test_click_keeps_a_cell_and_the_mouse_leaves_it(opened):
 def test_no_row_twice(opened):
     hover(opened, 3)
     rows = [row.text for row in opened.find_elements("css selector", "#numbers td:first-child")]
-    assert len(rows) == len(set(rows)) == 6
+    assert len(rows) == len(set(rows)) == 7
 
 
 def test_keyboard_and_choices(opened):

@@ -87,8 +87,8 @@ def test_pareto_of_a_design_without_a_settled_motion(drawn):
 
 def test_pareto_draws_the_fronts_of_the_answer(drawn):
     ends = np.array([18e3, 19e3])
-    fronts = [Front("capacity", "m3/h", ends, np.array([7.0, 9.0]), {})]
-    fronts.append(Front("peak", "N", ends, np.array([27e3, 25e3]), {}))
+    fronts = [Front("capacity", "m3/h", ends, np.array([7.0, 9.0]), {}, {})]
+    fronts.append(Front("peak", "N", ends, np.array([27e3, 25e3]), {}, {}))
     fig = drawn(grid(False), tuple(fronts), optimum=design(18e3, 7.0))
     for ax, other in zip(fig.axes, ([7.0, 9.0], [27.0, 25.0]), strict=True):
         (line,) = (line for line in ax.lines if line.get_label() == "front")

@@ -51,6 +51,9 @@ def test_result_holds_the_evidence(finished):
     assert optimum["foundation_rms"] == pytest.approx(18243.41119, rel=1e-9)
     assert paper["foundation_rms"] == pytest.approx(21796.41418, rel=1e-9)
     assert optimum["objective"] == optimum["foundation_rms"]
+    # Beside them what the ground feels: four digits of the ideal joint's, which clearance leaves.
+    shaking = optimum["shaking_rms"], paper["shaking_rms"]
+    assert shaking == pytest.approx((3134.5, 7628.0), rel=1e-3)
     assert optimum["ideal_rms"] == result["ideal"] < optimum["foundation_rms"] * 1.003
     # What the transient's long runs say stands beside it, told apart.
     values = optimum["transient"][optimum["worse_start"]]["by_run"]["objective"]
@@ -72,6 +75,7 @@ def test_result_holds_the_evidence(finished):
     assert {"settled", "landscape", "refinement", "confirmation"} <= result["seconds"].keys()
     page = (folder / "report.html").read_text()
     assert "Run it at 25 rad/s (239 rpm)" in page
+    assert "RMS of the shaking force 3135 N against 7632.3 N." in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert 0 < optimum["transient"]["contact"]["validity"]["half_width_ratio"] < 0.5
 
@@ -103,6 +107,7 @@ def test_closing_table_names_what_is_outside_the_model(finished):
     print_table(console, answer)
     text = console.export_text()
     assert "18243.41" in text and "21796.41" in text and "…" not in text
+    assert re.search(r"RMS of the shaking force, N +3135 +7632\.3 *\n", text)
     # With long names as well, and every design keeps its own.
     bounds = {"counterweight.mass": (0.0, 60.0), "jaw.mass_centre_distance": (0.25, 0.35)}
     values = dict(zip(bounds, (20.2047, 0.30125), strict=True))
@@ -224,6 +229,7 @@ def rows_of_three_runs():
 def orbit_by_hand(**changes):
     """An orbit for `confirm.confirmed` to judge by."""
     numbers = {"objective": 7.0, "foundation_rms": 8.0, "foundation_peak": 9.0, "error": 1e-9}
+    numbers |= {"shaking_rms": 5.0, "shaking_peak": 6.0}
     kept = dict(multipliers=[[0.5, 0.0]], largest_multiplier=0.5, settling_turns=1.4, section=None)
     rest = dict(failure="", least_penetration=0.1, validity=None, slopes={}, slopes_apart={})
     return Settled(**(numbers | kept | rest | changes))
@@ -233,6 +239,7 @@ def test_a_design_is_judged_by_what_its_worse_start_comes_to():
     case, rows, orbit = problem.case(Options()), rows_of_three_runs(), orbit_by_hand()
     one = confirm.confirmed(case, np.zeros(2), rows, orbit)
     assert one.settles and one.objective == 7.0 and one.foundation_rms == 8.0
+    assert one.shaking_rms == 5.0
     assert one.half_width == pytest.approx(7e-9)
     # A start that leaves contact in a single run is judged by its time average, here the better.
     rows["contact_fraction"][0, 1] = 0.999
@@ -245,7 +252,7 @@ def test_a_design_is_judged_by_what_its_worse_start_comes_to():
     for change in ({"largest_multiplier": 1.0001}, {"failure": "none", "objective": np.nan}):
         changed = orbit_by_hand(**change)
         one = confirm.confirmed(case, np.zeros(2), rows_of_three_runs(), changed)
-        assert one.worse_start == "centred" and one.objective == 2.0
+        assert one.worse_start == "centred" and one.objective == 2.0 and one.shaking_rms == 1.0
         assert one.half_width == one.transient["centred"].objective_half_width > 1
     # A single run that does not count, of either start, leaves no number to choose by.
     rows["counts"][1, 2] = False
@@ -309,15 +316,41 @@ def test_a_design_is_judged_by_the_worst_that_random_starts_come_to(finished):
     # Of the optimum all come to the settled motion, the same to rounding.
     assert [one.share for one in best.companions] == [1.0]
     assert best.companions[0].objective == pytest.approx(best.objective, rel=1e-9)
-    loud = replace(best.companions[0], share=0.2, objective=2e4, foundation_rms=2e4, period=2)
+    forces = {"foundation_rms": 2e4, "shaking_rms": 9e3}
+    loud = replace(best.companions[0], share=0.2, objective=2e4, period=2, **forces)
     judged_by = stages.accompanied(best, (*best.companions, loud))
     assert judged_by.objective == judged_by.foundation_rms == 2e4
+    assert judged_by.shaking_rms == 9e3
     assert "100% to 18243, 20% to 20000 over 2 turns" in words.regimes(judged_by)
     failed = verdicts.checks(replace(answer, optimum=judged_by), case, Options(**SMALL))
     assert "no random start comes to a worse motion" in [c.name for c in failed if not c.passed]
     # What does not count is not made to count.
     uncounted = replace(best, objective=float("nan"))
     assert not stages.accompanied(uncounted, (loud,)).counts
+
+
+def test_the_answer_says_first_what_shakes_the_ground_more(finished):
+    """A design of less RMS that shakes more, and a point of the map that shakes less."""
+    _, answer = finished
+    shaken = replace(answer.optimum, shaking_rms=1.5 * answer.seed_choice.shaking_rms)
+    text = words.answer(replace(answer, optimum=shaken))
+    assert text.startswith(
+        "Against the paper's choice the RMS of |R_O| + |R_C| falls by 16.3 %, but the RMS of the "
+        "shaking force, which the ground feels, rises by 50 %, from 7632 to 11448 N. Run it at"
+    )
+    # Nor does a force of 0.01 % more rise, nor one go another way than a design without a number.
+    same = replace(answer.optimum, shaking_rms=1.0001 * answer.seed_choice.shaking_rms)
+    assert words.answer(replace(answer, optimum=same)).startswith("Run it at")
+    none = replace(answer.seed_choice, objective=float("nan"))
+    assert words.answer(replace(answer, optimum=shaken, seed_choice=none)).startswith("Run it at")
+    case, points = problem.case(Options()), np.array([[0.0, 0.0], [0.5, 1.0], [1.0, 1.0]])
+    columns = {"shaking_rms": [3135.0, 1555.0, 100.0], "foundation_rms": [18e3, 19e3, 20e3]}
+    orbits = xr.Dataset({name: ("cell", column) for name, column in columns.items()})
+    orbits["counts"] = "cell", [True, True, False]
+    text = verdicts.quieter(answer, case, points, orbits)
+    assert "at speed 32.5 rad/s (310.4 rpm), clearance 0.12 mm the RMS of the shaking force" in text
+    assert "is 1555 N instead of 3135 N, and that of |R_O| + |R_C| is 19000 N" in text
+    assert verdicts.quieter(answer, case, points[:1], orbits.isel(cell=[0])) == ""
 
 
 def test_descents_end_where_karush_kuhn_and_tucker_say():
@@ -402,15 +435,18 @@ def test_objectives_follow_from_their_statistics():
     """Formulas on the paper's crusher, 30 rad/s and 0.06 mm, against sampled motions."""
     chamber = jc.CrushingChamber()
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
-    outputs = ("foundation_force", "joint_force", "drive_power", "normal_force")
+    outputs = ("foundation_force", "shaking_force", "joint_force", "drive_power", "normal_force")
     # The last point is the first of the next turn.
     motion = jc.simulate(scene, np.linspace(0, 4 * np.pi / 30, 20001), outputs=outputs)
     force = np.asarray(motion.foundation_force)[:-1]
+    shaking = np.linalg.norm(np.asarray(motion.shaking_force)[:-1], axis=1)
     slip = 30.0 * 0.13
     expected = {
         "rms": np.sqrt((force**2).mean()),
         "mean": force.mean(),
         "peak": force.max(),
+        "shaking_rms": np.sqrt((shaking**2).mean()),
+        "shaking_peak": shaking.max(),
         "smooth_peak": (force**16).mean() ** (1 / 16),
         "joint_peak": np.linalg.norm(np.asarray(motion.joint_force), axis=1).max(),
         "wear": 3600 * np.asarray(motion.normal_force)[:-1].mean() * slip / 7.843,
@@ -423,7 +459,8 @@ def test_objectives_follow_from_their_statistics():
     for name, objective in OBJECTIVES.items():
         values[name] = float(objective.formula(result, scene, chamber))
     # Sampling of a smooth periodic function; capacity to its four digits.
-    for name in ("rms", "mean", "peak", "smooth_peak", "joint_peak"):
+    plain = ("rms", "mean", "peak", "smooth_peak", "joint_peak", "shaking_rms", "shaking_peak")
+    for name in plain:
         assert values[name] == pytest.approx(expected[name], rel=1e-5), name
     # The jaw's own turning adds up to 1 % to the slip of the surfaces.
     assert values["wear"] == pytest.approx(expected["wear"], rel=0.01)

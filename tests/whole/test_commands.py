@@ -84,15 +84,17 @@ def test_simulate_says_what_the_motion_is(simulated):
     out, _, text = simulated
     with xr.open_dataset(out / "simulate" / "motion.nc") as motion:
         last = motion.foundation_force[200:-1].to_numpy()
+        shaking = np.linalg.norm(motion.shaking_force[200:-1].to_numpy(), axis=1)
     found = re.search(
-        r"R_C\| (\d+) N, contact share ([\d.]+), no whirl, inside the contact model "
-        r"\(turns 2 to 2\)",
+        r"R_C\| (\d+) N, of the shaking force (\d+) N, contact share ([\d.]+), no whirl, inside "
+        r"the contact model \(turns 2 to 2\)",
         text,
     )
     assert found, text
     # 200 samples of a turn, quiet in the bore, and rounding to 1 N.
     assert float(found[1]) == pytest.approx(np.sqrt(np.mean(last**2)), abs=1 + 1e-3 * last[0])
-    assert float(found[2]) == 1.0
+    assert float(found[2]) == pytest.approx(np.sqrt(np.mean(shaking**2)), abs=1 + 1e-3 * last[0])
+    assert float(found[3]) == 1.0
 
 
 def test_an_average_that_scatters_says_what_to_do():
@@ -439,6 +441,12 @@ def test_orbit_solves_for_the_settled_motion(tmp_path):
     assert status == 0 and "settles in" in text
     kept = json.loads((tmp_path / "orbit" / "orbit.json").read_text())
     assert kept["stable"] and kept["foundation_rms"] == pytest.approx(18524.15958, rel=1e-9)
+    # 27 rad/s leave (27 / 30)^2 of the 4513.63 N at 30 rad/s: both are kinematics, but for the pin.
+    assert kept["shaking_rms"] == pytest.approx(0.81 * 4513.63, rel=1e-3)
+    assert f"shaking force: RMS {kept['shaking_rms']:.4f} N" in text
+    by_speed = kept["slopes_of_shaking_rms"]["speed"]
+    assert by_speed == pytest.approx(2 / 27 * kept["shaking_rms"], rel=2e-3)
+    assert re.search(rf"speed\s.*163\.534 .* {by_speed:.6g}", text)
     slopes = kept["slopes_of_foundation_rms"]
     assert set(slopes) == set(jc.PARAMETERS) & set(jc.PE250X400)
     assert slopes["speed"] == pytest.approx(163.534, rel=1e-5)

@@ -1,0 +1,37 @@
+"""The two forces that every design is told by, and how they change from one design to another."""
+
+from collections.abc import Mapping
+
+from jaxcrusher.motion.statistic import STATISTIC
+
+# What frame and bearings carry, with weight and crushing load, and what shakes the ground.
+FORCES = ("foundation_rms", "shaking_rms")
+# A force that changes by less than this share of itself neither falls nor rises.
+UNCHANGED = 1e-3
+
+
+def besides(*told: str) -> dict[str, str]:
+    """Return the names and meanings of `FORCES`, less the meanings that are `told` already."""
+    meanings = {name: STATISTIC[name].meaning for name in FORCES}
+    return {name: meaning for name, meaning in meanings.items() if meaning not in told}
+
+
+def opposed(before: Mapping[str, float], after: Mapping[str, float], where: str) -> str:
+    """Return a sentence that names the force which falls and the one which rises, or nothing.
+
+    `before` and `after` hold `FORCES` in N; `where` names the design that they stood at before.
+    """
+    change = {name: after[name] / before[name] - 1 for name in FORCES}
+    falls, rises = sorted(FORCES, key=lambda name: change[name])
+    if not change[falls] < -UNCHANGED < UNCHANGED < change[rises]:
+        return ""
+    return (
+        f"Against the {where} the {_named(falls)} falls by {-100 * change[falls]:.3g} %, "
+        f"but the {_named(rises)} rises by {100 * change[rises]:.3g} %, from "
+        f"{before[rises]:.0f} to {after[rises]:.0f} N."
+    )
+
+
+def _named(force: str) -> str:
+    meaning = STATISTIC[force].meaning
+    return f"{meaning}, which the ground feels," if force == "shaking_rms" else meaning
