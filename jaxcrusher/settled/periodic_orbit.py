@@ -35,9 +35,10 @@ NODES, MOST_NODES = 96, 384
 # Nodes are added until the RMS is known this well. Slopes by the clearance, a millionth of the RMS
 # for a clearance that grows by all of itself, then have two digits and more.
 SETTLED = 1e-8
-_Found = tuple[Nodes, newton.Factors]
 # Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
 CLOSURE, RTOL = 1e-6, 1e-11
+
+_Found = tuple[Nodes, newton.Factors]
 
 
 def periodic_orbit(
@@ -122,9 +123,10 @@ def _searched(
     period: int,
     nodes: int | None,
 ) -> PeriodicOrbit:
-    """The orbit of a scene whose values `still` are known; the failure of the first try if none.
+    """Search for the orbit of a scene whose values `still` are known.
 
-    `begin` is the section point of a guess, which may lose contact.
+    `begin` is the section point of a guess, which may lose contact. Where all tries fail, the
+    first one says why.
     """
     first = _collocated(still, guess, period, nodes)
     tries = itertools.chain([first], _further(still, first[1], begin, period) if not nodes else ())
@@ -139,7 +141,7 @@ def _searched(
 def _further(
     scene: Scene, failed: PeriodicOrbit, begin: Array | None, period: int
 ) -> Iterator[tuple[_Found | None, PeriodicOrbit]]:
-    """What to try where collocation fails: shooting, and the motion that is waited for."""
+    """Try what is left where collocation fails: shooting, and a motion that is waited for."""
     if begin is not None:
         yield None, shoot(scene, begin, period)
     if _is_coarse(failed):
