@@ -12,8 +12,8 @@ from jaxcrusher.basics.checks import (
     concrete,
     require,
     require_whole,
-    require_x64,
 )
+from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.crusher.starts import Centred
 from jaxcrusher.motion.flow import flat
@@ -63,7 +63,7 @@ def periodic_orbit(
     Raises ValueError for a period or nodes that are not such numbers, and in one line for a scene
     that is not one of these.
     """
-    require_x64()
+    require_set_up()
     require_scene(scene)
     require_whole("period", period, 1)
     if nodes is not None:
