@@ -9,7 +9,7 @@ import numpy as np
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Answer, Confirmed, Held, Runs
-from optimize.decay import GONE, rate, resolved, unmeasurable
+from optimize.decay import GONE, rate, resolved
 
 
 def number(value: float) -> str:
@@ -62,8 +62,6 @@ def decay(runs: Runs, design: Confirmed) -> str:
     if swing.last < resolved(swing):
         return f"on the settled motion, to {resolved(swing):.1g} clearances"
     in_the_end = rate(design.settled)
-    if why := unmeasurable(swing, in_the_end):
-        return f"how its swing dies is not measurable ({why})"
     text = (
         f"its swing of {swing.last:.2g} clearances dies by {100 * swing.rate:.2g}±"
         f"{200 * swing.error:.1g} % a turn (in the end by {100 * in_the_end:.2g} %: the multiplier)"

@@ -293,7 +293,7 @@ def test_the_first_sentence_recommends_only_what_nothing_speaks_against():
     failed = "Not confirmed; outside the contact model: the best is 25 rad/s (239 rpm) with 0.06 mm"
     text = words.answer(found)
     assert text.startswith(failed) and "18250 N as the mean of long runs" in text
-    assert "because the check “both starts agree” failed" in text
+    assert "because the check failed: “both starts agree”" in text
     assert "because of centred start, contact 1.80 bore radii wide: not Hertzian" in text
     passed = replace(found, checks=found.checks[:1])
     assert words.answer(passed).startswith("Outside the contact model: the best is 25 rad/s")
