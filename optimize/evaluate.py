@@ -153,8 +153,10 @@ def may_count(rows: Mapping[str, Any], case: Case, capacity) -> np.ndarray:
     return good & (np.asarray(capacity) >= case.capacity_floor * (1 - 1e-12))
 
 
-def losses(rows: Mapping[str, Any], case: Case, capacity: Float[np.ndarray, " designs"]) -> str:
-    """Say why none of some designs counts, and of how many each reason is true.
+def losses(
+    rows: Mapping[str, Any], case: Case, capacity: Float[np.ndarray, " designs"], designs: str
+) -> str:
+    """Say why none of some `designs` counts, and of how many each reason is true.
 
     Rows have the shape (starts, designs, ...), as those of `evaluate` or of long runs.
     """
@@ -173,7 +175,7 @@ def losses(rows: Mapping[str, Any], case: Case, capacity: Float[np.ndarray, " de
         short += f" (the highest is {np.max(capacity):.4g} m3/h)"
     counts[short] = int((capacity < case.capacity_floor * (1 - 1e-12)).sum())
     told = [f"{count} {why}" for why, count in counts.items() if count]
-    return f"of {len(capacity)} designs from both starts {', '.join(told)}"
+    return f"of {len(capacity)} {designs} {', '.join(told)}"
 
 
 def judged(rows: Mapping[str, Any]) -> np.ndarray:

@@ -132,7 +132,9 @@ def refine(
         )
     if not len(best):
         rows = {str(name): values.to_numpy() for name, values in data.items()}
-        return best, replace(answer, empty=losses(rows, case, case.capacity(units)))
+        return best, replace(
+            answer, empty=losses(rows, case, case.capacity(units), "points of the landscape")
+        )
     starts = np.concatenate([best, rng.uniform(size=(options.refine, best.shape[1]))])
     with search.stage(answer, "refinement", len(starts)) as progress:
         found, ends = [], []
@@ -222,7 +224,9 @@ def settle_on(
     best = min((one for one in ended if one.counts), key=lambda one: one.objective, default=None)
     if best is None and ended:
         rows = {name: np.stack([one[name] for one in runs[:-1]], axis=1) for name in runs[0]}
-        answer = replace(answer, empty=losses(rows, case, case.capacity(candidates)))
+        answer = replace(
+            answer, empty=losses(rows, case, case.capacity(candidates), "long-run ends of descents")
+        )
     return answer, best
 
 

@@ -34,8 +34,8 @@ def test_losses_are_counted_by_their_reason():
     rows["whirl"][1, 2] = 1
     rows["objective"][0, 3] = np.nan
     case = problem.case(Options(capacity_floor=6.0))
-    assert evaluate.losses(rows, case, np.array([7.0, 7.0, 7.0, 5.0])) == (
-        "of 4 designs from both starts 2 failed to integrate, 1 come to a friction whirl, "
+    assert evaluate.losses(rows, case, np.array([7.0, 7.0, 7.0, 5.0]), "designs") == (
+        "of 4 designs 2 failed to integrate, 1 come to a friction whirl, "
         "1 have no number of the objective, 1 are below the capacity of 6 m3/h (the highest is 7 "
         "m3/h)"
     )
@@ -52,8 +52,8 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
         settled, "solve", lambda *args: solved(*args) | {"counts": np.zeros(len(args[1]), bool)}
     )
     answer, page, written = searched(tmp_path, monkeypatch)
-    assert answer.optimum is None and answer.empty.startswith("of 4 designs from both starts")
-    assert words.answer(answer).startswith("No design may be chosen: of 4 designs")
+    assert answer.optimum is None and answer.empty.startswith("of 4 points of the landscape")
+    assert words.answer(answer).startswith("No design may be chosen: of 4 points")
     assert [check.passed for check in answer.checks] == [False]
     # The design to compare with is looked at all the same, and no gap is called an interruption.
     assert answer.seed_choice is not None and "paper&#39;s choice" in page
@@ -97,7 +97,8 @@ def test_candidates_none_of_which_survives(tmp_path, monkeypatch):
 
     monkeypatch.setattr(evaluate, "may_count", only_on_the_map)
     answer, page, _ = searched(tmp_path, monkeypatch)
-    assert answer.optimum is None and answer.candidates and answer.empty
+    assert answer.optimum is None and answer.candidates
+    assert "ends of descents" in answer.empty
     assert "No design may be chosen" in page
 
 

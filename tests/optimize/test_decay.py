@@ -1,12 +1,14 @@
 """The decay of swings that are known by hand."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from optimize import verdicts
-from optimize.answer import Confirmed, Decay, Runs, Settled
+from optimize.answer import Decay
 from optimize.decay import TURNS, measured, unmeasurable
 
 ANGLE = 1.04  # of the crusher's swing in a turn
@@ -53,11 +55,8 @@ NOISE = Decay(first=1e-4, last=1e-4, rate=-0.00035, error=0.001, floor=9e-5)
     ],
 )
 def test_a_swing_that_cannot_be_measured_fails_no_check(swing, good, detail):
-    numbers = dict.fromkeys(Confirmed.__dataclass_fields__)
-    runs = Runs(*[None] * len(Runs.__dataclass_fields__))
-    orbit = Settled(*[None] * len(Settled.__dataclass_fields__))
-    orbit = replace(orbit, failure="", largest_multiplier=1 - SAYS)
-    best = Confirmed(**numbers | {"transient": {"contact": replace(runs, decay=swing)}})
+    best: Any = SimpleNamespace(transient={"contact": SimpleNamespace(decay=swing)})
+    orbit: Any = SimpleNamespace(largest_multiplier=1 - SAYS)
     (check,) = verdicts._dying(best, orbit)
     assert check.passed == good and detail in check.detail
     assert bool(unmeasurable(swing, SAYS)) == ("not measurable" in check.detail)
