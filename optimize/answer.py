@@ -27,6 +27,7 @@ class Settled:
     settling_turns: float  # in which a disturbance falls to 1/e; infinite if it grows
     least_penetration: float  # in clearances
     section: np.ndarray  # where the pins are as a turn begins, (2 a joint,) in clearances
+    state: np.ndarray  # as a turn begins, as in `jaxcrusher.Section`
     validity: jc.Validity
     slopes: dict[str, float]  # of the objective, per unit of each free parameter
     slopes_apart: dict[str, float]  # how far differences of settled motions are from them
@@ -59,6 +60,7 @@ class Decay:
     last: float  # over the last ones
     rate: float  # share by which it falls in a turn
     error: float  # standard error of the rate
+    floor: float  # what the integration leaves of the settled motion itself, in clearances
 
 
 @dataclass(frozen=True)
@@ -217,6 +219,8 @@ class Answer:
     compared_with: str = "paper's choice"  # or the scene file's
     optimum: Confirmed | None = None
     seed_choice: Confirmed | None = None  # what the optimum is compared with
+    empty: str = ""  # why no design may be chosen, or nothing
+    orbits: int | None = None  # stable ones of the map; None: there are none to solve for
     ideal: float | None = None  # RMS of the optimum's machine with an ideal joint, N
     held: tuple[Held, ...] = ()  # by what limits the optimum is held; the other slopes vanish
     unheld: dict[str, float] = field(default_factory=dict)  # these slopes; limits have their part

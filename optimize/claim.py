@@ -38,6 +38,12 @@ def claim(case: Case, orbits: xr.Dataset | None, best: Confirmed) -> Claim:
     lowest, hidden = cell_bounds(values, slopes, sizes)
     # Also of a point without a neighbour to measure by.
     unsolved = int(np.isnan(lowest).sum())
+    if unsolved == values.size:
+        words = (
+            "The best of what was tried: no two points of the map beside each other have a stable "
+            "settled motion that counts, and nothing is said of what lies between."
+        )
+        return Claim(None, None, unsolved, gain, words)
     within = max(0.0, best.objective - float(np.nanmin(lowest)))
     least = np.unravel_index(np.nanargmin(lowest), lowest.shape)
     curvature = float(hidden[least])

@@ -17,6 +17,14 @@ TURNS, PARTS = 480, 8
 # Of that integration, whose error keeps a swing of 700 times the tolerance alive (measured at
 # 25 rad/s and 0.03 mm, for 1e-7 to 1e-9); less than ten times that, in clearances, says nothing.
 RTOL, RESOLVED = 1e-8, 1e-4
+# Nor does less than so many times what it leaves of the settled motion itself. Errors add in
+# squares: a tenth of a swing changes its size by a two-hundredth.
+ABOVE = 10
+# Share by which the size of a part is off, RMS, where it holds no whole number of swings: 1 % at
+# most, at the crusher's angle of some 1.04 rad a turn. Over several parts that can look like decay.
+PHASE = 0.01 / np.sqrt(2)
+# Standard errors of a measured rate.
+ERRORS = 3
 # A swing as small as this, in clearances, is told as gone.
 GONE = 1e-3
 
@@ -31,24 +39,28 @@ def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
     ]
     if not dying:
         return list(designs)
+    # Each from where its long run ended, and from the settled motion itself.
     cases = [
-        (
-            np.asarray(designs[i].transient[start].state),
-            started({**case.design.fixed, **designs[i].values}, start),
-        )
+        (np.asarray(state), started({**case.design.fixed, **designs[i].values}, start))
         for i, start in dying
+        for state in (designs[i].transient[start].state, _orbit(designs[i]).state)
     ]
     points, success = map_all(eqx.Partial(section_points, turns=TURNS, rtol=RTOL), stack(cases))
     found = list(designs)
-    for (i, start), states, good in zip(dying, points, success, strict=True):
-        settled = found[i].settled
-        assert settled is not None
-        if good:
+    pairs = points.reshape(len(dying), 2, *points.shape[1:]), success.reshape(len(dying), 2)
+    for (i, start), states, good in zip(dying, *pairs, strict=True):
+        if good.all():
             runs = found[i].transient[start]
-            decay = measured(places(states) - np.asarray(settled.section))
+            apart, left = places(states) - np.asarray(_orbit(found[i]).section)
+            decay = measured(apart, float(_swings(left).max()))
             transient = found[i].transient | {start: replace(runs, decay=decay)}
             found[i] = replace(found[i], transient=transient)
     return found
+
+
+def _orbit(design: Confirmed) -> Settled:
+    assert design.settled is not None
+    return design.settled
 
 
 def rate(orbit: Settled) -> float:
@@ -56,17 +68,41 @@ def rate(orbit: Settled) -> float:
     return 1 - orbit.largest_multiplier
 
 
-def measured(apart: Float[np.ndarray, "turns half"]) -> Decay:
+def resolved(swing: Decay) -> float:
+    """Return the least size of a swing, in clearances, that the integration resolves."""
+    return max(RESOLVED, ABOVE * swing.floor)
+
+
+def unmeasurable(swing: Decay, says: float) -> str:
+    """Say why a decay cannot be held against the rate that the multiplier `says`, or nothing.
+
+    A swing that the integration's own error keeps alive says nothing of a rate. Nor does a
+    measurement that tells that rate from none by less than `ERRORS` standard errors.
+    """
+    if swing.last < resolved(swing):
+        return f"a swing of {swing.last:.1g} clearances, of which {resolved(swing):.1g} are needed"
+    if ERRORS * swing.error >= says:
+        return f"a rate of {swing.rate:.2g}, standard error {swing.error:.1g}"
+    return ""
+
+
+def measured(apart: Float[np.ndarray, "turns half"], floor: float) -> Decay:
     """The decay of points that swing about zero, by least squares over the logarithms of its parts.
 
-    A part of many turns averages the swing's phase out.
+    A part of many turns averages the swing's phase out to `PHASE`. `floor` is the swing that the
+    integration leaves of the settled motion itself.
     """
-    parts = apart.reshape(PARTS, -1, apart.shape[1])
-    swings = np.sqrt(np.mean(parts**2, axis=(1, 2)))
+    swings = _swings(apart)
     turns = len(apart) / PARTS * np.arange(PARTS)
     turns -= turns.mean()
     logarithms = np.log(np.maximum(swings, 1e-300))
     fall = -(turns @ logarithms) / (turns @ turns)
     left = logarithms - logarithms.mean() + fall * turns
-    error = np.sqrt(left @ left / (PARTS - 2) / (turns @ turns))
-    return Decay(float(swings[0]), float(swings[-1]), float(fall), float(error))
+    error = np.sqrt((left @ left / (PARTS - 2) + PHASE**2) / (turns @ turns))
+    return Decay(float(swings[0]), float(swings[-1]), float(fall), float(error), floor)
+
+
+def _swings(apart: Float[np.ndarray, "turns half"]) -> Float[np.ndarray, " parts"]:
+    """The size of a swing about zero in each of its parts, in clearances."""
+    parts = apart.reshape(PARTS, -1, apart.shape[1])
+    return np.sqrt(np.mean(parts**2, axis=(1, 2)))

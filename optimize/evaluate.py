@@ -79,7 +79,8 @@ class Case:
             i = self.design.names.index("speed")
             low, high = self.design.bounds["speed"]
             fastest = float(self.chamber.highest_speed(self.capacity_floor))
-            corner[i] = min(1.0, (fastest - low) / (high - low))
+            # By rounding a floor that is the capacity at the lowest speed may end below it.
+            corner[i] = np.clip((fastest - low) / (high - low), 0.0, 1.0)
         return corner
 
 
@@ -150,6 +151,31 @@ def may_count(rows: Mapping[str, Any], case: Case, capacity) -> np.ndarray:
     if case.inside_model:
         good = good & rows["inside_model"].astype(bool)
     return good & (np.asarray(capacity) >= case.capacity_floor * (1 - 1e-12))
+
+
+def losses(
+    rows: Mapping[str, Any], case: Case, capacity: Float[np.ndarray, " designs"], designs: str
+) -> str:
+    """Say why none of some `designs` counts, and of how many each reason is true.
+
+    Rows have the shape (starts, designs, ...), as those of `evaluate` or of long runs.
+    """
+    columns = ("success", "whirl", "inside_model", "objective")
+    seen = {
+        name: np.asarray(rows[name]).reshape(len(STARTS), len(capacity), -1) for name in columns
+    }
+    failed = ~seen["success"].astype(bool)
+    lost = {"failed to integrate": failed, "come to a friction whirl": seen["whirl"].astype(bool)}
+    if case.inside_model:
+        lost["leave the contact model"] = ~failed & ~seen["inside_model"].astype(bool)
+    lost["have no number of the objective"] = ~failed & np.isnan(seen["objective"])
+    counts = {why: int(each.any(axis=(0, 2)).sum()) for why, each in lost.items()}
+    short = f"are below the capacity of {case.capacity_floor:.4g} m3/h"
+    if len(capacity):
+        short += f" (the highest is {np.max(capacity):.4g} m3/h)"
+    counts[short] = int((capacity < case.capacity_floor * (1 - 1e-12)).sum())
+    told = [f"{count} {why}" for why, count in counts.items() if count]
+    return f"of {len(capacity)} {designs} {', '.join(told)}"
 
 
 def judged(rows: Mapping[str, Any]) -> np.ndarray:

@@ -32,28 +32,37 @@ def draw_all(
     points: np.ndarray,
     orbits: xr.Dataset | None,
     answer: Answer,
-) -> list[str]:
-    """Every figure that the design's parameters allow; returns the names of their files.
+) -> tuple[list[str], dict[str, str]]:
+    """Every figure that the design's parameters allow and that has something to draw.
 
     `data` is the landscape of `units` from both starts, `orbits` the settled motions of `points`.
+    Returns the names of the files, and why others were left out, by name.
     """
-    drawn = ["pareto.png", "motion.png"]
-    if "speed" in case.design.names:
-        draw_capacity(folder, case, answer.box)
-        drawn.insert(0, "capacity.png")
+    drawn, omitted = [], {}
     if len(case.design.names) == 2:
-        draw_starts(folder, answer, data)
-        drawn.insert(0, "starts.png")
-        if orbits is not None:
+        if answer.orbits:
+            assert orbits is not None
             draw_settled(folder, answer, orbits)
             draw_settling(folder, answer, orbits)
-            drawn = ["landscape.png", "settling.png", *drawn]
+            drawn += ["landscape.png", "settling.png"]
+        elif orbits is not None:
+            why = "no point of the map has a stable orbit of one turn"
+            omitted |= {"landscape.png": why, "settling.png": why}
+        draw_starts(folder, answer, data)
+        drawn.append("starts.png")
+    if "speed" in case.design.names:
+        draw_capacity(folder, case, answer.box)
+        drawn.append("capacity.png")
     if orbits is not None and orbits.counts.any():
         draw_pareto(folder, case, points, orbits, answer)
-    else:
+        drawn.append("pareto.png")
+    elif data.counts.all("start").any():
         draw_pareto(folder, case, units, data, answer)
+        drawn.append("pareto.png")
+    else:
+        omitted["pareto.png"] = "no point of the maps may be chosen"
     draw_motions(folder, case, answer)
-    return drawn
+    return [*drawn, "motion.png"], omitted
 
 
 def draw_settled(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:

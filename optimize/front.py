@@ -27,8 +27,8 @@ def fronts(
 ) -> tuple[Front, ...]:
     """Of the objective against capacity, and against the peak or the force in `RIVALS`.
 
-    `units` are the points of the map `orbits`; where none of them gains anything in the other
-    number, the optimum is all there is.
+    `units` are the points of the map `orbits`, of which one counts at least; where none of them
+    gains anything in the other number, the optimum is all there is.
     """
     assert optimum.settled is not None
     least = np.clip(case.design.unit(optimum.values), 0, case.upper)

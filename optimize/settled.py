@@ -13,6 +13,7 @@ import jaxcrusher as jc
 from jaxcrusher.batch import rows as rows_of
 from jaxcrusher.batch.engines import map_all, without_lanes
 from jaxcrusher.dynamics import orbit_map
+from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
 from jaxcrusher.settled.forced import refusal
 from jaxcrusher.settled.result import reason
@@ -123,6 +124,11 @@ def mapped(case: Case, units: np.ndarray, cells: tuple[int, int], rows: Rows) ->
     return labelled(case.design, units, cells, rows, meanings, {"slope": "parameter"})
 
 
+def count(orbits: xr.Dataset | None) -> int | None:
+    """Return how many points of a map have a stable orbit, None where none is solved for."""
+    return None if orbits is None else int(orbits.stable.sum())
+
+
 def looked_at(case: Case, unit: Float[np.ndarray, " n"]) -> Settled | None:
     """The settled motion of one point, with as many nodes as it takes, integrated round once.
 
@@ -154,6 +160,7 @@ def looked_at(case: Case, unit: Float[np.ndarray, " n"]) -> Settled | None:
         settling_turns=float(orbit.settling_turns),
         least_penetration=float(orbit.least_penetration),
         section=np.asarray(orbit.eccentricity)[0],
+        state=np.asarray(flat(orbit.state(), scene)),
         validity=orbit.validity,
         slopes=dict(zip(names, slopes.tolist(), strict=True)),
         slopes_apart=dict(zip(names, apart.tolist(), strict=True)),

@@ -20,7 +20,7 @@ from optimize.abreast import Stopped, abreast
 from optimize.answer import Answer, Companion, Confirmed, Refinement
 from optimize.confirm import SHIFT, confirmed, long_runs
 from optimize.decay import with_decay
-from optimize.evaluate import Case, Progress, Window, evaluate, judged, started
+from optimize.evaluate import Case, Progress, Window, evaluate, judged, losses, started
 from optimize.front import fronts
 from optimize.held import held
 from optimize.motions import cell_motions
@@ -114,7 +114,8 @@ def refine(
     """Local descents from the best of the settled map's `points` and from random ones.
 
     Where no settled motion counts they are fits, from the best of `units`, the landscape's points.
-    Returns the candidates (m, n), and the answer with its descents.
+    Returns the candidates (m, n), and the answer with its descents; where none of `units` counts
+    either there are none, and the answer says why.
     """
     case, options = search.case, search.options
     rng = np.random.default_rng(options.seed)
@@ -130,7 +131,10 @@ def refine(
             landscape.worst(data).to_numpy().ravel(), units, options.refine
         )
     if not len(best):
-        raise RuntimeError("every point of the box failed, whirls or breaks a constraint")
+        rows = {str(name): values.to_numpy() for name, values in data.items()}
+        return best, replace(
+            answer, empty=losses(rows, case, case.capacity(units), "points of the landscape")
+        )
     starts = np.concatenate([best, rng.uniform(size=(options.refine, best.shape[1]))])
     with search.stage(answer, "refinement", len(starts)) as progress:
         found, ends = [], []
@@ -196,8 +200,12 @@ class _NoisyObjective:
 
 def settle_on(
     search: Search, answer: Answer, candidates: np.ndarray
-) -> tuple[list[Confirmed], Confirmed]:
-    """Independent long runs of the candidates and of the design to compare with."""
+) -> tuple[Answer, Confirmed | None]:
+    """Independent long runs of the candidates and of the design to compare with.
+
+    Returns the answer with them, and the best one. That is None where none counts, and the answer
+    says why.
+    """
     case, options = search.case, search.options
     points = np.concatenate([candidates, case.design.unit(problem.reference(options))[None]])
     window = Window(LONGER * options.settle, LONGER * options.turns, CONFIRM_RTOL)
@@ -211,18 +219,26 @@ def settle_on(
     answer.steps["confirmation"] = sum(
         int(runs.by_run["steps"].sum()) for one in found for runs in one.transient.values()
     )
-    if np.isnan([one.objective for one in found[:-1]]).all():
-        raise RuntimeError("no candidate survived its confirmation: failed, whirl or constraint")
-    return found[:-1], found[-1]
+    *ended, reference = found
+    answer = replace(answer, candidates=tuple(ended), seed_choice=reference)
+    best = min((one for one in ended if one.counts), key=lambda one: one.objective, default=None)
+    if best is None and ended:
+        rows = {name: np.stack([one[name] for one in runs[:-1]], axis=1) for name in runs[0]}
+        answer = replace(
+            answer, empty=losses(rows, case, case.capacity(candidates), "long-run ends of descents")
+        )
+    return answer, best
 
 
-def weigh(search: Search, answer: Answer, best: Confirmed, reference: Confirmed) -> Answer:
+def weigh(search: Search, answer: Answer, best: Confirmed) -> Answer:
     """The answer with what holds the best where it is, and what else random starts come to.
 
     Starts of best and reference that come to no settled motion get a regime, and the best slopes
     by what motions allow.
     """
     case, options = search.case, search.options
+    assert answer.seed_choice is not None
+    reference: Confirmed = answer.seed_choice
 
     def scene(start: str, numbers: dict[str, Any]) -> jc.Scene:
         return started({**case.design.fixed, **numbers}, start)
@@ -276,7 +292,7 @@ def trade(
     search: Search, answer: Answer, best: Confirmed, units: np.ndarray, orbits: xr.Dataset | None
 ) -> Answer:
     """The answer with the fronts of a settled optimum."""
-    if orbits is None or not best.settles:
+    if orbits is None or not best.settles or not orbits.counts.any():
         return answer
     with search.stage(answer, "fronts", 2) as progress:
         found = fronts(search.case, best, units, orbits, search.options.steps)

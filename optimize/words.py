@@ -9,7 +9,7 @@ import numpy as np
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Answer, Confirmed, Held, Runs
-from optimize.decay import GONE, RESOLVED, rate
+from optimize.decay import GONE, rate, resolved
 from optimize.forces import FORCES, besides, opposed
 
 
@@ -66,8 +66,8 @@ def decay(runs: Runs, design: Confirmed) -> str:
     swing = runs.decay
     if swing is None or design.settled is None:
         return "its swing dies towards the settled motion"
-    if swing.last < RESOLVED:
-        return f"on the settled motion, to {RESOLVED:g} clearances"
+    if swing.last < resolved(swing):
+        return f"on the settled motion, to {resolved(swing):.1g} clearances"
     in_the_end = rate(design.settled)
     text = (
         f"its swing of {swing.last:.2g} clearances dies by {100 * swing.rate:.2g}±"
@@ -106,10 +106,13 @@ def shown(name: str, value: Number, units: Mapping[str, str]) -> Number:
 
 
 def answer(found: Answer) -> str:
-    """The answer in a sentence, and before it one where the two forces go different ways."""
+    """The answer in a sentence; it recommends a design only where nothing speaks against it.
+
+    Before it stands a sentence where the two forces go different ways.
+    """
     best, other = found.optimum, found.seed_choice
     if best is None or other is None:
-        return ""
+        return f"No design may be chosen: {found.empty}." if found.empty else ""
     shown = [f"{best.speed:.4g} rad/s ({best.speed * 30 / math.pi:.0f} rpm)"]
     shown.append(f"{1e3 * best.clearance:.3g} mm of radial clearance")
     shown += [
@@ -117,15 +120,29 @@ def answer(found: Answer) -> str:
         for name, value in best.values.items()
         if name not in ("speed", "clearance")
     ]
-    text = f"Run it at {shown[0]} with {', '.join(shown[1:])}: {found.objective.meaning} "
-    text += f"{number(best.objective)} {found.objective.unit}"
+    against, reasons = [], []
+    if found.orbits == 0:
+        against.append("no stable orbit of one turn was found in the box")
+    if why := _unconfirmed(found):
+        against.append("not confirmed")
+        reasons.append(why)
+    if beyond := outside(best):
+        against.append("outside the contact model")
+        reasons.append(f"because of {'; '.join(beyond)}")
+    place = f"{shown[0]} with {', '.join(shown[1:])}"
+    text = f"the best is {place}, " if against else f"Run it at {place}: "
+    text += f"{found.objective.meaning} {number(best.objective)} {found.objective.unit}"
+    if not best.settles:
+        text += " as the mean of long runs"
     if other.counts and other.objective > best.objective > 0:
         less = 100 * (1 - best.objective / other.objective)
         text += f", {less:.1f} % less than {number(other.objective)} at the {found.compared_with}"
     for name, meaning in besides(found.objective.meaning).items():
         text += f"; {meaning} {force(best, name)} N"
         text += f" against {force(other, name)} N" if other.counts else ""
-    return " ".join(filter(None, (trade(found), text + ".")))
+    before = f"{'; '.join(against)}: " if against else ""
+    text = "; ".join([before + text, *reasons])
+    return " ".join(filter(None, (trade(found), f"{text[0].upper()}{text[1:]}.")))
 
 
 def trade(found: Answer) -> str:
@@ -137,14 +154,30 @@ def trade(found: Answer) -> str:
     return opposed(stood, stand, found.compared_with)
 
 
-def limits(design: Confirmed) -> str:
-    """What of a design's runs is outside the contact model."""
+def _unconfirmed(found: Answer) -> str:
+    """Why an answer is not confirmed, or nothing."""
+    if not found.checks:
+        return "because the search ended before its checks"
+    failed = [f"“{check.name}”" for check in found.checks if not check.passed]
+    if not failed:
+        return ""
+    checks = "the check" if len(failed) == 1 else f"{len(failed)} of {len(found.checks)} checks"
+    return f"because {checks} failed: {', '.join(failed)}"
+
+
+def outside(design: Confirmed) -> list[str]:
+    """Say what of a design's runs is outside the contact model, start by start."""
     found = []
     for start, runs in design.transient.items():
         known = bool(runs.first("success"))
         remarks = runs.validity.remarks() if known else ["not known"]
         found += [f"{start} start, {remark}" for remark in remarks]
-    if found:
+    return found
+
+
+def limits(design: Confirmed) -> str:
+    """What of a design's runs is outside the contact model."""
+    if found := outside(design):
         return "OUTSIDE the contact model: " + "; ".join(found)
     limits = [runs.validity for runs in design.transient.values()]
     return (

@@ -15,14 +15,20 @@ from pathlib import Path
 
 import platformdirs
 
+from jaxcrusher.basics.devices import computes_on, device_is_named, prefer_processor, setting
+
 # XLA compiles a whole loop to one kernel where the loop is smaller than this. Internal to XLA:
-# a loop of this package runs about seven times faster with it, and works without it.
+# loops of this package take `SLOWER` times as long without it, and work.
 _LOOP_FLAG = "xla_cpu_small_while_loop_byte_threshold"
 # What XLA fuses it can write in two ways. The newer one took a fifth longer to compile an orbit or
 # a gradient, and its programs ran no faster. Versions that do not know the option ignore it.
 _FUSION_FLAG = "xla_cpu_disable_new_fusion_emitters"
 _DEVICE_FLAG = "xla_force_host_platform_device_count"
 _OBJECTS = 50_000
+# Measured on two cores: orbits 8 to 13, simulations 8 to 28, statistics 9 to 31, sections 8 to 11.
+SLOWER = "8 to 30"
+# Whether the user was told of `set_up`, or called it: then there is nothing more to say.
+_told = False
 
 
 def set_up() -> None:
@@ -32,6 +38,8 @@ def set_up() -> None:
     nothing. Later it can only warn (UserWarning) and say how Python should have been started.
 
     - JAX computes in 64-bit floats.
+    - JAX computes on the processor, also where it sees a GPU, unless you name a device: by
+      `JAX_PLATFORMS`, or by JAX's settings `jax_platforms` and `jax_default_device`.
     - Each core is a device of JAX, and XLA compiles a loop to one kernel, by the emitters that
       compile fastest. What `XLA_FLAGS` holds of this already stays as it is.
     - OpenBLAS, in which JAX solves linear systems, takes one thread (unless `OPENBLAS_NUM_THREADS`
@@ -46,6 +54,8 @@ def set_up() -> None:
     - Python looks for garbage after 50 000 new objects, if it did so more often: most of what
       tracing makes is kept, and to look through it took an eighth of a program's time.
     """
+    global _told
+    _told = True
     if 0 < gc.get_threshold()[0] < _OBJECTS:
         gc.set_threshold(_OBJECTS)
     if "equinox" not in sys.modules:
@@ -55,12 +65,13 @@ def set_up() -> None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
+    prefer_processor()
     _keep_programs()
     given = os.environ.get("XLA_FLAGS", "")
     # XLA adds up the extra options of several flags.
     options = f"{_LOOP_FLAG}=1000000000,{_FUSION_FLAG}"
     loop = "" if _LOOP_FLAG in given else f" --xla_backend_extra_options={options}"
-    count = None if _DEVICE_FLAG in given or _setting("jax_num_cpu_devices") > 0 else cores()
+    count = None if _DEVICE_FLAG in given or setting("jax_num_cpu_devices") > 0 else cores()
     if not loop and count is None:
         return
     if _started():
@@ -80,25 +91,41 @@ def set_up() -> None:
 use_all_cores = set_up
 
 
-def remind_of_set_up(work: str) -> None:
-    """Say once, where `work` is long and runs on a CPU, what would make it several times faster."""
-    import jax
+def require_set_up() -> None:
+    """Check that JAX computes in 64-bit floats; remind of `set_up` at the first computation."""
+    from jaxcrusher.basics.checks import require_x64
 
-    slow = _LOOP_FLAG not in os.environ.get("XLA_FLAGS", "")
-    if slow and jax.default_backend() == "cpu":
-        # The same text from the same place: Python's own filter shows it once.
-        warnings.warn(
-            f"{work} would run several times faster after jaxcrusher.set_up(), called before the "
-            "first computation of the process.",
-            stacklevel=3,
-        )
+    require_x64()
+    remind_of_set_up()
 
 
-def _setting(name: str):
-    """One of JAX's; its type checker's view of them is not complete."""
-    import jax
+def remind_of_set_up() -> None:
+    """Warn, once in a process, that nobody called `set_up` and that programs are slow without.
 
-    return getattr(jax.config, name)
+    Nothing is said where `XLA_FLAGS` holds the flag already, nor to a user who named a device
+    that is not the processor.
+    """
+    global _told
+    if _told:
+        return
+    _told = True
+    if _LOOP_FLAG in os.environ.get("XLA_FLAGS", ""):
+        return
+    if device_is_named() and computes_on() != "cpu":
+        return
+    warnings.warn(
+        f"Orbits, simulations and statistics take {SLOWER} times as long as after "
+        "jaxcrusher.set_up(), which must be called before the first computation of the process.",
+        stacklevel=_level_of_the_user(),
+    )
+
+
+def _level_of_the_user() -> int:
+    """Return how many frames above the caller of this function the package was entered."""
+    frame, level = sys._getframe(1), 1
+    while frame.f_back and frame.f_globals.get("__name__", "").startswith("jaxcrusher."):
+        frame, level = frame.f_back, level + 1
+    return level
 
 
 def cores() -> int:
@@ -110,7 +137,7 @@ def _started() -> bool:
     """Whether JAX's backend has started: from then on it refuses to change this setting."""
     import jax
 
-    before = _setting("jax_num_cpu_devices")
+    before = setting("jax_num_cpu_devices")
     try:
         jax.config.update("jax_num_cpu_devices", before + 1)
     except RuntimeError:
@@ -123,7 +150,7 @@ def _keep_programs() -> None:
     """Let JAX keep all that it compiles, in the folder that the user chose or in one of ours."""
     import jax
 
-    chosen = _setting("jax_compilation_cache_dir")
+    chosen = setting("jax_compilation_cache_dir")
     folder = Path(chosen) if chosen else platformdirs.user_cache_path("jaxcrusher") / _kind()
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -3,8 +3,8 @@
 On a CPU integrations are compiled to loops over lanes of designs (see `batch.lanes`). What lanes
 cannot do, each core does for one design after the other: a batch under `jax.vmap` costs its slowest
 lane, and XLA compiles a sequential loop to one kernel if it is asked to (see `jaxcrusher.set_up`).
-On a GPU or TPU the designs run side by side under `jax.vmap`; on one of NVIDIA's lanes may be asked
-for.
+Where the user lets JAX compute on a GPU or TPU the designs run side by side under `jax.vmap`; on
+one of NVIDIA's lanes may be asked for.
 """
 
 import warnings
@@ -19,6 +19,7 @@ from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
 from jaxcrusher.basics.checks import require
+from jaxcrusher.basics.devices import computes_on, devices, on_a_gpu
 from jaxcrusher.basics.setup import remind_of_set_up
 from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.engine import Device
@@ -45,23 +46,24 @@ def map_chunks(
     size, about, and of `chunk` scenes at most, or a few more, as many on each device. `function`
     should be an `equinox.Partial` of a module-level function, so that chunks share one compilation.
     `engine` is `in_lanes`, `in_turn`, `side_by_side`, `on_gpu` or a function of your own in their
-    place; None takes `in_lanes` on a CPU and `side_by_side` elsewhere.
+    place; None takes `in_lanes` where JAX computes on a CPU (see `jaxcrusher.set_up`), and
+    `side_by_side` elsewhere.
     """
     _require_stacked(function, scenes)
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
     scenes = jax.tree.map(np.asarray, scenes)
     count = jax.tree.leaves(scenes)[0].shape[0]
-    devices = jax.devices()
+    shares = len(devices())
     if engine is None:
-        engine = in_lanes if devices[0].platform == "cpu" else side_by_side
+        engine = in_lanes if computes_on() == "cpu" else side_by_side
     size = -(-count // -(-count // chunk))
-    size = -(-size // len(devices)) * len(devices)
+    size = -(-size // shares) * shares
     for first in range(0, count, size):
         rows = slice(first, min(first + size, count))
         # The last chunk repeats its last design, so that every chunk has the same shape.
         index = np.minimum(np.arange(first, first + size), count - 1)
         # Interleaved: neighbours in a grid cost about the same, and each device gets both.
-        order = np.argsort(np.arange(size) % len(devices), kind="stable")
+        order = np.argsort(np.arange(size) % shares, kind="stable")
         part = jax.tree.map(lambda leaf, i=index[order]: leaf[i], scenes)
         result = engine(function, part)
         back = np.argsort(order)[: rows.stop - rows.start]
@@ -98,7 +100,7 @@ def _require_stacked(function: Callable[[Any], PyTree], scenes: PyTree) -> None:
 
 def without_lanes() -> Engine:
     """The engine of functions that integrate nothing: lanes would trace them to find that out."""
-    return in_turn if jax.default_backend() == "cpu" else side_by_side
+    return in_turn if computes_on() == "cpu" else side_by_side
 
 
 def in_lanes(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
@@ -113,9 +115,11 @@ def on_gpu(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
     """Integrations by the same lanes on a GPU of NVIDIA's, a thread each (see `batch.lanes.gpu`).
 
     Never run on one so far: it is tested thread by thread on a processor. It needs CuPy, and
-    raises ImportError without. What lanes cannot do, `side_by_side` does.
+    raises ImportError without. What lanes cannot do, `side_by_side` does, on the GPU where JAX
+    sees it too.
     """
-    return _by_lanes(function, scenes, GPU, side_by_side)
+    with on_a_gpu():
+        return _by_lanes(function, scenes, GPU, side_by_side)
 
 
 def _by_lanes(
@@ -140,16 +144,15 @@ def side_by_side(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
 
 def in_turn(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
     """One scene after the other on every device; their number divides that of the scenes."""
-    remind_of_set_up("A batch whose scenes are computed in turn")
+    remind_of_set_up()
     return _in_turn(function, scenes)
 
 
 @eqx.filter_jit
 def _in_turn(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
-    devices = jax.devices()
-    if len(devices) == 1:
+    if len(devices()) == 1:
         return jax.lax.map(function, scenes)
-    mesh, split = Mesh(np.array(devices), ("designs",)), PartitionSpec("designs")
+    mesh, split = Mesh(np.array(devices()), ("designs",)), PartitionSpec("designs")
     sharded = jax.shard_map(
         lambda part: jax.lax.map(function, part),
         mesh=mesh,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from jaxcrusher.basics.checks import require_x64
+from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.cluster import compute_on, connect, worker_environment
 from jaxcrusher.batch.engines import CHUNK, Engine
 from jaxcrusher.batch.plan import Plan, Result, compute_chunk, make_plan
@@ -64,7 +64,7 @@ def sweep(
     RuntimeError for a store in use, for corrupt chunks and for workers that fail; OSError for what
     cannot be written, naming the chunk; ImportError for `scheduler` without the extra `cluster`.
     """
-    require_x64()
+    require_set_up()
     plan = make_plan(axes, base or {}, settle_turns, turns, rtol, chunk, engine)
     with _workers(plan, scheduler) as (settings, compute):
         attributes = _attributes(plan, settings)

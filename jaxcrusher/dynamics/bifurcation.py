@@ -14,8 +14,8 @@ from jaxcrusher.basics.checks import (
     require_choice,
     require_untraced,
     require_whole,
-    require_x64,
 )
+from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import CHUNK, map_all, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.scene import Scene, require_maker
@@ -71,7 +71,7 @@ def bifurcation(
 
     Raises ValueError for arguments out of range, and as `poincare_section` does.
     """
-    require_x64()
+    require_set_up()
     require_maker(scene)
     require_choice("direction", direction, ("up", "down", "cold"))
     require_whole("settle_turns", settle_turns, 0)

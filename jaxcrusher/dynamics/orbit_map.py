@@ -18,8 +18,8 @@ from jaxcrusher.basics.checks import (
     require_choice,
     require_names,
     require_whole,
-    require_x64,
 )
+from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import Engine, map_all, map_chunks, without_lanes
 from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.batch.plan import check_grid, coordinates
@@ -99,7 +99,7 @@ def orbit_map(
 
     Raises ValueError for bad arguments, and in one line for scenes that have no such orbit.
     """
-    require_x64()
+    require_set_up()
     require_whole("period", period, 1)
     if nodes is not None:
         require_whole("nodes", nodes, 4)

@@ -1,22 +1,42 @@
-"""Bars for long work."""
+"""Bars for long work, or lines where bars cannot move."""
+
+from typing import Any
 
 from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    TaskID,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
 
 
-def progress(console: Console | None = None, *, remaining: bool = True) -> Progress:
+class Bars(Progress):
+    """Bars that move in a terminal or a notebook; elsewhere, as in a file, a line for each.
+
+    The line is written at once, when its work begins.
+    """
+
+    def add_task(self, description: str, *args: Any, **settings: Any) -> TaskID:
+        """Add a bar, with the settings of `rich.progress.Progress`."""
+        if self.disable:
+            total = settings.get("total")
+            line = f"{description}: {total} to do" if total else description
+            self.console.print(line, highlight=False, markup=False)
+        return super().add_task(description, *args, **settings)
+
+
+def progress(console: Console | None = None, *, remaining: bool = True) -> Bars:
     """Bars with what is done and the time left, or the time spent where none can be foreseen."""
-    return Progress(
+    console = Console() if console is None else console
+    return Bars(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeRemainingColumn() if remaining else TimeElapsedColumn(),
         console=console,
+        disable=not (console.is_terminal or console.is_jupyter),
     )

@@ -11,6 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from jaxcrusher.basics.devices import computes_on, devices
+
 # Packages whose version can change the last bit of a result.
 PACKAGES = ("jaxcrusher", "jax", "jaxlib", "diffrax", "equinox", "llvmlite")
 
@@ -64,13 +66,11 @@ def environment() -> dict[str, Any]:
 
     The number of devices is left out, because no result depends on it.
     """
-    import jax
-
     flags = os.environ.get("XLA_FLAGS", "").split()
     deciding = [flag for flag in flags if "host_platform_device_count" not in flag]
     return {
         "versions": versions(),
-        "backend": jax.default_backend(),
+        "backend": computes_on(),
         "XLA_FLAGS": " ".join(sorted(deciding)),
         # A program that may raise an error while it runs is compiled differently.
         "EQX_ON_ERROR": os.environ.get("EQX_ON_ERROR", "raise"),
@@ -84,10 +84,7 @@ def versions(*further: str) -> dict[str, str]:
 
 def machine() -> str:
     """Processor, devices, system and host name, for the record."""
-    import jax
-
-    devices = jax.device_count()
-    return f"{processor()}, {devices} devices, {platform.platform()}, {platform.node()}"
+    return f"{processor()}, {len(devices())} devices, {platform.platform()}, {platform.node()}"
 
 
 def processor() -> str:

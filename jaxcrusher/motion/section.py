@@ -10,7 +10,8 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import require, require_whole, require_x64
+from jaxcrusher.basics.checks import require, require_whole
+from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import Flow, flat, unflattened
 from jaxcrusher.motion.integrate import RESULTS, Integration, Outcome, integrate
@@ -161,7 +162,7 @@ def poincare_section(
     Raises ValueError for counts that are not whole numbers in range, for a free shaft, for
     unknown outputs and for a state of another shape.
     """
-    require_x64()
+    require_set_up()
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     require_whole("slices", slices, 0)

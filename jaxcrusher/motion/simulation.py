@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import concrete, require, require_names, require_x64
+from jaxcrusher.basics.checks import concrete, require, require_names
+from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher import observables
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.crusher.scene import Scene
@@ -133,7 +134,7 @@ def simulate(
     Raises ValueError for unordered, negative or not finite times, unknown outputs and a state of
     another shape. A failed integration does not raise: see `Trajectory.success` and `.failure`.
     """
-    require_x64()
+    require_set_up()
     require_times(times)
     how = resolve(scene, rtol, method, FIRST_STEP)
     outputs = (*observables_of(scene), "energy") if outputs is None else outputs

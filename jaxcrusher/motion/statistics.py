@@ -10,7 +10,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import require_names, require_whole, require_x64
+from jaxcrusher.basics.checks import require_names, require_whole
+from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
@@ -136,7 +137,7 @@ def statistics(
     Raises ValueError for counts that are not whole numbers in range, unknown outputs, a state of
     another shape, and a sliding power asked of a scene without friction.
     """
-    require_x64()
+    require_set_up()
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     how = resolve(scene, rtol, method)

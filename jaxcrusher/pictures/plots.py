@@ -41,7 +41,8 @@ def plot_landscape(
 
     `units` maps names to those that the axes have; without, rad/s, mm, degrees, GPa or SI units.
     `marks` maps names to the cells (true, or not 0) that are hatched and named in a legend; a
-    cell with several marks shows the first. Cells without a number are grey.
+    cell with several marks shows the first. Cells without a number are grey; a map of nothing else
+    says so and has no colour bar.
 
     Raises ValueError for more than six marks.
     """
@@ -52,7 +53,11 @@ def plot_landscape(
     x, y = (landscape[name].to_numpy() / unit_of(name, units or {})[1] for name in (across, up))
     mesh = ax.pcolormesh(x, y, values, cmap="cividis", shading="nearest")
     unit = "kN" if kilo else landscape.attrs.get("units", "")
-    ax.figure.colorbar(mesh, ax=ax, label=f"{_name(landscape)} ({unit})")
+    if np.isfinite(values).any():
+        ax.figure.colorbar(mesh, ax=ax, label=f"{_name(landscape)} ({unit})")
+    else:
+        middle = {"x": 0.5, "y": 0.5, "ha": "center", "va": "center", "bbox": {"facecolor": "w"}}
+        ax.text(s="no cell has a number", transform=ax.transAxes, **middle)
     label_axes(ax, across, up, units or {})
     marks = {} if marks is None else marks
     require(len(marks) <= len(HATCHES), "marks", f"be at most {len(HATCHES)}", len(marks))

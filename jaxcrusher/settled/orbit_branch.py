@@ -15,8 +15,8 @@ from jaxcrusher.basics.checks import (
     require_positive,
     require_untraced,
     require_whole,
-    require_x64,
 )
+from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.settled import forced, shooting
@@ -84,7 +84,7 @@ def orbit_branch(
 
     Raises ValueError for arguments out of range, and where there is no motion to begin with.
     """
-    require_x64()
+    require_set_up()
     require_whole("points", points, 2)
     require_whole("nodes", nodes, 4)
     require_maker(scene)

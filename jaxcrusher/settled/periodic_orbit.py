@@ -16,8 +16,8 @@ from jaxcrusher.basics.checks import (
     primal,
     require,
     require_whole,
-    require_x64,
 )
+from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.crusher.starts import Centred
 from jaxcrusher.motion.flow import flat
@@ -75,7 +75,7 @@ def periodic_orbit(
     Raises ValueError for a period or nodes that are not such numbers, and in one line for a scene
     that is not one of these.
     """
-    require_x64()
+    require_set_up()
     require_scene(scene)
     if period is None:
         period = guess.period if isinstance(guess, PeriodicOrbit) else 1

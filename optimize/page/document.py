@@ -1,7 +1,7 @@
 """report.html: all that a search found, in one file that opens without a network."""
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
@@ -37,6 +37,7 @@ def write_page(
     landscape: xr.Dataset | None,
     motions: xr.Dataset | None,
     figures: Sequence[str],
+    omitted: Mapping[str, str] | None = None,
 ) -> Path:
     """Write report.html, at once or not at all, and return its path.
 
@@ -47,6 +48,7 @@ def write_page(
     - `landscape`: as `optimize.landscape.mapped` gives it, or None.
     - `motions`: of its cells, as `optimize.motions.cell_motions` returns them, or None.
     - `figures`: of `FIGURES`, those that this run drew: others in the folder are an earlier run's.
+    - `omitted`: why others had nothing to draw, by name.
     """
     data = None if landscape is None else page_data.pack(landscape, motions, answer)
     failed, count = sum(not check.passed for check in answer.checks), len(answer.checks)
@@ -70,6 +72,7 @@ def write_page(
         held=[words.held(one, answer.objective.unit, answer.box.units) for one in answer.held],
         tables=_tables(answer),
         figures=[_figure(folder, name) for name in figures],
+        omitted=omitted or {},
         limits=tables.LIMITS,
     )
     path = folder / "report.html"

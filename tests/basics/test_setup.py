@@ -3,12 +3,22 @@
 import os
 import subprocess
 import sys
+import warnings
+
+import jax
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.basics import devices, setup
+from jaxcrusher.batch import engines
 
 LOOP = (
     "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000"
     ",xla_cpu_disable_new_fusion_emitters"
 )
 OURS = ("XLA_FLAGS", "EQX_ON_ERROR", "JAX_COMPILATION_CACHE_DIR", "JAX_ENABLE_X64")
+OURS += ("JAX_PLATFORMS", "JAX_PLATFORM_NAME", "JAX_DEFAULT_DEVICE")
 
 # Counts the programs that JAX compiles and does not find in its folder.
 COUNTED = """
@@ -81,14 +91,113 @@ def test_late_call_says_what_to_do():
     assert f"start Python with XLA_FLAGS='{flags}'" in said
 
 
-def test_batch_without_it_says_so_once():
-    program = """
+WITHOUT = """
 import jax
 jax.config.update("jax_enable_x64", True)
 import jaxcrusher as jc
 for _ in range(2):
+    jc.periodic_orbit(jc.ideal_scene(30.0))
     list(jc.map_chunks(abs, jax.numpy.ones(3)))
 """
-    assert python(program).stderr.count("after jaxcrusher.set_up()") == 1
-    late = program.replace("import jax\n", "import jaxcrusher as jc\njc.set_up()\nimport jax\n", 1)
-    assert python(late).stderr == ""
+
+
+def test_computations_without_it_say_so_once():
+    said = python(WITHOUT).stderr
+    assert said.count("UserWarning") == 1 and said.count("after jaxcrusher.set_up()") == 1
+    assert said.startswith("<string>:6: ")  # the user's line, not one of the package
+
+
+def test_nothing_is_said_after_it_nor_to_who_knows_the_flag():
+    before = WITHOUT.replace(
+        "import jax\n", "import jaxcrusher as jc\njc.set_up()\nimport jax\n", 1
+    )
+    assert python(before).stderr == ""
+    assert python(WITHOUT, XLA_FLAGS=LOOP).stderr == ""
+    # A late call has its own warning, and this one would only repeat it.
+    late = WITHOUT.replace("for _", "jax.numpy.ones(1)\njc.set_up()\nfor _")
+    assert python(late).stderr.count("UserWarning") == 1
+
+
+class Said(Exception):
+    """A warning, before anything is compiled."""
+
+
+def refuse(text: str, **_: object) -> None:
+    raise Said(text)
+
+
+SCENE = {"speed": 30.0, "clearance": 6e-5}
+
+
+@pytest.mark.parametrize(
+    "compute",
+    [
+        lambda: jc.periodic_orbit(jc.paper_scene(**SCENE)),
+        lambda: jc.simulate(jc.paper_scene(**SCENE), np.array([0.0, 0.1])),
+        lambda: jc.statistics(jc.paper_scene(**SCENE), 0, 1),
+        lambda: jc.poincare_section(jc.paper_scene(**SCENE), 0, 1),
+        lambda: jc.regime(jc.paper_scene(**SCENE), 0, 1),
+        lambda: jc.settled_motions(jc.paper_scene(**SCENE)),
+        lambda: jc.orbit_map({"speed": [25.0, 30.0]}),
+        lambda: jc.orbit_branch(lambda c: jc.paper_scene(30.0, c), 6e-5, (5e-5, 7e-5)),
+        lambda: jc.bifurcation(jc.ideal_scene, [25.0, 30.0], settle_turns=0, turns=1),
+        lambda: jc.sweep({"speed": [25.0, 30.0]}, 0, 1),
+        lambda: jc.gradient_report(jc.paper_scene, "foundation_rms", SCENE),
+        lambda: jc.map_all(np.abs, np.ones(3), engine=engines.in_turn),
+    ],
+)
+def test_every_computation_reminds_of_it(compute, monkeypatch):
+    monkeypatch.setattr(setup, "_told", False)
+    monkeypatch.setenv("XLA_FLAGS", "")
+    monkeypatch.setattr(warnings, "warn", refuse)
+    with pytest.raises(Said, match=r"times as long as after jaxcrusher\.set_up\(\)"):
+        compute()
+
+
+# A second platform of JAX's, which it prefers to the processor as it does a GPU.
+SECOND = """
+from jax._src import xla_bridge
+xla_bridge.register_backend_factory("second", xla_bridge.make_cpu_client, priority=1000)
+import jax.numpy as jnp
+from jaxcrusher.batch.engines import in_turn, side_by_side
+processor = set(jax.devices("cpu"))
+ones = jnp.ones(4)
+found = ones, jax.jit(jnp.sin)(2.0), in_turn(abs, ones), side_by_side(abs, ones)
+print(*(array.devices() <= processor for array in found), len(jax.devices()))
+"""
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "on_processor"),
+    [
+        ("jc.set_up()", "", True),
+        # As JAX does by itself.
+        ("jax.config.update('jax_enable_x64', True)", "", False),
+        # What the user names stays: a platform, a device before the call and after it.
+        ("jax.config.update('jax_platforms', 'second,cpu'); jc.set_up()", "", False),
+        ("jc.set_up()", "jax.config.update('jax_default_device', jax.devices()[0])", False),
+    ],
+)
+def test_computations_stay_on_the_processor(first, last, on_processor):
+    head, tail = SECOND.split("import jax.numpy")
+    program = f"import jax, jaxcrusher as jc, warnings\nwarnings.simplefilter('ignore')\n{first}\n"
+    said = python(f"{program}{head}{last}\nimport jax.numpy{tail}").stdout.split()
+    assert said[:4] == [str(on_processor)] * 4 and int(said[4]) >= 1
+
+
+@pytest.mark.parametrize("platform, engine", [("cpu", "in_lanes"), ("gpu", "side_by_side")])
+def test_engines_follow_what_jax_computes_on(platform, engine, monkeypatch):
+    """Not what JAX sees: beside a GPU that it does not compute on lanes are chosen."""
+    monkeypatch.setattr(engines, "computes_on", lambda: platform)
+    monkeypatch.setattr(engines, engine, lambda function, scenes: scenes + 10.0)
+    assert engines.map_all(np.abs, np.ones(3)).tolist() == [11.0, 11.0, 11.0]
+
+
+def test_platform_is_that_of_the_device_chosen():
+    chosen = jax.devices("cpu")[-1]
+    for device in ("cpu", chosen):
+        with jax.default_device(device):
+            assert devices.computes_on() == "cpu" and devices.devices() == jax.devices("cpu")
+    # Where JAX sees no GPU the engine on one changes nothing of it.
+    with devices.on_a_gpu():
+        assert devices.computes_on() == "cpu"

@@ -1,9 +1,15 @@
 """The decay of swings that are known by hand."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from optimize.decay import TURNS, measured
+from optimize import verdicts
+from optimize.answer import Decay
+from optimize.decay import TURNS, measured, unmeasurable
 
 ANGLE = 1.04  # of the crusher's swing in a turn
 
@@ -18,7 +24,7 @@ def swinging(rate: float, angle: float = ANGLE) -> np.ndarray:
 @pytest.mark.parametrize("rate", [2e-4, 4e-3])
 def test_decay_of_a_swing(rate):
     """The phase leaves a part's average 1 / (60 turns x 2 sin(angle)) = 1 % off at most."""
-    found = measured(swinging(rate))
+    found = measured(swinging(rate), 0.0)
     assert abs(found.rate - rate) < 3 * found.error + rate**2
     assert found.error < 0.01 / TURNS * 3
     assert found.first == pytest.approx(0.05 * np.sqrt(1.09 / 2 / 2) * np.exp(-30 * rate), rel=0.02)
@@ -26,5 +32,31 @@ def test_decay_of_a_swing(rate):
 
 
 def test_a_swing_that_does_not_die_is_told():
-    found = measured(swinging(0.0))
+    found = measured(swinging(0.0), 0.0)
     assert abs(found.rate) < 3 * found.error < 1e-4
+
+
+# By a hundredth a turn, says the multiplier.
+SAYS = 0.01
+# As long as it was, give or take 0.2 % a turn: what an integration keeps alive looks like this.
+NOISE = Decay(first=1e-4, last=1e-4, rate=-0.00035, error=0.001, floor=9e-5)
+
+
+@pytest.mark.parametrize(
+    ("swing", "good", "detail"),
+    [
+        (NOISE, True, "not measurable (a swing of 0.0001 clearances, of which 0.0009 are needed)"),
+        # The same on a machine whose integration leaves less, in the scatter of its own parts.
+        (replace(NOISE, floor=1e-6, error=0.004), True, "not measurable (a rate of -0.00035"),
+        (replace(NOISE, last=5e-5, floor=1e-6), True, "of which 0.0001 are needed"),
+        # A swing far above the integration's error that stays is evidence against the multiplier.
+        (Decay(0.05, 0.05, 0.0, 1e-5, 1e-6), False, "contact start 0, standard error 1e-05"),
+        (Decay(0.05, 0.001, 0.0098, 1e-4, 1e-6), True, "contact start 0.0098"),
+    ],
+)
+def test_a_swing_that_cannot_be_measured_fails_no_check(swing, good, detail):
+    best: Any = SimpleNamespace(transient={"contact": SimpleNamespace(decay=swing)})
+    orbit: Any = SimpleNamespace(largest_multiplier=1 - SAYS)
+    (check,) = verdicts._dying(best, orbit)
+    assert check.passed == good and detail in check.detail
+    assert bool(unmeasurable(swing, SAYS)) == ("not measurable" in check.detail)

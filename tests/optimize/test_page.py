@@ -16,7 +16,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.dynamics.slopes import Slope
-from optimize import figures
+from optimize import figures, words
 from optimize.answer import (
     Answer,
     Box,
@@ -238,7 +238,7 @@ def test_page_shows_what_it_knows_and_what_it_does_not(page):
     assert "fits to noisy runs" in text and "both starts over the box" in text
     # The answer begins with its sentence, then the picture, then the table.
     found = text.split("<h2>The answer</h2>")[1]
-    order = [found.index(part) for part in ("Run it at", "<img", "<table")]
+    order = [found.index(part) for part in ("Not confirmed", "<img", "<table")]
     assert order == sorted(order)
 
 
@@ -255,10 +255,13 @@ def test_page_of_a_settled_motion(tmp_path):
     numbers = (*forces, 1e-9, [[0.9998, 0.0]], 0.9998, 5000.0, 0.1)
     slopes = {"speed": 220.0, "clearance": 51000.0}, {"speed": 0.1, "clearance": 40.0}
     found = hand_made_answer()
-    runs = {name: replace(one, settles=True) for name, one in found.optimum.transient.items()}
+    runs = {
+        name: replace(one, settles=True, validity=validity)
+        for name, one in found.optimum.transient.items()
+    }
     optimum = replace(
         found.optimum,
-        settled=Settled("", *numbers, np.zeros(2), validity, *slopes),
+        settled=Settled("", *numbers, np.zeros(2), np.zeros(4), validity, *slopes),
         transient=runs,
     )
     held = (Held("clearance", "lowest", 51000.0),)
@@ -268,7 +271,7 @@ def test_page_of_a_settled_motion(tmp_path):
     ends, forces = np.array([18243.4, 18300.0]), {"shaking_rms": np.array([3135.0, np.nan])}
     front = Front("capacity", "m3/h", ends, np.array([7.5, 7.9]), values, forces)
     single = Front("peak", "N", np.array([18243.4]), np.array([24e3]), values, forces)
-    found = replace(found, fronts=(front, single))
+    found = replace(found, fronts=(front, single), checks=found.checks[:1])
     text = write_page(tmp_path, found, None, None, ()).read_text()
     # A single point trades nothing.
     assert "against capacity" in text and "against peak" not in text
@@ -287,6 +290,28 @@ def test_page_of_a_settled_motion(tmp_path):
     assert cells(rpm, "speed, N per rpm")[0] == "23.038"
     assert cells(rpm, "speed, rpm") == ["238.73", "334.23"] and "60</td>" in rpm
     assert "its swing dies towards the settled motion" in text and ">5000</td>" in text
+
+
+def test_the_first_sentence_recommends_only_what_nothing_speaks_against():
+    found = hand_made_answer()
+    failed = "Not confirmed; outside the contact model: the best is 25 rad/s (239 rpm) with 0.06 mm"
+    text = words.answer(found)
+    assert text.startswith(failed) and "18250 N as the mean of long runs" in text
+    assert "because the check failed: “both starts agree”" in text
+    assert "because of centred start, contact 1.80 bore radii wide: not Hertzian" in text
+    passed = replace(found, checks=found.checks[:1])
+    assert words.answer(passed).startswith("Outside the contact model: the best is 25 rad/s")
+    validity = jc.Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9, 0.001)))
+    runs = {n: replace(one, validity=validity) for n, one in found.optimum.transient.items()}
+    inside = replace(passed, optimum=replace(found.optimum, transient=runs))
+    assert words.answer(inside).startswith("Run it at 25 rad/s (239 rpm) with 0.06 mm")
+    # Of a box without an orbit, and of a search that did not come to its checks.
+    assert words.answer(replace(inside, orbits=0)).startswith(
+        "No stable orbit of one turn was found in the box: the best is 25 rad/s"
+    )
+    assert words.answer(replace(inside, orbits=3)).startswith("Run it at")
+    unchecked = words.answer(replace(inside, checks=()))
+    assert unchecked.startswith("Not confirmed: ") and "ended before its checks" in unchecked
 
 
 def test_landscape_of_numbers_of_ones_own(tmp_path):

@@ -230,7 +230,8 @@ def orbit_by_hand(**changes):
     """An orbit for `confirm.confirmed` to judge by."""
     numbers = {"objective": 7.0, "foundation_rms": 8.0, "foundation_peak": 9.0, "error": 1e-9}
     numbers |= {"shaking_rms": 5.0, "shaking_peak": 6.0}
-    kept = dict(multipliers=[[0.5, 0.0]], largest_multiplier=0.5, settling_turns=1.4, section=None)
+    kept = dict(multipliers=[[0.5, 0.0]], largest_multiplier=0.5, settling_turns=1.4)
+    kept |= dict(section=None, state=None)
     rest = dict(failure="", least_penetration=0.1, validity=None, slopes={}, slopes_apart={})
     return Settled(**(numbers | kept | rest | changes))
 

@@ -1,0 +1,64 @@
+"""The devices that computations run on: the processor's, unless the user names others.
+
+An orbit, a map and a search take several times as long on a GPU as on the cores beside it, so
+`jaxcrusher.set_up` prefers the processor. `on_gpu` of `jaxcrusher.batch.engines` finds its GPU
+without JAX. Nothing here imports JAX before it has to.
+"""
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+
+def setting(name: str) -> Any:
+    """Return a setting of JAX; its type checker's view of them is not complete."""
+    import jax
+
+    return getattr(jax.config, name)
+
+
+def prefer_processor() -> None:
+    """Let JAX compute on the processor, unless the user named a device. Starts no backend.
+
+    The user names one by `JAX_PLATFORMS`, `JAX_PLATFORM_NAME` or `JAX_DEFAULT_DEVICE` in the
+    environment, or by the setting of JAX of the same name. A later `jax.default_device` wins too.
+    """
+    import jax
+
+    if not device_is_named():
+        jax.config.update("jax_default_device", "cpu")
+
+
+def device_is_named() -> bool:
+    """Tell whether a device or a platform was chosen already."""
+    import jax
+
+    older = jax.config.read("jax_platform_name")
+    return bool(setting("jax_default_device") or setting("jax_platforms") or older)
+
+
+def devices() -> list[Any]:
+    """Return all devices of the platform that computations run on. Starts JAX's backends."""
+    import jax
+
+    chosen = setting("jax_default_device")
+    if chosen is None:
+        return jax.devices()
+    return jax.devices(chosen) if isinstance(chosen, str) else chosen.client.devices()
+
+
+def computes_on() -> str:
+    """Return the name of the platform that computations run on, such as "cpu" or "gpu"."""
+    return devices()[0].platform
+
+
+@contextlib.contextmanager
+def on_a_gpu() -> Iterator[None]:
+    """Let JAX compute on the first GPU that it sees; where it sees none nothing changes."""
+    import jax
+
+    with contextlib.ExitStack() as chosen:
+        if computes_on() == "cpu":
+            with contextlib.suppress(RuntimeError):  # JAX knows no platform of this name
+                chosen.enter_context(jax.default_device(jax.devices("gpu")[0]))
+        yield

@@ -1,0 +1,114 @@
+"""Searches of boxes in which little or nothing can be found end in an answer and a report."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from optimize import evaluate, figures, problem, settled, stages, words
+from optimize.options import Options
+from optimize.search import run
+
+SMALL = dict(cells=(4, 3), grid=(2, 2), settle=1, turns=2, steps=2, refine=1, runs=3)
+
+
+def searched(tmp_path, monkeypatch, **options):
+    """The answer, its page, and what the search printed into a file."""
+    # Exponents and slopes of impacting motions take minutes; they have tests of their own.
+    monkeypatch.setattr(stages, "weigh", lambda search, answer, best: answer)
+    written = io.StringIO()
+    console = Console(file=written, width=200)
+    answer = run(Options(out=tmp_path, name="box", **SMALL, **options), console)
+    folder = tmp_path / "box"
+    assert json.loads((folder / "result.json").read_text())["status"] == "finished"
+    return answer, (folder / "report.html").read_text(), written.getvalue()
+
+
+def test_losses_are_counted_by_their_reason():
+    """Four designs: two fail from a start, one whirls, one is slow and has no number."""
+    ones = np.ones((2, 4))
+    rows = {"success": ones.copy(), "whirl": 0 * ones, "inside_model": ones, "objective": 1 * ones}
+    rows["success"][0, 0] = rows["success"][:, 1] = 0
+    rows["whirl"][1, 2] = 1
+    rows["objective"][0, 3] = np.nan
+    case = problem.case(Options(capacity_floor=6.0))
+    assert evaluate.losses(rows, case, np.array([7.0, 7.0, 7.0, 5.0]), "designs") == (
+        "of 4 designs 2 failed to integrate, 1 come to a friction whirl, "
+        "1 have no number of the objective, 1 are below the capacity of 6 m3/h (the highest is 7 "
+        "m3/h)"
+    )
+
+
+def nothing_counts(rows, case, capacity):
+    return np.zeros(np.shape(rows["success"]), bool)
+
+
+def test_a_box_without_a_design(tmp_path, monkeypatch):
+    monkeypatch.setattr(evaluate, "may_count", nothing_counts)
+    solved = settled.solve
+    monkeypatch.setattr(
+        settled, "solve", lambda *args: solved(*args) | {"counts": np.zeros(len(args[1]), bool)}
+    )
+    answer, page, written = searched(tmp_path, monkeypatch)
+    assert answer.optimum is None and answer.empty.startswith("of 4 points of the landscape")
+    assert words.answer(answer).startswith("No design may be chosen: of 4 points")
+    assert [check.passed for check in answer.checks] == [False]
+    # The design to compare with is looked at all the same, and no gap is called an interruption.
+    assert answer.seed_choice is not None and "paper&#39;s choice" in page
+    assert "No design may be chosen" in page and "ended before" not in page
+    assert "pareto.png is not drawn: no point of the maps may be chosen" in page
+    # Into a file a line for each stage, as it begins, and no bars.
+    begun = [line for line in written.splitlines() if line.endswith(" to do")]
+    assert begun[-1] == "confirmation: 3 to do"
+    assert {"landscape: 4 to do", "settled: 12 to do"} < {*begun}
+    assert "━" not in written
+
+
+def test_a_box_without_an_orbit(tmp_path, monkeypatch):
+    solved = settled.solve
+
+    def fails(case, units, progress=None):
+        rows = solved(case, units, progress)
+        none = {"objective": np.nan, "settling_turns": np.nan, "stable": False, "counts": False}
+        return rows | {name: np.full(len(units), value) for name, value in none.items()}
+
+    monkeypatch.setattr(settled, "solve", fails)
+    monkeypatch.setattr(settled, "looked_at", lambda case, unit: None)
+    monkeypatch.setattr(
+        stages,
+        "_by_fits",
+        lambda case, start, answer, options: (
+            start,
+            stages.Refinement("fits", stages._path(case, start[None]), 1.0, 1.0, 1, {}),
+        ),
+    )
+    answer, page, _ = searched(tmp_path, monkeypatch)
+    assert answer.orbits == 0 and answer.optimum is not None
+    assert words.answer(answer).startswith("No stable orbit of one turn was found in the box; not ")
+    assert "settling.png is not drawn: no point of the map has a stable orbit of one turn" in page
+    assert not (tmp_path / "box" / "settling.png").exists()
+
+
+def test_candidates_none_of_which_survives(tmp_path, monkeypatch):
+    def only_on_the_map(rows, case, capacity):  # of two by two points
+        return np.full(np.shape(rows["success"]), len(capacity) == 4)
+
+    monkeypatch.setattr(evaluate, "may_count", only_on_the_map)
+    answer, page, _ = searched(tmp_path, monkeypatch)
+    assert answer.optimum is None and answer.candidates
+    assert "ends of descents" in answer.empty
+    assert "No design may be chosen" in page
+
+
+def test_a_failure_is_not_called_finished(tmp_path, monkeypatch):
+    def breaks(*_):
+        raise ValueError("no such picture")
+
+    monkeypatch.setattr(figures, "draw_all", breaks)
+    with pytest.raises(ValueError, match="no such picture"):
+        searched(tmp_path, monkeypatch)
+    result = json.loads((tmp_path / "box" / "result.json").read_text())
+    assert result["status"] == "failed: no such picture"
+    assert "This run is not finished" in (tmp_path / "box" / "report.html").read_text()
