@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxcrusher.batch.engines import map_all, stack
-from jaxcrusher.dynamics.swing import places, section_points
+from jaxcrusher.dynamics.swing import places
+from jaxcrusher.settled.transient import section_points
 from optimize.answer import Confirmed, Decay, Settled
 from optimize.evaluate import Case, started
 

@@ -237,16 +237,16 @@ class _Grid:
         points: int,
         engine: Engine,
         report: Callable[[int, int], None],
-        guesses: Mapping[int, np.ndarray] | None = None,
+        begin: Mapping[int, np.ndarray] | None = None,
     ) -> None:
         """Solve what is not solved well, then what fails from neighbours, until none is new.
 
-        `guesses` of cells take the place of what is known of them.
+        The guesses of `begin` take the place of what is known of the cells.
         """
         total = math.prod(self.shape)
         wanted = [(n, self._own(n, points)) for n in members if not self._settled(n)]
-        if guesses is not None:
-            wanted = [(n, np.asarray(resample(jnp.asarray(guesses[n]), points))) for n in members]
+        if begin is not None:
+            wanted = [(n, np.asarray(resample(jnp.asarray(begin[n]), points))) for n in members]
         tried: set[tuple[int, int]] = set()
         while wanted:
             found: set[int] = set()

@@ -46,8 +46,8 @@ class System(eqx.Module):
     ) -> tuple[Float[Array, "nodes dims"], Float[Array, "nodes dims nodes dims"]]:
         """The residual and its Jacobian: full by differentiation of x, in blocks by f."""
         times, rate, bend = self._motion(x)
-        slopes, found = self.slopes(times, x, rate)
-        return found - bend, self.jacobian(*slopes)
+        (by_x, by_rate), found = self.slopes(times, x, rate)
+        return found - bend, self.jacobian(by_x, by_rate)
 
     def jacobian(
         self,
