@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float, Scalar
+from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.basics.checks import (
     require,
@@ -204,7 +204,7 @@ def _waited(
     # As many as fill all lanes, so that few sizes are compiled.
     index = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1)
 
-    def start(by: dict[str, Scalar]) -> tuple[Array, Scene]:
+    def start(by: Mapping[str, ArrayLike]) -> tuple[Array, Scene]:
         return resting_start(build_scene({**by, **choices}))
 
     cases = {name: values[index] for name, values in numbers.items()}
