@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.batch.lanes.emit import Unsupported
+from jaxcrusher.batch.lanes.known import Unsupported, known
 from jaxcrusher.batch.lanes.module import load
 from jaxcrusher.batch.lanes.summary import write_summary
 from jaxcrusher.batch.lanes.vector import LANES, Module
@@ -33,7 +33,7 @@ def _summarised(function, x, y, z):
     """By the compiled function of a page."""
     count, module = len(x), Module()
     jaxpr = jax.make_jaxpr(function)(x, y, z)
-    _, page, _, over = write_summary(module, jaxpr, [(), (2,)], count)
+    _, page, _, over = write_summary(module, known(jaxpr, 2, count), [(), (2,)], count)
     memory = np.full((page.end, LANES), np.nan)
     for i, series in enumerate((x, *y.T)):
         memory[i * page.series : (i + 1) * page.series].ravel()[:count] = series
