@@ -32,6 +32,7 @@ from jaxcrusher.batch.lanes.primitives import (
     TRUE,
     along,
     options,
+    type_of,
     written,
 )
 from jaxcrusher.batch.lanes.vector import Code
@@ -68,7 +69,7 @@ def number(value: Any) -> Atom:
 _OWN = {REAL: np.float64, TRUE: np.bool_}
 
 
-def constant(value: Any, kind: Any = None) -> np.ndarray:
+def constant(value: Any, kind: str | None = None) -> np.ndarray:
     """Numbers of JAX, of their type or a given one, as an array of objects."""
     array = np.asarray(value, kind)
     own = _OWN.get(str(array.dtype), np.int64)
@@ -100,6 +101,7 @@ class Emitter:
 
     def __init__(self, prepare: Code, kept: int) -> None:
         self.prepare, self._first = prepare, kept
+        prepare.flags = AS_WRITTEN
         self._rows: dict[Any, int] = {}  # of what the bodies read: key -> row
         self._kept: list[Atom] = []
         self.exponents: set[int] = set()  # the design's numbers that powers depend on
@@ -107,9 +109,9 @@ class Emitter:
         self._body = prepare
         self._read_here: dict[Any, Any] = {}
 
-    def given(self, i: int, row: int, type_: Any = REAL) -> Atom:
+    def given(self, i: int, row: int, type_: str = REAL) -> Atom:
         """The design's number i, of a type of JAX, which stands in a row."""
-        kind = {REAL: DOUBLE, TRUE: TRUTH}.get(str(type_), INTEGER)
+        kind = {REAL: DOUBLE, TRUE: TRUTH}.get(type_, INTEGER)
         made_of = frozenset({i} if kind == DOUBLE else ())
         return Atom(from_double(self.prepare.read(row), kind), True, made_of)
 
@@ -134,7 +136,7 @@ class Emitter:
 
     def _scalar(self, equation: JaxprEqn, meaning: Callable, operands: tuple[Atom, ...]) -> Atom:
         """One equation of scalars."""
-        name, type_ = equation.primitive.name, equation.outvars[0].aval.dtype
+        name, type_ = equation.primitive.name, type_of(equation.outvars[0])
         first, last = operands[0], operands[-1]
         if name == "pow":
             self.exponents |= last.made_of
@@ -180,12 +182,12 @@ def walk(
 
     `literal` makes of a constant array what a variable stands for.
     """
-    values = {v: literal(array, v.aval.dtype) for v, array in function.constants.items()}
+    values = {v: literal(array, type_of(v)) for v, array in function.constants.items()}
     values |= zip(function.operands, inputs, strict=True)
 
     def read(variable) -> Any:
         known = isinstance(variable, Literal)
-        return literal(variable.val, variable.aval.dtype) if known else values[variable]
+        return literal(variable.val, type_of(variable)) if known else values[variable]
 
     for equation in function.equations:
         values[equation.outvars[0]] = primitive(equation, [read(v) for v in equation.invars])
@@ -214,6 +216,6 @@ def elementwise(function: Callable, operands: list[np.ndarray]) -> np.ndarray:
     return results
 
 
-def _atoms(value: Any, kind: Any) -> np.ndarray:
+def _atoms(value: Any, kind: str) -> np.ndarray:
     """A constant array as atoms."""
     return elementwise(lambda entry: Atom(entry, True), [constant(value, kind)])

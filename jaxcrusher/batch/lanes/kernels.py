@@ -7,8 +7,6 @@ from collections.abc import Mapping
 from math import prod
 from typing import NamedTuple
 
-import numpy as np
-
 from jaxcrusher.batch.lanes.elementary import exponential, logarithm
 from jaxcrusher.batch.lanes.emit import Atom, Emitter, number
 from jaxcrusher.batch.lanes.expression import where
@@ -43,6 +41,7 @@ from jaxcrusher.batch.lanes.layout import (
     Tableau,
     places,
 )
+from jaxcrusher.batch.lanes.primitives import type_of
 from jaxcrusher.batch.lanes.stepper import Parts, write_loop
 from jaxcrusher.batch.lanes.summary import Summary, write_summary
 from jaxcrusher.batch.lanes.vector import CORES, Code, Module, Shape
@@ -62,9 +61,9 @@ class Equations(NamedTuple):
     states: int
 
     @property
-    def types(self) -> list[np.dtype]:
+    def types(self) -> list[str]:
         """The types of the numbers of the design."""
-        return [variable.aval.dtype for variable in self.field.operands[1 + self.states :]]
+        return list(map(type_of, self.field.operands[1 + self.states :]))
 
 
 class Kernels(NamedTuple):

@@ -18,6 +18,8 @@ from jaxcrusher.batch.lanes.primitives import (
     STRUCTURAL,
     TRUE,
     TYPES,
+    shape_of,
+    type_of,
     unknown_option,
 )
 
@@ -51,16 +53,15 @@ def known(function: ClosedJaxpr, series: int = 0, instants: int = 0) -> Known:
         if _check(equation, over, instants):
             over |= set(equation.outvars)
     for result in results:
-        if str(result.aval.dtype) != REAL:
-            raise Unsupported(f"the type `{result.aval.dtype}` of a result")
-    shapes = [result.aval.shape for result in results]
+        if type_of(result) != REAL:
+            raise Unsupported(f"the type `{type_of(result)}` of a result")
+    shapes = list(map(shape_of, results))
     return Known(operands, constants, equations, results, shapes)
 
 
 def _require_type(variable: Any, of: str) -> None:
-    kind = str(getattr(variable.aval, "dtype", "none"))
-    if kind not in TYPES:
-        raise Unsupported(f"the type `{kind}` of {of}")
+    if type_of(variable) not in TYPES:
+        raise Unsupported(f"the type `{type_of(variable)}` of {of}")
 
 
 def _check(equation: JaxprEqn, over: set[Var], instants: int) -> bool:
@@ -72,7 +73,7 @@ def _check(equation: JaxprEqn, over: set[Var], instants: int) -> bool:
         raise Unsupported(f"the primitive `{name}`")
     for variable in (*equation.invars, *equation.outvars):
         _require_type(variable, f"`{name}`")
-        if 0 in variable.aval.shape:
+        if 0 in shape_of(variable):
             raise Unsupported(f"the primitive `{name}` of an array without elements")
     if operation is not None:
         _require_kinds(equation, operation.kinds)
@@ -82,27 +83,26 @@ def _check(equation: JaxprEqn, over: set[Var], instants: int) -> bool:
         raise Unsupported("the option `dimensions` of the primitive `reshape`")
     if any(is_over):
         return _check_over_instants(equation, is_over, instants)
-    scalar = name == "broadcast_in_dim" and equation.invars[0].aval.shape == ()
+    scalar = name == "broadcast_in_dim" and shape_of(equation.invars[0]) == ()
     return bool(instants) and scalar and params["shape"][:1] == (instants,)
 
 
 def _require_kinds(equation: JaxprEqn, kinds: str) -> None:
     """That an operation takes the types of its operands."""
     for variable in equation.invars:
-        kind = str(variable.aval.dtype)
-        short = {REAL: "f", TRUE: "b"}.get(kind, "i")
-        if short not in kinds:
+        kind = type_of(variable)
+        if {REAL: "f", TRUE: "b"}.get(kind, "i") not in kinds:
             raise Unsupported(f"the primitive `{equation.primitive.name}` of the type `{kind}`")
 
 
 def _check_over_instants(equation: JaxprEqn, is_over: Sequence[bool], instants: int) -> bool:
     """Whether the result is over the instants too, of an equation with operands that are."""
-    name, params, first = equation.primitive.name, equation.params, equation.invars[0].aval
+    name, params = equation.primitive.name, equation.params
     if name in OVER_INSTANTS and params["axes"] == (0,):
         _require_kinds(equation, OVER_INSTANTS[name])
         return False
     if name == "dynamic_slice":
-        whole = params["slice_sizes"] == (1, *first.shape[1:])
+        whole = params["slice_sizes"] == (1, *shape_of(equation.invars[0])[1:])
         if not whole or any(is_over[1:]):
             raise Unsupported("a part of the instants")
         return False
@@ -116,7 +116,7 @@ def _check_over_instants(equation: JaxprEqn, is_over: Sequence[bool], instants: 
         return False
     if name == "squeeze" and 0 not in params["dimensions"]:
         return True
-    others = (v.aval.shape for v, yes in zip(equation.invars, is_over, strict=True) if not yes)
+    others = (shape_of(v) for v, yes in zip(equation.invars, is_over, strict=True) if not yes)
     if name not in ELEMENTWISE or any(others):
         raise Unsupported(f"the primitive `{name}` of series and other arrays")
     return True

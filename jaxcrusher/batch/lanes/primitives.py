@@ -35,6 +35,7 @@ from jaxcrusher.batch.lanes.elementary import (
 from jaxcrusher.batch.lanes.expression import (
     DOUBLE,
     TRUTH,
+    intrinsic,
     is_expression,
     kind_of,
     sqrt,
@@ -59,6 +60,16 @@ from jaxcrusher.batch.lanes.whole import (
 # The types of the values of a program.
 REAL, TRUE = "float64", "bool"
 TYPES = (REAL, "int64", "int32", TRUE)
+
+
+def shape_of(variable: Any) -> tuple[int, ...]:
+    """The shape of a variable or a literal."""
+    return variable.aval.shape
+
+
+def type_of(variable: Any) -> str:
+    """The name of its type."""
+    return str(getattr(variable.aval, "dtype", variable.aval))
 
 
 def _root(x: Any) -> Any:
@@ -92,12 +103,28 @@ def _whole_power(base: Any, exponent: int) -> Any:
 
 
 def _largest(a: Any, b: Any) -> Any:
-    """NaN if one of them is."""
-    return a | b if kind_of(a) == TRUTH else where((a > b) | (a != a), a, b)
+    """NaN if one of them is; zero is larger than minus zero."""
+    if DOUBLE in (kind_of(a), kind_of(b)):
+        return -_smallest(-a, -b) if _both_known(a, b) else _intrinsic("llvm.maximum", a, b)
+    return a | b if kind_of(a) == TRUTH else where(a > b, a, b)
 
 
 def _smallest(a: Any, b: Any) -> Any:
-    return a & b if kind_of(a) == TRUTH else where((a < b) | (a != a), a, b)
+    if DOUBLE in (kind_of(a), kind_of(b)):
+        if not _both_known(a, b):
+            return _intrinsic("llvm.minimum", a, b)
+        return a if a < b or a != a or (a == b and np.signbit(a)) else b
+    return a & b if kind_of(a) == TRUTH else where(a < b, a, b)
+
+
+def _both_known(a: Any, b: Any) -> bool:
+    return not (is_expression(a) or is_expression(b))
+
+
+def _intrinsic(name: str, a: Any, b: Any) -> Any:
+    """One of LLVM's functions of two doubles, of which one may be a number."""
+    one = a if is_expression(a) else b
+    return intrinsic(name, one.like(a), one.like(b))
 
 
 def _sign(x: Any) -> Any:
@@ -255,7 +282,10 @@ ALONG_AXES: dict[str, Operation] = {
     "reduce_max": Operation(lambda *cells: reduce(_largest, cells), "fib"),
     "reduce_min": Operation(lambda *cells: reduce(_smallest, cells), "fib"),
     "reduce_or": Operation(lambda *cells: reduce(operator.or_, cells), "b"),
-    "reduce_sum": Operation(lambda *cells: reduce(operator.add, cells), "fi"),
+    # From zero on, as XLA: the sum of minus zeros is zero.
+    "reduce_sum": Operation(
+        lambda *cells: reduce(operator.add, cells, typed_as(cells[0], 0)), "fi"
+    ),
 }
 # Those of an array whose first axis is that of the instants: what they take.
 OVER_INSTANTS = {"argmax": "f", "reduce_max": "f", "reduce_min": "f", "reduce_sum": "fi"}
@@ -290,6 +320,6 @@ def written(equation: JaxprEqn) -> Callable[..., Any]:
     operation = ELEMENTWISE.get(name) or ALONG_AXES[name]
     taken = options(operation, equation.params)
     function = partial(operation.write, **taken) if taken else operation.write
-    if equation.outvars[0].aval.dtype == np.int32:
+    if type_of(equation.outvars[0]) == "int32":
         return lambda *operands: wrapped(function(*operands))
     return function

@@ -16,7 +16,7 @@ from jaxcrusher.batch.lanes.emit import constant, elementwise, of_arrays, walk
 from jaxcrusher.batch.lanes.expression import AS_WRITTEN, Expression, where
 from jaxcrusher.batch.lanes.known import Known
 from jaxcrusher.batch.lanes.layout import Page, page_of
-from jaxcrusher.batch.lanes.primitives import ELEMENTWISE, parts, written
+from jaxcrusher.batch.lanes.primitives import ELEMENTWISE, parts, type_of, written
 from jaxcrusher.batch.lanes.vector import Code, Module
 from jaxcrusher.batch.lanes.whole import clipped, whole_of, wrapped
 
@@ -95,7 +95,7 @@ class _Writer:
             return of_arrays(equation, operands, lambda meaning, *numbers: meaning(*numbers))
         first: Any = operands[0]
         if name in _REDUCTIONS:
-            type_ = equation.outvars[0].aval.dtype
+            type_ = type_of(equation.outvars[0])
             return elementwise(lambda cell: _REDUCTIONS[name](self, cell, type_), [first.cells])
         if name == "dynamic_slice":
             return self._taken(first, clipped(operands[1][()], 0, self._instants - 1))
@@ -182,10 +182,10 @@ class _Writer:
             lanes[0] = better(lanes[0], other)
         return whole_of(lanes[0][1])
 
-    def sum(self, cell: Series, type_: Any) -> Any:
+    def sum(self, cell: Series, type_: str) -> Any:
         """Of doubles or of whole numbers."""
         total = self.reduce(cell, operator.add, constant(0, type_)[()])
-        return wrapped(total) if type_ == np.int32 else total
+        return wrapped(total) if type_ == "int32" else total
 
     def _existing(self, value: Any, otherwise: Any) -> Expression:
         """Of the last instants there may be fewer than lanes."""
@@ -211,7 +211,7 @@ class _Writer:
 
 
 # Primitive -> its result of a series, of a type.
-_REDUCTIONS: dict[str, Callable[[_Writer, Series, Any], Expression]] = {
+_REDUCTIONS: dict[str, Callable[[_Writer, Series, str], Expression]] = {
     "argmax": lambda writer, cell, _: writer.argmax(cell),
     "reduce_max": lambda writer, cell, _: writer.reduce(cell, ELEMENTWISE["max"].write, -inf),
     "reduce_min": lambda writer, cell, _: writer.reduce(cell, ELEMENTWISE["min"].write, inf),

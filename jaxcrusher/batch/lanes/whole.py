@@ -13,6 +13,7 @@ from jaxcrusher.batch.lanes.expression import (
     INTEGER,
     TRUTH,
     Expression,
+    bits,
     declared,
     exactly,
     intrinsic,
@@ -47,7 +48,9 @@ def nearest_away(x: Any) -> Any:
     size = abs(x)
     below = floor(size)
     rounded = below + where(size - below >= 0.5, 1.0, 0.0)
-    return where(x < 0, -rounded, rounded)
+    if is_expression(x):
+        return intrinsic("llvm.copysign", rounded, x)
+    return np.copysign(rounded, x)
 
 
 def truth_of(x: Any) -> Any:
@@ -130,4 +133,4 @@ def modulo(x: Any, y: Any) -> Any:
     left = where(left < 0.0, left + divisor, left)
     left = where(found < LARGEST_QUOTIENT, left, np.nan)
     left = where((divisor == np.inf) & (size < np.inf), size, left)
-    return where(x < 0.0, -left, left)
+    return where(bits(x) < 0, -left, left)
