@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.batch.lanes.emit import Atom, Emitter, number
-from jaxcrusher.batch.lanes.known import Unsupported, known
+from jaxcrusher.batch.lanes.known import known
 from jaxcrusher.batch.lanes.primitives import ELEMENTWISE
 from jaxcrusher.batch.lanes.vector import LANES, Code, Module
 from tests.batch.lanes.rows import run
@@ -147,8 +147,3 @@ def test_exponents_are_asked_for_and_written_in():
     assert emitter.exponents == {0} and "4604544271217802189" in str(module)
     assert "4604544271217802189" not in str(_emitted(formula, 0.5)[0])
     assert _emitted(lambda t, x, y, p: p * jnp.abs(x) ** 1.5)[2].exponents == set()
-
-
-def test_an_unknown_primitive_is_named():
-    with pytest.raises(Unsupported, match="`erf`"):
-        _emitted(lambda t, x, y, p: jax.lax.erf(x))

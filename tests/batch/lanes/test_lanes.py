@@ -218,7 +218,8 @@ def _slope(swing):
 
 def test_what_lanes_cannot_do_is_done_in_turn_and_said():
     swings = _swings(3)
-    with pytest.warns(UserWarning, match="Lanes do not know derivatives"):
+    said = "Lanes do not know derivatives: the engine `in_turn` computes these scenes."
+    with pytest.warns(UserWarning, match=said):
         found = map_all(_slope, swings, engine=in_lanes)
     _equal(found, _in_turn(_slope, swings))
     with pytest.warns(UserWarning, match="Lanes do not know the solver `Heun`"):
