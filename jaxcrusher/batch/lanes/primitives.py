@@ -104,27 +104,31 @@ def _whole_power(base: Any, exponent: int) -> Any:
 
 def _largest(a: Any, b: Any) -> Any:
     """NaN if one of them is; zero is larger than minus zero."""
-    if DOUBLE in (kind_of(a), kind_of(b)):
-        return -_smallest(-a, -b) if _both_known(a, b) else _intrinsic("llvm.maximum", a, b)
-    return a | b if kind_of(a) == TRUTH else where(a > b, a, b)
+    if kind_of(a) == TRUTH:
+        return a | b
+    if kind_of(a) != DOUBLE:
+        return where(a > b, a, b)
+    a, b = (a, b) if is_expression(a) else (b, a)
+    if is_expression(b):
+        return intrinsic("llvm.maximum", a, b)
+    # With a number it is one instruction.
+    if b != b:
+        return b
+    return where(a < b if np.signbit(b) else a <= b, b, a)
 
 
 def _smallest(a: Any, b: Any) -> Any:
-    if DOUBLE in (kind_of(a), kind_of(b)):
-        if not _both_known(a, b):
-            return _intrinsic("llvm.minimum", a, b)
-        return a if a < b or a != a or (a == b and np.signbit(a)) else b
-    return a & b if kind_of(a) == TRUTH else where(a < b, a, b)
-
-
-def _both_known(a: Any, b: Any) -> bool:
-    return not (is_expression(a) or is_expression(b))
-
-
-def _intrinsic(name: str, a: Any, b: Any) -> Any:
-    """One of LLVM's functions of two doubles, of which one may be a number."""
-    one = a if is_expression(a) else b
-    return intrinsic(name, one.like(a), one.like(b))
+    """NaN if one of them is; minus zero is smaller than zero."""
+    if kind_of(a) == TRUTH:
+        return a & b
+    if kind_of(a) != DOUBLE:
+        return where(a < b, a, b)
+    a, b = (a, b) if is_expression(a) else (b, a)
+    if is_expression(b):
+        return intrinsic("llvm.minimum", a, b)
+    if b != b:
+        return b
+    return where(a >= b if np.signbit(b) else a > b, b, a)
 
 
 def _sign(x: Any) -> Any:

@@ -114,7 +114,7 @@ class Stepped(AbstractLoad):
 
     def force(self, jaw_direction, velocity):
         steps = 0.1 * (self.levels * velocity.y).astype(int)
-        sideways = 0.1 * jnp.tanh(10 * velocity.x) / (self.levels // 4)
+        sideways = 0.1 * jnp.tanh(10 * velocity.x) / jax.lax.div(self.levels, 4)
         return -self.magnitude * (1 + steps + sideways) * jaw_direction
 
 
