@@ -17,7 +17,7 @@ from tests.batch.lanes.rows import run
 # A time, two states, and three numbers of the design.
 TYPES = {"t": float, "x": float, "y": float, "p": float, "n": int, "b": bool}
 # Programs in a module, and modules: a module costs a second to compile.
-PROGRAMS, MODULES = 120, 4
+PROGRAMS, MODULES = 120, 3
 POINTS = 8 * LANES
 # Sums and products that fit into a double are exact in any order, so that what is compared or cast
 # is the same number in lanes and in JAX. An expression is (text, digits before the point, behind).
@@ -241,7 +241,7 @@ SEEN: set[str] = set()
     deadline=None,
     database=None,
     phases=[Phase.generate],
-    suppress_health_check=list(HealthCheck),
+    suppress_health_check=[HealthCheck.too_slow],
 )
 @given(st.randoms(use_true_random=True))
 def _check(random):
@@ -254,8 +254,8 @@ def _check(random):
     for (text, exact), ours, theirs in zip(programs, found, expected, strict=True):
         # Lanes are right to 2 ulp; XLA rounds the exponent of 2^x, which is up to 1000.
 
-        tolerance = {"rtol": 0, "atol": 0} if exact else {"rtol": 2e-13, "atol": 1e-307}
-        np.testing.assert_allclose(ours, theirs, **tolerance, err_msg=text)
+        rtol, atol = (0, 0) if exact else (2e-13, 1e-307)
+        np.testing.assert_allclose(ours, theirs, rtol=rtol, atol=atol, err_msg=text)
 
 
 def test_random_programs_agree_with_jax():
