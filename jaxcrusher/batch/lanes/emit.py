@@ -79,6 +79,16 @@ def constant(value: Any, kind: str | None = None) -> np.ndarray:
     return found
 
 
+def folded(function: Callable, *values: Any) -> Any:
+    """What a function makes of expressions and numbers; of numbers alone a number, without a word.
+
+    Numbers have the types of `constant`.
+    """
+    with np.errstate(all="ignore"):
+        result = function(*values)
+    return result if is_expression(result) else constant(result)[()]
+
+
 def as_double(value: Any) -> Any:
     """A number of any type as the double that stands in a row of memory."""
     if kind_of(value) == INTEGER:
@@ -87,7 +97,7 @@ def as_double(value: Any) -> Any:
 
 
 def from_double(value: Any, kind: Any) -> Any:
-    """Back."""
+    """The number of a kind that `as_double` made a double of."""
     if kind == INTEGER:
         return bits(value)
     return value != 0.0 if kind == TRUTH else value
@@ -153,9 +163,7 @@ class Emitter:
             of_design = all(atom.of_design for atom in operands)
             values = [atom.value if of_design else self._read(atom) for atom in operands]
             made_of = frozenset[int]().union(*(atom.made_of for atom in operands))
-            with np.errstate(all="ignore"):
-                result = function(*values)
-            result = result if is_expression(result) else constant(result)[()]
+            result = folded(function, *values)
             self._found[key] = Atom(result, of_design, made_of if of_design else frozenset())
         return self._found[key]
 

@@ -88,7 +88,7 @@ def _check(equation: JaxprEqn, over: set[Var], instants: int) -> bool:
 
 
 def _require_kinds(equation: JaxprEqn, kinds: str) -> None:
-    """That an operation takes the types of its operands."""
+    """Check that an operation takes the types of its operands."""
     for variable in equation.invars:
         kind = type_of(variable)
         if {REAL: "f", TRUE: "b"}.get(kind, "i") not in kinds:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jax.extend.core import JaxprEqn
 
-from jaxcrusher.batch.lanes.emit import constant, elementwise, of_arrays, walk
+from jaxcrusher.batch.lanes.emit import constant, elementwise, folded, of_arrays, walk
 from jaxcrusher.batch.lanes.expression import AS_WRITTEN, Expression, where
 from jaxcrusher.batch.lanes.known import Known
 from jaxcrusher.batch.lanes.layout import Page, page_of
@@ -92,7 +92,7 @@ class _Writer:
                 same = Series(lambda read: scalar[()])
                 return Over(np.full(params["shape"][1:], same, object))
         if not any(isinstance(operand, Over) for operand in operands):
-            return of_arrays(equation, operands, lambda meaning, *numbers: meaning(*numbers))
+            return of_arrays(equation, operands, folded)
         first: Any = operands[0]
         if name in _REDUCTIONS:
             type_ = type_of(equation.outvars[0])
@@ -110,7 +110,8 @@ class _Writer:
 
         def one(*cells: Any) -> Series:
             def of(read: Read) -> Any:
-                return meaning(*(c.at(read) if isinstance(c, Series) else c for c in cells))
+                values = (c.at(read) if isinstance(c, Series) else c for c in cells)
+                return folded(meaning, *values)
 
             return Series(of)
 

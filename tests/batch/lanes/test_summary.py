@@ -22,6 +22,7 @@ REDUCTIONS = {
     "at the largest": lambda x, y, z: x[jnp.argmax(y[:, 1])],
     "top": lambda x, y, z: top(x),
     "share": lambda x, y, z: jnp.mean(jnp.heaviside(x, 0.0)),
+    "numbers alone": lambda x, y, z: jnp.max(x + (jnp.log(jnp.zeros(())) < jnp.round(2.5))),
     "count": lambda x, y, z: jnp.sum(x > 0).astype(float),
     "share of whole numbers": lambda x, y, z: jnp.sum((9 * x).astype(int) % 4) / 7,
     "one of the pair": lambda x, y, z: (y[:, ::2].max(0) + y[:, 1:].min(0))[0],
