@@ -21,9 +21,9 @@ from jaxtyping import PyTree
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.devices import computes_on, devices, on_a_gpu
 from jaxcrusher.basics.setup import remind_of_set_up
-from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.engine import Device
 from jaxcrusher.batch.lanes.gpu import GPU
+from jaxcrusher.batch.lanes.known import Unsupported
 from jaxcrusher.batch.lanes.processor import PROCESSOR
 from jaxcrusher.batch.lanes.program import NoIntegration, program
 
@@ -130,8 +130,10 @@ def _by_lanes(
     except NoIntegration:
         return otherwise(function, scenes)
     except Unsupported as why:
-        name = otherwise.__name__.replace("_", " ")
-        warnings.warn(f"Lanes do not know {why}: scenes are computed {name}.", stacklevel=3)
+        name = otherwise.__name__
+        warnings.warn(
+            f"Lanes do not know {why}: the engine `{name}` computes these scenes.", stacklevel=3
+        )
         return otherwise(function, scenes)
     return run(function, scenes)
 

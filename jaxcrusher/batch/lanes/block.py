@@ -18,11 +18,11 @@ from jax.extend.core import (
     jaxpr_as_fun,
 )
 
-from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.engine import Device
-from jaxcrusher.batch.lanes.inlined import inlined, integrates
+from jaxcrusher.batch.lanes.inlined import inlined
 from jaxcrusher.batch.lanes.integration import Integration, Value, stacked
-from jaxcrusher.batch.lanes.recorded import integration_p
+from jaxcrusher.batch.lanes.known import Unsupported
+from jaxcrusher.batch.lanes.recorded import integrates, integration_p
 from jaxcrusher.batch.lanes.tableau import IN_A_HURRY
 
 # Designs that JAX computes side by side: always as many, so that one program, with one rounding, is
@@ -37,7 +37,7 @@ class Block:
         self._device = device
         self._constants: dict[Var, Any] = {}
         self._operands = [Var(variable.aval) for variable in jaxpr.jaxpr.invars]
-        equations, self._outputs = inlined(jaxpr, self._operands, self._constants)
+        equations, self._outputs = inlined(jaxpr, self._operands, self._constants, integrates)
         self._batched = dict(zip(self._operands, batched, strict=True))
         alike, pieces = [], [[]]
         for equation in equations:

@@ -1,4 +1,4 @@
-"""Sine, cosine, exponential, logarithm and power of vectors, without branches or calls.
+"""Sine, cosine, tangent, exponentials, logarithms and powers of vectors, without branches or calls.
 
 Each is right to 2 ulp. Products are rounded once with what is added to them (`fma`), and sums are
 added up as they are written: those that compensate each other would be simplified away.
@@ -8,7 +8,8 @@ import math
 
 import numpy as np
 
-from jaxcrusher.batch.lanes.expression import bits, double, exactly, floor, fma, where
+from jaxcrusher.batch.lanes.expression import bits, double, exactly, fma, sqrt, where
+from jaxcrusher.batch.lanes.whole import floor
 
 # Added to a whole number below 2^51, it puts that number into the lowest bits.
 _MAGIC = 6755399441055744.0  # 1.5 * 2^52
@@ -102,6 +103,15 @@ def cosine(x):
     return where((quarter + 1) & 2 == 0, value, -value)
 
 
+@exactly(np.tan)
+def tangent(x):
+    """Tan x, as `sine`."""
+    r, tail, quarter = _reduced(x)
+    s, c = _sine_near_zero(r, tail), _cosine_near_zero(r, tail)
+    even = quarter & 1 == 0
+    return where(even, s, -c) / where(even, c, s)
+
+
 # ln 2, its first part of 40 bits, so that products with exponents are exact.
 _LN2, _LN2_TAIL = 0.6931471805592082, 7.371002565167799e-13
 
@@ -110,25 +120,65 @@ def _scaled(value, exponent):
     """Value 2^exponent for a whole `exponent` in [-2000, 2000], in two steps that stay in range."""
     first = exponent * 0.5 + _MAGIC - _MAGIC
     for part in (first, exponent - first):
-        value = value * double((bits(part + (_MAGIC + 1023.0)) & 0xFFF) << 52)
+        value = value * _power_of_two(part)
     return value
 
 
-def _exponential(x, tail):
-    """exp(x + tail) for a tail of at most an ulp of x."""
+def _power_of_two(exponent):
+    """2^exponent for a whole `exponent` in [-1022, 1023]."""
+    return double((bits(exponent + (_MAGIC + 1023.0)) & 0xFFF) << 52)
+
+
+def _factors(x, tail):
+    """Numbers k, r and s, so that exp(x + tail) = 2^k (1 + r + s); the tail is an ulp at most."""
     clipped = where(x < -1000.0, -1000.0, where(x > 1000.0, 1000.0, x))
     exponent = fma(clipped, 1.4426950408889634, _MAGIC) - _MAGIC
     r = clipped - exponent * _LN2
     r, rest = _sum(r, fma(-exponent, _LN2_TAIL, tail))
     p = _polynomial(r, *(1.0 / math.factorial(n) for n in range(13, 1, -1)))
-    value = _scaled(1.0 + (r + fma(r * r, p, fma(rest, r, rest))), exponent)
+    return exponent, r, fma(r * r, p, fma(rest, r, rest))
+
+
+def _exponential(x, tail, halvings=0.0):
+    """exp(x + tail) for a tail of at most an ulp of x, halved so often."""
+    exponent, r, s = _factors(x, tail)
+    value = _scaled(1.0 + (r + s), exponent - halvings)
     return where(x == x, value, x)
+
+
+def _less_one(x):
+    """An exponent k and a sum that is not evaluated, so that exp(x) - 1 = 2^k sum."""
+    # Below, the exponential does not matter.
+    exponent, r, s = _factors(where(x < -50.0, -50.0, x), 0.0)
+    small, small_tail = _sum(r, s)
+    inverse = _power_of_two(-where(exponent > 100.0, 100.0, exponent))
+    whole, whole_tail = _sum(1.0, -inverse)
+    high, tail = _sum(whole, small)
+    return exponent, high, tail + (whole_tail + small_tail)
 
 
 @exactly(np.exp)
 def exponential(x):
     """Exp x."""
     return _exponential(x, 0.0)
+
+
+@exactly(np.expm1)
+def exponential_less_one(x):
+    """Exp x - 1, also where that is small."""
+    exponent, high, tail = _less_one(x)
+    return where(x == x, _scaled(high + tail, exponent), x)
+
+
+@exactly(np.exp2)
+def power_of_two(x):
+    """2^x."""
+    clipped = where(x < -1100.0, -1100.0, where(x > 1100.0, 1100.0, x))
+    exponent = clipped + _MAGIC - _MAGIC
+    part = clipped - exponent
+    high, error = _product(part, math.log(2.0))
+    value = _exponential(high, fma(part, 2.319046813846299558e-17, error))
+    return where(x == x, _scaled(value, exponent), x)
 
 
 def _parts(x):
@@ -177,9 +227,31 @@ def logarithm(x):
     return where(x > 0.0, value, where(x == 0.0, -math.inf, math.nan))
 
 
+@exactly(np.log1p)
+def logarithm_of_one_more(x):
+    """ln(1 + x), also where that is small; minus infinity at -1, NaN below."""
+    more, lost = _sum(1.0, x)
+    high, tail = _logarithm(more)
+    high, rest = _sum(high, lost / more)
+    value = where(x < math.inf, high + (rest + tail), x)
+    return where(x > -1.0, value, where(x == -1.0, -math.inf, math.nan))
+
+
+@exactly(np.cbrt)
+def cube_root(x):
+    """The cube root, of negative numbers too."""
+    size = abs(x)
+    known = (size > 0.0) & (size < math.inf)
+    high, tail = _logarithm(where(known, size, 1.0))
+    third, third_tail = 0.3333333333333333, 1.850371707708594e-17
+    product, error = _product(high, third)
+    root = _exponential(product, fma(tail, third, fma(high, third_tail, error)))
+    return where(known, where(x < 0.0, -root, root), x)
+
+
 @exactly(np.power)
 def power(x, y):
-    """x^y; NaN for x < 0 unless y is whole."""
+    """x^y; NaN for a finite x < 0 unless y is whole."""
     size = abs(x)
     base = where((size > 0.0) & (size < math.inf), size, 1.0)
     high, tail = _logarithm(base)
@@ -193,6 +265,112 @@ def power(x, y):
     whole = floor(y) == y
     odd = whole & (floor(0.5 * y) != 0.5 * y)
     value = where(odd & (bits(x) < 0), -value, value)
-    value = where((x < 0.0) & ~whole, math.nan, value)
+    value = where((x < 0.0) & (size < math.inf) & ~whole, math.nan, value)
     value = where((x == x) & (y == y), value, math.nan)
     return where((x == 1.0) | (y == 0.0), 1.0, value)
+
+
+@exactly(np.tanh)
+def hyperbolic_tangent(x):
+    """Tanh x."""
+    exponent, high, tail = _less_one(-2.0 * abs(x))
+    over, over_tail = -_scaled(high, exponent), -_scaled(tail, exponent)
+    under, under_tail = _sum(2.0, -over)
+    quotient = over / under
+    lost = fma(-quotient, under, over) + (over_tail - quotient * (under_tail - over_tail))
+    value = quotient + lost / under
+    return where(x < 0.0, -value, value)
+
+
+@exactly(np.sinh)
+def hyperbolic_sine(x):
+    """Sinh x."""
+    size = abs(x)
+    exponent, high, tail = _less_one(where(size < 40.0, size, 0.0))
+    less_one = _scaled(high + tail, exponent)
+    value = 0.5 * (less_one + less_one / (less_one + 1.0))
+    # The exponential itself would be infinite earlier.
+    value = where(size < 40.0, value, _exponential(size, 0.0, 1.0))
+    return where(x < 0.0, -value, value)
+
+
+@exactly(np.cosh)
+def hyperbolic_cosine(x):
+    """Cosh x."""
+    half = _exponential(abs(x), 0.0, 1.0)
+    return half + 0.25 / half
+
+
+@exactly(lambda x: np.where(x < 0, np.exp(-abs(x)), 1.0) / (1.0 + np.exp(-abs(x))))
+def logistic(x):
+    """1 / (1 + exp(-x))."""
+    share = _exponential(-abs(x), 0.0)
+    return where(x < 0.0, share, 1.0) / (1.0 + share)
+
+
+_PI, _PI_TAIL = 3.141592653589793, 1.2246467991473532e-16
+
+
+def _arc(over, under):
+    """The arc tangent of a quotient of numbers that are not negative, and not both are zero."""
+    ratio = over / under
+    steep, middle = ratio > 2.414213562373095, ratio > 0.66
+    # tan(a - pi/2) = -1 / tan a, tan(a - pi/4) = (tan a - 1) / (tan a + 1)
+    bottom = where(steep, ratio, where(middle, ratio + 1.0, 1.0))
+    u = where(steep, -1.0, where(middle, ratio - 1.0, ratio)) / bottom
+    z = u * u
+    # The coefficients are those of Cephes.
+    p = _polynomial(
+        z,
+        -8.750608600031904122785e-01,
+        -1.615753718733365076637e01,
+        -7.500855792314704667340e01,
+        -1.228866684490136173410e02,
+        -6.485021904942025371773e01,
+    )
+    q = _polynomial(
+        z,
+        1.0,
+        2.485846490142306297962e01,
+        1.650270098316988542046e02,
+        4.328810604912902668951e02,
+        4.853903996359136964868e02,
+        1.945506571482613964425e02,
+    )
+    quarters = where(steep, 0.5, where(middle, 0.25, 0.0))
+    return quarters * _PI + (fma(u, z * (p / q), u) + quarters * _PI_TAIL)
+
+
+@exactly(np.arctan)
+def arc_tangent(x):
+    """Arctan x."""
+    value = _arc(abs(x), 1.0)
+    return where(x < 0.0, -value, value)
+
+
+def _angle(y, x):
+    over, under = abs(y), abs(x)
+    # Of two zeros, and of two infinities.
+    zeros, corner = (over == 0.0) & (under == 0.0), (over == math.inf) & (under == math.inf)
+    value = _arc(where(corner, 1.0, over), where(zeros | corner, 1.0, under))
+    value = where(bits(x) < 0, _PI - (value - _PI_TAIL), value)
+    value = where(bits(y) < 0, -value, value)
+    return where((x == x) & (y == y), value, math.nan)
+
+
+@exactly(np.arctan2)
+def angle(y, x):
+    """The angle of (x, y), between -pi and pi."""
+    return _angle(y, x)
+
+
+@exactly(np.arcsin)
+def arc_sine(x):
+    """Arcsin x; NaN beyond 1."""
+    return _angle(x, sqrt((1.0 - x) * (1.0 + x)))
+
+
+@exactly(np.arccos)
+def arc_cosine(x):
+    """Arccos x; NaN beyond 1."""
+    return _angle(sqrt((1.0 - x) * (1.0 + x)), x)

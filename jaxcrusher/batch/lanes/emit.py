@@ -1,9 +1,8 @@
-"""A jaxpr of scalars written out as a function of vectors.
+"""A known function of scalars written out as a function of vectors.
 
-Every primitive is one line of a table. Numbers known beforehand are folded; what depends on a
-design's own numbers only is computed once a design, in front, and kept in rows of its own; the rest
-is the body that runs in every step. Small arrays, such as the two components of a force, are taken
-apart.
+Numbers known beforehand are folded; what depends on a design's own numbers only is computed once a
+design, in front, and kept in rows of its own; the rest is the body that runs in every step. Small
+arrays, such as the two components of a force, are taken apart.
 """
 
 import operator
@@ -12,88 +11,31 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Literal
+from jax.extend.core import JaxprEqn, Literal
 
-from jaxcrusher.batch.lanes.elementary import cosine, exponential, logarithm, power, sine
-from jaxcrusher.batch.lanes.expression import is_expression, is_truth, sqrt, where
+from jaxcrusher.batch.lanes.expression import (
+    AS_WRITTEN,
+    DOUBLE,
+    INTEGER,
+    TRUTH,
+    bits,
+    double,
+    is_expression,
+    kind_of,
+    where,
+)
+from jaxcrusher.batch.lanes.known import Known
+from jaxcrusher.batch.lanes.primitives import (
+    ALONG_AXES,
+    REAL,
+    STRUCTURAL,
+    TRUE,
+    along,
+    options,
+    type_of,
+    written,
+)
 from jaxcrusher.batch.lanes.vector import Code
-
-# The powers that are products and roots.
-_POWERS: dict[float, Callable[[Any], Any]] = {
-    0.5: sqrt,
-    1.0: lambda x: x,
-    1.5: lambda x: x * sqrt(x),
-    2.0: lambda x: x * x,
-    2.5: lambda x: x * x * sqrt(x),
-}
-
-
-def _number_of(x: Any) -> Any:
-    """Of a truth value one or zero; a number remains."""
-    return where(x, np.float64(1), np.float64(0)) if is_truth(x) else x
-
-
-def _whole_power(base: Any, exponent: int) -> Any:
-    if exponent < 0:
-        return 1.0 / _whole_power(base, -exponent)
-    if exponent < 2:
-        return base if exponent else np.float64(1)
-    half = _whole_power(base, exponent // 2)
-    return half * half * base if exponent % 2 else half * half
-
-
-def _power(x: Any, exponent: Any) -> Any:
-    usual = None if is_expression(exponent) else _POWERS.get(float(exponent))
-    return power(x, exponent) if usual is None else usual(x)
-
-
-# Primitive -> what it does to its operands, vectors or numbers. A NaN of any operand is a NaN of
-# the result.
-ELEMENTWISE: dict[str, Callable[..., Any]] = {
-    "abs": abs,
-    "add": operator.add,
-    "add_any": operator.add,
-    "and": operator.and_,
-    "clamp": lambda low, x, high: where(x < low, low, where(x > high, high, x)),
-    "convert_element_type": _number_of,
-    "cos": cosine,
-    "div": operator.truediv,
-    "eq": operator.eq,
-    "exp": exponential,
-    "ge": operator.ge,
-    "gt": operator.gt,
-    "is_finite": lambda x: abs(x) < np.inf,
-    "le": operator.le,
-    "log": logarithm,
-    "lt": operator.lt,
-    "max": lambda a, b: where((a > b) | (a != a), a, b),
-    "min": lambda a, b: where((a < b) | (a != a), a, b),
-    "mul": operator.mul,
-    "ne": operator.ne,
-    "neg": operator.neg,
-    "not": operator.invert,
-    "or": operator.or_,
-    "pow": _power,
-    "select_n": lambda truth, no, yes: where(truth, yes, no),
-    "sign": lambda x: where((x == 0) | (x != x), x, where(x > 0, 1.0, -1.0)),
-    "sin": sine,
-    "sqrt": sqrt,
-    "square": lambda x: x * x,
-    "sub": operator.sub,
-}
-# Primitives that move the elements of arrays about.
-STRUCTURAL: dict[str, Callable[..., np.ndarray]] = {
-    "broadcast_in_dim": lambda x, shape, **_: np.broadcast_to(x, shape),
-    "concatenate": lambda *parts, dimension, **_: np.concatenate(parts, dimension),
-    "copy": lambda x, **_: x,
-    "reshape": lambda x, new_sizes, **_: x.reshape(new_sizes),
-    "stack": lambda *parts, axis, **_: np.stack(parts, axis),
-    "squeeze": lambda x, dimensions, **_: x.squeeze(dimensions),
-}
-
-
-class Unsupported(Exception):
-    """What lanes cannot do and another engine can; the text names it."""
 
 
 @dataclass(eq=False)
@@ -118,9 +60,47 @@ class Atom:
         return (str(self.value), self.value.dtype) if self.known else id(self)
 
 
-def number(value: float) -> Atom:
+def number(value: Any) -> Atom:
     """A number known beforehand."""
-    return Atom(np.float64(value), True)
+    return Atom(constant(value)[()], True)
+
+
+# What the types of JAX are here: whole numbers of 32 bits have 64.
+_OWN = {REAL: np.float64, TRUE: np.bool_}
+
+
+def constant(value: Any, kind: str | None = None) -> np.ndarray:
+    """Numbers of JAX, of their type or a given one, as an array of objects."""
+    array = np.asarray(value, kind)
+    own = _OWN.get(str(array.dtype), np.int64)
+    found = np.empty(array.shape, object)
+    for i, entry in enumerate(array.flat):
+        found.flat[i] = own(entry)
+    return found
+
+
+def folded(function: Callable, *values: Any) -> Any:
+    """What a function makes of expressions and numbers; of numbers alone a number, without a word.
+
+    Numbers have the types of `constant`.
+    """
+    with np.errstate(all="ignore"):
+        result = function(*values)
+    return result if is_expression(result) else constant(result)[()]
+
+
+def as_double(value: Any) -> Any:
+    """A number of any type as the double that stands in a row of memory."""
+    if kind_of(value) == INTEGER:
+        return double(value)
+    return where(value, 1.0, 0.0) if kind_of(value) == TRUTH else value
+
+
+def from_double(value: Any, kind: Any) -> Any:
+    """The number of a kind that `as_double` made a double of."""
+    if kind == INTEGER:
+        return bits(value)
+    return value != 0.0 if kind == TRUTH else value
 
 
 class Emitter:
@@ -131,6 +111,7 @@ class Emitter:
 
     def __init__(self, prepare: Code, kept: int) -> None:
         self.prepare, self._first = prepare, kept
+        prepare.flags = AS_WRITTEN
         self._rows: dict[Any, int] = {}  # of what the bodies read: key -> row
         self._kept: list[Atom] = []
         self.exponents: set[int] = set()  # the design's numbers that powers depend on
@@ -138,16 +119,16 @@ class Emitter:
         self._body = prepare
         self._read_here: dict[Any, Any] = {}
 
-    def given(self, i: int, row: int) -> Atom:
-        """The design's number i, which stands in a row."""
-        return Atom(self.prepare.read(row), True, frozenset({i}))
+    def given(self, i: int, row: int, type_: str = REAL) -> Atom:
+        """The design's number i, of a type of JAX, which stands in a row."""
+        kind = {REAL: DOUBLE, TRUE: TRUTH}.get(type_, INTEGER)
+        made_of = frozenset({i} if kind == DOUBLE else ())
+        return Atom(from_double(self.prepare.read(row), kind), True, made_of)
 
-    def body(self, code: Code, function: ClosedJaxpr, operands: Sequence[Atom]) -> list[Any]:
-        """Write a function of scalars; its results, arrays taken apart.
-
-        Raises `Unsupported` for a primitive that is not in the tables.
-        """
+    def body(self, code: Code, function: Known, operands: Sequence[Atom]) -> list[Any]:
+        """Write a function of scalars; its results, arrays taken apart."""
         self._body, self._read_here = code, {}
+        code.flags = AS_WRITTEN
         self._found = {key: atom for key, atom in self._found.items() if atom.of_design}
         inputs = [np.array(atom, object) for atom in operands]
         results = walk(function, inputs, self._primitive, _atoms)
@@ -155,39 +136,34 @@ class Emitter:
 
     def keep(self) -> list[Any]:
         """What `prepare` is to write from the first row on."""
-        return [_number_of(atom.value) for atom in self._kept]
+        return [as_double(atom.value) for atom in self._kept]
 
-    def _primitive(self, name: str, params: dict[str, Any], operands: list) -> np.ndarray:
-        """One primitive of arrays of atoms."""
-        if name in STRUCTURAL:
-            return STRUCTURAL[name](*operands, **params)
-        meaning = operation(name, params)
-        return elementwise(lambda *atoms: self._scalar(name, params, meaning, atoms), operands)
+    def _primitive(self, equation: JaxprEqn, operands: list) -> np.ndarray:
+        """One equation of arrays of atoms."""
+        return of_arrays(
+            equation, operands, lambda meaning, *atoms: self._scalar(equation, meaning, atoms)
+        )
 
-    def _scalar(
-        self, name: str, params: dict[str, Any], meaning: Callable, operands: tuple[Atom, ...]
-    ) -> Atom:
-        """One primitive of scalars."""
+    def _scalar(self, equation: JaxprEqn, meaning: Callable, operands: tuple[Atom, ...]) -> Atom:
+        """One equation of scalars."""
+        name, type_ = equation.primitive.name, type_of(equation.outvars[0])
         first, last = operands[0], operands[-1]
         if name == "pow":
             self.exponents |= last.made_of
-        if name == "div" and last.of_design and not last.known and not first.of_design:
+        varies = last.of_design and not last.known and not first.of_design
+        if name == "div" and type_ == REAL and varies:
             inverse = self._apply("inverse", lambda x: 1.0 / x, (last,))
-            return self._apply("mul", operator.mul, (first, inverse))
-        name = f"{name} {params['y']}" if name == "integer_pow" else name
-        return self._apply(name, meaning, operands)
+            return self._apply("product", operator.mul, (first, inverse))
+        return self._apply(f"{name} {type_} {equation.params}", meaning, operands)
 
     def _apply(self, name: str, function: Callable, operands: tuple[Atom, ...]) -> Atom:
-        """A function of atoms, written once."""
+        """A function of atoms, written once for all that have its name."""
         key = (name, *(atom.key for atom in operands))
         if key not in self._found:
             of_design = all(atom.of_design for atom in operands)
             values = [atom.value if of_design else self._read(atom) for atom in operands]
             made_of = frozenset[int]().union(*(atom.made_of for atom in operands))
-            with np.errstate(all="ignore"):
-                result = function(*values)
-            if not (is_expression(result) or is_truth(result)):
-                result = np.float64(result)
+            result = folded(function, *values)
             self._found[key] = Atom(result, of_design, made_of if of_design else frozenset())
         return self._found[key]
 
@@ -200,66 +176,54 @@ class Emitter:
             self._kept.append(atom)
         if atom.key not in self._read_here:
             value = self._body.read(self._rows[atom.key])
-            # Rows hold numbers.
-            self._read_here[atom.key] = value > 0 if is_truth(atom.value) else value
+            self._read_here[atom.key] = from_double(value, kind_of(atom.value))
         return self._read_here[atom.key]
 
 
-Primitive = Callable[[str, dict[str, Any], list], Any]
+Primitive = Callable[[JaxprEqn, list], Any]
 
 
 def walk(
-    function: ClosedJaxpr, inputs: Sequence[Any], primitive: Primitive, constant: Callable
+    function: Known, inputs: Sequence[Any], primitive: Primitive, literal: Callable = constant
 ) -> list:
-    """The results of a function by what `primitive` makes of its equations, calls inlined.
+    """The results of a function by what `primitive` makes of its equations.
 
-    `constant` makes of an array what a variable stands for.
+    `literal` makes of a constant array what a variable stands for.
     """
-    jaxpr = function.jaxpr
-    values = dict(zip(jaxpr.constvars, map(constant, function.consts), strict=True))
-    values |= zip(jaxpr.invars, inputs, strict=True)
+    values = {v: literal(array, type_of(v)) for v, array in function.constants.items()}
+    values |= zip(function.operands, inputs, strict=True)
 
     def read(variable) -> Any:
-        return constant(variable.val) if isinstance(variable, Literal) else values[variable]
+        known = isinstance(variable, Literal)
+        return literal(variable.val, type_of(variable)) if known else values[variable]
 
-    for equation in jaxpr.eqns:
-        operands = [read(variable) for variable in equation.invars]
-        name, params = equation.primitive.name, equation.params
-        inner = params.get("jaxpr", params.get("call_jaxpr"))
-        if inner is not None and name in ("jit", "pjit", "closed_call", "custom_jvp_call"):
-            results = walk(inner, operands, primitive, constant)
-        else:
-            results = [primitive(name, params, operands)]
-        values |= zip(equation.outvars, results, strict=True)
-    return [read(variable) for variable in jaxpr.outvars]
+    for equation in function.equations:
+        values[equation.outvars[0]] = primitive(equation, [read(v) for v in equation.invars])
+    return [read(variable) for variable in function.results]
 
 
-def operation(name: str, params: dict[str, Any]) -> Callable[..., Any]:
-    """What a primitive does to numbers or vectors.
-
-    Raises `Unsupported` for one that is not in the table.
-    """
-    if name == "integer_pow":
-        return lambda x: _whole_power(x, params["y"])
-    if name not in ELEMENTWISE:
-        raise Unsupported(f"the primitive `{name}`")
-    return ELEMENTWISE[name]
+def of_arrays(equation: JaxprEqn, operands: list, one: Callable) -> np.ndarray:
+    """An equation of arrays; `one` is given what to do, and the elements to do it to."""
+    name, params = equation.primitive.name, equation.params
+    if name in STRUCTURAL:
+        structural = STRUCTURAL[name]
+        return structural.write(*operands, **options(structural, params))
+    if name in ALONG_AXES:
+        operands = along(operands[0], params["axes"])
+    meaning = written(equation)
+    return elementwise(lambda *elements: one(meaning, *elements), operands)
 
 
 def elementwise(function: Callable, operands: list[np.ndarray]) -> np.ndarray:
     """A function of scalars, of arrays of one shape, or of arrays and scalars."""
-    scalars = np.broadcast(*operands)
-    results = np.empty(scalars.shape, object)
-    for i, entries in enumerate(scalars):
+    shape = np.broadcast_shapes(*(operand.shape for operand in operands))
+    columns = [np.broadcast_to(operand, shape).flat for operand in operands]
+    results = np.empty(shape, object)
+    for i, entries in enumerate(zip(*columns, strict=True)):
         results.flat[i] = function(*entries)
     return results
 
 
-def _atoms(value: Any) -> np.ndarray:
+def _atoms(value: Any, kind: str) -> np.ndarray:
     """A constant array as atoms."""
-    array = np.asarray(value)
-    atoms = np.empty(array.shape, object)
-    kind = np.bool_ if array.dtype == bool else np.float64
-    for i, entry in enumerate(array.flat):
-        atoms.flat[i] = Atom(kind(entry), True)
-    return atoms
+    return elementwise(lambda entry: Atom(entry, True), [constant(value, kind)])

@@ -15,6 +15,9 @@ DOUBLE, INTEGER, TRUTH = ir.DoubleType(), ir.IntType(64), ir.IntType(1)
 POINTER = ir.PointerType()
 # Sums in any order, but with NaN and infinity kept: a trial step may leave the linkage's reach.
 FAST = ("reassoc", "contract", "arcp", "nsz")
+# For the equations of a user: sums as they are written, products rounded with what is added to
+# them, as XLA does on a CPU. In any order (a + b) - a would be b.
+AS_WRITTEN = ("contract",)
 
 
 def _operator(of_floats: str, of_integers: str, swapped: bool = False) -> Callable[..., Any]:
@@ -33,7 +36,10 @@ def _operator(of_floats: str, of_integers: str, swapped: bool = False) -> Callab
 def _comparison(symbol: str) -> Callable[..., Any]:
     def method(self: "Expression", other: Any) -> "Expression":
         pair, builder = (symbol, self.value, self.like(other).value), self.code.builder
-        if self.kind != DOUBLE:
+        if self.kind == TRUTH:
+            # With a sign, a true value would be -1.
+            return self.new(builder.icmp_unsigned(*pair))
+        if self.kind == INTEGER:
             return self.new(builder.icmp_signed(*pair))
         # Nothing is equal to NaN, and everything is unequal to it.
         return self.new((builder.fcmp_unordered if symbol == "!=" else builder.fcmp_ordered)(*pair))
@@ -79,27 +85,39 @@ class Expression:
     __rtruediv__ = _operator("fdiv", "sdiv", swapped=True)
     __and__, __rand__ = _operator("", "and_"), _operator("", "and_")
     __or__, __ror__ = _operator("", "or_"), _operator("", "or_")
+    __xor__, __rxor__ = _operator("", "xor"), _operator("", "xor")
     __lshift__, __rshift__ = _operator("", "shl"), _operator("", "ashr")
     __lt__, __le__, __gt__, __ge__ = map(_comparison, ("<", "<=", ">", ">="))
     __eq__, __ne__ = _comparison("=="), _comparison("!=")  # type: ignore[assignment]
 
     def __neg__(self) -> "Expression":
+        if self.kind == INTEGER:
+            return self.like(0) - self
         return self.new(self.code.builder.fneg(self.value, flags=self.code.flags))
 
     def __invert__(self) -> "Expression":
         return self.new(self.code.builder.not_(self.value))
 
     def __abs__(self) -> "Expression":
+        if self.kind == INTEGER:
+            return where(self < 0, -self, self)
         return intrinsic("llvm.fabs", self)
 
 
 def intrinsic(name: str, *operands: Expression) -> Expression:
     """One of LLVM's functions of doubles."""
     first = operands[0]
-    type_, module = first.of(DOUBLE), first.code.function.module
-    suffix = f"v{type_.count}f64" if isinstance(type_, ir.VectorType) else "f64"
-    function = declared(module, f"{name}.{suffix}", ir.FunctionType(type_, [type_] * len(operands)))
+    type_ = first.of(DOUBLE)
+    kind = ir.FunctionType(type_, [type_] * len(operands))
+    function = declared(first.code.function.module, f"{name}.{suffix(type_)}", kind)
     return first.new(first.code.builder.call(function, [operand.value for operand in operands]))
+
+
+def suffix(type_: ir.Type) -> str:
+    """How LLVM's functions name a type."""
+    vector = isinstance(type_, ir.VectorType)
+    name = "f64" if getattr(type_, "element", type_) == DOUBLE else "i64"
+    return f"v{type_.count}{name}" if vector else name
 
 
 def declared(module: ir.Module, name: str, kind: ir.FunctionType) -> Any:
@@ -112,9 +130,17 @@ def is_expression(value: Any) -> bool:
     return isinstance(value, Expression)
 
 
-def is_truth(value: Any) -> bool:
-    """Whether it is a truth value, or an expression of them."""
-    return isinstance(value, np.bool_) or (isinstance(value, Expression) and value.kind == TRUTH)
+def kind_of(value: Any) -> ir.Type:
+    """The kind of an expression or of a number."""
+    if isinstance(value, Expression):
+        return value.kind
+    whole = INTEGER if isinstance(value, np.integer) else DOUBLE
+    return TRUTH if isinstance(value, np.bool_) else whole
+
+
+def typed_as(one: Any, value: Any) -> Any:
+    """A number of the type of another one, or of an expression."""
+    return one.like(value) if isinstance(one, Expression) else type(one)(value)
 
 
 def where(truth: Any, one: Any, other: Any) -> Any:
@@ -122,7 +148,7 @@ def where(truth: Any, one: Any, other: Any) -> Any:
     if not isinstance(truth, Expression):
         return one if truth else other
     like = next((v for v in (one, other) if isinstance(v, Expression)), None)
-    like = truth.new(ir.Constant(truth.of(DOUBLE), 0.0)) if like is None else like
+    like = truth.new(ir.Constant(truth.of(kind_of(one)), 0)) if like is None else like
     chosen = like.like(one).value, like.like(other).value
     return truth.new(truth.code.builder.select(truth.value, *chosen))
 
@@ -136,11 +162,6 @@ def fma(a: Any, b: Any, c: Any) -> Any:
     """A b + c, rounded once."""
     one = next(operand for operand in (a, b, c) if isinstance(operand, Expression))
     return intrinsic("llvm.fma", *map(one.like, (a, b, c)))
-
-
-def floor(x: Any) -> Any:
-    """The next whole number below."""
-    return intrinsic("llvm.floor", x) if isinstance(x, Expression) else np.floor(x)
 
 
 def bits(x: Expression) -> Expression:

@@ -1,25 +1,32 @@
-"""A trace with the calls opened that integrate."""
+"""A trace with calls opened."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
 
-from jaxcrusher.batch.lanes.recorded import integration_p
-
 # Primitives that call a jaxpr, and where it stands.
 _CALLS = {
-    "jit": "jaxpr",
-    "pjit": "jaxpr",
+    "checkpoint": "jaxpr",
     "closed_call": "call_jaxpr",
     "custom_jvp_call": "call_jaxpr",
+    "custom_vjp_call": "call_jaxpr",
+    "jit": "jaxpr",
+    "pjit": "jaxpr",
+    "remat2": "jaxpr",
 }
 
 
 def inlined(
-    jaxpr: ClosedJaxpr, operands: Sequence[Any], constants: dict[Var, Any]
+    jaxpr: ClosedJaxpr,
+    operands: Sequence[Any],
+    constants: dict[Var, Any],
+    opened: Callable[[JaxprEqn], bool],
 ) -> tuple[list[JaxprEqn], list[Any]]:
-    """Its equations, calls that integrate opened, with variables of their own; its outputs."""
+    """Its equations, those calls opened that are to be, with variables of their own; its outputs.
+
+    Constants are added to those that are given.
+    """
     names: dict[Var, Any] = dict(zip(jaxpr.jaxpr.invars, operands, strict=True))
     for variable, constant in zip(jaxpr.jaxpr.constvars, jaxpr.consts, strict=True):
         names[variable] = Var(variable.aval)
@@ -31,27 +38,13 @@ def inlined(
     equations = []
     for equation in jaxpr.jaxpr.eqns:
         name = equation.primitive.name
-        if name in _CALLS and integrates(equation):
-            inside, results = inlined(
-                equation.params[_CALLS[name]], named(equation.invars), constants
-            )
+        if name in _CALLS and opened(equation):
+            called = equation.params[_CALLS[name]]
+            called = ClosedJaxpr(called, []) if isinstance(called, Jaxpr) else called
+            inside, results = inlined(called, named(equation.invars), constants, opened)
             equations += inside
         else:
             results = [Var(variable.aval) for variable in equation.outvars]
             equations.append(equation.replace(invars=named(equation.invars), outvars=results))
         names |= zip(equation.outvars, results, strict=True)
     return equations, named(jaxpr.jaxpr.outvars)
-
-
-def integrates(equation: JaxprEqn) -> bool:
-    """Whether an equation is an integration or has one inside."""
-    if equation.primitive is integration_p:
-        return True
-    inside = [
-        getattr(part, "jaxpr", part)
-        for value in equation.params.values()
-        for part in (value if isinstance(value, tuple | list) else [value])
-    ]
-    return any(
-        integrates(inner) for part in inside if isinstance(part, Jaxpr) for inner in part.eqns
-    )

@@ -43,7 +43,7 @@ class Integration:
         times = np.asarray(operands[0].array, float)
         schedule = np.arange(count) if operands[0].batched else np.zeros(count, int)
         times = times if operands[0].batched else times[None]
-        columns = [np.asarray(stacked(value, count), float) for value in operands[1:]]
+        columns = [_doubles(stacked(value, count)) for value in operands[1:]]
         states = 2 + self._what.equations.states
         numbers, starts = _table(columns[states:], count), _table(columns[2:states], count)
         tolerances = _table(columns[:2], count)
@@ -76,6 +76,13 @@ class Integration:
             rows = np.flatnonzero([other == kind for other in kinds])
             pairs = zip(self._exponents, map(float, kind), strict=True)
             yield {i: value for i, value in pairs if value in PLAIN}, rows
+
+
+def _doubles(array: np.ndarray) -> np.ndarray:
+    """Numbers as they stand in the memory of lanes (see `emit.as_double`)."""
+    if np.issubdtype(array.dtype, np.integer):
+        return array.astype(np.int64).view(np.float64)
+    return np.asarray(array, float)
 
 
 def _table(columns: Sequence[np.ndarray], count: int) -> np.ndarray:

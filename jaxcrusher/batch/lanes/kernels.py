@@ -4,14 +4,13 @@ The step is that of an explicit Runge-Kutta method under a PI controller, as dif
 """
 
 from collections.abc import Mapping
+from math import prod
 from typing import NamedTuple
-
-import numpy as np
-from jax.extend.core import ClosedJaxpr
 
 from jaxcrusher.batch.lanes.elementary import exponential, logarithm
 from jaxcrusher.batch.lanes.emit import Atom, Emitter, number
 from jaxcrusher.batch.lanes.expression import where
+from jaxcrusher.batch.lanes.known import Known
 from jaxcrusher.batch.lanes.layout import (
     AT,
     ATOL,
@@ -42,6 +41,7 @@ from jaxcrusher.batch.lanes.layout import (
     Tableau,
     places,
 )
+from jaxcrusher.batch.lanes.primitives import type_of
 from jaxcrusher.batch.lanes.stepper import Parts, write_loop
 from jaxcrusher.batch.lanes.summary import Summary, write_summary
 from jaxcrusher.batch.lanes.vector import CORES, Code, Module, Shape
@@ -51,15 +51,19 @@ HUGE, TINY = 1e300, 1e-300
 
 
 class Equations(NamedTuple):
-    """Jaxprs of scalars: time, states (of the motion, then totals), numbers of the design."""
+    """Functions of scalars: time, states (of the motion, then totals), numbers of the design."""
 
-    field: ClosedJaxpr
-    observe: ClosedJaxpr
-    summarise: ClosedJaxpr  # of what is observed, stacked over the instants, and states
+    field: Known
+    observe: Known
+    summarise: Known  # of what is observed, stacked over the instants, and states
     instants: int
     motion: int
     states: int
-    numbers: int
+
+    @property
+    def types(self) -> list[str]:
+        """The types of the numbers of the design."""
+        return list(map(type_of, self.field.operands[1 + self.states :]))
 
 
 class Kernels(NamedTuple):
@@ -77,19 +81,18 @@ def kernels(
 ) -> Kernels:
     """The functions of a batch.
 
-    `known` are those numbers of a design that are written into them. Raises `Unsupported` for a
-    primitive that lanes do not know.
+    `known` are those numbers of a design that are written into them.
     """
-    module = Module(shape)
-    observed = sum(int(np.prod(v.aval.shape)) for v in equations.observe.jaxpr.outvars)
-    sizes = Sizes(equations.motion, equations.states, equations.numbers, observed)
+    module, types = Module(shape), equations.types
+    observed = sum(map(prod, equations.observe.shapes))
+    sizes = Sizes(equations.motion, equations.states, len(types), observed)
     at = places(sizes)
     prepare, field = Code(module, "prepare"), Code(module, "field", rows=3)
     look = Code(module, "look")
     emitter = Emitter(prepare, at.kept)
     numbers = [
-        number(known[i]) if i in known else emitter.given(i, at.given + i)
-        for i in range(equations.numbers)
+        number(known[i]) if i in known else emitter.given(i, at.given + i, type_)
+        for i, type_ in enumerate(types)
     ]
     _write_field(field, equations, emitter, numbers)
     _write_look(look, equations, emitter, numbers, table, at)
@@ -109,12 +112,11 @@ def kernels(
 def exponents(equations: Equations) -> list[int]:
     """The numbers of a design that powers depend on: formulas rather than data.
 
-    x^1.5 is a product and a root, x^p a logarithm and an exponential. Raises `Unsupported` as
-    `kernels` does.
+    x^1.5 is a product and a root, x^p a logarithm and an exponential.
     """
     module = Module()
     emitter = Emitter(Code(module, "prepare"), 0)
-    numbers = [emitter.given(i, i) for i in range(equations.numbers)]
+    numbers = [emitter.given(i, i, type_) for i, type_ in enumerate(equations.types)]
     _write_field(Code(module, "field", rows=3), equations, emitter, numbers)
     states = [Atom(emitter.prepare.read(i)) for i in range(1 + equations.states)]
     emitter.body(Code(module, "look"), equations.observe, [*states, *numbers])
@@ -124,8 +126,7 @@ def exponents(equations: Equations) -> list[int]:
 
 def _write_summary(module: Module, equations: Equations) -> Summary:
     """Of what is observed at the instants of a segment; see `summary.write_summary`."""
-    seen = [variable.aval.shape for variable in equations.observe.jaxpr.outvars]
-    return write_summary(module, equations.summarise, seen, equations.instants)
+    return write_summary(module, equations.summarise, equations.observe.shapes, equations.instants)
 
 
 def _write_field(code: Code, equations: Equations, emitter: Emitter, numbers: list[Atom]) -> None:

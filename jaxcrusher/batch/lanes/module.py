@@ -4,13 +4,14 @@ A folder that cannot be written costs the time to compile, and is no error.
 """
 
 import hashlib
-import os
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
 import llvmlite.binding as llvm
 import platformdirs
+
+from jaxcrusher.files.durable import replace
 
 
 class Machine:
@@ -44,7 +45,8 @@ def load(text: str) -> Machine:
     except OSError:
         code = _target().emit_object(optimised(text, _target()))
     try:
-        _write(file, code)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        replace(file, code)
     except OSError:
         pass
     return Machine(code)
@@ -58,14 +60,6 @@ def _processor() -> tuple[str, str]:
 def _digest(*parts: str) -> str:
     """A name for what has this content."""
     return hashlib.sha256(chr(0).join(parts).encode()).hexdigest()[:32]
-
-
-def _write(file: Path, content: bytes) -> None:
-    """Whole or not at all."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    aside = file.with_suffix(f".{os.getpid()}")
-    aside.write_bytes(content)
-    os.replace(aside, file)
 
 
 def optimised(text: str, target: llvm.TargetMachine) -> llvm.ModuleRef:

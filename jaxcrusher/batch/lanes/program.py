@@ -4,6 +4,7 @@ The function is traced once, each integration a single equation of the trace, an
 one design serves all that are like it.
 """
 
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -13,11 +14,10 @@ import numpy as np
 from jaxtyping import PyTree
 
 from jaxcrusher.batch.lanes.block import Block
-from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.engine import Device
-from jaxcrusher.batch.lanes.inlined import integrates
 from jaxcrusher.batch.lanes.integration import Value, stacked
-from jaxcrusher.batch.lanes.recorded import record
+from jaxcrusher.batch.lanes.known import Unsupported
+from jaxcrusher.batch.lanes.recorded import integrates, record
 from jaxcrusher.motion.integrate import integrator
 
 
@@ -63,6 +63,8 @@ def _batched(tree: PyTree, batched: bool) -> list[bool]:
 # Key -> program, or why there is none; the newest last.
 _PROGRAMS: dict[Any, Program | Unsupported] = {}
 _MOST_PROGRAMS = 64
+# A function that is traced may itself run a batch.
+_LOCK = threading.RLock()
 
 
 def program(function: Callable[[Any], PyTree], scenes: PyTree, device: Device) -> Program:
@@ -75,14 +77,15 @@ def program(function: Callable[[Any], PyTree], scenes: PyTree, device: Device) -
     fixed, tree = jax.tree.flatten(rest)
     shapes = [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves((numbers, scene))]
     key = (device, *fixed, tree, jax.tree.structure((numbers, scene)), *shapes)
-    if key not in _PROGRAMS:
-        try:
-            _PROGRAMS[key] = Program(function, scene, device)
-        except Unsupported as error:
-            _PROGRAMS[key] = error
-        if len(_PROGRAMS) > _MOST_PROGRAMS:
-            del _PROGRAMS[next(iter(_PROGRAMS))]
-    found = _PROGRAMS[key]
+    with _LOCK:
+        if key not in _PROGRAMS:
+            try:
+                _PROGRAMS[key] = Program(function, scene, device)
+            except Unsupported as error:
+                _PROGRAMS[key] = error
+            if len(_PROGRAMS) > _MOST_PROGRAMS:
+                del _PROGRAMS[next(iter(_PROGRAMS))]
+        found = _PROGRAMS[key]
     if isinstance(found, Unsupported):
         raise found
     return found

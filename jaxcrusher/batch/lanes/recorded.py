@@ -8,13 +8,14 @@ import diffrax
 import jax
 import jax.numpy as jnp
 from jax.core import ShapedArray, Tracer
-from jax.extend.core import Primitive
+from jax.extend.core import Jaxpr, JaxprEqn, Primitive
 from jaxtyping import Array, PyTree
 
-from jaxcrusher.batch.lanes.emit import Unsupported
 from jaxcrusher.batch.lanes.kernels import Equations, Kernels, exponents, kernels
+from jaxcrusher.batch.lanes.known import Unsupported, known
 from jaxcrusher.batch.lanes.layout import Control
-from jaxcrusher.batch.lanes.tableau import Solver, known, tableau
+from jaxcrusher.batch.lanes.primitives import REAL
+from jaxcrusher.batch.lanes.tableau import Solver, known_solver, tableau
 from jaxcrusher.batch.lanes.vector import CORES, Shape
 from jaxcrusher.motion.integrate import (
     RESULTS,
@@ -76,15 +77,18 @@ def record(
     if any(jnp.shape(leaf) != () for leaf in states + numbers):
         raise Unsupported("states or numbers that are arrays")
     count = len(states)
+    for leaf in states:
+        if (kind := str(jnp.result_type(leaf))) != REAL:
+            raise Unsupported(f"the type `{kind}` of a state")
+    # Of the types that they have: a whole number divides unlike a double.
+    types = [_type(leaf) for leaf in (jnp.zeros(()), *states, *numbers)]
 
     def of_scalars(function):
         def flat(time, *scalars):
             state = jax.tree.unflatten(state_tree, scalars[:count])
             return function(time, state, jax.tree.unflatten(args_tree, scalars[count:]))
 
-        return jax.make_jaxpr(flat, return_shape=True)(
-            *[jnp.zeros(())] * (1 + count + len(numbers))
-        )
+        return jax.make_jaxpr(flat, return_shape=True)(*types)
 
     field, _ = of_scalars(problem.field)
     observe, seen = of_scalars(problem.observe)
@@ -103,8 +107,15 @@ def record(
     shapes += [ShapedArray((), kind) for kind in (integer, jnp.zeros(()).dtype, integer)]
     motion = len(jax.tree.leaves(y.motion))
     what = Recorded(
-        Equations(field, observe, summarise, instants, motion, count, len(numbers)),
-        known(method.solver),
+        Equations(
+            known(field),
+            known(observe),
+            known(summarise, len(parts), instants),
+            instants,
+            motion,
+            count,
+        ),
+        known_solver(method.solver),
         control,
         shapes,
     )
@@ -112,6 +123,25 @@ def record(
         times, *tolerances, *map(jnp.asarray, states + numbers), what=what
     )
     return jax.tree.unflatten(tree, found), Outcome(_result(code), reached, steps)
+
+
+def _type(leaf: Any) -> jax.ShapeDtypeStruct:
+    kind = jax.typeof(jnp.asarray(leaf))
+    return jax.ShapeDtypeStruct(kind.shape, kind.dtype, weak_type=kind.weak_type)
+
+
+def integrates(equation: JaxprEqn) -> bool:
+    """Whether an equation is an integration or has one inside."""
+    if equation.primitive is integration_p:
+        return True
+    inside = [
+        getattr(part, "jaxpr", part)
+        for value in equation.params.values()
+        for part in (value if isinstance(value, tuple | list) else [value])
+    ]
+    return any(
+        integrates(inner) for part in inside if isinstance(part, Jaxpr) for inner in part.eqns
+    )
 
 
 def _result(code: Array) -> RESULTS:

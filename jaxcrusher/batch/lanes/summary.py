@@ -3,25 +3,22 @@
 It reads and writes the segment's page (see `layout.Page`).
 """
 
+import operator
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import inf, prod
 from typing import Any, NamedTuple
 
 import numpy as np
-from jax.extend.core import ClosedJaxpr
+from jax.extend.core import JaxprEqn
 
-from jaxcrusher.batch.lanes.emit import (
-    ELEMENTWISE,
-    STRUCTURAL,
-    Unsupported,
-    elementwise,
-    operation,
-    walk,
-)
-from jaxcrusher.batch.lanes.expression import Expression, where
+from jaxcrusher.batch.lanes.emit import constant, elementwise, folded, of_arrays, walk
+from jaxcrusher.batch.lanes.expression import AS_WRITTEN, Expression, where
+from jaxcrusher.batch.lanes.known import Known
 from jaxcrusher.batch.lanes.layout import Page, page_of
+from jaxcrusher.batch.lanes.primitives import ELEMENTWISE, parts, type_of, written
 from jaxcrusher.batch.lanes.vector import Code, Module
+from jaxcrusher.batch.lanes.whole import clipped, whole_of, wrapped
 
 Read = Callable[[int], Expression]
 
@@ -56,36 +53,28 @@ class Summary(NamedTuple):
 
 
 def write_summary(
-    module: Module, function: ClosedJaxpr, seen: Iterable[tuple[int, ...]], instants: int
+    module: Module, function: Known, seen: Iterable[tuple[int, ...]], instants: int
 ) -> Summary:
-    """The function `summarise` of a page: of arrays over instants, of shapes `seen`, and states.
-
-    Raises `Unsupported` for a primitive that lanes do not know.
-    """
+    """The function `summarise` of a page: of arrays over instants, of shapes `seen`, and states."""
     code = Code(module, "summarise", rows=1)
+    code.flags = AS_WRITTEN
     shapes, operands, count = list(seen), [], 0
     for shape in shapes:
         cells = [Series(lambda read, i=count + i: read(i)) for i in range(prod(shape))]
         operands.append(Over(np.array([*cells, None], object)[:-1].reshape(shape)))
         count += len(cells)
-    states = len(function.jaxpr.invars) - len(operands)
-    found = sum(prod(variable.aval.shape) for variable in function.jaxpr.outvars)
+    states = len(function.operands) - len(operands)
+    found = sum(map(prod, function.shapes))
     page = page_of(count, instants, states, found, module.shape.lanes)
     (first,) = code.rows
     for i in range(states):
         operands.append(np.array(code.scalar(code.row(first, page.last + i)), object))
     writer, place = _Writer(code, page, instants), 0
-    results = walk(function, operands, writer.primitive, _constant)
+    results = walk(function, operands, writer.primitive)
     for result in results:
         place += writer.keep(result, place)
     over = [isinstance(result, Over) for result in results]
     return Summary(code.end(by_name=True), page, found, over)
-
-
-def _constant(value: Any) -> np.ndarray:
-    array = np.asarray(value)
-    kind = np.bool_ if array.dtype == bool else np.float64
-    return np.array([*map(kind, array.flat), None], object)[:-1].reshape(array.shape)
 
 
 class _Writer:
@@ -94,34 +83,35 @@ class _Writer:
     def __init__(self, code: Code, page: Page, instants: int) -> None:
         self._code, self._page, self._instants = code, page, instants
 
-    def primitive(self, name: str, params: dict[str, Any], operands: list) -> Any:
-        """One of them; whole numbers are doubles too."""
+    def primitive(self, equation: JaxprEqn, operands: list) -> Any:
+        """One of them."""
+        name, params = equation.primitive.name, equation.params
         if name == "broadcast_in_dim" and params["shape"][:1] == (self._instants,):
             (scalar,) = operands
             if isinstance(scalar, np.ndarray) and scalar.ndim == 0:
                 same = Series(lambda read: scalar[()])
                 return Over(np.full(params["shape"][1:], same, object))
         if not any(isinstance(operand, Over) for operand in operands):
-            if name in STRUCTURAL:
-                return STRUCTURAL[name](*operands, **params)
-            return elementwise(operation(name, params), operands)
+            return of_arrays(equation, operands, folded)
         first: Any = operands[0]
-        if name in _REDUCTIONS and params["axes"] == (0,):
-            return elementwise(lambda cell: _REDUCTIONS[name](self, cell), [first.cells])
-        if name == "dynamic_slice" and params["slice_sizes"][0] == 1:
-            return self._taken(first, operands[1][()])
+        if name in _REDUCTIONS:
+            type_ = type_of(equation.outvars[0])
+            return elementwise(lambda cell: _REDUCTIONS[name](self, cell, type_), [first.cells])
+        if name == "dynamic_slice":
+            return self._taken(first, clipped(operands[1][()], 0, self._instants - 1))
         if name == "slice":
             return self._sliced(first, params)
-        if name == "squeeze" and 0 not in params["dimensions"]:
+        if name == "squeeze":
             return Over(first.cells.squeeze(tuple(axis - 1 for axis in params["dimensions"])))
-        return self._of_each(operation(name, params), operands)
+        return self._of_each(written(equation), operands)
 
     def _of_each(self, meaning: Callable, operands: list) -> Over:
         """Elementwise."""
 
         def one(*cells: Any) -> Series:
             def of(read: Read) -> Any:
-                return meaning(*(c.at(read) if isinstance(c, Series) else c for c in cells))
+                values = (c.at(read) if isinstance(c, Series) else c for c in cells)
+                return folded(meaning, *values)
 
             return Series(of)
 
@@ -129,14 +119,11 @@ class _Writer:
         return Over(elementwise(one, arrays))
 
     def _sliced(self, array: Over, params: dict[str, Any]) -> Any:
-        (first, *starts), (end, *ends) = params["start_indices"], params["limit_indices"]
-        part = tuple(slice(*pair) for pair in zip(starts, ends, strict=True))
-        within = Over(array.cells[part])
-        if params["strides"] is None and (first, end) == (0, self._instants):
-            return within
-        if end != first + 1:
-            raise Unsupported("a part of the instants")
-        return self._taken(within, np.float64(first))
+        instants, *others = parts(**params)
+        within = Over(array.cells[tuple(others)])
+        if instants.stop == instants.start + 1 and self._instants > 1:
+            return self._taken(within, instants.start)
+        return within
 
     def _taken(self, array: Over, index: Any) -> np.ndarray:
         """The values at one instant."""
@@ -159,8 +146,8 @@ class _Writer:
 
         return code.loop(self._instants, start, turn)
 
-    def reduce(self, cell: Series, combine: Callable, start: float) -> Expression:
-        """By a function of two; `start` changes nothing."""
+    def reduce(self, cell: Series, combine: Callable, start: Any) -> Expression:
+        """By a function of two; `start`, of the type of the series, changes nothing."""
 
         def body(read: Read, carried: list) -> list:
             return [combine(carried[0], self._existing(cell.at(read), start))]
@@ -194,9 +181,14 @@ class _Writer:
         ]
         for other in lanes[1:]:
             lanes[0] = better(lanes[0], other)
-        return lanes[0][1]
+        return whole_of(lanes[0][1])
 
-    def _existing(self, value: Any, otherwise: float) -> Expression:
+    def sum(self, cell: Series, type_: str) -> Any:
+        """Of doubles or of whole numbers."""
+        total = self.reduce(cell, operator.add, constant(0, type_)[()])
+        return wrapped(total) if type_ == "int32" else total
+
+    def _existing(self, value: Any, otherwise: Any) -> Expression:
         """Of the last instants there may be fewer than lanes."""
         if self._instants % self._code.shape.width == 0:
             return self._code.vector(value)
@@ -219,9 +211,10 @@ class _Writer:
         return result.cells.size * self._instants
 
 
-_REDUCTIONS: dict[str, Callable[[_Writer, Series], Expression]] = {
-    "argmax": lambda writer, cell: writer.argmax(cell),
-    "reduce_max": lambda writer, cell: writer.reduce(cell, ELEMENTWISE["max"], -inf),
-    "reduce_min": lambda writer, cell: writer.reduce(cell, ELEMENTWISE["min"], inf),
-    "reduce_sum": lambda writer, cell: writer.reduce(cell, ELEMENTWISE["add"], 0.0),
+# Primitive -> its result of a series, of a type.
+_REDUCTIONS: dict[str, Callable[[_Writer, Series, str], Expression]] = {
+    "argmax": lambda writer, cell, _: writer.argmax(cell),
+    "reduce_max": lambda writer, cell, _: writer.reduce(cell, ELEMENTWISE["max"].write, -inf),
+    "reduce_min": lambda writer, cell, _: writer.reduce(cell, ELEMENTWISE["min"].write, inf),
+    "reduce_sum": lambda writer, cell, type_: writer.sum(cell, type_),
 }

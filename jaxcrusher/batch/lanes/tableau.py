@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxcrusher.batch.lanes.emit import Unsupported
+from jaxcrusher.batch.lanes.known import Unsupported
 from jaxcrusher.batch.lanes.layout import STAGES, Tableau
 
 # For XLA: there is little to compute.
@@ -17,7 +17,7 @@ IN_A_HURRY: dict[str, Any] = {"xla_backend_optimization_level": 0}
 Solver = diffrax.Tsit5 | diffrax.Dopri5
 
 
-def known(solver: diffrax.AbstractSolver) -> Solver:
+def known_solver(solver: diffrax.AbstractSolver) -> Solver:
     """The solver, if it is one of them; raises `Unsupported` for another."""
     if not isinstance(solver, Solver):
         raise Unsupported(f"the solver `{type(solver).__name__}`")

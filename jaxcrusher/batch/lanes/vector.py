@@ -4,9 +4,17 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
+import numpy as np
 from llvmlite import ir
 
-from jaxcrusher.batch.lanes.expression import DOUBLE, INTEGER, POINTER, Expression, Function
+from jaxcrusher.batch.lanes.expression import (
+    DOUBLE,
+    INTEGER,
+    POINTER,
+    Expression,
+    Function,
+    kind_of,
+)
 
 
 class Shape(NamedTuple):
@@ -46,8 +54,9 @@ class Code(Function):
         self.memory, self.first, *self.rows = self.function.args
 
     def vector(self, value: Any) -> Expression:
-        """A number as doubles; vectors remain."""
-        return Expression(self, ir.Constant(self.floats, 0.0)).like(value)
+        """A number as a vector of its kind; vectors remain."""
+        kind = ir.VectorType(kind_of(value), self.shape.width)
+        return Expression(self, ir.Constant(kind, 0)).like(value)
 
     def _place(self, row: Any, lane: ir.Value | None = None) -> Any:
         lanes = self.builder.mul(self.row(row), ir.Constant(INTEGER, self.shape.lanes))
@@ -80,21 +89,24 @@ class Code(Function):
         self.builder.store(self.lane(value), at, align=8)
 
     def scalar(self, row: Any, place: Any = 0) -> Expression:
-        """The number at a place of a row, and of those that follow it, in all lanes."""
-        place = self._place(row, self.builder.fptosi(self.lane(place), INTEGER))
+        """The number at a place of a row, and of those that follow it, in all lanes.
+
+        A place is a whole number, or the same one in all lanes.
+        """
+        place = self._place(row, self.lane(np.int64(place) if isinstance(place, int) else place))
         return self.alike(self.builder.load(place, align=8, typ=DOUBLE))
 
     def alike(self, number: Any) -> Expression:
-        """A double in all lanes."""
-        first = ir.Constant(ir.IntType(32), 0)
-        one = self.builder.insert_element(ir.Constant(self.floats, ir.Undefined), number, first)
+        """A number in all lanes."""
+        first, kind = ir.Constant(ir.IntType(32), 0), ir.VectorType(number.type, self.shape.width)
+        one = self.builder.insert_element(ir.Constant(kind, ir.Undefined), number, first)
         everywhere = ir.Constant(
             ir.VectorType(ir.IntType(32), self.shape.width), [0] * self.shape.width
         )
         return Expression(self, self.builder.shuffle_vector(one, one, everywhere))
 
     def lane(self, value: Any, lane: int = 0) -> Any:
-        """The double of one lane."""
+        """The number of one lane."""
         place = ir.Constant(ir.IntType(32), lane)
         return self.builder.extract_element(self.vector(value).value, place)
 
@@ -118,9 +130,10 @@ class Code(Function):
         builder.position_at_end(inside)
         self.first = builder.phi(INTEGER)
         self.first.add_incoming(ir.Constant(INTEGER, 0), before)
-        carried = [builder.phi(self.floats) for _ in start]
-        for phi, value in zip(carried, start, strict=True):
-            phi.add_incoming(self.vector(value).value, before)
+        given = [self.vector(value).value for value in start]
+        carried = [builder.phi(value.type) for value in given]
+        for phi, value in zip(carried, given, strict=True):
+            phi.add_incoming(value, before)
         results = body([Expression(self, phi) for phi in carried])
         following = builder.add(self.first, ir.Constant(INTEGER, self.shape.width))
         self.first.add_incoming(following, builder.block)

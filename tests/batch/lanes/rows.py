@@ -10,6 +10,9 @@ from jaxcrusher.batch.lanes.module import load
 from jaxcrusher.batch.lanes.routine import Routine
 from jaxcrusher.batch.lanes.vector import LANES, Code, Module
 
+# Rows behind the results.
+SPARE = 100
+
 
 def over_rows(write: Callable[[Code], list], *operands: np.ndarray) -> np.ndarray:
     """What `write` makes of the first rows, the operands of shape (n,): shape (results, n)."""
@@ -21,7 +24,9 @@ def over_rows(write: Callable[[Code], list], *operands: np.ndarray) -> np.ndarra
     return run(module, [code], len(results), *operands)
 
 
-def run(module: Module, parts: list[Code], results: int, *operands: np.ndarray) -> np.ndarray:
+def run(
+    module: Module, parts: list[Code], results: int, *operands: np.ndarray, spare: int = SPARE
+) -> np.ndarray:
     """The rows behind the operands, once functions ran one after the other."""
     for i, part in enumerate(parts):
         over_lanes = Routine(module, f"function{i}")
@@ -33,7 +38,7 @@ def run(module: Module, parts: list[Code], results: int, *operands: np.ndarray) 
     functions = [kind(machine[f"function{i}"]) for i in range(len(parts))]
     # What is beyond the end is not looked at.
     count, rows = -(-len(operands[0]) // LANES), len(operands) + results
-    memory = np.ones((count, rows + SPARE, LANES))
+    memory = np.ones((count, rows + spare, LANES))
     for i, operand in enumerate(operands):
         row = np.ones(count * LANES)
         row[: operand.size] = operand
@@ -43,7 +48,3 @@ def run(module: Module, parts: list[Code], results: int, *operands: np.ndarray) 
             function(np.array([part.ctypes.data]).ctypes.data, 0)
     found = np.moveaxis(memory[:, len(operands) : rows], 1, 0).reshape(results, -1)
     return found[:, : len(operands[0])]
-
-
-# Rows behind the results.
-SPARE = 100

@@ -1,6 +1,9 @@
 """Lanes against diffrax, on a small problem that has a bit of everything; and one by one."""
 
+import os
 import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import diffrax
@@ -11,7 +14,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
-from jaxcrusher.batch.lanes import module, processor
+from jaxcrusher.batch.lanes import module, processor, program
 from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.motion.integrate import (
     RESULTS,
@@ -218,7 +221,8 @@ def _slope(swing):
 
 def test_what_lanes_cannot_do_is_done_in_turn_and_said():
     swings = _swings(3)
-    with pytest.warns(UserWarning, match="Lanes do not know derivatives"):
+    said = "Lanes do not know derivatives: the engine `in_turn` computes these scenes."
+    with pytest.warns(UserWarning, match=said):
         found = map_all(_slope, swings, engine=in_lanes)
     _equal(found, _in_turn(_slope, swings))
     with pytest.warns(UserWarning, match="Lanes do not know the solver `Heun`"):
@@ -238,6 +242,33 @@ def test_a_folder_that_cannot_be_written_is_no_error(monkeypatch, tmp_path):
     monkeypatch.undo()
     module.load.cache_clear()
     _equal(without, in_lanes(_run, swings))
+
+
+def test_machine_code_is_on_the_disk_before_it_has_its_name(monkeypatch, tmp_path):
+    synced = []
+    monkeypatch.setattr(module, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(os, "fsync", synced.append)
+    module.load.cache_clear()
+    in_lanes(_run, _swings(1))
+    module.load.cache_clear()
+    files = list(tmp_path.iterdir())
+    assert len(files) == len(synced) > 0 and {file.suffix for file in files} == {".o"}
+
+
+def test_threads_share_one_program(monkeypatch):
+    built = []
+
+    def slow(*operands):
+        built.append(operands)
+        time.sleep(0.05)
+        return operands
+
+    monkeypatch.setattr(program, "Program", slow)
+    monkeypatch.setattr(program, "_PROGRAMS", {})
+    with ThreadPoolExecutor(4) as pool:
+        operands = [_run] * 4, [_swings(1)] * 4, [processor.PROCESSOR] * 4
+        found = list(pool.map(program.program, *operands))
+    assert len(built) == 1 and all(one is found[0] for one in found)
 
 
 @pytest.mark.parametrize("which", [0, 1])

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.batch.lanes.emit import Unsupported
+from jaxcrusher.batch.lanes.known import Unsupported, known
 from jaxcrusher.batch.lanes.module import load
 from jaxcrusher.batch.lanes.summary import write_summary
 from jaxcrusher.batch.lanes.vector import LANES, Module
@@ -22,6 +22,11 @@ REDUCTIONS = {
     "at the largest": lambda x, y, z: x[jnp.argmax(y[:, 1])],
     "top": lambda x, y, z: top(x),
     "share": lambda x, y, z: jnp.mean(jnp.heaviside(x, 0.0)),
+    "numbers alone": lambda x, y, z: jnp.max(x + (jnp.log(jnp.zeros(())) < jnp.round(2.5))),
+    "count": lambda x, y, z: jnp.sum(x > 0).astype(float),
+    "share of whole numbers": lambda x, y, z: jnp.sum((9 * x).astype(int) % 4) / 7,
+    "one of the pair": lambda x, y, z: (y[:, ::2].max(0) + y[:, 1:].min(0))[0],
+    "beyond the last": lambda x, y, z: x[(100 * z).astype(int)] + y[:, 1][(-100 * z).astype(int)],
     "last": lambda x, y, z: y[-1],
     "number": lambda x, y, z: jnp.sqrt(z) + 1,
     "series": lambda x, y, z: x + z,
@@ -33,7 +38,7 @@ def _summarised(function, x, y, z):
     """By the compiled function of a page."""
     count, module = len(x), Module()
     jaxpr = jax.make_jaxpr(function)(x, y, z)
-    _, page, _, over = write_summary(module, jaxpr, [(), (2,)], count)
+    _, page, _, over = write_summary(module, known(jaxpr, 2, count), [(), (2,)], count)
     memory = np.full((page.end, LANES), np.nan)
     for i, series in enumerate((x, *y.T)):
         memory[i * page.series : (i + 1) * page.series].ravel()[:count] = series
