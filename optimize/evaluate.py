@@ -185,9 +185,10 @@ def stacked_scenes(
 def _row(batch: tuple[jc.Scene, Array], case: Case, window: Window) -> dict[str, Array]:
     """Of a scene at a point of the unit box."""
     scene, unit = batch
-    outputs = tuple(dict.fromkeys((*always_of(scene), *case.objective.outputs)))
+    always = always_of(scene)
+    outputs = tuple(dict.fromkeys((*always, *case.objective.outputs)))
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
     chamber = case.chamber_of(case.design.description(unit))
     objective = case.objective.formula(result, scene, chamber)
     further = {"objective": objective, "steps": result.outcome.steps, "state": result.state}
-    return row_of(result) | further
+    return row_of(result, always) | further

@@ -25,6 +25,7 @@ from jaxcrusher.batch.lanes.engine import Device
 from jaxcrusher.batch.lanes.gpu import GPU
 from jaxcrusher.batch.lanes.processor import PROCESSOR
 from jaxcrusher.batch.lanes.program import NoIntegration, program
+from jaxcrusher.motion.statistic import STATISTIC, Chosen, chosen
 
 # Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
 CHUNK = 1024
@@ -48,6 +49,7 @@ def map_chunks(
     place; None takes `in_lanes` on a CPU and `side_by_side` elsewhere.
     """
     _require_stacked(function, scenes)
+    function = eqx.Partial(_with_statistics, function=function, statistics=chosen(STATISTIC))
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
     scenes = jax.tree.map(np.asarray, scenes)
     count = jax.tree.leaves(scenes)[0].shape[0]
@@ -66,6 +68,11 @@ def map_chunks(
         result = engine(function, part)
         back = np.argsort(order)[: rows.stop - rows.start]
         yield rows, jax.tree.map(lambda leaf, i=back: np.asarray(leaf)[i], result)
+
+
+def _with_statistics(scene: Any, function: Callable[[Any], PyTree], statistics: Chosen) -> PyTree:
+    """The result of `function`, which may look at the table that holds these `statistics`."""
+    return function(scene)
 
 
 def map_all(

@@ -11,7 +11,7 @@ from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.joint.validity import validity
-from jaxcrusher.motion.statistic import STATISTIC, PowerMean, statistics_of
+from jaxcrusher.motion.statistic import Chosen, PowerMean
 from jaxcrusher.motion.statistics import limits_of
 from jaxcrusher.settled import forced, newton
 from jaxcrusher.settled.collocation import System, attached, one_by_one
@@ -45,11 +45,12 @@ def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -
     return Nodes(x, root, missed, of_slopes(slopes, system.period))
 
 
-def described(system: System, found: Nodes, period: int) -> PeriodicOrbit:
+def described(system: System, found: Nodes, period: int, outputs: Chosen) -> PeriodicOrbit:
     """The orbit, which moves with the numbers of `system` as the equations have it."""
     scene = system.args
     x = attached(system, found.x, found.root.factors)
-    values, error, least = _statistics(forced.snapshot, system.at(x, INSTANTS * period), scene)
+    instants = system.at(x, INSTANTS * period)
+    values, error, least = _statistics(forced.snapshot, instants, scene, outputs)
     still = jax.lax.stop_gradient(values["foundation_rms"])
     error += jnp.abs(found.missed) / (2 * still**2)
     reason = RESULTS.where(least > 0, RESULTS.unresolved, RESULTS.contact_lost)
@@ -63,13 +64,14 @@ def described(system: System, found: Nodes, period: int) -> PeriodicOrbit:
 
 
 @eqx.filter_jit
-def kinematic(scene: Scene, period: int) -> PeriodicOrbit:
+def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
     """That of ideal joints: a sum over turns."""
     zero, angles = jnp.zeros(()), 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS
     values, error, _ = _statistics(
         lambda time, scene: scene.formulation.snapshot(time, None, scene),
         (angles / scene.drive.speed,),
         scene,
+        outputs,
     )
     result, limits = RESULTS.promote(newton.RESULTS.successful), validity(None, zero, zero)
     none = jnp.zeros(0, complex)
@@ -78,13 +80,13 @@ def kinematic(scene: Scene, period: int) -> PeriodicOrbit:
 
 
 def _statistics(
-    snapshot: Callable[..., Snapshot], instants: tuple[Array, ...], scene: Scene
+    snapshot: Callable[..., Snapshot], instants: tuple[Array, ...], scene: Scene, outputs: Chosen
 ) -> tuple[dict[str, Scalar], Scalar, Scalar]:
     """Of snapshots at equal steps; what half of them make of the RMS, and the least penetration.
 
     Means are sums over the instants, peaks those of the trigonometric polynomial through them.
     """
-    statistics = {name: STATISTIC[name] for name in statistics_of(scene)}
+    statistics = dict(outputs)
     quantities = dict.fromkeys(statistic.quantity for statistic in statistics.values())
 
     def look(*instant) -> list[Scalar]:

@@ -19,7 +19,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.motion.statistic import STATISTIC, Chosen, chosen
 from jaxcrusher.settled import forced, shooting
 from jaxcrusher.settled.branch import ENDS, follow, special_points
 from jaxcrusher.settled.collocation import System
@@ -113,7 +113,7 @@ def orbit_branch(
         points=points,
         monitor=_least_penetration,
     )
-    along = _looked_at(family, branch.parameter, branch.x, period)
+    along = _looked_at(family, branch.parameter, branch.x, period, chosen(first.values))
     count, ended = int(branch.count), ENDS[int(branch.result)]
     good = np.asarray(along.error[:count]) <= UNRESOLVED
     if not good.all():
@@ -188,16 +188,20 @@ def _least_penetration(x: Float[Array, "nodes 2"]) -> Scalar:
 
 @eqx.filter_jit
 def _looked_at(
-    family: Callable[[Scalar], System], values: Array, x: Array, period: int
+    family: Callable[[Scalar], System], values: Array, x: Array, period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     """The orbits of a branch."""
-    return jax.lax.map(lambda one: _described(family, one[0], one[1], period), (values, x))
+
+    def one(place: tuple[Scalar, Array]) -> PeriodicOrbit:
+        return _described(family, place[0], place[1], period, outputs)
+
+    return jax.lax.map(one, (values, x))
 
 
 def _described(
-    family: Callable[[Scalar], System], value: Scalar, x: Array, period: int
+    family: Callable[[Scalar], System], value: Scalar, x: Array, period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     system = family(value)
     factors = lu_factor(system.linearised(x)[1].reshape(x.size, x.size))
     root = Root(x.ravel(), (factors[0], factors[1]), jnp.array(0), RESULTS.successful)
-    return described(system, of_nodes(system, x, root), period)
+    return described(system, of_nodes(system, x, root), period, outputs)

@@ -18,6 +18,7 @@ from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.crusher.starts import Centred
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
+from jaxcrusher.motion.statistic import Chosen, chosen, statistics_of
 from jaxcrusher.settled import forced
 from jaxcrusher.settled.collocation import collocate
 from jaxcrusher.settled.described import Nodes, described, kinematic, of_nodes
@@ -120,11 +121,12 @@ def _blurred(orbit: PeriodicOrbit) -> bool:
 
 def _solved(scene: Scene, guess: Array | None, period: int, count: int) -> PeriodicOrbit:
     """The orbit with `count` nodes a turn, as far as one set of nodes can tell."""
+    outputs = chosen(statistics_of(scene))
     if scene.is_ideal:
-        return kinematic(scene, period)
+        return kinematic(scene, period, outputs)
     # A program of its own, which serves values and slopes.
     found = _found(jax.lax.stop_gradient(scene), guess, period, count * period)
-    return _described(scene, found, period)
+    return _described(scene, found, period, outputs)
 
 
 @eqx.filter_jit
@@ -135,8 +137,8 @@ def _found(scene: Scene, guess: Array | None, period: int, nodes: int) -> Nodes:
 
 
 @eqx.filter_jit
-def _described(scene: Scene, found: Nodes, period: int) -> PeriodicOrbit:
-    return described(forced.system(scene, period), found, period)
+def _described(scene: Scene, found: Nodes, period: int, outputs: Chosen) -> PeriodicOrbit:
+    return described(forced.system(scene, period), found, period, outputs)
 
 
 def _open(orbit: PeriodicOrbit) -> bool:

@@ -8,7 +8,8 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_turn, map_all, map_chunks, side_by_side
-from jaxcrusher.batch.rows import variables_of
+from jaxcrusher.batch.plan import make_plan
+from jaxcrusher.batch.rows import meanings
 
 
 def _double(x):
@@ -82,4 +83,8 @@ def test_loose_elbow_and_pivot_through_lanes():
         float(one.validity.others["pivot"].half_width_ratio), rel=1e-6
     )
     assert bool(at.inside_model) and set(one.validity.others) == {"elbow", "pivot"}
-    assert set(grid) == set(variables_of(("elbow", "pivot"))) > set(variables_of(()))
+    assert (
+        set(grid)
+        == set(meanings())
+        > set(make_plan({"speed": [30.0]}, {}, 0, 1, 1e-6, 1).variables)
+    )
