@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from jaxcrusher.batch.engines import map_all, stack
+from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.dynamics.swing import places, section_points
 from optimize.answer import Confirmed, Decay, Settled
 from optimize.evaluate import Case, started
@@ -38,7 +38,7 @@ def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
         )
         for i, start in dying
     ]
-    points, success = map_all(eqx.Partial(section_points, turns=TURNS, rtol=RTOL), stack(cases))
+    points, success = run_all(eqx.Partial(section_points, turns=TURNS, rtol=RTOL), stack(cases))
     found = list(designs)
     for (i, start), states, good in zip(dying, points, success, strict=True):
         settled = found[i].settled

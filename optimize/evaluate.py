@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float, Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_all
+from jaxcrusher.batch.engines import run_all
 from jaxcrusher.batch.rows import row_of
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.starts import shifted_start
@@ -131,7 +131,7 @@ def evaluate(
         index = np.minimum(np.arange(first, first + size), len(units) - 1)
         points, moves = jnp.asarray(units[index]), jnp.asarray(shifts[index])
         batch = stacked_scenes(case, points, moves), np.tile(points, (len(STARTS), 1))
-        row = map_all(function, batch, len(STARTS) * len(points))
+        row = run_all(function, batch, len(STARTS) * len(points))
         used = part.stop - part.start
         rows = {
             name: values.reshape(len(STARTS), size, *values.shape[1:])[:, :used]

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 import jaxcrusher as jc
 from jaxcrusher.batch import rows as rows_of
-from jaxcrusher.batch.engines import map_all, without_lanes
+from jaxcrusher.batch.engines import run_all, without_lanes
 from jaxcrusher.dynamics import orbit_map
 from jaxcrusher.motion.statistic import STATISTIC, STATISTICS, Chosen, chosen
 from jaxcrusher.settled.forced import refusal
@@ -60,7 +60,7 @@ def solve(
         if progress is not None:
             progress(min(done, len(units)), len(units))
 
-    rows = map_all(function, jnp.asarray(padded), CHUNK, without_lanes(), report)
+    rows = run_all(function, jnp.asarray(padded), CHUNK, without_lanes(), report)
     rows = jax.tree.map(lambda column: column[: len(units)], rows)
     rows["slope"] = rows["slope"] / widths(case)
     capacity = case.capacity(units) >= case.capacity_floor * (1 - 1e-12)

@@ -16,7 +16,7 @@ import jax
 import numpy as np
 
 from jaxcrusher.basics.checks import require, require_known, require_whole
-from jaxcrusher.batch.engines import Engine, map_all
+from jaxcrusher.batch.engines import Engine, run_all
 from jaxcrusher.batch.rows import row_of, variables_of
 from jaxcrusher.files.provenance import machine, now
 from jaxcrusher.motion.method import require_tolerance, resolve
@@ -240,7 +240,7 @@ def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[
         rtol=plan.rtol,
         outputs=plan.statistics,
     )
-    rows = map_all(function, numbers, lanes, plan.engine)
+    rows = run_all(function, numbers, lanes, plan.engine)
     size = math.prod(plan.chunk)
     kept = tuple(slice(part.stop - part.start) for part in region)
     values = {name: column[:size].reshape(plan.chunk)[kept] for name, column in rows.items()}

@@ -20,7 +20,7 @@ from jaxcrusher.basics.checks import (
     require_whole,
     require_x64,
 )
-from jaxcrusher.batch.engines import Engine, map_chunks, without_lanes
+from jaxcrusher.batch.engines import Engine, run_chunks, without_lanes
 from jaxcrusher.batch.plan import check_grid, coordinates
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.motion.statistic import STATISTIC
@@ -239,7 +239,7 @@ class _Grid:
             {name: column[index] for name, column in self.numbers.items()},
             np.stack([guess for _, guess in padded]),
         )
-        for part, found in map_chunks(solve, cases, CHUNK, engine):
+        for part, found in run_chunks(solve, cases, CHUNK, engine):
             for i, (number, _) in enumerate(wanted[part]):
                 yield number, jax.tree.map(lambda leaf, i=i: leaf[i], found)
 

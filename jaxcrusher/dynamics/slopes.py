@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_choice, require_untraced, require_within
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.dynamics.fits import Fit, fit_slopes
@@ -132,9 +133,10 @@ def gradient_report(
     names, numbers = tuple(parameters), np.array([*parameters.values()], dtype=float)
     radii = radius * np.array([_scale(name, value) for name, value in parameters.items()])
     point = jnp.asarray(numbers)
-    build = eqx.Partial(_build, scene=scene, names=names)
-    here = build(point)
+    make = eqx.Partial(_build, scene=scene, names=names)
+    here = make(point)
     require(here.joint is not None, "scene", "make scenes with a clearance joint", "an ideal one")
+    build = traced(make, point)
     horizon = settle_turns + turns
     progress("looking for the settled motion")
     settled = settled_slopes(build, point, metric, radii)

@@ -17,6 +17,7 @@ from jaxcrusher.basics.checks import (
     require_whole,
     require_x64,
 )
+from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import STATISTIC, Chosen, chosen
@@ -94,6 +95,7 @@ def orbit_branch(
     require(low <= start <= high, "start", f"lie in the bounds [{low:g}, {high:g}]", start)
     scale = abs(start) / 30 if scale is None else scale
     require_positive("scale", scale, "")
+    scene = traced(scene, jnp.asarray(start, float))
     if isinstance(guess, PeriodicOrbit) and not bool(guess.least_penetration > 0):
         require(period == guess.period, "period", f"be the guess's {guess.period}", period)
         return _by_sections(scene, guess, start, bounds, upwards, scale, points)

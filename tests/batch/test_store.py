@@ -341,7 +341,7 @@ def test_every_device_gets_two_designs(monkeypatch):
         seen.append(lanes)
         return dict.fromkeys(PLAN.variables, np.asarray(numbers["clearance"]))
 
-    monkeypatch.setattr(chunks, "map_all", echo)
+    monkeypatch.setattr(chunks, "run_all", echo)
     monkeypatch.setattr(jax, "device_count", lambda: 8)
     plan = make_plan(PLAN.axes, {}, 0, 1, 1e-6, 2)
     values, record = chunks.compute_chunk(plan, 1)

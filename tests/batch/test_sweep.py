@@ -16,6 +16,25 @@ def _double(x):
     return {"twice": 2 * x}
 
 
+FACTOR = 2.0
+
+
+def _scaled(x):
+    return FACTOR * x
+
+
+@pytest.mark.parametrize("engine", [None, in_turn, side_by_side])
+def test_a_global_that_changes_is_seen(engine, monkeypatch):
+    """By each call anew, also where only a number of the trace differs."""
+    values = jnp.arange(1.0, 5.0)
+    for factor in (2.0, 3.0, 2.0):
+        monkeypatch.setitem(globals(), "FACTOR", factor)
+        np.testing.assert_array_equal(map_all(_scaled, values, engine=engine), factor * values)
+        chunks = map_chunks(_scaled, values, 2, engine)
+        joined = np.concatenate([part for _, part in chunks])
+        np.testing.assert_array_equal(joined, factor * values)
+
+
 @pytest.mark.parametrize("count, chunk", [(1, 4), (7, 3), (8, 8), (5, 64)])
 def test_chunks_keep_order_and_length(count, chunk):
     values = jnp.arange(float(count))

@@ -109,6 +109,23 @@ def test_quiet_motion_is_believed():
     assert slopes[26.3]["clearance"].value == pytest.approx(25_525, rel=5e-5)
 
 
+CLEARANCE = 0.06e-3
+
+
+def worn(speed):
+    return in_contact(speed=speed, clearance=CLEARANCE)
+
+
+def test_a_global_that_changes_is_seen(monkeypatch):
+    """By each call anew; at 0.03 mm the slope was that at 0.06 mm."""
+    for clearance in (0.06e-3, 0.03e-3):
+        monkeypatch.setitem(globals(), "CLEARANCE", clearance)
+        slope = gradient_report(worn, "foundation_rms", {"speed": 30.0}).slopes["speed"]
+        ends = [jc.periodic_orbit(worn(30.0 + step)).foundation_rms for step in (0.01, -0.01)]
+        # The second derivative is some 20 N s2/rad2, the third ten times less.
+        assert slope.value == pytest.approx(float(ends[0] - ends[1]) / 0.02, rel=1e-5)
+
+
 @pytest.mark.slow
 def test_chaos_is_refused():
     report = gradient_report(
