@@ -7,7 +7,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Float
 
-from jaxcrusher.batch.engines import map_all, stack
+from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.dynamics.swing import places
 from jaxcrusher.settled.transient import section_points
 from optimize.answer import Confirmed, Decay, Settled
@@ -46,7 +46,7 @@ def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
         for i, start in dying
         for state in (designs[i].transient[start].state, _orbit(designs[i]).state)
     ]
-    points, success = map_all(eqx.Partial(section_points, turns=TURNS, rtol=RTOL), stack(cases))
+    points, success = run_all(eqx.Partial(section_points, turns=TURNS, rtol=RTOL), stack(cases))
     found = list(designs)
     pairs = points.reshape(len(dying), 2, *points.shape[1:]), success.reshape(len(dying), 2)
     for (i, start), states, good in zip(dying, *pairs, strict=True):

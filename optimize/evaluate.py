@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float, Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_all
+from jaxcrusher.batch.engines import run_all
 from jaxcrusher.batch.rows import row_of
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.starts import shifted_start
@@ -132,7 +132,7 @@ def evaluate(
         index = np.minimum(np.arange(first, first + size), len(units) - 1)
         points, moves = jnp.asarray(units[index]), jnp.asarray(shifts[index])
         batch = stacked_scenes(case, points, moves), np.tile(points, (len(STARTS), 1))
-        row = map_all(function, batch, len(STARTS) * len(points))
+        row = run_all(function, batch, len(STARTS) * len(points))
         used = part.stop - part.start
         rows = {
             name: values.reshape(len(STARTS), size, *values.shape[1:])[:, :used]
@@ -211,9 +211,10 @@ def stacked_scenes(
 def _row(batch: tuple[jc.Scene, Array], case: Case, window: Window) -> dict[str, Array]:
     """Of a scene at a point of the unit box."""
     scene, unit = batch
-    outputs = tuple(dict.fromkeys((*always_of(scene), *case.objective.outputs)))
+    always = always_of(scene)
+    outputs = tuple(dict.fromkeys((*always, *case.objective.outputs)))
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
     chamber = case.chamber_of(case.design.description(unit))
     objective = case.objective.formula(result, scene, chamber)
     further = {"objective": objective, "steps": result.outcome.steps, "state": result.state}
-    return row_of(result) | further
+    return row_of(result, always) | further

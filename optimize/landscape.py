@@ -9,7 +9,8 @@ from jaxtyping import Float
 from scipy.stats import qmc
 
 import jaxcrusher as jc
-from jaxcrusher.batch.rows import LOGICAL, MEANINGS
+from jaxcrusher.batch.rows import LOGICAL
+from jaxcrusher.batch.rows import meanings as meanings_of
 from optimize.design import Design
 from optimize.evaluate import STARTS, Case, Window, evaluate, judged
 
@@ -45,7 +46,7 @@ def mapped(
 
 def dataset(case: Case, units: np.ndarray, grid: tuple[int, int], columns: dict) -> xr.Dataset:
     """Columns of shape (starts, points, ...) as a labelled landscape."""
-    meanings = MEANINGS | {
+    meanings = meanings_of() | {
         "objective": (case.objective.unit, case.objective.meaning),
         "counts": ("1", "may be chosen: succeeded, no whirl, inside the constraints"),
         "steps": ("1", "integration steps"),

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_whole
-from jaxcrusher.batch.engines import map_all, stack
+from jaxcrusher.batch.engines import run_all, stack
 from optimize.answer import Confirmed
 from optimize.evaluate import Case, Progress, stacked_scenes, started
 
@@ -70,7 +70,7 @@ def cell_motions(
     states = landscape.state.to_numpy().reshape(-1, landscape.sizes["coordinate"])
     function = eqx.Partial(_motion, angles=angles, rtol=rtol)
     batch = (stacked_scenes(case, points), states)
-    columns, steps = map_all(function, batch, CHUNK, progress=progress)
+    columns, steps = run_all(function, batch, CHUNK, progress=progress)
     *dims, _ = landscape.state.dims
     *shape, _ = landscape.state.shape
     found = {
@@ -104,7 +104,7 @@ def design_motions(
         for one in designs
         for start, run in one.transient.items()
     ]
-    found = map_all(_drawn, stack(batch))
+    found = run_all(_drawn, stack(batch))
     each = (jax.tree.map(lambda leaf, i=i: jnp.asarray(leaf[i]), found) for i in range(len(batch)))
     return [{start: next(each) for start in one.transient} for one in designs]
 

@@ -11,10 +11,10 @@ from jaxtyping import Array, Float
 
 import jaxcrusher as jc
 from jaxcrusher.batch import rows as rows_of
-from jaxcrusher.batch.engines import map_all, without_lanes
+from jaxcrusher.batch.engines import run_all, without_lanes
 from jaxcrusher.dynamics import orbit_map
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
+from jaxcrusher.motion.statistic import STATISTIC, STATISTICS, Chosen, chosen
 from jaxcrusher.settled.forced import refusal
 from jaxcrusher.settled.result import reason
 from optimize.answer import Companion, Settled
@@ -61,7 +61,7 @@ def solve(
         if progress is not None:
             progress(min(done, len(units)), len(units))
 
-    rows = map_all(function, jnp.asarray(padded), CHUNK, without_lanes(), report)
+    rows = run_all(function, jnp.asarray(padded), CHUNK, without_lanes(), report)
     rows = jax.tree.map(lambda column: column[: len(units)], rows)
     rows["slope"] = rows["slope"] / widths(case)
     capacity = case.capacity(units) >= case.capacity_floor * (1 - 1e-12)
@@ -82,16 +82,21 @@ def widths(case: Case) -> Float[np.ndarray, " n"]:
 
 def _row(unit: Float[Array, " n"], case: Case) -> dict[str, Any]:
     """What is kept of a point; of one that is NaN, which fills a chunk up, zeros at no cost."""
-    like = eqx.filter_eval_shape(_orbit, unit, case)
+    outputs = chosen(STATISTIC)
+    like = eqx.filter_eval_shape(_orbit, unit, case, outputs)
 
     def nothing(_: Array) -> dict[str, Any]:
         return jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
 
-    return jax.lax.cond(jnp.isnan(unit[0]), nothing, lambda point: _orbit(point, case), unit)
+    return jax.lax.cond(
+        jnp.isnan(unit[0]), nothing, lambda point: _orbit(point, case, outputs), unit
+    )
 
 
 @eqx.filter_jit
-def _orbit(unit: Float[Array, " n"], case: Case) -> dict[str, Any]:
+def _orbit(unit: Float[Array, " n"], case: Case, outputs: Chosen) -> dict[str, Any]:
+    """What is kept of a point; the objective is one of `outputs`, or made of them."""
+
     def objective(unit: Array):
         described = case.design.description(unit)
         scene = jc.build_scene(described)

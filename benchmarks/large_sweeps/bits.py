@@ -19,10 +19,9 @@ def main(chunk: Annotated[int, tyro.conf.Positional]) -> None:
     import hashlib
 
     import jaxcrusher as jc
-    from jaxcrusher.batch.rows import VARIABLES
 
     grid = jc.sweep(TRIAL, 0, 2, chunk=chunk, rtol=1e-6)
-    digest = hashlib.sha256(b"".join(grid[name].values.tobytes() for name in VARIABLES))
+    digest = hashlib.sha256(b"".join(grid[name].values.tobytes() for name in grid.data_vars))
     print(digest.hexdigest()[:8])
 
 

@@ -10,7 +10,7 @@ from time import perf_counter
 import numpy as np
 
 from jaxcrusher.batch.plan import Plan, compute_chunk, make_plan
-from jaxcrusher.batch.rows import LOGICAL, VARIABLES
+from jaxcrusher.batch.rows import LOGICAL
 from jaxcrusher.batch.store import ChunkStore
 from jaxcrusher.files.provenance import machine
 
@@ -66,7 +66,7 @@ def time_store(designs: int, count: int = 20) -> None:
     """Print what `count` chunks of random digits, which do not compress, cost to keep."""
     plan = Plan({"load": tuple(range(count * designs))}, {}, 0, 1, 1e-9, (designs,))
     random = np.random.default_rng(0)
-    values = {name: random.random(designs) for name in VARIABLES}
+    values = {name: random.random(designs) for name in plan.variables}
     values |= {name: values[name] > 0.5 for name in LOGICAL}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "store"

@@ -13,7 +13,7 @@ from benchmarks.peers.exudyn_peer import Model
 from benchmarks.peers.motion import Motion
 from benchmarks.reproduction.readings import SETTLE_TURNS, Point, Slip, Start
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_all, stack
+from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 
@@ -65,7 +65,7 @@ def portraits(points: list[Point], slip: Slip) -> dict[Point, Portrait]:
             for speed, c in points
         ]
     )
-    joined = map_all(eqx.Partial(_row), scenes)
+    joined = run_all(eqx.Partial(_row), scenes)
     turns = SETTLE_TURNS + SHOWN_TURNS * np.arange(HISTORY) / HISTORY
     found = {}
     for i, (speed, clearance) in enumerate(points):

@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_all, stack
+from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.joint.validity import validity
@@ -158,7 +158,7 @@ def measure(
             windows=max(1, turns // WINDOW_TURNS),
             rtol=1e-6,
         )
-        joined = map_all(function, scenes)
+        joined = run_all(function, scenes)
         for reading in group:
             for point in points:
                 rows = [i for i, run in enumerate(runs) if run[:2] == (reading.start, point)]

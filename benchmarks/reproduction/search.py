@@ -14,7 +14,7 @@ import numpy as np
 import jaxcrusher as jc
 from benchmarks.reproduction.variants import LiteralContact, PlainUnits, WeightedSlip, largest
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import map_all, stack
+from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
 from jaxcrusher.crusher.interfaces import AbstractFormulation
 from jaxcrusher.crusher.scene import Scene
@@ -199,7 +199,7 @@ def search(listed: list[Variant], done: Callable[[str], None] = lambda what: Non
         runs = [(v, c, offset) for v in group for c in TARGETS for offset in v.start_offsets]
         scenes = stack([variant.scene(c, offset) for variant, c, offset in runs])
         function = eqx.Partial(_row, method=group[0].way.method)
-        joined = map_all(function, scenes)
+        joined = run_all(function, scenes)
         for variant in group:
             by_clearance = {}
             for c in TARGETS:

@@ -13,7 +13,7 @@ import numpy as np
 
 import jaxcrusher as jc
 from benchmarks.step_cost import programs
-from jaxcrusher.batch.engines import CHUNK, map_all, map_chunks
+from jaxcrusher.batch.engines import CHUNK, run_all, run_chunks
 
 DESIGNS = (1, 4, 16, 64, 256, 1024, 4096, 16384, 100_000)
 DESIGNS_TURNS = 5
@@ -100,10 +100,10 @@ def batch(designs: int, turns: int) -> dict[str, Any]:
     found = []
 
     def run() -> None:
-        found[:] = map_all(function, scenes, CHUNK)
+        found[:] = run_all(function, scenes, CHUNK)
 
     # Later chunks run the program of the first.
-    first = spent(lambda: next(map_chunks(function, scenes, CHUNK)))
+    first = spent(lambda: next(run_chunks(function, scenes, CHUNK)))
     again = median_spent(run)
     rms, steps = found
     if not np.isfinite(rms).all():

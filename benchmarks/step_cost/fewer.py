@@ -14,6 +14,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.motion.flow import Flow
 from jaxcrusher.motion.integrate import Integration, error_norm, integrate
+from jaxcrusher.motion.statistic import chosen
 from jaxcrusher.motion.statistics import statistics_problem
 
 # Two turns of the quiet motion; 20 ms of impacts, before their trajectories part.
@@ -46,7 +47,7 @@ def _scene(start: Start) -> jc.Scene:
 @eqx.filter_jit
 def _run(scene: jc.Scene, angle: jax.Array, method: Integration):
     """RMS (N) over `angle` (rad) from the start, and the steps."""
-    problem = statistics_problem(("foundation_rms",))
+    problem = statistics_problem(chosen(("foundation_rms",)))
     (_, values), outcome = integrate(
         Flow(scene), angle.reshape(1, 1), problem=problem, method=method
     )

@@ -126,7 +126,7 @@ def in_turn(d: Designs) -> Program:
 
 def _ours(d: Designs, engine: engines.Engine) -> Program:
     function = eqx.Partial(statistics_of, turns=d.turns)
-    return lambda: engines.map_all(function, d.scenes, len(d.starts), engine)
+    return lambda: engines.run_all(function, d.scenes, len(d.starts), engine)
 
 
 def vmap(d: Designs) -> Program:

@@ -21,11 +21,13 @@ from jaxtyping import PyTree
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.devices import computes_on, devices, on_a_gpu
 from jaxcrusher.basics.setup import remind_of_set_up
+from jaxcrusher.basics.traced import traced
 from jaxcrusher.batch.lanes.engine import Device
 from jaxcrusher.batch.lanes.gpu import GPU
 from jaxcrusher.batch.lanes.known import Unsupported
 from jaxcrusher.batch.lanes.processor import PROCESSOR
 from jaxcrusher.batch.lanes.program import NoIntegration, program
+from jaxcrusher.motion.statistic import STATISTIC, Chosen, chosen
 
 # Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
 CHUNK = 1024
@@ -43,13 +45,54 @@ def map_chunks(
 
     Yields a slice of that axis and the results on it, as NumPy arrays, chunk by chunk:
     memory stays bounded, and what is finished is in the caller's hands. Chunks are of the same
-    size, about, and of `chunk` scenes at most, or a few more, as many on each device. `function`
-    should be an `equinox.Partial` of a module-level function, so that chunks share one compilation.
-    `engine` is `in_lanes`, `in_turn`, `side_by_side`, `on_gpu` or a function of your own in their
-    place; None takes `in_lanes` where JAX computes on a CPU (see `jaxcrusher.set_up`), and
-    `side_by_side` elsewhere.
+    size, about, and of `chunk` scenes at most, or a few more, as many on each device. `function` is
+    traced once a call, so that it may read globals that change, and compiled where that differs
+    from earlier calls; arrays that it is to take without being compiled anew belong into an
+    `equinox.Partial`. `engine` is `in_lanes`, `in_turn`, `side_by_side`, `on_gpu` or a function of
+    your own in their place; None takes `in_lanes` where JAX computes on a CPU (see
+    `jaxcrusher.set_up`), and `side_by_side` elsewhere.
+    """
+    yield from run_chunks(_traced(function, scenes), scenes, chunk, engine)
+
+
+def map_all(
+    function: Callable[[Any], PyTree],
+    scenes: PyTree,
+    chunk: int = CHUNK,
+    engine: Engine | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> PyTree:
+    """The results of `map_chunks`, joined: NumPy arrays, stacked like the scenes.
+
+    `progress` is called after each chunk with the number of finished and of all scenes.
+    """
+    return run_all(_traced(function, scenes), scenes, chunk, engine, progress)
+
+
+def _traced(function: Callable[[Any], PyTree], scenes: PyTree) -> Callable[[Any], PyTree]:
+    """`function`, compared by what it now does with one of the scenes."""
+    _require_stacked(function, scenes)
+
+    def like(leaf: Any) -> jax.ShapeDtypeStruct:
+        array = np.asarray(leaf)
+        return jax.ShapeDtypeStruct(array.shape[1:], jax.dtypes.canonicalize_dtype(array.dtype))
+
+    return traced(function, jax.tree.map(like, scenes))
+
+
+def run_chunks(
+    function: Callable[[Any], PyTree],
+    scenes: PyTree,
+    chunk: int = CHUNK,
+    engine: Engine | None = None,
+) -> Iterator[tuple[slice, PyTree]]:
+    """`map_chunks` for a function that always does the same: it is not traced again.
+
+    That is an `equinox.Partial` of a module-level function of this package. Only the table of
+    statistics may change.
     """
     _require_stacked(function, scenes)
+    function = eqx.Partial(_with_statistics, function=function, statistics=chosen(STATISTIC))
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
     scenes = jax.tree.map(np.asarray, scenes)
     count = jax.tree.leaves(scenes)[0].shape[0]
@@ -70,19 +113,21 @@ def map_chunks(
         yield rows, jax.tree.map(lambda leaf, i=back: np.asarray(leaf)[i], result)
 
 
-def map_all(
+def _with_statistics(scene: Any, function: Callable[[Any], PyTree], statistics: Chosen) -> PyTree:
+    """The result of `function`, which may look at the table that holds these `statistics`."""
+    return function(scene)
+
+
+def run_all(
     function: Callable[[Any], PyTree],
     scenes: PyTree,
     chunk: int = CHUNK,
     engine: Engine | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> PyTree:
-    """The results of `map_chunks`, joined: NumPy arrays, stacked like the scenes.
-
-    `progress` is called after each chunk with the number of finished and of all scenes.
-    """
+    """The results of `run_chunks`, joined as by `map_all`."""
     parts = []
-    for rows, results in map_chunks(function, scenes, chunk, engine):
+    for rows, results in run_chunks(function, scenes, chunk, engine):
         parts.append(results)
         if progress is not None:
             progress(rows.stop, len(jax.tree.leaves(scenes)[0]))

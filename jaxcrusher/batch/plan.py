@@ -7,7 +7,7 @@ own numbers, run by a sequential loop, and knows neither its neighbours nor how 
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
 
@@ -16,11 +16,12 @@ import jax
 import numpy as np
 
 from jaxcrusher.basics.checks import require, require_known, require_whole
-from jaxcrusher.batch.engines import Engine, map_all
+from jaxcrusher.batch.engines import Engine, run_all
 from jaxcrusher.batch.rows import row_of, variables_of
 from jaxcrusher.files.provenance import machine, now
-from jaxcrusher.motion.method import require_tolerance
-from jaxcrusher.motion.statistics import statistics
+from jaxcrusher.motion.method import require_tolerance, resolve
+from jaxcrusher.motion.statistic import ALWAYS, STATISTICS, Chosen, always_with, chosen
+from jaxcrusher.motion.statistics import over_turns
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.parameters import (
     CHOICES,
@@ -41,6 +42,7 @@ class Plan:
 
     `axes` maps names to tuples of numbers or of choices, `base` names to values. `chunk` is the
     shape of a chunk: one choice, or some of the numbers, of each axis. `engine` as in `map_chunks`.
+    `statistics` are entries of the table: another process may know others.
     """
 
     axes: dict[str, tuple]
@@ -50,6 +52,7 @@ class Plan:
     rtol: float
     chunk: tuple[int, ...]
     engine: Engine | None = None
+    statistics: Chosen = field(default_factory=lambda: chosen(always_with(())))
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -59,7 +62,7 @@ class Plan:
     @property
     def variables(self) -> dict[str, tuple[str, str]]:
         """Name -> unit and meaning of what is kept of a design."""
-        return variables_of(loose_besides((*self.axes, *self.base)))
+        return variables_of(loose_besides((*self.axes, *self.base)), self.statistics)
 
     @property
     def chunks(self) -> tuple[int, ...]:
@@ -88,6 +91,8 @@ class Plan:
         axes = {name: list(values) for name, values in self.axes.items()}
         # A class's name where the engine is an object.
         engine = getattr(self.engine, "__qualname__", type(self.engine).__qualname__)
+        known = {*STATISTICS, *itertools.chain(*ALWAYS.values())}
+        added = {name: one.meaning for name, one in self.statistics if name not in known}
         return {
             "order of axes": list(axes),
             "axes": axes,
@@ -97,6 +102,7 @@ class Plan:
             "rtol": self.rtol,
             "shape of a chunk": list(self.chunk),
             **({} if self.engine is None else {"engine": engine}),
+            **({"further statistics": added} if added else {}),
         }
 
 
@@ -119,7 +125,8 @@ def make_plan(
     require_whole("chunk", designs, 1)
     varied, fixed = check_grid(axes, base)
     shape = _chunk_shape(varied, designs)
-    return Plan(varied, fixed, settle_turns, turns, float(rtol), shape, engine)
+    seen = chosen(always_with(loose_besides((*varied, *fixed))))
+    return Plan(varied, fixed, settle_turns, turns, float(rtol), shape, engine, seen)
 
 
 def check_grid(
@@ -226,9 +233,14 @@ def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[
         for name in choices_of(described)
     }
     function = eqx.Partial(
-        _design, choices=choices, settle_turns=plan.settle_turns, turns=plan.turns, rtol=plan.rtol
+        _design,
+        choices=choices,
+        settle_turns=plan.settle_turns,
+        turns=plan.turns,
+        rtol=plan.rtol,
+        outputs=plan.statistics,
     )
-    rows = map_all(function, numbers, lanes, plan.engine)
+    rows = run_all(function, numbers, lanes, plan.engine)
     size = math.prod(plan.chunk)
     kept = tuple(slice(part.stop - part.start) for part in region)
     values = {name: column[:size].reshape(plan.chunk)[kept] for name, column in rows.items()}
@@ -241,6 +253,7 @@ def compute_chunk(plan: Plan, number: int) -> tuple[dict[str, np.ndarray], dict[
     return values, record
 
 
-def _design(numbers, choices, settle_turns, turns, rtol):
+def _design(numbers, choices, settle_turns, turns, rtol, outputs: Chosen):
     scene = build_scene({**numbers, **choices})
-    return row_of(statistics(scene, settle_turns, turns, rtol=rtol))
+    found = over_turns(scene, None, settle_turns, turns, outputs, resolve(scene, rtol))
+    return row_of(found, (name for name, _ in outputs))

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import jax
 
 from jaxcrusher.crusher.joints import JOINTS, before
-from jaxcrusher.motion.statistic import ALWAYS, STATISTIC, STATISTICS
+from jaxcrusher.motion.statistic import Chosen, always_with, chosen
 from jaxcrusher.motion.statistics import Statistics
 
 _LIMITS = {
@@ -13,9 +13,8 @@ _LIMITS = {
     "impact_speed_ratio": ("1", "fastest approach / elastic limit"),
     "delivered_restitution": ("1", "restitution of the fastest impact"),
 }
-# Name -> unit and meaning of the variables of a sweep.
+# Name -> unit and meaning of the variables of a sweep besides statistics.
 VARIABLES = {
-    **{name: (STATISTIC[name].unit, STATISTIC[name].meaning) for name in STATISTICS},
     "foundation_rms_error": ("N", "standard error of the RMS"),
     **_LIMITS,
     "inside_model": ("1", "narrow clearance, Hertzian contact, elastic impacts"),
@@ -26,11 +25,10 @@ VARIABLES = {
 LOGICAL = ("whirl", "success", "inside_model")
 
 
-def variables_of(joints: Iterable[str]) -> dict[str, tuple[str, str]]:
-    """`VARIABLES`, and those of `joints` that are loose besides the main one."""
-    found = dict(VARIABLES)
+def variables_of(joints: Iterable[str], statistics: Chosen) -> dict[str, tuple[str, str]]:
+    """Statistics and `VARIABLES`, where `joints` are loose besides the main one."""
+    found = {name: (one.unit, one.meaning) for name, one in statistics} | VARIABLES
     for joint in joints:
-        found |= {name: (STATISTIC[name].unit, STATISTIC[name].meaning) for name in ALWAYS[joint]}
         found |= {
             before(joint) + name: (unit, f"{meaning}, {joint}")
             for name, (unit, meaning) in _LIMITS.items()
@@ -38,15 +36,15 @@ def variables_of(joints: Iterable[str]) -> dict[str, tuple[str, str]]:
     return found
 
 
-# Those of any sweep.
-MEANINGS = variables_of(JOINTS[1:])
+def meanings() -> dict[str, tuple[str, str]]:
+    """Name -> unit and meaning of the variables of any sweep."""
+    return variables_of(JOINTS[1:], chosen(always_with(JOINTS)))
 
 
-def row_of(result: Statistics) -> dict[str, jax.Array]:
+def row_of(result: Statistics, statistics: Iterable[str]) -> dict[str, jax.Array]:
     """The variables of one design; an ideal joint is inside the limits of contact."""
     limits = {"main": result.validity, **result.validity.others}
-    row = {name: result[name] for joint in limits for name in ALWAYS[joint]}
-    row |= {name: result[name] for name in STATISTICS}
+    row = {name: result[name] for name in statistics}
     row |= {name: getattr(result, name) for name in ("foundation_rms_error", "whirl", "success")}
     row |= {
         before(joint) + name: getattr(one, name)

@@ -135,7 +135,7 @@ class Regimes:
 
 @dataclass(frozen=True)
 class Gradient:
-    """Slopes of a statistic by some parameters, each with a verdict: ok, doubtful or refused.
+    """Slopes of a statistic, each with a verdict: ok, undecided, doubtful or refused.
 
     Writes OUT/NAME/gradient.json; the same question again is answered from it. With the default
     turns one to four minutes, most of it compilation; a chaotic motion takes longer than a

@@ -1,8 +1,8 @@
 """What can be observed of an instant: forces, powers, energies, as functions of a snapshot."""
 
-import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Scalar
@@ -223,6 +223,21 @@ def _constraint_residual(s: Snapshot, scene: Scene) -> Scalar:
     return jnp.zeros_like(s.shaft.speed) if s.multipliers is None else s.multipliers.residual
 
 
+@dataclass(frozen=True)
+class OfJoint:
+    """A function of an instant at one joint.
+
+    It equals its copies, also of another process: programs are kept for it.
+    """
+
+    function: Callable[[Snapshot, Scene, str], Any]
+    joint: str
+
+    def __call__(self, snapshot: Snapshot, scene: Scene) -> Any:
+        """The value at the joint."""
+        return self.function(snapshot, scene, self.joint)
+
+
 class Observable(NamedTuple):
     """A named function of an instant, a scalar or a vector."""
 
@@ -240,7 +255,7 @@ def _at(joint: str) -> dict[str, Observable]:
     """What there is of a joint; its name stands before all but the main one's."""
     return {
         before(joint) + name: Observable(
-            functools.partial(function, joint=joint), unit, f"{meaning} at {LETTERS[joint]}"
+            OfJoint(function, joint), unit, f"{meaning} at {LETTERS[joint]}"
         )
         for name, function, unit, meaning in (
             ("normal_force", _normal_force, "N", "normal force"),

@@ -16,7 +16,7 @@ from jaxcrusher.basics.checks import (
     require_whole,
 )
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.engines import CHUNK, map_all, stack
+from jaxcrusher.batch.engines import CHUNK, run_all, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.dynamics.indicators import detect_period
@@ -88,7 +88,7 @@ def bifurcation(
     run = eqx.Partial(_run, settle=settle_turns, turns=turns, rtol=rtol)
     count, rows = len(scenes), [{}] * len(numbers)
     if direction == "cold":
-        found = map_all(run, stack(scenes), chunk, progress=progress)
+        found = run_all(run, stack(scenes), chunk, progress=progress)
         rows = [_row(jax.tree.map(lambda leaf, i=i: leaf[i], found), rtol) for i in range(count)]
     else:
         order = range(count) if direction == "up" else range(count - 1, -1, -1)

@@ -24,6 +24,7 @@ class Fit:
     shares: Float[np.ndarray, " n"]
     drifts: Float[np.ndarray, " n"]
     drift_errors: Float[np.ndarray, " n"]
+    freedom: int  # degrees, of all errors
 
 
 def fit_slopes(
@@ -60,12 +61,13 @@ def fit_slopes(
     half = (both[:, 0] - both[:, 1]) / 2
     if not np.isfinite(half).all():
         nothing, unknown = np.full(len(point), np.nan), np.full(len(point), np.inf)
-        return Fit(nothing, unknown, nothing, nothing, unknown)
+        return Fit(nothing, unknown, nothing, nothing, unknown, pairs - len(point))
     slopes, errors = _linear(offsets, half[:, 0])
     drifts, drift_errors = _linear(offsets, half[:, 0] - half[:, 1])
     said = np.abs(np.linalg.pinv(offsets) * half[:, 0])
     shares = said.max(axis=1) / np.maximum(said.sum(axis=1), np.finfo(float).tiny)
-    return Fit(slopes / radius, errors / radius, shares, drifts / radius, drift_errors / radius)
+    drifts, drift_errors = drifts / radius, drift_errors / radius
+    return Fit(slopes / radius, errors / radius, shares, drifts, drift_errors, pairs - len(point))
 
 
 def _linear(

@@ -1,18 +1,26 @@
-"""Whether a slope may be believed: evidence in, a word out."""
+"""Whether a slope may be believed: evidence in, a word out.
 
+A slope is believed if some other estimate agrees with it that could have refuted it, and none
+refutes it. An estimate with a large error agrees with everything, so it is no evidence.
+"""
+
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import ArrayLike, Complex
+from scipy.stats import t as student
 
 # A tangent that has grown by more than exp(3) says more of the start than of the parameter.
 GROWTH = 3.0
 # An orbit with a multiplier so near to 1 is about to end, or to part in two: it moves by a
 # thousand times what a parameter pushes it.
 NEAR_ONE = 1e-3
-# Slopes known worse than this many standard errors are not known in sign.
-SIGNIFICANT = 3.0
-# Two estimates agree within this share, or two standard errors of their difference.
+# The chance that a right slope is refuted, all of its comparisons together; that a slope of zero is
+# taken to have a sign; and that evidence which counts agrees with a slope although the true one is
+# zero or twice as large.
+LEVEL = 0.05
+# Two estimates agree within this share besides: they have radii and windows of their own.
 AGREEMENT = 0.05
 # A fit that rests on one pair of runs is an accident.
 LARGEST_SHARE = 0.2
@@ -24,8 +32,9 @@ FITS = ("fit", "fit at half the radius")
 class Slope:
     """The slope of a statistic by one parameter, in their units.
 
-    `verdict` is "ok", "doubtful" or "refused"; `radius` is that of the fit, 0 for a derivative.
-    `estimates` holds every estimate made: name -> (slope, standard error).
+    `verdict` is "ok", "undecided" (no evidence could have refuted the slope), "doubtful" or
+    "refused"; `radius` is that of the fit, 0 for a derivative. `estimates` holds every estimate
+    made: name -> (slope, standard error).
     """
 
     parameter: str
@@ -45,42 +54,52 @@ def judge(
     radius: float,
     *,
     growth: float,
+    freedom: Mapping[str, float] = {},
     multipliers: Complex[ArrayLike, "..."] = np.nan,
     share: float = 0.0,
     drift: tuple[float, float] = (0.0, 0.0),
-    settling: bool = False,
+    unsettled: str = "",
 ) -> Slope:
     """The estimate to use, and whether to believe it.
 
     `radius` is that of the fit, in the parameter's unit; `growth` the logarithm of what the
-    tangent has grown by; `multipliers` those of the orbit, which an implicit slope needs;
-    `share` and `drift` those of the fit (see `jaxcrusher.dynamics.fits.Fit`). `settling` is
-    whether the motion still comes to another, whose slope may be quite different.
+    tangent has grown by; `freedom` the degrees of freedom of standard errors by their estimates'
+    names, infinite where a name is missing; `multipliers` those of the orbit, which an implicit
+    slope needs; `share` and `drift` those of the fit (see `jaxcrusher.dynamics.fits.Fit`).
+    `unsettled` says why the motion may still come to another, whose slope may be quite different.
     """
     estimator = "fit" if chaotic else "implicit" if "implicit" in estimates else "tangent"
-    value, error = estimates[estimator]
-    beside = [estimates[key] for key in (("orbits",) if estimator == "implicit" else FITS)]
+    names = ("orbits",) if estimator == "implicit" else FITS
+    names = (*names, "shadowing") if chaotic else names
+    made = {key: _Estimate(*one, freedom.get(key, np.inf)) for key, one in estimates.items()}
+    own, beside = made[estimator], {n: made[n] for n in names if n in made and n != estimator}
+    # Each comparison gets its part of the level, that of the fit's two windows too (Bonferroni).
+    level = LEVEL / max(len(beside) + chaotic, 1)
+    refuting = [n for n, other in beside.items() if own.refuted_by(other, level)]
     refusals, doubts = [], []
-    if not np.isfinite(value):
+    if not np.isfinite(own.value):
         refusals.append(f"{estimator} is not finite")
-    elif not abs(value) > SIGNIFICANT * error:
-        ratio = f"{abs(value) / error:.1f}" if error > 0 else "0 / 0"
-        refusals.append(f"slope over its error {ratio} < {SIGNIFICANT:.0f}")
+    elif not abs(own.value) > (least := own.quantile(LEVEL)) * own.error:
+        ratio = f"{abs(own.value) / own.error:.1f}" if own.error > 0 else "0 / 0"
+        refusals.append(f"slope over its error {ratio} < {least:.1f}")
     if chaotic:
-        if not _agree(*beside):
-            refusals.append(f"fits at two radii disagree: {_listed(beside)}")
+        if FITS[1] in refuting:
+            refusals.append(f"fits at two radii disagree: {own}, {made[FITS[1]]}")
         if share > LARGEST_SHARE:
             refusals.append(f"one pair of runs makes {100 * share:.0f} % of the fit")
-        if not abs(drift[0]) <= AGREEMENT * abs(value) + 2 * drift[1]:
+        allowed = AGREEMENT * abs(own.value) + own.quantile(level) * drift[1]
+        if not abs(drift[0]) <= allowed:
             refusals.append(f"doubling the window moves the fit by {drift[0]:.4g}")
-        if "shadowing" in estimates and not _agree(estimates["shadowing"], beside[0]):
-            doubts.append(f"shadowing {estimates['shadowing'][0]:.4g} disagrees with the fit")
-    elif not any(_agree((value, error), other) for other in beside):
+        if "shadowing" in refuting:
+            doubts.append(f"shadowing {made['shadowing']} disagrees with the fit")
+    elif refuting:
         against = "orbits beside it" if estimator == "implicit" else "fits"
-        said = f"{estimator} {value:.4g} and {against} {_listed(beside)} disagree"
+        listed = ", ".join(str(beside[n]) for n in refuting)
         # The orbit's slope is exact where it stands, but not over the radius; a tangent that
         # disagrees has grown.
-        (doubts if estimator == "implicit" else refusals).append(said)
+        (doubts if estimator == "implicit" else refusals).append(
+            f"{estimator} {own} and {against} {listed} disagree"
+        )
     if estimator == "implicit":
         # How long the motion takes to settle does not matter: it is solved for.
         largest, nearest = np.max(np.abs(multipliers)), np.min(np.abs(np.subtract(multipliers, 1)))
@@ -90,27 +109,64 @@ def judge(
             refusals.append(f"a multiplier is within {nearest:.1g} of 1: the orbit is about to end")
     if estimator == "tangent" and not growth <= GROWTH:
         refusals.append(f"the tangent grows by exp({growth:.1f}) > exp({GROWTH:.0f})")
-    if settling and estimator != "implicit":
-        doubts.append("the motion has not settled: this slope is of its transient")
-    verdict = "refused" if refusals else "doubtful" if doubts else "ok"
+    if unsettled and estimator != "implicit":
+        doubts.append(unsettled)
+    agreeing = [n for n, other in beside.items() if n not in refuting]
+    supported = any(own.could_be_refuted_by(beside[n], level) for n in agreeing)
+    missing = []
+    if not refusals and not supported:
+        listed = " and ".join(f"{n} {beside[n]}" for n in agreeing) or "nothing beside it"
+        missing.append(f"undecided: {listed} cannot tell it from zero or from its double")
+    verdict = "refused" if refusals else "doubtful" if doubts else "undecided" if missing else "ok"
     return Slope(
         name,
         estimator,
-        value,
-        error,
+        own.value,
+        own.error,
         radius if chaotic else 0.0,
         verdict,
-        (*refusals, *doubts),
+        (*refusals, *doubts, *missing),
         estimates,
     )
 
 
-def _agree(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Within the share of agreement of the larger, or two standard errors of the difference."""
-    apart = abs(one[0] - other[0])
-    allowed = AGREEMENT * max(abs(one[0]), abs(other[0])) + 2 * np.hypot(one[1], other[1])
-    return bool(np.isfinite(apart) and apart <= allowed)
+@dataclass(frozen=True)
+class _Estimate:
+    """A slope with its standard error, and the degrees of freedom that this is known by."""
 
+    value: float
+    error: float
+    freedom: float
 
-def _listed(estimates: list[tuple[float, float]]) -> str:
-    return ", ".join(f"{value:.4g}" for value, _ in estimates)
+    def __str__(self) -> str:
+        return f"{self.value:.4g} ± {self.error:.2g}" if self.error else f"{self.value:.4g}"
+
+    def quantile(self, level: float) -> float:
+        """How many standard errors Student's t exceeds, to either side, with this chance."""
+        return float(student.isf(level / 2, self.freedom))
+
+    def refuted_by(self, other: "_Estimate", level: float) -> bool:
+        """Whether the two differ by more than their errors and their radii explain."""
+        apart = self._difference(other)
+        allowed = AGREEMENT * max(abs(self.value), abs(other.value))
+        return bool(abs(apart.value) > allowed + apart.quantile(level) * apart.error)
+
+    def could_be_refuted_by(self, other: "_Estimate", level: float) -> bool:
+        """Whether the other would refute this one, were the true slope zero or twice as large.
+
+        It must do so but for a chance of `LEVEL`. The other then scatters about zero, or about the
+        double, and must come out further from this one than `refuted_by` allows.
+        """
+        apart = self._difference(other)
+        quantiles = apart.quantile(level) + float(student.isf(LEVEL, apart.freedom))
+        # Of the double the allowed share is twice that of the slope.
+        return bool((1 - 2 * AGREEMENT) * abs(self.value) > quantiles * apart.error)
+
+    def _difference(self, other: "_Estimate") -> "_Estimate":
+        """This less the other, with Welch's and Satterthwaite's degrees of freedom."""
+        error, parts = np.hypot(self.error, other.error), (self, other)
+        if not np.isfinite(error):
+            return _Estimate(np.nan, np.inf, 1.0)
+        shares = [(one.error / error) ** 4 / one.freedom for one in parts] if error > 0 else [0.0]
+        freedom = 1 / sum(shares) if sum(shares) > 0 else np.inf
+        return _Estimate(self.value - other.value, float(error), freedom)

@@ -20,7 +20,7 @@ from jaxcrusher.basics.checks import (
     require_whole,
 )
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.engines import Engine, map_all, map_chunks, without_lanes
+from jaxcrusher.batch.engines import Engine, run_all, run_chunks, without_lanes
 from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.batch.plan import check_grid, coordinates
 from jaxcrusher.crusher.scene import Scene
@@ -210,8 +210,8 @@ def _waited(
     cases = {name: values[index] for name, values in numbers.items()}
     states, scenes = eqx.filter_jit(jax.vmap(start))(cases)
     mean, seen = (eqx.Partial(look, period=period) for look in (section_mean, one_period))
-    means, _, ended = map_all(mean, (states, scenes), engine=engine)
-    found, good = map_all(seen, (means, scenes), engine=engine)
+    means, _, ended = run_all(mean, (states, scenes), engine=engine)
+    found, good = run_all(seen, (means, scenes), engine=engine)
     return np.where((ended & good)[:, None, None], found, np.nan)[:count]
 
 
@@ -292,7 +292,7 @@ class _Grid:
             self.numbers_of(list(index)),
             np.stack([guess for _, guess in padded]),
         )
-        for part, found in map_chunks(solve, cases, CHUNK, engine):
+        for part, found in run_chunks(solve, cases, CHUNK, engine):
             for i, (number, _) in enumerate(wanted[part]):
                 yield number, jax.tree.map(lambda leaf, i=i: leaf[i], found)
 

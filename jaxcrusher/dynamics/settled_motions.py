@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
-from jaxcrusher.batch.engines import map_all
+from jaxcrusher.batch.engines import run_all
 from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.dynamics.swing import (
@@ -99,7 +99,7 @@ def settled_motions(
     for look in range(LOOKS):
         if not going:
             break
-        states, success = map_all(advance, _cases(scene, state[going]))
+        states, success = run_all(advance, _cases(scene, state[going]))
         state[going] = states[: len(going), -1]
         failed += int(np.sum(~success[: len(going)]))
         seen = {n: _swings(s) for n, s, good in zip(going, states, success, strict=False) if good}

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_choice, require_untraced, require_within
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.dynamics.fits import Fit, fit_slopes
@@ -35,12 +36,23 @@ from jaxcrusher.settled.shooting import (
 )
 from jaxcrusher.settled.slopes import SettledSlopes, settled_slopes
 
+# Regime -> why its slope may not be that of the motion in the end.
+UNSETTLED = {
+    "not settled": "the motion has not settled: this slope is of its transient",
+    "undecided": "the motion is undecided: this slope may be of a transient",
+}
+# Batches of the slices along a shadowing motion, whose scatter tells its error.
+BATCHES = 20
 # A chaotic run forgets a start shifted by this many clearances.
 START_SHIFT = 1e-3
 # Pairs of runs that check a derivative, at least.
 QUIET_PAIRS = 6
 # The integration's tolerance on an orbit that tells what it leaves in a slope.
 COARSE_RTOL = 1e-7
+# Parts of the tangents' window whose scatter tells the error. Two were alike by chance where a
+# swing beats with the shaft, and leave Student's t one degree of freedom; parts of less than ten
+# turns would know of each other.
+PARTS = 4
 # Turns whose tangents are integrated, and the tolerance and turns that tell a regime.
 TANGENT_TURNS = 40
 REGIME_RTOL, REGIME_TURNS = 1e-10, 200
@@ -116,8 +128,8 @@ def gradient_report(
     over the turns after settling, chaotic ones the fit; the others stand beside it. A failed
     motion and a whirl are refused. Standard errors: of a slope solved for its distance from
     differences over a thousandth of the radius, of the implicit formula what a tolerance
-    10 000 times coarser changes, of the tangent half the difference of the two halves of its
-    window, of the fit that of its residuals; differences of orbits have none.
+    10 000 times coarser changes, of the tangent the scatter of the four quarters of its window, of
+    the fit that of its residuals; differences of orbits have none.
 
     Raises ValueError for an unknown metric, for no parameters, for a value of 0 without a scale,
     and for an ideal joint.
@@ -132,9 +144,10 @@ def gradient_report(
     names, numbers = tuple(parameters), np.array([*parameters.values()], dtype=float)
     radii = radius * np.array([_scale(name, value) for name, value in parameters.items()])
     point = jnp.asarray(numbers)
-    build = eqx.Partial(_build, scene=scene, names=names)
-    here = build(point)
+    make = eqx.Partial(_build, scene=scene, names=names)
+    here = make(point)
     require(here.joint is not None, "scene", "make scenes with a clearance joint", "an ideal one")
+    build = traced(make, point)
     horizon = settle_turns + turns
     progress("looking for the settled motion")
     settled = settled_slopes(build, point, metric, radii)
@@ -156,7 +169,8 @@ def gradient_report(
     largest, error = kind.exponents.exponents[0], kind.exponents.errors[0]
     chaotic = kind.exponents.positive
     estimates: dict[str, tuple[np.ndarray, np.ndarray]] = {"tangent": _tangent(along[0], metric)}
-    evidence: dict[str, Any] = {"multipliers": np.nan}
+    freedom: dict[str, float] = {"tangent": PARTS - 1, "shadowing": BATCHES - 1}
+    evidence: dict[str, Any] = {"multipliers": np.nan, "freedom": freedom}
     fits: list[Fit] = []
     period, orbit = kind.period, None
     if period is not None and kind.state is not None:
@@ -179,10 +193,11 @@ def gradient_report(
             progress(f"fitting slopes to {2 * count} runs of {horizon} turns")
             fits.append(fit_slopes(value, numbers, share * radii, count, seed, shift, chunk))
             estimates[name] = fits[-1].slopes, fits[-1].errors
+            freedom[name] = fits[-1].freedom
     if chaotic and isinstance(STATISTIC[metric].reduction, PowerMean):
         estimates["shadowing"] = _shadowing(along[0], metric)
     evidence["growth"] = float(largest * TANGENT_TURNS) if chaotic else _growth(along[0])
-    evidence["settling"] = kind.name == "not settled"
+    evidence["unsettled"] = UNSETTLED.get(kind.name, "")
     slopes = {}
     for i, name in enumerate(names):
         single = {key: (float(a[i]), float(b[i])) for key, (a, b) in estimates.items()}
@@ -242,19 +257,24 @@ def _growth(along: Tangents) -> float:
 
 
 def _tangent(along: Tangents, metric: str) -> tuple[np.ndarray, np.ndarray]:
-    """The forward tangent from dx/dp = 0 on, and half the difference of its window's halves."""
+    """The forward tangent from dx/dp = 0 on, and its error by the scatter of its window's parts."""
     found = changes(along, np.zeros(along.forcing.shape[1:]))
-    parts = zip(np.array_split(along.values, 2), np.array_split(found, 2), strict=True)
-    first, second = (combine(metric, values, part) for values, part in parts)
+    parts = zip(np.array_split(along.values, PARTS), np.array_split(found, PARTS), strict=True)
+    slopes = [combine(metric, values, part) for values, part in parts]
     with np.errstate(over="ignore", invalid="ignore"):
-        return combine(metric, along.values, found), np.abs(first - second) / 2
+        error = np.std(slopes, axis=0, ddof=1) / np.sqrt(PARTS)
+        return combine(metric, along.values, found), error
 
 
 def _shadowing(along: Tangents, metric: str) -> tuple[np.ndarray, np.ndarray]:
     """Shadowing slopes of the statistic, which is a mean, or a function of one."""
     scale = len(along.values) * weights(metric, along.values)[:, None]
     return shadowing_slopes(
-        along.jacobians, along.forcing, scale * along.by_state, scale * along.by_parameter
+        along.jacobians,
+        along.forcing,
+        scale * along.by_state,
+        scale * along.by_parameter,
+        batches=BATCHES,
     )
 
 

@@ -16,6 +16,7 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import Flow, flat, unflattened
 from jaxcrusher.motion.integrate import RESULTS, Integration, Outcome, integrate
 from jaxcrusher.motion.method import Method, resolve
+from jaxcrusher.motion.statistic import Chosen, chosen
 from jaxcrusher.motion.statistics import (
     AbstractOverTurns,
     Statistics,
@@ -56,7 +57,7 @@ class Section(eqx.Module, AbstractOverTurns):
 
 
 def advance(
-    flow: Flow, span: float, method: Integration, outputs: tuple[str, ...] = ()
+    flow: Flow, span: float, method: Integration, outputs: Chosen = ()
 ) -> tuple[PyTree[Scalar], dict[str, Scalar], Outcome]:
     """The state after `span` radians of shaft angle, and statistics on the way there.
 
@@ -85,7 +86,7 @@ def turn_in_slices(
     state: Float[Array, " dims"],
     count: int,
     method: Integration,
-    outputs: tuple[str, ...] = (),
+    outputs: Chosen = (),
 ) -> tuple[Float[Array, " dims"], Slices, Outcome]:
     """One turn of the scene `build(point)` from a section point, in `count` slices.
 
@@ -170,7 +171,7 @@ def poincare_section(
     free = scene.drive.initial() is not None
     require(not free, "scene", "have a shaft of constant speed", scene.drive)
     how = resolve(scene, rtol, method)
-    return _section(scene, settle_turns, turns, slices, state, tuple(outputs), how)
+    return _section(scene, settle_turns, turns, slices, state, chosen(outputs), how)
 
 
 @eqx.filter_jit
@@ -180,7 +181,7 @@ def _section(
     turns: int,
     slices: int,
     state: ArrayLike | None,
-    outputs: tuple[str, ...],
+    outputs: Chosen,
     method: Integration,
 ) -> Section:
     begin = Flow(scene, unflattened(state, scene)).initial()
@@ -199,7 +200,7 @@ def _section(
         after, found, outcome = turn_in_slices(
             lambda _: scene, jnp.zeros(0), state, slices, method, outputs
         )
-        values = {name: over_pieces(name, parts) for name, parts in found.values.items()}
+        values = {n: one.reduction.of_pieces(found.values[n]) for n, one in outputs}
         return (after, first_failure(before, outcome)), (after, values, found.jacobians)
 
     carry = (start, fine())

@@ -2,15 +2,16 @@
 
 import functools
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.crusher.joints import JOINTS, LETTERS, AtJoints, before
+from jaxcrusher.crusher.joints import JOINTS, LETTERS, before
 from jaxcrusher.crusher.observables import (
     OBSERVABLES,
+    OfJoint,
     drive_power,
     force_at,
     foundation_force,
@@ -52,7 +53,8 @@ class Sampled:
 class Statistic:
     """A number of a motion: a quantity of its instants, reduced over time.
 
-    Integrated means have slopes by any parameter; of a sampled peak the instant stays.
+    Integrated means have slopes by any parameter; of a sampled peak the instant stays. Every orbit
+    has all statistics, so `quantity` must have a value at an ideal joint too.
     """
 
     unit: str
@@ -103,7 +105,7 @@ def _always_at(joint: str) -> dict[str, Statistic]:
     """What is computed of a joint without being asked for."""
     seen, prefix = OBSERVABLES, before(joint)
     depth, rate = seen[f"{prefix}penetration_ratio"], seen[f"{prefix}penetration_rate"]
-    winding = functools.partial(_winding, joint=joint)
+    winding = OfJoint(_winding, joint)
     return {
         prefix + name: Statistic(unit, f"{meaning}, at {LETTERS[joint]}", quantity, reduction)
         for name, unit, meaning, quantity, reduction in (
@@ -117,8 +119,8 @@ def _always_at(joint: str) -> dict[str, Statistic]:
 
 def _further_at(joint: str) -> dict[str, Statistic]:
     """What is computed of a joint if it is asked for."""
-    prefix, force = before(joint), functools.partial(force_at, joint=joint)
-    wear = functools.partial(_sliding_power, joint=joint)
+    prefix, force = before(joint), OfJoint(force_at, joint)
+    wear = OfJoint(_sliding_power, joint)
     return {
         f"{prefix}joint_peak": Statistic("N", f"largest force at {LETTERS[joint]}", force, _PEAK),
         f"{prefix}sliding_power": Statistic(
@@ -162,20 +164,37 @@ FURTHER_STATISTICS = tuple(_FURTHER)
 # Joint -> what `statistics` computes of it without being asked.
 ALWAYS = {joint: tuple(always) for joint, (always, _) in _BY_JOINT.items()}
 
+# What a program computes: it is compiled for the entries, since a name may get another one.
+Chosen = tuple[tuple[str, Statistic], ...]
+
+
+def chosen(names: Iterable[str]) -> Chosen:
+    """Return the entries that these names have now."""
+    return tuple((name, STATISTIC[name]) for name in names)
+
+
+def always_with(loose: Iterable[str]) -> tuple[str, ...]:
+    """The names of what is computed without being asked where these joints are loose.
+
+    Entries that were added to the table are among them.
+    """
+    found, left_out = {JOINTS[0], *loose}, set(FURTHER_STATISTICS)
+    for joint, (always, further) in _BY_JOINT.items():
+        left_out |= set(further) if joint in found else {*always, *further}
+    return tuple(name for name in STATISTIC if name not in left_out)
+
 
 def always_of(scene: Scene) -> tuple[str, ...]:
     """The names of what `statistics` computes of a scene without being asked."""
-    others = AtJoints(None, scene.elbow, scene.pivot)
-    return (*STATISTICS, *(name for joint, _ in others.present() for name in ALWAYS[joint]))
+    return always_with(joint for joint, _ in scene.joints.present())
 
 
 def statistics_of(scene: Scene) -> tuple[str, ...]:
     """The names of all that a scene has."""
-    names = dict.fromkeys((*always_of(scene), *FURTHER_STATISTICS))
-    for joint, clearance in scene.joints.present():
-        names |= dict.fromkeys(_BY_JOINT[joint][1])
-        if clearance.friction is None:
-            del names[f"{before(joint)}sliding_power"]
-    if scene.joint is None:
-        del names["sliding_power"]
-    return tuple(names)
+    loose, left_out = dict(scene.joints.present()), set()
+    for joint, (always, further) in _BY_JOINT.items():
+        if joint not in (JOINTS[0], *loose):
+            left_out |= {*always, *further}
+        elif joint not in loose or loose[joint].friction is None:
+            left_out.add(f"{before(joint)}sliding_power")
+    return tuple(name for name in STATISTIC if name not in left_out)

@@ -27,7 +27,15 @@ from jaxcrusher.motion.integrate import (
 )
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.named import AbstractNamed
-from jaxcrusher.motion.statistic import SAMPLES, STATISTIC, PowerMean, Sampled, always_of
+from jaxcrusher.motion.statistic import (
+    SAMPLES,
+    STATISTIC,
+    Chosen,
+    PowerMean,
+    Sampled,
+    always_of,
+    chosen,
+)
 
 # Friction whirl: the pin rolls round the bore, in contact, hundreds of times a turn. A pin
 # that rests in the bore follows the joint force, which goes round at most once or twice.
@@ -123,9 +131,10 @@ def statistics(
 
     - `scene`: what to simulate; its numbers may be traced.
     - `settle_turns`, `turns`: whole numbers, >= 0 and >= 1.
-    - `outputs`: any of `jaxcrusher.STATISTICS` and `FURTHER_STATISTICS`, and the same of a loose
-      elbow and pivot with `elbow_` and `pivot_` before the name; the rest is neither computed nor
-      traced. None is `STATISTICS`, of each joint that is loose.
+    - `outputs`: any of `jaxcrusher.STATISTICS` and `FURTHER_STATISTICS`, the same of a loose elbow
+      and pivot with `elbow_` and `pivot_` before the name, and whatever was added to `STATISTIC`;
+      the rest is neither computed nor traced. None is `STATISTICS`, of each joint that is loose,
+      and whatever was added.
     - `state`: to start from, shape (dims,), as `Statistics.state` and `Section.state` have it, in
       place of the scene's start.
     - `rtol`, `method`: as in `jaxcrusher.simulate`, with time in radians of shaft angle and
@@ -143,7 +152,7 @@ def statistics(
     how = resolve(scene, rtol, method)
     outputs = always_of(scene) if outputs is None else outputs
     require_statistics(outputs)
-    return _statistics(scene, state, settle_turns, turns, tuple(outputs), how)
+    return over_turns(scene, state, settle_turns, turns, chosen(outputs), how)
 
 
 def require_statistics(names: Iterable[str]) -> None:
@@ -152,19 +161,20 @@ def require_statistics(names: Iterable[str]) -> None:
 
 
 @eqx.filter_jit
-def _statistics(
+def over_turns(
     scene: Scene,
     state: ArrayLike | None,
     settle_turns: int,
     turns: int,
-    outputs: tuple[str, ...],
+    outputs: Chosen,
     method: Integration,
 ) -> Statistics:
+    """`statistics` of entries of the table, with all checked and resolved."""
     flow, problem = Flow(scene, unflattened(state, scene)), statistics_problem(outputs)
     times = 2 * jnp.pi * (jnp.arange(settle_turns + turns)[:, None] + instants(outputs))
     (states, by_turn), outcome = integrate(flow, times, problem=problem, method=method)
     by_turn = {name: values[settle_turns:] for name, values in by_turn.items()}
-    values = {name: over_pieces(name, values) for name, values in by_turn.items()}
+    values = {name: one.reduction.of_pieces(by_turn[name]) for name, one in outputs}
     # A factor, and no choice by `jnp.where`, so that slopes of a failed run are NaN too.
     factor = jnp.where(outcome.success, 1.0, jnp.nan)
     values = {name: factor * v for name, v in values.items()}
@@ -192,28 +202,28 @@ def over_pieces(name: str, values: Float[Array, " n"]) -> Scalar:
     return STATISTIC[name].reduction.of_pieces(values)
 
 
-def instants(outputs: tuple[str, ...], share: float = 1.0) -> Float[Array, " n"]:
+def instants(outputs: Chosen, share: float = 1.0) -> Float[Array, " n"]:
     """The shares of a turn (or of a share of it) at which these statistics look, and its end."""
-    seen = any(isinstance(STATISTIC[name].reduction, Sampled) for name in outputs)
+    seen = any(isinstance(one.reduction, Sampled) for _, one in outputs)
     count = max(round(share * SAMPLES), 3) if seen else 1
     return share * jnp.arange(1, count + 1) / count
 
 
 @functools.cache  # so that programs of other counts share its trace
-def statistics_problem(outputs: tuple[str, ...], share: float = 1.0) -> Problem:
+def statistics_problem(outputs: Chosen, share: float = 1.0) -> Problem:
     """Of a `Flow`: the state at the end of a turn, or a share of it, and statistics until then.
 
     Totals and samples by shaft angle, in radians.
     """
-    reductions = {name: STATISTIC[name].reduction for name in outputs}
-    means = {name: how for name, how in reductions.items() if isinstance(how, PowerMean)}
-    samples = {name: how for name, how in reductions.items() if isinstance(how, Sampled)}
+    looks = {name: one.quantity for name, one in outputs}
+    means = {n: one.reduction for n, one in outputs if isinstance(one.reduction, PowerMean)}
+    samples = {n: one.reduction for n, one in outputs if isinstance(one.reduction, Sampled)}
 
     def quantities(names: Iterable[str], snapshot: Snapshot, flow: Flow) -> dict[str, Scalar]:
         """What each of the statistics looks at; what several look at is computed once."""
-        once = dict.fromkeys(STATISTIC[name].quantity for name in names)
+        once = dict.fromkeys(looks[name] for name in names)
         found = {quantity: quantity(snapshot, flow.scene) for quantity in once}
-        return {name: found[STATISTIC[name].quantity] for name in names}
+        return {name: found[looks[name]] for name in names}
 
     def initial(flow: Flow) -> Carried:
         return Carried(flow.initial(), dict.fromkeys(means, jnp.zeros(())))

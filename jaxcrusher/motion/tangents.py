@@ -16,6 +16,7 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.integrate import failure_text
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import fine, first_failure, turn_in_slices
+from jaxcrusher.motion.statistic import Chosen, chosen
 from jaxcrusher.motion.statistics import over_pieces
 
 Build = Callable[[Array], Scene]
@@ -52,9 +53,9 @@ def tangents(
     The tangents are integrated beside the motion, under the same tolerance. Every call runs the
     same compiled turn, whatever its length, tolerance, state and point.
     """
-    state, parts, outcome = jnp.asarray(state), [], fine()
+    state, parts, outcome, outputs = jnp.asarray(state), [], fine(), chosen((metric,))
     for _ in range(turns):
-        state, part, after = _turn(build, point, state, jnp.asarray(rtol, dtype=float), metric)
+        state, part, after = _turn(build, point, state, jnp.asarray(rtol, dtype=float), outputs)
         parts.append(part)
         outcome = first_failure(outcome, after)
     along = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
@@ -70,9 +71,9 @@ def tangents(
 
 
 @eqx.filter_jit
-def _turn(build: Build, point: Array, state: Array, rtol: Scalar, metric: str):
+def _turn(build: Build, point: Array, state: Array, rtol: Scalar, outputs: Chosen):
     method = resolve(build(point), rtol)
-    return turn_in_slices(build, point, state, SLICES, method, (metric,))
+    return turn_in_slices(build, point, state, SLICES, method, outputs)
 
 
 def chain(parts: Tangents) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.joint.validity import validity
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.motion.statistic import STATISTIC, PowerMean, statistics_of
+from jaxcrusher.motion.statistic import Chosen, PowerMean
 from jaxcrusher.motion.statistics import limits_of
 from jaxcrusher.settled import forced, newton
 from jaxcrusher.settled.collocation import System, one_by_one
@@ -52,11 +52,11 @@ def of_nodes(
 
 
 def described(
-    system: System, found: Nodes, x: Float[Array, "nodes dims"], period: int
+    system: System, found: Nodes, x: Float[Array, "nodes dims"], period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     """The orbit through `x`: the nodes found, moving with the numbers of `system`."""
-    scene = system.args
-    values, error, least = _statistics(forced.snapshot, system.at(x, INSTANTS * period), scene)
+    scene, instants = system.args, system.at(x, INSTANTS * period)
+    values, error, least = _statistics(forced.snapshot, instants, scene, outputs)
     error += found.missed
     reason = RESULTS.where(least > 0, RESULTS.unresolved, RESULTS.contact_lost)
     result = RESULTS.promote(found.result)
@@ -71,13 +71,14 @@ def described(
 
 
 @eqx.filter_jit
-def kinematic(scene: Scene, period: int) -> PeriodicOrbit:
+def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
     """That of ideal joints: a sum over turns."""
     zero, angles = jnp.zeros(()), 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS
     values, error, _ = _statistics(
         lambda time, scene: scene.formulation.snapshot(time, None, scene),
         (angles / scene.drive.speed,),
         scene,
+        outputs,
     )
     result, limits = RESULTS.promote(newton.RESULTS.successful), validity(None, zero, zero)
     none = jnp.zeros(0, complex)
@@ -86,13 +87,13 @@ def kinematic(scene: Scene, period: int) -> PeriodicOrbit:
 
 
 def _statistics(
-    snapshot: Callable[..., Snapshot], instants: tuple[Array, ...], scene: Scene
+    snapshot: Callable[..., Snapshot], instants: tuple[Array, ...], scene: Scene, outputs: Chosen
 ) -> tuple[dict[str, Scalar], Scalar, Scalar]:
     """Of snapshots at equal steps; what half of them make of the RMS, and the least penetration.
 
     Means are sums over the instants, peaks those of the trigonometric polynomial through them.
     """
-    statistics = {name: STATISTIC[name] for name in statistics_of(scene)}
+    statistics = dict(outputs)
     quantities = dict.fromkeys(statistic.quantity for statistic in statistics.values())
 
     def look(*instant) -> list[Scalar]:

@@ -17,8 +17,9 @@ from jaxcrusher.basics.checks import (
     require_whole,
 )
 from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene, require_maker
-from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.motion.statistic import STATISTIC, Chosen, chosen
 from jaxcrusher.settled import forced, shooting
 from jaxcrusher.settled.branch import ENDS, follow, special_points
 from jaxcrusher.settled.collocation import System, attached
@@ -93,6 +94,7 @@ def orbit_branch(
     require(low <= start <= high, "start", f"lie in the bounds [{low:g}, {high:g}]", start)
     scale = abs(start) / 30 if scale is None else scale
     require_positive("scale", scale, "")
+    scene = traced(scene, jnp.asarray(start, float))
     if isinstance(guess, PeriodicOrbit):
         period = guess.period if period is None else period
         require(period == guess.period, "period", f"be the guess's {guess.period}", period)
@@ -119,7 +121,7 @@ def orbit_branch(
         points=points,
         monitor=_least_penetration,
     )
-    along = _looked_at(family, branch.parameter, branch.x, period)
+    along = _looked_at(family, branch.parameter, branch.x, period, chosen(first.values))
     count, ended = int(branch.count), ENDS[int(branch.result)]
     good = np.asarray(along.error[:count]) <= UNRESOLVED
     if not good.all():
@@ -195,18 +197,22 @@ def _least_penetration(x: Float[Array, "nodes dims"]) -> Scalar:
 
 @eqx.filter_jit
 def _looked_at(
-    family: Callable[[Scalar], System], values: Array, x: Array, period: int
+    family: Callable[[Scalar], System], values: Array, x: Array, period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     """The orbits of a branch."""
-    return jax.lax.map(lambda one: _described(family, one[0], one[1], period), (values, x))
+
+    def one(place: tuple[Scalar, Array]) -> PeriodicOrbit:
+        return _described(family, place[0], place[1], period, outputs)
+
+    return jax.lax.map(one, (values, x))
 
 
 def _described(
-    family: Callable[[Scalar], System], value: Scalar, x: Array, period: int
+    family: Callable[[Scalar], System], value: Scalar, x: Array, period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     system = family(value)
     matrix = system.linearised(x)[1].reshape(x.size, x.size)
     lower, rows = lu_factor(matrix)
     root = Root(x.ravel(), (lower, rows), jnp.array(0), RESULTS.successful)
     found, factors = of_nodes(system, x, root)
-    return described(system, found, attached(system, x, factors), period)
+    return described(system, found, attached(system, x, factors), period, outputs)

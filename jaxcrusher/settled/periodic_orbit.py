@@ -22,6 +22,7 @@ from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.crusher.starts import Centred
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
+from jaxcrusher.motion.statistic import Chosen, chosen, statistics_of
 from jaxcrusher.settled import forced, newton
 from jaxcrusher.settled.collocation import Unfactored, attached, collocate
 from jaxcrusher.settled.described import Nodes, described, kinematic, of_nodes
@@ -95,11 +96,12 @@ def periodic_orbit(
     still, first, begin = jax.lax.stop_gradient((alike, first, begin))
     known = all(primal(leaf) is not None for leaf in jax.tree.leaves((still, first, begin)))
     if scene.is_ideal:
-        orbit = kinematic(alike, period)
+        orbit = kinematic(alike, period, chosen(statistics_of(scene)))
     elif nodes is not None and not known:
         orbit = _described(alike, *_found(still, first, period, nodes * period), period)
     elif not known:
-        orbit = _refined_described(alike, _refined(still, first, period), period)
+        outputs = chosen(statistics_of(scene))
+        orbit = _refined_described(alike, _refined(still, first, period), period, outputs)
     else:
         orbit = _searched(alike, still, first, begin, period, nodes)
     return finished(dataclasses.replace(orbit, scene=scene))
@@ -203,9 +205,16 @@ def _found(
 
 
 @eqx.filter_jit
-def _described(scene: Scene, found: Nodes, factors: newton.Factors, period: int) -> PeriodicOrbit:
+def _with_statistics(
+    scene: Scene, found: Nodes, factors: newton.Factors, period: int, outputs: Chosen
+) -> PeriodicOrbit:
     system = forced.system(scene, period)
-    return described(system, found, attached(system, found.x, factors), period)
+    return described(system, found, attached(system, found.x, factors), period, outputs)
+
+
+def _described(scene: Scene, found: Nodes, factors: newton.Factors, period: int) -> PeriodicOrbit:
+    """The orbit with the statistics that the table has now."""
+    return _with_statistics(scene, found, factors, period, chosen(statistics_of(scene)))
 
 
 class _Refined(eqx.Module):
@@ -242,7 +251,9 @@ def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
 
 
 @eqx.filter_jit
-def _refined_described(scene: Scene, found: _Refined, period: int) -> PeriodicOrbit:
+def _refined_described(
+    scene: Scene, found: _Refined, period: int, outputs: Chosen
+) -> PeriodicOrbit:
     """The orbit, with slopes by the equations of the nodes that settled it."""
     system = forced.system(scene, period)
     x = jax.lax.cond(
@@ -251,4 +262,4 @@ def _refined_described(scene: Scene, found: _Refined, period: int) -> PeriodicOr
         lambda system: attached(system, found.orbit.x, Unfactored(~found.settled)),
         system,
     )
-    return described(system, found.orbit, x, period)
+    return described(system, found.orbit, x, period, outputs)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
-from jaxcrusher.batch.engines import map_all, stack
+from jaxcrusher.batch.engines import run_all, stack
 from optimize.design import Design
 from optimize.evaluate import STARTS, started
 from optimize.forces import FORCES
@@ -36,7 +36,7 @@ def confirm(design: Design, points: Mapping[str, np.ndarray], settle: int) -> di
         started(design.description(point), start) for point in points.values() for start in STARTS
     ]
     function = eqx.Partial(_long_run, turns=settle)
-    rows = map_all(function, stack(scenes), len(scenes))
+    rows = run_all(function, stack(scenes), len(scenes))
     found: dict[str, dict] = {name: {} for name in points}
     for i, (name, start) in enumerate((name, start) for name in points for start in STARTS):
         found[name][start] = jax.tree.map(lambda values, i=i: values[i].item(), rows)
@@ -54,7 +54,7 @@ def histories(design: Design, points: Mapping[str, np.ndarray], settle: int) -> 
     """One turn of each design in quiet motion after `settle` turns; arrays over (POINTS, ...)."""
     scenes = stack([design.scene(point) for point in points.values()])
     function = eqx.Partial(_one_turn, settle=settle)
-    rows = map_all(function, scenes, len(points))
+    rows = run_all(function, scenes, len(points))
     return {name: {key: values[i] for key, values in rows.items()} for i, name in enumerate(points)}
 
 
@@ -135,7 +135,7 @@ def origins(design: Design, points: Mapping[str, np.ndarray]) -> dict[str, dict[
             names.append((name, "one_by_one", parameter))
     # No integration: the joint's force follows from the shaft's motion.
     scenes = stack([jc.build_scene(row).ideal() for row in rows])
-    forces = map_all(_ideal_forces, scenes, len(rows))
+    forces = run_all(_ideal_forces, scenes, len(rows))
     found: dict[str, dict[str, dict]] = {name: {} for name in points}
     for force, rms in forces.items():
         for (name, kind, entry), value in zip(names, rms.tolist(), strict=True):

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Int, Scalar
 from scipy.stats import qmc
 
 import jaxcrusher as jc
-from jaxcrusher.batch.engines import map_all, without_lanes
+from jaxcrusher.batch.engines import run_all, without_lanes
 from optimize.balance.compare import Answer, Smooth
 from optimize.design import Design
 
@@ -105,7 +105,7 @@ def sampled(
     count = len(next(iter(conditions.values())))
     stacked = {"unit": np.tile(unit, (count, 1)), "conditions": dict(conditions)}
     function = eqx.Partial(_sample, design=design)
-    (values, beside), slopes = map_all(
+    (values, beside), slopes = run_all(
         function, jax.tree.map(jnp.asarray, stacked), count, without_lanes()
     )
     return values, slopes, beside.shaking_rms

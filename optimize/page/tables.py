@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from jaxcrusher.batch.rows import MEANINGS
+from jaxcrusher.batch.rows import meanings
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, in_words
@@ -121,7 +121,7 @@ def slopes(found: Answer) -> Table | None:
         return Table(("by", "slope", "differences off by"), rows, about=about)
     if report is None:
         return None
-    unit, meaning = MEANINGS.get(report.metric, ("its unit", report.metric))
+    unit, meaning = meanings().get(report.metric, ("its unit", report.metric))
     rows = [
         (
             _per(found, slope.parameter, unit),
@@ -213,7 +213,7 @@ def _descent(found: Answer, one: Refinement) -> Iterable[object]:
 
 def runs(design: Confirmed, unit: str) -> Table:
     """Every variable of every run of a design."""
-    known = MEANINGS | {
+    known = meanings() | {
         "objective": (unit, "objective"),
         "steps": ("1", "integration steps"),
         "counts": ("1", "may be chosen"),

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import resource
 import signal
 import subprocess
@@ -22,7 +23,7 @@ import jaxcrusher as jc
 from jaxcrusher.batch import plan as chunks
 from jaxcrusher.batch.cluster import compute_on, worker_environment
 from jaxcrusher.batch.plan import Plan, make_plan
-from jaxcrusher.batch.rows import LOGICAL, VARIABLES
+from jaxcrusher.batch.rows import LOGICAL
 from jaxcrusher.batch.store import ChunkStore
 from jaxcrusher.batch.sweep import Memory
 
@@ -43,7 +44,7 @@ def write_missing(kept: ChunkStore | Memory) -> list[int]:
     written = sorted(set(range(3)) - kept.done)
     for number in written:
         random = np.random.default_rng(number)
-        values = {name: random.random((1, 2)) for name in VARIABLES}
+        values = {name: random.random((1, 2)) for name in PLAN.variables}
         kept.write(number, values | {name: values[name] > 0.5 for name in LOGICAL}, {})
     return written
 
@@ -258,7 +259,7 @@ def test_bits_do_not_depend_on_memory_neighbours_or_what_varies(whole):
     rest = dict(IDEAL, base={**IDEAL["base"], "shaft.eccentricity": 0.012})
     row = jc.sweep({"speed": [33.0, 29.0, 28.0]}, **rest, chunk=2)
     column = xr.open_zarr(whole).sel({"shaft.eccentricity": 0.012})
-    for name in VARIABLES:
+    for name in PLAN.variables:
         _assert_equal_bits(row.sel(speed=[28.0, 33.0])[name], column[name])
 
 
@@ -301,7 +302,7 @@ def _assert_whole(grid: xr.Dataset, whole: Path) -> None:
     expected = xr.open_zarr(whole)
     assert grid.attrs.keys() == expected.attrs.keys()
     assert grid.attrs["environment"] == expected.attrs["environment"]
-    for name in (*VARIABLES, *AXES):
+    for name in (*PLAN.variables, *AXES):
         assert grid[name].attrs == expected[name].attrs
         _assert_equal_bits(grid[name], expected[name])
 
@@ -338,15 +339,22 @@ def test_every_device_gets_two_designs(monkeypatch):
 
     def echo(function, numbers, lanes, engine):
         seen.append(lanes)
-        return dict.fromkeys(VARIABLES, np.asarray(numbers["clearance"]))
+        return dict.fromkeys(PLAN.variables, np.asarray(numbers["clearance"]))
 
-    monkeypatch.setattr(chunks, "map_all", echo)
+    monkeypatch.setattr(chunks, "run_all", echo)
     monkeypatch.setattr(jax, "device_count", lambda: 8)
     plan = make_plan(PLAN.axes, {}, 0, 1, 1e-6, 2)
     values, record = chunks.compute_chunk(plan, 1)
     # XLA opens a loop over a single design and rounds it differently.
     assert seen == [16] and record["designs"] == 2
     np.testing.assert_array_equal(values["foundation_rms"], [PLAN.axes["clearance"]])
+
+
+def test_a_plan_equals_its_copies():
+    """Or a worker, which gets one with every chunk, would compile each of them anew."""
+    plan = make_plan(PLAN.axes, {"elbow.clearance": 1e-4}, 0, 1, 1e-6, 2)
+    copy = pickle.loads(pickle.dumps(plan))
+    assert copy == plan and hash(copy.statistics) == hash(plan.statistics)
 
 
 def test_failing_worker_names_the_chunk():

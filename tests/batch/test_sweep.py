@@ -8,11 +8,31 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_turn, map_all, map_chunks, side_by_side
-from jaxcrusher.batch.rows import variables_of
+from jaxcrusher.batch.plan import make_plan
+from jaxcrusher.batch.rows import meanings
 
 
 def _double(x):
     return {"twice": 2 * x}
+
+
+FACTOR = 2.0
+
+
+def _scaled(x):
+    return FACTOR * x
+
+
+@pytest.mark.parametrize("engine", [None, in_turn, side_by_side])
+def test_a_global_that_changes_is_seen(engine, monkeypatch):
+    """By each call anew, also where only a number of the trace differs."""
+    values = jnp.arange(1.0, 5.0)
+    for factor in (2.0, 3.0, 2.0):
+        monkeypatch.setitem(globals(), "FACTOR", factor)
+        np.testing.assert_array_equal(map_all(_scaled, values, engine=engine), factor * values)
+        chunks = map_chunks(_scaled, values, 2, engine)
+        joined = np.concatenate([part for _, part in chunks])
+        np.testing.assert_array_equal(joined, factor * values)
 
 
 @pytest.mark.parametrize("count, chunk", [(1, 4), (7, 3), (8, 8), (5, 64)])
@@ -82,4 +102,8 @@ def test_loose_elbow_and_pivot_through_lanes():
         float(one.validity.others["pivot"].half_width_ratio), rel=1e-6
     )
     assert bool(at.inside_model) and set(one.validity.others) == {"elbow", "pivot"}
-    assert set(grid) == set(variables_of(("elbow", "pivot"))) > set(variables_of(()))
+    assert (
+        set(grid)
+        == set(meanings())
+        > set(make_plan({"speed": [30.0]}, {}, 0, 1, 1e-6, 1).variables)
+    )

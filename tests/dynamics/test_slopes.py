@@ -14,6 +14,7 @@ from jaxcrusher.dynamics.judgement import judge
 from jaxcrusher.dynamics.slopes import gradient_report
 from jaxcrusher.motion import method
 from jaxcrusher.motion.statistics import over_pieces
+from jaxcrusher.motion.tangents import Tangents
 from jaxcrusher.settled.shooting import periodic_slopes, section_point
 
 
@@ -109,6 +110,23 @@ def test_quiet_motion_is_believed():
     assert slopes[26.3]["clearance"].value == pytest.approx(25_525, rel=5e-5)
 
 
+CLEARANCE = 0.06e-3
+
+
+def worn(speed):
+    return in_contact(speed=speed, clearance=CLEARANCE)
+
+
+def test_a_global_that_changes_is_seen(monkeypatch):
+    """By each call anew; at 0.03 mm the slope was that at 0.06 mm."""
+    for clearance in (0.06e-3, 0.03e-3):
+        monkeypatch.setitem(globals(), "CLEARANCE", clearance)
+        slope = gradient_report(worn, "foundation_rms", {"speed": 30.0}).slopes["speed"]
+        ends = [jc.periodic_orbit(worn(30.0 + step)).foundation_rms for step in (0.01, -0.01)]
+        # The second derivative is some 20 N s2/rad2, the third ten times less.
+        assert slope.value == pytest.approx(float(ends[0] - ends[1]) / 0.02, rel=1e-5)
+
+
 @pytest.mark.slow
 def test_chaos_is_refused():
     report = gradient_report(
@@ -168,12 +186,14 @@ FIT = {"fit": (10.0, 0.5), "fit at half the radius": (10.2, 0.9)}
     "estimates, growth, chaotic, verdict",
     [
         (FIT, 100.0, True, "ok"),
-        (FIT | {"fit": (10.0, 4.0)}, 100.0, True, "refused"),
+        (FIT | {"fit": (10.0, 4.0)}, 100.0, True, "undecided"),
+        (FIT | {"fit": (10.0, 6.0)}, 100.0, True, "refused"),
         (FIT | {"fit at half the radius": (20.0, 1.0)}, 100.0, True, "refused"),
         (FIT | {"shadowing": (10.3, 0.01)}, 100.0, True, "ok"),
         (FIT | {"shadowing": (16.0, 0.01)}, 100.0, True, "doubtful"),
         (FIT | {"tangent": (10.1, 0.0)}, 0.0, False, "ok"),
-        (FIT | {"tangent": (10.1, 4.0)}, 0.0, False, "refused"),
+        (FIT | {"tangent": (10.1, 4.0)}, 0.0, False, "undecided"),
+        (FIT | {"tangent": (10.1, 6.0)}, 0.0, False, "refused"),
         (FIT | {"tangent": (10.1, 0.0)}, 5.0, False, "refused"),
         (FIT | {"tangent": (30.0, 0.0)}, 0.0, False, "refused"),
         (FIT | {"tangent": (np.nan, 0.0)}, 0.0, False, "refused"),
@@ -187,14 +207,109 @@ def test_verdicts(estimates, growth, chaotic, verdict):
     assert bool(slope.reasons) == (verdict != "ok")
 
 
+# What a fit finds beside a slope of 10.
+BESIDE = {
+    "precise": (10.5, 0.5),
+    "wide": (9.0, 20.0),
+    "far and wide": (60.0, 20.0),
+    "far": (15.0, 0.5),
+    "none": (np.nan, np.inf),
+}
+
+
+@pytest.mark.parametrize(
+    "fit, half, verdict",
+    [
+        ("precise", "precise", "ok"),
+        # One is enough, if the other has nothing to say.
+        ("precise", "wide", "ok"),
+        ("wide", "precise", "ok"),
+        ("precise", "none", "ok"),
+        # A fit that agrees with everything confirms nothing.
+        ("wide", "wide", "undecided"),
+        ("none", "none", "undecided"),
+        ("wide", "none", "undecided"),
+        # None may disagree, whichever agrees: what is 2.5 of its errors away refutes too.
+        ("precise", "far", "refused"),
+        ("far", "precise", "refused"),
+        ("wide", "far", "refused"),
+        ("precise", "far and wide", "refused"),
+    ],
+)
+def test_only_evidence_that_could_refute_confirms(fit, half, verdict):
+    estimates = {"tangent": (10.0, 0.1), "fit": BESIDE[fit]}
+    estimates["fit at half the radius"] = BESIDE[half]
+    slope = judge("speed", estimates, False, 0.3, growth=0.0)
+    assert slope.verdict == verdict, slope
+    assert (verdict == "undecided") == any("cannot tell it from zero" in w for w in slope.reasons)
+    orbit = {"implicit": (10.0, 0.1), "orbits": BESIDE[fit]}
+    alone = judge("speed", orbit, False, 0.3, growth=0.0, multipliers=np.array([0.5], complex))
+    expected = {"precise": "ok", "far": "doubtful", "far and wide": "doubtful"}
+    assert alone.verdict == expected.get(fit, "undecided"), alone
+
+
+def test_a_wrong_slope_that_wide_fits_agreed_with():
+    """At 40 rad/s and 0.12 mm, centred; orbits of up to 3 turns there: -6e6, -1.1e8 and -3.6e8."""
+    estimates = {
+        "tangent": (-9.93e7, 2e7),
+        "fit": (-1.2e8, 1.9e8),
+        "fit at half the radius": (1.5e9, 5e8),
+    }
+    freedom = {"tangent": 3.0, "fit": 4.0, "fit at half the radius": 4.0}
+    slope = judge("clearance", estimates, False, 1.2e-6, growth=0.0, freedom=freedom)
+    assert slope.verdict == "undecided"
+    # Known by infinitely many runs the errors would be errors: 3.2 of them are no accident.
+    known = judge("clearance", estimates, False, 1.2e-6, growth=0.0)
+    assert known.verdict == "refused" and "1.5e+09 ± 5e+08 disagree" in known.reasons[-1]
+
+
+@pytest.mark.parametrize("pairs", [6, 32])
+def test_verdicts_err_as_often_as_they_may(pairs):
+    """Of right slopes one in twenty is refused, and of wrong ones one in twenty agreed with."""
+    rng, draws, freedom = np.random.default_rng(0), 500, pairs - 2
+
+    def share(verdict, true, spreads):
+        """Of tangents of 1 beside fits of the true slope, with such errors, that are judged so."""
+        found = 0
+        for _ in range(draws):
+            estimates = {"tangent": (1.0, 0.0)}
+            for name, spread in zip(FIT, spreads, strict=True):
+                error = spread * np.sqrt(rng.chisquare(freedom) / freedom)
+                estimates[name] = rng.normal(true, spread), error
+            degrees = dict.fromkeys(FIT, freedom)
+            judged = judge("speed", estimates, False, 0.3, growth=0.0, freedom=degrees)
+            found += judged.verdict == verdict
+        return found / draws
+
+    # Three standard deviations of a share of 0.05 among 500.
+    most = 0.05 + 3 * np.sqrt(0.05 * 0.95 / draws)
+    for spreads in ((0.05, 0.1), (0.25, 0.5), (3.0, 6.0)):
+        assert share("refused", 1.0, spreads) < most
+        assert share("ok", 0.0, spreads) < most
+        assert share("ok", 2.0, spreads) < most
+    # Precise fits do confirm.
+    assert share("ok", 1.0, (0.05, 0.1)) > 0.9
+
+
+def test_halves_that_are_alike_by_chance_do_not_make_a_tangent_precise():
+    """In a beat of a swing with the shaft the two halves of a window were equal to 0.5 %."""
+    quarters = np.repeat([1.0, 3.0, 3.0, 1.0], 8)[:, None]
+    nothing = np.zeros((32, 4, 4)), np.zeros((32, 4, 1))
+    along = Tangents(np.zeros(4), *nothing, np.ones(32), np.zeros((32, 4)), quarters)
+    slope, error = slopes._tangent(along, "foundation_mean")
+    # The standard error of four numbers about their mean.
+    np.testing.assert_allclose([slope[0], error[0]], [2.0, 1 / np.sqrt(3)], rtol=1e-12)
+
+
 def test_the_slope_of_a_transient_is_doubtful():
     """Whatever agrees on it: at 30 rad/s it was 150.7 of a centred start, settled 220.13."""
+    why = slopes.UNSETTLED["not settled"]
     for estimates, chaotic in ((FIT | {"tangent": (10.1, 0.0)}, False), (FIT, True)):
-        slope = judge("speed", estimates, chaotic, 0.3, growth=0.0, settling=True)
+        slope = judge("speed", estimates, chaotic, 0.3, growth=0.0, unsettled=why)
         assert slope.verdict == "doubtful" and "has not settled" in slope.reasons[-1]
     orbit = {"orbits": (10.0, 0.0), "implicit": (10.0, 0.0)}
     numbers = np.array([0.5, 0.9], complex)
-    slope = judge("speed", orbit, False, 0.3, growth=0.0, multipliers=numbers, settling=True)
+    slope = judge("speed", orbit, False, 0.3, growth=0.0, multipliers=numbers, unsettled=why)
     assert slope.verdict == "ok"
 
 

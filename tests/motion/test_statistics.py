@@ -1,19 +1,30 @@
 """The table of statistics: one entry makes a statistic wherever statistics are known."""
 
 import math
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.motion.statistic import STATISTIC, PowerMean, Sampled, Statistic
+from jaxcrusher.motion.statistic import (
+    STATISTIC,
+    PowerMean,
+    Sampled,
+    Statistic,
+    always_of,
+    statistics_of,
+)
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import SLICES, combine, tangents
+from jaxcrusher.settled.trigonometric import resample
 
 
 def eccentricity(s, scene):
-    """The length of e in clearances."""
+    """The length of e in clearances; one of an ideal joint."""
+    if scene.joint is None:
+        return jnp.ones_like(scene.drive.speed)
     return jnp.hypot(s.eccentricities.main.x, s.eccentricities.main.y) / scene.joint.clearance
 
 
@@ -75,6 +86,60 @@ def test_an_entry_makes_a_statistic(own):
         ValueError, match=r"^Argument `outputs` must be a known name, .*'rms_eccentricity'"
     ):
         jc.statistics(scene, 0, 1, outputs=("rms_eccentricty",))
+
+
+def test_a_new_entry_is_known_wherever_statistics_are(own):
+    """In orbits, maps, reports and sweeps, which compute all or what needs not be asked for."""
+    name, scene = own[0], contact()
+    assert {*own} < {*statistics_of(scene)} & {*always_of(scene)}
+    orbit = jc.periodic_orbit(scene, nodes=96)
+    seen = jnp.linalg.norm(resample(orbit.eccentricity, 1024), axis=1)
+    # The same trigonometric polynomial, summed to rounding.
+    np.testing.assert_allclose(orbit[name], jnp.sqrt(jnp.mean(seen**2)), rtol=1e-12)
+    np.testing.assert_allclose(orbit[own[1]], jnp.min(seen), rtol=1e-6)
+
+    grid = {"speed": [30.0]}
+    found = jc.orbit_map(grid, metric=name, nodes=96)
+    # XLA rounds a program of many cells otherwise than that of one.
+    np.testing.assert_allclose(found[name], orbit[name], rtol=1e-9)
+    report = jc.gradient_report(contact, name, {"speed": 30.0})
+    # Differences of orbits agree, which are made of the numbers above.
+    assert report.usable and "orbits" in report.slopes["speed"].estimates, str(report)
+
+    swept = jc.sweep(grid, 1, 2, base={"start": "contact"})
+    one = jc.statistics(scene, 1, 2)
+    for name in own:
+        # A quiet motion, both at 1e-9 a step.
+        np.testing.assert_allclose(swept[name], one[name], rtol=1e-6)
+        assert swept[name].attrs == {"units": "1", "long_name": OWN[name].meaning}
+
+
+def test_an_entry_that_is_redefined_is_seen(own, monkeypatch):
+    """Wherever it was computed before: programs are of entries, not of their names."""
+    name, scene, state = own[0], contact(), jnp.array([1.0, 0.0, 0.0, 0.0])
+    how = dict(rtol=1e-6, method=jc.Method(max_steps=200_000))
+
+    def computed():
+        return [
+            float(jc.statistics(scene, 0, 1, outputs=(name,), **how)[name]),
+            float(jc.poincare_section(scene, 0, 1, outputs=(name,), **how)[name][0]),
+            float(tangents(still, jnp.array([30.0]), name, state, 1, 1e-6).values[0]),
+            float(jc.periodic_orbit(scene, nodes=96)[name]),
+            float(jc.periodic_orbit(scene.ideal())[own[1]]),
+            float(jc.sweep({"speed": [30.0]}, 0, 1, rtol=1e-6)[name][0]),
+        ]
+
+    before = computed()
+    for one in own:
+        twice = OWN[one].quantity
+        changed = replace(OWN[one], quantity=lambda s, scene, twice=twice: 2 * twice(s, scene))
+        monkeypatch.setitem(STATISTIC, one, changed)
+    # Twice a double is exact, and so is all that follows.
+    np.testing.assert_allclose(computed(), 2 * np.array(before), rtol=1e-12)
+
+
+def still(point):
+    return contact(point[0])
 
 
 def test_every_statistic_has_a_unit_and_a_meaning():

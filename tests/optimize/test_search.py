@@ -14,7 +14,7 @@ import xarray as xr
 from rich.console import Console
 
 import jaxcrusher as jc
-from jaxcrusher.batch.rows import VARIABLES
+from jaxcrusher.batch.rows import meanings
 from optimize import confirm, decay, landscape, local, problem, stages, verdicts, words
 from optimize.answer import Settled
 from optimize.claim import cell_bounds
@@ -218,7 +218,7 @@ def test_interval_is_students():
 
 def rows_of_three_runs():
     """From both starts, in contact all the time."""
-    rows = {name: np.ones((2, 3)) for name in VARIABLES}
+    rows = {name: np.ones((2, 3)) for name in meanings()}
     return rows | {
         "state": np.zeros((2, 3, 4)),
         "objective": np.array([[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]),

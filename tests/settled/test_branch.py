@@ -7,6 +7,7 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 import jaxcrusher as jc
+from jaxcrusher.settled import orbit_branch
 from jaxcrusher.settled.branch import ENDS, follow, special_points
 from jaxcrusher.settled.collocation import System, collocate
 from jaxcrusher.settled.shooting import missing
@@ -118,6 +119,35 @@ def test_a_fold_of_the_crusher():
         both.append(float(branch.foundation_rms[near]))
     assert 80 < both[1] - both[0] < 140
     assert "resolve" in other.ended or "bounds" in other.ended
+
+
+CLEARANCE = 0.1e-3
+
+
+def worn(speed):
+    return jc.build_scene({"speed": speed, "clearance": CLEARANCE})
+
+
+def test_a_global_that_changes_is_seen(monkeypatch):
+    """By each call anew: another program for another scene, and the same for the same."""
+    seen, traces = [], []
+
+    @eqx.filter_jit
+    def clearance(family, value):
+        traces.append(CLEARANCE)
+        return family(value).args.joint.clearance
+
+    def follow(family, x, start, **_):
+        seen.append(float(clearance(family, start)))
+        raise StopIteration
+
+    monkeypatch.setattr(orbit_branch, "follow", follow)
+    expected = [0.1e-3, 0.06e-3, 0.1e-3]
+    for value in expected:
+        monkeypatch.setitem(globals(), "CLEARANCE", value)
+        with pytest.raises(StopIteration):
+            jc.orbit_branch(worn, 30.0, (29.0, 31.0), nodes=96)
+    assert seen == expected and traces == expected[:2]
 
 
 def test_refusals():

@@ -120,6 +120,21 @@ def test_the_bits_of_a_design_are_its_own():
     _equal(map_all(_run, swings, 10, in_lanes), whole)
 
 
+SHARE = 1.0
+
+
+def _shortened(swing):
+    return _run(swing, times=SHARE * TIMES, rtol=1e-3)
+
+
+def test_a_global_that_changes_is_seen(monkeypatch):
+    swings = _swings(3)
+    for share in (1.0, 0.5, 1.0):
+        monkeypatch.setitem(globals(), "SHARE", share)
+        _, ends = map_all(_shortened, swings, engine=in_lanes)
+        np.testing.assert_array_equal(ends.reached, share * SEGMENTS)
+
+
 def _brief(swing):
     return _run(swing, times=1e-4 * TIMES)
 
