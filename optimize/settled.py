@@ -13,9 +13,10 @@ import jaxcrusher as jc
 from jaxcrusher.batch import rows as rows_of
 from jaxcrusher.batch.engines import run_all, without_lanes
 from jaxcrusher.dynamics import orbit_map
+from jaxcrusher.dynamics.waiting import waited
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import STATISTIC, STATISTICS, Chosen, chosen
-from jaxcrusher.settled.forced import refusal
+from jaxcrusher.settled.forced import from_rest_unless, refusal
 from jaxcrusher.settled.result import reason
 from optimize.answer import Companion, Settled
 from optimize.evaluate import Case, Progress, Rows, started
@@ -38,30 +39,63 @@ VARIABLES = {
     for name in ("error", "largest_multiplier", "settling_turns", "least_penetration")
 }
 
+# A point of the unit box, and a guess of its orbit, or NaN.
+_Point = tuple[Float[Array, " n"], Float[Array, "nodes dims"]]
+
 
 def unsolvable(case: Case) -> str:
     """Why the case's scenes have no orbit to solve for, or nothing."""
     return refusal(case.design.scene(np.full(len(case.design.names), 0.5)))
 
 
-def solve(
+def solve_map(
     case: Case, units: Float[np.ndarray, "points n"], progress: Progress | None = None
 ) -> Rows:
+    """The settled motions of points of the unit box, as `solve` has them.
+
+    Motions that are not found from the pin at rest are waited for in lanes, and solved for from
+    there.
+    """
+    rows = solve(case, units, progress)
+    failed = np.flatnonzero(rows["failure"] != "")
+    if not failed.size:
+        return rows
+    guesses = waited(case.design.scene, units[failed], 1)
+    known = np.isfinite(guesses).all(axis=(1, 2))
+    if known.any():
+        again = solve(case, units[failed[known]], guesses=guesses[known])
+        for name, column in rows.items():
+            column[failed[known]] = again[name]
+    return rows
+
+
+def solve(
+    case: Case,
+    units: Float[np.ndarray, "points n"],
+    progress: Progress | None = None,
+    guesses: Float[np.ndarray, "points angles dims"] | None = None,
+) -> Rows:
     """The settled motions of points of the unit box, each from the pin at rest in its bore.
+
+    With `guesses` from these: e / c at equal steps over a turn.
 
     Rows of shape (points,): `objective`, `stable`, `inside_model`, `counts` (stable and within
     the constraints), statistics, `VARIABLES` and `failure` in words; and `slope` of the objective
     per unit of each free parameter, (points, n). Numbers are NaN where there is a failure.
     """
-    padding = np.full((-len(units) % CHUNK, units.shape[1]), np.nan)
-    padded = np.concatenate([units, padding])
+    count = -len(units) % CHUNK
+    padded = np.concatenate([units, np.full((count, units.shape[1]), np.nan)])
+    if guesses is None:
+        joints = case.design.scene(np.full(len(case.design.names), 0.5)).joints
+        guesses = np.full((len(units), NODES, 2 * len(list(joints.present()))), np.nan)
+    begin = np.concatenate([guesses, np.full((count, *guesses.shape[1:]), np.nan)])
     function = eqx.Partial(_row, case=case)
 
     def report(done: int, _: int) -> None:
         if progress is not None:
             progress(min(done, len(units)), len(units))
 
-    rows = run_all(function, jnp.asarray(padded), CHUNK, without_lanes(), report)
+    rows = run_all(function, (padded, begin), CHUNK, without_lanes(), report)
     rows = jax.tree.map(lambda column: column[: len(units)], rows)
     rows["slope"] = rows["slope"] / widths(case)
     capacity = case.capacity(units) >= case.capacity_floor * (1 - 1e-12)
@@ -80,27 +114,31 @@ def widths(case: Case) -> Float[np.ndarray, " n"]:
     return np.array([high - low for low, high in case.design.bounds.values()])
 
 
-def _row(unit: Float[Array, " n"], case: Case) -> dict[str, Any]:
+def _row(
+    point: tuple[Float[Array, " n"], Float[Array, "nodes dims"]], case: Case
+) -> dict[str, Any]:
     """What is kept of a point; of one that is NaN, which fills a chunk up, zeros at no cost."""
     outputs = chosen(STATISTIC)
-    like = eqx.filter_eval_shape(_orbit, unit, case, outputs)
+    like = eqx.filter_eval_shape(_orbit, point, case, outputs)
 
-    def nothing(_: Array) -> dict[str, Any]:
+    def nothing(_: _Point) -> dict[str, Any]:
         return jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
 
     return jax.lax.cond(
-        jnp.isnan(unit[0]), nothing, lambda point: _orbit(point, case, outputs), unit
+        jnp.isnan(point[0][0]), nothing, lambda point: _orbit(point, case, outputs), point
     )
 
 
 @eqx.filter_jit
-def _orbit(unit: Float[Array, " n"], case: Case, outputs: Chosen) -> dict[str, Any]:
+def _orbit(point: _Point, case: Case, outputs: Chosen) -> dict[str, Any]:
     """What is kept of a point; the objective is one of `outputs`, or made of them."""
+    unit, guess = point
 
     def objective(unit: Array):
         described = case.design.description(unit)
         scene = jc.build_scene(described)
-        orbit = jc.periodic_orbit(scene, nodes=NODES)
+        first = None if scene.is_ideal else from_rest_unless(guess, scene, 1)
+        orbit = jc.periodic_orbit(scene, nodes=NODES, guess=first)
         return case.objective.formula(orbit, scene, case.chamber_of(described)), orbit
 
     (value, orbit), slope = jax.value_and_grad(objective, has_aux=True)(unit)

@@ -69,7 +69,7 @@ def map_orbits(
     if settled.unsolvable(case):
         return None
     with search.stage(answer, "settled", len(units)) as progress:
-        rows = settled.solve(case, units, progress)
+        rows = settled.solve_map(case, units, progress)
     data = settled.mapped(case, units, search.options.cells, rows)
     data.attrs = _provenance("Settled motions of a design search", search, answer)
     write_netcdf(folder / "settled.nc", data)

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, ArrayLike, Float, Scalar
+from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.checks import (
     require,
@@ -20,10 +20,9 @@ from jaxcrusher.basics.checks import (
     require_whole,
 )
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.engines import Engine, run_all, run_chunks, without_lanes
-from jaxcrusher.batch.lanes.vector import LANES
+from jaxcrusher.batch.engines import Engine, run_chunks, without_lanes
 from jaxcrusher.batch.plan import check_grid, coordinates
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.dynamics.waiting import waited
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.build import build_scene
@@ -34,10 +33,9 @@ from jaxcrusher.scenes.parameters import (
     loose_besides,
     numbers_of,
 )
-from jaxcrusher.settled.forced import quasi_static
+from jaxcrusher.settled.forced import from_rest_unless
 from jaxcrusher.settled.periodic_orbit import NODES, SETTLED, periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit, reason
-from jaxcrusher.settled.transient import one_period, resting_start, section_mean
 from jaxcrusher.settled.trigonometric import resample
 
 # Name -> unit and meaning of what a map holds besides the statistics.
@@ -141,8 +139,14 @@ def orbit_map(
             grid.fill(solve, members, level * period, engine or without_lanes(), report)
         # What no neighbour leads to is waited for.
         if left := [number for number in members if not grid.rows[number]["success"]]:
-            guesses = _waited(grid.numbers_of(left), words, period, engine)
-            known = {n: guess for n, guess in zip(left, guesses, strict=True) if _kept(guess)}
+            guesses = waited(
+                lambda by, words=words: build_scene({**by, **words}),
+                grid.numbers_of(left),
+                period,
+                engine,
+            )
+            pairs = zip(left, guesses, strict=True)
+            known = {number: guess for number, guess in pairs if np.isfinite(guess).all()}
             points = levels[-1] * period
             grid.fill(solve, list(known), points, engine or without_lanes(), report, known)
     rows = [grid.rows[number] for number in range(len(cells))]
@@ -174,10 +178,7 @@ def _cell(
 
     def solved(by: dict[str, Scalar]) -> tuple[Scalar, PeriodicOrbit]:
         scene = build_scene({**numbers, **choices, **by})
-        first = None
-        if not scene.is_ideal:
-            rest = quasi_static(jax.lax.stop_gradient(scene), period, nodes * period)
-            first = jnp.where(jnp.isfinite(guess), guess, rest)
+        first = None if scene.is_ideal else from_rest_unless(guess, scene, period)
         orbit = periodic_orbit(scene, period=period, nodes=nodes, guess=first)
         return orbit[metric], orbit
 
@@ -194,30 +195,6 @@ def _cell(
         row |= {f"multiplier_{part}": values for part, values in multipliers.items()}
         row["eccentricity"] = orbit.eccentricity
     return row
-
-
-def _waited(
-    numbers: dict[str, np.ndarray], choices: dict[str, str], period: int, engine: Engine | None
-) -> Float[np.ndarray, "cells angles dims"]:
-    """The motions that scenes come to, as guesses of their orbits; NaN where one fails."""
-    count = len(next(iter(numbers.values())))
-    # As many as fill all lanes, so that few sizes are compiled.
-    index = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1)
-
-    def start(by: Mapping[str, ArrayLike]) -> tuple[Array, Scene]:
-        return resting_start(build_scene({**by, **choices}))
-
-    cases = {name: values[index] for name, values in numbers.items()}
-    states, scenes = eqx.filter_jit(jax.vmap(start))(cases)
-    mean, seen = (eqx.Partial(look, period=period) for look in (section_mean, one_period))
-    means, _, ended = run_all(mean, (states, scenes), engine=engine)
-    found, good = run_all(seen, (means, scenes), engine=engine)
-    return np.where((ended & good)[:, None, None], found, np.nan)[:count]
-
-
-def _kept(guess: Float[np.ndarray, "angles dims"]) -> bool:
-    """Whether a motion keeps contact at all joints: collocation finds no other."""
-    return bool(np.all(np.linalg.norm(guess.reshape(len(guess), -1, 2), axis=2) > 1))
 
 
 @dataclass
