@@ -240,9 +240,9 @@ class _Grid:
             tried.update(pairs)
             wanted = [(number, self._own(near, points)) for number, near in pairs]
 
-    def numbers_of(self, cells: list[int]) -> dict[str, np.ndarray]:
+    def numbers_of(self, cells: Sequence[int] | np.ndarray) -> dict[str, np.ndarray]:
         """The numbers of some cells."""
-        return {name: column[cells] for name, column in self.numbers.items()}
+        return {name: column[np.asarray(cells)] for name, column in self.numbers.items()}
 
     def _untried(self, number: int, tried: set[tuple[int, int]]) -> list[int]:
         """Neighbours that are solved, and from which a cell was not yet tried."""
@@ -266,7 +266,7 @@ class _Grid:
         padded = wanted + wanted[-1:] * (-len(wanted) % CHUNK)
         index = np.array([number for number, _ in padded])
         cases = (
-            self.numbers_of(list(index)),
+            self.numbers_of(index),
             np.stack([guess for _, guess in padded]),
         )
         for part, found in run_chunks(solve, cases, CHUNK, engine):

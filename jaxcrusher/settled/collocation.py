@@ -224,7 +224,7 @@ def _directly(transposed: int) -> Callable:
         return jax.lax.cond(needed, solved, lambda: jnp.zeros_like(rights))
 
     @solve.def_vmap
-    def _(count: int, batched: tuple, known: tuple, rights: Array) -> tuple[Array, bool]:
+    def _(count: int, batched: list, known: tuple, rights: Array) -> tuple[Array, bool]:
         if not any(jax.tree.leaves(batched[0])):
             return solve(known, rights.reshape(-1, *rights.shape[2:])).reshape(rights.shape), True
         leaves, structure = jax.tree.flatten((known, rights))

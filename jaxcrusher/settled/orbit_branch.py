@@ -55,7 +55,7 @@ def orbit_branch(
     period: int | None = None,
     nodes: int = NODES,
     points: int = 200,
-    guess: PeriodicOrbit | Float[ArrayLike, "n 2"] | None = None,
+    guess: PeriodicOrbit | Float[ArrayLike, "n dims"] | None = None,
 ) -> xr.Dataset:
     """The branch of settled motions through the one at a value of a parameter.
 

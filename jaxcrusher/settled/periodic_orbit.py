@@ -47,7 +47,7 @@ def periodic_orbit(
     *,
     period: int | None = None,
     nodes: int | None = None,
-    guess: PeriodicOrbit | Float[ArrayLike, "n 2"] | None = None,
+    guess: PeriodicOrbit | Float[ArrayLike, "n dims"] | None = None,
 ) -> PeriodicOrbit:
     """The motion of `scene` that repeats after `period` turns.
 

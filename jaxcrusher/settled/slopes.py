@@ -59,9 +59,19 @@ def settled_slopes(
     def value(point: Array) -> Array:
         return periodic_orbit(_built(build, point), nodes=nodes)[metric]
 
+    def difference(shift: Float[np.ndarray, " n"], radius: float) -> float:
+        ahead, behind = (float(value(point + sign * shift)) for sign in (1, -1))
+        if np.isfinite(ahead) and np.isfinite(behind):
+            return (ahead - behind) / (2 * radius)
+        # At a limit of the number the parabola through it and two points on its other side.
+        side = 1 if np.isfinite(ahead) else -1
+        near = ahead if side == 1 else behind
+        far = float(value(point + 2 * side * shift))
+        return side * (4 * near - far - 3 * float(orbit[metric])) / (2 * radius)
+
     def differences(radii: Float[np.ndarray, " n"]) -> np.ndarray:
-        ends = [(value(point + shift), value(point - shift)) for shift in np.diag(radii)]
-        return np.array([float(ahead) - float(behind) for ahead, behind in ends]) / (2 * radii)
+        pairs = zip(np.diag(radii), radii, strict=True)
+        return np.array([difference(shift, radius) for shift, radius in pairs])
 
     values = np.asarray(jax.jacfwd(value)(point))
 

@@ -70,7 +70,7 @@ def section_mean(
     return jnp.mean(states[SETTLE + period - 1 :: period], axis=0), states[-1], success
 
 
-def one_period(case: Case, *, period: int) -> tuple[Float[Array, "angles dims"], Bool[Array, ""]]:
+def one_period(case: Case, *, period: int) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
     """E / c at equal steps of shaft angle over `period` turns from a section point.
 
     With it comes whether the integration succeeded.
@@ -87,7 +87,7 @@ _mean, _period = eqx.filter_jit(section_mean), eqx.filter_jit(one_period)
 
 def guesses(
     scene: Scene, period: int
-) -> Iterator[tuple[Float[Array, " dims"], Float[Array, "angles dims"]]]:
+) -> Iterator[tuple[Float[Array, " dims"], Float[Array, "angles half"]]]:
     """Mean section points over later and later turns, and the motion over a period from each.
 
     They end where the motion fails.

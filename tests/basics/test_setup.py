@@ -143,7 +143,7 @@ SCENE = {"speed": 30.0, "clearance": 6e-5}
         lambda: jc.bifurcation(jc.ideal_scene, [25.0, 30.0], settle_turns=0, turns=1),
         lambda: jc.sweep({"speed": [25.0, 30.0]}, 0, 1),
         lambda: jc.gradient_report(jc.paper_scene, "foundation_rms", SCENE),
-        lambda: jc.map_all(np.abs, np.ones(3), engine=engines.in_turn),
+        lambda: jc.map_all(abs, np.ones(3), engine=engines.in_turn),
     ],
 )
 def test_every_computation_reminds_of_it(compute, monkeypatch):
@@ -190,7 +190,7 @@ def test_engines_follow_what_jax_computes_on(platform, engine, monkeypatch):
     """Not what JAX sees: beside a GPU that it does not compute on lanes are chosen."""
     monkeypatch.setattr(engines, "computes_on", lambda: platform)
     monkeypatch.setattr(engines, engine, lambda function, scenes: scenes + 10.0)
-    assert engines.map_all(np.abs, np.ones(3)).tolist() == [11.0, 11.0, 11.0]
+    assert engines.map_all(abs, np.ones(3)).tolist() == [11.0, 11.0, 11.0]
 
 
 def test_platform_is_that_of_the_device_chosen():

@@ -46,10 +46,11 @@ def test_result_holds_the_evidence(finished):
     assert result["status"] == "finished"
     optimum, paper = result["optimum"], result["seed_choice"]
     # The RMS rises with speed and clearance: the box's lower corner, to the last bit, and the
-    # settled RMS solved for by another program (to its ten digits).
+    # settled RMS solved for by another program (to its ten digits). At 39 rad/s 96 nodes leave
+    # 5e-9 of it (21796.41418); 192 and 384 agree to 3e-12.
     assert optimum["values"] == {"speed": 25.0, "clearance": pytest.approx(0.03e-3, rel=1e-15)}
     assert optimum["foundation_rms"] == pytest.approx(18243.41119, rel=1e-9)
-    assert paper["foundation_rms"] == pytest.approx(21796.41418, rel=1e-9)
+    assert paper["foundation_rms"] == pytest.approx(21796.41428, rel=1e-9)
     assert optimum["objective"] == optimum["foundation_rms"]
     # Beside them what the ground feels: four digits of the ideal joint's, which clearance leaves.
     shaking = optimum["shaking_rms"], paper["shaking_rms"]
