@@ -157,4 +157,4 @@ def test_refusals():
         jc.orbit_branch(scene, 30.0, (29.0, 32.0), points=0)
     lost = missing(jc.paper_scene(30.0, 0.1e-3), 2)
     with pytest.raises(ValueError, match="`period` must be the guess's 2, but is 1"):
-        jc.orbit_branch(scene, 30.0, (29.0, 32.0), guess=lost)
+        jc.orbit_branch(scene, 30.0, (29.0, 32.0), period=1, guess=lost)
