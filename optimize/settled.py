@@ -14,7 +14,6 @@ from jaxcrusher.batch import rows as rows_of
 from jaxcrusher.batch.engines import run_all, without_lanes
 from jaxcrusher.dynamics import orbit_map
 from jaxcrusher.dynamics.waiting import waited
-from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import STATISTIC, STATISTICS, Chosen, chosen
 from jaxcrusher.settled.forced import from_rest_unless, refusal
 from jaxcrusher.settled.result import reason
@@ -203,7 +202,7 @@ def looked_at(case: Case, unit: Float[np.ndarray, " n"]) -> Settled | None:
         settling_turns=float(orbit.settling_turns),
         least_penetration=float(orbit.least_penetration),
         section=np.asarray(orbit.eccentricity)[0],
-        state=np.asarray(flat(orbit.state(), scene)),
+        state=np.asarray(orbit.section),
         validity=orbit.validity,
         slopes=dict(zip(names, slopes.tolist(), strict=True)),
         slopes_apart=dict(zip(names, apart.tolist(), strict=True)),
