@@ -20,7 +20,6 @@ from jaxcrusher.basics.checks import (
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.crusher.starts import Centred
-from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistic import Chosen, chosen, statistics_of
 from jaxcrusher.settled import forced, newton
@@ -148,7 +147,7 @@ def _further(
         yield None, shoot(scene, begin, period)
     if _is_coarse(failed):
         # What Newton's method converged to is near the orbit that loses contact.
-        yield None, shoot(scene, flat(failed.state(), scene), period)
+        yield None, shoot(scene, failed.section, period)
     for mean, seen in guesses(scene, period):
         yield _collocated(scene, seen, period, None)
         yield None, shoot(scene, mean, period)
