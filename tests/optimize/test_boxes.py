@@ -49,7 +49,11 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
     monkeypatch.setattr(evaluate, "may_count", nothing_counts)
     solved = settled.solve
     monkeypatch.setattr(
-        settled, "solve", lambda *args: solved(*args) | {"counts": np.zeros(len(args[1]), bool)}
+        settled,
+        "solve",
+        lambda case, units, *rest, **more: (
+            solved(case, units, *rest, **more) | {"counts": np.zeros(len(units), bool)}
+        ),
     )
     answer, page, written = searched(tmp_path, monkeypatch)
     assert answer.optimum is None and answer.empty.startswith("of 4 points of the landscape")
@@ -69,8 +73,8 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
 def test_a_box_without_an_orbit(tmp_path, monkeypatch):
     solved = settled.solve
 
-    def fails(case, units, progress=None):
-        rows = solved(case, units, progress)
+    def fails(case, units, *rest, **more):
+        rows = solved(case, units, *rest, **more)
         none = {"objective": np.nan, "settling_turns": np.nan, "stable": False, "counts": False}
         return rows | {name: np.full(len(units), value) for name, value in none.items()}
 
