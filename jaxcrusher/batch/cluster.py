@@ -1,6 +1,6 @@
 """Chunks of a sweep on a Dask cluster: workers compute, the caller writes.
 
-The workers get a plan and a number and send back 15 columns, some 100 kB a chunk. They need no
+The workers get an ensemble and a number and send back its columns, some 100 kB a chunk. They need no
 shared file system and no lock, and a worker that dies holds nothing but its chunk in progress,
 which Dask gives to another one.
 """
@@ -9,11 +9,12 @@ from collections.abc import Generator
 from typing import TYPE_CHECKING, Any
 
 from jaxcrusher.basics.setup import set_up
-from jaxcrusher.batch.plan import Plan, Result, compute_chunk
 from jaxcrusher.files.provenance import environment
 
 if TYPE_CHECKING:
     import distributed
+
+    from jaxcrusher.batch.ensemble import Ensemble, Result
 
 
 def connect(address: str) -> "distributed.Client":
@@ -34,9 +35,15 @@ def worker_environment() -> dict[str, Any]:
 
 
 def compute_on(
-    client: "distributed.Client", plan: Plan, settings: dict[str, Any], numbers: list[int]
-) -> Generator[Result, None, None]:
-    """The chunks as they finish; RuntimeError names a chunk that workers failed on."""
+    client: "distributed.Client",
+    ensemble: "Ensemble",
+    program: dict[str, Any],
+    numbers: list[int],
+) -> "Generator[Result, None, None]":
+    """Yield the chunks as they finish; RuntimeError names a chunk that workers failed on.
+
+    `program` is the environment that each worker must have.
+    """
     from distributed import as_completed
 
     todo = iter(numbers)
@@ -48,7 +55,7 @@ def compute_on(
         threads: dict[str, int] = client.nthreads()  # pyright: ignore
         wanted = max(1, 2 * sum(threads.values()))
         for number in todo:
-            future = client.submit(_work, plan, number, settings, pure=False)
+            future = client.submit(_work, ensemble, number, program, pure=False)
             pending[future] = number
             finished.add(future)
             if len(pending) >= wanted:
@@ -59,18 +66,18 @@ def compute_on(
         for future in finished:
             number = pending.pop(future)
             try:
-                values, record = future.result()
+                result = future.result()
             except Exception as error:
-                place = ".".join(map(str, plan.position(number)))
+                place = ".".join(map(str, ensemble.layout.position(number)))
                 raise RuntimeError(f"Chunk {place} was not computed: {error}") from error
             submit()
-            yield number, values, record
+            yield result
     finally:
         client.cancel(list(pending))
 
 
-def _work(plan: Plan, number: int, settings: dict[str, Any]):
+def _work(ensemble: "Ensemble", number: int, program: dict[str, Any]) -> "Result":
     here = worker_environment()
-    if here != settings:
-        raise RuntimeError(f"this worker has {here}, the store is made with {settings}")
-    return compute_chunk(plan, number)
+    if here != program:
+        raise RuntimeError(f"this worker has {here}, the store is made with {program}")
+    return ensemble.compute(number)

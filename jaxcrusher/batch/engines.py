@@ -7,6 +7,7 @@ Where the user lets JAX compute on a GPU or TPU the designs run side by side und
 one of NVIDIA's lanes may be asked for.
 """
 
+import math
 import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -27,6 +28,7 @@ from jaxcrusher.batch.lanes.gpu import GPU
 from jaxcrusher.batch.lanes.known import Unsupported
 from jaxcrusher.batch.lanes.processor import PROCESSOR
 from jaxcrusher.batch.lanes.program import NoIntegration, program
+from jaxcrusher.files.journal import Journal
 from jaxcrusher.motion.statistic import STATISTIC, Chosen, chosen
 
 # Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
@@ -85,11 +87,17 @@ def run_chunks(
     scenes: PyTree,
     chunk: int = CHUNK,
     engine: Engine | None = None,
+    *,
+    whole: int = 1,
+    journal: Journal | None = None,
+    job: str = "",
 ) -> Iterator[tuple[slice, PyTree]]:
     """`map_chunks` for a function that always does the same: it is not traced again.
 
     That is an `equinox.Partial` of a module-level function of this package. Only the table of
-    statistics may change.
+    statistics may change. A chunk is filled up to a multiple of `whole` designs, so that few sizes
+    are compiled. With a `journal` finished chunks of a `job`, whose results are named arrays, are
+    not computed again.
     """
     _require_stacked(function, scenes)
     function = eqx.Partial(_with_statistics, function=function, statistics=chosen(STATISTIC))
@@ -97,10 +105,12 @@ def run_chunks(
     scenes = jax.tree.map(np.asarray, scenes)
     count = jax.tree.leaves(scenes)[0].shape[0]
     shares = len(devices())
-    if engine is None:
-        engine = in_lanes if computes_on() == "cpu" else side_by_side
+    run = engine or (in_lanes if computes_on() == "cpu" else side_by_side)
     size = -(-count // -(-count // chunk))
-    size = -(-size // shares) * shares
+    # XLA opens a loop over one design, and then rounds differently: each device gets two.
+    size = max(size, 2 * shares)
+    even = math.lcm(shares, whole)
+    size = -(-size // even) * even
     for first in range(0, count, size):
         rows = slice(first, min(first + size, count))
         # The last chunk repeats its last design, so that every chunk has the same shape.
@@ -108,9 +118,17 @@ def run_chunks(
         # Interleaved: neighbours in a grid cost about the same, and each device gets both.
         order = np.argsort(np.arange(size) % shares, kind="stable")
         part = jax.tree.map(lambda leaf, i=index[order]: leaf[i], scenes)
-        result = engine(function, part)
         back = np.argsort(order)[: rows.stop - rows.start]
-        yield rows, jax.tree.map(lambda leaf, i=back: np.asarray(leaf)[i], result)
+
+        def compute(part: PyTree = part, back: np.ndarray = back) -> PyTree:
+            result = run(function, part)
+            return jax.tree.map(lambda leaf: np.asarray(leaf)[back], result)
+
+        if journal is None:
+            yield rows, compute()
+        else:
+            inputs = jax.tree.leaves((eqx.filter(function, eqx.is_array), part))
+            yield rows, journal.kept(job, inputs, compute)
 
 
 def _with_statistics(scene: Any, function: Callable[[Any], PyTree], statistics: Chosen) -> PyTree:
@@ -124,10 +142,11 @@ def run_all(
     chunk: int = CHUNK,
     engine: Engine | None = None,
     progress: Callable[[int, int], None] | None = None,
+    **settings: Any,
 ) -> PyTree:
-    """The results of `run_chunks`, joined as by `map_all`."""
+    """The results of `run_chunks`, with its further `settings`, joined as by `map_all`."""
     parts = []
-    for rows, results in run_chunks(function, scenes, chunk, engine):
+    for rows, results in run_chunks(function, scenes, chunk, engine, **settings):
         parts.append(results)
         if progress is not None:
             progress(rows.stop, len(jax.tree.leaves(scenes)[0]))
@@ -141,6 +160,11 @@ def _require_stacked(function: Callable[[Any], PyTree], scenes: PyTree) -> None:
     good = len(lengths) == 1 and () not in lengths and (0,) not in lengths
     first = ", ".join(str(*length) or "none" for length in sorted(lengths)) or "no arrays"
     require(good, "scenes", "hold arrays with a first axis of one length", f"with {first}")
+
+
+def name_of(engine: Engine) -> str:
+    """Return an engine's name; where it is an object, that of its class."""
+    return getattr(engine, "__qualname__", type(engine).__qualname__)
 
 
 def without_lanes() -> Engine:

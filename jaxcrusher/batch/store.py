@@ -1,24 +1,24 @@
-"""A Zarr store that a sweep fills chunk by chunk, and that a killed run leaves whole.
+"""A Zarr store that is filled chunk by chunk, and that a killed run leaves whole.
 
-A chunk of the sweep is one Zarr chunk, one file, of each variable. Its marker, a small JSON file
+A chunk of the table is one Zarr chunk, one file, of each column. Its marker, a small JSON file
 with the files' checksums, is put in place after them by an atomic rename: without a marker
 the chunk does not exist, whatever lies in the store.
 """
 
 import hashlib
 import json
-import math
 import os
 import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 import zarr
 
-from jaxcrusher.batch.plan import Plan
-from jaxcrusher.batch.rows import LOGICAL
+from jaxcrusher.batch.layout import Layout
 from jaxcrusher.files.durable import broken, checksum, lock, named, replace
+from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.resume import require_same
 
 _SIDE = ".sweep"  # the folder of settings, markers and the lock, inside the store
@@ -31,13 +31,17 @@ class ChunkStore:
     ValueError if the store was made with other settings, and OSError if it cannot be written.
     """
 
-    def __init__(self, path: Path, plan: Plan, settings: dict[str, Any], attributes: dict):
-        self.path, self._plan, self._variables = path, plan, plan.variables
+    def __init__(
+        self, path: Path, layout: Layout, settings: dict[str, Any], attributes: dict[str, Any]
+    ):
+        self.path, self._layout = path, layout
+        # Of work that leads to chunks, where that takes long.
+        self.journal = Journal(path / _SIDE / "journal")
         self._digest = hashlib.sha256(_json(settings)).hexdigest()
         side = path / _SIDE
         if path.is_file() or (path.is_dir() and not side.is_dir() and any(path.iterdir())):
             raise ValueError(
-                f"Argument `store` must be new or a sweep's store, but {path} is neither."
+                f"Argument `store` must be new or one of an earlier call, but {path} is neither."
             )
         with named(f"The store {path} could not be made"):
             (side / "done").mkdir(parents=True, exist_ok=True)
@@ -75,27 +79,36 @@ class ChunkStore:
             group = zarr.open_group(self.path, mode="r+")
             # Also chunks that are all False: every finished chunk has all its files.
             with zarr.config.set({"array.write_empty_chunks": True}):
-                for name in self._variables:
-                    group[name][self._plan.region(number)] = values[name]  # pyright: ignore
+                for name in self._layout.columns:
+                    group[name][self._layout.region(number)] = values[name]  # pyright: ignore
             marker = {"settings": self._digest, "sha256": self._checksums(number), **record}
             replace(self._marker(number), _json(marker))
         self.done.add(number)
+        if len(self.done) == self._layout.count:
+            self.journal.discard()
+
+    def dataset(self) -> xr.Dataset:
+        """Open the table."""
+        return xr.open_zarr(self.path)
 
     def _key(self, number: int) -> str:
-        return ".".join(str(i) for i in self._plan.position(number))
+        return ".".join(str(i) for i in self._layout.position(number))
 
     def _marker(self, number: int) -> Path:
         return self.path / _SIDE / "done" / f"{self._key(number)}.json"
 
     def _checksums(self, number: int) -> dict[str, str]:
         """The checksums of a chunk's files, which are on the disk when this returns."""
-        names = [f"{name}/c.{self._key(number)}" for name in self._variables]
+        names = [
+            f"{name}/c.{self._key(number)}" + ".0" * len(column.dims)
+            for name, column in self._layout.columns.items()
+        ]
         return {name: checksum(self.path / name, sync=True) for name in names}
 
     def _verified(self) -> set[int]:
         """The finished chunks, each file read and compared with its checksum."""
         done, corrupt = set(), []
-        for number in range(math.prod(self._plan.chunks)):
+        for number in range(self._layout.count):
             marker = self._marker(number)
             if not marker.exists():
                 continue
@@ -123,30 +136,30 @@ class ChunkStore:
 
     def _create(self, settings: dict[str, Any], attributes: dict[str, Any]) -> None:
         """Metadata and coordinates, made aside and moved in; settings.json says all are there."""
-        plan, side = self._plan, self.path / _SIDE
+        layout, side = self._layout, self.path / _SIDE
         made = side / "new"
         group = zarr.create_group(made, overwrite=True, zarr_format=3, attributes=attributes)
-        for name, (values, labels) in plan.coordinates().items():
+        for name, (dim, values, labels) in layout.coordinates().items():
             array = group.create_array(
                 name,
                 shape=values.shape,
                 dtype="str" if values.dtype == object else "float64",
                 chunks=values.shape,
-                dimension_names=(name,),
+                dimension_names=(dim,),
                 attributes=labels,
             )
             array[:] = values
-        for name, (unit, meaning) in self._variables.items():
-            logical = name in LOGICAL
+        for name, column in layout.columns.items():
+            inner = layout.inner(column)
             group.create_array(
                 name,
-                shape=plan.shape,
-                chunks=plan.chunk,
-                dtype="bool" if logical else "float64",
-                fill_value=False if logical else np.nan,
-                dimension_names=tuple(plan.axes),
+                shape=(*layout.grid.shape, *inner),
+                chunks=(*layout.chunk, *inner),
+                dtype="str" if column.kind is str else np.dtype(column.kind),
+                fill_value=column.missing,
+                dimension_names=(*layout.grid.axes, *column.dims),
                 chunk_key_encoding={"name": "default", "separator": "."},
-                attributes={"units": unit, "long_name": meaning},
+                attributes=column.labels,
             )
         with warnings.catch_warnings():
             # Consolidated metadata is not yet in the text of Zarr 3; xarray asks for it.

@@ -1,29 +1,33 @@
 """Sweeps of any parameters, in memory or into a Zarr store, here or on a Dask cluster."""
 
-import contextlib
-import functools
-import math
-from collections.abc import Callable, Generator, Iterator, Mapping
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
+import jax
 import xarray as xr
 
+from jaxcrusher.basics.checks import require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.cluster import compute_on, connect, worker_environment
 from jaxcrusher.batch.engines import CHUNK, Engine
-from jaxcrusher.batch.plan import Plan, Result, compute_chunk, make_plan
-from jaxcrusher.batch.rows import LOGICAL
-from jaxcrusher.batch.store import ChunkStore
-from jaxcrusher.files.provenance import environment, provenance
-from jaxcrusher.scenes.parameters import PARAMETERS
+from jaxcrusher.batch.ensemble import Ensemble, Progress
+from jaxcrusher.batch.layout import Layout, chunk_shape
+from jaxcrusher.batch.points import Grid, make_grid
+from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.files.table import COLUMNS, Column
+from jaxcrusher.motion.method import require_tolerance, resolve
+from jaxcrusher.motion.statistic import ALWAYS, STATISTIC, STATISTICS, Chosen, always_of, chosen
+from jaxcrusher.motion.statistics import Statistics, over_turns
 
 if TYPE_CHECKING:
     import distributed
 
-# Computes chunks by their numbers, and yields them as they finish.
-Compute = Callable[[list[int]], Generator[Result, None, None]]
+# What a motion has besides its statistics, and what each loose joint has of it.
+_MOTION = ("foundation_rms_error", "whirl", "success", "inside_model", "reached")
+_LIMITS = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
 
 
 def sweep(
@@ -32,14 +36,16 @@ def sweep(
     turns: int,
     *,
     base: Mapping[str, Any] | None = None,
+    scene: Callable[..., Scene] | None = None,
+    outputs: Sequence[str] = (),
     store: str | Path | None = None,
     chunk: int = CHUNK,
     rtol: float = 1e-9,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     engine: Engine | None = None,
     scheduler: "str | distributed.Client | None" = None,
 ) -> xr.Dataset:
-    """Statistics over the grid product of any parameters, in memory or in a Zarr store.
+    """Compute statistics over the grid product of any parameters, in memory or in a Zarr store.
 
     Both give the same bits. A sweep into a store is kept chunk by chunk: killed at any moment and
     called again with the same arguments, it goes on where it was and ends with the same bits as an
@@ -50,7 +56,11 @@ def sweep(
     - `axes`: names of `jaxcrusher.PE250X400` -> values, shape (n,), in SI units, or choices.
     - `settle_turns`, `turns`, `rtol`: as in `jaxcrusher.statistics`.
     - `base`: names -> values of what does not vary, where it is not the paper's.
+    - `scene`: a function of your own that makes the scene, with laws of your own. It is called with
+      the names of `axes` and `base`, which may then be any.
+    - `outputs`: names of further statistics, besides those that are always computed.
     - `store`: None, or the store's folder; new, or one of an earlier call with the same arguments.
+      The code of a `scene` is not compared, but its name and the laws and numbers that it makes.
     - `chunk`: designs at most in a chunk: between two reports of progress, what a kill can lose,
       and a file of each variable.
     - `progress`: called with the number of finished and of all designs, first at the start.
@@ -65,104 +75,78 @@ def sweep(
     cannot be written, naming the chunk; ImportError for `scheduler` without the extra `cluster`.
     """
     require_set_up()
-    plan = make_plan(axes, base or {}, settle_turns, turns, rtol, chunk, engine)
-    with _workers(plan, scheduler) as (settings, compute):
-        attributes = _attributes(plan, settings)
-        if store is None:
-            memory = Memory(plan)
-            _fill(memory, plan, compute, progress)
-            return memory.dataset(attributes)
-        attributes["machine"] += "; that of each chunk stands in .sweep/done"
-        with ChunkStore(Path(store), plan, plan.settings() | settings, attributes) as kept:
-            _fill(kept, plan, compute, progress)
-        return xr.open_zarr(store)
+    title = "Statistics of jaw crushers over a grid of parameters"
+    made = plan(make_grid(axes, base, scene), settle_turns, turns, rtol, chunk, engine, outputs)
+    return made.run(title, store, progress, scheduler)
 
 
-class Memory:
-    """What a `ChunkStore` keeps on the disk, as arrays."""
+@dataclass(frozen=True)
+class Window:
+    """The statistics of a motion over `turns` turns, after `settle_turns` of them.
 
-    def __init__(self, plan: Plan):
-        self._plan, self.done = plan, set()
-        self._columns = {
-            name: np.full(plan.shape, False if name in LOGICAL else np.nan)
-            for name in plan.variables
-        }
+    `statistics` are entries of the table: another process may know others.
+    """
 
-    def write(self, number: int, values: dict[str, np.ndarray], record: dict[str, Any]) -> None:
-        """Keep a chunk; its record is not."""
-        for name, column in self._columns.items():
-            column[self._plan.region(number)] = values[name]
-        self.done.add(number)
+    settle_turns: int
+    turns: int
+    rtol: float
+    statistics: Chosen
 
-    def dataset(self, attributes: dict[str, Any]) -> xr.Dataset:
-        """The same as that of the store."""
-        data = {
-            name: (tuple(self._plan.axes), column, {"units": unit, "long_name": meaning})
-            for (name, column), (unit, meaning) in zip(
-                self._columns.items(), self._plan.variables.values(), strict=True
-            )
-        }
-        coordinates = {
-            name: (name, values, labels)
-            for name, (values, labels) in self._plan.coordinates().items()
-        }
-        return xr.Dataset(data, coordinates, attributes)
+    def __call__(self, scene: Scene) -> dict[str, jax.Array]:
+        """Return the values of `columns_of` for one design."""
+        method = resolve(scene, self.rtol)
+        found = over_turns(scene, None, self.settle_turns, self.turns, self.statistics, method)
+        return row_of(found, (name for name, _ in self.statistics))
+
+    def settings(self) -> dict[str, Any]:
+        """Return what decides the values, as JSON keeps it."""
+        window = {"settle_turns": self.settle_turns, "turns": self.turns, "rtol": self.rtol}
+        known = {*STATISTICS, *itertools.chain(*ALWAYS.values())}
+        added = {name: one.meaning for name, one in self.statistics if name not in known}
+        return window | ({"further statistics": added} if added else {})
 
 
-def _fill(
-    kept: Memory | ChunkStore,
-    plan: Plan,
-    compute: Compute,
-    progress: Callable[[int, int], None] | None,
-) -> None:
-    """Compute what is missing, and write it as it comes."""
-    report = progress or (lambda finished, of: None)
-    finished, total = sum(map(plan.size, kept.done)), math.prod(plan.shape)
-    report(finished, total)
-    missing = [n for n in range(math.prod(plan.chunks)) if n not in kept.done]
-    with contextlib.closing(compute(missing)) as results:
-        for number, values, record in results:
-            kept.write(number, values, record)
-            finished += plan.size(number)
-            report(finished, total)
+def plan(
+    grid: Grid,
+    settle_turns: int,
+    turns: int,
+    rtol: float,
+    designs: int,
+    engine: Engine | None = None,
+    outputs: Sequence[str] = (),
+) -> Ensemble:
+    """Return a checked sweep of a grid with at most `designs` designs a chunk."""
+    require_whole("settle_turns", settle_turns, 0)
+    require_whole("turns", turns, 1)
+    require_tolerance(rtol)
+    require_whole("chunk", designs, 1)
+    first = grid.scene({name: of[0] for name, of in grid.numbers([0]).items()}, grid.choices(0))
+    require_names("outputs", outputs, tuple(STATISTIC))
+    seen = chosen(dict.fromkeys((*always_of(first), *outputs)))
+    look = Window(settle_turns, turns, float(rtol), seen)
+    loose = [joint for joint, _ in first.joints.present() if before(joint)]
+    return Ensemble(Layout(grid, columns_of(loose, seen), chunk_shape(grid, designs)), look, engine)
 
 
-@contextlib.contextmanager
-def _workers(
-    plan: Plan, scheduler: "str | distributed.Client | None"
-) -> Iterator[tuple[dict[str, Any], Compute]]:
-    """The environment that computes, and how."""
-    if scheduler is None:
-        yield environment(), functools.partial(_compute_here, plan)
-        return
-    client = connect(scheduler) if isinstance(scheduler, str) else scheduler
-    try:
-        # Waits for the first worker.
-        settings = client.submit(worker_environment, pure=False).result()
-        yield settings, functools.partial(compute_on, client, plan, settings)
-    finally:
-        if client is not scheduler:
-            client.close()
-
-
-def _compute_here(plan: Plan, numbers: list[int]) -> Generator[Result, None, None]:
-    for number in numbers:
-        yield number, *compute_chunk(plan, number)
-
-
-def _attributes(plan: Plan, settings: dict[str, Any]) -> dict[str, Any]:
-    """Provenance, for the reader."""
-    numbers = {
-        name: [value, PARAMETERS[name].unit]
-        for name, value in plan.base.items()
-        if name in PARAMETERS
+def columns_of(joints: Sequence[str], statistics: Chosen) -> dict[str, Column]:
+    """Return the columns of `row_of`, where `joints` are loose besides the main one."""
+    found = {name: Column(one.unit, one.meaning) for name, one in statistics}
+    found |= {name: COLUMNS[name] for name in (*_MOTION[:1], *_LIMITS, *_MOTION[1:])}
+    return found | {
+        before(joint) + name: COLUMNS[name]._replace(meaning=f"{COLUMNS[name].meaning}, {joint}")
+        for joint in joints
+        for name in _LIMITS
     }
-    return provenance(
-        "Statistics of jaw crushers over a grid of parameters",
-        settings,
-        parameters=numbers,
-        choices={name: value for name, value in plan.base.items() if name not in PARAMETERS},
-        settle_turns=plan.settle_turns,
-        turns=plan.turns,
-        rtol=plan.rtol,
-    )
+
+
+def row_of(result: Statistics, statistics: Iterable[str]) -> dict[str, jax.Array]:
+    """Return the values of one design; an ideal joint is inside the limits of contact."""
+    limits = {"main": result.validity, **result.validity.others}
+    row = {name: result[name] for name in statistics}
+    row |= {name: getattr(result, name) for name in ("foundation_rms_error", "whirl", "success")}
+    row |= {
+        before(joint) + name: getattr(one, name)
+        for joint, one in limits.items()
+        for name in _LIMITS
+    }
+    return row | {"inside_model": result.validity.inside, "reached": result.outcome.reached}

@@ -14,28 +14,30 @@ from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 import xarray as xr
 
 import jaxcrusher as jc
-from jaxcrusher.batch import plan as chunks
+from jaxcrusher.batch import engines
 from jaxcrusher.batch.cluster import compute_on, worker_environment
-from jaxcrusher.batch.plan import Plan, make_plan
-from jaxcrusher.batch.rows import LOGICAL
+from jaxcrusher.batch.layout import Layout, Memory
+from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import ChunkStore
-from jaxcrusher.batch.sweep import Memory
+from jaxcrusher.batch.sweep import columns_of, plan
+from jaxcrusher.motion.statistic import STATISTICS, chosen
 
 # The store alone is filled with made-up numbers: no JAX in it, so that it can be killed often.
-PLAN = Plan({"speed": (28.0, 30.0, 33.0), "clearance": (4e-5, 6e-5)}, {}, 0, 1, 1e-6, (1, 2))
+AXES_OF_NUMBERS = {"speed": (28.0, 30.0, 33.0), "clearance": (4e-5, 6e-5)}
+COLUMNS = columns_of((), chosen(STATISTICS))
+LAYOUT = Layout(Grid(AXES_OF_NUMBERS, {}), COLUMNS, (1, 2))
 SETTINGS = {"turns": 1, "base": {"friction": 0.1}}
 SIZES = (1, 900)  # bytes: inside a chunk's first file, inside its marker
 
 
-def fill(path: Path, settings: dict = SETTINGS, plan: Plan = PLAN) -> list[int]:
+def fill(path: Path, settings: dict = SETTINGS, layout: Layout = LAYOUT) -> list[int]:
     """Fill a store; returns the chunks that were missing."""
-    with ChunkStore(path, plan, settings, {}) as store:
+    with ChunkStore(path, layout, settings, {}) as store:
         return write_missing(store)
 
 
@@ -44,8 +46,9 @@ def write_missing(kept: ChunkStore | Memory) -> list[int]:
     written = sorted(set(range(3)) - kept.done)
     for number in written:
         random = np.random.default_rng(number)
-        values = {name: random.random((1, 2)) for name in PLAN.variables}
-        kept.write(number, values | {name: values[name] > 0.5 for name in LOGICAL}, {})
+        values = {name: random.random((1, 2)) for name in COLUMNS}
+        logical = [name for name, column in COLUMNS.items() if column.kind is bool]
+        kept.write(number, values | {name: values[name] > 0.5 for name in logical}, {})
     return written
 
 
@@ -72,7 +75,7 @@ def _fork(arm: Callable[[], None], path: Path) -> int:
     """Fill a store in a process of its own; returns the signal that killed it, or 0."""
     child = os.fork()
     if child == 0:
-        with ChunkStore(path, PLAN, SETTINGS, {}) if "torn" in path.name else nullcontext():
+        with ChunkStore(path, LAYOUT, SETTINGS, {}) if "torn" in path.name else nullcontext():
             pass
         arm()
         fill(path)
@@ -157,7 +160,7 @@ def test_full_disk_names_the_chunk_and_loses_nothing(tmp_path):
 
 
 def test_two_runs_refuse_each_other(tmp_path):
-    with ChunkStore(tmp_path / "store", PLAN, SETTINGS, {}):
+    with ChunkStore(tmp_path / "store", LAYOUT, SETTINGS, {}):
         with pytest.raises(RuntimeError, match=rf"store is in use by process {os.getpid()} on "):
             fill(tmp_path / "store")
     assert fill(tmp_path / "store") == [0, 1, 2]
@@ -208,21 +211,22 @@ def test_corrupt_metadata_are_named_and_written_again(tmp_path, name):
 
 def test_memory_holds_what_the_store_holds(tmp_path):
     """Also of a choice, and where only the first chunk is there."""
-    plan = replace(PLAN, axes={"speed": (28.0, 30.0, 33.0), "start": ("centred", "contact")})
-    memory = Memory(plan)
+    grid = Grid({"speed": (28.0, 30.0, 33.0), "start": ("centred", "contact")}, {})
+    layout = replace(LAYOUT, grid=grid)
+    memory = Memory(layout, {})
     memory.done |= {1, 2}
     write_missing(memory)
-    with ChunkStore(tmp_path / "store", plan, SETTINGS, {}) as store:
+    with ChunkStore(tmp_path / "store", layout, SETTINGS, {}) as store:
         store.done |= {1, 2}
         write_missing(store)
     kept = xr.open_zarr(tmp_path / "store").load()
-    xr.testing.assert_identical(memory.dataset({}), kept)
+    xr.testing.assert_identical(memory.dataset(), kept)
     assert bool(kept.foundation_rms[1:].isnull().all()) and not bool(kept.success[1:].any())
 
 
 def test_foreign_folder_is_refused(tmp_path):
     (tmp_path / "letters.txt").write_text("Dear")
-    with pytest.raises(ValueError, match=r"^Argument `store` must be new or a sweep's store"):
+    with pytest.raises(ValueError, match=r"^Argument `store` must be new or one of an earlier call"):
         fill(tmp_path)
 
 
@@ -259,7 +263,7 @@ def test_bits_do_not_depend_on_memory_neighbours_or_what_varies(whole):
     rest = dict(IDEAL, base={**IDEAL["base"], "shaft.eccentricity": 0.012})
     row = jc.sweep({"speed": [33.0, 29.0, 28.0]}, **rest, chunk=2)
     column = xr.open_zarr(whole).sel({"shaft.eccentricity": 0.012})
-    for name in PLAN.variables:
+    for name in COLUMNS:
         _assert_equal_bits(row.sel(speed=[28.0, 33.0])[name], column[name])
 
 
@@ -302,7 +306,7 @@ def _assert_whole(grid: xr.Dataset, whole: Path) -> None:
     expected = xr.open_zarr(whole)
     assert grid.attrs.keys() == expected.attrs.keys()
     assert grid.attrs["environment"] == expected.attrs["environment"]
-    for name in (*PLAN.variables, *AXES):
+    for name in (*COLUMNS, *AXES):
         assert grid[name].attrs == expected[name].attrs
         _assert_equal_bits(grid[name], expected[name])
 
@@ -337,24 +341,23 @@ def test_cluster_with_a_killed_worker_loses_nothing(whole, tmp_path):
 def test_every_device_gets_two_designs(monkeypatch):
     seen = []
 
-    def echo(function, numbers, lanes, engine):
-        seen.append(lanes)
-        return dict.fromkeys(PLAN.variables, np.asarray(numbers["clearance"]))
+    def echo(function, numbers):
+        seen.append(len(numbers["clearance"]))
+        return dict.fromkeys(COLUMNS, numbers["clearance"])
 
-    monkeypatch.setattr(chunks, "run_all", echo)
-    monkeypatch.setattr(jax, "device_count", lambda: 8)
-    plan = make_plan(PLAN.axes, {}, 0, 1, 1e-6, 2)
-    values, record = chunks.compute_chunk(plan, 1)
+    monkeypatch.setattr(engines, "devices", lambda: [None] * 8)
+    ensemble = plan(make_grid(AXES_OF_NUMBERS, {}), 0, 1, 1e-6, 2, echo)
+    _, values, record = ensemble.compute(1)
     # XLA opens a loop over a single design and rounds it differently.
     assert seen == [16] and record["designs"] == 2
-    np.testing.assert_array_equal(values["foundation_rms"], [PLAN.axes["clearance"]])
+    np.testing.assert_array_equal(values["foundation_rms"], [AXES_OF_NUMBERS["clearance"]])
 
 
-def test_a_plan_equals_its_copies():
+def test_an_ensemble_equals_its_copies():
     """Or a worker, which gets one with every chunk, would compile each of them anew."""
-    plan = make_plan(PLAN.axes, {"elbow.clearance": 1e-4}, 0, 1, 1e-6, 2)
-    copy = pickle.loads(pickle.dumps(plan))
-    assert copy == plan and hash(copy.statistics) == hash(plan.statistics)
+    ensemble = plan(make_grid(AXES_OF_NUMBERS, {"elbow.clearance": 1e-4}), 0, 1, 1e-6, 2)
+    copy = pickle.loads(pickle.dumps(ensemble))
+    assert copy == ensemble and hash(copy.look) == hash(ensemble.look)
 
 
 def test_failing_worker_names_the_chunk():
@@ -362,7 +365,8 @@ def test_failing_worker_names_the_chunk():
     with distributed.Client(processes=False, n_workers=1, dashboard_address=None) as client:
         settings = {**worker_environment(), "backend": "abacus"}
         with pytest.raises(RuntimeError, match=r"^Chunk 0\.0 was not computed: this worker has"):
-            list(compute_on(client, PLAN, settings, [0]))
+            ensemble = plan(make_grid(AXES_OF_NUMBERS, {}), 0, 1, 1e-6, 2)
+            list(compute_on(client, ensemble, settings, [0]))
 
 
 def test_missing_dask_is_one_clear_line(monkeypatch, tmp_path):

@@ -1,0 +1,221 @@
+"""The designs of a sweep or a map: the grid product of named axes."""
+
+import hashlib
+import itertools
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxcrusher.basics.checks import require, require_known
+from jaxcrusher.crusher.scene import Scene, require_scene
+from jaxcrusher.scenes.build import build_scene
+from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, complete
+
+# Makes the scene of the numbers and choices of a design, given by name.
+SceneFunction = Callable[..., Scene]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The grid product of `axes`, with every other number and choice as in `base`.
+
+    `axes` maps names to tuples of numbers or of choices, `base` names to values. `function` makes
+    a scene of them; None is `jaxcrusher.build_scene`.
+    """
+
+    axes: dict[str, tuple]
+    base: dict[str, float | str]
+    function: SceneFunction | None = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Return the number of values along each axis."""
+        return tuple(len(values) for values in self.axes.values())
+
+    @property
+    def size(self) -> int:
+        """Return the number of designs."""
+        return math.prod(self.shape)
+
+    @property
+    def described(self) -> dict[str, Any]:
+        """Return the values of every name: a tuple where it varies."""
+        return self.base | self.axes
+
+    @property
+    def numbers_described(self) -> list[str]:
+        """Return the names of numbers, those of the package in their usual order."""
+        return [name for name in self._ordered(PARAMETERS) if not self.chooses(name)]
+
+    def chooses(self, name: str) -> bool:
+        """Return whether a name's values are choices: each of these is a program of its own."""
+        value = self.described[name]
+        return isinstance(value[0] if name in self.axes else value, str)
+
+    def _ordered(self, table: Mapping[str, Any]) -> list[str]:
+        known = [name for name in table if name in self.described]
+        return known + [name for name in self.described if name not in known]
+
+    def numbers(self, designs: Sequence[int] | np.ndarray) -> dict[str, np.ndarray]:
+        """Return the numbers of some designs, given by their place in the grid's product.
+
+        Numbers that do not vary are there too: the bits of a design do not depend on what varies.
+        """
+        places = np.unravel_index(np.asarray(designs), self.shape)
+        column = dict(zip(self.axes, places, strict=True))
+        return {
+            name: np.array(self.axes[name], float)[column[name]]
+            if name in column
+            else np.full(len(designs), self.base[name], float)
+            for name in self.numbers_described
+        }
+
+    def choices(self, design: int) -> dict[str, str]:
+        """Return the choices of a design."""
+        place = dict(zip(self.axes, np.unravel_index(design, self.shape), strict=True))
+        return {
+            name: self.axes[name][place[name]] if name in place else str(self.base[name])
+            for name in self._ordered(CHOICES)
+            if self.chooses(name)
+        }
+
+    def alike(self) -> Iterator[tuple[dict[str, str], list[int]]]:
+        """Yield the designs that have the same choices, which one program serves."""
+        places = np.stack(np.unravel_index(np.arange(self.size), self.shape))
+        choosing = [self.chooses(name) for name in self.axes]
+        _, first, group = np.unique(
+            places[choosing], axis=1, return_index=True, return_inverse=True
+        )
+        for number, design in enumerate(first):
+            yield self.choices(design), np.flatnonzero(group == number).tolist()
+
+    def scene(self, numbers: Mapping[str, Any], choices: Mapping[str, str]) -> Scene:
+        """Return the scene of one design; its numbers may be traced."""
+        return scene_by(self.function, numbers, choices)
+
+    def coordinates(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
+        """Return the values along each axis, and their labels."""
+        return {
+            name: (np.array(values, object), {})
+            if self.chooses(name)
+            else (np.array(values, float), _labels(name))
+            for name, values in self.axes.items()
+        }
+
+    def settings(self) -> dict[str, Any]:
+        """Return what decides which designs these are, as JSON keeps it."""
+        kept = {
+            "order of axes": list(self.axes),
+            "axes": {name: list(values) for name, values in self.axes.items()},
+            "base": self.base,
+        }
+        if self.function is not None:
+            kept["scene"] = f"{self.function.__qualname__} {self._digest()}"
+        return kept
+
+    def attributes(self) -> dict[str, Any]:
+        """Return what does not vary, for the reader of a dataset."""
+        numbers = {
+            name: [value, PARAMETERS[name].unit if name in PARAMETERS else "1"]
+            for name, value in self.base.items()
+            if not self.chooses(name)
+        }
+        choices = {name: value for name, value in self.base.items() if self.chooses(name)}
+        return {"parameters": numbers, "choices": choices}
+
+    def _digest(self) -> str:
+        """Return a digest of the first and of the last scene: of its laws and of all numbers."""
+        digest = hashlib.sha256()
+        for design in (0, self.size - 1):
+            numbers = {name: column[0] for name, column in self.numbers([design]).items()}
+            leaves, tree = jax.tree.flatten(self.scene(numbers, self.choices(design)))
+            # The addresses of functions differ from process to process.
+            digest.update(re.sub(" at 0x[0-9a-f]+", "", str(tree)).encode())
+            digest.update(b"".join(np.asarray(leaf).tobytes() for leaf in leaves))
+        return digest.hexdigest()[:16]
+
+
+def _labels(name: str) -> dict[str, Any]:
+    of = PARAMETERS.get(name)
+    return {} if of is None else {"long_name": of.meaning, "units": of.unit}
+
+
+def scene_by(
+    function: SceneFunction | None, numbers: Mapping[str, Any], choices: Mapping[str, str]
+) -> Scene:
+    """Return the scene that a function makes of a description, or that of the package's own."""
+    described = {**numbers, **choices}
+    return build_scene(described) if function is None else function(**described)
+
+
+def make_grid(
+    axes: Mapping[str, Any], base: Mapping[str, Any] | None, function: SceneFunction | None = None
+) -> Grid:
+    """Return a checked grid.
+
+    Raises ValueError for unknown names, and for values that no crusher can be built from. The
+    names that a `function` takes are known to it only.
+    """
+    good = isinstance(axes, Mapping) and len(axes) > 0
+    require(good, "axes", 'map names to values, as {"speed": [30.0, 32.0]}', repr(axes))
+    base = {} if base is None else base
+    mapping, given = isinstance(base, Mapping), f"a {type(base).__name__}"
+    require(mapping, "base", 'map names to values, as {"start": "contact"}', given)
+    good = function is None or callable(function)
+    require(good, "scene", "be a function that makes a scene", repr(function))
+    known = (*PARAMETERS, *CHOICES) if function is None else None
+    varied = {name: _axis(name, values, known) for name, values in axes.items()}
+    fixed = {}
+    for name, value in base.items():
+        _require_name(name, known)
+        require(name not in varied, "base", "name none of the axes", repr(name))
+        text = name in CHOICES if function is None else isinstance(value, str)
+        fixed[name] = value if text else float(_numbers(f"base[{name!r}]", value, 0))
+    if function is None:
+        lowest = {name: values[0] for name, values in varied.items()}
+        described = complete({**fixed, **lowest})
+        fixed = {name: value for name, value in described.items() if name not in varied}
+    grid = Grid(varied, fixed, function)
+    # All limits are intervals, and what keeps off the dead points is convex: the grid's corners
+    # speak for what lies between.
+    ends = [
+        values if grid.chooses(name) else {min(values), max(values)}
+        for name, values in varied.items()
+    ]
+    for corner in itertools.product(*ends):
+        made = {**fixed, **dict(zip(varied, corner, strict=True))}
+        require_scene(grid.scene(made, {}))
+    return grid
+
+
+def _require_name(name: str, known: tuple[str, ...] | None) -> None:
+    if known is not None:
+        require_known(name, known)
+
+
+def _axis(name: str, values: Any, known: tuple[str, ...] | None) -> tuple:
+    _require_name(name, known)
+    called = f"axes[{name!r}]"
+    text = name in CHOICES if known is not None else np.asarray(values).dtype.kind in "US"
+    array = np.asarray(values, object) if text else _numbers(called, values, 1)
+    good = array.ndim == 1 and array.size > 0
+    require(good, called, "have shape (n,), n > 0", f"of shape {array.shape}")
+    axis = tuple(array.tolist())
+    require(len(set(axis)) == len(axis), called, "hold every value once", values)
+    return axis
+
+
+def _numbers(called: str, values: Any, dimensions: int) -> np.ndarray:
+    try:
+        array = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    good = array.ndim == dimensions and bool(np.all(np.isfinite(array)))
+    must = "be a finite number" if dimensions == 0 else "be a row of finite numbers"
+    require(good, called, must, repr(values))
+    return array

@@ -1,0 +1,68 @@
+"""Results of finished chunks of work, so that a run that was killed goes on where it was."""
+
+import hashlib
+import shutil
+import zipfile
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxcrusher.files.durable import writing
+from jaxcrusher.files.provenance import environment
+
+Arrays = dict[str, np.ndarray]
+
+
+class Journal:
+    """A folder with the arrays of each finished chunk, found again by what went into it.
+
+    The name of a chunk's file is the digest of its input, of the job's name, and of the programs
+    that compute it: sources of this package and versions of the others. Other inputs never meet.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def kept(self, job: str, inputs: Iterable[Any], compute: Callable[[], Arrays]) -> Arrays:
+        """Return the arrays of a chunk, computed now unless an earlier run has finished it.
+
+        A file that cannot be read is made anew.
+        """
+        digest = hashlib.sha256(f"{job}\n{_programs()}".encode())
+        for value in inputs:
+            array = np.ascontiguousarray(value)
+            digest.update(f"{array.dtype} {array.shape}\n".encode() + array.tobytes())
+        path = self._folder / f"{digest.hexdigest()[:32]}.npz"
+        found = _read(path)
+        if found is None:
+            found = compute()
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with writing(path) as partial:
+                np.savez(partial, **found)  # pyright: ignore
+        return found
+
+    def discard(self) -> None:
+        """Delete all that is kept: the work is finished and its result written."""
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _read(path: Path) -> Mapping[str, np.ndarray] | None:
+    """Return the arrays of a file, None where it is not there or damaged."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return dict(file)  # each array's checksum is compared
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        return None
+
+
+@cache
+def _programs() -> str:
+    """Return what decides the bits of a result besides its input."""
+    package = Path(__file__).parents[1]
+    sources = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        sources.update(path.read_bytes())
+    return f"{environment()} {sources.hexdigest()}"

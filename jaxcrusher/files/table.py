@@ -1,0 +1,78 @@
+"""Tables of results: what a column is called, its unit and meaning, and the dataset it stands in."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+
+class Column(NamedTuple):
+    """A named number of every case of a table."""
+
+    unit: str
+    meaning: str
+    kind: type = float  # or bool, or str
+    dims: tuple[str, ...] = ()  # of one case's value; none of a scalar
+
+    @property
+    def missing(self) -> Any:
+        """Return what stands for a value that is not there."""
+        return {bool: False, str: "", int: 0}.get(self.kind, np.nan)
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Return the attributes of the column in a dataset."""
+        return {"units": self.unit, "long_name": self.meaning}
+
+
+# Every column of the package's tables that is not a statistic of `jaxcrusher.motion.statistic`.
+COLUMNS = {
+    # of a motion that was integrated
+    "foundation_rms_error": Column("N", "standard error of the RMS"),
+    "half_width_ratio": Column("1", "Hertz's half-width / bore radius"),
+    "impact_speed_ratio": Column("1", "fastest approach / elastic limit"),
+    "delivered_restitution": Column("1", "restitution of the fastest impact"),
+    "inside_model": Column("1", "narrow clearance, Hertzian contact, elastic impacts", bool),
+    "whirl": Column("1", "friction whirl", bool),
+    "success": Column("1", "solved, or integrated to the end", bool),
+    "reached": Column("rad", "shaft angle at the end, or at the failure"),
+    "steps": Column("1", "integration steps"),
+    "state": Column("1, m/s", "state at the end, as in jaxcrusher.Section", dims=("coordinate",)),
+    # of a periodic orbit
+    "error": Column("1", "estimated error of the RMS, as a share of it"),
+    "least_penetration": Column("1", "least penetration / clearance"),
+    "largest_multiplier": Column("1", "largest modulus of the Floquet multipliers"),
+    "multipliers_error": Column("1", "estimated error of the matrix whose eigenvalues they are"),
+    "settling_turns": Column("1", "turns in which a disturbance falls to 1/e"),
+    "stable": Column("1", "disturbances die", bool),
+    "failure": Column("1", "why there is no orbit", str),
+    "multiplier_real": Column("1", "real: Floquet multipliers", dims=("multiplier",)),
+    "multiplier_imag": Column("1", "imag: Floquet multipliers", dims=("multiplier",)),
+    # of section points
+    "e_x": Column("1", "e_x / clearance", dims=("turn",)),
+    "e_y": Column("1", "e_y / clearance", dims=("turn",)),
+    "rate_x": Column("m/s", "de_x/dt", dims=("turn",)),
+    "rate_y": Column("m/s", "de_y/dt", dims=("turn",)),
+    "settled": Column("1", "the points repeat, or their spread has no trend", bool),
+    "period": Column("1", "turns until the points repeat, 0 if they do not", int),
+}
+
+
+def dataset(
+    dims: tuple[str, ...],
+    values: Mapping[str, np.ndarray],
+    columns: Mapping[str, Column],
+    coordinates: Mapping[str, Any],
+    attributes: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """Return the table of `values`, of shape (*sizes of dims, *sizes of the column's own dims).
+
+    Columns without a value are left out. `coordinates` as in `xarray.Dataset`.
+    """
+    data = {
+        name: ((*dims, *column.dims), values[name], column.labels)
+        for name, column in columns.items()
+        if name in values
+    }
+    return xr.Dataset(data, coordinates, attributes)
