@@ -3,7 +3,7 @@
 import importlib
 
 from jaxcrusher.commands.options import Command
-from jaxcrusher.commands.program import keeping, program
+from jaxcrusher.files.program import keeping, program
 
 
 def run(command: Command) -> int:

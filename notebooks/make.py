@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 
 HERE = Path(__file__).parent
 # Of a kept picture: lines and maps stay readable.

@@ -6,6 +6,7 @@ from jaxtyping import Float
 from scipy.stats import t as student
 
 import jaxcrusher as jc
+from jaxcrusher.files.journal import Journal
 from optimize.answer import Confirmed, Runs, Settled
 from optimize.evaluate import STARTS, Case, Progress, Rows, Window, evaluate
 from optimize.forces import FORCES
@@ -25,7 +26,13 @@ def interval(values: Float[np.ndarray, " runs"]) -> tuple[float, float]:
 
 
 def long_runs(
-    case: Case, units: np.ndarray, runs: int, window: Window, seed: int, progress: Progress
+    case: Case,
+    units: np.ndarray,
+    runs: int,
+    window: Window,
+    seed: int,
+    progress: Progress | None = None,
+    journal: Journal | None = None,
 ) -> list[Rows]:
     """Independent long runs of points (m, n) of the unit box, `runs` from each start.
 
@@ -36,11 +43,10 @@ def long_runs(
     shifts = rng.uniform(-SHIFT, SHIFT, (len(units), runs, 2))
     shifts[:, 0] = 0
     points = np.repeat(units, runs, axis=0)
-    parts = []
-    for part, rows in evaluate(case, points, window, shifts=shifts.reshape(-1, 2), chunk=32):
-        parts.append(rows)
-        progress(part.stop, len(points))
-    whole = {name: np.concatenate([rows[name] for rows in parts], axis=1) for name in parts[0]}
+    moves = shifts.reshape(-1, 2)
+    whole = evaluate(
+        case, points, window, shifts=moves, chunk=64, journal=journal, progress=progress
+    )
     grouped = {
         name: values.reshape(len(STARTS), len(units), runs, *values.shape[2:])
         for name, values in whole.items()

@@ -1,6 +1,6 @@
 """Evaluate designs: their statistics from both starts, and what they count for."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,9 +13,10 @@ from jaxtyping import Array, ArrayLike, Float, Scalar
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import run_all
-from jaxcrusher.batch.rows import row_of
+from jaxcrusher.batch.sweep import row_of
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.files.journal import Journal
 from jaxcrusher.motion.statistic import always_of
 from jaxcrusher.scenes.build import LINKS, build_chamber
 from optimize.design import Design
@@ -114,32 +115,29 @@ def evaluate(
     window: Window,
     *,
     shifts: Float[np.ndarray, "points 2"] | None = None,
-    chunk: int = 64,
-) -> Iterator[tuple[slice, Rows]]:
-    """Statistics of points of the unit box from both starts, chunk by chunk.
+    chunk: int = 128,
+    journal: Journal | None = None,
+    progress: Progress | None = None,
+) -> Rows:
+    """Return the statistics of unit points from both starts.
 
-    `shifts` moves the starts by so many clearances. Yields the points' slice and rows of shape
-    (starts, points): the variables of `jaxcrusher.sweep`, `objective` in its unit, the number
-    of `steps`, `counts`, whether the design may be chosen (see `may_count`), and the `state` at
-    the end, (starts, points, dims), to go on from.
+    `shifts` moves the starts by so many clearances, `chunk` is how many motions are integrated
+    between two reports of progress, and `journal` keeps finished chunks. Rows have the shape
+    (starts, points): the columns of `jaxcrusher.sweep`, `objective` in its unit, the number of
+    `steps`, `counts`, whether the design may be chosen (see `may_count`), and the `state` at the
+    end, (starts, points, dims), to go on from.
     """
-    shifts = np.zeros((len(units), 2)) if shifts is None else shifts
+    moves = np.zeros((len(units), 2)) if shifts is None else shifts
+    points = jnp.asarray(units)
+    batch = stacked_scenes(case, points, jnp.asarray(moves)), np.tile(points, (len(STARTS), 1))
     function = eqx.Partial(_row, case=case, window=window)
-    # Chunks of one size share one program; the last repeats its last point.
-    size = -(-len(units) // -(-len(units) // chunk))
-    for first in range(0, len(units), size):
-        part = slice(first, min(first + size, len(units)))
-        index = np.minimum(np.arange(first, first + size), len(units) - 1)
-        points, moves = jnp.asarray(units[index]), jnp.asarray(shifts[index])
-        batch = stacked_scenes(case, points, moves), np.tile(points, (len(STARTS), 1))
-        row = run_all(function, batch, len(STARTS) * len(points))
-        used = part.stop - part.start
-        rows = {
-            name: values.reshape(len(STARTS), size, *values.shape[1:])[:, :used]
-            for name, values in row.items()
-        }
-        rows["counts"] = may_count(rows, case, case.capacity(units[part]))
-        yield part, rows
+    job = f"{case.objective.meaning} {window}"
+    found = run_all(function, batch, chunk, progress=progress, journal=journal, job=job)
+    rows = {
+        name: column.reshape(len(STARTS), len(units), *column.shape[1:])
+        for name, column in found.items()
+    }
+    return rows | {"counts": may_count(rows, case, case.capacity(units))}
 
 
 def may_count(rows: Mapping[str, Any], case: Case, capacity) -> np.ndarray:

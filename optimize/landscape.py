@@ -1,6 +1,6 @@
 """The global stage: every cell of a grid, or a Sobol sequence where a grid has too many."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy.spatial
@@ -9,10 +9,13 @@ from jaxtyping import Float
 from scipy.stats import qmc
 
 import jaxcrusher as jc
-from jaxcrusher.batch.rows import LOGICAL
-from jaxcrusher.batch.rows import meanings as meanings_of
+from jaxcrusher.batch.sweep import columns_of
+from jaxcrusher.crusher.joints import JOINTS
+from jaxcrusher.files import table
+from jaxcrusher.files.table import COLUMNS, Column
+from jaxcrusher.motion.statistic import always_with, chosen
 from optimize.design import Design
-from optimize.evaluate import STARTS, Case, Window, evaluate, judged
+from optimize.evaluate import STARTS, Case, Rows, judged
 
 # More parameters than these get a Sobol sequence instead of a grid.
 GRID_DIMENSIONS = 2
@@ -27,77 +30,57 @@ def points(design: Design, grid: tuple[int, int], samples: int, seed: int) -> np
     return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=-1)
 
 
-def mapped(
-    case: Case, units: np.ndarray, grid: tuple[int, int], window: Window, *, chunk: int = 64
-) -> Iterator[tuple[int, xr.Dataset]]:
-    """The landscape after each chunk of its `points`: how many are finished, and the dataset.
+def dataset(
+    case: Case, units: Float[np.ndarray, "points n"], grid: tuple[int, int], rows: Rows
+) -> xr.Dataset:
+    """Return rows of shape (starts, points, ...) as a labelled landscape.
 
-    Dims are `start` and the parameters of a grid, or `sample`; what is not finished is NaN and
-    has `counts` 0. Variables as in `jaxcrusher.sweep`, with `objective`, `counts`, `steps` and
-    the `state` at the end, whose last dim is `coordinate`.
+    Dims are `start` and the parameters of a grid, or `sample`. Columns as in `jaxcrusher.sweep`,
+    with `objective`, `counts`, `steps` and the `state` at the end.
     """
-    columns: dict[str, np.ndarray] = {}
-    for part, rows in evaluate(case, units, window, chunk=chunk):
-        for name, values in rows.items():
-            shape = (len(STARTS), len(units), *values.shape[2:])
-            columns.setdefault(name, np.full(shape, np.nan))[:, part] = values
-        yield part.stop, dataset(case, units, grid, columns)
-
-
-def dataset(case: Case, units: np.ndarray, grid: tuple[int, int], columns: dict) -> xr.Dataset:
-    """Columns of shape (starts, points, ...) as a labelled landscape."""
-    meanings = meanings_of() | {
-        "objective": (case.objective.unit, case.objective.meaning),
-        "counts": ("1", "may be chosen: succeeded, no whirl, inside the constraints"),
-        "steps": ("1", "integration steps"),
-        "state": ("1, m/s", "state at the end, as in jaxcrusher.Section"),
+    own = {
+        "objective": Column(case.objective.unit, case.objective.meaning),
+        "counts": Column("1", "may be chosen: succeeded, no whirl, inside the constraints", bool),
     }
-    columns = {
-        name: column == 1 if name in (*LOGICAL, "counts") else column
-        for name, column in columns.items()
-    }
-    starts = {"start": list(STARTS)}
-    return labelled(case.design, units, grid, columns, meanings, {"state": "coordinate"}, starts)
+    kept = columns_of(JOINTS[1:], chosen(always_with(JOINTS)))
+    kept |= {name: COLUMNS[name] for name in ("steps", "state")}
+    return labelled(case.design, units, grid, rows, kept | own, {"start": list(STARTS)})
 
 
 def labelled(
     design: Design,
     units: Float[np.ndarray, "points n"],
     grid: tuple[int, int],
-    columns: Mapping[str, np.ndarray],
-    meanings: Mapping[str, tuple[str, str]],
-    last: Mapping[str, str],
+    rows: Rows,
+    columns: Mapping[str, Column],
     first: Mapping[str, Sequence[str]] | None = None,
 ) -> xr.Dataset:
-    """Columns over points of the unit box, whose dims become the grid's, or `sample`.
+    """Return the table of unit points, whose dims become the grid's, or `sample`.
 
-    `meanings` has unit and meaning of each; `last` names the last dim of those with one more,
-    `first` a dim before the points' with its labels.
+    `first` is a dim before the points', with its labels.
     """
     values = {name: np.asarray(numbers) for name, numbers in design.values(units).items()}
+    labels = {
+        name: {"units": jc.PARAMETERS[name].unit, "long_name": jc.PARAMETERS[name].meaning}
+        for name in design.names
+    }
     coordinates: dict = dict(first or {})
     if len(design.names) > GRID_DIMENSIONS:
         dims: tuple[str, ...] = ("sample",)
-        coordinates |= {name: ("sample", numbers) for name, numbers in values.items()}
         sizes = [len(units)]
+        coordinates |= {name: ("sample", v, labels[name]) for name, v in values.items()}
     else:
         dims = design.names
         sizes = list(grid[: len(dims)])
         for i, name in enumerate(dims):
             axis = np.moveaxis(values[name].reshape(sizes), i, 0)
-            coordinates[name] = axis.reshape(sizes[i], -1)[:, 0]
-    data = {}
-    for name, column in columns.items():
-        before, after = len(first or {}), [last[name]] if name in last else []
-        shape = [*column.shape[:before], *sizes, *column.shape[before + 1 :]]
-        unit, meaning = meanings[name]
-        every = (*(first or {}), *dims, *after)
-        data[name] = (every, column.reshape(shape), {"units": unit, "long_name": meaning})
-    result = xr.Dataset(data, coordinates)
-    for name in design.names:
-        parameter = jc.PARAMETERS[name]
-        result[name].attrs = {"units": parameter.unit, "long_name": parameter.meaning}
-    return result
+            coordinates[name] = (name, axis.reshape(sizes[i], -1)[:, 0], labels[name])
+    before = len(first or {})
+    shaped = {
+        name: column.reshape(*column.shape[:before], *sizes, *column.shape[before + 1 :])
+        for name, column in rows.items()
+    }
+    return table.dataset((*(first or {}), *dims), shaped, columns, coordinates)
 
 
 def worst(landscape: xr.Dataset) -> xr.DataArray:

@@ -16,6 +16,8 @@ from jaxtyping import Array, Float
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.batch.engines import run_all, stack
+from jaxcrusher.files.journal import Journal
+from jaxcrusher.files.table import Column
 from optimize.answer import Confirmed
 from optimize.evaluate import Case, Progress, stacked_scenes, started
 
@@ -26,11 +28,11 @@ TURNS, SAMPLES = 2, 256
 DRAWN, FINE = ("foundation_force", "eccentricity"), 1e-9
 # Motions between two reports of progress.
 CHUNK = 32
-# Name -> unit and meaning of what is kept of a motion.
-VARIABLES = {
-    "eccentricity_x": ("clearance", "eccentricity of the pin to the right"),
-    "eccentricity_y": ("clearance", "eccentricity of the pin upwards"),
-    "foundation_force": ("N", "|R_O| + |R_C|"),
+# What is kept of a motion.
+KEPT = {
+    "eccentricity_x": Column("clearance", "eccentricity of the pin to the right"),
+    "eccentricity_y": Column("clearance", "eccentricity of the pin upwards"),
+    "foundation_force": Column("N", "|R_O| + |R_C|"),
 }
 
 
@@ -43,6 +45,7 @@ def cell_motions(
     *,
     turns: int = TURNS,
     samples: int = SAMPLES,
+    journal: Journal | None = None,
 ) -> tuple[xr.Dataset, int]:
     """The `turns` turns of every cell, from both starts, after those of the landscape.
 
@@ -70,25 +73,23 @@ def cell_motions(
     states = landscape.state.to_numpy().reshape(-1, landscape.sizes["coordinate"])
     function = eqx.Partial(_motion, angles=angles, rtol=rtol)
     batch = (stacked_scenes(case, points), states)
-    columns, steps = run_all(function, batch, CHUNK, progress=progress)
+    found = run_all(function, batch, CHUNK, progress=progress, journal=journal, job="motions")
+    steps = int(found.pop("steps").sum())
     *dims, _ = landscape.state.dims
     *shape, _ = landscape.state.shape
-    found = {
-        name: ((*dims, "instant"), columns[name].reshape(*shape, -1), unit, meaning)
-        for name, (unit, meaning) in VARIABLES.items()
-    }
-    ideal = np.asarray(_ideal_force(points, angles, case)).reshape(*shape[1:], -1)
-    meaning = "|R_O| + |R_C| of the ideal joint"
-    found["ideal_force"] = ((*dims[1:], "instant"), ideal, "N", meaning)
+    drawn = {name: (*dims, "instant") for name in KEPT} | {"ideal_force": (*dims[1:], "instant")}
+    columns = KEPT | {"ideal_force": Column("N", "|R_O| + |R_C| of the ideal joint")}
+    found = {name: column.reshape(*shape, -1) for name, column in found.items()}
+    found["ideal_force"] = np.asarray(_ideal_force(points, angles, case)).reshape(*shape[1:], -1)
     coordinates = {name: landscape[name] for name in ("start", *case.design.names)}
     motions = xr.Dataset(
         {
-            name: (along, values.astype(np.float32), {"units": unit, "long_name": meaning})
-            for name, (along, values, unit, meaning) in found.items()
+            name: (drawn[name], found[name].astype(np.float32), columns[name].labels)
+            for name in columns
         },
         coordinates | {"turn": ("instant", turn)},
     )
-    return motions, int(steps.sum())
+    return motions, steps
 
 
 def design_motions(
@@ -120,12 +121,12 @@ def _motion(batch: tuple[jc.Scene, Array], angles: Float[Array, " n"], rtol: flo
     times = angles / scene.drive.speed
     motion = jc.simulate(scene, times, outputs=DRAWN, state=state, rtol=rtol)
     orbit = motion.eccentricity / scene.joint.clearance
-    columns = {
+    return {
         "eccentricity_x": orbit[:, 0],
         "eccentricity_y": orbit[:, 1],
         "foundation_force": motion.foundation_force,
+        "steps": motion.outcome.steps,
     }
-    return columns, motion.outcome.steps
 
 
 @eqx.filter_jit

@@ -12,7 +12,31 @@ Range = Annotated[tuple[str, str], tyro.conf.arg(metavar="LOW HIGH")]
 
 
 @dataclass(frozen=True)
-class Options:
+class Effort:
+    """How hard to search."""
+
+    cells: tuple[int, int] = (61, 37)
+    """Points of the map of periodic orbits along the first and the second parameter."""
+    grid: tuple[int, int] = (16, 10)
+    """Points of the landscape, where both starts are run, along the first and the second one."""
+    samples: int = 256
+    """Points of map and landscape of more than two parameters, a Sobol sequence."""
+    settle: int = 40
+    """Turns of the shaft before statistics start."""
+    turns: int = 40
+    """Turns of the shaft that statistics cover."""
+    steps: int = 40
+    """Most gradient steps of each refinement."""
+    refine: int = 3
+    """Best points to refine from; as many random ones are refined too."""
+    runs: int = 5
+    """Independent long runs from each start that confirm a candidate."""
+    seed: int = 0
+    """Seed of the random refinement points and of the confirmation's starts."""
+
+
+@dataclass(frozen=True)
+class Options(Effort):
     """What to search, and how hard."""
 
     name: str = "default"
@@ -53,22 +77,6 @@ class Options:
     paper: 9.41 / 1.67."""
     inside_model: bool = False
     """Refuse designs whose motion leaves the contact model (wide contact, hard impacts)."""
-    cells: tuple[int, int] = (61, 37)
-    """Points of the map of settled motions along the first and the second parameter."""
-    grid: tuple[int, int] = (16, 10)
-    """Points of the landscape, where both starts are run, along the first and the second one."""
-    samples: int = 256
-    """Points of map and landscape of more than two parameters, a Sobol sequence."""
-    settle: int = 40
-    """Turns of the shaft before statistics start."""
-    turns: int = 40
-    """Turns of the shaft that statistics cover."""
-    steps: int = 40
-    """Most gradient steps of each refinement."""
-    refine: int = 3
-    """Best points to refine from; as many random ones are refined too."""
-    runs: int = 5
-    """Independent long runs from each start that confirm a candidate."""
     slip: Literal["centre", "surface"] | None = None
     """Reading of the slip speed in the friction law."""
     friction: float | None = None
@@ -77,8 +85,6 @@ class Options:
     """Direction of the crushing load on the jaw."""
     impact_velocity: str | None = None
     """Impact velocity of the contact law, such as 0.5m/s, or tracked."""
-    seed: int = 0
-    """Seed of the random refinement points and of the confirmation's starts."""
 
     @property
     def folder(self) -> Path:

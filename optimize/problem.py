@@ -1,23 +1,23 @@
 """The problem that the options of the search describe: what is free, and what is compared."""
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from jaxcrusher.basics.checks import require, require_choice, require_within
-from jaxcrusher.commands.crushers import scene_of
 from jaxcrusher.crusher.capacity import AFFLUENCE
 from jaxcrusher.crusher.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
-from jaxcrusher.scenes.parameters import CHOICES, PE250X400
+from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, PE250X400, in_words, readable
 from jaxcrusher.scenes.plausibility import require_possible
-from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text
-from optimize.answer import Box
+from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text, scene_of
+from optimize.answer import Box, Sought
 from optimize.design import Design
 from optimize.evaluate import Case
 from optimize.landscape import GRID_DIMENSIONS
 from optimize.objectives import OBJECTIVES
-from optimize.options import Options
+from optimize.options import Effort, Options
 
 # The paper's choice, Section 5.3.
 SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
@@ -26,9 +26,79 @@ GREATEST_AT = 25.0
 # Options that do not decide the answer, or do by what they are read as.
 KEPT_APART = ("name", "out", "scene", "speed", "clearance", "design")
 
+Bounds = dict[str, tuple[float, float]]
 
-def check(options: Options) -> None:
-    """Raise ValueError for a value outside its limits, before anything is compiled."""
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A search, as its options were read once: a scene file that changes later does not matter."""
+
+    folder: Path
+    settings: dict[str, Any]  # everything that decides the answer
+    described: dict[str, Any]  # the crusher's numbers and choices that were given
+    case: Case
+    sought: Sought
+    box: Box
+    reference: dict[str, float]  # the free parameters of the design to compare with
+    compared_with: str
+    of_the_paper: bool  # its machine, and its objective
+    effort: Effort
+
+
+def resolve(options: Options) -> Problem:
+    """Return the problem of some options.
+
+    Raises ValueError for a value outside its limits, before anything is compiled.
+    """
+    _check_numbers(options)
+    _require_used(options)
+    described, free = _description(options), _bounds(options)
+    lowest = {name: low for name, (low, _) in free.items()}
+    scene = scene_of({**described, **lowest}, options.scene)
+    if "clearance" in free:
+        bore = described.get("bore_radius", PE250X400["bore_radius"])
+        require_clearance(free["clearance"][1], bore)
+    chamber = build_chamber(described)
+    case = Case(
+        Design(free, {name: value for name, value in described.items() if name not in free}),
+        OBJECTIVES[options.objective],
+        chamber,
+        _floor(options, described, free),
+        options.inside_model,
+    )
+    if not case.links_free:
+        reached = float(chamber.capacity(case.slowest))
+        require(
+            reached >= case.capacity_floor * (1 - 1e-12),
+            "capacity_floor",
+            f"be reached in the box, whose lowest speed gives {reached:.4g} m3/h",
+            case.capacity_floor,
+        )
+    require_possible(described, free)
+    if "sliding_power" in case.objective.outputs:
+        rubs = scene.joint is not None and scene.joint.friction is not None
+        require(rubs, "objective", "be another without friction", options.objective)
+    speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(case.capacity_floor))
+    units = units_of_file(options.scene) | units_of(
+        (name, high) for name, _, high in _free(options)
+    )
+    kept = {name: value for name, value in asdict(options).items() if name not in KEPT_APART}
+    reference, compared_with = _reference(options, described, free)
+    return Problem(
+        options.folder,
+        {"command": "search", **kept, "bounds": free, "scene": described},
+        described,
+        case,
+        Sought(options.objective, case.objective.unit, case.objective.meaning),
+        Box(dict(free), case.capacity_floor, speeds, units),
+        reference,
+        compared_with,
+        options.objective == "rms" and options.scene is None,
+        options,
+    )
+
+
+def _check_numbers(options: Options) -> None:
     for name, value, least in (
         ("cells", min(options.cells), 3),
         ("grid", min(options.grid), 2),
@@ -52,25 +122,6 @@ def check(options: Options) -> None:
             options.capacity_floor >= 0, "capacity_floor", "be >= 0 m3/h", options.capacity_floor
         )
     require_choice("objective", options.objective, tuple(OBJECTIVES))
-    _require_used(options)
-    described, free = description(options), bounds(options)
-    scene = scene_of({**described, **{name: low for name, (low, _) in free.items()}}, options.scene)
-    if "clearance" in free:
-        bore = described.get("bore_radius", PE250X400["bore_radius"])
-        require_clearance(free["clearance"][1], bore)
-    sought = case(options)
-    if not sought.links_free:
-        reached = float(sought.chamber.capacity(sought.slowest))
-        require(
-            reached >= sought.capacity_floor * (1 - 1e-12),
-            "capacity_floor",
-            f"be reached in the box, whose lowest speed gives {reached:.4g} m3/h",
-            sought.capacity_floor,
-        )
-    require_possible(described, free)
-    if "sliding_power" in sought.objective.outputs:
-        rubs = scene.joint is not None and scene.joint.friction is not None
-        require(rubs, "objective", "be another without friction", options.objective)
 
 
 def _require_used(options: Options) -> None:
@@ -94,8 +145,8 @@ def _require_used(options: Options) -> None:
         require(not (idle and given), name, must, value)
 
 
-def bounds(options: Options) -> dict[str, tuple[float, float]]:
-    """The free parameters with their bounds, in SI units.
+def _bounds(options: Options) -> Bounds:
+    """Return the free parameters with their bounds, in SI units.
 
     Raises ValueError for unknown names, for values without a unit, and for no LOW < HIGH.
     """
@@ -113,7 +164,7 @@ def _free(options: Options) -> tuple[tuple[str, str, str], ...]:
     return options.design or paper
 
 
-def description(options: Options) -> dict[str, Any]:
+def _description(options: Options) -> dict[str, Any]:
     """The crusher's other numbers and choices: the scene file's, then the options'."""
     values: dict[str, Any] = {} if options.scene is None else dict(read_scene_file(options.scene))
     for name, value in (
@@ -134,57 +185,32 @@ def description(options: Options) -> dict[str, Any]:
     return values
 
 
-def settings(options: Options) -> dict[str, Any]:
-    """Everything that decides the answer."""
-    kept = {name: value for name, value in asdict(options).items() if name not in KEPT_APART}
-    return {"command": "search", **kept, "bounds": bounds(options), "scene": description(options)}
+def _reference(
+    options: Options, described: dict[str, Any], free: Bounds
+) -> tuple[dict[str, float], str]:
+    """Return the design to compare with, and what it is called.
 
-
-def case(options: Options) -> Case:
-    """What is searched and what for."""
-    free, described = bounds(options), description(options)
-    fixed = {name: v for name, v in described.items() if name not in free}
-    return Case(
-        Design(free, fixed),
-        OBJECTIVES[options.objective],
-        build_chamber(described),
-        floor(options),
-        options.inside_model,
-    )
-
-
-def reference(options: Options) -> dict[str, float]:
-    """The free parameters of the design to compare with: the paper's choice, or the scene file."""
-    base = {**PE250X400, **description(options)}
+    It is the paper's choice, or that of the scene file. A joint that is ideal there is loose in
+    every design of the box, and has the default clearance.
+    """
+    base, title = {**PE250X400, **described}, "scene file"
     if options.scene is None:
         base |= {"speed": SEED_SPEED, "clearance": SEED_CLEARANCE}
-    return {name: float(base[name]) for name in bounds(options)}
+        title = "paper's choice"
+    assumed = {name: NUMBERS[name].default for name in free if name not in base}
+    values = {name: float((base | assumed)[name]) for name in free}
+    told = [f"{in_words(name)} {readable(name, value)}" for name, value in assumed.items()]
+    return values, f"{title} with {' and '.join(told)}" if told else title
 
 
-def reference_title(options: Options) -> str:
-    """What `reference` is: the paper chose for its own machine."""
-    return "paper's choice" if options.scene is None else "scene file"
-
-
-def floor(options: Options) -> float:
-    """The least capacity, m3/h: the greatest over the factor of affluence.
+def _floor(options: Options, described: dict[str, Any], free: Bounds) -> float:
+    """Return the least capacity, m3/h: the greatest over the factor of affluence.
 
     The greatest is that at the lowest speed of the box; the paper's, at 25 rad/s.
     """
     if options.capacity_floor is not None:
         return options.capacity_floor
-    fixed, free = description(options), bounds(options)
     slowest = GREATEST_AT
     if options.scene is not None:
-        slowest = free["speed"][0] if "speed" in free else fixed.get("speed", PE250X400["speed"])
-    return float(build_chamber(fixed).capacity(slowest)) / AFFLUENCE
-
-
-def box(case: Case, options: Options) -> Box:
-    """The box searched, and the range of speeds that the capacity equations give."""
-    chamber, floor = case.chamber, case.capacity_floor
-    speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(floor))
-    units = units_of_file(options.scene) | units_of(
-        (name, high) for name, _, high in _free(options)
-    )
-    return Box(dict(case.design.bounds), floor, speeds, units)
+        slowest = free.get("speed", (described.get("speed", PE250X400["speed"]),))[0]
+    return float(build_chamber(described).capacity(slowest)) / AFFLUENCE

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import tyro
 
-from jaxcrusher.commands.program import keeping, program
+from jaxcrusher.files.program import keeping, program
 from optimize.options import Options
 
 

@@ -1,7 +1,7 @@
 """`python -m benchmarks.engines`: programs by lanes, and one motion after the other."""
 
 from benchmarks.setting import set_up_to_time
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 
 
 def main() -> None:

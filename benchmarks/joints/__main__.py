@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Literal
 
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 
 
 def main(out: Path = Path("results/joints"), slip: Literal["centre", "surface"] = "centre") -> None:

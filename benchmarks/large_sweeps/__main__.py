@@ -1,7 +1,7 @@
 """`python -m benchmarks.large_sweeps`: what a large sweep costs, and what its bits depend on."""
 
 from benchmarks.setting import set_up_to_time
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 
 
 def main() -> None:

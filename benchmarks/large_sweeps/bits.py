@@ -4,7 +4,7 @@ from typing import Annotated
 
 import tyro
 
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 
 # Impacts amplify a rounding by exp(200 t): 0.4 s of them show any difference in the last bit.
 TRIAL = {"speed": [25.0, 31.0, 40.0], "clearance": [0.03e-3, 0.07e-3, 0.09e-3, 0.12e-3]}

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 
 
 def main(out: Path = Path("results/reproduction")) -> None:

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import tyro
 
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 
 
 def main(what: Annotated[str, tyro.conf.Positional]) -> None:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from benchmarks.setting import set_up_to_time
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 
 
 def main(out: Path = Path("results/scenes")) -> None:

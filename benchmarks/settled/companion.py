@@ -1,6 +1,6 @@
 """`python -m benchmarks.settled.companion`: where a loud companion of the quiet motion lives."""
 
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 
 
 def main() -> None:

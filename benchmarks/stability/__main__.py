@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 
 
 def main(

@@ -5,7 +5,7 @@ from typing import Annotated
 import tyro
 
 from jaxcrusher.basics.setup import set_up
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 
 Word = Annotated[str, tyro.conf.Positional]
 

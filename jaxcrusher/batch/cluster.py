@@ -1,7 +1,7 @@
 """Chunks of a sweep on a Dask cluster: workers compute, the caller writes.
 
-The workers get an ensemble and a number and send back its columns, some 100 kB a chunk. They need no
-shared file system and no lock, and a worker that dies holds nothing but its chunk in progress,
+The workers get an ensemble and a number, and send back its columns, some 100 kB a chunk. They need
+no shared file system and no lock, and a worker that dies holds nothing but its chunk in progress,
 which Dask gives to another one.
 """
 

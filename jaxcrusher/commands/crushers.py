@@ -1,20 +1,24 @@
 """The crushers and the grids that a command line names, in SI units."""
 
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
-from jaxcrusher.commands.program import tell
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.scenes.build import build_chamber, build_scene
+from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, complete
-from jaxcrusher.scenes.plausibility import remarks
-from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text, require_parameter
+from jaxcrusher.scenes.plausibility import tell_unusual
+from jaxcrusher.scenes.scene_file import (
+    read_range,
+    read_scene_file,
+    read_text,
+    require_parameter,
+    scene_of,
+)
 
 
 def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
@@ -35,22 +39,6 @@ def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
 def units_given(crusher: Crusher, written: Iterable[tuple[str, str]] = ()) -> dict[str, str]:
     """The units that a crusher's numbers, and further ones, are written in; the last one counts."""
     return units_of_file(crusher.scene) | units_of((*crusher.overrides, *written))
-
-
-def tell_unusual(values: Mapping[str, Any]) -> None:
-    """Its `remarks` on standard error; ValueError as they do."""
-    for line in remarks(values):
-        tell(f"unusual: {line}")
-
-
-def scene_of(values: Mapping[str, Any], path: Path | None) -> Scene:
-    """`build_scene`, whose refusal begins with the file that the values are from."""
-    try:
-        return build_scene(values)
-    except ValueError as error:
-        if path is None:
-            raise
-        raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
 
 
 def read_moving(crusher: Crusher) -> dict[str, Any]:

@@ -1,72 +1,44 @@
-"""The settled motions of a grid of crushers, each solved for from its neighbours."""
+"""Periodic orbits of a grid of crushers, each solved for from its neighbours."""
 
-import itertools
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Float, Scalar
+from jaxtyping import Array, PyTree, Scalar
 
-from jaxcrusher.basics.checks import (
-    require,
-    require_choice,
-    require_names,
-    require_whole,
-)
+from jaxcrusher.basics.checks import require, require_choice, require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.engines import Engine, run_chunks, without_lanes
-from jaxcrusher.batch.plan import check_grid, coordinates
-from jaxcrusher.dynamics.waiting import waited
-from jaxcrusher.files.provenance import provenance
-from jaxcrusher.motion.statistic import STATISTIC
-from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.parameters import (
-    CHOICES,
-    PARAMETERS,
-    choices_of,
-    loose_besides,
-    numbers_of,
-)
-from jaxcrusher.settled.forced import from_rest_unless
-from jaxcrusher.settled.periodic_orbit import NODES, SETTLED, periodic_orbit
-from jaxcrusher.settled.result import PeriodicOrbit, reason
-from jaxcrusher.settled.trigonometric import resample
-
-# Name -> unit and meaning of what a map holds besides the statistics.
-VARIABLES = {
-    "error": ("1", "estimated error of the RMS, as a share of it"),
-    "least_penetration": ("1", "least penetration / clearance"),
-    "largest_multiplier": ("1", "largest modulus of the Floquet multipliers"),
-    "multipliers_error": ("1", "estimated error of the matrix whose eigenvalues they are"),
-    "settling_turns": ("1", "turns in which a disturbance falls to 1/e"),
-}
-LOGICAL = {"success": "solved", "stable": "disturbances die"}
-# Designs solved between two looks at what their neighbours are.
-CHUNK = 16
-# Steps along an axis to the furthest neighbour. Where a branch folds back from the next cells, one
-# that comes from further away may pass: in a tongue the shape of a motion matters more than how
-# near it is.
-REACH = 4
+from jaxcrusher.batch.engines import Engine, name_of
+from jaxcrusher.batch.ensemble import opened
+from jaxcrusher.batch.layout import Layout
+from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.dynamics.orbits import SEEN, Problem, Rows, beside, solve_orbits
+from jaxcrusher.files.journal import Journal
+from jaxcrusher.files.table import COLUMNS, Column
+from jaxcrusher.motion.statistic import STATISTIC, statistics_of
+from jaxcrusher.settled.forced import refusal
+from jaxcrusher.settled.periodic_orbit import NODES, SETTLED
+from jaxcrusher.settled.result import PeriodicOrbit
 
 
 def orbit_map(
     axes: Mapping[str, Any],
     *,
     base: Mapping[str, Any] | None = None,
+    scene: Callable[..., Scene] | None = None,
     period: int = 1,
     slopes: Sequence[str] = (),
     metric: str = "foundation_rms",
     nodes: int | None = None,
+    store: str | Path | None = None,
     engine: Engine | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
-    """Settled motions over the grid product of any parameters, as `jaxcrusher.periodic_orbit`.
+    """Solve for the periodic orbit of every design of a grid, as `jaxcrusher.periodic_orbit` does.
 
     Every cell is solved from the pin resting in its bore, on all cores; a cell where that fails is
     tried again from neighbours along the axes that are solved, up to four steps away and the
@@ -84,6 +56,10 @@ def orbit_map(
       leave with an `error` above 1e-8.
     - `slopes`: names of numbers by which `metric`, a statistic of `jaxcrusher.PeriodicOrbit`, is
       differentiated: any number of them costs about as much as one.
+    - `scene`: a function of your own that makes the scene, as in `jaxcrusher.sweep`.
+    - `store`: None, or a folder in which the map is kept while it is computed, and then as a Zarr
+      store. Killed at any moment and called again with the same arguments, it goes on where it was
+      and ends with the same bits.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
     - `progress`: called with the number of finished and of all designs, first at the start; what
       fails is finished when its neighbours have been tried.
@@ -104,209 +80,108 @@ def orbit_map(
         require(nodes % 2 == 0, "nodes", "be even", nodes)
     levels = (NODES, 2 * NODES) if nodes is None else (nodes,)
     require_choice("metric", metric, tuple(STATISTIC))
-    varied, fixed = check_grid(axes, base or {})
-    described = fixed | varied
-    require_names("slopes", slopes, tuple(numbers_of(described)))
-    cells = list(itertools.product(*varied.values()))
+    grid, slopes = make_grid(axes, base, scene), tuple(slopes)
+    require_names("slopes", slopes, tuple(grid.numbers_described))
+    groups = list(grid.alike())
+    first = [_first(grid, designs[0], choices) for choices, designs in groups]
+    for one in first:
+        if refused := refusal(one):
+            raise ValueError(f"Argument `scene` must {refused}.")
     report = progress or (lambda finished, of: None)
-    report(0, len(cells))
-    choices = choices_of(described)
-    # Another choice is another program, and no neighbour.
-    groups: dict[tuple, list[int]] = {}
-    for number, cell in enumerate(cells):
-        made = {**fixed, **dict(zip(varied, cell, strict=True))}
-        groups.setdefault(tuple(made[name] for name in choices), []).append(number)
-    numbers = {
-        name: np.array([cell[list(varied).index(name)] for cell in cells], float)
-        if name in varied
-        else np.full(len(cells), fixed[name], float)
-        for name in numbers_of(described)
-    }
-    shape = tuple(len(values) for values in varied.values())
-    dims = 2 * (1 + len(loose_besides(described)))
-    grid = _Grid(shape, tuple(name in PARAMETERS for name in varied), numbers, dims)
-    for chosen, members in groups.items():
-        words = dict(zip(choices, chosen, strict=True))
-        for level in levels:
-            solve = eqx.Partial(
-                _cell,
-                choices=words,
-                slopes=tuple(slopes),
-                metric=metric,
-                period=period,
-                nodes=level,
-            )
-            grid.fill(solve, members, level * period, engine or without_lanes(), report)
-        # What no neighbour leads to is waited for.
-        if left := [number for number in members if not grid.rows[number]["success"]]:
-            guesses = waited(
-                lambda by, words=words: build_scene({**by, **words}),
-                grid.numbers_of(left),
-                period,
-                engine,
-            )
-            pairs = zip(left, guesses, strict=True)
-            known = {number: guess for number, guess in pairs if np.isfinite(guess).all()}
-            points = levels[-1] * period
-            grid.fill(solve, list(known), points, engine or without_lanes(), report, known)
-    rows = [grid.rows[number] for number in range(len(cells))]
-    data = _variables(varied, shape, rows, metric)
-    labels = {name: (name, *rest) for name, rest in coordinates(varied).items()}
-    if slopes:
-        labels["parameter"] = ("parameter", np.array(slopes, object), {})
-    attributes = provenance(
-        "Settled motions of jaw crushers over a grid of parameters",
-        parameters={n: [v, PARAMETERS[n].unit] for n, v in fixed.items() if n in PARAMETERS},
-        choices={name: value for name, value in fixed.items() if name in CHOICES},
-        period=period,
-        nodes=list(levels),
-    )
-    return xr.Dataset(data, labels, attributes)
+    report(0, grid.size)
+    asked = {"period": period, "slopes": list(slopes), "metric": metric, "nodes": list(levels)}
+    settings = grid.settings() | asked | ({} if engine is None else {"engine": name_of(engine)})
+    layout, done = _layout(grid, first, slopes, metric), 0
+    title = "Periodic orbits of jaw crushers over a grid of parameters"
+    with opened(layout, store, title, settings, asked) as kept:
+        if 0 not in kept.done:
+            found = {}
+            for (choices, designs), one in zip(groups, first, strict=True):
+                problem = Problem(
+                    eqx.Partial(_scene, slopes=slopes, make=grid.function, choices=choices),
+                    eqx.Partial(_metric, name=metric),
+                    period,
+                    2 * len(list(one.joints.present())),
+                )
+                found[tuple(designs)] = _solved(
+                    grid, designs, problem, slopes, levels, engine, kept.journal,
+                    lambda finished, _, before=done: report(before + finished, grid.size),
+                )  # fmt: skip
+                done += len(designs)
+            kept.write(0, _joined(layout, found), {})
+        return kept.dataset()
 
 
-def _cell(
-    case: tuple[dict[str, Scalar], Float[Array, "n dims"]],
-    *,
-    choices: dict[str, str],
+def _first(grid: Grid, design: int, choices: Mapping[str, str]) -> Scene:
+    numbers = {name: float(column[0]) for name, column in grid.numbers([design]).items()}
+    return grid.scene(numbers, choices)
+
+
+def _scene(
+    free: Array,
+    rest: dict[str, Array],
     slopes: tuple[str, ...],
-    metric: str,
-    period: int,
-    nodes: int,
-) -> dict[str, Any]:
-    """What a map holds of the orbit from a guess (NaN: from the pin at rest)."""
-    numbers, guess = case
+    make: SceneFunction | None,
+    choices: Mapping[str, str],
+) -> Scene:
+    numbers = rest | {name: free[i] for i, name in enumerate(slopes)}
+    return scene_by(make, numbers, choices)
 
-    def solved(by: dict[str, Scalar]) -> tuple[Scalar, PeriodicOrbit]:
-        scene = build_scene({**numbers, **choices, **by})
-        first = None if scene.is_ideal else from_rest_unless(guess, scene, period)
-        orbit = periodic_orbit(scene, period=period, nodes=nodes, guess=first)
-        return orbit[metric], orbit
 
-    by, row = {name: numbers[name] for name in slopes}, {}
+def _metric(orbit: PeriodicOrbit, scene: Scene, free: Array, rest: PyTree, name: str) -> Scalar:
+    return orbit[name]
+
+
+def _solved(
+    grid: Grid,
+    designs: list[int],
+    problem: Problem,
+    slopes: tuple[str, ...],
+    levels: tuple[int, ...],
+    engine: Engine | None,
+    journal: Journal | None,
+    report: Callable[[int, int], None],
+) -> Rows:
+    """Solve for the orbits of designs that have the same choices."""
+    numbers, place = grid.numbers(designs), {design: i for i, design in enumerate(designs)}
+    free = [numbers.pop(name) for name in slopes]
+    near = beside(grid.shape, [not grid.chooses(name) for name in grid.axes])
+    return solve_orbits(
+        problem,
+        (np.stack(free, axis=1) if free else np.empty((len(designs), 0)), numbers),
+        levels,
+        lambda case: [place[design] for design in near(designs[case])],
+        enough=SETTLED,
+        engine=engine,
+        journal=journal,
+        progress=report,
+    )
+
+
+def _layout(grid: Grid, scenes: list[Scene], slopes: tuple[str, ...], metric: str) -> Layout:
+    """Return the columns that all designs have: of an ideal joint there are fewer."""
+    held = set.intersection(*(set(statistics_of(scene)) for scene in scenes))
+    columns = {name: Column(of.unit, of.meaning) for name, of in STATISTIC.items() if name in held}
+    columns |= {name: COLUMNS[name] for name in (*SEEN, "failure")}
+    further: dict[str, np.ndarray | int] = {}
     if slopes:
-        (_, orbit), found = jax.value_and_grad(solved, has_aux=True)(by)
-        row["slope"] = jnp.stack([found[name] for name in slopes])
-    else:
-        orbit = solved(by)[1]
-    row |= dict(orbit.values) | {name: getattr(orbit, name) for name in VARIABLES}
-    row |= {name: getattr(orbit, name) for name in LOGICAL} | {"result": orbit.result}
-    if orbit.eccentricity is not None:
-        multipliers = {"real": orbit.multipliers.real, "imag": orbit.multipliers.imag}
-        row |= {f"multiplier_{part}": values for part, values in multipliers.items()}
-        row["eccentricity"] = orbit.eccentricity
-    return row
+        meaning = f"slope of {metric} by the parameter, per its unit"
+        columns["slope"] = Column(STATISTIC[metric].unit, meaning, dims=("parameter",))
+        further["parameter"] = np.array(slopes, object)
+    joints = {len(list(scene.joints.present())) for scene in scenes}
+    if len(joints) == 1 and (loose := joints.pop()):
+        columns |= {name: COLUMNS[name] for name in ("multiplier_real", "multiplier_imag")}
+        further["multiplier"] = 4 * loose
+    return Layout(grid, columns, grid.shape, further)
 
 
-@dataclass
-class _Grid:
-    """Cells in the order of their product, and what is known of each."""
-
-    shape: tuple[int, ...]
-    ordered: tuple[bool, ...]  # whether an axis has neighbours
-    numbers: dict[str, np.ndarray]
-    dims: int = 2  # of a guess
-    rows: dict[int, dict[str, Any]] = field(default_factory=dict)
-
-    def fill(
-        self,
-        solve: Callable,
-        members: list[int],
-        points: int,
-        engine: Engine,
-        report: Callable[[int, int], None],
-        begin: Mapping[int, np.ndarray] | None = None,
-    ) -> None:
-        """Solve what is not solved well, then what fails from neighbours, until none is new.
-
-        The guesses of `begin` take the place of what is known of the cells.
-        """
-        total = math.prod(self.shape)
-        wanted = [(n, self._own(n, points)) for n in members if not self._settled(n)]
-        if begin is not None:
-            wanted = [(n, np.asarray(resample(jnp.asarray(begin[n]), points))) for n in members]
-        tried: set[tuple[int, int]] = set()
-        while wanted:
-            found: set[int] = set()
-            for number, row in self._solve(solve, wanted, engine):
-                if number not in self.rows or (row["success"] and number not in found):
-                    self.rows[number] = row
-                    if row["success"]:
-                        found.add(number)
-                report(len(self.rows), total)
-            left = [number for number in members if not self.rows[number]["success"]]
-            # As many guesses of each as fill a chunk.
-            guesses = max(1, CHUNK // max(1, len(left)))
-            pairs = [(n, near) for n in left for near in self._untried(n, tried)[:guesses]]
-            tried.update(pairs)
-            wanted = [(number, self._own(near, points)) for number, near in pairs]
-
-    def numbers_of(self, cells: Sequence[int] | np.ndarray) -> dict[str, np.ndarray]:
-        """The numbers of some cells."""
-        return {name: column[np.asarray(cells)] for name, column in self.numbers.items()}
-
-    def _untried(self, number: int, tried: set[tuple[int, int]]) -> list[int]:
-        """Neighbours that are solved, and from which a cell was not yet tried."""
-        near = self._neighbours(number)
-        return [n for n in near if self.rows[n]["success"] and (number, n) not in tried]
-
-    def _settled(self, number: int) -> bool:
-        """Whether a cell is known as well as it can be wished for."""
-        row = self.rows.get(number)
-        return row is not None and bool(row["success"]) and bool(row["error"] <= SETTLED)
-
-    def _own(self, number: int, points: int) -> np.ndarray:
-        """The orbit of a cell, as a guess; NaN, which stands for the pin at rest, if none."""
-        row = self.rows.get(number)
-        if row is None or not row["success"] or "eccentricity" not in row:
-            return np.full((points, self.dims), np.nan)
-        return np.asarray(resample(jnp.asarray(row["eccentricity"]), points))
-
-    def _solve(self, solve: Callable, wanted: list[tuple[int, np.ndarray]], engine: Engine):
-        """Rows as they come; the last chunk is as large as the others, or it were compiled anew."""
-        padded = wanted + wanted[-1:] * (-len(wanted) % CHUNK)
-        index = np.array([number for number, _ in padded])
-        cases = (
-            self.numbers_of(index),
-            np.stack([guess for _, guess in padded]),
-        )
-        for part, found in run_chunks(solve, cases, CHUNK, engine):
-            for i, (number, _) in enumerate(wanted[part]):
-                yield number, jax.tree.map(lambda leaf, i=i: leaf[i], found)
-
-    def _neighbours(self, number: int) -> list[int]:
-        """Some steps along one axis of numbers, the nearest first; of the same choices."""
-        place = np.unravel_index(number, self.shape)
-        steps = [sign * length for length in range(1, REACH + 1) for sign in (-1, 1)]
-        found = []
-        for step, (axis, size) in itertools.product(steps, enumerate(self.shape)):
-            if self.ordered[axis] and 0 <= place[axis] + step < size:
-                moved = [p + step * (k == axis) for k, p in enumerate(place)]
-                found.append(int(np.ravel_multi_index(moved, self.shape)))
-        return found
-
-
-def _variables(
-    varied: dict[str, tuple], shape: tuple[int, ...], rows: list[dict[str, Any]], metric: str
-) -> dict[str, tuple]:
-    """Of the dataset."""
-
-    def variable(name: str, unit: str, meaning: str, *further: str) -> tuple:
-        found = np.array([row[name] for row in rows])
-        found = found.reshape(*shape, *found.shape[1:])
-        return (*varied, *further), found, {"units": unit, "long_name": meaning}
-
-    # Of an ideal joint, and without friction, there are fewer.
-    held = set.intersection(*(set(row) for row in rows))
-    meanings = {name: (of.unit, of.meaning) for name, of in STATISTIC.items()} | VARIABLES
-    meanings |= {name: ("1", meaning) for name, meaning in LOGICAL.items()}
-    data = {name: variable(name, *rest) for name, rest in meanings.items() if name in held}
-    if "slope" in held:
-        unit, meaning = STATISTIC[metric].unit, f"slope of {metric} by the parameter, per its unit"
-        data["slope"] = variable("slope", unit, meaning, "parameter")
-    for part in ("real", "imag"):
-        if (name := f"multiplier_{part}") in held:
-            data[name] = variable(name, "1", f"{part}: Floquet multipliers", "multiplier")
-    reasons = [reason(row["result"]) for row in rows]
-    failures = np.array(reasons, object).reshape(shape)
-    data["failure"] = tuple(varied), failures, {"long_name": "why there is no orbit"}
-    return data
+def _joined(layout: Layout, found: Mapping[tuple[int, ...], Rows]) -> Rows:
+    """Return the columns of the whole grid."""
+    values, shape = Rows(), layout.grid.shape
+    for name, column in layout.columns.items():
+        kind = object if column.kind is str else column.kind
+        whole = np.empty((layout.grid.size, *layout.inner(column)), kind)
+        for designs, rows in found.items():
+            whole[list(designs)] = rows[name]
+        values[name] = whole.reshape(*shape, *whole.shape[1:])
+    return values

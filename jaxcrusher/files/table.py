@@ -1,4 +1,4 @@
-"""Tables of results: what a column is called, its unit and meaning, and the dataset it stands in."""
+"""Tables of results: the unit and meaning of every column, and the dataset they stand in."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple

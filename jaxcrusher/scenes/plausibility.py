@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxcrusher.files.program import tell
 from jaxcrusher.scenes.parameters import CHAMBER, WORN_JOINTS, complete, readable
 
 STANDARD_GRAVITY = 9.80665  # m/s2
@@ -229,3 +230,9 @@ def require_possible(values: Mapping[str, Any], axes: Mapping[str, Sequence[Any]
 
 def _number(value: float, unit: str) -> str:
     return f"{value:.3g} {unit}".rstrip()
+
+
+def tell_unusual(values: Mapping[str, Any]) -> None:
+    """Print the `remarks` on a machine on standard error; ValueError as they do."""
+    for line in remarks(values):
+        tell(f"unusual: {line}")

@@ -17,7 +17,7 @@ refused where a unit could be meant: 0.10 may be millimetres to the one who writ
 
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from difflib import get_close_matches
 from functools import cache
@@ -28,6 +28,8 @@ import numpy as np
 import pint
 
 from jaxcrusher.basics.checks import require_choice
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, check_number
 
 _KEYS = (*NUMBERS, *CHOICES)
@@ -266,3 +268,13 @@ def _suggestion(name: str) -> str:
     if near:
         return f"; did you mean {' or '.join(near)}?"
     return f"; there are {', '.join(inside or known)}."
+
+
+def scene_of(values: Mapping[str, Any], path: Path | None) -> Scene:
+    """Return `build_scene`, whose refusal begins with the file that the values are from."""
+    try:
+        return build_scene(values)
+    except ValueError as error:
+        if path is None:
+            raise
+        raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None

@@ -226,7 +226,9 @@ def test_memory_holds_what_the_store_holds(tmp_path):
 
 def test_foreign_folder_is_refused(tmp_path):
     (tmp_path / "letters.txt").write_text("Dear")
-    with pytest.raises(ValueError, match=r"^Argument `store` must be new or one of an earlier call"):
+    with pytest.raises(
+        ValueError, match=r"^Argument `store` must be new or one of an earlier call"
+    ):
         fill(tmp_path)
 
 

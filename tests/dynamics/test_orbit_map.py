@@ -5,7 +5,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_turn
-from jaxcrusher.dynamics import orbit_map as module
+from jaxcrusher.dynamics import orbits
 from jaxcrusher.dynamics.orbit_map import orbit_map
 
 SLOPES = ("speed", "clearance")
@@ -42,51 +42,108 @@ def test_failures_do_not_stop_the_others():
     np.testing.assert_allclose(found.foundation_rms[0, 0], 18524.1596, atol=1e-4)
 
 
-def test_a_failed_cell_is_tried_from_its_neighbours():
+class _Made(orbits._Search):
+    """A search whose solver is made up: it notes which case is tried from which orbit."""
+
+    def __init__(self, count, good):
+        problem = orbits.Problem(told, told, 1, 2)
+        super().__init__(problem, (np.zeros((count, 0)), {}), 4, 16, None, None)
+        self.tried, self.good, self.error = [], good, dict.fromkeys(range(count), 0.0)
+
+    def run(self, function, given, *_, **__):
+        (_, numbers), guesses = given
+        cases = numbers["number"].astype(int)
+        self.tried += list(zip(cases.tolist(), guesses[:, 0, 0], strict=True))
+        orbit = np.repeat(numbers["number"], 8).reshape(-1, 4, 2)
+        good = [self.good(int(case), guess) for case, guess in self.tried[-len(cases) :]]
+        error = np.array([self.error[int(case)] for case in cases])
+        return {"success": np.array(good), "eccentricity": orbit, "error": error}
+
+
+def made(monkeypatch, count, good):
+    search = _Made(count, good)
+    search._cases = (np.zeros((count, 0)), {"number": np.arange(float(count))})
+    monkeypatch.setattr(orbits, "run_all", search.run)
+    monkeypatch.setattr(orbits, "_filled", lambda leaf, chunk: np.asarray(leaf))
+    return search
+
+
+def told(*_):
+    pass
+
+
+def test_a_failed_cell_is_tried_from_its_neighbours(monkeypatch):
     """Each neighbour once, along numbers only, those that failed not at all."""
-    grid = module._Grid((2, 3, 2), (True, True, False), {"speed": np.arange(12.0)})
-    tried = []
-
-    def solve(_, wanted, engine):
-        for number, guess in wanted:
-            tried.append((number, guess[0, 0]))
-            # The last cell wants its neighbour 8, the others anything; 6 wants what there is not.
-            good = number not in (6, 10) or (number == 10 and guess[0, 0] == 8.0)
-            orbit = np.full((4, 2), float(number))
-            yield number, {"success": good, "eccentricity": orbit, "error": 0.0}
-
-    grid._solve = solve
-    grid.fill(solve, [0, 2, 4, 6, 8, 10], 4, in_turn, lambda *counts: None)
-    assert [number for number, guess in tried if np.isnan(guess)] == [0, 2, 4, 6, 8, 10]
-    again = [pair for pair in tried if not np.isnan(pair[1])]
+    near = orbits.beside((2, 3, 2), (True, True, False))
+    # The last cell wants its neighbour 8, the others anything; 6 wants what there is not.
+    search = made(monkeypatch, 12, lambda n, guess: n not in (6, 10) or (n == 10 and guess == 8.0))
+    cases = np.array([0, 2, 4, 6, 8, 10])
+    search.fill(cases, 4, near, told)
+    assert [number for number, guess in search.tried if np.isnan(guess)] == cases.tolist()
+    again = [pair for pair in search.tried if not np.isnan(pair[1])]
     assert sorted(again) == [(6, 0.0), (6, 8.0), (6, 10.0), (10, 4.0), (10, 8.0)]
-    assert grid.rows[10]["success"] and not grid.rows[6]["success"]
+    assert search.rows["success"][10] and not search.rows["success"][6]
     # With more nodes: only what failed, or is not known well, that from itself.
-    tried.clear()
-    grid.rows[4]["error"] = 1e-6
-    grid.fill(solve, [0, 2, 4, 6, 8, 10], 8, in_turn, lambda *counts: None)
-    assert tried[0] == (4, 4.0) and tried[1][0] == 6 and np.isnan(tried[1][1])
-    assert {number for number, _ in tried} == {4, 6}
+    search.tried.clear()
+    search.rows["error"][4] = 1e-6
+    left = [n for n in search.unsolved(1e-8).tolist() if n in cases]
+    search.fill(np.array(left), 8, near, told)
+    assert left == [4, 6]
+    assert search.tried[0] == (4, 4.0) and search.tried[1][0] == 6
 
 
-def test_neighbours_further_away_are_tried_too():
+def test_neighbours_further_away_are_tried_too(monkeypatch):
     """The nearest first; of guesses that fill a chunk the first that leads somewhere counts."""
-    grid = module._Grid((9,), (True,), {"speed": np.arange(9.0)})
-    tried = []
+    near = orbits.beside((9,), (True,))
+    search = made(monkeypatch, 9, lambda n, guess: n != 3 or guess in (5, 6))
+    search.fill(np.arange(9), 4, near, told)
+    guesses = [guess for number, guess in search.tried if number == 3]
+    # From rest, and as far as there are cells, and four steps at most.
+    assert np.isnan(guesses[0]) and guesses[1:] == [2, 4, 1, 5, 0, 6, 7]
+    assert search.orbits[3, 0, 0] == 3 and search.rows["success"][3]
 
-    def solve(_, wanted, engine):
-        for number, guess in wanted:
-            tried.append((number, guess[0, 0]))
-            good = number != 3 or guess[0, 0] in (5, 6)
-            yield number, {"success": good, "eccentricity": guess, "error": guess[0, 0]}
 
-    grid._solve = solve
-    grid._own = lambda number, points: np.full((4, 2), float(number))
-    grid.fill(solve, list(range(9)), 4, in_turn, lambda *counts: None)
-    near = [guess for number, guess in tried if number == 3]
-    # Itself, and as far as there are cells, and four steps at most.
-    assert near == [3, 2, 4, 1, 5, 0, 6, 7]
-    assert grid.rows[3]["error"] == 5
+def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
+    """A map that stops after its first chunk goes on with what the journal holds."""
+    axes = {"speed": [27.0, 45.0], "clearance": list(np.linspace(4e-5, 6e-5, 9))}
+    whole, solved = orbit_map(axes, nodes=96), []
+
+    class Killed(Exception):
+        pass
+
+    def engine(function, cases):
+        solved.append(1)
+        if len(solved) == 2:
+            raise Killed
+        return in_turn(function, cases)
+
+    engine.__qualname__ = "counting"
+    with pytest.raises(Killed):
+        orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine)
+    first = len(list(tmp_path.glob("map/.sweep/journal/*.npz")))
+    found = orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine)
+    assert first == 1 and not (tmp_path / "map/.sweep/journal").exists()
+    for name in whole:
+        assert found[name].values.tobytes() == whole[name].values.tobytes() or name == "failure"
+    assert (found.failure.values == whole.failure.values).all()
+    # A finished store is only read.
+    count = len(solved)
+    orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine)
+    assert len(solved) == count
+    with pytest.raises(ValueError, match="differ period"):
+        orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine, period=2)
+
+
+def _with_law(speed, gap):
+    return jc.paper_scene(speed, gap * 1e-3)
+
+
+def test_a_scene_function_of_ones_own():
+    found = orbit_map({"gap": [0.05, 0.06]}, base={"speed": 27.0}, scene=_with_law, slopes=("gap",))
+    same = orbit_map({"clearance": [5e-5, 6e-5]}, base={"speed": 27.0}, slopes=("clearance",))
+    np.testing.assert_allclose(found.foundation_rms, same.foundation_rms, rtol=1e-12)
+    # Per mm instead of per m.
+    np.testing.assert_allclose(found.slope[:, 0], same.slope[:, 0] * 1e-3, rtol=1e-9)
 
 
 @pytest.mark.parametrize(

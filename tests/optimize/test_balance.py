@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 import jaxcrusher as jc
-from jaxcrusher.commands.program import program
+from jaxcrusher.files.program import program
 from optimize.balance import compare, problem, settled
 from optimize.balance import study as balance
 from optimize.balance.__main__ import study

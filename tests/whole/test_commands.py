@@ -18,7 +18,7 @@ import jaxcrusher as jc
 from jaxcrusher import __main__
 from jaxcrusher.batch import sweep
 from jaxcrusher.commands import gradient, regimes, simulate
-from jaxcrusher.commands.program import parse
+from jaxcrusher.files.program import parse
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.files.resume import begin

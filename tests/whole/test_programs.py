@@ -102,7 +102,7 @@ def test_developers_see_where_an_error_is_from(run):
 def test_console_of_another_encoding_loses_signs_only(run, tmp_path):
     (tmp_path / "program.py").write_text(
         "from rich.console import Console\n"
-        "from jaxcrusher.commands.program import program\n"
+        "from jaxcrusher.files.program import program\n"
         "def main() -> None:\n"
         "    '''Print ±.'''\n"
         "    print('1 ± 2 m³')\n"

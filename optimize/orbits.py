@@ -1,0 +1,186 @@
+"""The settled motion of designs: the objective on it, its exact slopes, and its multipliers."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float, PyTree, Scalar
+
+import jaxcrusher as jc
+from jaxcrusher.dynamics.orbits import Problem, beside, solve_orbits
+from jaxcrusher.files.journal import Journal
+from jaxcrusher.files.table import COLUMNS, Column
+from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
+from jaxcrusher.settled.forced import refusal
+from optimize.answer import Companion, Settled
+from optimize.evaluate import Case, Progress, Rows, started
+from optimize.landscape import GRID_DIMENSIONS, labelled
+
+# What a map keeps of an orbit besides the statistics.
+KEPT = ("error", "largest_multiplier", "settling_turns", "least_penetration")
+# Nodes a turn of maps and descents; what is reported is solved with as many as it takes.
+NODES = 96
+# Designs solved between two reports of progress. Descents run the same program.
+CHUNK = 32
+# Slopes are compared with differences over twice this share of the box: shorter ones lose more to
+# rounding (1e-10 of the value) than they gain in truncation.
+BESIDE = 1e-3
+# Random starts of a design that is looked at for other motions, and the turns of each.
+ENSEMBLE, ENSEMBLE_TURNS = 16, 480
+# Objectives that differ by less, as a share, are of one motion, solved for twice.
+SAME = 1e-6
+
+
+def unsolvable(case: Case) -> str:
+    """Why the case's scenes have no orbit to solve for, or nothing."""
+    return refusal(case.design.scene(np.full(len(case.design.names), 0.5)))
+
+
+def solve(
+    case: Case,
+    units: Float[np.ndarray, "points n"],
+    neighbours: Callable[[int], list[int]] | None = None,
+    *,
+    journal: Journal | None = None,
+    progress: Progress | None = None,
+) -> Rows:
+    """Solve for the orbits of unit points, as `jaxcrusher.dynamics.orbits.solve_orbits` does.
+
+    Without `neighbours` of a point each is only tried from the pin at rest in its bore. Rows of
+    shape (points,) hold `objective`, `counts` (stable and within the constraints) besides; `slope`
+    is that of the objective per unit of each free parameter, (points, n).
+    """
+    middle = case.design.scene(np.full(len(case.design.names), 0.5))
+    problem = Problem(
+        eqx.Partial(_scene, case=case),
+        eqx.Partial(_objective, case=case),
+        1,
+        2 * len(list(middle.joints.present())),
+    )
+    rows = solve_orbits(
+        problem,
+        (units, {}),
+        (NODES,),
+        neighbours,
+        chunk=CHUNK,
+        journal=journal,
+        progress=progress,
+    )
+    rows["objective"] = rows.pop("number")
+    rows["slope"] = rows["slope"] / widths(case)
+    capacity = case.capacity(units) >= case.capacity_floor * (1 - 1e-12)
+    inside = rows["inside_model"] if case.inside_model else True
+    rows["counts"] = rows["stable"] & capacity & inside & np.isfinite(rows["objective"])
+    return rows
+
+
+def _scene(unit: Array, _: PyTree, case: Case) -> jc.Scene:
+    return case.design.scene(unit)
+
+
+def _objective(
+    orbit: jc.PeriodicOrbit, scene: jc.Scene, unit: Array, _: PyTree, case: Case
+) -> Scalar:
+    return case.objective.formula(orbit, scene, case.chamber_of(case.design.description(unit)))
+
+
+def solve_map(
+    case: Case,
+    units: Float[np.ndarray, "points n"],
+    cells: tuple[int, int],
+    journal: Journal | None = None,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Return the map of the periodic orbits of a grid's points, or of a sequence's."""
+    count = len(case.design.names)
+    near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else _alone
+    rows = solve(case, units, near, journal=journal, progress=progress)
+    of = case.objective
+    columns = {name: Column(STATISTIC[name].unit, STATISTIC[name].meaning) for name in STATISTICS}
+    columns |= {name: COLUMNS[name] for name in (*KEPT, "stable", "inside_model", "failure")}
+    columns["objective"] = Column(of.unit, of.meaning)
+    meaning = f"slope of the {of.meaning}, per unit of the parameter"
+    columns["slope"] = Column(of.unit, meaning, dims=("parameter",))
+    meaning = "may be chosen: a stable motion inside the constraints"
+    columns["counts"] = Column("1", meaning, bool)
+    return labelled(case.design, units, cells, rows, columns)
+
+
+def _alone(_: int) -> list[int]:
+    """Return no point: a sequence's points lie too far apart."""
+    return []
+
+
+def widths(case: Case) -> Float[np.ndarray, " n"]:
+    """Return the width of the box in each parameter's unit."""
+    return np.array([high - low for low, high in case.design.bounds.values()])
+
+
+def count(orbits: xr.Dataset | None) -> int | None:
+    """Return how many points of a map have a stable orbit, None where none is solved for."""
+    return None if orbits is None else int(orbits.stable.sum())
+
+
+def looked_at(case: Case, unit: Float[np.ndarray, " n"]) -> Settled | None:
+    """The settled motion of one point, with as many nodes as it takes, integrated round once.
+
+    Its slopes stand beside central differences of settled motions. None where there is no orbit
+    to solve for.
+    """
+    if unsolvable(case):
+        return None
+    described = {**case.design.fixed, **case.design.numbers(unit)}
+    scene = jc.build_scene(described)
+    orbit = jc.periodic_orbit(scene)
+    beside = BESIDE * np.eye(len(unit))
+    rows = solve(case, np.concatenate([unit[None], unit + beside, unit - beside]))
+    above, below = np.split(rows["objective"][1:], 2)
+    slopes, names = rows["slope"][0], case.design.names
+    apart = np.abs((above - below) / (2 * BESIDE * widths(case)) - slopes)
+    value = case.objective.formula(orbit, scene, case.chamber_of(described))
+    modulus = np.abs(orbit.multipliers)
+    return Settled(
+        failure=orbit.failure,
+        objective=float(value) if bool(orbit.success) else float("nan"),
+        foundation_rms=float(orbit.foundation_rms),
+        foundation_peak=float(orbit.foundation_peak),
+        shaking_rms=float(orbit.shaking_rms),
+        shaking_peak=float(orbit.shaking_peak),
+        error=float(orbit.error),
+        multipliers=[[float(m.real), float(m.imag)] for m in orbit.multipliers],
+        largest_multiplier=float(modulus.max(initial=0.0)),
+        settling_turns=float(orbit.settling_turns),
+        least_penetration=float(orbit.least_penetration),
+        section=np.asarray(orbit.eccentricity)[0],
+        state=np.asarray(orbit.section),
+        validity=orbit.validity,
+        slopes=dict(zip(names, slopes.tolist(), strict=True)),
+        slopes_apart=dict(zip(names, apart.tolist(), strict=True)),
+    )
+
+
+def companions(case: Case, values: dict[str, float]) -> tuple[Companion, ...]:
+    """The stable motions of a design that random starts about the centred one come to."""
+    described = {**case.design.fixed, **values}
+    scene, chamber = started(described, "centred"), case.chamber_of(described)
+    found = jc.settled_motions(scene, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
+    return tuple(
+        Companion(
+            share,
+            orbit.period,
+            float(case.objective.formula(orbit, scene, chamber)),
+            float(orbit.foundation_rms),
+            float(orbit.foundation_peak),
+            float(orbit.shaking_rms),
+            float(orbit.least_penetration),
+            float(orbit.settling_turns),
+        )
+        for orbit, share in zip(found.orbits, found.shares, strict=True)
+        if share > 0
+    )
+
+
+def worse(one: float, other: float) -> bool:
+    """Whether an objective is above another by more than two solutions of one motion are apart."""
+    return one - other > SAME * abs(other)
