@@ -34,8 +34,9 @@ from jaxcrusher.scenes.parameters import (
     numbers_of,
 )
 from jaxcrusher.settled.forced import from_rest_unless
-from jaxcrusher.settled.periodic_orbit import NODES, SETTLED, periodic_orbit
+from jaxcrusher.settled.periodic_orbit import periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit, reason
+from jaxcrusher.settled.solving import NODES, SETTLED
 from jaxcrusher.settled.trigonometric import resample
 
 # Name -> unit and meaning of what a map holds besides the statistics.

@@ -106,13 +106,13 @@ def snapshot(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
     return scene.formulation.snapshot(angle / scene.drive.speed, state(x, rate, scene), scene)
 
 
-def missed(
+def residual_error(
     system: System,
     x: Float[Array, "nodes dims"],
     factors: Factors,
     accelerations: Float[Array, "instants dims"],
 ) -> Scalar:
-    """What the nodes miss of the RMS of the force, as a share of it; estimated.
+    """Estimate the error that the nodes leave in the RMS of the force, as a share of it.
 
     The defect, zero at the nodes, is what the polynomial cannot follow between them, where the
     `accelerations` are those that the equations ask for at equal steps, two a node or more. The

@@ -1,4 +1,4 @@
-"""What is known of a periodic motion, however it was found."""
+"""A periodic orbit: what is known of it, however it was found, and the one way to make it."""
 
 from collections.abc import Mapping
 
@@ -14,21 +14,22 @@ from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.motion.named import AbstractNamed
-from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.motion.statistic import SAMPLES, STATISTIC, statistics_of
+from jaxcrusher.motion.statistics import limits_of
 from jaxcrusher.settled import forced, newton
 from jaxcrusher.settled.trigonometric import evaluate
 
 
 class RESULTS(newton.RESULTS):  # pyright: ignore
-    """Those of Newton's method, and what a root may fail to be."""
+    """Newton's method ended so, or its root is no orbit."""
 
     contact_lost = "The motion loses contact, which these nodes do not resolve."
     unresolved = "The motion is not resolved by these nodes."
-    open = "The motion does not repeat when it is integrated over its period."
+    not_closed = "The motion does not repeat when it is integrated over its period."
 
 
 def reason(result: RESULTS) -> str:
-    """What a result means, in one line; nothing if it is a success (concrete values only)."""
+    """Say in one line what a result means; nothing if it is a success (concrete values only)."""
     # Equinox reads the codes of JAX's arrays only, not of NumPy's.
     return " ".join(str(RESULTS[jax.tree.map(jnp.asarray, result)]).split())
 
@@ -53,11 +54,11 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
     error: Scalar  # estimated, of the RMS as a share of it
     least_penetration: Scalar  # least delta / c at any joint: contact is kept if > 0
     multipliers: Complex[Array, " n"]  # of a disturbance, in one period: 4 a loose joint
-    multipliers_error: Scalar  # estimated
+    multipliers_error: Scalar  # estimated; NaN where nothing is known of it
     validity: Validity
 
     def units(self) -> dict[str, str]:
-        """Of every statistic there is."""
+        """Return the unit of every statistic there is."""
         return {name: statistic.unit for name, statistic in STATISTIC.items()}
 
     @property
@@ -77,8 +78,12 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
 
     @property
     def stable(self) -> Bool[Array, "*batch"]:
-        """Whether disturbances die."""
-        return self.success & (self.largest_multiplier < 1)
+        """Whether disturbances die.
+
+        An orbit whose largest multiplier is 1 within `multipliers_error` is not called stable.
+        """
+        error = jnp.where(jnp.isnan(self.multipliers_error), 0.0, self.multipliers_error)
+        return self.success & (self.largest_multiplier < 1 - error)
 
     @property
     def settling_turns(self) -> Float[Array, "*batch"]:
@@ -100,6 +105,56 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
         """
         require_names("outputs", outputs, tuple(OBSERVABLES))
         return _seen(self, jnp.asarray(angles, dtype=float), tuple(outputs))
+
+
+def built(
+    scene: Scene,
+    period: int,
+    path: Float[Array, "nodes dims"] | None,
+    section: Float[ArrayLike, " states"],
+    values: Mapping[str, Scalar],
+    *,
+    result: RESULTS,
+    error: Scalar,
+    least_penetration: Scalar,
+    multipliers: ArrayLike,
+    multipliers_error: ArrayLike,
+    steps: ArrayLike = 0,
+) -> PeriodicOrbit:
+    """Return an orbit; its statistics tell the limits of the contact model."""
+    limits = limits_of(scene, values)
+    assert limits is not None
+    return PeriodicOrbit(
+        scene,
+        period,
+        path,
+        jnp.asarray(section, float),
+        result,
+        jnp.asarray(steps),
+        values,
+        error,
+        least_penetration,
+        jnp.asarray(multipliers, complex),
+        jnp.asarray(multipliers_error, float),
+        limits,
+    )
+
+
+def missing(scene: Scene, period: int) -> PeriodicOrbit:
+    """Return no orbit: NaN in every number."""
+    nan, dims = jnp.asarray(jnp.nan), 4 * len(list(scene.joints.present()))
+    return built(
+        scene,
+        period,
+        jnp.full((SAMPLES * period, dims // 2), jnp.nan),
+        jnp.full(dims, jnp.nan),
+        dict.fromkeys(statistics_of(scene), nan),
+        result=RESULTS.not_closed,
+        error=nan,
+        least_penetration=nan,
+        multipliers=jnp.full(dims, jnp.nan),
+        multipliers_error=nan,
+    )
 
 
 @eqx.filter_jit
