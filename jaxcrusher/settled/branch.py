@@ -164,10 +164,11 @@ def _corrected(
         return None
     onward = onward / np.sqrt(_inner(problem, onward, onward))
     u, value = root.point[:-1].reshape(shape), float(root.point[-1])
-    orbit = jnp.asarray(u), jnp.asarray(scale * value), root.at
+    orbit = jnp.asarray(u), jnp.asarray(scale * value), root.seen
     watched = problem.monitors(*orbit) if problem.watched else np.zeros(0)
-    multipliers, turns = problem.multipliers(*orbit), problem.turns(root.at)
-    return Point(u, value, onward, multipliers, watched, turns, root.steps, root.at)
+    turns = root.seen.turns or problem.period
+    multipliers = problem.multipliers(*orbit)
+    return Point(u, value, onward, multipliers, watched, turns, root.steps, root.seen)
 
 
 def _reached(

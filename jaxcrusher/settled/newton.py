@@ -185,13 +185,12 @@ def _damped(
 
 
 class HostRoot(NamedTuple):
-    """The point last evaluated, the step that is left from there, and what was evaluated."""
+    """A zero, the Jacobian one step before, what else was evaluated there, and evaluations."""
 
     point: np.ndarray
-    step: np.ndarray
     jacobian: np.ndarray
     seen: Any
-    steps: int  # evaluations
+    steps: int
 
 
 def newton_on_host(
@@ -204,30 +203,32 @@ def newton_on_host(
     """Return a zero near `guess` of equations that give their Jacobian with their residual.
 
     `evaluated` returns the residual, its Jacobian, and anything that is to be kept. Converged when
-    a Newton step is at most `tolerance` in every entry. None where the method fails, and where a
-    step is longer than `longest` in an entry: so far away derivatives tell nothing.
+    a Newton step is at most `tolerance` in every entry; that step is then taken. None where the
+    method fails, and where a step is longer than `longest` in an entry: so far away derivatives
+    tell nothing.
     """
-    share, last = 1.0, None
+    point, share, last = guess, 1.0, None
     for count in range(1, max_steps + 1):
-        point = guess if last is None else last.point + share * last.step
         left, jacobian, seen = evaluated(point)
-        expected = None if last is None else solved(last.jacobian, -left)
-        if last is not None and expected is not None:
-            accepted, retry = _tested(last.step, expected, share, np)
+        step = solved(jacobian, -left)
+        if last is not None:
+            start, before, matrix = last
+            expected = solved(matrix, -left)
+            accepted, retry = _tested(before, expected, share, np)
             if not accepted:
                 share = float(retry)
                 if share < LEAST_ON_HOST:
                     return None
+                point = start + share * before
                 continue
-        step = solved(jacobian, -left)
+            share = float(_foreseen(expected, share * _size(before, np), step, np))
         largest = np.max(np.abs(step))
         if largest <= tolerance:
-            return HostRoot(point, step, jacobian, seen, count)
-        if not (np.isfinite(largest) and largest < longest):
+            return HostRoot(point + step, jacobian, seen, count)
+        if not largest < longest:
             return None
-        if last is not None:
-            share = float(_foreseen(expected, share * _size(last.step, np), step, np))
-        last = HostRoot(point, step, jacobian, seen, count)
+        last = point, step, jacobian
+        point = point + share * step
     return None
 
 

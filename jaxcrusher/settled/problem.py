@@ -19,7 +19,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Scalar
 from jaxcrusher.motion.statistic import Chosen
 from jaxcrusher.settled.collocation import TOLERANCE, System
 from jaxcrusher.settled.multipliers import multipliers
-from jaxcrusher.settled.newton import RESULTS, Root, newton
+from jaxcrusher.settled.newton import RESULTS, HostRoot, Root, newton
 from jaxcrusher.settled.result import PeriodicOrbit
 from jaxcrusher.settled.solving import INSTANTS, described, of_nodes
 from jaxcrusher.settled.trigonometric import resample
@@ -35,6 +35,7 @@ class Linearised(NamedTuple):
     by_unknowns: Array | np.ndarray  # (size of u, size of u)
     by_parameter: Array | np.ndarray
     seen: Any = None
+    turns: int | None = None  # after which the orbit repeats already, where that is known
 
 
 class Stride(NamedTuple):
@@ -64,8 +65,8 @@ class AbstractPeriodicProblem(eqx.Module):
         """Return the residual with its derivatives by u and by p."""
 
     @abstractmethod
-    def solved(self, equations: "Bordered") -> "Solved | None":
-        """Return the zero of bordered equations by Newton's method, None if there is none."""
+    def solved(self, equations: "Bordered") -> HostRoot | None:
+        """Return the zero of bordered equations, which holds a `Linearised`; None if none."""
 
     @abstractmethod
     def multipliers(self, u: Array, p: Any, at: Linearised) -> Complex[np.ndarray, " n"]:
@@ -74,10 +75,6 @@ class AbstractPeriodicProblem(eqx.Module):
     @abstractmethod
     def monitors(self, u: Array, p: Any, at: Linearised) -> Float[np.ndarray, " joints"]:
         """Return the least penetration / clearance of each loose joint: > 0 keeps contact."""
-
-    @abstractmethod
-    def turns(self, at: Linearised) -> int:
-        """Return after how many turns an orbit repeats already."""
 
     @abstractmethod
     def orbit(self, u: Array, p: Any, at: Linearised) -> PeriodicOrbit:
@@ -121,15 +118,6 @@ class Bordered(eqx.Module):
         return self.across * np.append(np.full(len(self.across) - 1, weight), 1.0)
 
 
-class Solved(NamedTuple):
-    """A zero of bordered equations, their Jacobian near it, and Newton's steps to it."""
-
-    point: Float[np.ndarray, " n"]
-    jacobian: Float[np.ndarray, "n n"]
-    at: Linearised
-    steps: int
-
-
 class Collocation(AbstractPeriodicProblem):
     """By Fourier collocation: u are x at equally spaced times of the period."""
 
@@ -151,12 +139,12 @@ class Collocation(AbstractPeriodicProblem):
         _, column = jax.jvp(lambda p: self.residual(u, p), (p,), (jnp.ones(()),))
         return Linearised(left, matrix.reshape(u.size, u.size), column)
 
-    def solved(self, equations: Bordered) -> Solved | None:
-        """Return the zero of bordered equations, None if there is none; one program."""
+    def solved(self, equations: Bordered) -> HostRoot | None:
+        """Return the zero of bordered equations, found by one program; None if there is none."""
         point, jacobian, at, steps, success = _solved(equations)
         if not bool(success):
             return None
-        return Solved(np.asarray(point), np.asarray(jacobian), at, int(steps))
+        return HostRoot(np.asarray(point), np.asarray(jacobian), at, int(steps))
 
     def multipliers(self, u: Array, p: Any, at: Linearised) -> Complex[np.ndarray, " n"]:
         """Return the Floquet multipliers, of the variational equations."""
@@ -165,10 +153,6 @@ class Collocation(AbstractPeriodicProblem):
     def monitors(self, u: Array, p: Any, at: Linearised) -> Float[np.ndarray, " joints"]:
         """Return the least penetration of each joint, whose nodes are in clearances."""
         return np.asarray(least_penetrations(u))
-
-    def turns(self, at: Linearised) -> int:
-        """Return `period`: nodes do not tell a motion from its double."""
-        return self.period
 
     def orbit(self, u: Array, p: Any, at: Linearised) -> PeriodicOrbit:
         """Return all that is known of an orbit of a crusher."""

@@ -21,13 +21,12 @@ from jaxcrusher.motion.statistic import SAMPLES, statistics_of
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import Build, Tangents, chain, tangents
 from jaxcrusher.settled import newton
-from jaxcrusher.settled.newton import newton_on_host
+from jaxcrusher.settled.newton import HostRoot, newton_on_host
 from jaxcrusher.settled.problem import (
     MOST_CORRECTIONS,
     AbstractPeriodicProblem,
     Bordered,
     Linearised,
-    Solved,
     Stride,
 )
 from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, built, missing
@@ -81,20 +80,24 @@ class Shooting(AbstractPeriodicProblem):
         }
         along = dataclasses.replace(parts[-1], **joined)
         matrix, forcing = chain(along)
-        turns = Turns(np.array([part.state for part in parts]), along, matrix)
-        return Linearised(state - np.asarray(u), matrix - np.eye(state.size), forcing, turns)
+        ends = np.array([part.state for part in parts])
+        repeats = np.max(np.abs(ends - ends[-1]), axis=1) < ALIKE
+        return Linearised(
+            state - np.asarray(u),
+            matrix - np.eye(state.size),
+            forcing,
+            Turns(ends, along, matrix),
+            1 + int(np.argmax(repeats)),
+        )
 
-    def solved(self, equations: Bordered) -> Solved | None:
+    def solved(self, equations: Bordered) -> HostRoot | None:
         """Return the zero of bordered equations, None if there is none."""
 
         def evaluated(both: np.ndarray) -> tuple[np.ndarray, np.ndarray, Linearised]:
             left, jacobian, at = equations.linearised(both)
             return np.asarray(left), np.asarray(jacobian), at
 
-        root = newton_on_host(evaluated, np.asarray(equations.guess), CLOSURE, MOST_CORRECTIONS)
-        if root is None:
-            return None
-        return Solved(root.point + root.step, root.jacobian, root.seen, root.steps)
+        return newton_on_host(evaluated, np.asarray(equations.guess), CLOSURE, MOST_CORRECTIONS)
 
     def multipliers(self, u: Any, p: Any, at: Linearised) -> Complex[np.ndarray, " dims"]:
         """Return the Floquet multipliers: a shift from the orbit grows by these in a period."""
@@ -104,11 +107,6 @@ class Shooting(AbstractPeriodicProblem):
         """Return the least penetration of each joint over the period, in clearances."""
         scene = self.build(jnp.asarray(p).reshape(-1))
         return _motion(scene, [np.asarray(u), *at.seen.ends[:-1]])[1]
-
-    def turns(self, at: Linearised) -> int:
-        """Return after how many turns an orbit repeats already."""
-        apart = np.max(np.abs(at.seen.ends - at.seen.ends[-1]), axis=1)
-        return 1 + int(np.argmax(apart < ALIKE))
 
     def orbit(self, u: Any, p: Any, at: Linearised) -> PeriodicOrbit:
         """Return all that is known of an orbit, but for an error of its multipliers.
@@ -225,5 +223,5 @@ def _repeats(
         root = newton_on_host(evaluated, x, tolerance, EVALUATIONS, LEAP)
         if root is None:
             return None
-        x, at = root.point + root.step, root.seen
+        x, at = root.point, root.seen
     return x, at

@@ -58,7 +58,7 @@ def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -
 
 @eqx.filter_jit
 def solved(
-    scene: Scene, guess: Float[Array, "n dims"] | None, period: int, nodes: int
+    scene: Scene, guess: Float[Array, "angles dims"] | None, period: int, nodes: int
 ) -> tuple[Nodes, Factors]:
     """Return the orbit near a guess, or near the pins at rest, and the factors for its slopes.
 
