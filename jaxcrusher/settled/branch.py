@@ -17,7 +17,7 @@ from jaxtyping import ArrayLike, Complex, Float
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
-from jaxcrusher.settled.newton import solved
+from jaxcrusher.settled.newton import linear_solution
 from jaxcrusher.settled.problem import AbstractPeriodicProblem, Bordered, Linearised, Stride
 
 # After so many of Newton's steps a step along the branch may grow.
@@ -73,26 +73,18 @@ class Special:
 
 @dataclass(frozen=True)
 class Branch:
-    """Orbits of a problem along a branch, in the scale of the parameter, and why it ends.
-
-    The last point may be of an orbit of fewer turns, which this branch came from by doubling.
-    """
+    """Orbits of a problem along a branch, in the scale of the parameter, and why it ends."""
 
     problem: AbstractPeriodicProblem
     scale: float
     points: list[Point]
     ended: str
+    parent: Point | None = None  # of fewer turns, past the doubling that the branch came from
 
     @property
     def parameter(self) -> Float[np.ndarray, " points"]:
         """Values of the parameter, in its unit."""
         return self.scale * np.array([point.value for point in self.points])
-
-    @property
-    def own(self) -> "Branch":
-        """The branch without an orbit of fewer turns at its end."""
-        doubled = bool(self.points) and self.points[-1].turns < self.problem.period
-        return dataclasses.replace(self, points=self.points[:-1]) if doubled else self
 
 
 def follow(
@@ -135,9 +127,9 @@ def follow(
             if length < stride.shortest:
                 return Branch(problem, scale, found, ENDS[3])
             continue
-        found.append(there)
         if there.turns < problem.period:
-            return Branch(problem, scale, found, SHORTER)
+            return Branch(problem, scale, found, SHORTER, there)
+        found.append(there)
         if not bounds[0] <= scale * there.value <= bounds[1]:
             return Branch(problem, scale, found, ENDS[1])
         if not np.all(there.monitors > 0):
@@ -159,7 +151,7 @@ def _corrected(
     root = problem.solved(Bordered(problem, *plane, jnp.asarray(scale, float), shape))
     if root is None:
         return None
-    onward = solved(root.jacobian, np.append(np.zeros(guess.size - 1), 1.0))
+    onward = linear_solution(root.jacobian, np.append(np.zeros(guess.size - 1), 1.0))
     if not np.isfinite(onward).all():
         return None
     onward = onward / np.sqrt(_inner(problem, onward, onward))
@@ -193,7 +185,7 @@ def special_points(branch: Branch, stride: Stride | None = None) -> list[Special
     vanishes twice between two points is not seen.
     """
     problem, found = branch.problem, []
-    for here, there in itertools.pairwise(branch.own.points):
+    for here, there in itertools.pairwise(branch.points):
         before, after = (test_functions(point, problem.watched) for point in (here, there))
         for kind in before:
             if not before[kind] * after[kind] < 0:
@@ -259,20 +251,15 @@ def _located(branch: Branch, here: Point, there: Point, kind: str, stride: Strid
     return known[root]
 
 
-def origin(branch: Branch) -> Special:
-    """Return the doubling that a branch came from, which ends at an orbit of fewer turns.
-
-    The branch of fewer turns is followed back for that.
-    """
-    last, before = branch.points[-1], branch.points[-2]
-    shorter = dataclasses.replace(branch.problem, period=last.turns)
+def origin(branch: Branch, parent: Point) -> Special:
+    """Return the doubling that a branch came from; `parent`, of fewer turns, is followed back."""
     back = follow(
-        shorter,
-        last.u,
-        branch.scale * last.value,
+        dataclasses.replace(branch.problem, period=parent.turns),
+        parent.u,
+        branch.scale * parent.value,
         scale=branch.scale,
         bounds=(-np.inf, np.inf),
-        upwards=last.value < before.value,
+        upwards=parent.value < branch.points[-1].value,
         points=BACK,
     )
     found = [one for one in special_points(back) if one.kind == DOUBLING]

@@ -210,10 +210,10 @@ def newton_on_host(
     point, share, last = guess, 1.0, None
     for count in range(1, max_steps + 1):
         left, jacobian, seen = evaluated(point)
-        step = solved(jacobian, -left)
+        step = linear_solution(jacobian, -left)
         if last is not None:
             start, before, matrix = last
-            expected = solved(matrix, -left)
+            expected = linear_solution(matrix, -left)
             accepted, retry = _tested(before, expected, share, np)
             if not accepted:
                 share = float(retry)
@@ -232,7 +232,7 @@ def newton_on_host(
     return None
 
 
-def solved(
+def linear_solution(
     matrix: Float[np.ndarray, "n n"], right: Float[np.ndarray, " n"]
 ) -> Float[np.ndarray, " n"]:
     """Return the solution of linear equations, not finite where the matrix is singular."""

@@ -20,7 +20,7 @@ from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.motion.statistic import STATISTIC, chosen
 from jaxcrusher.settled import forced
-from jaxcrusher.settled.branch import SHORTER, Special, follow, origin, special_points
+from jaxcrusher.settled.branch import Special, follow, origin, special_points
 from jaxcrusher.settled.collocation import System
 from jaxcrusher.settled.periodic_orbit import periodic_orbit
 from jaxcrusher.settled.problem import Collocation
@@ -78,8 +78,9 @@ def orbit_branch(
     `foundation_peak` (N), `error` (of the RMS, a share of it: where it is large the nodes do not
     resolve the motion, and its multipliers mean nothing), `least_penetration` (clearances),
     `largest_multiplier`, `stable`. With the dimension `special`: `special_kind` ("fold", "period
-    doubling", "Neimark-Sacker"; by collocation "contact lost") and `special_parameter`, by shooting
-    NaN where a change is seen but not located; a branch may end in the doubling that it came from.
+    doubling", "Neimark-Sacker"; by collocation "contact lost", also "at the elbow" and "at the
+    pivot") and `special_parameter`, NaN where a change is seen but not located. A branch may end in
+    the doubling that it came from.
     The attribute `ended` says why it ends.
 
     Raises ValueError for arguments out of range, and where there is no motion to begin with.
@@ -125,15 +126,15 @@ def orbit_branch(
     )
     require(bool(branch.points), "guess", "lead to an orbit that repeats", "one that does not")
     orbits, ended = [], branch.ended
-    for place, point in zip(branch.parameter, branch.own.points, strict=False):
+    for place, point in zip(branch.parameter, branch.points, strict=True):
         orbit = problem.orbit(jnp.asarray(point.u), jnp.asarray(place), point.at)
         if not bool(orbit.success):
             ended = "These nodes do not resolve the motion any further."
             break
         orbits.append(orbit)
     special = special_points(dataclasses.replace(branch, points=branch.points[: len(orbits)]))
-    if ended == SHORTER:
-        special.append(origin(branch))
+    if branch.parent is not None:
+        special.append(origin(branch, branch.parent))
     return _labelled(branch.parameter[: len(orbits)], orbits, special, ended, found.period)
 
 

@@ -102,6 +102,25 @@ def test_a_pair_that_leaves_the_unit_circle():
     np.testing.assert_allclose(special[0].parameter, 0.0, atol=1e-10)
 
 
+def parting(time, x, rate, place):
+    """Two joints that rest; the second comes up to its bore's middle as the number grows."""
+    return jnp.array([2.0, 0.0, 1.5 - place, 0.0]) - x
+
+
+def test_contact_is_watched_at_each_joint():
+    """The first joint, deep in contact, hides nothing: the second loses it at 0.5 exactly."""
+    family = lambda place: System(parting, jnp.asarray(3.0), place)  # noqa: E731
+    problem = Collocation(family=family, watched=("first", "second"))
+    rest = jnp.broadcast_to(jnp.array([2.0, 0.0, 1.5, 0.0]), (8, 4))
+    branch = follow(problem, rest, 0.0, scale=1.0, bounds=(-1.0, 2.0))
+    assert branch.ended == "What is monitored has become negative."
+    (lost,) = special_points(branch)
+    assert lost.kind == "second"
+    # The root is searched for to 1e-12 of a step.
+    np.testing.assert_allclose(lost.parameter, 0.5, atol=1e-11)
+    np.testing.assert_allclose(lost.point.monitors, [1.0, 0.0], atol=1e-11)
+
+
 def scene(speed):
     return jc.build_scene({"speed": speed, "clearance": 0.1e-3})
 

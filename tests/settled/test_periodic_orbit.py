@@ -1,5 +1,7 @@
 """The crusher's settled motion: numbers known from 30 000 turns, multipliers, slopes, refusals."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -75,6 +77,13 @@ def test_multipliers_against_the_section(orbit):
     # A memory of thousands of turns is known as the distance from 1: 7e-5.
     lost = 1 - np.max(np.abs(expected))
     np.testing.assert_allclose(1 - orbit.largest_multiplier, lost, rtol=1e-3)
+
+
+def test_a_multiplier_of_one_within_its_error_is_not_stable(orbit):
+    """The swing keeps 0.99993 of itself a turn: it takes an error of 7e-5 to doubt that."""
+    for error, stable in ((6e-5, True), (8e-5, False), (np.nan, True)):
+        doubted = dataclasses.replace(orbit, multipliers_error=jnp.asarray(error))
+        assert bool(doubted.stable) is stable
 
 
 def test_statistics_of_the_motion(orbit):

@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 from jaxcrusher.motion.tangents import Tangents
 from jaxcrusher.settled import shooting as module
 from jaxcrusher.settled.branch import ENDS, SHORTER, follow, origin, special_points
+from jaxcrusher.settled.problem import Stride
 from jaxcrusher.settled.shooting import Shooting
 
 
@@ -92,12 +93,35 @@ def test_a_step_past_the_birth_of_a_branch(branches):
     state = 1e-2 * cycle(0.4)
     branch, special = followed(sections, state, 0.4, (0.0, 0.95), upwards=False, points=200)
     assert branch.ended == SHORTER
-    assert [point.turns for point in branch.points[-2:]] == [2, 1]
-    assert len(branch.own.points) == len(branch.points) - 1
+    assert {point.turns for point in branch.points} == {2} and branch.parent.turns == 1
     assert special == []
-    birth = origin(branch)
+    birth = origin(branch, branch.parent)
     assert birth.point.turns == 1
     np.testing.assert_allclose(birth.parameter, 0.3675, atol=1e-8)
+
+
+@pytest.mark.parametrize("raised", [None, ValueError("Argument `x` must be right.")])
+def test_a_change_that_is_seen_but_not_located(branches, raised):
+    """No orbit about the doubling: that is said; an error of the map is not taken for that."""
+
+    followed = []
+
+    def broken(state, number):
+        if not followed or abs(number - 0.3675) > 5e-3:
+            return henon(state, number)
+        if raised is not None:
+            raise raised
+        return np.full(2, np.nan)
+
+    start, stride = np.full(2, 1 / 0.7), Stride(first=0.05, longest=0.05, shortest=1e-3)
+    branch = follow(branches(broken, 1), start, 0.3, scale=1.0, bounds=(0.2, 0.42), stride=stride)
+    followed.append(branch)
+    if raised is not None:
+        with pytest.raises(ValueError, match="must be right"):
+            special_points(branch)
+    else:
+        ((kind, parameter, point),) = (vars(one).values() for one in special_points(branch))
+        assert kind == "period doubling" and np.isnan(parameter) and point is None
 
 
 def test_a_pair_that_leaves_the_unit_circle(branches):
