@@ -10,6 +10,7 @@ multipliers or the contact of a joint.
 import dataclasses
 import itertools
 from dataclasses import dataclass
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,7 +19,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from jaxcrusher.settled.newton import linear_solution
-from jaxcrusher.settled.problem import AbstractPeriodicProblem, Bordered, Linearised, Stride
+from jaxcrusher.settled.problem import AbstractPeriodicProblem, Bordered, Stride
 
 # After so many of Newton's steps a step along the branch may grow.
 EASY = 4
@@ -51,7 +52,7 @@ class Point:
     monitors: Float[np.ndarray, " joints"]  # least penetrations, as far as they are watched
     turns: int  # after which it repeats already
     corrections: int
-    at: Linearised
+    seen: Any  # what its equations told
 
     @property
     def place(self) -> Float[np.ndarray, " n"]:
@@ -158,8 +159,7 @@ def _corrected(
     u, value = root.point[:-1].reshape(shape), float(root.point[-1])
     orbit = jnp.asarray(u), jnp.asarray(scale * value), root.seen
     watched = problem.monitors(*orbit) if problem.watched else np.zeros(0)
-    turns = root.seen.turns or problem.period
-    multipliers = problem.multipliers(*orbit)
+    multipliers, turns = problem.multipliers(*orbit), problem.turns(root.seen)
     return Point(u, value, onward, multipliers, watched, turns, root.steps, root.seen)
 
 

@@ -127,7 +127,7 @@ def orbit_branch(
     require(bool(branch.points), "guess", "lead to an orbit that repeats", "one that does not")
     orbits, ended = [], branch.ended
     for place, point in zip(branch.parameter, branch.points, strict=True):
-        orbit = problem.orbit(jnp.asarray(point.u), jnp.asarray(place), point.at)
+        orbit = problem.orbit(jnp.asarray(point.u), jnp.asarray(place), point.seen)
         if not bool(orbit.success):
             ended = "These nodes do not resolve the motion any further."
             break

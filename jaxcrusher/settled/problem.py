@@ -35,7 +35,6 @@ class Linearised(NamedTuple):
     by_unknowns: Array | np.ndarray  # (size of u, size of u)
     by_parameter: Array | np.ndarray
     seen: Any = None
-    turns: int | None = None  # after which the orbit repeats already, where that is known
 
 
 class Stride(NamedTuple):
@@ -66,18 +65,22 @@ class AbstractPeriodicProblem(eqx.Module):
 
     @abstractmethod
     def solved(self, equations: "Bordered") -> HostRoot | None:
-        """Return the zero of bordered equations, which holds a `Linearised`; None if none."""
+        """Return the zero of bordered equations and what they told there; None if there is none."""
 
     @abstractmethod
-    def multipliers(self, u: Array, p: Any, at: Linearised) -> Complex[np.ndarray, " n"]:
-        """Return the Floquet multipliers of an orbit; `at` is what is known there."""
+    def multipliers(self, u: Array, p: Any, seen: Any) -> Complex[np.ndarray, " n"]:
+        """Return the Floquet multipliers of an orbit; `seen` is what its equations told."""
 
     @abstractmethod
-    def monitors(self, u: Array, p: Any, at: Linearised) -> Float[np.ndarray, " joints"]:
+    def turns(self, seen: Any) -> int:
+        """Return after how many turns an orbit repeats already."""
+
+    @abstractmethod
+    def monitors(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, " joints"]:
         """Return the least penetration / clearance of each loose joint: > 0 keeps contact."""
 
     @abstractmethod
-    def orbit(self, u: Array, p: Any, at: Linearised) -> PeriodicOrbit:
+    def orbit(self, u: Array, p: Any, seen: Any) -> PeriodicOrbit:
         """Return all that is known of an orbit of a crusher."""
 
     @abstractmethod
@@ -103,14 +106,14 @@ class Bordered(eqx.Module):
         left = self.problem.residual(*self.split(both))
         return jnp.append(left.ravel(), self._normal() @ (both - self.guess))
 
-    def linearised(self, both: ArrayLike) -> tuple[Array, Array, Linearised]:
-        """Return the residual, its Jacobian, and the equations without the plane."""
+    def linearised(self, both: ArrayLike) -> tuple[Array, Array, Any]:
+        """Return the residual, its Jacobian, and what else the evaluation told."""
         at = self.problem.linearised(*self.split(both))
         normal = self._normal()
         left = jnp.append(at.residual.ravel(), normal @ (both - self.guess))
         column = self.scale * at.by_parameter.reshape(-1, 1)
         rows = jnp.concatenate([at.by_unknowns, column], axis=1)
-        return left, jnp.concatenate([rows, normal[None]]), at
+        return left, jnp.concatenate([rows, normal[None]]), at.seen
 
     def _normal(self) -> Array:
         """Return the last row of the Jacobian: the normal, weighted."""
@@ -141,20 +144,24 @@ class Collocation(AbstractPeriodicProblem):
 
     def solved(self, equations: Bordered) -> HostRoot | None:
         """Return the zero of bordered equations, found by one program; None if there is none."""
-        point, jacobian, at, steps, success = _solved(equations)
+        point, jacobian, steps, success = _solved(equations)
         if not bool(success):
             return None
-        return HostRoot(np.asarray(point), np.asarray(jacobian), at, int(steps))
+        return HostRoot(np.asarray(point), np.asarray(jacobian), None, int(steps))
 
-    def multipliers(self, u: Array, p: Any, at: Linearised) -> Complex[np.ndarray, " n"]:
+    def multipliers(self, u: Array, p: Any, seen: Any) -> Complex[np.ndarray, " n"]:
         """Return the Floquet multipliers, of the variational equations."""
         return np.asarray(_multipliers(self, u, jnp.asarray(p)))
 
-    def monitors(self, u: Array, p: Any, at: Linearised) -> Float[np.ndarray, " joints"]:
+    def turns(self, seen: Any) -> int:
+        """Return `period`: nodes do not tell a motion from its double."""
+        return self.period
+
+    def monitors(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, " joints"]:
         """Return the least penetration of each joint, whose nodes are in clearances."""
         return np.asarray(least_penetrations(u))
 
-    def orbit(self, u: Array, p: Any, at: Linearised) -> PeriodicOrbit:
+    def orbit(self, u: Array, p: Any, seen: Any) -> PeriodicOrbit:
         """Return all that is known of an orbit of a crusher."""
         return _described(self, u, jnp.asarray(p))
 
@@ -172,8 +179,8 @@ def _solved(equations: Bordered):
         TOLERANCE,
         MOST_CORRECTIONS,
     )
-    _, jacobian, at = equations.linearised(root.point)
-    return root.point, jacobian, at, root.steps, root.success
+    _, jacobian, _ = equations.linearised(root.point)
+    return root.point, jacobian, root.steps, root.success
 
 
 @eqx.filter_jit

@@ -80,56 +80,54 @@ class Shooting(AbstractPeriodicProblem):
         }
         along = dataclasses.replace(parts[-1], **joined)
         matrix, forcing = chain(along)
-        ends = np.array([part.state for part in parts])
-        repeats = np.max(np.abs(ends - ends[-1]), axis=1) < ALIKE
-        return Linearised(
-            state - np.asarray(u),
-            matrix - np.eye(state.size),
-            forcing,
-            Turns(ends, along, matrix),
-            1 + int(np.argmax(repeats)),
-        )
+        seen = Turns(np.array([part.state for part in parts]), along, matrix)
+        return Linearised(state - np.asarray(u), matrix - np.eye(state.size), forcing, seen)
 
     def solved(self, equations: Bordered) -> HostRoot | None:
         """Return the zero of bordered equations, None if there is none."""
 
-        def evaluated(both: np.ndarray) -> tuple[np.ndarray, np.ndarray, Linearised]:
-            left, jacobian, at = equations.linearised(both)
-            return np.asarray(left), np.asarray(jacobian), at
+        def evaluated(both: np.ndarray) -> tuple[np.ndarray, np.ndarray, Turns]:
+            left, jacobian, seen = equations.linearised(both)
+            return np.asarray(left), np.asarray(jacobian), seen
 
         return newton_on_host(evaluated, np.asarray(equations.guess), CLOSURE, MOST_CORRECTIONS)
 
-    def multipliers(self, u: Any, p: Any, at: Linearised) -> Complex[np.ndarray, " dims"]:
+    def multipliers(self, u: Any, p: Any, seen: Turns) -> Complex[np.ndarray, " dims"]:
         """Return the Floquet multipliers: a shift from the orbit grows by these in a period."""
-        return np.linalg.eigvals(at.seen.matrix).astype(complex)
+        return np.linalg.eigvals(seen.matrix).astype(complex)
 
-    def monitors(self, u: Any, p: Any, at: Linearised) -> Float[np.ndarray, " joints"]:
+    def turns(self, seen: Turns) -> int:
+        """Return after how many turns an orbit repeats already."""
+        apart = np.max(np.abs(seen.ends - seen.ends[-1]), axis=1)
+        return 1 + int(np.argmax(apart < ALIKE))
+
+    def monitors(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, " joints"]:
         """Return the least penetration of each joint over the period, in clearances."""
         scene = self.build(jnp.asarray(p).reshape(-1))
-        return _motion(scene, [np.asarray(u), *at.seen.ends[:-1]])[1]
+        return _motion(scene, [np.asarray(u), *seen.ends[:-1]])[1]
 
-    def orbit(self, u: Any, p: Any, at: Linearised) -> PeriodicOrbit:
+    def orbit(self, u: Any, p: Any, seen: Turns) -> PeriodicOrbit:
         """Return all that is known of an orbit, but for an error of its multipliers.
 
         Its `error` is what a tolerance 100 times as large makes of the RMS. Turn by turn: the same
         programs serve all periods.
         """
         scene = self.build(jnp.asarray(p).reshape(-1))
-        names, starts = statistics_of(scene), []
-        sections: dict[float, list[Section]] = {RTOL: [], 100 * RTOL: []}
-        for rtol, parts in sections.items():
-            state = u
+        names = statistics_of(scene)
+
+        def sections(rtol: float) -> list[Section]:
+            parts, state = [], u
             for _ in range(self.period):
-                starts += [state] if rtol == RTOL else []
                 parts.append(poincare_section(scene, 0, 1, state=state, outputs=names, rtol=rtol))
                 state = parts[-1].state
+            return parts
 
         def over(turns: list[Section], name: str) -> Scalar:
             return over_pieces(name, jnp.concatenate([turn.values[name] for turn in turns]))
 
-        fine, coarse = sections.values()
+        fine, coarse = sections(RTOL), sections(100 * RTOL)
         values = {name: over(fine, name) for name in names}
-        path, least = _motion(scene, starts)
+        path, least = _motion(scene, [u, *(turn.state for turn in fine[:-1])])
         return built(
             scene,
             self.period,
@@ -139,7 +137,7 @@ class Shooting(AbstractPeriodicProblem):
             result=RESULTS.promote(newton.RESULTS.successful),
             error=jnp.abs(over(coarse, "foundation_rms") / values["foundation_rms"] - 1),
             least_penetration=jnp.min(jnp.asarray(least)),
-            multipliers=self.multipliers(u, p, at),
+            multipliers=self.multipliers(u, p, seen),
             multipliers_error=np.nan,
         )
 
@@ -174,10 +172,10 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> Period
     found = _repeats(problem, none, guess)
     if found is None:
         return missing(scene, period)
-    state, at = found
+    state, seen = found
     coarse = dataclasses.replace(problem, rtol=100 * RTOL).linearised(state, none).seen.matrix
-    error = np.max(np.abs(coarse - at.seen.matrix)) / np.max(np.abs(at.seen.matrix))
-    orbit = problem.orbit(state, none, at)
+    error = np.max(np.abs(coarse - seen.matrix)) / np.max(np.abs(seen.matrix))
+    orbit = problem.orbit(state, none, seen)
     return dataclasses.replace(orbit, multipliers_error=jnp.asarray(error))
 
 
@@ -199,29 +197,29 @@ def section_point(
     and rate (a memory that no impact renews repeats whatever it is).
     """
     found = _repeats(Shooting(build=build, period=period, rtol=RTOL, metric=metric), point, guess)
-    return None if found is None else (found[0], found[1].seen.along)
+    return None if found is None else (found[0], found[1].along)
 
 
 def _repeats(
     problem: Shooting, point: Float[Array, " n"], guess: Float[ArrayLike, " dims"]
-) -> tuple[np.ndarray, Linearised] | None:
-    """Return the section point of an orbit and what is known there: coarsely first, then finely."""
-    x = np.asarray(guess, dtype=float)
+) -> tuple[np.ndarray, Turns] | None:
+    """Return the section point of an orbit and its turns; coarsely first, then finely."""
+    x, seen = np.asarray(guess, dtype=float), None
     # Traced: a neighbour of a parameter at its limit lies outside.
     scene = eqx.filter_eval_shape(problem.build, point)
     joints = len(list(scene.joints.present()))
     if not isinstance(scene.formulation, EccentricityFormulation) or x.size != 4 * joints:
         return None
-    at = None
     for rtol, tolerance in ((COARSE_RTOL, NEAR), (problem.rtol, CLOSURE)):
         tried = dataclasses.replace(problem, rtol=rtol)
 
-        def evaluated(x: np.ndarray, of: Shooting = tried):
+        def evaluated(x: np.ndarray, of: Shooting = tried) -> tuple[np.ndarray, np.ndarray, Turns]:
             at = of.linearised(x, point)
-            return np.asarray(at.residual), np.asarray(at.by_unknowns), at
+            return np.asarray(at.residual), np.asarray(at.by_unknowns), at.seen
 
         root = newton_on_host(evaluated, x, tolerance, EVALUATIONS, LEAP)
         if root is None:
             return None
-        x, at = root.point, root.seen
-    return x, at
+        x, seen = root.point, root.seen
+    assert seen is not None
+    return x, seen
