@@ -27,7 +27,7 @@ TINY = 1e-300
 
 
 class RESULTS(eqx.Enumeration):  # pyright: ignore
-    """How the search ended."""
+    """The search ended so."""
 
     successful = ""
     not_finite = "The equations are not finite at the guess."

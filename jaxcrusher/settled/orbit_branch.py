@@ -1,4 +1,4 @@
-"""The settled motions of a crusher over one parameter, followed round their folds."""
+"""Follow the periodic orbits of a crusher over one parameter, round their folds."""
 
 import dataclasses
 from collections.abc import Callable

@@ -68,12 +68,12 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
 
     @property
     def failure(self) -> str:
-        """Why there is none, or nothing (concrete values only)."""
+        """Say why there is no orbit; nothing if there is (concrete values only)."""
         return reason(self.result)
 
     @property
     def largest_multiplier(self) -> Float[Array, "*batch"]:
-        """The largest modulus."""
+        """Return the largest modulus of the multipliers."""
         return jnp.max(jnp.abs(self.multipliers), axis=-1, initial=0.0)
 
     @property
@@ -87,19 +87,19 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
 
     @property
     def settling_turns(self) -> Float[Array, "*batch"]:
-        """Turns in which a disturbance falls to 1/e in the end; infinite if it grows."""
+        """Return the turns in which a disturbance falls to 1/e in the end; infinite if it grows."""
         largest = self.largest_multiplier
         return jnp.where(largest >= 1, jnp.inf, -self.period / jnp.log(largest))
 
     def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
-        """Where the motion is at a shaft angle (rad); it may be handed to a formulation."""
+        """Return where the motion is at a shaft angle (rad); it may be handed to a formulation."""
         require(self.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
         return _state(self, jnp.asarray(angle, dtype=float))
 
     def motion(
         self, angles: Float[ArrayLike, " n"], outputs: tuple[str, ...] = tuple(OBSERVABLES)
     ) -> dict[str, Array]:
-        """Observables at any shaft angles (rad), by name, shape (n,) or (n, 2).
+        """Return observables at any shaft angles (rad), by name, shape (n,) or (n, 2).
 
         Raises ValueError for a name that `jaxcrusher.crusher.observables.OBSERVABLES` lacks.
         """
@@ -179,7 +179,7 @@ def _seen(
 
 
 def finished(orbit: PeriodicOrbit) -> PeriodicOrbit:
-    """The orbit as it is handed out: NaN in every number and slope of a failure.
+    """Return the orbit as it is handed out: NaN in every number and slope of a failure.
 
     Slopes of multipliers and errors are NaN too. They are computed without slopes, and a slope of
     zero would be wrong.
@@ -201,12 +201,12 @@ def _masked(orbit: PeriodicOrbit) -> PeriodicOrbit:
 
 
 def without_slopes(orbit: PeriodicOrbit, scene: Scene) -> PeriodicOrbit:
-    """The orbit, with NaN for every slope by the numbers of `scene`: nobody knows them."""
+    """Return the orbit with NaN for every slope by the numbers of `scene`, which nobody knows."""
     return _sloped_if(jnp.array(False), orbit, scene)
 
 
 def _sloped_if(good: Bool[Array, ""], tree: PyTree, scene: Scene) -> PyTree:
-    """The numbers of a tree, whose slopes by those of `scene` are NaN unless `good`."""
+    """Return the numbers of a tree, whose slopes by those of `scene` are NaN unless `good`."""
     leaves = [leaf for leaf in jax.tree.leaves(scene) if eqx.is_inexact_array(leaf)]
     total = sum(map(jnp.sum, leaves), jnp.zeros(()))
     numbers, others = eqx.partition(tree, eqx.is_inexact_array)

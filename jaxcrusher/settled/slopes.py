@@ -32,7 +32,7 @@ SMALLER = 1e-3
 
 @dataclass(frozen=True)
 class SettledSlopes:
-    """Of one statistic of an orbit by n numbers."""
+    """Slopes of one statistic of an orbit by n numbers."""
 
     orbit: PeriodicOrbit
     values: Float[np.ndarray, " n"]
@@ -46,7 +46,7 @@ def settled_slopes(
     metric: str,
     radii: Float[np.ndarray, " n"],
 ) -> SettledSlopes | None:
-    """By the numbers of `point`, of the stable motion that the scene `build(point)` starts beside.
+    """Return slopes by `point` of the stable motion that the scene `build(point)` starts beside.
 
     None where there is none to be had so: for a scene that `periodic_orbit` refuses, an orbit that
     is not found, not stable, hardly in contact, or not near the scene's start.
@@ -92,13 +92,13 @@ def _built(build: Callable[[Array], Scene], point: Array) -> Scene:
 
 
 def orbit_shift(along: Tangents) -> Float[np.ndarray, "dims n"]:
-    """How the section point of the orbit moves: x = P(x, p) gives (I - P_x)^-1 P_p."""
+    """Return how the section point of the orbit moves: x = P(x, p) gives (I - P_x)^-1 P_p."""
     matrix, forcing = chain(along)
     return np.linalg.solve(np.eye(len(matrix)) - matrix, forcing)
 
 
 def periodic_slopes(along: Tangents, metric: str) -> Float[np.ndarray, " n"]:
-    """Slopes of `metric` by the parameters, the motion staying on its orbit.
+    """Return slopes of `metric` by the parameters, the motion staying on its orbit.
 
     m(x, p) over a period has the slope m_p + m_x dx/dp, with dx/dp of `orbit_shift`. Exact for a
     motion that has settled; a run that has not differs by its swing.
@@ -107,7 +107,7 @@ def periodic_slopes(along: Tangents, metric: str) -> Float[np.ndarray, " n"]:
 
 
 def multipliers(along: Tangents) -> Complex[np.ndarray, " dims"]:
-    """Floquet multipliers: a shift from the orbit grows by these in a period."""
+    """Return the Floquet multipliers: a shift from the orbit grows by these in a period."""
     return np.linalg.eigvals(chain(along)[0])
 
 
@@ -119,7 +119,7 @@ def orbit_differences(
     period: int,
     radius: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, " n"]:
-    """Central differences of `metric` over orbits at `point` ± `radius`, one parameter at a time.
+    """Return central differences of `metric` over orbits at `point` ± `radius`, one by one.
 
     `orbit` is the one at `point`. NaN where there is no neighbour that repeats after `period`.
     """
