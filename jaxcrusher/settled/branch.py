@@ -178,7 +178,7 @@ def _inner(problem: AbstractPeriodicProblem, one: np.ndarray, other: np.ndarray)
     return float(problem.weight(one.size - 1) * (one[:-1] @ other[:-1]) + one[-1] * other[-1])
 
 
-def special_points(branch: Branch, stride: Stride | None = None) -> list[Special]:
+def special_points(branch: Branch) -> list[Special]:
     """Return folds, period doublings, Neimark-Sacker points, and where what is watched vanishes.
 
     Each lies between two points of the branch that a test function has different signs at. What
@@ -190,7 +190,7 @@ def special_points(branch: Branch, stride: Stride | None = None) -> list[Special
         for kind in before:
             if not before[kind] * after[kind] < 0:
                 continue
-            place = _located(branch, here, there, kind, stride or problem.stride)
+            place = _located(branch, here, there, kind)
             if place is not None and place.turns < problem.period:
                 # The branch meets its parent orbit at a period doubling, and goes on a turn later.
                 kind = DOUBLING
@@ -223,7 +223,7 @@ class _Lost(Exception):
     """Newton's method leads from between two points to no orbit."""
 
 
-def _located(branch: Branch, here: Point, there: Point, kind: str, stride: Stride) -> Point | None:
+def _located(branch: Branch, here: Point, there: Point, kind: str) -> Point | None:
     """Return the special point between two points, on planes across the line that joins them."""
     problem = branch.problem
     chord = there.place - here.place
@@ -243,7 +243,7 @@ def _located(branch: Branch, here: Point, there: Point, kind: str, stride: Strid
         return test_functions(known[share], problem.watched)[kind]
 
     try:
-        root = brentq(test, 0.0, 1.0, xtol=stride.located)
+        root = brentq(test, 0.0, 1.0, xtol=problem.stride.located)
         assert isinstance(root, float)
         test(root)
     except _Lost:
