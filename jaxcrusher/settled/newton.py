@@ -63,12 +63,12 @@ def _foreseen(expected: Any, moved: Any, step: Any, xp: ModuleType) -> Any:
     return xp.clip(share, LEAST_SHARE, 1.0)
 
 
-def _tested(step: Any, following: Any, share: Any, xp: ModuleType) -> tuple[Any, Any]:
-    """Return whether a share of a step is accepted, and the share to try if it is not.
+def _tested(step: Any, length: Any, following: Any, share: Any, xp: ModuleType) -> tuple[Any, Any]:
+    """Return whether a share of a step of some length is accepted, and else the share to try.
 
     `following` is the step from there, seen with the same Jacobian.
     """
-    length, size = _size(step, xp), _size(following, xp)
+    size = _size(following, xp)
     # Deuflhard's estimate: the share at which the equations still look straight.
     bend = _size(following - (1 - share) * step, xp)
     straight = 0.5 * length * share**2 / xp.maximum(bend, TINY)
@@ -167,11 +167,12 @@ def _damped(
     tolerance: float,
 ) -> _Trial:
     """Return the share of Newton's step after which the next one is shorter."""
+    length = _size(step)
 
     def attempt(share: Scalar) -> tuple[_Trial, Bool[Array, ""]]:
         tried = point + share * step
         following = lu_solve(factors, -residual(tried))
-        shorter, retry = _tested(step, following, share, jnp)
+        shorter, retry = _tested(step, length, following, share, jnp)
         converged = (share == 1) & (jnp.max(jnp.abs(following)) <= tolerance)
         end = jnp.where(converged, tried + following, tried)
         lost = ~(shorter | converged) & ~(retry >= LEAST_SHARE)
@@ -180,7 +181,7 @@ def _damped(
 
     # One loop, so that what it does is compiled once. Where there is no step there is no share.
     no = jnp.array(False)
-    none = _Trial(share, share, point, step, no, no), ~jnp.isfinite(_size(step))
+    none = _Trial(share, share, point, step, no, no), ~jnp.isfinite(length)
     return jax.lax.while_loop(lambda s: ~s[1], lambda s: attempt(s[0].next_share), none)[0]
 
 
@@ -214,7 +215,8 @@ def newton_on_host(
         if last is not None:
             start, before, matrix = last
             expected = linear_solution(matrix, -left)
-            accepted, retry = _tested(before, expected, share, np)
+            length = _size(before, np)
+            accepted, retry = _tested(before, length, expected, share, np)
             # What is left of a step may be the noise of an integration, which shrinks no more.
             if not accepted and not np.max(np.abs(expected)) <= tolerance:
                 share = float(retry)
@@ -222,7 +224,7 @@ def newton_on_host(
                     return None
                 point = start + share * before
                 continue
-            share = float(_foreseen(expected, share * _size(before, np), step, np))
+            share = float(_foreseen(expected, share * length, step, np))
         largest = np.max(np.abs(step))
         if largest <= tolerance:
             return HostRoot(point + step, jacobian, seen, count)
