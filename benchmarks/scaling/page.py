@@ -5,8 +5,8 @@ from typing import Any
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.files.provenance import command
+from jaxcrusher.lanes.code import LANES
 from jaxcrusher.pictures.page import WIDTH, plain_powers
 
 BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"

@@ -9,12 +9,13 @@ import jax
 import numpy as np
 
 from benchmarks.step_cost.programs import Designs, statistics_of
-from jaxcrusher.batch.lanes.kernels import Kernels
-from jaxcrusher.batch.lanes.layout import TIME, places
-from jaxcrusher.batch.lanes.module import assembly, load
-from jaxcrusher.batch.lanes.recorded import Recorded, integration_p, record
-from jaxcrusher.batch.lanes.vector import LANES, WIDTH
+from jaxcrusher.lanes.code import LANES, WIDTH
+from jaxcrusher.lanes.layout import TIME
+from jaxcrusher.lanes.machine import assembly, load
+from jaxcrusher.lanes.record import Recorded, integration_p
+from jaxcrusher.lanes.stepper import Kernels
 from jaxcrusher.motion.integrate import integrator
+from jaxcrusher.motion.recorded import record
 
 EVALUATIONS = 20_000
 _ARITHMETIC = re.compile(r"\bv(?:add|sub|mul|div|sqrt|fn?m(?:add|sub)\d*)(pd|sd)\b.*")
@@ -79,7 +80,7 @@ end:
 def evaluation(d: Designs) -> float:
     """CPU nanoseconds of one evaluation of the field, of each of the designs side by side."""
     kernels = _kernels(d)
-    at = places(kernels.sizes)
+    at = kernels.at
     calls = (
         f"call void @field(ptr %memory, i64 {first}, i64 {TIME}, i64 {at.y}, i64 {at.k})"
         for first in range(0, LANES, WIDTH)

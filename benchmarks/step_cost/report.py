@@ -5,9 +5,9 @@ from pathlib import Path
 
 from benchmarks.setting import setting
 from benchmarks.step_cost import fewer, profile, programs
-from jaxcrusher.batch.lanes.vector import WIDTH
 from jaxcrusher.files.provenance import command
 from jaxcrusher.files.results import write_table, write_text
+from jaxcrusher.lanes.code import WIDTH
 
 OURS, TURN = "jaxcrusher, lanes", "jaxcrusher, `lax.map`"
 VMAP = "`jax.vmap` over `jaxcrusher.statistics`"

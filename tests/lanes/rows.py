@@ -5,10 +5,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jaxcrusher.batch.lanes.expression import DOUBLE
-from jaxcrusher.batch.lanes.module import load
-from jaxcrusher.batch.lanes.routine import Routine
-from jaxcrusher.batch.lanes.vector import LANES, Code, Module
+from jaxcrusher.lanes.code import LANES, Code, Module
+from jaxcrusher.lanes.expression import DOUBLE
+from jaxcrusher.lanes.machine import load
 
 # Rows behind the results.
 SPARE = 100
@@ -29,10 +28,10 @@ def run(
 ) -> np.ndarray:
     """The rows behind the operands, once functions ran one after the other."""
     for i, part in enumerate(parts):
-        over_lanes = Routine(module, f"function{i}")
+        over_lanes = Code(module, f"function{i}", flags=())
         memory = over_lanes.array(0, DOUBLE)
         with over_lanes.each_vector() as first:
-            over_lanes.run(part.end(), memory, first)
+            over_lanes.run(part.end(), memory=memory, first=first)
         over_lanes.end(by_name=True)
     machine, kind = load(str(module)), ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)
     functions = [kind(machine[f"function{i}"]) for i in range(len(parts))]

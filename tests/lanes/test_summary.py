@@ -1,16 +1,18 @@
 """Reductions over the instants of a segment, against JAX."""
 
 import ctypes
+from math import prod
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.batch.lanes.known import Unsupported, known
-from jaxcrusher.batch.lanes.module import load
-from jaxcrusher.batch.lanes.summary import write_summary
-from jaxcrusher.batch.lanes.vector import LANES, Module
+from jaxcrusher.lanes.code import CORES, LANES, Module
+from jaxcrusher.lanes.layout import layout
+from jaxcrusher.lanes.machine import load
+from jaxcrusher.lanes.summary import write_summary
+from jaxcrusher.lanes.verify import Unsupported, verified
 from jaxcrusher.motion.statistic import top
 
 # Of a series x, one of pairs y, and the state z at the end.
@@ -38,14 +40,17 @@ def _summarised(function, x, y, z):
     """By the compiled function of a page."""
     count, module = len(x), Module()
     jaxpr = jax.make_jaxpr(function)(x, y, z)
-    _, page, _, over = write_summary(module, known(jaxpr, 2, count), [(), (2,)], count)
-    memory = np.full((page.end, LANES), np.nan)
+    results = verified(jaxpr, 2, count)
+    numbers = sum(map(prod, results.shapes))
+    at = layout(CORES, 0, states=1, numbers=0, observed=3, instants=count, found=numbers)
+    _, over = write_summary(module, results, [(), (2,)], at)
+    memory = np.full((at.page, LANES), np.nan)
     for i, series in enumerate((x, *y.T)):
-        memory[i * page.series : (i + 1) * page.series].ravel()[:count] = series
-    memory[page.last] = z
+        memory[i * at.series : (i + 1) * at.series].ravel()[:count] = series
+    memory[at.last] = z
     kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
     kind(load(str(module))["summarise"])(memory.ctypes.data, 0, 0)
-    found, parts = memory[page.found :].ravel(), []
+    found, parts = memory[at.summary :].ravel(), []
     for is_over, variable in zip(over, jaxpr.jaxpr.outvars, strict=True):
         shape = variable.aval.shape
         part, found = found[: int(np.prod(shape))], found[int(np.prod(shape)) :]

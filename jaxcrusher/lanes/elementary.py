@@ -8,8 +8,7 @@ import math
 
 import numpy as np
 
-from jaxcrusher.batch.lanes.expression import bits, double, exactly, fma, sqrt, where
-from jaxcrusher.batch.lanes.whole import floor
+from jaxcrusher.lanes.expression import bits, double, exactly, floor, fma, sqrt, where
 
 # Added to a whole number below 2^51, it puts that number into the lowest bits.
 _MAGIC = 6755399441055744.0  # 1.5 * 2^52

@@ -1,33 +1,33 @@
-"""An integration as one step of a traced program: what it integrates, and how."""
+"""An integration as one equation of a trace: what it integrates, and how, in verified functions.
 
+Solvers and step-size controllers are those of diffrax; lanes take their numbers.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import diffrax
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import ShapedArray, Tracer
 from jax.extend.core import Jaxpr, JaxprEqn, Primitive
 from jaxtyping import Array, PyTree
 
-from jaxcrusher.batch.lanes.kernels import Equations, Kernels, exponents, kernels
-from jaxcrusher.batch.lanes.known import Unsupported, known
-from jaxcrusher.batch.lanes.layout import Control
-from jaxcrusher.batch.lanes.primitives import REAL
-from jaxcrusher.batch.lanes.tableau import Solver, known_solver, tableau
-from jaxcrusher.batch.lanes.vector import CORES, Shape
-from jaxcrusher.motion.integrate import (
-    RESULTS,
-    Carried,
-    Integration,
-    Outcome,
-    Problem,
-    error_norm,
-)
+from jaxcrusher.lanes.code import CORES, Shape
+from jaxcrusher.lanes.equations import exponents
+from jaxcrusher.lanes.layout import STAGES, Control
+from jaxcrusher.lanes.primitives import REAL
+from jaxcrusher.lanes.stepper import Equations, Kernels, Tableau, kernels
+from jaxcrusher.lanes.verify import Unsupported, verified
+
+# For XLA: there is little to compute.
+IN_A_HURRY: dict[str, Any] = {"xla_backend_optimization_level": 0}
 
 # Its operands are times, tolerances (absolute, relative), the state at the start, and the numbers
-# that the equations depend on; its results the summaries and, of the outcome, code, time and steps.
+# that the equations depend on; its results the summaries, and code, time and steps at the end.
 integration_p = Primitive("integration")
 integration_p.multiple_results = True
 
@@ -42,19 +42,21 @@ class Recorded:
     """An integration without its numbers."""
 
     equations: Equations
-    solver: Solver
+    solver: diffrax.Tsit5 | diffrax.Dopri5
     control: Control
     shapes: list[ShapedArray]  # of the summaries, then of code, time and steps
 
     @cached_property
     def exponents(self) -> list[int]:
-        """See `kernels.exponents`."""
-        return exponents(self.equations)
+        """The numbers of a design that powers depend on."""
+        varying = 1 + self.equations.states
+        functions = (self.equations.field, self.equations.observe)
+        return sorted(set().union(*(exponents(function, varying) for function in functions)))
 
     def kernels(self, written: dict[int, float], shape: Shape = CORES) -> Kernels:
-        """See `kernels.kernels`; `written` are the numbers that are written into them."""
+        """Write the functions of lanes once for the numbers that are `written` into them."""
         if (key := (shape, *written.items())) not in self._kernels:
-            self._kernels[key] = kernels(self.equations, written, tableau(self.solver), shape)
+            self._kernels[key] = kernels(self.equations, written, _tableau(self.solver), shape)
         return self._kernels[key]
 
     @cached_property
@@ -63,16 +65,27 @@ class Recorded:
 
 
 def record(
-    args: PyTree, times: Array, y: Carried, problem: Problem, method: Integration
-) -> tuple[PyTree, Outcome]:
-    """In place of the march of `integrate`: one equation in the program that is being traced.
+    problem: Any,
+    args: PyTree,
+    times: Array,
+    state: PyTree,
+    motion: int,
+    method: Any,
+    norm: Callable,
+) -> tuple[PyTree, tuple[Array, Array, Array]]:
+    """Put an integration into the program that is being traced, as one equation.
 
-    Raises `Unsupported` for what lanes cannot do: derivatives, other solvers and controllers.
+    `problem` has the functions `field` and `observe` of time, state and `args`, and `summarise` of
+    what is observed, stacked over the instants of a segment, and of the state at its end. `times`
+    has the shape (segments, instants). The first `motion` leaves of the state count for the error;
+    the others are totals, which restart from zero in every segment. `method` has diffrax's
+    `solver` and `stepsize_controller`, and `adjoint`, `dt0` and `max_steps`. `norm` is the norm of
+    errors that lanes compute: the root mean square over the motion, or over all if there is none.
+    Returns the summaries, and the code (see `layout`), time and number of steps at the end. Raises
+    `Unsupported` for what lanes cannot do.
     """
-    if not isinstance(y, Carried):
-        raise Unsupported("derivatives")
-    control, tolerances = _control(method)
-    states, state_tree = jax.tree.flatten(y)
+    control, tolerances = _control(method, norm)
+    states, state_tree = jax.tree.flatten(state)
     numbers, args_tree = jax.tree.flatten(args)
     if any(jnp.shape(leaf) != () for leaf in states + numbers):
         raise Unsupported("states or numbers that are arrays")
@@ -83,7 +96,7 @@ def record(
     # Of the types that they have: a whole number divides unlike a double.
     types = [_type(leaf) for leaf in (jnp.zeros(()), *states, *numbers)]
 
-    def of_scalars(function):
+    def of_scalars(function: Callable) -> Any:
         def flat(time, *scalars):
             state = jax.tree.unflatten(state_tree, scalars[:count])
             return function(time, state, jax.tree.unflatten(args_tree, scalars[count:]))
@@ -101,28 +114,22 @@ def record(
 
     stacked = [jax.ShapeDtypeStruct((instants, *part.shape), float) for part in parts]
     summarise, found = jax.make_jaxpr(of_segment, return_shape=True)(*stacked, *states)
+    equations = Equations(
+        verified(field, shapes=[()] * count),
+        verified(observe),
+        verified(summarise, len(parts), instants),
+        instants,
+        motion,
+    )
     leaves, tree = jax.tree.flatten(found)
     integer = jnp.zeros((), int).dtype
     shapes = [ShapedArray((segments, *leaf.shape), leaf.dtype) for leaf in leaves]
     shapes += [ShapedArray((), kind) for kind in (integer, jnp.zeros(()).dtype, integer)]
-    motion = len(jax.tree.leaves(y.motion))
-    what = Recorded(
-        Equations(
-            known(field),
-            known(observe),
-            known(summarise, len(parts), instants),
-            instants,
-            motion,
-            count,
-        ),
-        known_solver(method.solver),
-        control,
-        shapes,
-    )
+    what = Recorded(equations, method.solver, control, shapes)
     *found, code, reached, steps = integration_p.bind(
         times, *tolerances, *map(jnp.asarray, states + numbers), what=what
     )
-    return jax.tree.unflatten(tree, found), Outcome(_result(code), reached, steps)
+    return jax.tree.unflatten(tree, found), (code, reached, steps)
 
 
 def _type(leaf: Any) -> jax.ShapeDtypeStruct:
@@ -131,7 +138,7 @@ def _type(leaf: Any) -> jax.ShapeDtypeStruct:
 
 
 def integrates(equation: JaxprEqn) -> bool:
-    """Whether an equation is an integration or has one inside."""
+    """Say whether an equation is an integration or has one inside."""
     if equation.primitive is integration_p:
         return True
     inside = [
@@ -144,28 +151,21 @@ def integrates(equation: JaxprEqn) -> bool:
     )
 
 
-def _result(code: Array) -> RESULTS:
-    """Of the code of the stepper."""
-    result = RESULTS.promote(diffrax.RESULTS.successful)
-    others = (diffrax.RESULTS.max_steps_reached, diffrax.RESULTS.dt_min_reached)
-    for i, other in enumerate((*map(RESULTS.promote, others), RESULTS.not_finite), 1):
-        result = RESULTS.where(code == i, other, result)
-    return result
-
-
-def _control(method: Integration) -> tuple[Control, tuple[Array, Array]]:
-    """Controller and limits in numbers, and the absolute and relative tolerance."""
-    pid = method.stepsize_controller
+def _control(method: Any, norm: Callable) -> tuple[Control, tuple[Array, Array]]:
+    """Return controller and limits in numbers, and the absolute and relative tolerance."""
+    pid, solver = method.stepsize_controller, method.solver
     if method.adjoint is not None:
         raise Unsupported("an adjoint")
     if not isinstance(pid, diffrax.PIDController):
         raise Unsupported(f"the step-size controller `{type(pid).__name__}`")
-    if pid.norm is not error_norm:
+    if pid.norm is not norm:
         raise Unsupported("a norm of errors of one's own")
     for name in ("dcoeff", "dtmax", "force_dtmin", "error_order"):
         if getattr(pid, name):
             raise Unsupported(f"`{name}` of the step-size controller")
-    order = method.solver.order(diffrax.ODETerm(lambda t, y, args: y))
+    if not isinstance(solver, diffrax.Tsit5 | diffrax.Dopri5):
+        raise Unsupported(f"the solver `{type(solver).__name__}`")
+    order = solver.order(diffrax.ODETerm(lambda t, y, args: y))
     assert order is not None
     numbers = ((pid.pcoeff + pid.icoeff) / order, -pid.pcoeff / order, pid.safety, pid.factormin)
     smallest = 0.0 if pid.dtmin is None else pid.dtmin
@@ -174,3 +174,23 @@ def _control(method: Integration) -> tuple[Control, tuple[Array, Array]]:
         raise Unsupported("a step-size controller whose coefficients are traced")
     tolerances = (jnp.asarray(pid.atol, float), jnp.asarray(pid.rtol, float))
     return Control(*map(float, (*numbers, *rest))), tolerances
+
+
+@cache
+def _tableau(solver: diffrax.Tsit5 | diffrax.Dopri5) -> Tableau:
+    """Take the tableau from diffrax, and the interpolation from its values at enough places."""
+    table = solver.tableau
+    weights = np.zeros((STAGES, STAGES))
+    for stage, row in enumerate(table.a_lower, 1):
+        weights[stage, :stage] = row
+    places = np.arange(1, 5) / 4
+    ends = {"t0": 0.0, "t1": 1.0, "y0": jnp.zeros(STAGES), "y1": jnp.asarray(table.b_sol)}
+
+    def weight(place):
+        """Return that of each stage: what the others do not add to."""
+        return solver.interpolation_cls(**ends, k=jnp.eye(STAGES)).evaluate(place)
+
+    values = np.asarray(jax.jit(jax.vmap(weight), compiler_options=IN_A_HURRY)(places))
+    powers = places[:, None] ** np.arange(1, 5)
+    dense = np.ascontiguousarray(np.linalg.solve(powers, values).T)
+    return Tableau(np.append(0.0, table.c), weights, np.asarray(table.b_error), dense)

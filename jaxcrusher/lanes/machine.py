@@ -4,6 +4,7 @@ A folder that cannot be written costs the time to compile, and is no error.
 """
 
 import hashlib
+import threading
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -12,6 +13,9 @@ import llvmlite.binding as llvm
 import platformdirs
 
 from jaxcrusher.files.durable import replace
+
+# A function that threads ask for at once is compiled by one of them.
+_LOCK = threading.Lock()
 
 
 class Machine:
@@ -31,39 +35,56 @@ class Machine:
 
 
 def cache_folder() -> Path:
-    """Where machine code is kept, per user."""
+    """Return the user's folder in which machine code is kept."""
     return platformdirs.user_cache_path("jaxcrusher") / "lanes"
 
 
-@cache
 def load(text: str) -> Machine:
-    """The functions of a text, compiled unless an earlier process on such a processor did."""
-    key = _digest(text, *_processor(), version("llvmlite"))
-    file = cache_folder() / f"{key}.o"
+    """Load the functions of a text, compiled unless an earlier process on such a processor did."""
+    with _LOCK:
+        return _load(text)
+
+
+@cache
+def _load(text: str) -> Machine:
+    key = "\0".join((text, *_processor(), version("llvmlite")))
+    file = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.code"
     try:
-        return Machine(file.read_bytes())
-    except OSError:
+        return Machine(_checked(file.read_bytes()))
+    except (OSError, ValueError):  # There is none, or it is broken.
         code = _target().emit_object(optimised(text, _target()))
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        replace(file, code)
+        replace(file, hashlib.sha256(code).digest() + code)
     except OSError:
         pass
     return Machine(code)
 
 
+def _checked(content: bytes) -> bytes:
+    """Return the machine code of a file, behind its checksum; LLVM crashes on a broken one."""
+    checksum, code = content[:32], content[32:]
+    if hashlib.sha256(code).digest() != checksum:
+        raise ValueError("The machine code does not match its checksum.")
+    return code
+
+
 def _processor() -> tuple[str, str]:
-    """Its name and what it knows."""
+    """Return the processor's name and what it knows."""
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
 
 
-def _digest(*parts: str) -> str:
-    """A name for what has this content."""
-    return hashlib.sha256(chr(0).join(parts).encode()).hexdigest()[:32]
+def _target() -> llvm.TargetMachine:
+    """Make this machine; a new one each time, for an engine takes it as its own."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
+        *_processor(), opt=3, jit=True
+    )
 
 
 def optimised(text: str, target: llvm.TargetMachine) -> llvm.ModuleRef:
-    """The module after LLVM's passes."""
+    """Return the module after LLVM's passes."""
     module, tuning = llvm.parse_assembly(text), llvm.create_pipeline_tuning_options(3)
     builder = llvm.create_pass_builder(target, tuning)
     builder.getModulePassManager().run(module, builder)
@@ -71,14 +92,5 @@ def optimised(text: str, target: llvm.TargetMachine) -> llvm.ModuleRef:
 
 
 def assembly(text: str) -> str:
-    """What the processor is told, in words."""
+    """Return what the processor is told, in words."""
     return _target().emit_assembly(optimised(text, _target()))
-
-
-def _target() -> llvm.TargetMachine:
-    """This machine; a new one each time, for an engine takes it as its own."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
-    return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        *_processor(), opt=3, jit=True
-    )

@@ -8,11 +8,11 @@ import numpy as np
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from jaxcrusher.batch.lanes.emit import Atom, Emitter
-from jaxcrusher.batch.lanes.known import known
-from jaxcrusher.batch.lanes.primitives import ALONG_AXES, ELEMENTWISE, type_of
-from jaxcrusher.batch.lanes.vector import LANES, Code, Module
-from tests.batch.lanes.rows import run
+from jaxcrusher.lanes.code import LANES, Code, Module
+from jaxcrusher.lanes.equations import Atom, Emitter
+from jaxcrusher.lanes.primitives import ALONG_AXES, ELEMENTWISE, type_of
+from jaxcrusher.lanes.verify import verified
+from tests.lanes.rows import run
 
 # A time, two states, and three numbers of the design.
 TYPES = {"t": float, "x": float, "y": float, "p": float, "n": int, "b": bool}
@@ -201,16 +201,15 @@ def _in_lanes(function, columns):
     """The results in lanes, and the names of the primitives."""
     module = Module()
     prepare, body = Code(module, "prepare"), Code(module, "body")
-    program = known(jax.make_jaxpr(function)(*(jnp.zeros((), kind) for kind in TYPES.values())))
+    program = verified(jax.make_jaxpr(function)(*(jnp.zeros((), kind) for kind in TYPES.values())))
     results, operands = sum(map(prod, program.shapes)), len(columns)
     emitter = Emitter(prepare, operands + results)
     states = [Atom(body.read(i)) for i in range(3)]
     kinds = map(type_of, program.operands[3:])
-    numbers = [emitter.given(i, 3 + i, kind) for i, kind in enumerate(kinds)]
+    numbers = [emitter.given(3 + i, kind) for i, kind in enumerate(kinds)]
     for i, value in enumerate(emitter.body(body, program, [*states, *numbers]), operands):
         body.write(value, i)
-    for i, value in enumerate(emitter.keep(), operands + results):
-        prepare.write(value, i)
+    emitter.keep()
     rows = [c.view(float) if c.dtype == int else c.astype(float) for c in columns]
     names = {equation.primitive.name for equation in program.equations}
     return run(module, [prepare, body], results, *rows, spare=2000), names

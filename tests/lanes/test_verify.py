@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.batch.lanes.known import Unsupported, known
+from jaxcrusher.lanes.verify import Unsupported, verified
 
 SINGLE = jnp.ones(2, jnp.float32)
 REFUSED = {
@@ -33,12 +33,12 @@ REFUSED = {
 def test_refused_by_name(why):
     jaxpr = jax.make_jaxpr(REFUSED[why])(jnp.zeros(()), jnp.zeros((), int))
     with pytest.raises(Unsupported) as found:
-        known(jaxpr)
+        verified(jaxpr)
     assert str(found.value) == why
 
 
 def _of_series(function):
-    return known(jax.make_jaxpr(function)(jnp.zeros(5), jnp.zeros((5, 2)), 1.0), 2, 5)
+    return verified(jax.make_jaxpr(function)(jnp.zeros(5), jnp.zeros((5, 2)), 1.0), 2, 5)
 
 
 @pytest.mark.parametrize(

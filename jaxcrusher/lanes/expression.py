@@ -1,11 +1,11 @@
-"""What instructions compute: operators that write LLVM's text.
+"""Operators that write LLVM's instructions, and what they make of doubles and whole numbers.
 
 Python runs a function of `Expression`s once, and what it would compute is written down, as JAX
-traces.
+traces. Most functions here take numbers of NumPy too, and give numbers then.
 """
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -48,31 +48,34 @@ def _comparison(symbol: str) -> Callable[..., Any]:
 
 
 class Expression:
-    """A double, a whole number of 64 bits or a truth value in a function; or a vector of them."""
+    """A double, a whole number of 64 bits or a truth value in a function, or a vector of them.
+
+    `code` is the function that is being written, a `code.Code`.
+    """
 
     __slots__ = ("code", "value")
     __array_ufunc__ = None  # numbers of NumPy leave operators to this class
     __hash__ = None  # type: ignore[assignment]
 
-    def __init__(self, code: "Function", value: Any) -> None:
+    def __init__(self, code: Any, value: Any) -> None:
         self.code, self.value = code, value
 
     @property
     def kind(self) -> ir.Type:
-        """`DOUBLE`, `INTEGER` or `TRUTH`."""
+        """Say whether it is a `DOUBLE`, an `INTEGER` or a `TRUTH`."""
         return getattr(self.value.type, "element", self.value.type)
 
     def of(self, kind: ir.Type) -> ir.Type:
-        """The type of as many of another kind."""
+        """Give the type of as many numbers of another kind."""
         type_ = self.value.type
         return ir.VectorType(kind, type_.count) if isinstance(type_, ir.VectorType) else kind
 
     def new(self, value: Any) -> "Expression":
-        """Another value of the same function."""
+        """Make another value of the same function an expression."""
         return Expression(self.code, value)
 
     def like(self, other: Any) -> "Expression":
-        """A number as an expression of the same type; expressions remain."""
+        """Make a number an expression of the same type; expressions remain."""
         if isinstance(other, Expression):
             return other
         cast = float if self.kind == DOUBLE else int
@@ -105,7 +108,7 @@ class Expression:
 
 
 def intrinsic(name: str, *operands: Expression) -> Expression:
-    """One of LLVM's functions of doubles."""
+    """Call one of LLVM's functions of doubles."""
     first = operands[0]
     type_ = first.of(DOUBLE)
     kind = ir.FunctionType(type_, [type_] * len(operands))
@@ -114,24 +117,19 @@ def intrinsic(name: str, *operands: Expression) -> Expression:
 
 
 def suffix(type_: ir.Type) -> str:
-    """How LLVM's functions name a type."""
+    """Name a type as LLVM's functions do."""
     vector = isinstance(type_, ir.VectorType)
     name = "f64" if getattr(type_, "element", type_) == DOUBLE else "i64"
     return f"v{type_.count}{name}" if vector else name
 
 
 def declared(module: ir.Module, name: str, kind: ir.FunctionType) -> Any:
-    """A function that is defined elsewhere."""
+    """Declare a function that is defined elsewhere, once a module."""
     return module.globals.get(name) or ir.Function(module, kind, name)
 
 
-def is_expression(value: Any) -> bool:
-    """Whether it is one."""
-    return isinstance(value, Expression)
-
-
 def kind_of(value: Any) -> ir.Type:
-    """The kind of an expression or of a number."""
+    """Say which kind an expression or a number is of."""
     if isinstance(value, Expression):
         return value.kind
     whole = INTEGER if isinstance(value, np.integer) else DOUBLE
@@ -139,12 +137,12 @@ def kind_of(value: Any) -> ir.Type:
 
 
 def typed_as(one: Any, value: Any) -> Any:
-    """A number of the type of another one, or of an expression."""
+    """Give a number the type of another one, or of an expression."""
     return one.like(value) if isinstance(one, Expression) else type(one)(value)
 
 
 def where(truth: Any, one: Any, other: Any) -> Any:
-    """`one` where it is true, `other` elsewhere; of numbers a number."""
+    """Choose `one` where it is true, `other` elsewhere; numbers make a number."""
     if not isinstance(truth, Expression):
         return one if truth else other
     like = next((v for v in (one, other) if isinstance(v, Expression)), None)
@@ -153,29 +151,24 @@ def where(truth: Any, one: Any, other: Any) -> Any:
     return truth.new(truth.code.builder.select(truth.value, *chosen))
 
 
-def sqrt(x: Any) -> Any:
-    """The square root."""
-    return intrinsic("llvm.sqrt", x) if isinstance(x, Expression) else np.sqrt(x)
-
-
 def fma(a: Any, b: Any, c: Any) -> Any:
-    """A b + c, rounded once."""
+    """Return a b + c, rounded once."""
     one = next(operand for operand in (a, b, c) if isinstance(operand, Expression))
     return intrinsic("llvm.fma", *map(one.like, (a, b, c)))
 
 
 def bits(x: Expression) -> Expression:
-    """The 64 bits of a double as a whole number."""
+    """Take the 64 bits of a double for a whole number."""
     return x.new(x.code.builder.bitcast(x.value, x.of(INTEGER)))
 
 
 def double(x: Expression) -> Expression:
-    """The double of 64 bits."""
+    """Take the 64 bits of a whole number for a double."""
     return x.new(x.code.builder.bitcast(x.value, x.of(DOUBLE)))
 
 
 def exactly(of_numbers: Callable) -> Callable[[Callable], Callable]:
-    """A function whose sums are added up as they are written; of numbers alone, another one."""
+    """Have a function's sums added up as they are written; numbers alone go to `of_numbers`."""
 
     def decorate(function: Callable) -> Callable:
         @functools.wraps(function)
@@ -194,20 +187,106 @@ def exactly(of_numbers: Callable) -> Callable[[Callable], Callable]:
     return decorate
 
 
-class Function:
-    """A function of LLVM as it is written; it gives nothing back."""
+def _one_of(name: str, of_numbers: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Make one function of LLVM's of expressions and NumPy's of numbers."""
+    return lambda x: intrinsic(name, x) if isinstance(x, Expression) else of_numbers(x)
 
-    def __init__(self, module: ir.Module, name: str, operands: Sequence[ir.Type]) -> None:
-        self.function = ir.Function(module, ir.FunctionType(ir.VoidType(), operands), name)
-        self.function.linkage = "internal"
-        self.function.attributes.add("nounwind")
-        self.function.attributes.add("noinline")
-        self.builder = ir.IRBuilder(self.function.append_basic_block())
-        self.flags: tuple[str, ...] = FAST
 
-    def end(self, by_name: bool = False) -> Any:
-        """Itself, once it is written; `by_name` for those outside the module too."""
-        self.builder.ret_void()
-        if by_name:
-            self.function.linkage = ""
-        return self
+sqrt = _one_of("llvm.sqrt", np.sqrt)
+floor, ceil = _one_of("llvm.floor", np.floor), _one_of("llvm.ceil", np.ceil)
+nearest_even = _one_of("llvm.roundeven", np.rint)
+
+# From here on all doubles are whole numbers, and quotients of doubles are not.
+LARGEST_QUOTIENT = 2.0**52
+
+
+def nearest_away(x: Any) -> Any:
+    """Round to the nearest whole number, of two to the larger one in size."""
+    size = abs(x)
+    below = floor(size)
+    rounded = below + where(size - below >= 0.5, 1.0, 0.0)
+    signed = isinstance(x, Expression)
+    return intrinsic("llvm.copysign", rounded, x) if signed else np.copysign(rounded, x)
+
+
+def truth_of(x: Any) -> Any:
+    """Say whether a number is not zero, which NaN is not; truth values remain."""
+    return x if kind_of(x) == TRUTH else x != typed_as(x, 0)
+
+
+def double_of(x: Any) -> Any:
+    """Convert a truth value or a whole number to a double; doubles remain."""
+    if not isinstance(x, Expression):
+        return np.float64(x)
+    if x.kind == INTEGER:
+        return x.new(x.code.builder.sitofp(x.value, x.of(DOUBLE)))
+    return where(x, 1.0, 0.0) if x.kind == TRUTH else x
+
+
+def whole_of(x: Any) -> Any:
+    """Convert a number to a whole one of 64 bits: a double loses its fraction.
+
+    Beyond the largest whole number it becomes that one, and NaN becomes zero.
+    """
+    kind = kind_of(x)
+    if not isinstance(x, Expression):
+        return _whole(x) if kind == DOUBLE else np.int64(x)
+    if kind == TRUTH:
+        return x.new(x.code.builder.zext(x.value, x.of(INTEGER)))
+    if kind == INTEGER:
+        return x
+    to, of = x.of(INTEGER), x.value.type
+    name = f"llvm.fptosi.sat.{suffix(to)}.{suffix(of)}"
+    function = declared(x.code.function.module, name, ir.FunctionType(to, [of]))
+    return x.new(x.code.builder.call(function, [x.value]))
+
+
+def _whole(x: float) -> np.int64:
+    limits = np.iinfo(np.int64)
+    if abs(x) < 2.0**63:
+        return np.int64(x)
+    return np.int64(0 if x != x else limits.max if x > 0 else limits.min)
+
+
+def clipped(x: Any, least: int, most: int) -> Any:
+    """Bring a whole number into a range, to its nearer end."""
+    x = where(x < least, typed_as(x, least), x)
+    return where(x > most, typed_as(x, most), x)
+
+
+def wrapped(x: Any) -> Any:
+    """Take the lowest 32 bits of a whole number for one with a sign."""
+    return (x << np.int64(32)) >> np.int64(32)
+
+
+def quotient(a: Any, b: Any) -> Any:
+    """Divide whole numbers, without the fraction; by zero this gives -1."""
+    trap = (b == 0) | (b == -1)  # of processors
+    divisor = where(trap, typed_as(b, 1), b)
+    if isinstance(a, Expression) or isinstance(divisor, Expression):
+        found = a / divisor
+    else:
+        found = a // divisor + ((a % divisor != 0) & ((a < 0) != (divisor < 0)))
+    return where(b == 0, typed_as(a, -1), where(b == -1, -a, found))
+
+
+def remainder(a: Any, b: Any) -> Any:
+    """Return the remainder of whole numbers, with the sign of a; by zero that is a."""
+    return where(b == 0, a, a - quotient(a, b) * b)
+
+
+@exactly(np.fmod)
+def modulo(x: Any, y: Any) -> Any:
+    """Return the remainder of doubles, with the sign of x.
+
+    It is NaN where the quotient is `LARGEST_QUOTIENT` or more.
+    """
+    size, divisor = abs(x), abs(y)
+    found = size / divisor
+    times = floor(found)
+    # Exact; a quotient that was rounded up to a whole number is one too many.
+    left = intrinsic("llvm.fma", -times, divisor, size)
+    left = where(left < 0.0, left + divisor, left)
+    left = where(found < LARGEST_QUOTIENT, left, np.nan)
+    left = where((divisor == np.inf) & (size < np.inf), size, left)
+    return where(bits(x) < 0, -left, left)

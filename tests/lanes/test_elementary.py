@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from jaxcrusher.batch.lanes import elementary
-from jaxcrusher.batch.lanes.whole import modulo
-from tests.batch.lanes.rows import over_rows
+from jaxcrusher.lanes import elementary
+from jaxcrusher.lanes.expression import modulo
+from tests.lanes.rows import over_rows
 
 COUNT = 100_000
 RANDOM = np.random.default_rng(0)

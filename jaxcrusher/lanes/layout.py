@@ -1,4 +1,4 @@
-"""What a batch is made of: designs, lanes, and the places where results go.
+"""The memory of a batch: what stands where in the rows of lanes, and in tables of addresses.
 
 All numbers of the lanes stand in one memory, a row of all lanes for each.
 """
@@ -7,6 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxcrusher.lanes.code import Shape
+
 # Stages of the Runge-Kutta methods, the last of which is the first of the next step.
 STAGES = 7
 # Rows of the clock. The step ends at NEXT, an instant is DUE; MEMORY is the logarithm of one over
@@ -14,7 +16,7 @@ STAGES = 7
 # that is kept, a lane to be looked at, a design that is new.
 TIME, NEXT, STEP, AT, DUE, KEEP, LOOK, FRESH = range(8)
 MEMORY, END, FLOOR, DT, SMALLEST, COUNT, MOST, ATOL, RTOL = range(8, 17)
-# Of the method, the same in all lanes.
+# Rows of the method's numbers, the same in all lanes.
 THIS, LAST, SAFETY, LEAST, LARGEST = range(17, 22)
 CLOCK = 22
 # Whole numbers of a lane: design, segment, instants seen, steps in earlier segments, and
@@ -26,56 +28,43 @@ WANTED, NONE_LEFT = -1, -2
 SUCCESS, TOO_MANY_STEPS, STEP_TOO_SMALL, NOT_FINITE = range(4)
 
 
-class Sizes(NamedTuple):
-    """How many of what a design has."""
+class Layout(NamedTuple):
+    """How many numbers a design has, and the first rows of what has several."""
 
+    shape: Shape
     motion: int  # states of the motion, which come first
     states: int  # with the totals
     numbers: int
     observed: int
-    kept: int = 0  # numbers prepared from them
-
-
-class Places(NamedTuple):
-    """The first rows of what has several."""
-
+    instants: int  # of a segment
+    found: int  # numbers of a segment's summary
+    # Rows of the memory, behind the clock.
     y: int
     trial: int
     k: int  # rates of the stages
-    given: int
+    given: int  # numbers of the design
     seen: int
-    kept: int
+    kept: int  # what is computed once a design
     end: int
-
-
-def places(sizes: Sizes) -> Places:
-    """One after the other, behind the clock."""
-    lengths = (
-        sizes.states,
-        sizes.states,
-        STAGES * sizes.states,
-        sizes.numbers,
-        sizes.observed,
-        sizes.kept,
-    )
-    return Places(*(CLOCK + sum(lengths[:i]) for i in range(len(lengths) + 1)))
-
-
-class Page(NamedTuple):
-    """The rows of a segment: what was seen at its instants, states at its end, and its summary."""
-
+    # Rows of a lane's page: what was seen at a segment's instants, states at its end, its summary.
     series: int  # of everything that is observed, one more than it fills
     last: int  # the first of the states, a row for each
-    found: int  # where the summary begins
-    end: int
+    summary: int
+    page: int  # its end
 
 
-def page_of(observed: int, instants: int, states: int, found: int, lanes: int) -> Page:
-    """One after the other; behind the summary is room for what a whole vector writes."""
+def layout(
+    shape: Shape, motion: int, states: int, numbers: int, observed: int, instants: int, found: int
+) -> Layout:
+    """Put one after the other; nothing is kept yet."""
+    lengths = (states, states, STAGES * states, numbers, observed, 0)
+    rows = (CLOCK + sum(lengths[:i]) for i in range(len(lengths) + 1))
     # Rows a power of 2 apart would all meet in one set of the processor's cache.
-    series = -(-instants // lanes) + 1
+    series = -(-instants // shape.lanes) + 1
     last = observed * series
-    return Page(series, last, last + states, last + states + -(-found // lanes) + 1)
+    # Behind the summary is room for what a whole vector writes.
+    page = (series, last, last + states, last + states + -(-found // shape.lanes) + 1)
+    return Layout(shape, motion, states, numbers, observed, instants, found, *rows, *page)
 
 
 class Designs(NamedTuple):
@@ -87,16 +76,6 @@ class Designs(NamedTuple):
     times: np.ndarray  # (schedules * segments * instants,)
     floors: np.ndarray  # (schedules, segments): what is later is at the end
     schedule: np.ndarray  # (designs,): each one's row of both
-
-
-class Tableau(NamedTuple):
-    """An explicit Runge-Kutta method."""
-
-    nodes: np.ndarray  # (STAGES,)
-    weights: np.ndarray  # (STAGES, STAGES): of the stages before
-    error: np.ndarray  # (STAGES,)
-    # At a share s of the step, stage j of the solution has the weight sum_p dense[j, p] s^(p + 1).
-    dense: np.ndarray  # (STAGES, 4)
 
 
 class Control(NamedTuple):
@@ -149,28 +128,26 @@ class Shared(NamedTuple):
     stop: Any  # (1,): not 0 to end early
 
 
-# Those of whole numbers.
+# The fields of a table, in their order, and those of whole numbers.
+FIELDS = Lanes._fields + Shared._fields
 WHOLE = {"whole", "schedule", "counts", "result", "steps", "next_design", "stop"}
 
 
-# The fields of a table, in their order.
-FIELDS = Lanes._fields + Shared._fields
-
-
 def table(lanes: Lanes, shared: Shared) -> np.ndarray:
-    """Their addresses, one after the other; valid as long as they are."""
+    """List the addresses of arrays one after the other; it is valid as long as they are."""
     for name, array in zip(FIELDS, (*lanes, *shared), strict=True):
         kind = np.int64 if name in WHOLE else np.float64
         assert array.dtype == kind and array.flags.c_contiguous, name
     return np.array([array.ctypes.data for array in (*lanes, *shared)], np.uintp)
 
 
-def new_lanes(sizes: Sizes, control: Control, page: Page, lanes: int) -> Lanes:
-    """Lanes without a design."""
+def new_lanes(at: Layout, control: Control) -> Lanes:
+    """Make lanes without a design."""
+    lanes = at.shape.lanes
     whole = np.zeros((5, lanes), np.int64)
     whole[DESIGN] = WANTED
-    memory = np.zeros((places(sizes).end, lanes))
+    memory = np.zeros((at.end, lanes))
     memory[THIS : LARGEST + 1] = np.array(control[:5])[:, None]
     # Lanes without a design divide by them too.
     memory[[ATOL, RTOL]] = 1.0
-    return Lanes(memory, whole, np.full((lanes, page.end * lanes), np.nan))
+    return Lanes(memory, whole, np.full((lanes, at.page * lanes), np.nan))

@@ -1,6 +1,5 @@
 """Lanes against diffrax, on a small problem that has a bit of everything; and one by one."""
 
-import os
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -14,8 +13,8 @@ import numpy as np
 import pytest
 
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
-from jaxcrusher.batch.lanes import module, processor, program
-from jaxcrusher.batch.lanes.vector import LANES
+from jaxcrusher.lanes import program, targets
+from jaxcrusher.lanes.code import LANES
 from jaxcrusher.motion.integrate import (
     RESULTS,
     Carried,
@@ -175,7 +174,7 @@ def test_exponents_of_neighbours_do_not_matter():
 def test_the_number_of_threads_changes_no_bit(monkeypatch):
     swings, found = _swings(5 * LANES + 3), []
     for threads in (1, 2, 5):
-        monkeypatch.setattr(processor, "cores", lambda n=threads: n)
+        monkeypatch.setattr(targets, "cores", lambda n=threads: n)
         found.append(in_lanes(_run, swings))
     _equal(found[0], found[1])
     _equal(found[0], found[2])
@@ -247,29 +246,6 @@ def test_what_lanes_cannot_do_is_done_in_turn_and_said():
         map_all(eqx.Partial(_run, problem=median, rtol=1e-3), swings, engine=in_lanes)
 
 
-def test_a_folder_that_cannot_be_written_is_no_error(monkeypatch, tmp_path):
-    file = tmp_path / "file"
-    file.write_text("no folder")
-    monkeypatch.setattr(module, "cache_folder", lambda: file)
-    module.load.cache_clear()
-    swings = _swings(LANES)
-    without = in_lanes(_run, swings)
-    monkeypatch.undo()
-    module.load.cache_clear()
-    _equal(without, in_lanes(_run, swings))
-
-
-def test_machine_code_is_on_the_disk_before_it_has_its_name(monkeypatch, tmp_path):
-    synced = []
-    monkeypatch.setattr(module, "cache_folder", lambda: tmp_path)
-    monkeypatch.setattr(os, "fsync", synced.append)
-    module.load.cache_clear()
-    in_lanes(_run, _swings(1))
-    module.load.cache_clear()
-    files = list(tmp_path.iterdir())
-    assert len(files) == len(synced) > 0 and {file.suffix for file in files} == {".o"}
-
-
 def test_threads_share_one_program(monkeypatch):
     built = []
 
@@ -281,7 +257,7 @@ def test_threads_share_one_program(monkeypatch):
     monkeypatch.setattr(program, "Program", slow)
     monkeypatch.setattr(program, "_PROGRAMS", {})
     with ThreadPoolExecutor(4) as pool:
-        operands = [_run] * 4, [_swings(1)] * 4, [processor.PROCESSOR] * 4
+        operands = [_run] * 4, [_swings(1)] * 4, [targets.PROCESSOR] * 4
         found = list(pool.map(program.program, *operands))
     assert len(built) == 1 and all(one is found[0] for one in found)
 
@@ -290,15 +266,15 @@ def test_threads_share_one_program(monkeypatch):
 def test_an_interrupted_batch_stops_its_threads(monkeypatch, which):
     # One thread fails, the first or the second; the other has work for minutes.
     swings = _swings(2 * LANES)
-    advance = processor._advance
+    advance = targets._advance
 
     def interrupted(*operands):
         if threading.current_thread().name.endswith(f"_{which}"):
             raise KeyboardInterrupt
         return advance(*operands)
 
-    monkeypatch.setattr(processor, "_advance", interrupted)
-    monkeypatch.setattr(processor, "cores", lambda: 2)
+    monkeypatch.setattr(targets, "_advance", interrupted)
+    monkeypatch.setattr(targets, "cores", lambda: 2)
     with pytest.raises(KeyboardInterrupt):
         in_lanes(
             eqx.Partial(_run, rtol=1e-13, max_steps=10**9),

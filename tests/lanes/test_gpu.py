@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from jaxcrusher.batch.engines import in_lanes, map_all, on_gpu
-from jaxcrusher.batch.lanes import gpu
-from jaxcrusher.batch.lanes.layout import FIELDS
-from jaxcrusher.batch.lanes.module import load
-from tests.batch.lanes.test_lanes import Swing, _run, _swings
+from jaxcrusher.lanes import targets
+from jaxcrusher.lanes.layout import FIELDS
+from jaxcrusher.lanes.machine import load
+from tests.lanes.test_lanes import Swing, _run, _swings
 
 
 class _There:
@@ -65,7 +65,7 @@ def simulated(monkeypatch):
     device = SimpleNamespace(Device=lambda: SimpleNamespace(attributes=attributes))
     cupy = SimpleNamespace(asarray=_There, repeat=_repeat, RawModule=_Module, cuda=device)
     monkeypatch.setitem(sys.modules, "cupy", cupy)
-    monkeypatch.setattr(gpu, "ptx", str.encode)
+    monkeypatch.setattr(targets, "ptx", str.encode)
 
 
 def test_threads_agree_with_lanes(simulated):
@@ -84,10 +84,10 @@ def test_threads_agree_with_lanes(simulated):
 
 def test_the_text_is_taken_by_the_compiler_of_nvidia(simulated, monkeypatch, tmp_path):
     texts = []
-    monkeypatch.setattr(gpu, "ptx", lambda text: texts.append(text) or text.encode())
+    monkeypatch.setattr(targets, "ptx", lambda text: texts.append(text) or text.encode())
     map_all(_run, _swings(3), engine=on_gpu)
     monkeypatch.undo()
-    code = gpu.ptx(texts[0])
+    code = targets.ptx(texts[0])
     assert b".visible .entry warps(" in code and b".extern" not in code
     if shutil.which("ptxas"):
         (tmp_path / "warps.ptx").write_bytes(code)

@@ -1,7 +1,7 @@
 """The primitives of JAX that lanes know: a line of a table says of which types, and how.
 
 A value is a double, a whole number of 64 bits or a truth value. Whole numbers of 32 bits are kept
-in 64, and cut to 32 after each operation. What is not in the tables is refused (see `known`).
+in 64, and cut to 32 after each operation. What is not in the tables is refused (see `verify`).
 """
 
 import operator
@@ -12,64 +12,57 @@ from typing import Any, NamedTuple
 import numpy as np
 from jax.extend.core import JaxprEqn
 
-from jaxcrusher.batch.lanes.elementary import (
-    angle,
-    arc_cosine,
-    arc_sine,
-    arc_tangent,
-    cosine,
-    cube_root,
-    exponential,
-    exponential_less_one,
-    hyperbolic_cosine,
-    hyperbolic_sine,
-    hyperbolic_tangent,
-    logarithm,
-    logarithm_of_one_more,
-    logistic,
-    power,
-    power_of_two,
-    sine,
-    tangent,
-)
-from jaxcrusher.batch.lanes.expression import (
+from jaxcrusher.lanes import elementary
+from jaxcrusher.lanes.expression import (
     DOUBLE,
     TRUTH,
-    intrinsic,
-    is_expression,
-    kind_of,
-    sqrt,
-    typed_as,
-    where,
-)
-from jaxcrusher.batch.lanes.whole import (
+    Expression,
     ceil,
     clipped,
     double_of,
     floor,
+    intrinsic,
+    kind_of,
     modulo,
     nearest_away,
     nearest_even,
     quotient,
     remainder,
+    sqrt,
     truth_of,
+    typed_as,
+    where,
     whole_of,
     wrapped,
 )
 
-# The types of the values of a program.
+# The types of JAX, and what stands for them here.
 REAL, TRUE = "float64", "bool"
-TYPES = (REAL, "int64", "int32", TRUE)
-
-
-def shape_of(variable: Any) -> tuple[int, ...]:
-    """The shape of a variable or a literal."""
-    return variable.aval.shape
+TYPES = {REAL: np.float64, "int64": np.int64, "int32": np.int64, TRUE: np.bool_}
 
 
 def type_of(variable: Any) -> str:
-    """The name of its type."""
+    """Name the type of a variable or a literal."""
     return str(getattr(variable.aval, "dtype", variable.aval))
+
+
+def constant(value: Any, kind: str | None = None) -> np.ndarray:
+    """Put numbers of JAX, of their type or a given one, into an array of objects."""
+    array = np.asarray(value, kind)
+    found = np.empty(array.shape, object)
+    for i, entry in enumerate(array.flat):
+        found.flat[i] = TYPES.get(str(array.dtype), np.int64)(entry)
+    return found
+
+
+def folded(function: Callable, *values: Any) -> Any:
+    """Apply a function to expressions and numbers; numbers alone make a number, without a word.
+
+    Numbers have the types of `constant`.
+    """
+    with np.errstate(all="ignore"):
+        result = function(*values)
+    return result if isinstance(result, Expression) else constant(result)[()]
 
 
 def _root(x: Any) -> Any:
@@ -89,8 +82,8 @@ _POWERS: dict[float, Callable[[Any], Any]] = {
 
 def _power(x: Any, exponent: Any) -> Any:
     exponent = double_of(exponent)
-    usual = None if is_expression(exponent) else _POWERS.get(float(exponent))
-    return power(x, exponent) if usual is None else usual(x)
+    usual = None if isinstance(exponent, Expression) else _POWERS.get(float(exponent))
+    return elementary.power(x, exponent) if usual is None else usual(x)
 
 
 def _whole_power(base: Any, exponent: int) -> Any:
@@ -108,8 +101,8 @@ def _largest(a: Any, b: Any) -> Any:
         return a | b
     if kind_of(a) != DOUBLE:
         return where(a > b, a, b)
-    a, b = (a, b) if is_expression(a) else (b, a)
-    if is_expression(b):
+    a, b = (a, b) if isinstance(a, Expression) else (b, a)
+    if isinstance(b, Expression):
         return intrinsic("llvm.maximum", a, b)
     # With a number it is one instruction.
     if b != b:
@@ -123,8 +116,8 @@ def _smallest(a: Any, b: Any) -> Any:
         return a & b
     if kind_of(a) != DOUBLE:
         return where(a < b, a, b)
-    a, b = (a, b) if is_expression(a) else (b, a)
-    if is_expression(b):
+    a, b = (a, b) if isinstance(a, Expression) else (b, a)
+    if isinstance(b, Expression):
         return intrinsic("llvm.minimum", a, b)
     if b != b:
         return b
@@ -177,6 +170,11 @@ class Operation(NamedTuple):
     kinds: str = "f"  # f: doubles, i: whole numbers, b: truth values
     options: tuple[str, ...] = ()  # parameters that `write` takes
 
+    def with_options(self, params: dict[str, Any]) -> Callable[..., Any]:
+        """Give `write` the parameters that it takes."""
+        taken = {name: params[name] for name in self.options}
+        return partial(self.write, **taken) if taken else self.write
+
 
 # Rounding methods of JAX, by number.
 _ROUNDED = {0: nearest_away, 1: nearest_even}
@@ -184,33 +182,33 @@ _ROUNDED = {0: nearest_away, 1: nearest_even}
 # Of each element alone. A NaN of any operand is a NaN of the result.
 ELEMENTWISE: dict[str, Operation] = {
     "abs": Operation(abs, "fi"),
-    "acos": Operation(arc_cosine),
+    "acos": Operation(elementary.arc_cosine),
     "add": Operation(operator.add, "fi"),
     "add_any": Operation(operator.add, "fi"),
     "and": Operation(operator.and_, "ib"),
-    "asin": Operation(arc_sine),
-    "atan": Operation(arc_tangent),
-    "atan2": Operation(angle),
-    "cbrt": Operation(cube_root),
+    "asin": Operation(elementary.arc_sine),
+    "atan": Operation(elementary.arc_tangent),
+    "atan2": Operation(elementary.angle),
+    "cbrt": Operation(elementary.cube_root),
     "ceil": Operation(ceil),
     "clamp": Operation(lambda low, x, high: _smallest(_largest(low, x), high), "fi"),
     "convert_element_type": Operation(_converted, "fib", ("new_dtype",)),
-    "cos": Operation(cosine),
-    "cosh": Operation(hyperbolic_cosine),
+    "cos": Operation(elementary.cosine),
+    "cosh": Operation(elementary.hyperbolic_cosine),
     "div": Operation(_divided, "fi"),
     "eq": Operation(operator.eq, "fib"),
-    "exp": Operation(exponential),
-    "exp2": Operation(power_of_two),
-    "expm1": Operation(exponential_less_one),
+    "exp": Operation(elementary.exponential),
+    "exp2": Operation(elementary.power_of_two),
+    "expm1": Operation(elementary.exponential_less_one),
     "floor": Operation(floor),
     "ge": Operation(operator.ge, "fib"),
     "gt": Operation(operator.gt, "fib"),
     "integer_pow": Operation(lambda x, y: _whole_power(x, y), "fi", ("y",)),
     "is_finite": Operation(_is_finite),
     "le": Operation(operator.le, "fib"),
-    "log": Operation(logarithm),
-    "log1p": Operation(logarithm_of_one_more),
-    "logistic": Operation(logistic),
+    "log": Operation(elementary.logarithm),
+    "log1p": Operation(elementary.logarithm_of_one_more),
+    "logistic": Operation(elementary.logistic),
     "lt": Operation(operator.lt, "fib"),
     "max": Operation(_largest, "fib"),
     "min": Operation(_smallest, "fib"),
@@ -227,13 +225,13 @@ ELEMENTWISE: dict[str, Operation] = {
     "rsqrt": Operation(lambda x: 1.0 / sqrt(x)),
     "select_n": Operation(_selected, "fib"),
     "sign": Operation(_sign, "fi"),
-    "sin": Operation(sine),
-    "sinh": Operation(hyperbolic_sine),
+    "sin": Operation(elementary.sine),
+    "sinh": Operation(elementary.hyperbolic_sine),
     "sqrt": Operation(sqrt),
     "square": Operation(lambda x: x * x, "fi"),
     "sub": Operation(operator.sub, "fi"),
-    "tan": Operation(tangent),
-    "tanh": Operation(hyperbolic_tangent),
+    "tan": Operation(elementary.tangent),
+    "tanh": Operation(elementary.hyperbolic_tangent),
     "xor": Operation(operator.xor, "ib"),
 }
 
@@ -295,35 +293,38 @@ ALONG_AXES: dict[str, Operation] = {
 OVER_INSTANTS = {"argmax": "f", "reduce_max": "f", "reduce_min": "f", "reduce_sum": "fi"}
 
 
-def along(array: np.ndarray, axes: Sequence[int]) -> list[np.ndarray]:
-    """The elements along axes, each an array of the others."""
+def elementwise(function: Callable, operands: Sequence[np.ndarray]) -> np.ndarray:
+    """Apply a function of scalars to arrays of one shape, or to arrays and scalars."""
+    shape = np.broadcast_shapes(*(operand.shape for operand in operands))
+    columns = [np.broadcast_to(operand, shape).flat for operand in operands]
+    results = np.empty(shape, object)
+    for i, entries in enumerate(zip(*columns, strict=True)):
+        results.flat[i] = function(*entries)
+    return results
+
+
+def of_arrays(equation: JaxprEqn, operands: list, one: Callable) -> np.ndarray:
+    """Apply an equation to arrays; `one` is given what to do, and the elements to do it to."""
+    name, params = equation.primitive.name, equation.params
+    if name in STRUCTURAL:
+        return STRUCTURAL[name].with_options(params)(*operands)
+    if name in ALONG_AXES:
+        operands = _along(operands[0], params["axes"])
+    meaning = written(equation)
+    return elementwise(lambda *elements: one(meaning, *elements), operands)
+
+
+def _along(array: np.ndarray, axes: Sequence[int]) -> list[np.ndarray]:
+    """Take an array apart along axes, into arrays of its other axes."""
     last = np.moveaxis(array, axes, range(-len(axes), 0))
     flat = last.reshape(*last.shape[: array.ndim - len(axes)], -1)
     return [flat[..., i] for i in range(flat.shape[-1])]
 
 
-# Parameters that do not change a value: where it stands, how exact it is at least, and whether
-# its type gives way to others, which JAX has settled when it traced.
-_IGNORED = {"accuracy", "axes", "index_dtype", "out_sharding", "sharding", "weak_type"}
-
-
-def unknown_option(operation: Operation, params: dict[str, Any]) -> str | None:
-    """The name of a parameter that an operation does not know, if it has one."""
-    others = {name for name, value in params.items() if value is not None}
-    return min(others - _IGNORED - {*operation.options}, default=None)
-
-
-def options(operation: Operation, params: dict[str, Any]) -> dict[str, Any]:
-    """The parameters that it takes."""
-    return {name: params[name] for name in operation.options}
-
-
 def written(equation: JaxprEqn) -> Callable[..., Any]:
-    """What an equation does to numbers or vectors: elements of operands, or along axes."""
+    """Say what an equation does to numbers or vectors: elements of operands, or along axes."""
     name = equation.primitive.name
-    operation = ELEMENTWISE.get(name) or ALONG_AXES[name]
-    taken = options(operation, equation.params)
-    function = partial(operation.write, **taken) if taken else operation.write
+    function = (ELEMENTWISE.get(name) or ALONG_AXES[name]).with_options(equation.params)
     if type_of(equation.outvars[0]) == "int32":
         return lambda *operands: wrapped(function(*operands))
     return function
