@@ -22,8 +22,8 @@ from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.devices import computes_on, devices, on_a_gpu
 from jaxcrusher.basics.setup import remind_of_set_up
 from jaxcrusher.basics.traced import traced
+from jaxcrusher.lanes.machine import GPU, PROCESSOR, Target
 from jaxcrusher.lanes.program import NoIntegration, program
-from jaxcrusher.lanes.targets import GPU, PROCESSOR, Target
 from jaxcrusher.lanes.verify import Unsupported
 from jaxcrusher.motion.recorded import recorded
 from jaxcrusher.motion.statistic import STATISTIC, Chosen, chosen
@@ -156,7 +156,7 @@ def in_lanes(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
 
 
 def on_gpu(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
-    """Integrations by the same lanes on a GPU of NVIDIA's, a thread each (see `lanes.targets`).
+    """Integrations by the same lanes on a GPU of NVIDIA's, a thread each (see `lanes.machine`).
 
     Never run on one so far: it is tested thread by thread on a processor. It needs CuPy, and
     raises ImportError without. What lanes cannot do, `side_by_side` does, on the GPU where JAX

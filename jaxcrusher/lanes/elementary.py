@@ -16,20 +16,20 @@ _TWO_52_BITS, _TWO_52 = 0x4330000000000000, 4503599627370496.0
 
 
 def _product(a, b):
-    """A b as an unevaluated sum."""
+    """Return a b as an unevaluated sum."""
     high = a * b
     return high, fma(a, b, -high)
 
 
 def _sum(a, b):
-    """A + b as an unevaluated sum (Knuth)."""
+    """Return a + b as an unevaluated sum (Knuth)."""
     high = a + b
     part = high - a
     return high, (a - (high - part)) + (b - part)
 
 
 def _polynomial(x, *coefficients):
-    """The first is that of the highest power."""
+    """Evaluate a polynomial; the first coefficient is that of the highest power."""
     value = coefficients[0]
     for coefficient in coefficients[1:]:
         value = fma(x, value, coefficient)
@@ -43,7 +43,7 @@ _HALF_PI = (1.5707963267948966, 6.123233995736766e-17, -1.4973849048591833e-33)
 
 
 def _reduced(x):
-    """X less whole quarter turns, as a number of at most pi / 4 and its tail; the quarter."""
+    """Take whole quarter turns off x: a number of at most pi / 4, its tail, and the quarter."""
     quotient = fma(x, 0.6366197723675814, _MAGIC) - _MAGIC
     # Exact: both have the same leading digits.
     rest = fma(-quotient, _HALF_PI[0], x)
@@ -86,7 +86,7 @@ def _cosine_near_zero(r, tail):
 
 @exactly(np.sin)
 def sine(x):
-    """Sin x; the minimax polynomials are those of fdlibm, on a quarter turn."""
+    """Return sin x; the minimax polynomials are those of fdlibm, on a quarter turn."""
     r, tail, quarter = _reduced(x)
     s, c = _sine_near_zero(r, tail), _cosine_near_zero(r, tail)
     value = where(quarter & 1 == 0, s, c)
@@ -95,7 +95,7 @@ def sine(x):
 
 @exactly(np.cos)
 def cosine(x):
-    """Cos x, as `sine`."""
+    """Return cos x, as `sine`."""
     r, tail, quarter = _reduced(x)
     s, c = _sine_near_zero(r, tail), _cosine_near_zero(r, tail)
     value = where(quarter & 1 == 0, c, s)
@@ -104,7 +104,7 @@ def cosine(x):
 
 @exactly(np.tan)
 def tangent(x):
-    """Tan x, as `sine`."""
+    """Return tan x, as `sine`."""
     r, tail, quarter = _reduced(x)
     s, c = _sine_near_zero(r, tail), _cosine_near_zero(r, tail)
     even = quarter & 1 == 0
@@ -116,7 +116,7 @@ _LN2, _LN2_TAIL = 0.6931471805592082, 7.371002565167799e-13
 
 
 def _scaled(value, exponent):
-    """Value 2^exponent for a whole `exponent` in [-2000, 2000], in two steps that stay in range."""
+    """Return value 2^exponent for whole exponents in [-2000, 2000], in two steps within range."""
     first = exponent * 0.5 + _MAGIC - _MAGIC
     for part in (first, exponent - first):
         value = value * _power_of_two(part)
@@ -124,12 +124,12 @@ def _scaled(value, exponent):
 
 
 def _power_of_two(exponent):
-    """2^exponent for a whole `exponent` in [-1022, 1023]."""
+    """Return 2^exponent for a whole `exponent` in [-1022, 1023]."""
     return double((bits(exponent + (_MAGIC + 1023.0)) & 0xFFF) << 52)
 
 
 def _factors(x, tail):
-    """Numbers k, r and s, so that exp(x + tail) = 2^k (1 + r + s); the tail is an ulp at most."""
+    """Find k, r and s with exp(x + tail) = 2^k (1 + r + s); the tail is an ulp at most."""
     clipped = where(x < -1000.0, -1000.0, where(x > 1000.0, 1000.0, x))
     exponent = fma(clipped, 1.4426950408889634, _MAGIC) - _MAGIC
     r = clipped - exponent * _LN2
@@ -139,14 +139,14 @@ def _factors(x, tail):
 
 
 def _exponential(x, tail, halvings=0.0):
-    """exp(x + tail) for a tail of at most an ulp of x, halved so often."""
+    """Return exp(x + tail) for a tail of at most an ulp of x, halved so often."""
     exponent, r, s = _factors(x, tail)
     value = _scaled(1.0 + (r + s), exponent - halvings)
     return where(x == x, value, x)
 
 
 def _less_one(x):
-    """An exponent k and a sum that is not evaluated, so that exp(x) - 1 = 2^k sum."""
+    """Find an exponent k and an unevaluated sum with exp(x) - 1 = 2^k sum."""
     # Below, the exponential does not matter.
     exponent, r, s = _factors(where(x < -50.0, -50.0, x), 0.0)
     small, small_tail = _sum(r, s)
@@ -158,20 +158,20 @@ def _less_one(x):
 
 @exactly(np.exp)
 def exponential(x):
-    """Exp x."""
+    """Return exp x."""
     return _exponential(x, 0.0)
 
 
 @exactly(np.expm1)
 def exponential_less_one(x):
-    """Exp x - 1, also where that is small."""
+    """Return exp x - 1, also where that is small."""
     exponent, high, tail = _less_one(x)
     return where(x == x, _scaled(high + tail, exponent), x)
 
 
 @exactly(np.exp2)
 def power_of_two(x):
-    """2^x."""
+    """Return 2^x."""
     clipped = where(x < -1100.0, -1100.0, where(x > 1100.0, 1100.0, x))
     exponent = clipped + _MAGIC - _MAGIC
     part = clipped - exponent
@@ -181,7 +181,7 @@ def power_of_two(x):
 
 
 def _parts(x):
-    """X > 0 as a whole exponent of 2 and a factor between sqrt(1/2) and sqrt(2)."""
+    """Split x > 0 into a whole exponent of 2 and a factor between sqrt(1/2) and sqrt(2)."""
     small = x < 2.2250738585072014e-308
     whole = bits(where(small, x * 18014398509481984.0, x))  # 2^54
     # The bits of sqrt(1/2): what is above counts to the next power of 2.
@@ -193,7 +193,7 @@ def _parts(x):
 
 
 def _logarithm(x):
-    """Ln x as an unevaluated sum, for finite x > 0."""
+    """Return ln x as an unevaluated sum, for finite x > 0."""
     exponent, factor = _parts(x)
     # ln m = 2 artanh s, s = (m - 1) / (m + 1).
     over, under = factor - 1.0, factor + 1.0
@@ -220,7 +220,7 @@ def _logarithm(x):
 
 @exactly(np.log)
 def logarithm(x):
-    """Ln x; minus infinity at zero, NaN below."""
+    """Return ln x; minus infinity at zero, NaN below."""
     high, tail = _logarithm(x)
     value = where(x < math.inf, high + tail, x)
     return where(x > 0.0, value, where(x == 0.0, -math.inf, math.nan))
@@ -228,7 +228,7 @@ def logarithm(x):
 
 @exactly(np.log1p)
 def logarithm_of_one_more(x):
-    """ln(1 + x), also where that is small; minus infinity at -1, NaN below."""
+    """Return ln(1 + x), also where that is small; minus infinity at -1, NaN below."""
     more, lost = _sum(1.0, x)
     high, tail = _logarithm(more)
     high, rest = _sum(high, lost / more)
@@ -238,7 +238,7 @@ def logarithm_of_one_more(x):
 
 @exactly(np.cbrt)
 def cube_root(x):
-    """The cube root, of negative numbers too."""
+    """Return the cube root, of negative numbers too."""
     size = abs(x)
     known = (size > 0.0) & (size < math.inf)
     high, tail = _logarithm(where(known, size, 1.0))
@@ -250,7 +250,7 @@ def cube_root(x):
 
 @exactly(np.power)
 def power(x, y):
-    """x^y; NaN for a finite x < 0 unless y is whole."""
+    """Return x^y; NaN for a finite x < 0 unless y is whole."""
     size = abs(x)
     base = where((size > 0.0) & (size < math.inf), size, 1.0)
     high, tail = _logarithm(base)
@@ -271,7 +271,7 @@ def power(x, y):
 
 @exactly(np.tanh)
 def hyperbolic_tangent(x):
-    """Tanh x."""
+    """Return tanh x."""
     exponent, high, tail = _less_one(-2.0 * abs(x))
     over, over_tail = -_scaled(high, exponent), -_scaled(tail, exponent)
     under, under_tail = _sum(2.0, -over)
@@ -283,7 +283,7 @@ def hyperbolic_tangent(x):
 
 @exactly(np.sinh)
 def hyperbolic_sine(x):
-    """Sinh x."""
+    """Return sinh x."""
     size = abs(x)
     exponent, high, tail = _less_one(where(size < 40.0, size, 0.0))
     less_one = _scaled(high + tail, exponent)
@@ -295,14 +295,14 @@ def hyperbolic_sine(x):
 
 @exactly(np.cosh)
 def hyperbolic_cosine(x):
-    """Cosh x."""
+    """Return cosh x."""
     half = _exponential(abs(x), 0.0, 1.0)
     return half + 0.25 / half
 
 
 @exactly(lambda x: np.where(x < 0, np.exp(-abs(x)), 1.0) / (1.0 + np.exp(-abs(x))))
 def logistic(x):
-    """1 / (1 + exp(-x))."""
+    """Return 1 / (1 + exp(-x))."""
     share = _exponential(-abs(x), 0.0)
     return where(x < 0.0, share, 1.0) / (1.0 + share)
 
@@ -311,7 +311,7 @@ _PI, _PI_TAIL = 3.141592653589793, 1.2246467991473532e-16
 
 
 def _arc(over, under):
-    """The arc tangent of a quotient of numbers that are not negative, and not both are zero."""
+    """Return the arc tangent of a quotient of numbers that are not negative, and not both zero."""
     ratio = over / under
     steep, middle = ratio > 2.414213562373095, ratio > 0.66
     # tan(a - pi/2) = -1 / tan a, tan(a - pi/4) = (tan a - 1) / (tan a + 1)
@@ -342,7 +342,7 @@ def _arc(over, under):
 
 @exactly(np.arctan)
 def arc_tangent(x):
-    """Arctan x."""
+    """Return arctan x."""
     value = _arc(abs(x), 1.0)
     return where(x < 0.0, -value, value)
 
@@ -359,17 +359,17 @@ def _angle(y, x):
 
 @exactly(np.arctan2)
 def angle(y, x):
-    """The angle of (x, y), between -pi and pi."""
+    """Return the angle of (x, y), between -pi and pi."""
     return _angle(y, x)
 
 
 @exactly(np.arcsin)
 def arc_sine(x):
-    """Arcsin x; NaN beyond 1."""
+    """Return arcsin x; NaN beyond 1."""
     return _angle(x, sqrt((1.0 - x) * (1.0 + x)))
 
 
 @exactly(np.arccos)
 def arc_cosine(x):
-    """Arccos x; NaN beyond 1."""
+    """Return arccos x; NaN beyond 1."""
     return _angle(sqrt((1.0 - x) * (1.0 + x)), x)

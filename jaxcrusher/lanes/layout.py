@@ -1,4 +1,4 @@
-"""The memory of a batch: what stands where in the rows of lanes, and in tables of addresses.
+"""The memory of a batch: where things stand in the rows of lanes, and in tables of addresses.
 
 All numbers of the lanes stand in one memory, a row of all lanes for each.
 """
@@ -64,11 +64,12 @@ def layout(
     last = observed * series
     # Behind the summary is room for what a whole vector writes.
     page = (series, last, last + states, last + states + -(-found // shape.lanes) + 1)
-    return Layout(shape, motion, states, numbers, observed, instants, found, *rows, *page)
+    counts = (motion, states, numbers, observed, instants, found)
+    return Layout._make((shape, *counts, *rows, *page))
 
 
 class Designs(NamedTuple):
-    """What is to be integrated: from `starts` through segments that end at their last instant."""
+    """Designs to be integrated from `starts` through segments that end at their last instant."""
 
     starts: np.ndarray  # (designs, states)
     numbers: np.ndarray  # (designs, numbers)
@@ -91,16 +92,8 @@ class Control(NamedTuple):
     steps: float  # in a segment
 
 
-class Ends(NamedTuple):
-    """How each design ended."""
-
-    result: np.ndarray
-    reached: np.ndarray
-    steps: np.ndarray
-
-
 class Lanes(NamedTuple):
-    """What a thread has to itself: arrays, and in its code what is at their addresses."""
+    """A thread's own arrays, and in its code what is at their addresses."""
 
     memory: Any  # (rows, lanes)
     whole: Any  # (5, lanes): whole numbers
@@ -108,7 +101,7 @@ class Lanes(NamedTuple):
 
 
 class Shared(NamedTuple):
-    """What all threads read and write, alike."""
+    """Arrays that all threads read and write, and in their code what is at the addresses."""
 
     # See `Designs`.
     starts: Any
@@ -120,7 +113,7 @@ class Shared(NamedTuple):
     limits: Any  # first step, smallest step, steps in a segment
     counts: Any  # of designs and segments
     found: Any  # (designs, segments, numbers): their summaries
-    # See `Ends`.
+    # How each design ended: code, time and steps.
     result: Any
     reached: Any
     steps: Any

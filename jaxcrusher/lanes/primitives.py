@@ -66,7 +66,7 @@ def folded(function: Callable, *values: Any) -> Any:
 
 
 def _root(x: Any) -> Any:
-    """X^0.5, which is infinite for minus infinity too; the square root is NaN there."""
+    """Return x^0.5, which is infinite for minus infinity too; the square root is NaN there."""
     return sqrt(where(x == -np.inf, typed_as(x, np.inf), x))
 
 
@@ -95,33 +95,29 @@ def _whole_power(base: Any, exponent: int) -> Any:
     return half * half * base if exponent % 2 else half * half
 
 
-def _largest(a: Any, b: Any) -> Any:
-    """NaN if one of them is; zero is larger than minus zero."""
-    if kind_of(a) == TRUTH:
-        return a | b
-    if kind_of(a) != DOUBLE:
-        return where(a > b, a, b)
-    a, b = (a, b) if isinstance(a, Expression) else (b, a)
-    if isinstance(b, Expression):
-        return intrinsic("llvm.maximum", a, b)
-    # With a number it is one instruction.
-    if b != b:
-        return b
-    return where(a < b if np.signbit(b) else a <= b, b, a)
+def _extreme(largest: bool) -> Callable[[Any, Any], Any]:
+    """Make the larger or the smaller of two; NaN is both, and zero is larger than minus zero."""
+    beyond, or_equal = (operator.gt, operator.ge) if largest else (operator.lt, operator.le)
+    of_truths = operator.or_ if largest else operator.and_
+
+    def extreme(a: Any, b: Any) -> Any:
+        if kind_of(a) == TRUTH:
+            return of_truths(a, b)
+        if kind_of(a) != DOUBLE:
+            return where(beyond(a, b), a, b)
+        a, b = (a, b) if isinstance(a, Expression) else (b, a)
+        if isinstance(b, Expression):
+            return intrinsic("llvm.maximum" if largest else "llvm.minimum", a, b)
+        # With a number it is one instruction.
+        if b != b:
+            return b
+        strictly = np.signbit(b) == largest
+        return where(beyond(b, a) if strictly else or_equal(b, a), b, a)
+
+    return extreme
 
 
-def _smallest(a: Any, b: Any) -> Any:
-    """NaN if one of them is; minus zero is smaller than zero."""
-    if kind_of(a) == TRUTH:
-        return a & b
-    if kind_of(a) != DOUBLE:
-        return where(a < b, a, b)
-    a, b = (a, b) if isinstance(a, Expression) else (b, a)
-    if isinstance(b, Expression):
-        return intrinsic("llvm.minimum", a, b)
-    if b != b:
-        return b
-    return where(a >= b if np.signbit(b) else a > b, b, a)
+_largest, _smallest = _extreme(True), _extreme(False)
 
 
 def _sign(x: Any) -> Any:
@@ -130,7 +126,7 @@ def _sign(x: Any) -> Any:
 
 
 def _selected(which: Any, *cases: Any) -> Any:
-    """The case of this number; of two, the second one if it is true."""
+    """Choose the case of this number; of two, the second one if it is true."""
     if kind_of(which) == TRUTH:
         return where(which, cases[1], cases[0])
     found = cases[-1]
@@ -164,7 +160,7 @@ def _is_finite(x: Any) -> Any:
 
 
 class Operation(NamedTuple):
-    """What a primitive does to numbers or vectors, and the kinds of number that it takes."""
+    """How a primitive is written for numbers or vectors, and the kinds of number that it takes."""
 
     write: Callable[..., Any]  # of operands; of options too, by name
     kinds: str = "f"  # f: doubles, i: whole numbers, b: truth values
@@ -244,7 +240,7 @@ def _broadcast(x: np.ndarray, shape: Any, broadcast_dimensions: Any) -> np.ndarr
 
 
 def parts(start_indices: Any, limit_indices: Any, strides: Any) -> tuple[slice, ...]:
-    """The parts of axes that `slice` takes."""
+    """Return the parts of axes that `slice` takes."""
     steps = strides or [None] * len(start_indices)
     return tuple(map(slice, start_indices, limit_indices, steps))
 
@@ -268,7 +264,7 @@ STRUCTURAL: dict[str, Operation] = {
 
 
 def _place_of_largest(*cells: Any) -> Any:
-    """The first place of the largest, or of a NaN."""
+    """Find the first place of the largest, or of a NaN."""
     largest, place = cells[0], np.int64(0)
     for i, cell in enumerate(cells[1:], 1):
         better = (cell > largest) | ((cell != cell) & (largest == largest))

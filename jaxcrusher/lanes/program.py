@@ -25,8 +25,8 @@ from jax.extend.core import (
 from jaxtyping import PyTree
 
 from jaxcrusher.lanes.layout import Designs
+from jaxcrusher.lanes.machine import Target, run
 from jaxcrusher.lanes.record import IN_A_HURRY, Recorded, integrates, integration_p
-from jaxcrusher.lanes.targets import Target, run
 from jaxcrusher.lanes.verify import Unsupported, inlined
 
 # Designs that JAX computes side by side: always as many, so that one program, with one rounding, is
@@ -198,8 +198,7 @@ class _Integration:
             of_each = starts[rows], numbers[rows], tolerances[rows]
             designs = Designs(*of_each, times.ravel(), floors, schedule[rows])
             kernels = what.kernels(known, self._target.shape)
-            summaries, ends = run(kernels, what.control, designs, shapes, self._target)
-            parts = [*summaries, *ends]
+            parts = run(kernels, what.control, designs, shapes, self._target)
             if not found:
                 found = [np.empty((count, *part.shape[1:]), part.dtype) for part in parts]
             for whole, part in zip(found, parts, strict=True):

@@ -48,7 +48,7 @@ class Recorded:
 
     @cached_property
     def exponents(self) -> list[int]:
-        """The numbers of a design that powers depend on."""
+        """Return which numbers of a design powers depend on."""
         varying = 1 + self.equations.states
         functions = (self.equations.field, self.equations.observe)
         return sorted(set().union(*(exponents(function, varying) for function in functions)))

@@ -1,4 +1,4 @@
-"""The integration of a batch as functions of lanes: the equations, a step, and the loop over steps.
+"""The integration of a batch as functions of lanes: equations, a step, and the loop over steps.
 
 The step is that of an explicit Runge-Kutta method under a PI controller, as diffrax has it. Every
 lane has its own time, step and segment; a lane that has ended takes the next design, so none waits
@@ -18,11 +18,10 @@ import numpy as np
 from jaxcrusher.lanes import layout as row
 from jaxcrusher.lanes.code import CORES, Array, Code, Module, Shape
 from jaxcrusher.lanes.elementary import exponential, logarithm
-from jaxcrusher.lanes.equations import Atom, Emitter, number
+from jaxcrusher.lanes.equations import Atom, Emitter, number, write_summary
 from jaxcrusher.lanes.expression import DOUBLE, INTEGER, Expression, where
 from jaxcrusher.lanes.layout import FIELDS, STAGES, WHOLE, Lanes, Layout, Shared, layout
 from jaxcrusher.lanes.primitives import type_of
-from jaxcrusher.lanes.summary import write_summary
 from jaxcrusher.lanes.verify import Verified
 
 # Bounds of the mean square of an error over the allowed one.
@@ -116,7 +115,7 @@ def _write_look(
     def state(i: int) -> Expression:
         rates = (code.read(at.k + stage * at.states + i) for stage in range(STAGES))
         changes = [weight * rate for weight, rate in zip(weights, rates, strict=True)]
-        return code.read(at.y + i) + sum(changes[1:], changes[0])
+        return code.read(at.y + i) + reduce(operator.add, changes)
 
     # LLVM leaves out the states that do not matter.
     operands = [Atom(due), *(Atom(state(i)) for i in range(at.states)), *numbers]
@@ -148,7 +147,7 @@ def _write_step(code: Code, field: Code, table: Tableau, at: Layout) -> Code:
             for j, weight in enumerate(weights)
             if weight != 0
         ]
-        return sum(terms[1:], terms[0])
+        return reduce(operator.add, terms)
 
     for stage in range(1, STAGES):
         for i, before in enumerate(y):

@@ -51,7 +51,7 @@ class Verified(NamedTuple):
 
     @property
     def shapes(self) -> list[tuple[int, ...]]:
-        """The shapes of the results."""
+        """Return the shapes of the results."""
         return list(map(_shape, self.results))
 
     def walk(

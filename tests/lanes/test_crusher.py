@@ -10,7 +10,7 @@ import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all, stack
 from jaxcrusher.crusher.drives import GivenTorque
 from jaxcrusher.crusher.loads import AbstractLoad
-from jaxcrusher.lanes import targets
+from jaxcrusher.lanes import machine
 
 COUNT = 37  # no multiple of the lanes
 
@@ -51,7 +51,7 @@ def test_neither_chunks_nor_order_change_a_bit(impacts):
 def test_threads_change_no_bit(impacts, monkeypatch):
     function, whole = impacts
     for threads in (1, 3):
-        monkeypatch.setattr(targets, "cores", lambda n=threads: n)
+        monkeypatch.setattr(machine, "cores", lambda n=threads: n)
         _equal(map_all(function, _numbers(), engine=in_lanes), whole)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.batch.engines import in_lanes, map_all, on_gpu
-from jaxcrusher.lanes import targets
+from jaxcrusher.lanes import machine
 from jaxcrusher.lanes.layout import FIELDS
 from jaxcrusher.lanes.machine import load
 from tests.lanes.test_lanes import Swing, _run, _swings
@@ -65,7 +65,7 @@ def simulated(monkeypatch):
     device = SimpleNamespace(Device=lambda: SimpleNamespace(attributes=attributes))
     cupy = SimpleNamespace(asarray=_There, repeat=_repeat, RawModule=_Module, cuda=device)
     monkeypatch.setitem(sys.modules, "cupy", cupy)
-    monkeypatch.setattr(targets, "ptx", str.encode)
+    monkeypatch.setattr(machine, "ptx", str.encode)
 
 
 def test_threads_agree_with_lanes(simulated):
@@ -84,10 +84,10 @@ def test_threads_agree_with_lanes(simulated):
 
 def test_the_text_is_taken_by_the_compiler_of_nvidia(simulated, monkeypatch, tmp_path):
     texts = []
-    monkeypatch.setattr(targets, "ptx", lambda text: texts.append(text) or text.encode())
+    monkeypatch.setattr(machine, "ptx", lambda text: texts.append(text) or text.encode())
     map_all(_run, _swings(3), engine=on_gpu)
     monkeypatch.undo()
-    code = targets.ptx(texts[0])
+    code = machine.ptx(texts[0])
     assert b".visible .entry warps(" in code and b".extern" not in code
     if shutil.which("ptxas"):
         (tmp_path / "warps.ptx").write_bytes(code)

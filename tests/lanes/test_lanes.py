@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
-from jaxcrusher.lanes import program, targets
+from jaxcrusher.lanes import machine, program
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.motion.integrate import (
     RESULTS,
@@ -174,7 +174,7 @@ def test_exponents_of_neighbours_do_not_matter():
 def test_the_number_of_threads_changes_no_bit(monkeypatch):
     swings, found = _swings(5 * LANES + 3), []
     for threads in (1, 2, 5):
-        monkeypatch.setattr(targets, "cores", lambda n=threads: n)
+        monkeypatch.setattr(machine, "cores", lambda n=threads: n)
         found.append(in_lanes(_run, swings))
     _equal(found[0], found[1])
     _equal(found[0], found[2])
@@ -257,7 +257,7 @@ def test_threads_share_one_program(monkeypatch):
     monkeypatch.setattr(program, "Program", slow)
     monkeypatch.setattr(program, "_PROGRAMS", {})
     with ThreadPoolExecutor(4) as pool:
-        operands = [_run] * 4, [_swings(1)] * 4, [targets.PROCESSOR] * 4
+        operands = [_run] * 4, [_swings(1)] * 4, [machine.PROCESSOR] * 4
         found = list(pool.map(program.program, *operands))
     assert len(built) == 1 and all(one is found[0] for one in found)
 
@@ -266,15 +266,15 @@ def test_threads_share_one_program(monkeypatch):
 def test_an_interrupted_batch_stops_its_threads(monkeypatch, which):
     # One thread fails, the first or the second; the other has work for minutes.
     swings = _swings(2 * LANES)
-    advance = targets._advance
+    advance = machine._advance
 
     def interrupted(*operands):
         if threading.current_thread().name.endswith(f"_{which}"):
             raise KeyboardInterrupt
         return advance(*operands)
 
-    monkeypatch.setattr(targets, "_advance", interrupted)
-    monkeypatch.setattr(targets, "cores", lambda: 2)
+    monkeypatch.setattr(machine, "_advance", interrupted)
+    monkeypatch.setattr(machine, "cores", lambda: 2)
     with pytest.raises(KeyboardInterrupt):
         in_lanes(
             eqx.Partial(_run, rtol=1e-13, max_steps=10**9),

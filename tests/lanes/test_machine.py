@@ -1,10 +1,8 @@
 """Machine code on disk: durable, whole, compiled once, and made anew where it is broken."""
 
 import ctypes
-import hashlib
 import os
-import subprocess
-import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -92,43 +90,28 @@ def test_threads_compile_a_text_once(compiled, monkeypatch):
     assert len(compiled) == 1 and all(one is found[0] for one in found)
 
 
-# Both have imported everything before they start.
-_BESIDE = """
-import sys
-from pathlib import Path
-from jaxcrusher.lanes import machine
-machine.cache_folder = lambda: Path(sys.argv[1])
-machine._target()
-print("ready", flush=True)
-text = sys.stdin.read()
-for _ in range(20):
-    machine._load.cache_clear()
-    machine.load(text)
-    for file in Path(sys.argv[1]).glob("*.code"):
-        file.unlink(missing_ok=True)
-machine._load.cache_clear()
-machine.load(text)
-"""
+def test_processes_that_compile_a_text_at_once_do_not_meet(compiled, monkeypatch, tmp_path):
+    # The first one has written its file, which has no name yet, when the second one begins. A
+    # thread that does not wait for the lock stands for a process.
+    replaced, begun, go_on, replace = [], threading.Event(), threading.Event(), os.replace
 
+    def slow(source, target):
+        replaced.append(source)
+        if len(replaced) == 1:
+            begun.set()
+            assert go_on.wait(60)
+        replace(source, target)
 
-def test_processes_that_compile_a_text_at_once_leave_one_whole_file(compiled, tmp_path):
-    start = [sys.executable, "-c", _BESIDE, str(tmp_path)]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    beside = [subprocess.Popen(start, **pipes) for _ in range(2)]
-    for process in beside:
-        assert process.stdout.readline() == "ready\n"
-    for process in beside:
-        process.stdin.write(_text(2.5))
-        process.stdin.flush()
-    for process in beside:
-        process.stdin.close()
-    assert [process.wait(60) for process in beside] == [0, 0]
-    for process in beside:
-        process.stdout.close()
-    machine.load(_text(2.5))
-    (file,) = tmp_path.iterdir()
-    content = file.read_bytes()
-    assert hashlib.sha256(content[32:]).digest() == content[:32]
+    monkeypatch.setattr(os, "replace", slow)
+    with ThreadPoolExecutor(1) as pool:
+        first = pool.submit(machine._load.__wrapped__, _text(2.5))
+        assert begun.wait(60)
+        second = machine._load.__wrapped__(_text(2.5))
+        go_on.set()
+        assert _written(first.result()) == _written(second) == 2.5
+    assert len(set(replaced)) == 2 == len(compiled) and len(list(tmp_path.iterdir())) == 1
+    assert _written(_in_a_new_process(_text(2.5))) == 2.5
+    assert len(compiled) == 2, "the file would not be whole"
 
 
 def test_machine_code_is_on_the_disk_before_it_has_its_name(compiled, monkeypatch, tmp_path):

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from jaxcrusher.lanes.code import CORES, LANES, Module
+from jaxcrusher.lanes.equations import write_summary
 from jaxcrusher.lanes.layout import layout
 from jaxcrusher.lanes.machine import load
-from jaxcrusher.lanes.summary import write_summary
 from jaxcrusher.lanes.verify import Unsupported, verified
 from jaxcrusher.motion.statistic import top
 

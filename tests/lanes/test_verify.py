@@ -58,3 +58,11 @@ def _of_series(function):
 def test_refused_over_the_instants(why, function):
     with pytest.raises(Unsupported, match=why):
         _of_series(function)
+
+
+def test_results_of_another_shape_are_refused():
+    # Their rows would stand where others do.
+    jaxpr = jax.make_jaxpr(lambda x: jnp.stack([x, x]))(0.0)
+    assert verified(jaxpr).shapes == [(2,)]
+    with pytest.raises(Unsupported, match=r"results of the shapes \[\(2,\)\] in place of \[\(\)\]"):
+        verified(jaxpr, shapes=[()])
