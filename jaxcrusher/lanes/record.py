@@ -3,6 +3,7 @@
 Solvers and step-size controllers are those of diffrax; lanes take their numbers.
 """
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property
@@ -25,6 +26,9 @@ from jaxcrusher.lanes.verify import Unsupported, verified
 
 # For XLA: there is little to compute.
 IN_A_HURRY: dict[str, Any] = {"xla_backend_optimization_level": 0}
+
+# Threads that run one program at once write its functions once.
+_LOCK = threading.Lock()
 
 # Its operands are times, tolerances (absolute, relative), the state at the start, and the numbers
 # that the equations depend on; its results the summaries, and code, time and steps at the end.
@@ -55,9 +59,10 @@ class Recorded:
 
     def kernels(self, written: dict[int, float], shape: Shape = CORES) -> Kernels:
         """Write the functions of lanes once for the numbers that are `written` into them."""
-        if (key := (shape, *written.items())) not in self._kernels:
-            self._kernels[key] = kernels(self.equations, written, _tableau(self.solver), shape)
-        return self._kernels[key]
+        with _LOCK:
+            if (key := (shape, *written.items())) not in self._kernels:
+                self._kernels[key] = kernels(self.equations, written, _tableau(self.solver), shape)
+            return self._kernels[key]
 
     @cached_property
     def _kernels(self) -> dict[Any, Kernels]:

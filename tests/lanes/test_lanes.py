@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
-from jaxcrusher.lanes import machine, program
+from jaxcrusher.lanes import machine, program, record
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.motion.integrate import (
     RESULTS,
@@ -260,6 +260,23 @@ def test_threads_share_one_program(monkeypatch):
         operands = [_run] * 4, [_swings(1)] * 4, [machine.PROCESSOR] * 4
         found = list(pool.map(program.program, *operands))
     assert len(built) == 1 and all(one is found[0] for one in found)
+
+
+def test_threads_write_and_compile_one_program_once(monkeypatch):
+    texts, write = [], record.kernels
+
+    def slow(*operands):
+        time.sleep(0.05)
+        texts.append(write(*operands))
+        return texts[-1]
+
+    monkeypatch.setattr(record, "kernels", slow)
+    function = eqx.Partial(_run, rtol=2e-9)  # of no other test
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(in_lanes, [function] * 4, [_swings(3)] * 4))
+    assert len(texts) == 1
+    for other in found[1:]:
+        _equal(other, found[0])
 
 
 @pytest.mark.parametrize("which", [0, 1])
