@@ -12,7 +12,7 @@ import numpy as np
 def iterate(
     step: Callable, start: list[float], count: int, settle: int = 100
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points of a map and its Jacobians along them, shapes (count, n) and (count, n, n)."""
+    """Return points of a map and its Jacobians there, shapes (count, n) and (count, n, n)."""
 
     @eqx.filter_jit
     def run(x):

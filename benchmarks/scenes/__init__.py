@@ -1,1 +1,1 @@
-"""What a scene leaves out and does not pay."""
+"""The savings of scenes that leave things out."""

@@ -1,1 +1,1 @@
-"""What a step costs, and how many are needed: this package beside what others do."""
+"""The cost of a step and the number of steps: this package beside others."""

@@ -1,6 +1,5 @@
 """Errors and times of every program on a case; each row as soon as it is known."""
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -10,12 +9,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from benchmarks.timing import spent, timed
 from benchmarks.work_precision import ours
 from benchmarks.work_precision.cases import Answer, Case, Reference, differences
 from benchmarks.work_precision.others import Peer
 
-# A median needs no more runs, nor more seconds.
-RUNS, ENOUGH = 7, 1.0
+# Repeats of a run, and their least and most seconds.
+HOW = (7, 0.0, 1.0)
 # The settings after one that took so long (s) are left out.
 TOO_LONG = 10.0
 
@@ -39,18 +39,6 @@ class Row:
     failure: str = ""
 
 
-def _timed(function: Callable[[], Any]) -> tuple[Any, float, float]:
-    """Result, seconds of the first run, and median seconds of the next."""
-    seconds, began = [], time.perf_counter()
-    found = function()
-    first = time.perf_counter() - began
-    while not seconds or (len(seconds) < RUNS and sum(seconds) + first < ENOUGH):
-        began = time.perf_counter()
-        function()
-        seconds.append(time.perf_counter() - began)
-    return found, first, float(np.median(seconds))
-
-
 class Compiled:
     """Our programs, each compiled once for all cases and settings that share it."""
 
@@ -59,7 +47,7 @@ class Compiled:
         self.programs = {}
 
     def __call__(self, function: Callable, run: ours.Run, case: Case):
-        """The program as a function of nothing, and seconds of its compilation (NaN: known)."""
+        """Return the program without arguments, and seconds of its compilation (NaN if known)."""
         arguments = (run.scene, jnp.asarray(case.angles), run.method)
         if run.single:
             arguments = jax.tree.map(_in_32_bits, arguments)
@@ -70,11 +58,10 @@ class Compiled:
             def program(numbers):
                 return eqx.filter(function(*eqx.combine(numbers, rest)), eqx.is_array)
 
-            began = time.perf_counter()
-            self.programs[key] = jax.jit(program).lower(numbers).compile()
-            seconds = time.perf_counter() - began
+            made, self.programs[key] = spent(lambda: jax.jit(program).lower(numbers).compile())
+            seconds = made.wall
         compiled = self.programs[key]
-        return lambda: jax.block_until_ready(compiled(numbers)), seconds
+        return lambda: compiled(numbers), seconds
 
 
 def _in_32_bits(leaf):
@@ -85,7 +72,7 @@ def _in_32_bits(leaf):
 def of_ours(
     case: Case, exact: Reference, compiled: Compiled, runs: list[ours.Run]
 ) -> Iterator[Row]:
-    """Rows of this package; with slopes where the run wants them."""
+    """Yield rows of this package; with slopes where the run wants them."""
 
     def measure(run: ours.Run) -> tuple[Row, float]:
         with jax.enable_x64(not run.single):
@@ -95,26 +82,26 @@ def of_ours(
 
 
 def of_peers(case: Case, exact: Reference, peers: list[Peer]) -> Iterator[Row]:
-    """Rows of the other programs, which have no slopes."""
+    """Yield rows of the other programs, which have no slopes."""
 
     def measure(peer: Peer) -> tuple[Row, float]:
-        (answer, steps), first, run_s = _timed(peer.solve)
+        first, again, (answer, steps) = timed(peer.solve, *HOW)
         row = Row(
             case.name,
             peer.program,
             peer.setting,
             *differences(answer, exact.answer),
-            first_s=first,
-            run_s=run_s,
+            first_s=first.wall,
+            run_s=again.wall,
             steps=steps,
         )
-        return row, run_s
+        return row, again.wall
 
     return _rows(case, peers, measure)
 
 
 def _rows(case: Case, runs: Sequence[Any], measure: Callable) -> Iterator[Row]:
-    """`measure` gives the row of a run and its seconds; one that fails does not lose the others."""
+    """Yield the row of every run by `measure`, which gives row and seconds, or of its failure."""
     slow = set()
     for run in runs:
         if run.program in slow:
@@ -133,14 +120,15 @@ def _rows(case: Case, runs: Sequence[Any], measure: Callable) -> Iterator[Row]:
 
 def _our_row(case: Case, exact: Reference, compiled: Compiled, run: ours.Run) -> tuple[Row, float]:
     program, compile_s = compiled(ours.solve, run, case)
-    (rms, history, outcome), first, run_s = _timed(program)
+    first, again, (rms, history, outcome) = timed(program, *HOW)
     if not outcome.success:
         raise RuntimeError(f"stopped at {float(outcome.reached):.3g} rad")
     errors = differences(Answer(float(rms), np.asarray(history, float)), exact.answer)
     slope_error, slope_compile_s, slope_s = np.nan, np.nan, np.nan
     if run.with_slope:
         program, slope_compile_s = compiled(ours.slope, run, case)
-        (_, slope), _, slope_s = _timed(program)
+        _, slope_again, (_, slope) = timed(program, *HOW)
+        slope_s = slope_again.wall
         slope_error = abs(float(slope) / exact.slope - 1)
     row = Row(
         case.name,
@@ -149,10 +137,10 @@ def _our_row(case: Case, exact: Reference, compiled: Compiled, run: ours.Run) ->
         *errors,
         slope_error,
         compile_s,
-        first,
-        run_s,
+        first.wall,
+        again.wall,
         slope_compile_s,
         slope_s,
         int(outcome.steps),
     )
-    return row, max(run_s, np.nan_to_num(slope_s))
+    return row, max(again.wall, np.nan_to_num(slope_s))

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from benchmarks.pages import run_table, write_page
 from benchmarks.setting import setting
-from benchmarks.work_precision import figure, ours, report
+from benchmarks.work_precision import figure, ours
 from benchmarks.work_precision.cases import cases, reference
 from benchmarks.work_precision.measure import Compiled, Row, of_ours, of_peers
 from benchmarks.work_precision.others import peers
+from benchmarks.work_precision.tables import references_table, tables
 from jaxcrusher.basics.checks import require_choice
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import (
@@ -16,8 +18,9 @@ from jaxcrusher.files.results import (
     results_folder,
     write_figure,
     write_table,
-    write_text,
 )
+
+PACKAGES = ("scipy", "numba", "exudyn", "scikit-sundae")
 
 
 def run(out: Path, scenes: Sequence[str], small: bool) -> None:
@@ -26,7 +29,7 @@ def run(out: Path, scenes: Sequence[str], small: bool) -> None:
     for name in scenes:
         require_choice("scenes", name, tuple(known))
     chosen = [known[name] for name in scenes or known]
-    folder, where = results_folder(out), setting(*report.PACKAGES)
+    folder, where = results_folder(out), setting(*PACKAGES)
     with progress() as bars:
         task = bars.add_task("references", total=0)
         for case in chosen:
@@ -40,14 +43,13 @@ def run(out: Path, scenes: Sequence[str], small: bool) -> None:
                     write_table(folder / "work_precision.csv", map(asdict, rows), where)
                     told = f"{case.name}: {row.program}, {row.setting}"
                     bars.update(task, advance=1, description=told)
-    found = report.page(chosen, references, rows)
-    write_text(folder / "work_precision.md", found)
     _draw(folder, rows)
-    print(found)
+    made = {"run": run_table(*PACKAGES), "references": references_table(chosen, references)}
+    write_page(folder, "work_precision.md", made | tables(rows))
 
 
 def redraw(out: Path, table: Path) -> None:
-    """The figures of an earlier run's rows, without a measurement."""
+    """Draw the figures of an earlier run's rows, without a measurement."""
     _draw(results_folder(out), read_table(table, Row))
 
 
