@@ -25,7 +25,7 @@ class Comparison:
 
     @property
     def agrees(self) -> bool:
-        """Whether the difference is within the tolerance; a NaN never is."""
+        """Tell whether the difference is within the tolerance; a NaN never is."""
         return self.difference <= self.tolerance
 
 

@@ -1,4 +1,4 @@
-"""How benchmarks measure time: medians of several runs, taken in turn, the first one apart."""
+"""Time measured as medians of several runs, taken in turn, the first one apart."""
 
 import math
 import time

@@ -59,11 +59,7 @@ def _theirs(program, crusher: Crusher, starts, settle: int, turns: int) -> dict[
 
 
 def impacts(
-    crushers=HARD,
-    members: int = 24,
-    settle: int = 1,
-    turns: int = 3,
-    exudyn_members: int = 8,
+    crushers=HARD, members: int = 24, settle: int = 1, turns: int = 3, exudyn_members: int = 8
 ) -> Iterator[Comparison]:
     """Compare ensembles in the first turns after random starts, while pin and bore hit."""
     for crusher in crushers:

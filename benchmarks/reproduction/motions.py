@@ -50,15 +50,11 @@ def _row(scene: Scene) -> dict:
     depths, rates = motion.penetration_ratio, motion.penetration_rate
     orbit, force = motion.eccentricity, motion.foundation_force
     section = jnp.stack([1e6 * scene.joint.clearance * depths, 1e3 * rates], axis=1)
-    return {
-        "orbit": 1e3 * orbit[:HISTORY],
-        "force": force[:HISTORY],
-        "section": section[HISTORY:],
-    }
+    return {"orbit": 1e3 * orbit[:HISTORY], "force": force[:HISTORY], "section": section[HISTORY:]}
 
 
 def portraits(points: list[Point], slip: Slip) -> dict[Point, Portrait]:
-    """From the centred start, settled as the paper's Figure 5."""
+    """Run from the centred start, settled as the paper's Figure 5."""
     scenes = stack(
         [
             shifted_start(jc.paper_scene(speed, 1e-3 * c, slip=slip), Vector(0.0, 0.0))
@@ -88,7 +84,7 @@ class Comparison:
 
 
 def compare(start: Start, end: float, step: float) -> Comparison:
-    """30 rad/s, 0.06 mm, surface slip, `end` seconds from `start`, by ours and by EXUDYN.
+    """Run 30 rad/s, 0.06 mm, surface slip, `end` seconds from `start`, by ours and by EXUDYN.
 
     EXUDYN stands in for the paper's Adams; `step` (s) is its.
     """

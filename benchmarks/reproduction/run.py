@@ -59,9 +59,7 @@ def run(out: Path) -> None:
                 }
             )
             figures.draw_landscape(
-                out / f"fig{figure}.png",
-                box[variable],
-                settled[variable].where(settled.stable),
+                out / f"fig{figure}.png", box[variable], settled[variable].where(settled.stable)
             )
             boxes.append(box)
         programs = len({(r.slip, r.impact_law, r.load_law, r.settle) for r in READINGS})

@@ -75,12 +75,12 @@ class Squared(Motion):
     """A motion that integrates (|R_O| + |R_C|)^2 / FORCE^2 as its last number."""
 
     def __init__(self, crusher: Crusher, e: complex, rate: complex):
-        """From eccentricity `e` (m) and its `rate` (m/s)."""
+        """Start at eccentricity `e` (m) and its `rate` (m/s)."""
         super().__init__(crusher, e=e, rate=rate)
         self.start = np.append(self.start, 0.0)
 
     def field(self, time: float, y) -> list[float]:
-        """The rate y'."""
+        """Return the rate y'."""
         (force,) = self.observe([time], [y])["foundation_force"]
         return [*super().field(time, y[:4]), (force / FORCE) ** 2]
 

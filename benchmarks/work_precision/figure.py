@@ -14,7 +14,7 @@ BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BROWN = COLOURS
 
 @dataclass(frozen=True)
 class Style:
-    """How a program is drawn, and its name in the legend."""
+    """The look of a program, and its name in the legend."""
 
     name: str
     colour: str

@@ -13,12 +13,7 @@ from benchmarks.work_precision.others import peers
 from benchmarks.work_precision.tables import references_table, tables
 from jaxcrusher.basics.checks import require_choice
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import (
-    read_table,
-    results_folder,
-    write_figure,
-    write_table,
-)
+from jaxcrusher.files.results import read_table, results_folder, write_figure, write_table
 
 PACKAGES = ("scipy", "numba", "exudyn", "scikit-sundae")
 
