@@ -1,8 +1,10 @@
-"""Every number that the paper claims in its Sections 4 to 6, and how to compute it."""
+"""The numbers that the paper claims in its Sections 4 to 6 (claims.csv), and their computation."""
 
+import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Literal
 
 import jax.numpy as jnp
@@ -10,7 +12,14 @@ import numpy as np
 import xarray as xr
 
 import jaxcrusher as jc
-from benchmarks.reproduction.readings import CHOICE, SPEED_POINTS, Measurements, Point, Reading
+from benchmarks.reproduction.readings import (
+    CHOICE,
+    POINTS,
+    SPEED_POINTS,
+    Measurements,
+    Point,
+    Reading,
+)
 from benchmarks.reproduction.verdict import Estimate, Printed, estimate, printed
 from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
 
@@ -26,6 +35,18 @@ class Evidence:
 
 
 Compute = Callable[[Evidence, Reading], Estimate | None]
+TABLE = Path(__file__).with_name("claims.csv")
+
+
+@dataclass(frozen=True)
+class Computation:
+    """A function of the evidence under a reading, and what is known of its number."""
+
+    compute: Compute
+    # The interval that the paper's other printed numbers leave for this one.
+    implied: tuple[float, float] | None = None
+    # Whether the readings of the model make a difference to it.
+    by_reading: bool = True
 
 
 @dataclass(frozen=True)
@@ -34,18 +55,9 @@ class Claim:
 
     where: str
     text: str
-    written: str
+    number: Printed
     unit: str
-    compute: Compute
-    # The interval that the paper's other printed numbers leave for this one.
-    implied: tuple[float, float] | None = None
-    # Whether the readings of the model make a difference to it.
-    by_reading: bool = True
-
-    @property
-    def number(self) -> Printed:
-        """The number with its rounding."""
-        return printed(self.written)
+    by: Computation
 
 
 def ends(values: list[float]) -> tuple[float, float]:
@@ -130,139 +142,55 @@ def peak_phase(speed: float) -> float:
     return float(turns[jnp.argmax(motion.normal_force)])
 
 
-def peak(where: str, written: str, at: Point) -> Claim:
-    """Return the claim of a peak force on the foundation."""
-    text = f"peak force on the foundation, {at[0]:g} rad/s, {at[1]:g} mm"
-    return Claim(where, text, written, "N", force("peak", at))
+def computations() -> dict[str, Computation]:
+    """Return the computations of claims.csv by name.
+
+    "peak 30 0.06" is that of 30 rad/s and 0.06 mm; without clearance, of the ideal joint.
+    """
+    point, wide, ideal = (30.0, 0.06), (30.0, 0.12), (30.0, 0.0)
+    chambers = [CrushingChamber(height=height) for height in printed("0.6").interval]
+    lowest = ends([float(chamber.lowest_speed()) for chamber in chambers])
+    rms = extreme(np.max, "box", "foundation_rms")
+    peaks = {pick: extreme(pick, "small_box", "foundation_peak") for pick in (np.min, np.max)}
+    # These are the same for every reading.
+    fixed = {
+        "phase": (exactly(peak_phase(30.0)), None),
+        "unknown": (unknown, None),
+        "lowest speed": (exactly(CrushingChamber().lowest_speed()), lowest),
+        "least capacity": (exactly(9.41 / AFFLUENCE), quotient("9.41", "1.67")),
+        "highest speed": (exactly(25 * 9.41 / 5.63), quotient("9.41", "5.63", 25)),
+        # The RMS cannot be below the mean of Section 5.2.
+        "largest RMS": (rms, (printed("8e5").interval[0], float("inf"))),
+        "least peak": (peaks[np.min], None),
+        "largest peak": (peaks[np.max], None),
+    }
+    at = {
+        f"{statistic} {p[0]:g} {p[1]:g}": force(statistic, p)
+        for statistic in ("mean", "rms", "peak")
+        for p in (*POINTS, ideal)
+    }
+    peak, mean = partial(force, "peak"), partial(force, "mean")
+    ratios = {
+        "loudest speed": (loudest(SPEED_POINTS), None),
+        "rise of the peak": (ratio(peak(point), peak(ideal), -1, 100), None),
+        "peak over collision": (ratio(peak(point), collision(point), 0, 1), None),
+        "rise of the mean": (ratio(mean(wide), mean(ideal), 0, 1), quotient("8e5", "1.8e4")),
+        "fall of the peak": (
+            ratio(peak(CHOICE), peak(point), -1, -100),
+            reduction("7.4e4", "3.8e4"),
+        ),
+    }
+    return {
+        "collision": Computation(collision(point)),
+        **{name: Computation(*of, by_reading=False) for name, of in fixed.items()},
+        **{name: Computation(compute) for name, compute in at.items()},
+        **{name: Computation(*of) for name, of in ratios.items()},
+    }
 
 
 def claims() -> list[Claim]:
-    """Return the paper's claims, in its order."""
-    point, wide, ideal = (30.0, 0.06), (30.0, 0.12), (30.0, 0.0)
-    at_a, phase = collision(point), exactly(peak_phase(30.0))
-    at_point, at_ideal, at_choice = (force("peak", at) for at in (point, ideal, CHOICE))
-    rise, fall = ratio(at_point, at_ideal, -1, 100), ratio(at_choice, at_point, -1, -100)
-    mean_wide, mean_ideal = force("mean", wide), force("mean", ideal)
-    chambers = [CrushingChamber(height=height) for height in printed("0.6").interval]
-    lowest = ends([float(chamber.lowest_speed()) for chamber in chambers])
-    least, greatest = (extreme(pick, "small_box", "foundation_peak") for pick in (np.min, np.max))
-    # These are the same for every reading.
-    fixed = partial(Claim, by_reading=False)
-    return [
-        Claim("4.1, Fig. 5", "peak collision force, MATLAB", "37578", "N", at_a),
-        Claim("4.1, Fig. 5", "peak collision force, Adams", "37796", "N", at_a),
-        # 12.106 s and 12.099 s at 30 rad/s; of the times themselves 5 % are three turns.
-        fixed(
-            "4.1, Fig. 5",
-            "when in its turn, MATLAB, 12.106 s (ours: ideal joint)",
-            "0.802",
-            "turns",
-            phase,
-        ),
-        fixed(
-            "4.1, Fig. 5",
-            "when in its turn, Adams, 12.099 s (ours: ideal joint)",
-            "0.768",
-            "turns",
-            phase,
-        ),
-        fixed(
-            "4.2, Fig. 7b",
-            "greatest capacity, at 25 rad/s (b, s not given)",
-            "9.41",
-            "m³/h",
-            unknown,
-        ),
-        fixed(
-            "4.2",
-            "least speed, by h < H = 0.6 m in (24), (25)",
-            "25",
-            "rad/s",
-            exactly(CrushingChamber().lowest_speed()),
-            lowest,
-        ),
-        fixed(
-            "4.2",
-            "least capacity, 9.41 / 1.67",
-            "5.63",
-            "m³/h",
-            exactly(9.41 / AFFLUENCE),
-            quotient("9.41", "1.67"),
-        ),
-        fixed(
-            "4.2",
-            "speed of the least capacity, by (21)-(25)",
-            "41.45",
-            "rad/s",
-            exactly(25 * 9.41 / 5.63),
-            quotient("9.41", "5.63", 25),
-        ),
-        peak("5.1, Fig. 9a", "2.3e4", (25.0, 0.06)),
-        peak("5.1, Fig. 9b", "7.4e4", point),
-        peak("5.1, Fig. 9c", "4.1e4", (35.0, 0.06)),
-        peak("5.1, Fig. 9d", "4e4", (40.0, 0.06)),
-        Claim(
-            "5.1",
-            "driving speed of the largest of these four",
-            "30",
-            "rad/s",
-            loudest(SPEED_POINTS),
-        ),
-        Claim("5.1", "rise of the peak by the clearance, 30 rad/s, 0.06 mm", "180", "%", rise),
-        Claim(
-            "5.1",
-            "peak of the ideal joint that 180 % implies (7.4e4 / 2.8)",
-            "2.64e4",
-            "N",
-            at_ideal,
-        ),
-        Claim(
-            "4.1, 5.1",
-            "peak on the foundation over peak at A (the quotient is ours)",
-            "1.97",
-            "1",
-            ratio(at_point, at_a, 0, 1),
-        ),
-        peak("5.2, Fig. 12a", "6e4", (30.0, 0.03)),
-        peak("5.2, Fig. 12c", "1.1e6", (30.0, 0.09)),
-        peak("5.2, Fig. 12d", "1.7e6", wide),
-        Claim("5.2", "mean force on the foundation, 30 rad/s, 0.12 mm", "8e5", "N", mean_wide),
-        Claim(
-            "5.2", "mean force on the foundation, ideal joint, 30 rad/s", "1.8e4", "N", mean_ideal
-        ),
-        Claim(
-            "5.2",
-            "the former over the latter",
-            "45",
-            "1",
-            ratio(mean_wide, mean_ideal, 0, 1),
-            quotient("8e5", "1.8e4"),
-        ),
-        fixed(
-            "5.3, Fig. 14b",
-            "largest contour of the RMS (cannot be below the mean of 5.2)",
-            "9e4",
-            "N",
-            extreme(np.max, "box", "foundation_rms"),
-            (printed("8e5").interval[0], float("inf")),
-        ),
-        fixed("5.3, Fig. 15b", "smallest contour of the peak, up to 0.06 mm", "2e4", "N", least),
-        fixed("5.3, Fig. 15b", "largest contour of the peak, up to 0.06 mm", "2e5", "N", greatest),
-        Claim(
-            "5.3",
-            "mean force on the foundation, 39 rad/s, 0.03 mm",
-            "2.19e4",
-            "N",
-            force("mean", CHOICE),
-        ),
-        Claim("5.3", "the same number taken as an RMS", "2.19e4", "N", force("rms", CHOICE)),
-        peak("5.3, Fig. 16b", "3.8e4", CHOICE),
-        Claim(
-            "5.3, 6",
-            "fall of the peak from 30 rad/s, 0.06 mm to 39 rad/s, 0.03 mm",
-            "48.6",
-            "%",
-            fall,
-            reduction("7.4e4", "3.8e4"),
-        ),
-    ]
+    """Return the paper's claims of claims.csv, in its order."""
+    by_name = computations()
+    with TABLE.open(encoding="utf-8") as lines:
+        rows = [tuple(row.values()) for row in csv.DictReader(lines)]
+    return [Claim(*words, printed(paper), unit, by_name[by]) for *words, paper, unit, by in rows]

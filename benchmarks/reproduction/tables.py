@@ -50,8 +50,8 @@ def spread(found: Estimate | None) -> str:
 
 def judged(claim: Claim, evidence: Evidence, reading: Reading) -> tuple[Estimate | None, str]:
     """Return a claim's number under a reading, and the verdict."""
-    found = claim.compute(evidence, reading)
-    return found, verdict(claim.number, found, claim.implied)
+    found = claim.by.compute(evidence, reading)
+    return found, verdict(claim.number, found, claim.by.implied)
 
 
 def paper_value(claim: Claim) -> str:
@@ -78,7 +78,7 @@ def counts_table(listed: Sequence[Claim], evidence: Evidence) -> str:
 def reading_table(listed: Sequence[Claim], evidence: Evidence) -> str:
     """Return the table of claims that a reading can change, under each single change."""
     rows = []
-    for claim in (c for c in listed if c.by_reading):
+    for claim in (c for c in listed if c.by.by_reading):
         cells = []
         for reading in SINGLE_CHANGES.values():
             found, word = judged(claim, evidence, reading)
@@ -89,7 +89,7 @@ def reading_table(listed: Sequence[Claim], evidence: Evidence) -> str:
 
 def ranking(listed: Sequence[Claim], evidence: Evidence) -> str:
     """Return the table of all combinations of readings, by the number of claims they meet."""
-    able, rows = [claim for claim in listed if claim.by_reading], []
+    able, rows = [claim for claim in listed if claim.by.by_reading], []
     for reading in COMBINATIONS:
         met = sum(judged(claim, evidence, reading)[1] == REPRODUCED for claim in able)
         runs = [evidence.measurements[reading, point]["hertzian"] for point in POINTS]

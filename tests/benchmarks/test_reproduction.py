@@ -108,7 +108,7 @@ def listed():
 def test_arithmetic_of_the_source(listed):
     """What follows from printed numbers alone."""
     evidence = synthetic()
-    words = {c.number.value: tables.judged(c, evidence, DECIDED)[1] for c in listed if c.implied}
+    words = {c.number.value: tables.judged(c, evidence, DECIDED)[1] for c in listed if c.by.implied}
     assert words[25.0] == words[41.45] == words[9e4] == INCONSISTENT
     assert words[5.63] == REPRODUCED
     # Consistent in themselves, though not met by the made-up forces.
@@ -134,7 +134,7 @@ def test_tables(listed):
     assert words[[c.number.value for c in listed].index(2e5)] == REPRODUCED
     assert words[[c.number.value for c in listed].index(2e4)] == REPRODUCED
     changed = tables.reading_table(listed, evidence).splitlines()
-    assert len(changed) == 2 + sum(claim.by_reading for claim in listed)
+    assert len(changed) == 2 + sum(claim.by.by_reading for claim in listed)
     assert len({line.count("|") for line in changed}) == 1
     # The made-up peaks differ from reading to reading: each column shows its own, bold if met.
     row = next(line for line in changed if "25 rad/s, 0.06 mm" in line).split(" | ")
@@ -153,7 +153,7 @@ def test_every_claim_reads_its_own_reading(listed):
     places = {reading: place for place, reading in enumerate(READINGS)}
     peak = next(claim for claim in listed if claim.number.value == 2.3e4)
     for reading in READINGS:
-        assert peak.compute(evidence, reading).value == 2e3 * (1 + places[reading])
+        assert peak.by.compute(evidence, reading).value == 2e3 * (1 + places[reading])
 
 
 def test_search_takes_the_run_nearest_to_the_paper():
