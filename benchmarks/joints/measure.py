@@ -1,5 +1,6 @@
 """Each machine's settled motion, or averages over motions from several starts."""
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,11 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
+from benchmarks.batch import map_scenes
 from benchmarks.joints.cases import SPEED, Case
 from benchmarks.joints.signature import mean_and_error, signature
 from benchmarks.peers.free_bodies import PREFIXES
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import stack
 from jaxcrusher.crusher.joints import AtJoints, before
 from jaxcrusher.crusher.starts import Given
 from jaxcrusher.motion.statistics import limits_of
@@ -82,15 +83,13 @@ def averages(cases: list[Case], load: str, slip: str) -> list[Row]:
     scenes = [jc.build_scene(case.description(load, slip)) for case in cases]
     starts = [_nudged(scene, random) for scene in scenes for _ in range(STARTS)]
     look = eqx.Partial(_look, outputs=_outputs(cases[0]))
-    found, reactions, winding = jc.map_all(look, stack(starts))
-    rows = []
-    for index, (case, scene) in enumerate(zip(cases, scenes, strict=True)):
-        mine = range(index * STARTS, (index + 1) * STARTS)
-        samples = [
-            {name: values[i] for name, values in found.items()}
-            | signature(*(reactions[name][i] for name in REACTIONS), turns=SAMPLED)
-            for i in mine
-        ]
+    results, rows = iter(map_scenes(look, starts)), []
+    for case, scene in zip(cases, scenes, strict=True):
+        samples, whirls = [], 0
+        for values, reactions, whirl in itertools.islice(results, STARTS):
+            seen = signature(*(reactions[name] for name in REACTIONS), turns=SAMPLED)
+            samples.append(values | seen)
+            whirls += bool(whirl)
         both = {name: mean_and_error(np.array([s[name] for s in samples])) for name in samples[0]}
         limits = [limits_of(scene, jax.tree.map(jnp.asarray, sample)) for sample in samples]
         rows.append(
@@ -101,7 +100,7 @@ def averages(cases: list[Case], load: str, slip: str) -> list[Row]:
                 all(bool(one.inside) for one in limits if one is not None),
                 {name: mean for name, (mean, _) in both.items()},
                 {name: error for name, (_, error) in both.items()},
-                sum(bool(winding[i]) for i in mine),
+                whirls,
             )
         )
     return rows

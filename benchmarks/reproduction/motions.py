@@ -3,17 +3,16 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
+from benchmarks.batch import map_scenes
 from benchmarks.peers.equations import Crusher
 from benchmarks.peers.exudyn_peer import Model
 from benchmarks.peers.motion import Motion
 from benchmarks.reproduction.readings import SETTLE_TURNS, Point, Slip, Start
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 
@@ -55,19 +54,15 @@ def _row(scene: Scene) -> dict:
 
 def portraits(points: list[Point], slip: Slip) -> dict[Point, Portrait]:
     """Run from the centred start, settled as the paper's Figure 5."""
-    scenes = stack(
-        [
-            shifted_start(jc.paper_scene(speed, 1e-3 * c, slip=slip), Vector(0.0, 0.0))
-            for speed, c in points
-        ]
-    )
-    joined = run_all(eqx.Partial(_row), scenes)
+    scenes = [
+        shifted_start(jc.paper_scene(speed, 1e-3 * c, slip=slip), Vector(0.0, 0.0))
+        for speed, c in points
+    ]
     turns = SETTLE_TURNS + SHOWN_TURNS * np.arange(HISTORY) / HISTORY
     found = {}
-    for i, (speed, clearance) in enumerate(points):
+    for (speed, clearance), own in zip(points, map_scenes(_row, scenes), strict=True):
         times = 2 * np.pi / speed * turns
         ideal = jc.simulate(jc.ideal_scene(speed), times, outputs=("foundation_force",))
-        own = {name: values[i] for name, values in joined.items()}
         found[speed, clearance] = Portrait(
             clearance, turns, ideal_force=np.asarray(ideal.foundation_force), **own
         )

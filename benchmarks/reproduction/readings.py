@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Array
 
 import jaxcrusher as jc
+from benchmarks.batch import map_scenes, stacked
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.joint.validity import validity
@@ -143,14 +143,12 @@ def measure(
             for point in points
             for offset in (OFFSETS if start == "centred" else OFFSETS[:1])
         ]
-        scenes = stack(
-            [
-                shifted_start(
-                    jc.paper_scene(speed, 1e-3 * c, start=start, **options), Vector(offset, 0.0)
-                )
-                for start, (speed, c), offset in runs
-            ]
-        )
+        scenes = [
+            shifted_start(
+                jc.paper_scene(speed, 1e-3 * c, start=start, **options), Vector(offset, 0.0)
+            )
+            for start, (speed, c), offset in runs
+        ]
         function = eqx.Partial(
             window_statistics,
             settle=settle,
@@ -158,12 +156,12 @@ def measure(
             windows=max(1, turns // WINDOW_TURNS),
             rtol=1e-6,
         )
-        joined = run_all(function, scenes)
+        results = map_scenes(function, scenes)
         for reading in group:
             for point in points:
-                rows = [i for i, run in enumerate(runs) if run[:2] == (reading.start, point)]
-                own = {name: values[rows] for name, values in joined.items()}
-                found[reading, point] = Measured(own)
+                key = reading.start, point
+                own = (one for run, one in zip(runs, results, strict=True) if run[:2] == key)
+                found[reading, point] = Measured(stacked(own))
             for speed in {speed for speed, _ in points}:
                 found[reading, (speed, 0.0)] = Measured(ideal_statistics(speed, reading.load_law))
         done(", ".join(f"{name} {value}" for name, value in options.items()))

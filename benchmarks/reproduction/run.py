@@ -8,17 +8,9 @@ import numpy as np
 
 import jaxcrusher as jc
 from benchmarks.pages import run_table, write_page
-from benchmarks.reproduction import figures
+from benchmarks.reproduction import figures, readings
 from benchmarks.reproduction.claims import Evidence, claims
 from benchmarks.reproduction.motions import compare, portraits
-from benchmarks.reproduction.readings import (
-    CHOICE,
-    CLEARANCE_POINTS,
-    POINTS,
-    READINGS,
-    SPEED_POINTS,
-    measure,
-)
 from benchmarks.reproduction.search import search, variants
 from benchmarks.reproduction.tables import tables
 from jaxcrusher.files.progress import progress
@@ -62,8 +54,8 @@ def run(out: Path) -> None:
                 out / f"fig{figure}.png", box[variable], settled[variable].where(settled.stable)
             )
             boxes.append(box)
-        programs = len({(r.slip, r.impact_law, r.load_law, r.settle) for r in READINGS})
-        measured = measure(READINGS, done=stage("Readings", programs))
+        programs = len({(r.slip, r.impact_law, r.load_law, r.settle) for r in readings.READINGS})
+        measured = readings.measure(readings.READINGS, done=stage("Readings", programs))
         listed = variants()
         found = search(listed, stage("Where 1.1e6 N comes from", len(listed)))
         evidence = Evidence(measured, *boxes)
@@ -92,13 +84,13 @@ def draw_motions(out: Path, done: Callable[..., None]) -> None:
     """Figures 8 to 13 and 16."""
     rows = {}
     for slip in ("centre", "surface"):
-        rows[f"{slip} slip"] = portraits(POINTS, slip)
+        rows[f"{slip} slip"] = portraits(readings.POINTS, slip)
         done()
-    for first, points in ((8, SPEED_POINTS), (11, CLEARANCE_POINTS)):
+    for first, points in ((8, readings.SPEED_POINTS), (11, readings.CLEARANCE_POINTS)):
         shown = {name: {p: motions[p] for p in points} for name, motions in rows.items()}
         for i, draw in enumerate((figures.orbit, figures.foundation, figures.section)):
             figures.draw_row(out / f"fig{first + i:02d}.png", draw, shown)
     figures.draw_choice(
-        out / "fig16.png", {name: motions[CHOICE] for name, motions in rows.items()}
+        out / "fig16.png", {name: motions[readings.CHOICE] for name, motions in rows.items()}
     )
     done()

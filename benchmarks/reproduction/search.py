@@ -12,9 +12,9 @@ import jax
 import numpy as np
 
 import jaxcrusher as jc
+from benchmarks.batch import map_scenes, stacked
 from benchmarks.reproduction.variants import LiteralContact, PlainUnits, WeightedSlip, largest
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
 from jaxcrusher.crusher.interfaces import AbstractFormulation
 from jaxcrusher.crusher.scene import Scene
@@ -190,21 +190,20 @@ def _row(scene: Scene, method: jc.Method) -> dict[str, jax.Array | None]:
 
 def search(listed: list[Variant], done: Callable[[str], None] = lambda what: None) -> list[Found]:
     """Run them all, nearest to the two large peaks first."""
-    programs: dict[tuple, list[Variant]] = {}
+    programs: dict[int, list[Variant]] = {}
     for variant in listed:
-        structure = jax.tree.structure(variant.scene(0.06, 0.0))
-        programs.setdefault((id(variant.way), structure), []).append(variant)
+        programs.setdefault(id(variant.way), []).append(variant)
     found = []
     for group in programs.values():
         runs = [(v, c, offset) for v in group for c in TARGETS for offset in v.start_offsets]
-        scenes = stack([variant.scene(c, offset) for variant, c, offset in runs])
         function = eqx.Partial(_row, method=group[0].way.method)
-        joined = run_all(function, scenes)
+        results = map_scenes(function, [variant.scene(c, offset) for variant, c, offset in runs])
+        pairs = list(zip(runs, results, strict=True))
         for variant in group:
-            by_clearance = {}
-            for c in TARGETS:
-                rows = [i for i, run in enumerate(runs) if run[0] is variant and run[1] == c]
-                by_clearance[c] = {name: values[rows] for name, values in joined.items()}
+            by_clearance = {
+                at: stacked(one for (v, c, _), one in pairs if v is variant and c == at)
+                for at in TARGETS
+            }
             found.append(Found(variant, by_clearance))
             done(variant.name)
     return sorted(found, key=lambda f: f.distance((0.09, 0.12)))

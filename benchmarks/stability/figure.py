@@ -7,18 +7,8 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from benchmarks.stability import cases
 from benchmarks.stability.case import FORMULATIONS
-from benchmarks.stability.cases import (
-    AXES,
-    GIVEN,
-    LOADS,
-    SEAT_AXES,
-    SEATS,
-    SETS,
-    STARTS,
-    Axis,
-    seat_starts,
-)
 from benchmarks.stability.judgement import AGREES, DISAGREES, OUTSIDE, REFUSED, WHIRL, Judged
 from jaxcrusher.pictures.page import STYLE, WIDTH
 
@@ -36,16 +26,16 @@ def draw(rows: list[Judged]) -> Figure:
         fig = plt.figure(figsize=(WIDTH, 8.2), layout="constrained")
         # Four rows of two axes each, the last place for the legend; below them the starts.
         grid = fig.add_gridspec(5, 2, height_ratios=(6, 6, 6, 6, 4))
-        for i, (name, axis) in enumerate(AXES.items()):
+        for i, (name, axis) in enumerate(cases.AXES.items()):
             ax = fig.add_subplot(grid[divmod(i, 2)])
-            _along(ax, rows, name, name, axis, STARTS, labelled=not i % 2)
+            _along(ax, rows, name, name, axis, cases.STARTS, labelled=not i % 2)
         _legend(fig.add_subplot(grid[3, 1]))
         found = {(r.start, r.formulation): r for r in rows if r.axis == "start"}
         ax = fig.add_subplot(grid[4, :])
         _panel(
             ax,
-            [[found.get((start, kind)) for start in GIVEN] for kind in FORMULATIONS],
-            [s.replace(", ", ",\n").replace(" m/s ", " m/s\n") for s in GIVEN],
+            [[found.get((start, kind)) for start in cases.GIVEN] for kind in FORMULATIONS],
+            [s.replace(", ", ",\n").replace(" m/s ", " m/s\n") for s in cases.GIVEN],
             list(FORMULATIONS),
         )
         ax.set_title("starts of the base case")
@@ -58,25 +48,27 @@ def draw_seats(rows: list[Judged]) -> Figure:
     with plt.rc_context(STYLE):
         fig = plt.figure(figsize=(WIDTH, 9.8), layout="constrained")
         grid = fig.add_gridspec(6, 2, height_ratios=(6, 6, 6, 6, 8, 6))
-        for column, (joint, seat) in enumerate(SEATS.items()):
-            of = seat_starts(joint)
-            for row, (name, axis) in enumerate(SEAT_AXES.items()):
+        for column, (joint, seat) in enumerate(cases.SEATS.items()):
+            of = cases.seat_starts(joint)
+            for row, (name, axis) in enumerate(cases.SEAT_AXES.items()):
                 ax, label = fig.add_subplot(grid[row, column]), f"{seat} {name}"
                 _along(ax, rows, label, name, axis, of, labelled=not column)
-        ax, sets = fig.add_subplot(grid[4, :]), [", ".join(loose) for loose in SETS]
+        ax, sets = fig.add_subplot(grid[4, :]), [", ".join(loose) for loose in cases.SETS]
         found = {(r.value, r.start, r.formulation): r for r in rows if r.axis == "loose"}
-        lines = [(start, kind) for start in seat_starts("BC") for kind in FORMULATIONS]
+        lines = [(start, kind) for start in cases.seat_starts("BC") for kind in FORMULATIONS]
         cells = [[found.get((loose, *line)) for loose in sets] for line in lines]
         _panel(ax, cells, sets, [", ".join(line) for line in lines])
         ax.set_title("loose joints")
         ax = fig.add_subplot(grid[5, 0])
-        _along(ax, rows, "load", "load", LOADS, seat_starts("B"), labelled=True)
+        _along(ax, rows, "load", "load", cases.LOADS, cases.seat_starts("B"), labelled=True)
         _legend(fig.add_subplot(grid[5, 1]))
         fig.draw_without_rendering()
     return fig
 
 
-def _along(ax: Axes, rows, label: str, name: str, axis: Axis, starts, *, labelled: bool) -> None:
+def _along(
+    ax: Axes, rows, label: str, name: str, axis: cases.Axis, starts, *, labelled: bool
+) -> None:
     """Draw an axis: its values from left to right, a line for each start and formulation."""
     lines = [(start, kind) for start in starts for kind in FORMULATIONS]
     found = {(r.value, r.start, r.formulation): r for r in rows if r.axis == label}

@@ -7,9 +7,10 @@ import numpy as np
 from scipy import stats
 
 import jaxcrusher as jc
+from benchmarks.batch import map_scenes
 from benchmarks.narrow import narrow
 from benchmarks.stability.case import Case, Formulation
-from benchmarks.stability.ours import MOST_STEPS, Ours, in_lanes, simulate, statistics
+from benchmarks.stability.ours import MOST_STEPS, Ours, simulate, statistics
 from benchmarks.stability.reference import FEW, OURS, SETTLE, TIMES, TURNS, Reference, members
 from jaxcrusher.crusher.formulations import MultiplierFormulation
 from jaxcrusher.crusher.joints import before
@@ -73,7 +74,7 @@ def judge(
     near = close["error"] <= close["allowed"]
     agreement = "yes" if near and off <= allowed else "no"
     if not near and off <= allowed:
-        (sharp,) = in_lanes(simulate, [narrow(scene)])
+        (sharp,) = map_scenes(simulate, [narrow(scene)])
         closer = pointwise(scene, sharp, known)
         if sharp.success and closer["error"] <= closer["allowed"]:
             agreement = "but for smoothing"
@@ -135,7 +136,7 @@ def pointwise(scene: jc.Scene, history: jc.Trajectory, known: Reference) -> dict
 def others(case: Case, formulation: Formulation, count: int) -> list[float]:
     """Return the RMS (N) of ours from starts about the case's."""
     scenes = [case.scene(formulation, place) for place in members(case.peer, case.pins, count)]
-    return list(map(rms_of, in_lanes(statistics, scenes)))
+    return list(map(rms_of, map_scenes(statistics, scenes)))
 
 
 def rms_of(found: jc.Statistics) -> float:

@@ -1,15 +1,12 @@
 """Ours of the cases: instant by instant and by statistics, of all at once in lanes."""
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
-
-import jax
-import numpy as np
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import jaxcrusher as jc
+from benchmarks.batch import map_scenes
 from benchmarks.stability.case import Case, Formulation
 from benchmarks.stability.reference import SETTLE, TIMES, TURNS
-from jaxcrusher.batch.engines import stack
 from jaxcrusher.crusher.joints import before
 
 # The most steps of a span and of a turn: a bound of seconds a case.
@@ -39,18 +36,6 @@ def _motion(scene: jc.Scene) -> Ours:
     return Ours(simulate(scene), statistics(scene))
 
 
-def in_lanes(function: Callable, scenes: Sequence[jc.Scene]) -> list[Any]:
-    """Apply a function to each scene; those of one structure run side by side."""
-    found: dict[int, object] = {}
-    kinds = [jax.tree.structure(scene) for scene in scenes]
-    for kind in dict.fromkeys(kinds):
-        places = [i for i, other in enumerate(kinds) if other == kind]
-        results = jc.map_all(function, stack([scenes[i] for i in places]))
-        for at, i in enumerate(places):
-            found[i] = jax.tree.map(lambda leaf, at=at: np.asarray(leaf[at]), results)
-    return [found[i] for i in range(len(scenes))]
-
-
 def motions(cases: Iterable[Case], formulation: Formulation) -> dict[Case, Ours | ValueError]:
     """Return the motion of every case, or why its scene is refused."""
     found: dict[Case, Ours | ValueError] = {}
@@ -60,4 +45,4 @@ def motions(cases: Iterable[Case], formulation: Formulation) -> dict[Case, Ours 
             scenes[case] = case.scene(formulation)
         except ValueError as error:
             found[case] = error
-    return found | dict(zip(scenes, in_lanes(_motion, list(scenes.values())), strict=True))
+    return found | dict(zip(scenes, map_scenes(_motion, list(scenes.values())), strict=True))
