@@ -5,12 +5,17 @@ these places; they write no other word of a page.
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
 
 from benchmarks.setting import setting
 from jaxcrusher.files.provenance import command
-from jaxcrusher.files.results import write_text
+from jaxcrusher.files.results import write_figure, write_table, write_text
+from jaxcrusher.pictures.page import STYLE
 
 DOCS = Path(__file__).parents[1] / "docs"
 NOT_MEASURED = "Not part of this run.\n"
@@ -48,10 +53,28 @@ def filled(page: str, tables: Mapping[str, str]) -> str:
     )
 
 
-def write_page(folder: Path, name: str, tables: Mapping[str, str]) -> None:
-    """Fill the page `name` of docs/, write it to `folder`, and print the tables."""
-    path, page = folder / Path(name).name, (DOCS / name).read_text(encoding="utf-8")
-    write_text(path, filled(page, tables))
+def publish(
+    folder: Path,
+    page: str,
+    tables: Mapping[str, str],
+    *packages: str,
+    rows: Iterable[Mapping[str, Any]] = (),
+    draw: Callable[[], Figure] | None = None,
+    minutes: float | None = None,
+) -> None:
+    """Fill the page `page` of docs/ and write it to `folder`; print the tables.
+
+    Its place "run" gets the table of what made it, with the versions of `packages`. `rows` become
+    a csv and `draw` a figure of the page's name.
+    """
+    path, template = folder / Path(page).name, (DOCS / page).read_text(encoding="utf-8")
+    if rows := list(rows):
+        write_table(path.with_suffix(".csv"), rows, setting(*packages))
+    if draw is not None:
+        with plt.rc_context(STYLE):
+            write_figure(path.with_suffix(".png"), draw())
+    tables = {"run": run_table(*packages, minutes=minutes), **tables}
+    write_text(path, filled(template, tables))
     for title, text in tables.items():
         print(f"{title}:\n\n{text}")
     print(path)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from benchmarks.comparison import Comparison, table_of
 from benchmarks.crosschecks import clearance, longrun, loose, pointwise, programs
-from benchmarks.pages import run_table, table, write_page
+from benchmarks.pages import publish, table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder
 
@@ -43,11 +43,11 @@ def run(names: Sequence[str], out: Path) -> None:
     if folder is not None:
         seconds = [[name, _rounded(spent)] for name, spent in programs.seconds.items()]
         tables = {name: table_of(comparisons) for name, comparisons in found.items()} | {
-            "run": run_table(*PACKAGES, minutes=(time.perf_counter() - begin) / 60),
             "summary": summary(found),
             "programs": table(("program", "all its runs above, s"), seconds),
         }
-        write_page(folder, "crosschecks.md", tables)
+        minutes = (time.perf_counter() - begin) / 60
+        publish(folder, "crosschecks.md", tables, *PACKAGES, minutes=minutes)
 
 
 def _rounded(spent: float) -> str:

@@ -8,9 +8,9 @@ from benchmarks.joints.cases import ACROSS, ALONG, WORN, Case, alone, together
 from benchmarks.joints.figure import draw
 from benchmarks.joints.measure import Row, averages, settled, settled_with_slopes
 from benchmarks.joints.tables import tables
-from benchmarks.pages import run_table, write_page
+from benchmarks.pages import publish
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import results_folder, write_figure, write_table
+from jaxcrusher.files.results import results_folder
 
 
 def run(out: Path, slip: str) -> None:
@@ -23,9 +23,8 @@ def run(out: Path, slip: str) -> None:
             bars.update(bar, description=name)
             rows += group(slip)
             bars.advance(bar)
-    write_table(folder / "which_joint.csv", [flat(row) for row in rows])
-    write_figure(folder / "which_joint.png", draw(rows), dpi=200)
-    write_page(folder, "which_joint.md", {"run": run_table(), **tables(rows)})
+    data = [flat(row) for row in rows]
+    publish(folder, "which_joint.md", tables(rows), rows=data, draw=lambda: draw(rows))
 
 
 def _settled(cases: list[Case], load: str) -> list[Row]:

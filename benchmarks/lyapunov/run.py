@@ -12,7 +12,7 @@ import numpy as np
 
 import jaxcrusher as jc
 from benchmarks.lyapunov.systems import SYSTEMS, iterate
-from benchmarks.pages import run_table, table, write_page
+from benchmarks.pages import publish, table
 from jaxcrusher.dynamics.indicators import Lyapunov, lyapunov_spectrum, zero_one_test
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder
@@ -66,5 +66,4 @@ def run(out: Path) -> None:
             strobe = points[::stride, 0]
             rows.append(row(name, unit, found, interval, series, strobe, f"{known:.4g}"))
         rows.append(crusher())
-    made = run_table("nolds")
-    write_page(folder, "lyapunov.md", {"run": made, "exponents": table(HEADINGS, rows)})
+    publish(folder, "lyapunov.md", {"exponents": table(HEADINGS, rows)}, "nolds")

@@ -7,7 +7,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jaxcrusher as jc
-from benchmarks.pages import run_table, write_page
+from benchmarks.pages import publish
 from benchmarks.reproduction import figures, readings
 from benchmarks.reproduction.claims import Evidence, claims
 from benchmarks.reproduction.motions import compare, portraits
@@ -59,8 +59,7 @@ def run(out: Path) -> None:
         listed = variants()
         found = search(listed, stage("Where 1.1e6 N comes from", len(listed)))
         evidence = Evidence(measured, *boxes)
-    made = {"run": run_table("exudyn"), **tables(claims(), evidence, found)}
-    write_page(out, "reproduction/claims.md", made)
+    publish(out, "reproduction/claims.md", tables(claims(), evidence, found), "exudyn")
 
 
 def draw_validation(out: Path, done: Callable[..., None]) -> None:

@@ -27,28 +27,12 @@ HOW = (5, 0.5, 5.0)
 
 # The RMS is differentiated by the first so many of these.
 DIFFERENTIATED = (2, 8, 20)
-PARAMETERS = (
-    "speed",
-    "clearance",
-    "jaw.mass",
-    "jaw.inertia",
-    "toggle.length",
-    "shaft.eccentricity",
-    "jaw.length",
-    "load",
-    "toggle.mass",
-    "toggle.inertia",
-    "shaft.mass",
-    "shaft.mass_centre_radius",
-    "shaft.mass_centre_angle",
-    "jaw.mass_centre_distance",
-    "jaw.mass_centre_angle",
-    "bearing.distance",
-    "bearing.inclination",
-    "bore_radius",
-    "friction",
-    "gravity",
-)
+PARAMETERS = """
+    speed clearance jaw.mass jaw.inertia toggle.length shaft.eccentricity jaw.length load
+    toggle.mass toggle.inertia shaft.mass shaft.mass_centre_radius shaft.mass_centre_angle
+    jaw.mass_centre_distance jaw.mass_centre_angle bearing.distance bearing.inclination
+    bore_radius friction gravity
+""".split()
 GRADIENT_TURNS = 4
 EQUAL_STEPS = 1024  # a turn: about twice what stability asks of Tsit5 here
 EQUAL = jc.Method(

@@ -3,15 +3,12 @@
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
-
-from benchmarks.pages import run_table, write_page
+from benchmarks.pages import publish
 from benchmarks.scaling.measure import DESIGNS, DIFFERENTIATED, METHODS, SWEEP_SIDES, TURNS
 from benchmarks.scaling.tables import figure, tables
 from benchmarks.setting import run_apart, setting
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import results_folder, write_figure, write_table
-from jaxcrusher.pictures.page import STYLE
+from jaxcrusher.files.results import results_folder, write_table
 
 # The measurements, and their cores.
 BATCHES = {"designs": len(DESIGNS), "turns": len(TURNS), "sweeps": len(SWEEP_SIDES)}
@@ -31,6 +28,4 @@ def run(out: Path) -> None:
                 rows.append({"what": what, "cores": cores} | row)
                 write_table(folder / "scaling.csv", rows, setting("numba"))
                 bars.advance(task)
-    with plt.rc_context(STYLE):
-        write_figure(folder / "scaling.png", figure(rows))
-    write_page(folder, "scaling.md", {"run": run_table("numba"), **tables(rows)})
+    publish(folder, "scaling.md", tables(rows), "numba", draw=lambda: figure(rows))

@@ -9,11 +9,11 @@ import jax
 import numpy as np
 
 import jaxcrusher as jc
-from benchmarks.pages import run_table, table, write_page
+from benchmarks.pages import publish, table
 from benchmarks.scenes.operations import field_operations, operations, traced
 from benchmarks.timing import spent, timed_in_turn
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import results_folder, write_table
+from jaxcrusher.files.results import results_folder
 
 RUNS = 40
 TIMES = np.linspace(0, 2 * np.pi / 30, 513)
@@ -86,8 +86,7 @@ def run(out: Path) -> None:
             programs.append(program)
     for at, one in timed_in_turn(dict(enumerate(programs)), RUNS).items():
         rows[at]["run_ms"] = 1e3 * one.again.wall
-    write_table(folder / "scenes.csv", rows)
-    write_page(folder, "scenes.md", {"run": run_table(), **tables(rows)})
+    publish(folder, "scenes.md", tables(rows), rows=rows)
 
 
 def tables(rows: list[dict[str, Any]]) -> dict[str, str]:

@@ -10,15 +10,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import jaxcrusher as jc
-from benchmarks.pages import run_table, table, write_page
+from benchmarks.pages import publish, table
 from benchmarks.peers import scipy_peer
 from benchmarks.peers.equations import Crusher
 from benchmarks.peers.motion import Motion
-from benchmarks.setting import setting
 from benchmarks.timing import timed
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import results_folder, write_figure, write_table
-from jaxcrusher.pictures.page import STYLE, WIDTH, plain_powers
+from jaxcrusher.files.results import results_folder
+from jaxcrusher.pictures.page import WIDTH, plain_powers
 
 TIMES = 1e-5 * np.arange(2001)
 OUTPUTS = ("normal_force", "friction_force", "eccentricity")
@@ -66,11 +65,8 @@ def run(out: Path) -> None:
                 force = np.hypot(motion.normal_force, motion.friction_force)
                 error = float(np.abs(force - exact).max() / exact.max())
                 rows.append(Row(name, float(width), error, again.wall, own))
-    kept = [row._asdict() for row in rows]
-    write_table(folder / "smoothing.csv", kept, setting("scipy"))
-    with plt.rc_context(STYLE):
-        write_figure(folder / "smoothing.png", draw(rows))
-    write_page(folder, "smoothing.md", {"run": run_table("scipy"), "widths": widths_table(rows)})
+    data, tables = [row._asdict() for row in rows], {"widths": widths_table(rows)}
+    publish(folder, "smoothing.md", tables, "scipy", rows=data, draw=lambda: draw(rows))
 
 
 def default(name: str) -> float:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rich.progress import Progress
 
-from benchmarks.pages import run_table, write_page
+from benchmarks.pages import publish
 from benchmarks.stability import baumgarte, drift
 from benchmarks.stability.case import FORMULATIONS, Case
 from benchmarks.stability.cases import bearing_case, cases, seat_cases
@@ -89,11 +89,15 @@ def run(what: str, out: Path) -> None:
             write_table(folder / "stability_baumgarte.csv", map(asdict, stabilised))
             found, every = tables(rows, refused), rows + refused
             found |= {"drift": drift_table(long), **baumgarte_tables(stabilised)}
-    write_table(folder / f"{name}.csv", map(asdict, every))
-    write_figure(folder / f"{name}.png", FIGURES[name](rows))
-    minutes = (time.perf_counter() - begin) / 60
-    made = run_table("scikit-sundae", "numba", minutes=minutes)
-    write_page(folder, f"{name}.md", {"run": made, **found})
+    publish(
+        folder,
+        f"{name}.md",
+        found,
+        *("scikit-sundae", "numba"),
+        rows=map(asdict, every),
+        draw=lambda: FIGURES[name](rows),
+        minutes=(time.perf_counter() - begin) / 60,
+    )
 
 
 def redraw(out: Path, table: Path) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks.pages import run_table, write_page
+from benchmarks.pages import publish
 from benchmarks.peers import c_peer
 from benchmarks.setting import run_apart, setting
 from benchmarks.step_cost.measure import MOTIONS
@@ -19,7 +19,7 @@ JOBS = [*COSTS, ("profiled",), ("steps",)]
 
 def run(out: Path) -> None:
     """Run every measurement; write the page, its tables and their data."""
-    folder, console, where = results_folder(out), Console(), setting("numba")
+    folder, console = results_folder(out), Console()
     if c_peer.missing():
         console.print(f"The programs in C are left out: {c_peer.missing()}.")
     if not hasattr(os, "sched_setaffinity"):
@@ -33,8 +33,7 @@ def run(out: Path) -> None:
             found[job] = list(run_apart("benchmarks.worker", *words, cores=1))
     costs = [row for job in COSTS for row in found[job]]
     (profile,), (*steps, doubt) = found[JOBS[-2]], found[JOBS[-1]]
-    write_table(folder / "step_cost.csv", costs, where)
-    write_table(folder / "step_cost_steps.csv", steps, where)
+    write_table(folder / "step_cost_steps.csv", steps, setting("numba"))
     write_json(folder / "step_cost_profile.json", {"profile": profile, "references": doubt})
     tables = cost_tables(costs) | profile_tables(profile, costs) | steps_tables(steps, doubt)
-    write_page(folder, "step_cost.md", {"run": run_table("numba"), **tables})
+    publish(folder, "step_cost.md", tables, "numba", rows=costs)

@@ -7,14 +7,12 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 import jaxcrusher as jc
-from benchmarks.pages import run_table, table, write_page
-from benchmarks.setting import setting
+from benchmarks.pages import publish, table
 from benchmarks.waiting.measure import CASES, WAYS, Row, of_ours, waited
-from jaxcrusher.files.results import results_folder, write_figure, write_table
-from jaxcrusher.pictures.page import COLOURS, STYLE, WIDTH, plain_powers
+from jaxcrusher.files.results import results_folder
+from jaxcrusher.pictures.page import COLOURS, WIDTH, plain_powers
 
 LINES = {"contact": "-", "centred": "--"}
-PACKAGES = ("scipy", "numba", "scikit-sundae")
 HEADINGS = ("program", "start", "turns waited", "ms", "times ours", "error of the RMS")
 
 
@@ -26,10 +24,8 @@ def run(out: Path, seconds: float) -> None:
         rows.append(of_ours(name))
         for way in WAYS:
             rows += waited(name, way, seconds)
-    write_table(folder / "waiting.csv", map(asdict, rows), setting(*PACKAGES))
-    with plt.rc_context(STYLE):
-        write_figure(folder / "waiting.png", draw(rows))
-    write_page(folder, "waiting.md", {"run": run_table(*PACKAGES), **tables(rows)})
+    data, packages = map(asdict, rows), ("scipy", "numba", "scikit-sundae")
+    publish(folder, "waiting.md", tables(rows), *packages, rows=data, draw=lambda: draw(rows))
 
 
 def tables(rows: list[Row]) -> dict[str, str]:

@@ -1,8 +1,7 @@
 """Errors and times of every program on a case; each row as soon as it is known."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import jax
@@ -69,78 +68,57 @@ def _in_32_bits(leaf):
     return jnp.asarray(leaf, jnp.float32) if floating else leaf
 
 
-def of_ours(
-    case: Case, exact: Reference, compiled: Compiled, runs: list[ours.Run]
+def measured(
+    case: Case, exact: Reference, compiled: Compiled, runs: Iterable[ours.Run | Peer]
 ) -> Iterator[Row]:
-    """Yield rows of this package; with slopes where the run wants them."""
-
-    def measure(run: ours.Run) -> tuple[Row, float]:
-        with jax.enable_x64(not run.single):
-            return _our_row(case, exact, compiled, run)
-
-    return _rows(case, runs, measure)
-
-
-def of_peers(case: Case, exact: Reference, peers: list[Peer]) -> Iterator[Row]:
-    """Yield rows of the other programs, which have no slopes."""
-
-    def measure(peer: Peer) -> tuple[Row, float]:
-        first, again, (answer, steps) = timed(peer.solve, *HOW)
-        row = Row(
-            case.name,
-            peer.program,
-            peer.setting,
-            *differences(answer, exact.answer),
-            first_s=first.wall,
-            run_s=again.wall,
-            steps=steps,
-        )
-        return row, again.wall
-
-    return _rows(case, peers, measure)
-
-
-def _rows(case: Case, runs: Sequence[Any], measure: Callable) -> Iterator[Row]:
-    """Yield the row of every run by `measure`, which gives row and seconds, or of its failure."""
+    """Yield the row of every run; one that fails does not lose the others."""
     slow = set()
     for run in runs:
+        row = Row(case.name, run.program, run.setting)
         if run.program in slow:
-            yield Row(case.name, run.program, run.setting, failure="left out: too slow before")
+            yield replace(row, failure="left out: too slow before")
             continue
         try:
-            row, seconds = measure(run)
+            if isinstance(run, Peer):
+                row = _of_peer(row, exact, run)
+            else:
+                with jax.enable_x64(not run.single):
+                    row = _of_ours(row, case, exact, compiled, run)
         except Exception as error:
             reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
-            yield Row(case.name, run.program, run.setting, failure=reason)
-            continue
-        if seconds > TOO_LONG:
+            row = replace(row, failure=reason)
+        if max(row.run_s, np.nan_to_num(row.slope_run_s)) > TOO_LONG:
             slow.add(run.program)
         yield row
 
 
-def _our_row(case: Case, exact: Reference, compiled: Compiled, run: ours.Run) -> tuple[Row, float]:
+def _of_peer(row: Row, exact: Reference, peer: Peer) -> Row:
+    """Measure another program, which has no slopes."""
+    first, again, (answer, steps) = timed(peer.solve, *HOW)
+    rms, history = differences(answer, exact.answer)
+    seen = replace(row, rms_error=rms, history_error=history, steps=steps)
+    return replace(seen, first_s=first.wall, run_s=again.wall)
+
+
+def _of_ours(row: Row, case: Case, exact: Reference, compiled: Compiled, run: ours.Run) -> Row:
+    """Measure this package, with slopes where the run wants them."""
     program, compile_s = compiled(ours.solve, run, case)
     first, again, (rms, history, outcome) = timed(program, *HOW)
     if not outcome.success:
         raise RuntimeError(f"stopped at {float(outcome.reached):.3g} rad")
     errors = differences(Answer(float(rms), np.asarray(history, float)), exact.answer)
-    slope_error, slope_compile_s, slope_s = np.nan, np.nan, np.nan
-    if run.with_slope:
-        program, slope_compile_s = compiled(ours.slope, run, case)
-        _, slope_again, (_, slope) = timed(program, *HOW)
-        slope_s = slope_again.wall
-        slope_error = abs(float(slope) / exact.slope - 1)
-    row = Row(
-        case.name,
-        run.program,
-        run.setting,
-        *errors,
-        slope_error,
-        compile_s,
-        first.wall,
-        again.wall,
-        slope_compile_s,
-        slope_s,
-        int(outcome.steps),
+    row = replace(
+        row,
+        rms_error=errors[0],
+        history_error=errors[1],
+        compile_s=compile_s,
+        first_s=first.wall,
+        run_s=again.wall,
+        steps=int(outcome.steps),
     )
-    return row, max(again.wall, np.nan_to_num(slope_s))
+    if not run.with_slope:
+        return row
+    program, compile_s = compiled(ours.slope, run, case)
+    _, again, (_, slope) = timed(program, *HOW)
+    error = abs(float(slope) / exact.slope - 1)
+    return replace(row, slope_error=error, slope_compile_s=compile_s, slope_run_s=again.wall)

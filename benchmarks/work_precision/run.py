@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from benchmarks.pages import run_table, write_page
+from benchmarks.pages import publish
 from benchmarks.setting import setting
 from benchmarks.work_precision import figure, ours
 from benchmarks.work_precision.cases import cases, reference
-from benchmarks.work_precision.measure import Compiled, Row, of_ours, of_peers
+from benchmarks.work_precision.measure import Compiled, Row, measured
 from benchmarks.work_precision.others import peers
 from benchmarks.work_precision.tables import references_table, tables
 from jaxcrusher.basics.checks import require_choice
@@ -30,17 +30,16 @@ def run(out: Path, scenes: Sequence[str], small: bool) -> None:
         for case in chosen:
             bars.update(task, description=f"{case.name}: reference")
             exact = references[case.name] = reference(case)
-            programs, runs = list(peers(case, small)), list(ours.runs(case, small))
-            bars.update(task, total=(bars.tasks[0].total or 0) + len(programs) + len(runs))
-            for make in (of_peers(case, exact, programs), of_ours(case, exact, compiled, runs)):
-                for row in make:
-                    rows.append(row)
-                    write_table(folder / "work_precision.csv", map(asdict, rows), where)
-                    told = f"{case.name}: {row.program}, {row.setting}"
-                    bars.update(task, advance=1, description=told)
+            runs = [*peers(case, small), *ours.runs(case, small)]
+            bars.update(task, total=(bars.tasks[0].total or 0) + len(runs))
+            for row in measured(case, exact, compiled, runs):
+                rows.append(row)
+                write_table(folder / "work_precision.csv", map(asdict, rows), where)
+                told = f"{case.name}: {row.program}, {row.setting}"
+                bars.update(task, advance=1, description=told)
     _draw(folder, rows)
-    made = {"run": run_table(*PACKAGES), "references": references_table(chosen, references)}
-    write_page(folder, "work_precision.md", made | tables(rows))
+    made = {"references": references_table(chosen, references), **tables(rows)}
+    publish(folder, "work_precision.md", made, *PACKAGES)
 
 
 def redraw(out: Path, table: Path) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 
+import matplotlib.pyplot as plt
 import pytest
 
 from benchmarks import pages
@@ -85,10 +86,17 @@ def test_only_places_are_filled():
 
 def test_a_program_writes_its_page_whole(tmp_path, monkeypatch, capsys):
     (tmp_path / "docs").mkdir()
-    (tmp_path / "docs" / "x.md").write_text(PAGE)
     monkeypatch.setattr(pages, "DOCS", tmp_path / "docs")
-    pages.write_page(tmp_path, "x.md", {"one": "new\n"})
-    assert (tmp_path / "x.md").read_text() == PAGE.replace("old", "new")
+    template = PAGE + "\n<!-- table: run -->\n\n\n<!-- end -->\n"
+    (tmp_path / "docs" / "x.md").write_text(template)
+    rows, empty = [{"a": 1}], plt.Figure
+    pages.publish(tmp_path, "x.md", {"one": "new\n"}, "numba", rows=rows, draw=empty, minutes=2.4)
+    found = tables_of((tmp_path / "x.md").read_text())
+    assert found["one"] == "new\n"
+    assert found["run"].startswith("| made by | on | minutes |") and "numba" in found["run"]
+    assert found["run"].endswith("| 2 |\n")
+    assert (tmp_path / "x.csv").read_text().splitlines()[1:] == ["a", "1"]
+    assert (tmp_path / "x.png").stat().st_size > 0
     assert "one:\n\nnew\n" in capsys.readouterr().out
 
 
