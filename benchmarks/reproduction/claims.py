@@ -156,7 +156,7 @@ def computations() -> dict[str, Computation]:
     fixed = {
         "phase": (exactly(peak_phase(30.0)), None),
         "unknown": (unknown, None),
-        "lowest speed": (exactly(CrushingChamber().lowest_speed()), lowest),
+        "lowest speed": (exactly(float(CrushingChamber().lowest_speed())), lowest),
         "least capacity": (exactly(9.41 / AFFLUENCE), quotient("9.41", "1.67")),
         "highest speed": (exactly(25 * 9.41 / 5.63), quotient("9.41", "5.63", 25)),
         # The RMS cannot be below the mean of Section 5.2.
@@ -193,4 +193,6 @@ def claims() -> list[Claim]:
     by_name = computations()
     with TABLE.open(encoding="utf-8") as lines:
         rows = [tuple(row.values()) for row in csv.DictReader(lines)]
-    return [Claim(*words, printed(paper), unit, by_name[by]) for *words, paper, unit, by in rows]
+    return [
+        Claim(at, what, printed(paper), unit, by_name[by]) for at, what, paper, unit, by in rows
+    ]

@@ -27,7 +27,7 @@ Look = Callable[[jc.Scene], Any]
 
 
 def _simulated(outputs: tuple[str, ...] | None) -> Look:
-    chosen = {} if outputs is None else {"outputs": outputs}
+    chosen: dict[str, Any] = {} if outputs is None else {"outputs": outputs}
     return lambda scene: jc.simulate(scene, TIMES, method=BY_TIME, **chosen)
 
 

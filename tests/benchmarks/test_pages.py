@@ -2,8 +2,8 @@
 
 import csv
 
-import matplotlib.pyplot as plt
 import pytest
+from matplotlib.figure import Figure
 
 from benchmarks import pages
 from benchmarks.joints.cases import Case
@@ -89,7 +89,7 @@ def test_a_program_writes_its_page_whole(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(pages, "DOCS", tmp_path / "docs")
     template = PAGE + "\n<!-- table: run -->\n\n\n<!-- end -->\n"
     (tmp_path / "docs" / "x.md").write_text(template)
-    rows, empty = [{"a": 1}], plt.Figure
+    rows, empty = [{"a": 1}], Figure
     pages.publish(tmp_path, "x.md", {"one": "new\n"}, "numba", rows=rows, draw=empty, minutes=2.4)
     found = tables_of((tmp_path / "x.md").read_text())
     assert found["one"] == "new\n"

@@ -59,7 +59,7 @@ def test_seats_are_compared_by_force_and_every_eccentricity(seat):
 def test_pointwise_tells_another_stiffness_of_a_seat(seat):
     _, known = seat
     for name in ("elbow.young", "pivot.young"):
-        changes = {name: 0.999 * described("ABC", {})[name]}
+        changes = {name: 0.999 * float(described("ABC", {})[name])}
         softer = seat_case("", "", "centred", "ABC", changes).scene("eccentricity")
         found = judgement.pointwise(softer, judgement.simulate(softer), known)
         assert found["error"] > found["allowed"]
