@@ -31,7 +31,7 @@ def run(out: Path) -> None:
 
 
 def figure() -> Figure:
-    """Two maps, and below them the branch."""
+    """Draw two maps, and below them the branch."""
     fig, panels = plt.subplot_mosaic(
         [["centre", "surface"], ["branch", "branch"]],
         figsize=(WIDTH, 5.8),
@@ -54,7 +54,7 @@ def figure() -> Figure:
 
 
 def report(slip: str, found: xr.Dataset, wall: float, cpu: float) -> None:
-    """What was solved, and what it took."""
+    """Print what was solved, and its time."""
     solved = float(found.success.mean())
     print(f"slip of the {slip}: {solved:.2%} of {found.success.size} designs solved, ", end="")
     print(f"{float(found.stable.mean()):.2%} stable, {wall:.0f} s, {cpu:.0f} s of processors")
@@ -67,7 +67,7 @@ def report(slip: str, found: xr.Dataset, wall: float, cpu: float) -> None:
 
 
 def draw_map(fig, ax, found: xr.Dataset, ideal: np.ndarray, slip: str) -> None:
-    """How far the RMS is off an ideal joint's, either way; designs without an orbit are red."""
+    """Draw how far the RMS is off an ideal joint's; designs without an orbit are red."""
     excess = np.abs(found.foundation_rms.values - ideal[:, None])
     norm = LogNorm(*np.nanpercentile(excess, (2, 99.5)))
     millimetres = 1e3 * CLEARANCES
@@ -81,12 +81,12 @@ def draw_map(fig, ax, found: xr.Dataset, ideal: np.ndarray, slip: str) -> None:
 
 
 def scene(speed) -> jc.Scene:
-    """Of the folded branch."""
+    """Return a scene of the folded branch."""
     return jc.build_scene({"speed": speed, "clearance": FOLDED})
 
 
 def draw_branch(ax) -> None:
-    """The RMS along the branch from both sides; unstable motions are dashed."""
+    """Draw the RMS along the branch from both sides; unstable motions are dashed."""
     for i, (start, upwards) in enumerate(SIDES):
         branch = jc.orbit_branch(scene, start, BOUNDS, upwards=upwards, scale=1.0, points=80)
         speed, rms = branch.parameter.values, branch.foundation_rms.values

@@ -2,13 +2,13 @@
 
 import ctypes
 import re
-import time
 from collections import Counter
 
 import jax
 import numpy as np
 
 from benchmarks.step_cost.programs import Designs, statistics_of
+from benchmarks.timing import timed
 from jaxcrusher.lanes.code import LANES, WIDTH
 from jaxcrusher.lanes.layout import TIME
 from jaxcrusher.lanes.machine import assembly, load
@@ -43,13 +43,13 @@ def _recorded(d: Designs) -> Recorded:
 
 
 def _kernels(d: Designs) -> Kernels:
-    """Those of the designs; the contact's exponent is 1.5."""
+    """Return the kernels of the designs; the contact's exponent is 1.5."""
     what = _recorded(d)
     return what.kernels(dict.fromkeys(what.exponents, 1.5))
 
 
 def counts(d: Designs) -> dict[str, int]:
-    """Arithmetic instructions of the field on x86, by the registers that they work on."""
+    """Count arithmetic instructions of the field on x86, by the registers that they work on."""
     found: Counter[str] = Counter()
     _, text = assembly(_kernels(d).text).split("\nfield:", 1)
     for line in text[: text.index(".Lfunc_end")].splitlines():
@@ -78,7 +78,7 @@ end:
 
 
 def evaluation(d: Designs) -> float:
-    """CPU nanoseconds of one evaluation of the field, of each of the designs side by side."""
+    """Return CPU nanoseconds of one evaluation of the field, for each design side by side."""
     kernels = _kernels(d)
     at = kernels.at
     calls = (
@@ -90,10 +90,5 @@ def evaluation(d: Designs) -> float:
     memory = np.full((at.end, LANES), 0.5)
     memory[0] = np.linspace(0, 6, LANES)
     again = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(machine["again"])
-    again(memory.ctypes.data, 1)
-    seconds = []
-    for _ in range(5):
-        began = time.process_time()
-        again(memory.ctypes.data, EVALUATIONS)
-        seconds.append(time.process_time() - began)
-    return 1e9 * float(np.median(seconds)) / EVALUATIONS / LANES
+    run = timed(lambda: again(memory.ctypes.data, EVALUATIONS))
+    return 1e9 * run.again.cpu / EVALUATIONS / LANES
