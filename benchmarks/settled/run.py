@@ -1,6 +1,5 @@
 """Maps of the settled RMS, and two stable motions for one design."""
 
-import time
 from collections import Counter
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 import jaxcrusher as jc
+from benchmarks.timing import spent
 from jaxcrusher.files.results import write_figure
 from jaxcrusher.pictures.page import STYLE, WIDTH, plain_powers
 from jaxcrusher.scenes.parameters import PE250X400, numbers_of
@@ -40,14 +40,14 @@ def figure() -> Figure:
     )
     ideal = np.array([float(jc.periodic_orbit(jc.ideal_scene(s)).foundation_rms) for s in SPEEDS])
     for slip in ("centre", "surface"):
-        begun, used = time.perf_counter(), time.process_time()
-        found = jc.orbit_map(
-            {"speed": SPEEDS, "clearance": CLEARANCES},
-            base={"slip": slip},
-            slopes=tuple(numbers_of(PE250X400)),
+        took, found = spent(
+            lambda slip=slip: jc.orbit_map(
+                {"speed": SPEEDS, "clearance": CLEARANCES},
+                base={"slip": slip},
+                slopes=tuple(numbers_of(PE250X400)),
+            )
         )
-        spent = time.perf_counter() - begun, time.process_time() - used
-        report(slip, found, *spent)
+        report(slip, found, *took)
         draw_map(fig, panels[slip], found, ideal, slip)
     draw_branch(panels["branch"])
     return fig

@@ -31,10 +31,10 @@ from jaxcrusher.motion.integrate import (
     Integration,
     Outcome,
     Problem,
-    error_norm,
     failure_text,
     integrate,
 )
+from jaxcrusher.motion.method import pi_controller
 from jaxcrusher.motion.simulation import require_times
 
 
@@ -247,15 +247,7 @@ def simulate(mechanism: SliderCrank, times: ArrayLike, rtol: float = 1e-10) -> M
 
 @eqx.filter_jit
 def _simulate(mechanism: SliderCrank, times: Array, rtol: Scalar) -> Motion:
-    controller = diffrax.PIDController(
-        rtol=rtol,
-        atol=rtol,
-        pcoeff=0.4,
-        icoeff=0.3,
-        norm=error_norm,
-        dtmin=1e-15,
-        force_dtmin=False,
-    )
+    controller = pi_controller(rtol, smallest=1e-15)
     method = Integration(diffrax.Tsit5(), controller, 10_000_000, 1e-7, None)
     seen, outcome = integrate(mechanism, times[None], problem=PROBLEM, method=method)
     instants, work, stored = jax.tree.map(lambda leaf: leaf[0], seen)

@@ -20,9 +20,9 @@ from jaxcrusher.motion.integrate import (
     Carried,
     Integration,
     Problem,
-    error_norm,
     integrate,
 )
+from jaxcrusher.motion.method import pi_controller
 
 SEGMENTS, INSTANTS = 3, 20
 TIMES = jnp.arange(SEGMENTS)[:, None] + jnp.arange(1, INSTANTS + 1) / INSTANTS
@@ -60,15 +60,7 @@ PROBLEM = Problem(_initial, _field, _observe, _summarise)
 
 
 def _run(swing, solver=None, rtol=1e-9, max_steps=10_000, times=TIMES, problem=PROBLEM):
-    controller = diffrax.PIDController(
-        rtol=rtol,
-        atol=rtol,
-        pcoeff=0.4,
-        icoeff=0.3,
-        norm=error_norm,
-        dtmin=1e-14,
-        force_dtmin=False,
-    )
+    controller = pi_controller(rtol)
     method = Integration(solver or diffrax.Tsit5(), controller, max_steps, 1e-3, None)
     found, outcome = integrate(swing, times, problem=problem, method=method)
     return found, outcome

@@ -252,7 +252,6 @@ def _check(random):
     expected = _by_jax(_function(texts, POINTS), columns)
     for (text, exact), ours, theirs in zip(programs, found, expected, strict=True):
         # Lanes are right to 2 ulp; XLA rounds the exponent of 2^x, which is up to 1000.
-
         rtol, atol = (0, 0) if exact else (2e-13, 1e-307)
         np.testing.assert_allclose(ours, theirs, rtol=rtol, atol=atol, err_msg=text)
 
