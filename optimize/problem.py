@@ -9,7 +9,7 @@ from jaxcrusher.crusher.capacity import AFFLUENCE
 from jaxcrusher.crusher.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
-from jaxcrusher.scenes.parameters import CHOICES, PE250X400
+from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, PE250X400, in_words, readable
 from jaxcrusher.scenes.plausibility import require_possible
 from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text
 from optimize.answer import Box
@@ -154,16 +154,30 @@ def case(options: Options) -> Case:
 
 
 def reference(options: Options) -> dict[str, float]:
-    """The free parameters of the design to compare with: the paper's choice, or the scene file."""
-    base = {**PE250X400, **description(options)}
-    if options.scene is None:
-        base |= {"speed": SEED_SPEED, "clearance": SEED_CLEARANCE}
-    return {name: float(base[name]) for name in bounds(options)}
+    """Return the free parameters of the design to compare with: the paper's, or the scene file's.
+
+    A joint that is ideal there is loose in every design of the box, and has the default clearance.
+    """
+    base = _compared(options)
+    return {name: float(base.get(name, NUMBERS[name].default)) for name in bounds(options)}
 
 
 def reference_title(options: Options) -> str:
-    """What `reference` is: the paper chose for its own machine."""
-    return "paper's choice" if options.scene is None else "scene file"
+    """Return the name of `reference`, with the numbers that its machine lacks."""
+    title = "paper's choice" if options.scene is None else "scene file"
+    base = _compared(options)
+    assumed = [
+        f"{in_words(name)} {readable(name, NUMBERS[name].default)}"
+        for name in bounds(options)
+        if name not in base
+    ]
+    return f"{title} with {' and '.join(assumed)}" if assumed else title
+
+
+def _compared(options: Options) -> dict[str, Any]:
+    """Return the machine of `reference`, with its own speed and clearance."""
+    chosen = {"speed": SEED_SPEED, "clearance": SEED_CLEARANCE} if options.scene is None else {}
+    return {**PE250X400, **description(options), **chosen}
 
 
 def floor(options: Options) -> float:

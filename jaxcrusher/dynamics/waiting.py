@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from jaxcrusher.batch.engines import Engine, run_all
-from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.lanes.code import LANES
 from jaxcrusher.settled.transient import one_period, resting_start, section_mean
 
 
