@@ -7,7 +7,7 @@ import jaxcrusher as jc
 
 
 def narrow(scene: jc.Scene) -> jc.Scene:
-    """The same with a hundredth of the widths that smooth the contacts' corners and |e|."""
+    """Return a scene with a hundredth of the widths that smooth contacts' corners and |e|."""
 
     def widths(scene: jc.Scene) -> list[Scalar]:
         joints = [joint for _, joint in scene.joints.present()]

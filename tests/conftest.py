@@ -17,10 +17,9 @@ import pytest
 
 # Shapes and types of arguments and results are checked as the package is imported, but for what
 # writes LLVM's text, and what only writes and asks.
-ROOMS = ("basics", "joint", "crusher", "scenes", "motion", "settled", "dynamics", "pictures")
-BATCH = ("cluster", "engines", "plan", "rows", "store", "sweep")
+ROOMS = "basics joint crusher scenes motion settled batch dynamics pictures".split()
 jaxtyping.install_import_hook(
-    [f"jaxcrusher.{name}" for name in (*ROOMS, *(f"batch.{module}" for module in BATCH))],
+    [f"jaxcrusher.{name}" for name in ROOMS],
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
 )
 

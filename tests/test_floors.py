@@ -9,7 +9,7 @@ PROJECT = ("jaxcrusher", "optimize", "benchmarks")
 FLOORS = (
     ("jaxcrusher.basics",),
     ("jaxcrusher.files",),
-    ("jaxcrusher.joint",),
+    ("jaxcrusher.joint", "jaxcrusher.lanes"),
     ("jaxcrusher.crusher",),
     ("jaxcrusher.scenes", "jaxcrusher.motion"),
     ("jaxcrusher.settled", "jaxcrusher.batch"),

@@ -35,7 +35,7 @@ WIDTH, LARGEST_FORCE = 1e-8, 1.8e5
 def clearance(
     frictions=(None, 0.1), peers=(DOP853, CVODE, IDA, EXUDYN), formulations=FORMULATIONS
 ) -> Iterator[Comparison]:
-    """0.06 mm, 30 rad/s, centred start, 30 ms: histories, and the largest force of windows."""
+    """Compare histories, and the largest force of windows."""
     times = 5e-6 * np.arange(6001)
     for friction in frictions:
         crusher = Crusher(friction=friction)
@@ -60,7 +60,7 @@ def clearance(
 
 
 def _limits(crusher: Crusher, grown: dict, level: float) -> dict:
-    """The growth of errors, and for forces what our smoothed corner adds at touch-down."""
+    """Return the growth of errors; forces get the error of our smoothed corner besides."""
     corner = normal_force(crusher, WIDTH / 4, crusher.impact_velocity) / LARGEST_FORCE
     forces = ("contact_force", "normal_force", *REACTIONS)
     return {n: level * factor + corner * (n in forces) for n, factor in grown.items()}
@@ -69,7 +69,7 @@ def _limits(crusher: Crusher, grown: dict, level: float) -> dict:
 def _two_ends(
     what, name, ours, theirs, program, times, limits, reason=GROWTH
 ) -> Iterator[Comparison]:
-    """One quantity over 20 and over 30 ms."""
+    """Compare one quantity over 20 and over 30 ms."""
     for end in (0.02, 0.03):
         count = int(np.searchsorted(times, end + 1e-9))
         yield comparison.histories(
@@ -83,7 +83,7 @@ def _two_ends(
 
 
 def _against_exudyn(what, crusher, ours, theirs, limits, times) -> Iterator[Comparison]:
-    """With friction: ours, and CVODE with EXUDYN's point of contact."""
+    """Compare with friction: ours, and CVODE with EXUDYN's point of contact."""
     there, moved = at_middle_of_overlap(crusher, times)
     for name in ("contact_force", "eccentricity"):
         wider = {name: limits[name] + moved[name]}
@@ -100,7 +100,7 @@ def _against_exudyn(what, crusher, ours, theirs, limits, times) -> Iterator[Comp
 
 
 def _windows(what, ours, theirs, times, grown, formulation) -> Iterator[Comparison]:
-    """The largest force at A in each window."""
+    """Compare the largest force at A in each window."""
     level = max(LEVELS[formulation], LEVELS[DOP853])
     largest = theirs["contact_force"].max()
     for begin, end in WINDOWS:
@@ -117,7 +117,7 @@ def _widths(scene) -> list:
 
 
 def smoothing() -> Iterator[Comparison]:
-    """What our smoothed corners do: the default widths, and a hundredth of them."""
+    """Compare the default widths of our smoothed corners, and a hundredth of them."""
     times = 1e-5 * np.arange(3001)
     for friction in (None, 0.1):
         crusher = Crusher(friction=friction)

@@ -16,15 +16,12 @@ SAMPLES = 4096  # a turn, of the other programs' motions
 
 # Without friction: with it some starts end in the whirl, and means over few runs say nothing.
 HARD = (Crusher(speed=40.0, clearance=0.12e-3), Crusher())
-INDEPENDENT = (
-    "Four standard errors of the difference, from the scatter of the members: both programs ran "
-    "them from random starts in the bore, drawn apart."
-)
-TURNS = "Four standard errors of the difference, from the scatter of the turns."
+# Names of reasons, which crosschecks.md explains.
+INDEPENDENT, TURNS = "members", "turns"
 
 
 def _starts(crusher: Crusher, count: int, seed: int) -> list[complex]:
-    """Eccentricities drawn evenly from a disc of half the clearance, m."""
+    """Return eccentricities drawn evenly from a disc of half the clearance, m."""
     random = np.random.default_rng(seed)
     radii = crusher.clearance / 2 * np.sqrt(random.uniform(size=count))
     return [complex(e) for e in radii * np.exp(2j * np.pi * random.uniform(size=count))]
@@ -62,13 +59,9 @@ def _theirs(program, crusher: Crusher, starts, settle: int, turns: int) -> dict[
 
 
 def impacts(
-    crushers=HARD,
-    members: int = 24,
-    settle: int = 1,
-    turns: int = 3,
-    exudyn_members: int = 8,
+    crushers=HARD, members: int = 24, settle: int = 1, turns: int = 3, exudyn_members: int = 8
 ) -> Iterator[Comparison]:
-    """Ensembles in the first turns after random starts, while pin and bore hit each other."""
+    """Compare ensembles in the first turns after random starts, while pin and bore hit."""
     for crusher in crushers:
         ours = _ours(crusher, _starts(crusher, members, 1), settle, turns)
         others = {CVODE: _theirs(CVODE, crusher, _starts(crusher, members, 2), settle, turns)}
@@ -80,7 +73,7 @@ def impacts(
 
 
 def swings(members: int = 16, settle: int = 10, turns: int = 5) -> Iterator[Comparison]:
-    """What is left of a centred start's impacts after many turns: a swing of random size."""
+    """Compare after many turns, when a centred start's impacts left a swing of random size."""
     crusher = Crusher()
     ours = _ours(crusher, _starts(crusher, members, 4), settle, turns)
     theirs = _theirs(CVODE, crusher, _starts(crusher, members, 5), settle, turns)
@@ -99,7 +92,7 @@ def _rows(crusher, ours, theirs, program, settle, turns) -> Iterator[Comparison]
 
 
 def whirl(settle: int = 4, turns: int = 8) -> Iterator[Comparison]:
-    """Friction 0.1 with surface slip, 30 rad/s, 0.06 mm, centred: backward whirl."""
+    """Compare the backward whirl: friction 0.1, surface slip, 30 rad/s, 0.06 mm, centred."""
     crusher = Crusher(friction=0.1)
     with timed(OURS):
         ours = jc.statistics(our_scene(crusher), settle, turns)
@@ -134,5 +127,5 @@ def whirl(settle: int = 4, turns: int = 8) -> Iterator[Comparison]:
         deepest.max(),
         CVODE,
         4 * deepest.std(ddof=1) / deepest.max(),
-        "Four standard deviations of the turns' largest: the largest of all is one turn's.",
+        "largest turn",
     )

@@ -19,23 +19,16 @@ TIMES = 1e-5 * np.arange(1001)
 CLEARANCES = {"A": 6e-5, "B": 1e-4, "C": 8e-5}
 FORCES = ("joint_force", "elbow_reaction", "toggle_reaction", "bearing_reaction")
 OFFSET = 1e-7  # clearances
-# EXUDYN's step (s), and its error of a contact's phase in it: that of the toggle, 13 kg at its end,
-# on a seat of 4e9 N/m at the largest force, swinging at 3 kHz.
+# EXUDYN's step (s), and its error of a contact's phase: the toggle, 13 kg at its end, swings on a
+# seat of 4e9 N/m at 3 kHz.
 STEP = 5e-7
 LEVELS = programs.LEVELS | {EXUDYN: (2 * np.pi * 3e3 * STEP) ** 2 / 12}
-REASON = (
-    "The error of the less exact program at a contact (in clearances: 3e-8 for ours in "
-    "eccentricities and DOP853, 1e-6 for ours with multipliers, "
-    f"{LEVELS[EXUDYN]:.0e} for EXUDYN in steps of {STEP:g} s), times the contacts there are, "
-    f"grown as the free bodies part from starts {OFFSET:g} clearances away. Ours with a "
-    "hundredth of the default widths of smoothing: seats that are loaded little feel them."
-)
 # One number of a seat at a time, of B and of C, with A, B and C loose.
 EXTREMES = {"clearance": (1e-6, 5e-4), "young": (2.07e13,), "friction": (1.0,)}
 
 
 def described(loose: str, **changes: float | str) -> dict[str, float | str]:
-    """A crusher with these joints loose, friction 0.1 by the slip of the surfaces."""
+    """Return a crusher with these joints loose, friction 0.1 by the slip of the surfaces."""
     numbers = PE250X400 | {"slip": "surface", "friction": 0.1}
     if "A" not in loose:
         numbers["joint"] = "ideal"
@@ -46,7 +39,7 @@ def described(loose: str, **changes: float | str) -> dict[str, float | str]:
 
 
 def loose() -> Iterator[Comparison]:
-    """Sets of loose joints in both formulations, then one extreme number of a seat at a time."""
+    """Compare sets of loose joints, then one extreme number of a seat at a time."""
     for joints in ("ABC", "AC", "B"):
         yield from against(", ".join(joints), joints, described(joints), FORMULATIONS)
     for joint in "BC":
@@ -62,7 +55,7 @@ def loose() -> Iterator[Comparison]:
 def against(
     label: str, joints: str, numbers: Mapping[str, float | str], formulations, program: str = DOP853
 ) -> Iterator[Comparison]:
-    """Ours beside free bodies: eccentricities, and forces in every joint."""
+    """Compare ours with free bodies: eccentricities, and forces in every joint."""
     clearances = {j: float(numbers[PREFIXES[j] + "clearance"]) for j in joints}
     still = moved(numbers, {})
     parted = [
@@ -85,17 +78,17 @@ def against(
                 theirs[name],
                 program,
                 level * (1 + contacts) * (1 + growth),
-                REASON,
+                "growth of free bodies",
             )
 
 
 def _contacts(force: np.ndarray) -> int:
-    """How often pin and bore meet."""
+    """Count how often pin and bore meet."""
     return int(np.sum((force[1:] > 0) & (force[:-1] <= 0)))
 
 
 def simulated(values: Mapping[str, float | str], joints: str) -> dict[str, np.ndarray]:
-    """Ours by name."""
+    """Return our histories by name."""
     names = [f"{PREFIXES[j]}eccentricity".replace(".", "_") for j in joints]
     with timed(OURS):
         found = jc.simulate(narrow(jc.build_scene(values)), TIMES, outputs=(*names, *FORCES))
@@ -105,7 +98,7 @@ def simulated(values: Mapping[str, float | str], joints: str) -> dict[str, np.nd
 
 
 def moved(numbers: Mapping[str, float | str], e: dict[str, complex]) -> dict[str, np.ndarray]:
-    """Free bodies from eccentricities `e` (m)."""
+    """Return histories of free bodies from eccentricities `e` (m)."""
     bodies = FreeBodies(numbers, e=e)
     with timed(DOP853):
         return bodies.observe(TIMES, scipy_peer.integrate(bodies, TIMES, rtol=1e-13))

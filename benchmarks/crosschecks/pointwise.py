@@ -35,7 +35,7 @@ from jaxcrusher.crusher.drives import GivenTorque
 
 
 def instants(count: int = 40) -> Iterator[Comparison]:
-    """Forces at random states in contact, in one instant: no integration."""
+    """Compare forces at random states in contact, in one instant: no integration."""
     crusher, random = Crusher(friction=0.1), np.random.default_rng(0)
     depths, angles = 10 ** random.uniform(-2, 0.5, count), random.uniform(0, 2 * np.pi, count)
     eccentricities = (1 + depths) * crusher.clearance * np.exp(1j * angles)
@@ -47,10 +47,6 @@ def instants(count: int = 40) -> Iterator[Comparison]:
         by_program[ANGLES].append(start.observe([0.0], [start.start]))
         states, _ = nine_coordinates.start(start)
         by_program[NINE].append(nine_coordinates.observe(crusher, [0.0], [states]))
-    reason = (
-        "norm_width moves a penetration by 8e-15 m; the least of 6e-7 m gives 2e-8 of force, and "
-        "some times that of a sum in which it nearly cancels."
-    )
     for formulation in FORMULATIONS:
         ours = [
             simulate_ours(our_scene(crusher, formulation, complex(e), complex(v)), [0.0])
@@ -69,15 +65,12 @@ def instants(count: int = 40) -> Iterator[Comparison]:
                     program,
                     worst,
                     1e-7,
-                    reason,
+                    "smoothed |e|",
                 )
 
 
 def ideal(speeds=(25.0, 30.0, 35.0, 40.0), exudyn_steps: int = 4000) -> Iterator[Comparison]:
-    """The ideal joint over a turn."""
-    algebra = "Algebra on both sides, forces of 1e4 N smoothed over 1e-6 N."
-    quadrature = "A step of the quadrature is asked for 1e-9."
-    peak = "Parabolas through samples 2 pi/1024 and 2 pi/2000 apart: fourth order, below 1e-7."
+    """Compare the ideal joint over a turn."""
     for speed in speeds:
         crusher, count = Crusher(speed=speed), 2000
         times = np.arange(count + 1) * 2 * np.pi / speed / count
@@ -89,39 +82,30 @@ def ideal(speeds=(25.0, 30.0, 35.0, 40.0), exudyn_steps: int = 4000) -> Iterator
         top = int(np.argmax(force))
         fit = np.polyfit([-1, 0, 1], np.take(force, [top - 1, top, top + 1], mode="wrap"), 2)
         known = {
-            "mean": (ours.foundation_mean, force.mean(), quadrature),
-            "RMS": (ours.foundation_rms, np.sqrt((force**2).mean()), quadrature),
-            "peak": (ours.foundation_peak, fit[2] - fit[1] ** 2 / (4 * fit[0]), peak),
+            "mean": (ours.foundation_mean, force.mean(), 1e-8, "quadrature"),
+            "RMS": (ours.foundation_rms, np.sqrt((force**2).mean()), 1e-8, "quadrature"),
+            "peak": (ours.foundation_peak, fit[2] - fit[1] ** 2 / (4 * fit[0]), 1e-7, "parabola"),
         }
-        for name, (mine, other, reason) in known.items():
+        for name, (mine, other, limit, reason) in known.items():
             label = f"{name} of |R_O| + |R_C|, {speed:g} rad/s, N"
-            limit = 1e-7 if name == "peak" else 1e-8
             yield comparison.numbers(label, mine, other, ANGLES, limit, reason)
         ours = simulate_ours(jc.ideal_scene(speed), times)
         for name in REACTIONS:
             label = f"{name.replace('_', ' ')}, {speed:g} rad/s"
-            yield comparison.histories(label, ours[name], theirs[name], ANGLES, 1e-10, algebra)
+            yield comparison.histories(label, ours[name], theirs[name], ANGLES, 1e-10, "algebra")
         with timed(EXUDYN):
             step = times[-1] / exudyn_steps
             theirs = Model(Motion(crusher), ideal=True).run(times[-1], step, times[1])
         for name in ("bearing_reaction", "toggle_reaction", "drive_torque", "foundation_force"):
             label = f"{name.replace('_', ' ')}, {speed:g} rad/s"
-            yield comparison.histories(
-                label,
-                ours[name][count // 20 :],
-                theirs[name][count // 20 :],
-                EXUDYN,
-                6e-5,
-                "Second order: (5 * 2 pi / 4000)^2 for the fifth harmonic and 4000 steps; rounding "
-                "gains with more. Without the first twentieth of the turn, in which the "
-                "multipliers of generalised-alpha ring.",
-            )
+            mine, other = (of[name][count // 20 :] for of in (ours, theirs))
+            yield comparison.histories(label, mine, other, EXUDYN, 6e-5, "second order")
 
 
 def torque(
     frictions=(None, 0.1), peers=(DOP853, CVODE, EXUDYN), formulations=FORMULATIONS
 ) -> Iterator[Comparison]:
-    """A free shaft under 300 N m from 30 rad/s: its gain of speed over 20 ms."""
+    """Compare a free shaft under 300 N m from 30 rad/s: its gain of speed over 20 ms."""
     times = 1e-5 * np.arange(2001)
     for friction in frictions:
         crusher = Crusher(friction=friction)

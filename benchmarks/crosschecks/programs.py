@@ -22,14 +22,8 @@ OURS = "jaxcrusher"
 ANGLES, NINE = "NumPy, angles", "NumPy, nine coordinates"
 DOP853, CVODE, IDA, EXUDYN = "SciPy DOP853", "SUNDIALS CVODE", "SUNDIALS IDA", "EXUDYN"
 REACTIONS = ("bearing_reaction", "elbow_reaction", "toggle_reaction", "drive_torque")
-OBSERVED = (
-    *REACTIONS,
-    "normal_force",
-    "friction_force",
-    "eccentricity",
-    "foundation_force",
-    "shaft_speed",
-)
+FORCES = ("normal_force", "friction_force")
+OBSERVED = (*REACTIONS, *FORCES, "eccentricity", "foundation_force", "shaft_speed")
 
 # Errors at the first contact, in clearances: the tolerance of a step times a few thousand
 # steps, for 0.06 mm.
@@ -41,16 +35,8 @@ LEVELS = {
     IDA: 1e-6,  # 1e-11 of 0.7 m: 1e-7 a step
     EXUDYN: 2e-6,  # (2 pi 740 Hz 1e-6 s)^2 / 12 of the phase of a contact
 }
-GROWTH = (
-    "The error of the less exact program at the first contact (in clearances: 3e-8 for ours in "
-    "eccentricities, DOP853 and CVODE; 1e-6 for ours with multipliers and IDA; 2e-6 for EXUDYN "
-    "with steps of 1 us), grown as CVODE's motions from starts 1e-7 clearances apart grow. Forces "
-    "besides: 2e-6, by which our smoothed corner is off at touch-down, K (width / 4)^1.5 = 0.3 N."
-)
-CONTACT_POINT = (
-    "EXUDYN lets friction act in the middle of the overlap, ours on the bore's surface: what that "
-    f"moves in CVODE, besides (as elsewhere): {GROWTH}"
-)
+# Names of reasons, which crosschecks.md explains.
+GROWTH, CONTACT_POINT = "growth", "growth, contact point"
 
 seconds: dict[str, float] = defaultdict(float)
 
@@ -66,7 +52,7 @@ def timed(program: str):
 def our_scene(
     crusher: Crusher, formulation: Formulation = "eccentricity", e: complex = 0j, rate: complex = 0j
 ):
-    """The scene of a peer's crusher, from eccentricity `e` (m) at `rate` (m/s)."""
+    """Return the scene of a peer's crusher, from eccentricity `e` (m) at `rate` (m/s)."""
     scene = jc.paper_scene(
         crusher.speed,
         crusher.clearance,
@@ -80,7 +66,7 @@ def our_scene(
 
 
 def simulate_ours(scene, times) -> dict[str, np.ndarray]:
-    """Our histories by name."""
+    """Return our histories by name."""
     with timed(OURS):
         found = jc.simulate(scene, times, outputs=OBSERVED)
         if not found.success:
@@ -92,7 +78,7 @@ def simulate_ours(scene, times) -> dict[str, np.ndarray]:
 
 
 def simulate_theirs(program: str, start: Motion, times) -> dict[str, np.ndarray]:
-    """Another program's histories by name, at evenly spaced `times` (s) from 0."""
+    """Return another program's histories by name, at evenly spaced `times` (s) from 0."""
     with timed(program):
         known = _run(program, start, times)
     if "shaft_speed" in known:
@@ -113,9 +99,9 @@ def _run(program: str, start: Motion, times) -> dict[str, np.ndarray]:
 
 
 def growth(crusher: Crusher, times, torque: float | None = None) -> dict[str, np.ndarray]:
-    """By quantity and time: how far an offset start of one clearance would move it.
+    """Return by quantity and time how far an offset start of one clearance would move it.
 
-    Relative to its largest value; the largest movement up to each time.
+    It is the largest movement up to each time, relative to the largest value.
     """
 
     def run(e: complex) -> dict[str, np.ndarray]:
@@ -133,7 +119,7 @@ def growth(crusher: Crusher, times, torque: float | None = None) -> dict[str, np
 
 
 def at_middle_of_overlap(crusher: Crusher, times, torque=None) -> tuple[dict, dict]:
-    """CVODE's motion with EXUDYN's point of contact, and how far that moves each quantity.
+    """Return CVODE's motion with EXUDYN's point of contact, and how far that moves each quantity.
 
     EXUDYN lets friction act in the middle of the overlap, ours on the bore's surface.
     """

@@ -1,1 +1,1 @@
-"""What lanes do for the programs that they serve."""
+"""The gain of programs by lanes."""

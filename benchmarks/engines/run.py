@@ -1,18 +1,18 @@
 """The programs, small, each by lanes and one motion after the other."""
 
 import itertools
-import time
 from collections.abc import Callable
-from typing import NamedTuple
 from unittest import mock
 
 import numpy as np
 
 import jaxcrusher as jc
+from benchmarks.pages import table
 from benchmarks.reproduction.motions import portraits
 from benchmarks.setting import setting
 from benchmarks.stability.cases import cases
 from benchmarks.stability.ours import motions
+from benchmarks.timing import timed
 from jaxcrusher.batch import engines
 from optimize import problem
 from optimize.evaluate import Window, evaluate
@@ -54,7 +54,7 @@ def _sweep() -> None:
     jc.sweep(axes, 0, 3, base={"start": "contact"}, rtol=RTOL)
 
 
-# What users call by it -> the program.
+# Programs that users call, by name.
 PROGRAMS: dict[str, Callable[[], None]] = {
     "sweep: 256 crushers, 3 turns": _sweep,
     "bifurcation diagram: 64 clearances, 20 turns": _bifurcation,
@@ -65,32 +65,14 @@ PROGRAMS: dict[str, Callable[[], None]] = {
 }
 
 
-class Spent(NamedTuple):
-    """CPU seconds: of the first run, which compiles, and of another."""
-
-    first: float
-    again: float
-
-
-def _spent(run: Callable[[], None]) -> Spent:
-    times = []
-    for _ in range(2):
-        began = time.process_time()
-        run()
-        times.append(time.process_time() - began)
-    return Spent(*times)
-
-
 def run() -> None:
-    """Print the table, a line at a time."""
+    """Print the table."""
     print(f"{setting()}. CPU seconds; first runs in brackets.\n")
-    print("| program | in turn | lanes | in turn / lanes |\n|---|---|---|---|")
+    rows = []
     for name, program in PROGRAMS.items():
-        lanes = _spent(program)
+        lanes = timed(program, 1)
         with mock.patch.object(engines, "in_lanes", engines.in_turn):
-            turn = _spent(program)
-        print(
-            f"| {name} | {turn.again:.2f} ({turn.first:.1f}) | "
-            f"{lanes.again:.2f} ({lanes.first:.1f}) | {turn.again / lanes.again:.1f} |",
-            flush=True,
-        )
+            turn = timed(program, 1)
+        times = (f"{one.again.cpu:.2f} ({one.first.cpu:.1f})" for one in (turn, lanes))
+        rows.append([name, *times, f"{turn.again.cpu / lanes.again.cpu:.1f}"])
+    print(table(("program", "in turn", "lanes", "in turn / lanes"), rows))

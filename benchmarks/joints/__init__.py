@@ -1,1 +1,1 @@
-"""What wear in A, B and C, one by one and together, does to the foundation and to the joints."""
+"""Wear in A, B and C: its effect on the foundation and the joints, and its signs."""

@@ -6,7 +6,7 @@ from benchmarks.peers.free_bodies import PREFIXES
 from jaxcrusher.scenes.parameters import Value
 
 SPEED = 30.0
-# Radial clearances, m: of each joint when new, and as it wears.
+# Radial clearances (m) of each joint when new, and as it wears.
 NEW = 0.03e-3
 WORN = {"A": (0.06e-3, 0.12e-3), "B": (0.1e-3, 0.2e-3, 0.5e-3), "C": (0.1e-3, 0.2e-3, 0.5e-3)}
 # The crushing force of 8.8 kN along the jaw, as in the paper, or across it, against the toggle.
@@ -21,7 +21,7 @@ class Case:
     clearances: dict[str, float]
 
     def description(self, load: str, slip: str = "centre") -> dict[str, Value]:
-        """For `jaxcrusher.build_scene`; friction is the paper's 0.1."""
+        """Return the description for `jaxcrusher.build_scene`; friction is the paper's 0.1."""
         found: dict[str, Value] = {"speed": SPEED, "load_law": load, "start": "contact"}
         if "A" not in self.clearances:
             found["joint"] = "ideal"
@@ -32,12 +32,12 @@ class Case:
 
 
 def together() -> list[Case]:
-    """All three loose: new, one after the other worn with the others new, and all worn."""
+    """Return machines with all three joints loose: new, one of them worn, and all worn."""
     new = dict.fromkeys("ABC", NEW)
     worn = [Case(joint, new | {joint: c}) for joint, wear in WORN.items() for c in wear]
     return [Case("none", new), *worn, Case("all", {j: wear[-1] for j, wear in WORN.items()})]
 
 
 def alone(joint: str) -> list[Case]:
-    """One joint loose, new and worn out, and the others ideal."""
+    """Return machines with one joint loose, new and worn out, and the others ideal."""
     return [Case(joint, {joint: clearance}) for clearance in (NEW, WORN[joint][-1])]

@@ -1,4 +1,4 @@
-"""RMS, impacts and what tells the worn joint, over its clearance."""
+"""RMS, impacts and the signs of the worn joint, over its clearance."""
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -14,7 +14,7 @@ MARKERS = dict(zip(NAMES, "os^", strict=True))
 
 
 def draw(rows: list[Row]) -> Figure:
-    """Four panels; all joints are loose, and one of them is worn."""
+    """Draw four panels; all joints are loose, and one of them is worn."""
     with mpl.rc_context(STYLE):
         fig, axes = plt.subplots(2, 2, figsize=(WIDTH, 5.6), layout="constrained", sharex=True)
         (rms, impact), (bursts, ratio) = axes
@@ -45,7 +45,7 @@ def draw(rows: list[Row]) -> Figure:
 
 
 def series(rows: list[Row], joint: str, load: str) -> list[Row]:
-    """All new, and then this joint worn more and more while the others are new."""
+    """Return the rows of all new, then this joint worn more and more, the others new."""
     mine = [
         row
         for row in rows
@@ -64,7 +64,7 @@ def _line(
     factor: float = 1.0,
     dashed: bool = False,
 ) -> None:
-    """With bars of two standard errors."""
+    """Draw a line with bars of two standard errors."""
     ax.errorbar(
         [1e3 * row.case.clearances[joint] for row in rows],
         [factor * row.values[name] for row in rows],

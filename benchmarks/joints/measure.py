@@ -1,5 +1,6 @@
 """Each machine's settled motion, or averages over motions from several starts."""
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,11 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
+from benchmarks.batch import map_scenes
 from benchmarks.joints.cases import SPEED, Case
 from benchmarks.joints.signature import mean_and_error, signature
 from benchmarks.peers.free_bodies import PREFIXES
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import stack
 from jaxcrusher.crusher.joints import AtJoints, before
 from jaxcrusher.crusher.starts import Given
 from jaxcrusher.motion.statistics import limits_of
@@ -25,16 +26,16 @@ OF_A_JOINT = ("joint_peak", "impact_speed", "sliding_power", "penetration_ratio"
 # Starts in contact, each pin off by some hundredths of its clearance (a standard deviation).
 STARTS, OFFSET = 6, 0.01
 SETTLE, TURNS, RTOL = 30, 30, 1e-8
-# Of further turns, over which forces at the frame are sampled, and samples of each.
+# Further turns over which forces at the frame are sampled, and the samples of each.
 SAMPLED, SAMPLES = 8, 4096
 REACTIONS = ("bearing_reaction", "toggle_reaction")
-# Of an orbit: twice as many as usual follow the contacts' resonances too.
+# Twice as many nodes as usual follow the contacts' resonances too.
 NODES = 192
 
 
 @dataclass
 class Row:
-    """What is known of a machine under a load; errors are standard errors over the starts."""
+    """A machine under a load; errors are standard errors over the starts."""
 
     load: str
     case: Case
@@ -46,7 +47,7 @@ class Row:
 
 
 def settled(case: Case, load: str) -> tuple[Row, jc.PeriodicOrbit]:
-    """Of the orbit that keeps contact; its numbers are NaN where none is found that is stable."""
+    """Solve the orbit that keeps contact; its numbers are NaN where no stable one is found."""
     orbit = jc.periodic_orbit(jc.build_scene(case.description(load)), nodes=NODES)
     values = {name: float(orbit[name]) for name in _outputs(case)}
     values["settling_turns"] = float(orbit.settling_turns)
@@ -56,7 +57,7 @@ def settled(case: Case, load: str) -> tuple[Row, jc.PeriodicOrbit]:
 
 
 def settled_with_slopes(case: Case, load: str) -> Row:
-    """The same with the slopes of the RMS by each clearance (N/m), and the forces' signature."""
+    """Add the slopes of the RMS by each clearance (N/m), and the forces' signature."""
     row, orbit = settled(case, load)
     seen = orbit.motion(2 * np.pi * np.arange(SAMPLES) / SAMPLES, REACTIONS)
     row.values |= signature(*(np.asarray(seen[name]) for name in REACTIONS), turns=1)
@@ -71,26 +72,24 @@ def settled_with_slopes(case: Case, load: str) -> Row:
 @eqx.filter_jit
 @jax.grad
 def _slopes(clearances: dict[str, Any], rest: tuple[tuple[str, Any], ...]) -> Any:
-    """Of the settled RMS, N/m."""
+    """Differentiate the settled RMS, N/m."""
     scene = jc.build_scene(dict(rest) | clearances)
     return jc.periodic_orbit(scene, nodes=NODES).foundation_rms
 
 
 def averages(cases: list[Case], load: str, slip: str) -> list[Row]:
-    """Of machines with the same joints loose, over starts that soon know nothing of each other."""
+    """Average machines with the same joints loose over starts that soon are independent."""
     random = np.random.default_rng(0)
     scenes = [jc.build_scene(case.description(load, slip)) for case in cases]
     starts = [_nudged(scene, random) for scene in scenes for _ in range(STARTS)]
     look = eqx.Partial(_look, outputs=_outputs(cases[0]))
-    found, reactions, winding = jc.map_all(look, stack(starts))
-    rows = []
-    for index, (case, scene) in enumerate(zip(cases, scenes, strict=True)):
-        mine = range(index * STARTS, (index + 1) * STARTS)
-        samples = [
-            {name: values[i] for name, values in found.items()}
-            | signature(*(reactions[name][i] for name in REACTIONS), turns=SAMPLED)
-            for i in mine
-        ]
+    results, rows = iter(map_scenes(look, starts)), []
+    for case, scene in zip(cases, scenes, strict=True):
+        samples, whirls = [], 0
+        for values, reactions, whirl in itertools.islice(results, STARTS):
+            seen = signature(*(reactions[name] for name in REACTIONS), turns=SAMPLED)
+            samples.append(values | seen)
+            whirls += bool(whirl)
         both = {name: mean_and_error(np.array([s[name] for s in samples])) for name in samples[0]}
         limits = [limits_of(scene, jax.tree.map(jnp.asarray, sample)) for sample in samples]
         rows.append(
@@ -101,7 +100,7 @@ def averages(cases: list[Case], load: str, slip: str) -> list[Row]:
                 all(bool(one.inside) for one in limits if one is not None),
                 {name: mean for name, (mean, _) in both.items()},
                 {name: error for name, (_, error) in both.items()},
-                sum(bool(winding[i]) for i in mine),
+                whirls,
             )
         )
     return rows
@@ -114,7 +113,7 @@ def _outputs(case: Case) -> tuple[str, ...]:
 
 
 def _look(scene: jc.Scene, outputs: tuple[str, ...]) -> tuple[Any, Any, Any]:
-    """Statistics after settling, the forces at the frame in further turns, whether A whirls."""
+    """Return statistics after settling, forces at the frame in further turns, whether A whirls."""
     further = ("contact_fraction", "winding")
     seen = jc.statistics(scene, SETTLE, TURNS, outputs=(*outputs, *further), rtol=RTOL)
     times = 2 * np.pi / SPEED * np.arange(SAMPLED * SAMPLES) / SAMPLES
@@ -124,7 +123,7 @@ def _look(scene: jc.Scene, outputs: tuple[str, ...]) -> tuple[Any, Any, Any]:
 
 
 def _nudged(scene: jc.Scene, random: np.random.Generator) -> jc.Scene:
-    """The same with a start a little off its own."""
+    """Return the scene with a start a little off its own."""
     assert scene.start is not None
     e, rates = scene.start.eccentricities(scene)
 

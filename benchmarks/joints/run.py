@@ -1,34 +1,30 @@
-"""All machines one group after the other, and what becomes of them."""
+"""All machines, one group after the other; their table, figure and page."""
 
 from collections.abc import Callable
 from pathlib import Path
-
-from rich.console import Console
 
 import jaxcrusher as jc
 from benchmarks.joints.cases import ACROSS, ALONG, WORN, Case, alone, together
 from benchmarks.joints.figure import draw
 from benchmarks.joints.measure import Row, averages, settled, settled_with_slopes
-from benchmarks.joints.page import page
+from benchmarks.joints.tables import tables
+from benchmarks.pages import publish
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import results_folder, write_figure, write_table, write_text
+from jaxcrusher.files.results import results_folder
 
 
 def run(out: Path, slip: str) -> None:
     """Measure, write, print."""
     jc.set_up()
-    folder, console, rows = results_folder(out), Console(), []
-    with progress(console, remaining=False) as bars:
+    folder, rows = results_folder(out), []
+    with progress(remaining=False) as bars:
         bar = bars.add_task("", total=len(GROUPS))
         for name, group in GROUPS.items():
             bars.update(bar, description=name)
             rows += group(slip)
             bars.advance(bar)
-    write_table(folder / "which_joint.csv", [flat(row) for row in rows])
-    write_figure(folder / "which_joint.png", draw(rows), dpi=200)
-    text = page(rows)
-    write_text(folder / "which_joint.md", text)
-    print(text)
+    data = [flat(row) for row in rows]
+    publish(folder, "which_joint.md", tables(rows), rows=data, draw=lambda: draw(rows))
 
 
 def _settled(cases: list[Case], load: str) -> list[Row]:
@@ -51,7 +47,7 @@ GROUPS: dict[str, Callable[[str], list[Row]]] = {
 
 
 def flat(row: Row) -> dict[str, float | str | int | None]:
-    """For a table: clearances in m, forces in N, speeds in m/s, powers in W."""
+    """Return a row of the csv: clearances in m, forces in N, speeds in m/s, powers in W."""
     return {
         "load": row.load,
         "worn": row.case.worn,

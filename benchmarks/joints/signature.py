@@ -1,17 +1,17 @@
-"""What load cells at the frame tell: arithmetic of forces sampled over whole turns."""
+"""The signature of wear in load cells at the frame: arithmetic of forces over whole turns."""
 
 import numpy as np
 
-# What turns with the crank, and its first multiples, is the machine's own motion.
+# The crank's speed and its first multiples are the machine's own motion.
 HARMONICS = 3
 # A load cell notices so much, N.
 NOTICED = 50.0
-# What a poor one misses: all but every fourth sample, and what is above so many times the speed.
+# A poor one sees every fourth sample, or only what is below so many times the speed.
 COARSE, LOW = 4, 200
 
 
 def high_share(forces: np.ndarray, turns: int) -> float:
-    """Share of the variance of forces, shape (samples, parts), above three times the speed.
+    """Return the share of the variance above three times the speed; shape (samples, parts).
 
     The samples are equally spaced over `turns` whole turns, without the end of the last.
     """
@@ -20,34 +20,34 @@ def high_share(forces: np.ndarray, turns: int) -> float:
 
 
 def bursts(forces: np.ndarray, turns: int) -> float:
-    """How often in a turn a force, shape (samples, 2), comes up from nothing."""
+    """Count how often in a turn a force, shape (samples, 2), comes up from nothing."""
     there = np.hypot(*forces.T) > NOTICED
     return float(np.sum(~there[:-1] & there[1:])) / turns
 
 
 def rms_ratio(one: np.ndarray, other: np.ndarray) -> float:
-    """RMS of one force over that of another."""
+    """Divide the RMS of one force by that of another."""
     return float(np.sqrt(np.mean(one**2) / np.mean(other**2)))
 
 
 def low_ratio(one: np.ndarray, other: np.ndarray, turns: int) -> float:
-    """RMS of the variation of one force over that of another, up to `LOW` times the speed."""
+    """Divide the RMS of two forces' variations, up to `LOW` times the speed."""
     parts = (np.sum(_spectrum(forces)[1 : LOW * turns + 1]) for forces in (one, other))
     return float(np.sqrt(next(parts) / next(parts)))
 
 
 def _spectrum(forces: np.ndarray) -> np.ndarray:
-    """Power by frequency, over all parts."""
+    """Return the power by frequency, over all parts."""
     return np.sum(np.abs(np.fft.rfft(forces, axis=0)) ** 2, axis=1)
 
 
 def peak_ratio(one: np.ndarray, other: np.ndarray) -> float:
-    """Largest length of one force over that of another, shapes (samples, 2)."""
+    """Divide the largest length of one force by that of another, shapes (samples, 2)."""
     return float(np.max(np.hypot(*one.T)) / np.max(np.hypot(*other.T)))
 
 
 def signature(at_bearing: np.ndarray, at_pivot: np.ndarray, turns: int) -> dict[str, float]:
-    """All of these of R_O and R_C, shapes (samples, 2)."""
+    """Return the signature of R_O and R_C, shapes (samples, 2)."""
     return {
         "high_share_bearing": high_share(at_bearing, turns),
         "high_share_pivot": high_share(at_pivot, turns),
@@ -60,5 +60,5 @@ def signature(at_bearing: np.ndarray, at_pivot: np.ndarray, turns: int) -> dict[
 
 
 def mean_and_error(values: np.ndarray) -> tuple[float, float]:
-    """Mean and standard error over starts that know nothing of each other, shape (starts,)."""
+    """Return the mean and standard error over independent starts, shape (starts,)."""
     return float(np.mean(values)), float(np.std(values, ddof=1) / np.sqrt(len(values)))

@@ -1,1 +1,1 @@
-"""Sweeps of many designs."""
+"""The cost of sweeps of many designs."""

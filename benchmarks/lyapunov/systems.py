@@ -12,7 +12,7 @@ import numpy as np
 def iterate(
     step: Callable, start: list[float], count: int, settle: int = 100
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points of a map and its Jacobians along them, shapes (count, n) and (count, n, n)."""
+    """Return points of a map and its Jacobians there, shapes (count, n) and (count, n, n)."""
 
     @eqx.filter_jit
     def run(x):
@@ -27,7 +27,7 @@ def iterate(
 
 
 def flow(field: Callable, interval: float, parameter: float | None = None) -> Callable:
-    """The map of a flow over `interval`, by Dopri8 at 1e-10."""
+    """Return the map of a flow over `interval`, by Dopri8 at 1e-10."""
 
     def step(x):
         solution = diffrax.diffeqsolve(
@@ -48,22 +48,22 @@ def flow(field: Callable, interval: float, parameter: float | None = None) -> Ca
 
 
 def lorenz(t, x, rho):
-    """Sigma = 10, beta = 8 / 3."""
+    """Return the rate of Lorenz' equations, with sigma = 10, beta = 8 / 3."""
     return jnp.stack([10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]])
 
 
 def duffing(t, x, _):
-    """Omega = 1, f = 0.3, d = 0.2, beta = -1."""
+    """Return the rate of Duffing's equation, with omega = 1, f = 0.3, d = 0.2, beta = -1."""
     return jnp.stack([x[1], x[0] - x[0] ** 3 - 0.2 * x[1] + 0.3 * jnp.cos(t)])
 
 
 def henon(x):
-    """With a = 1.4, b = 0.3."""
+    """Map a point by Hénon, with a = 1.4, b = 0.3."""
     return jnp.stack([1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]])
 
 
 def logistic(r: float) -> Callable:
-    """The map x -> r x (1 - x)."""
+    """Return the map x -> r x (1 - x)."""
     return lambda x: r * x * (1 - x)
 
 

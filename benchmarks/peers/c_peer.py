@@ -18,19 +18,19 @@ FLAGS = ("-std=gnu11", "-Ofast", "-march=native", "-fopenmp-simd", "-shared", "-
 
 
 def missing() -> str | None:
-    """Why there is no program in C, or None."""
+    """Return why there is no program in C, or None."""
     return None if shutil.which("cc") else "there is no C compiler `cc`"
 
 
 @cache
 def _folder() -> tempfile.TemporaryDirectory:
-    """One until the end: a library whose file took a deleted one's place would not be loaded."""
+    """Return one folder until the end: a library in a deleted one's place would not load."""
     return tempfile.TemporaryDirectory(prefix="crusher")
 
 
 @cache
 def _compiled(lanes: int):
-    """The function `integrate` of crusher.c for so many lanes."""
+    """Return the function `integrate` of crusher.c for so many lanes."""
     library = Path(_folder().name) / f"crusher{lanes}.so"
     command = ["cc", *FLAGS, f"-DLANES={lanes}", "-o", str(library), str(SOURCE), "-lm"]
     subprocess.run(command, check=True)
@@ -61,7 +61,7 @@ def integrate(
     h: float,
     lanes: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The mean of |R_O| + |R_C| squared and the steps of each design, as in `numba_peer`.
+    """Return the mean of |R_O| + |R_C| squared and the steps of each design, as in `numba_peer`.
 
     `starts` of shape (designs, 5), `numbers` (designs, 24) by `numba_peer.numbers`; h in rad.
     """

@@ -30,7 +30,7 @@ shared = njit(inline="always")
 
 @shared
 def attempt(field, angle, step, y, p, rtol, k, trial):
-    """One step from `y`, whose rate is k[0], into `trial`; returns its error over the allowed."""
+    """Step from `y`, whose rate is k[0], into `trial`; return the error over the allowed one."""
     for stage in range(1, 7):
         for i in range(y.size):
             change = 0.0
@@ -51,14 +51,14 @@ def attempt(field, angle, step, y, p, rtol, k, trial):
 
 @compiled
 def growth(error, previous):
-    """Of the step; PI control as diffrax writes it: pcoeff 0.4, icoeff 0.3, safety 0.9."""
+    """Return the step's growth: diffrax's PI control, pcoeff 0.4, icoeff 0.3, safety 0.9."""
     factor = 0.9 * error ** (-0.7 / 5) * previous ** (0.4 / 5)
     return min(max(factor, 1.0 if error < 1 else 0.2), 10.0)
 
 
 @shared
 def integrate(field, y, p, settle, turns, rtol, h, most=1_000_000_000):
-    """Integrate `y` over whole turns; returns the mean of the last entry by turn, and the steps.
+    """Integrate `y` over whole turns; return the mean of the last entry by turn, and the steps.
 
     `h` is the first step (rad). Each turn ends on its last angle, as in jaxcrusher. The mean is NaN
     if it would take more than `most` steps, as a motion that is not finite does.

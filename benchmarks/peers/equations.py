@@ -59,22 +59,22 @@ class Crusher:
 
     @cached_property
     def shaft_inertia(self) -> float:
-        """Of the shaft about O, kg m2."""
+        """The shaft's inertia about O, kg m2."""
         return self.j1 + self.m1 * self.l11**2
 
 
 def dot(u: complex, v: complex) -> float:
-    """Scalar product u . v."""
+    """Return the scalar product u . v."""
     return u.real * v.real + u.imag * v.imag
 
 
 def cross(u: complex, v: complex) -> float:
-    """Vector product u x v: the moment of v at arm u."""
+    """Return the vector product u x v: the moment of v at arm u."""
     return u.real * v.imag - u.imag * v.real
 
 
 def normal_force(crusher: Crusher, depth: float, rate: float) -> float:
-    """Lankarani and Nikravesh, (8), N."""
+    """Return the force of Lankarani and Nikravesh, (8), N."""
     if depth <= 0:
         return 0.0
     damping = 3 * (1 - crusher.restitution**2) / 4 * rate / crusher.impact_velocity
@@ -82,7 +82,7 @@ def normal_force(crusher: Crusher, depth: float, rate: float) -> float:
 
 
 def ramp(crusher: Crusher, speed: float) -> float:
-    """c_d of (11)."""
+    """Return c_d of (11)."""
     return min(max((abs(speed) - crusher.v0) / (crusher.v1 - crusher.v0), 0.0), 1.0)
 
 
@@ -90,7 +90,7 @@ class Shaft:
     """Arms from O to pin and S1, and the pin's velocity."""
 
     def __init__(self, crusher: Crusher, angle: float, spin: float):
-        """At theta1 (rad) and theta1' (rad/s)."""
+        """Place the shaft at theta1 (rad) and theta1' (rad/s)."""
         crank = cmath.exp(1j * angle)
         self.spin = spin
         self.to_pin = crusher.l1 * crank
@@ -99,12 +99,12 @@ class Shaft:
         self.pin_velocity = 1j * spin * self.to_pin
 
     def moment(self, crusher: Crusher, force: complex, point: complex) -> float:
-        """About O, of weight and of `force` on the jaw at `point`, whose opposite acts here."""
+        """Return the moment about O of weight and of the reaction to `force` on the jaw."""
         weight = crusher.m1 * crusher.g * self.to_s1.real
         return -cross(point - crusher.bearing, force) - weight
 
     def reaction(self, crusher: Crusher, force: complex, spin_rate: float) -> complex:
-        """R_O on the shaft, N."""
+        """Return R_O on the shaft, N."""
         of_s1 = (1j * spin_rate - self.spin**2) * self.to_s1
         return crusher.m1 * (of_s1 + 1j * crusher.g) + force
 
@@ -113,7 +113,7 @@ class Chain:
     """Toggle and jaw: positions, their derivatives by the angles, centripetal terms."""
 
     def __init__(self, crusher: Crusher, angles, spins):
-        """From (theta3, theta2) and their rates."""
+        """Place the chain by (theta3, theta2) and their rates."""
         (t3, t2), (w3, w2) = angles, spins
         jaw = cmath.exp(1j * t2)
         self.b = crusher.l3 * cmath.exp(-1j * t3)
@@ -131,7 +131,7 @@ class Chain:
         self.load = -1j * crusher.load * jaw
 
     def accelerations(self, crusher: Crusher, force: complex, moment: float):
-        """theta3'' and theta2'' under `force` (N) at A and `moment` (N m) on the jaw."""
+        """Return theta3'' and theta2'' under `force` (N) at A and `moment` (N m) on the jaw."""
         c = crusher
         at_s2 = self.load - c.m2 * (self.still_s2 + 1j * c.g)
         at_s3 = -c.m3 * (self.still_b / 2 + 1j * c.g)
@@ -144,7 +144,7 @@ class Chain:
         return (m22 * q3 - m32 * q2) / determinant, (m33 * q2 - m32 * q3) / determinant
 
     def reactions(self, crusher: Crusher, force: complex, accelerations):
-        """R_B on the jaw and R_C on the toggle, N, by Newton's law."""
+        """Return R_B on the jaw and R_C on the toggle, N, by Newton's law."""
         c = crusher
         a3, a2 = accelerations
         of_s2 = self.still_s2 + self.db * a3 + self.ds2 * a2
@@ -174,7 +174,7 @@ def contact(
     jaw_spin: float,
     spin: float,
 ) -> Touch:
-    """The contact of a pin (m, m/s, rad/s) in the jaw's bore round `a`."""
+    """Return the contact of a pin (m, m/s, rad/s) in the jaw's bore round `a`."""
     c = crusher
     e, rate = pin - a, pin_velocity - velocity_a
     length = abs(e)
@@ -195,7 +195,7 @@ def contact(
 
 
 def assemble(crusher: Crusher, pin: complex) -> tuple[float, float]:
-    """(theta3, theta2) with A at `pin`, the elbow to the right."""
+    """Return (theta3, theta2) with A at `pin`, the elbow to the right."""
     c = crusher
     distance = abs(pin)
     at_c = math.acos((distance**2 + c.l3**2 - c.l2**2) / (2 * distance * c.l3))
@@ -204,6 +204,6 @@ def assemble(crusher: Crusher, pin: complex) -> tuple[float, float]:
 
 
 def to_move(chain: Chain, velocity: complex) -> tuple[float, float]:
-    """(x, y) with db x + da y = `velocity`: the rates that give A a velocity."""
+    """Return (x, y) with db x + da y = `velocity`: the rates that give A a velocity."""
     area = cross(chain.db, chain.da)
     return cross(velocity, chain.da) / area, cross(chain.db, velocity) / area

@@ -23,7 +23,7 @@ class Model:
     """The mechanism at the motion's start, and its sensors."""
 
     def __init__(self, motion: FreeBodies):
-        """The motion's start, points of joints and numbers; none of its equations."""
+        """Take the motion's start, points of joints and numbers, and none of its equations."""
         of = motion.numbers
         self.motion = motion
         self.parts = parts = Parts(of["gravity"])
@@ -65,10 +65,10 @@ class Model:
         )
 
     def _friction(self, joint: str, law: LooseJoint, bore, pin) -> None:
-        """Loads of friction on both bodies; that on the pin is kept."""
+        """Add friction's loads on both bodies; that on the pin is kept."""
 
         def rub(system) -> tuple[complex, float, float]:
-            """The force on the bore's body, and moments about the bore's and the pin's centre."""
+            """Return the bore's force, and moments about the bore's and the pin's centre."""
 
             def see(marker, kind):
                 return system.GetMarkerOutput(marker, kind)
@@ -111,7 +111,7 @@ class Model:
     def run(
         self, end: float, step: float = 1e-6, every: float = 1e-5, radius: float = 0.9
     ) -> dict[str, np.ndarray]:
-        """Histories by the names of `FreeBodies.observe`, and `time` (s).
+        """Return histories by the names of `FreeBodies.observe`, and `time` (s).
 
         Every `every` seconds to `end`, in steps of `step` (s); see `Parts.run`.
         """

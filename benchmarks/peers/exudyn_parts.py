@@ -1,4 +1,4 @@
-"""Bodies of the plane, their points, joints, contacts and sensors for EXUDYN's models."""
+"""EXUDYN's models: bodies of the plane, their points, joints, contacts, sensors, and a run."""
 
 # EXUDYN's stubs take modules for types, and lack some settings.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
@@ -7,11 +7,9 @@ import exudyn as exu
 import numpy as np
 from exudyn import itemInterface as items
 
-from benchmarks.peers.exudyn_settings import settings, solve
-
 
 def xyz(vector: complex) -> list[float]:
-    """A vector of the plane for EXUDYN."""
+    """Return a vector of the plane for EXUDYN."""
     return [vector.real, vector.imag, 0.0]
 
 
@@ -25,9 +23,10 @@ class Parts:
         self.gravity = gravity
         self.sensors = {}
         self.ground = self.system.AddObject(items.ObjectGround())
+        self.still = self.coordinate(self.system.AddNode(items.NodePointGround()), 0)
 
     def body(self, mass, inertia, centre: complex, angle, velocity: complex, spin):
-        """A rigid body (its number and its node's) under its weight."""
+        """Add a rigid body under its weight; return its number and its node's."""
         node = self.system.AddNode(
             items.NodeRigidBody2D(
                 referenceCoordinates=[centre.real, centre.imag, angle],
@@ -46,7 +45,7 @@ class Parts:
         return body, node
 
     def marker(self, body, point: complex):
-        """A point of a body, relative to its mass centre, in its axes."""
+        """Mark a point of a body, relative to its mass centre, in its axes."""
         return self.system.AddMarker(
             items.MarkerBodyRigid(bodyNumber=body, localPosition=xyz(point))
         )
@@ -62,8 +61,12 @@ class Parts:
         position = exu.OutputVariableType.Position
         self.sensor(name, items.SensorMarker(markerNumber=marker, outputVariableType=position))
 
+    def hinge(self, first, second) -> None:
+        """Add an ideal joint whose force is not kept."""
+        self.system.AddObject(items.ObjectJointRevolute2D(markerNumbers=[first, second]))
+
     def joint(self, name: str, first, second) -> None:
-        """An ideal joint; its force is kept, in the axes of the first marker's body."""
+        """Add an ideal joint; its force is kept, in the axes of the first marker's body."""
         joint = self.system.AddObject(
             items.ObjectJointGeneric(
                 markerNumbers=[first, second], constrainedAxes=[1, 1, 0, 0, 0, 0]
@@ -75,7 +78,7 @@ class Parts:
     def contact(
         self, name: str, pin, bore, radii, stiffness, restitution, impact_velocity, **friction
     ) -> None:
-        """A pin in a hollow sphere from EXUDYN's library; the force on the pin is kept.
+        """Add a pin in a hollow sphere from EXUDYN's library; the force on the pin is kept.
 
         Between markers of their centres, of the two `radii` (m); Lankarani and Nikravesh's law
         with `stiffness` (N/m^1.5) and `impact_velocity` (m/s); EXUDYN's own numbers of friction.
@@ -106,15 +109,14 @@ class Parts:
         self.sensor(name, items.SensorObject(objectNumber=contact, outputVariableType=force))
 
     def coordinate(self, node, index: int):
-        """A marker of a node's coordinate."""
+        """Mark a node's coordinate."""
         return self.system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=index))
 
     def drive(self, name: str, node, speed: float) -> None:
         """Turn a body's node at a constant speed (rad/s); the torque is kept."""
-        point = self.system.AddNode(items.NodePointGround())
         drive = self.system.AddObject(
             items.ObjectConnectorCoordinate(
-                markerNumbers=[self.coordinate(point, 0), self.coordinate(node, 2)],
+                markerNumbers=[self.still, self.coordinate(node, 2)],
                 velocityLevel=True,
                 offset=speed,
             )
@@ -122,16 +124,37 @@ class Parts:
         force = exu.OutputVariableType.Force
         self.sensor(name, items.SensorObject(objectNumber=drive, outputVariableType=force))
 
-    def run(self, end: float, step: float, every: float, radius: float) -> dict[str, np.ndarray]:
-        """What the sensors keep every `every` seconds to `end`: the time, then the values.
+    def run(
+        self, end: float, step: float, every: float, radius: float | None = None
+    ) -> dict[str, np.ndarray]:
+        """Integrate with a fixed `step` to `end` (s); return what the sensors keep every `every`.
 
-        Generalised-alpha with a fixed `step` (s) and spectral `radius`: at 1 the multipliers
-        oscillate, below it the motion is damped a little.
+        A sensor's columns are the time, then its values. The method is generalised-alpha with
+        spectral `radius`: at 1 the multipliers oscillate, below it the motion is damped a little.
+        Without `radius` it is Newmark's trapezoidal rule, with constraints by their velocities.
+        RuntimeError if EXUDYN stops early.
         """
         self.system.Assemble()
-        chosen = settings(end, step, every)
-        chosen.timeIntegration.generalizedAlpha.spectralRadius = radius
-        solve(self.system, chosen)
+        chosen = exu.SimulationSettings()
+        chosen.solution.file.write = False
+        chosen.solution.sensors.writePeriod = every
+        time = chosen.timeIntegration
+        time.numberOfSteps, time.endTime = round(end / step), end
+        time.verboseMode = 0
+        # With its own choice of steps and iterations EXUDYN stops at the first impact.
+        time.adaptiveStep = False
+        time.discontinuous.useRecommendedStepSize = False
+        time.discontinuous.maxIterations = 8
+        time.discontinuous.ignoreMaxIterations = True
+        time.discontinuous.iterationTolerance = 1e3
+        if radius is None:
+            time.generalizedAlpha.useIndex2Constraints = True
+            time.generalizedAlpha.useNewmark = True
+            time.generalizedAlpha.computeInitialAccelerations = True
+        else:
+            time.generalizedAlpha.spectralRadius = radius
+        if not self.system.SolveDynamic(chosen):
+            raise RuntimeError("EXUDYN stopped before the end")
         return {
             name: np.array(self.system.GetSensorStoredData(s)) for name, s in self.sensors.items()
         }

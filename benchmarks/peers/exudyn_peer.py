@@ -23,7 +23,7 @@ class Model:
     """The mechanism at its start, with a clearance at A (or the ideal joint), and its sensors."""
 
     def __init__(self, motion: Motion, ideal: bool = False):
-        """The motion's start and drive; `ideal` puts a revolute joint at A."""
+        """Take the motion's start and drive; `ideal` puts a revolute joint at A."""
         c = self.crusher = motion.crusher
         self.torque, self.ideal = motion.torque, ideal
         self.parts = parts = Parts(c.g)
@@ -42,14 +42,7 @@ class Model:
         # The ground's side first: forces come out in its axes.
         parts.joint("O", parts.marker(parts.ground, c.bearing), parts.marker(b1, -to_s1))
         parts.joint("C", frame, parts.marker(b3, -c.l3 / 2 + 0j))
-        parts.system.AddObject(
-            items.ObjectJointRevolute2D(
-                markerNumbers=[
-                    parts.marker(b2, s2_to_a - 1j * c.l2),
-                    parts.marker(b3, c.l3 / 2 + 0j),
-                ]
-            )
-        )
+        parts.hinge(parts.marker(b2, s2_to_a - 1j * c.l2), parts.marker(b3, c.l3 / 2 + 0j))
         pin, bore = parts.marker(b1, c.l1 - to_s1), parts.marker(b2, s2_to_a)
         parts.place("pin", pin)
         parts.place("bore", bore)
@@ -77,7 +70,7 @@ class Model:
     def run(
         self, end: float, step: float = 1e-6, every: float = 1e-5, radius: float = 0.9
     ) -> dict[str, np.ndarray]:
-        """Histories every `every` seconds to `end`: time, forces in N, eccentricity in m.
+        """Return histories every `every` seconds to `end`: time, forces in N, eccentricity in m.
 
         In steps of `step` (s), as `Parts.run` says.
         """

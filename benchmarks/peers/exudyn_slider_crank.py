@@ -18,7 +18,7 @@ import exudyn.itemInterface as items
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from benchmarks.peers.exudyn_settings import settings, solve
+from benchmarks.peers.exudyn_parts import Parts
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class Result:
 
 
 def by_scipy(numbers: Numbers, times: np.ndarray, rtol: float = 1e-12) -> Result:
-    """Lagrange's equations in the rod's angle and the slider's position, by DOP853.
+    """Integrate Lagrange's equations in the rod's angle and the slider's position by DOP853.
 
-    Stopped wherever the surfaces touch or part, so that no step crosses the law's corner.
+    It stops wherever the surfaces touch or part, so that no step crosses the law's corner.
     Vectors of the plane are complex numbers.
     """
     n, factor = numbers, 0.75 * (1 - numbers.restitution**2)
@@ -76,7 +76,7 @@ def by_scipy(numbers: Numbers, times: np.ndarray, rtol: float = 1e-12) -> Result
         return abs(e) - n.clearance, e_rate * normal.conjugate(), normal, e
 
     def forces(time, y, velocity):
-        """The force on the rod, its moment about the bearing, and e."""
+        """Return the force on the rod, its moment about the bearing, and e."""
         depth, relative, normal, e = gap(time, y)
         if velocity is None or depth < 0:
             return 0j, 0.0, e
@@ -134,98 +134,37 @@ def by_scipy(numbers: Numbers, times: np.ndarray, rtol: float = 1e-12) -> Result
 
 
 def by_exudyn(numbers: Numbers, end: float, step: float) -> Result:
-    """Three rigid bodies and `ObjectContactSphereSphere`, by Newmark's method (trapezoidal rule).
+    """Integrate three rigid bodies and a pin in a hollow sphere by the trapezoidal rule.
 
-    Constraints by their velocities: by positions EXUDYN's Newton iteration fails after 0.115 s,
-    with any of its tolerances, at 1 us and at 0.25 us.
-    The restitution (1 + e^2) / 2 makes EXUDYN's Hunt-Crossley law Lankarani's and Nikravesh's.
-    The recipe for the solver: steps that are never adapted, and a contact iteration that may
-    run out. Every step is reported.
+    Constraints are those of velocities: by positions EXUDYN's Newton iteration fails after
+    0.115 s, with any of its tolerances, at 1 us and at 0.25 us. Every step is reported.
     """
-    n = numbers
-    system = exudyn.SystemContainer().AddSystem()
-    ground = system.AddObject(items.ObjectGround())
-    fixed = system.AddMarker(items.MarkerBodyPosition(bodyNumber=ground))
-    still = system.AddMarker(
-        items.MarkerNodeCoordinate(nodeNumber=system.AddNode(items.NodePointGround()), coordinate=0)
-    )
-
-    def body(mass, inertia, start, velocity):
-        node = system.AddNode(
-            items.NodeRigidBody2D(referenceCoordinates=start, initialVelocities=velocity)
-        )
-        made = items.ObjectRigidBody2D(mass=mass, inertia=inertia, nodeNumber=node)
-        return node, system.AddObject(made)
-
-    def coordinate(node, index):
-        return system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=index))
-
-    def point(of, x):
-        return system.AddMarker(items.MarkerBodyRigid(bodyNumber=of, localPosition=[x, 0, 0]))
-
+    n, parts = numbers, Parts(0.0)
     r, length = n.crank_length, n.rod_length
     spin = -r * n.speed / length
-    # The crank's mass does not matter at constant speed.
-    crank_node, crank = body(0.3, 1e-4, [0, 0, 0], [0, 0, n.speed])
-    rod_start = [r + length / 2, 0, 0]
-    _, rod = body(n.rod_mass, n.rod_inertia, rod_start, [0, spin * -length / 2, spin])
-    slider_node, slider = body(n.slider_mass, 1e-4, [r + length, 0, 0], [0, 0, 0])
-    pivot = system.AddMarker(items.MarkerBodyPosition(bodyNumber=crank))
-    system.AddObject(items.RevoluteJoint2D(markerNumbers=[fixed, pivot]))
-    pin, big_end = point(crank, r), point(rod, -length / 2)
-    system.AddObject(items.RevoluteJoint2D(markerNumbers=[pin, big_end]))
-    drive = system.AddObject(
-        items.CoordinateConstraint(
-            markerNumbers=[still, coordinate(crank_node, 2)], velocityLevel=True, offset=n.speed
-        )
-    )
+    # The crank's mass does not matter at constant speed, nor the slider's inertia.
+    crank, crank_node = parts.body(0.3, 1e-4, 0j, 0.0, 0j, n.speed)
+    middle, velocity = r + length / 2 + 0j, 1j * spin * -length / 2
+    rod, _ = parts.body(n.rod_mass, n.rod_inertia, middle, 0.0, velocity, spin)
+    slider, slider_node = parts.body(n.slider_mass, 1e-4, r + length + 0j, 0.0, 0j, 0.0)
+    parts.hinge(parts.marker(parts.ground, 0j), parts.marker(crank, 0j))
+    parts.hinge(parts.marker(crank, r + 0j), parts.marker(rod, -length / 2 + 0j))
+    parts.drive("drive", crank_node, n.speed)
     for index in (1, 2):
-        markers = [still, coordinate(slider_node, index)]
-        system.AddObject(items.CoordinateConstraint(markerNumbers=markers))
-    data = system.AddNode(
-        items.NodeGenericData(initialCoordinates=[n.clearance, 0, 0, 0], numberOfDataCoordinates=4)
-    )
-    journal, bearing = point(slider, 0), point(rod, length / 2)
-    contact = system.AddObject(
-        items.ObjectContactSphereSphere(
-            markerNumbers=[journal, bearing],
-            nodeNumber=data,
-            spheresRadii=[n.bore_radius - n.clearance, n.bore_radius],
-            isHollowSphere1=True,
-            contactStiffness=n.stiffness,
-            contactStiffnessExponent=1.5,
-            dynamicFriction=n.friction,
-            frictionProportionalZone=n.full_sliding_speed,
-            impactModel=1,
-            restitutionCoefficient=(1 + n.restitution**2) / 2,
-            minimumImpactVelocity=n.least_impact_velocity,
-        )
-    )
-    kinds = exudyn.OutputVariableType
-    stored = {"storeInternal": True, "writeToFile": False}
-    force_kind = {"outputVariableType": kinds.Force, **stored}
-    position_kind = {"outputVariableType": kinds.Position, **stored}
-    acceleration_kind = {"outputVariableType": kinds.Acceleration, **stored}
-    sensors = [
-        system.AddSensor(sensor)
-        for sensor in (
-            items.SensorObject(objectNumber=contact, **force_kind),
-            items.SensorNode(nodeNumber=slider_node, **acceleration_kind),
-            items.SensorObject(objectNumber=drive, **force_kind),
-            items.SensorMarker(markerNumber=journal, **position_kind),
-            items.SensorMarker(markerNumber=bearing, **position_kind),
-        )
-    ]
-    system.Assemble()
-    chosen = settings(end, step, step)
-    chosen.timeIntegration.generalizedAlpha.useIndex2Constraints = True
-    chosen.timeIntegration.generalizedAlpha.useNewmark = True
-    chosen.timeIntegration.generalizedAlpha.computeInitialAccelerations = True
-    solve(system, chosen)
-    force, slide, torque, at_journal, at_bearing = (
-        np.array(system.GetSensorStoredData(s)) for s in sensors
-    )
-    e = (at_journal - at_bearing)[:, 1:3]
+        markers = [parts.still, parts.coordinate(slider_node, index)]
+        parts.system.AddObject(items.CoordinateConstraint(markerNumbers=markers))
+    journal, bearing = parts.marker(slider, 0j), parts.marker(rod, length / 2 + 0j)
+    radii = n.bore_radius - n.clearance, n.bore_radius
+    law = n.stiffness, n.restitution, n.least_impact_velocity
+    friction = {"dynamicFriction": n.friction, "frictionProportionalZone": n.full_sliding_speed}
+    parts.contact("contact", journal, bearing, radii, *law, **friction)
+    parts.place("journal", journal)
+    parts.place("bearing", bearing)
+    kind = exudyn.OutputVariableType.Acceleration
+    parts.sensor("slider", items.SensorNode(nodeNumber=slider_node, outputVariableType=kind))
+    raw = parts.run(end, step, step)
+    force = raw["contact"]
+    e = (raw["journal"] - raw["bearing"])[:, 1:3]
     size = np.linalg.norm(force[:, 1:3], axis=1)
     # The multiplier is what the crank does to the drive.
-    return Result(force[:, 0], size, slide[:, 1], -torque[:, 1], e)
+    return Result(force[:, 0], size, raw["slider"][:, 1], -raw["drive"][:, 1], e)

@@ -22,7 +22,7 @@ from benchmarks.peers.loose_joint import Body, LooseJoint, Touch
 
 # The prefix of a joint's numbers: the main bearing's have none.
 PREFIXES = {"A": "", "B": "elbow.", "C": "pivot."}
-# Of B and C where a description has none; Young's modulus and Poisson's ratio are those of A.
+# For B and C where a description has none; Young's modulus and Poisson's ratio are those of A.
 DEFAULTS = {"bore_radius": 0.04, "friction": 0.1, "restitution": 0.9, "impact_velocity": 0.5}
 # The only ones here.
 LAWS = dict(load_law="along_jaw", contact_law="lankarani_nikravesh", impact_law="constant")
@@ -33,7 +33,7 @@ ROWS = {"jaw": slice(0, 3), "toggle": slice(3, 6)}
 
 @dataclass(frozen=True)
 class Instant:
-    """What happens at a time and state."""
+    """The accelerations, forces and powers at a time and state."""
 
     accelerations: np.ndarray  # of x, y and angle of jaw and toggle
     forces: dict[str, complex]  # on the bore's body by joint, N
@@ -108,7 +108,7 @@ class FreeBodies:
         return np.array([*places, *speeds, *np.zeros(len(WORKS))])
 
     def instant(self, time: float, y) -> Instant:
-        """Newton's and Euler's laws."""
+        """Solve Newton's and Euler's laws."""
         of = self.numbers
         x2, y2, t2, x3, y3, t3, u2, v2, w2, u3, v3, w3 = y[:12].tolist()
         jaw = Body(complex(x2, y2), complex(u2, v2), t2, w2)
@@ -157,17 +157,17 @@ class FreeBodies:
         )
 
     def field(self, time: float, y) -> np.ndarray:
-        """The rate y'."""
+        """Return the rate y'."""
         now = self.instant(time, y)
         return np.concatenate([y[6:12], now.accelerations, now.powers])
 
     def corners(self, time: float, y) -> list[float]:
-        """What passes zero where a law has a corner."""
+        """Return numbers that pass zero where a law has a corner."""
         touches = self.instant(time, y).touches.values()
         return [corner for touch in touches for corner in touch.corners]
 
     def observe(self, times, states) -> dict[str, np.ndarray]:
-        """Histories at `times` (s); those of B and C have the prefixes of their numbers.
+        """Return histories at `times` (s); those of B and C have the prefixes of their numbers.
 
         `eccentricity` (m) and `normal_force` (N) of each loose joint; `joint_force` on the jaw at
         A, `elbow_reaction` on the jaw at B, `toggle_reaction` of the frame on the toggle at C,
@@ -198,7 +198,7 @@ class FreeBodies:
 
 
 def constraint(arms: dict[str, complex], bodies: dict[str, Body]) -> tuple[np.ndarray, complex]:
-    """Phi_q and gamma of a joint: two ends of `arms` (m), by body, accelerate alike.
+    """Return Phi_q and gamma of a joint: two ends of `arms` (m), by body, accelerate alike.
 
     Coefficients of the accelerations of jaw and toggle, shape (2, 6), and what their sum must be.
     """
@@ -211,7 +211,7 @@ def constraint(arms: dict[str, complex], bodies: dict[str, Body]) -> tuple[np.nd
 
 
 def pairs(histories: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Histories of complex numbers as those of vectors, shape (times, 2)."""
+    """Turn histories of complex numbers into those of vectors, shape (times, 2)."""
     return {
         name: values.view(float).reshape(-1, 2) if np.iscomplexobj(values) else values
         for name, values in histories.items()

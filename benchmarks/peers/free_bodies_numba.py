@@ -22,7 +22,7 @@ Numbers = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def numbers(bodies: FreeBodies) -> Numbers:
-    """What the compiled field reads: vectors, scalars, and a row of numbers for each joint."""
+    """Return what the compiled field reads: vectors, scalars, and a row for each joint."""
     of = bodies.numbers
     vectors = bodies.bearing, bodies.joints["A"][1] / of["jaw.length"], bodies.unbalance
     scalars = [of[name] for name in (
@@ -55,7 +55,7 @@ def _cross(u, v):
 
 @compiled
 def _push(law, e, rate, bore_spin, pin_spin):
-    """Force on the bore's body (N), moments of the pair about both centres (N m), normal force."""
+    """Return the bore's force (N), the pair's moments about both centres (N m), normal force."""
     c, radius, stiffness, damping, friction, of_centre = law
     length = math.sqrt(e.real * e.real + e.imag * e.imag)
     if length <= c or c == 0.0:
@@ -73,7 +73,7 @@ def _push(law, e, rate, bore_spin, pin_spin):
 
 @compiled
 def _plays(at_a, at_b, at_c, on_jaw, on_toggle, jaw_moment, toggle_moment, arms, masses):
-    """Accelerations of the pins against their bores (m/s2), but for what the spins give.
+    """Return accelerations of the pins against their bores (m/s2), but for what the spins give.
 
     Under forces on the bores (N) and further ones on the mass centres, with moments (N m).
     """
@@ -88,7 +88,7 @@ def _plays(at_a, at_b, at_c, on_jaw, on_toggle, jaw_moment, toggle_moment, arms,
 
 @compiled
 def _kept(free, laws, arms, masses):
-    """The forces (N) at ideal joints that undo the accelerations `free` of their pins."""
+    """Return the forces (N) at ideal joints that undo the accelerations `free` of their pins."""
     of = [j for j in range(3) if laws[j, 0] == 0.0]
     count = 2 * len(of)
     rows, forces = np.empty((count, count + 1)), np.zeros(3, np.complex128)
@@ -115,7 +115,7 @@ def _kept(free, laws, arms, masses):
 
 @compiled
 def instant(angle, y, p):
-    """E'' by joint (m/s2), R_O on the shaft and R_C on the toggle (N), normal forces (N)."""
+    """Return e'' by joint (m/s2), R_O on the shaft, R_C on the toggle and normal forces (N)."""
     vectors, scalars, laws = p
     bearing, a_share, unbalance = vectors
     w, l1, l2, l3, m2, j2, m3, j3, g, load, shaft_mass = scalars
@@ -155,7 +155,7 @@ def instant(angle, y, p):
 
 @compiled
 def field(angle, y, p, rate):
-    """The rate of `y` by shaft angle, into `rate`."""
+    """Write the rate of `y` by shaft angle into `rate`."""
     w, laws = p[1][0], p[2]
     accelerations, (at_o, at_c), _ = instant(angle, y, p)
     for j, a in enumerate(accelerations):
@@ -170,7 +170,7 @@ def field(angle, y, p, rate):
 
 @compiled
 def integrate(y, p, settle, turns, rtol, h, most=1_000_000_000):
-    """The mean of |R_O| + |R_C| squared over whole turns, and the steps: `dopri5.integrate`."""
+    """Return the mean square of |R_O| + |R_C| over turns, and steps: `dopri5.integrate`."""
     return dopri5.integrate(field, y, p, settle, turns, rtol, h, most)
 
 
@@ -182,7 +182,7 @@ class CompiledBodies:
 
     @cached_property
     def numbers(self) -> Numbers:
-        """What the compiled field reads."""
+        """The numbers that the compiled field reads."""
         return numbers(self.bodies)
 
     @cached_property
@@ -198,14 +198,14 @@ class CompiledBodies:
         return y
 
     def field(self, time: float, y) -> np.ndarray:
-        """The rate y' by time (s), without the integral."""
+        """Return the rate y' by time (s), without the integral."""
         speed, rate = self.bodies.numbers["speed"], np.empty(13)
         field(speed * time, y, self.numbers, rate)
         rate[12] = 0.0
         return speed * rate
 
     def observe(self, times, states) -> dict[str, np.ndarray]:
-        """`foundation_force` (N); `eccentricity` (m), `normal_force` (N) of each loose joint."""
+        """Return `foundation_force` (N), each joint's `eccentricity` (m), `normal_force` (N)."""
         speed, found = self.bodies.numbers["speed"], {"foundation_force": []}
         loose = {j: PREFIXES[name] for j, name in enumerate(PREFIXES) if self.numbers[2][j, 0]}
         for prefix in loose.values():

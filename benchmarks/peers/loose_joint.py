@@ -31,7 +31,7 @@ class Body:
         return cmath.exp(1j * self.angle)
 
     def velocity_at(self, place: complex) -> complex:
-        """Of its material at a place of the plane, m/s."""
+        """Return the velocity of its material at a place of the plane, m/s."""
         return self.velocity + 1j * self.spin * (place - self.centre)
 
     def push(self, force: complex, place: complex) -> None:

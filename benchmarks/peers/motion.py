@@ -17,7 +17,7 @@ VECTORS = ("bearing_reaction", "elbow_reaction", "toggle_reaction", "eccentricit
 
 
 def histories(rows: list[dict]) -> dict[str, np.ndarray]:
-    """One array a quantity; a vector's has shape (times, 2)."""
+    """Gather one array a quantity; a vector's has shape (times, 2)."""
     arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
     for name in VECTORS:
         if name in arrays:
@@ -26,7 +26,7 @@ def histories(rows: list[dict]) -> dict[str, np.ndarray]:
 
 
 def forces(crusher, shaft: Shaft, chain: Chain, force, point, accelerations, spin_rate) -> dict:
-    """All reactions for `force` on the jaw at `point`, and the torque the shaft takes."""
+    """Return all reactions for `force` on the jaw at `point`, and the torque the shaft takes."""
     at_o = shaft.reaction(crusher, force, spin_rate)
     at_b, at_c = chain.reactions(crusher, force, accelerations)
     moment = shaft.moment(crusher, force, point)
@@ -40,7 +40,7 @@ def forces(crusher, shaft: Shaft, chain: Chain, force, point, accelerations, spi
 
 
 def ideal(crusher: Crusher, times) -> dict[str, np.ndarray]:
-    """Reactions (N) and drive torque (N m) of the ideal joint at `times` (s), in closed form.
+    """Return reactions (N), torque (N m) of the ideal joint at `times` (s), in closed form.
 
     The pin's acceleration gives the chain's; the chain's is linear in the force at A.
     """
@@ -66,7 +66,7 @@ class Motion:
     def __init__(
         self, crusher: Crusher, torque: float | None = None, e: complex = 0j, rate: complex = 0j
     ):
-        """Starting at eccentricity `e` (m) and `rate` (m/s).
+        """Start at eccentricity `e` (m) and `rate` (m/s).
 
         Driven at constant speed, or with the shaft free under `torque` (N m).
         """
@@ -98,18 +98,18 @@ class Motion:
         return of_chain, on_shaft / c.shaft_inertia
 
     def field(self, time: float, y) -> list[float]:
-        """The rate y'."""
+        """Return the rate y'."""
         parts = self._parts(time, y)
         of_chain, spin_rate = self._accelerations(*parts)
         free = () if self.torque is None else (parts[0].spin, spin_rate)
         return [*y[2:4], *of_chain, *free]
 
     def corners(self, time: float, y) -> list[float]:
-        """What passes zero where the law has a corner: the penetration, m; negative in flight."""
+        """Return what passes zero at the law's corner: the penetration, m; negative in flight."""
         return [self._parts(time, y)[2].depth]
 
     def observe(self, times, states) -> dict[str, np.ndarray]:
-        """Histories at `times` (s) along `states`: forces in N, eccentricity in m."""
+        """Return histories at `times` (s) along `states`: forces in N, eccentricity in m."""
         rows = []
         for time, y in zip(np.asarray(times).tolist(), states, strict=True):
             shaft, chain, touch = self._parts(time, y)

@@ -18,7 +18,7 @@ COORDINATES, VELOCITIES, MULTIPLIERS = slice(0, 9), slice(9, 18), slice(18, 25)
 
 
 def mass_matrix(crusher: Crusher) -> np.ndarray:
-    """The diagonal of M, kg and kg m2."""
+    """Return the diagonal of M, kg and kg m2."""
     c = crusher
     return np.array([c.m1, c.m1, c.j1, c.m2, c.m2, c.j2, c.m3, c.m3, c.j3])
 
@@ -32,7 +32,7 @@ class Instant:
     """Phi, Phi_q, gamma and the applied forces Q at (q, q'); all vectors in the paper's order."""
 
     def __init__(self, crusher: Crusher, time: float, q, v):
-        """At `time` (s)."""
+        """Evaluate all at `time` (s)."""
         c = crusher
         q, v = np.asarray(q).tolist(), np.asarray(v).tolist()
         (s1, t1), (s2, t2), (s3, t3) = (_body(q[body]) for body in (SHAFT, JAW, TOGGLE))
@@ -78,13 +78,8 @@ class Instant:
         )
 
     def solve(self, masses) -> np.ndarray:
-        """Accelerations q'' and multipliers."""
-        system = np.block(
-            [
-                [np.diag(masses), -self.phi_q.T],
-                [self.phi_q, np.zeros((7, 7))],
-            ]
-        )
+        """Return accelerations q'' and multipliers."""
+        system = np.block([[np.diag(masses), -self.phi_q.T], [self.phi_q, np.zeros((7, 7))]])
         return np.linalg.solve(system, np.concatenate([self.force, self.gamma]))
 
 
@@ -93,7 +88,7 @@ def _parts(vectors) -> list[float]:
 
 
 def start(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-    """(q, q', lambda) and its derivative (that of lambda unknown: zero) at the motion's start."""
+    """Return (q, q', lambda) at the motion's start, and its derivative, zero for lambda."""
     c = motion.crusher
     t3, t2, w3, w2 = motion.start[:4]
     shaft, chain = Shaft(c, 0.0, c.speed), Chain(c, (t3, t2), (w3, w2))
@@ -104,14 +99,11 @@ def start(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     q = [*_parts([s1]), 0.0, *_parts([s2]), t2, *_parts([chain.b / 2]), t3]
     v = [*_parts([u1]), c.speed, *_parts([u2]), w2, *_parts([chain.velocity_b / 2]), w3]
     solution = Instant(c, 0.0, q, v).solve(mass_matrix(c))
-    return (
-        np.concatenate([q, v, solution[9:]]),
-        np.concatenate([v, solution[:9], np.zeros(7)]),
-    )
+    return (np.concatenate([q, v, solution[9:]]), np.concatenate([v, solution[:9], np.zeros(7)]))
 
 
 def observe(crusher: Crusher, times, states) -> dict[str, np.ndarray]:
-    """Histories: contact, reactions from the multipliers, largest constraint residual."""
+    """Return histories: contact, reactions from the multipliers, largest constraint residual."""
     rows = []
     for time, y in zip(np.asarray(times).tolist(), states, strict=True):
         now = Instant(crusher, time, y[COORDINATES], y[VELOCITIES])

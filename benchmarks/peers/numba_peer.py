@@ -18,7 +18,7 @@ NORM_WIDTH, CONTACT_WIDTH, FRICTION_WIDTH, FORCE_WIDTH = 1e-9, 1e-8, 1e-4, 1e-6
 
 
 def numbers(crusher: Crusher) -> np.ndarray:
-    """What the compiled field reads, in its order."""
+    """Return the numbers that the compiled field reads, in its order."""
     c = crusher
     bearing, turn = c.bearing, complex(math.cos(c.jaw_angle), math.sin(c.jaw_angle))
     return np.array([
@@ -38,7 +38,7 @@ def _positive(x, width):
 
 @compiled
 def field(angle, y, p, rate):
-    """The rate of `y` by shaft angle, into `rate`."""
+    """Write the rate of `y` by shaft angle into `rate`."""
     (w, c, ox, oy, l1, l2, l3, m1, m2, m3, j2, j3, g, load, k, damping, cf, v0, v1, bore,
      s1x, s1y, s2x, s2y) = p  # fmt: skip
     cosine, sine = math.cos(angle), math.sin(angle)
@@ -101,7 +101,7 @@ def field(angle, y, p, rate):
 
 @compiled
 def integrate(y, p, settle, turns, rtol, h, most=1_000_000_000):
-    """Integrate `y` over whole turns; returns the mean of |R_O| + |R_C| squared and the steps.
+    """Integrate `y` over whole turns; return the mean of |R_O| + |R_C| squared and the steps.
 
     As `dopri5.integrate`, whose compiled code is kept with this.
     """

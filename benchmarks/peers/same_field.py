@@ -17,7 +17,7 @@ NEVER = 1e30
 def by_scipy(
     y: np.ndarray, p: np.ndarray, angles: np.ndarray, method: str, rtol: float
 ) -> np.ndarray:
-    """States (angles, 5) at increasing angles > 0, from `y` at 0; `p` of `numba_peer.numbers`.
+    """Return states (angles, 5) at increasing angles > 0, from `y` at 0 with `p` of the peer.
 
     Raises RuntimeError where the method fails.
     """
@@ -45,7 +45,7 @@ def by_scipy(
 def by_cvode(
     y: np.ndarray, p: np.ndarray, angles: np.ndarray, method: str, rtol: float, most: int
 ) -> np.ndarray:
-    """As `by_scipy`, in at most so many steps between two of at least two angles."""
+    """Do as `by_scipy`, in at most so many steps between two of at least two angles."""
 
     def field(angle, y, rate):
         numba_peer.field(angle, y, p, rate)

@@ -14,7 +14,7 @@ def integrate(
     rtol: float = 1e-11,
     pause: float = 1e-12,
 ) -> np.ndarray:
-    """States of `motion` at `times` (s), increasing from 0: shape (times, numbers of a state).
+    """Return states of `motion` at `times` (s, from 0), shape (times, numbers of a state).
 
     The law has a corner where pin and bore touch or part: a step ends there, and the next one
     starts `pause` seconds later, so that the same crossing is not found again.

@@ -15,7 +15,7 @@ from benchmarks.peers.nine_coordinates import COORDINATES, MULTIPLIERS, VELOCITI
 
 
 def cvode(motion: Motion | CompiledBodies, times, rtol: float = 1e-12) -> np.ndarray:
-    """States of `motion` at `times` (s), increasing from 0: shape (times, numbers of a state)."""
+    """Return states of `motion` at `times` (s, from 0), shape (times, numbers of a state)."""
 
     def field(time, y, rate):
         rate[:] = motion.field(time, y)
@@ -27,7 +27,7 @@ def cvode(motion: Motion | CompiledBodies, times, rtol: float = 1e-12) -> np.nda
 
 
 def ida(motion: Motion, times, rtol: float = 1e-11) -> np.ndarray:
-    """(q, q', lambda) at `times` (s), increasing from 0: shape (times, 25)."""
+    """Return (q, q', lambda) at `times` (s), increasing from 0: shape (times, 25)."""
     masses = nine_coordinates.mass_matrix(motion.crusher)
 
     def residual(time, y, rate, result):

@@ -1,1 +1,4 @@
-"""The source paper's figures redrawn and its numbers checked."""
+"""Redraw every figure of the paper's results and check its numbers; about five minutes.
+
+It needs EXUDYN (extra `bench`).
+"""

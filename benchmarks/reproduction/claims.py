@@ -1,7 +1,10 @@
-"""Every number that the paper claims in its Sections 4 to 6, and how to compute it."""
+"""The numbers that the paper claims in its Sections 4 to 6 (claims.csv), and their computation."""
 
+import csv
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Literal
 
 import jax.numpy as jnp
@@ -9,14 +12,21 @@ import numpy as np
 import xarray as xr
 
 import jaxcrusher as jc
-from benchmarks.reproduction.readings import CHOICE, SPEED_POINTS, Measurements, Point, Reading
+from benchmarks.reproduction.readings import (
+    CHOICE,
+    POINTS,
+    SPEED_POINTS,
+    Measurements,
+    Point,
+    Reading,
+)
 from benchmarks.reproduction.verdict import Estimate, Printed, estimate, printed
 from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What the claims are computed from."""
+    """The measurements that the claims are computed from."""
 
     measurements: Measurements
     # The decided reading over Figure 14's box and Figure 15's, as `jaxcrusher.sweep` gives it.
@@ -25,6 +35,18 @@ class Evidence:
 
 
 Compute = Callable[[Evidence, Reading], Estimate | None]
+TABLE = Path(__file__).with_name("claims.csv")
+
+
+@dataclass(frozen=True)
+class Computation:
+    """A function of the evidence under a reading, and what is known of its number."""
+
+    compute: Compute
+    # The interval that the paper's other printed numbers leave for this one.
+    implied: tuple[float, float] | None = None
+    # Whether the readings of the model make a difference to it.
+    by_reading: bool = True
 
 
 @dataclass(frozen=True)
@@ -35,41 +57,38 @@ class Claim:
     text: str
     number: Printed
     unit: str
-    compute: Compute
-    # The interval that the paper's other printed numbers leave for this one.
-    implied: tuple[float, float] | None = None
-    # Whether the readings of the model make a difference to it.
-    by_reading: bool = False
+    by: Computation
 
 
 def ends(values: list[float]) -> tuple[float, float]:
-    """The interval that these values span."""
+    """Return the interval that these values span."""
     return min(values), max(values)
 
 
-def quotient(top: Printed, bottom: Printed, factor: float = 1.0) -> tuple[float, float]:
-    """The interval of factor * top / bottom over what rounds to both."""
-    return ends([factor * t / b for t in top.interval for b in bottom.interval])
+def quotient(top: str, bottom: str, factor: float = 1.0) -> tuple[float, float]:
+    """Return the interval of factor * top / bottom over what rounds to both."""
+    intervals = printed(top).interval, printed(bottom).interval
+    return ends([factor * t / b for t in intervals[0] for b in intervals[1]])
 
 
-def reduction(before: Printed, after: Printed) -> tuple[float, float]:
-    """The interval of 100 (1 - after / before)."""
-    return ends([100 * (1 - a / b) for a in after.interval for b in before.interval])
+def reduction(before: str, after: str) -> tuple[float, float]:
+    """Return the interval of 100 (1 - after / before)."""
+    least, most = quotient(after, before, 100.0)
+    return 100.0 - most, 100.0 - least
 
 
-def exactly(value) -> Compute:
-    """A number that no reading changes."""
-    number = float(value)
-    return lambda evidence, reading: Estimate(number, number, number)
+def exactly(value: float) -> Compute:
+    """Compute a number that no reading changes."""
+    return lambda evidence, reading: Estimate(float(value), float(value), float(value))
 
 
 def unknown(evidence: Evidence, reading: Reading) -> None:
-    """Needs data the paper does not print."""
+    """Compute nothing: the paper does not print the data."""
     return None
 
 
 def force(statistic: str, point: Point) -> Compute:
-    """`mean`, `rms` or `peak` of the foundation force, N; clearance 0 is the ideal joint."""
+    """Compute `mean`, `rms` or `peak` (N) of the foundation force; 0 mm is the ideal joint."""
 
     def compute(evidence: Evidence, reading: Reading) -> Estimate:
         return estimate(evidence.measurements[reading, point][f"{reading.force}_{statistic}"])
@@ -78,16 +97,14 @@ def force(statistic: str, point: Point) -> Compute:
 
 
 def collision(point: Point) -> Compute:
-    """The peak normal force at A, N."""
-
-    def compute(evidence: Evidence, reading: Reading) -> Estimate:
-        return estimate(evidence.measurements[reading, point]["collision_peak"])
-
-    return compute
+    """Compute the peak normal force at A, N."""
+    return lambda evidence, reading: estimate(
+        evidence.measurements[reading, point]["collision_peak"]
+    )
 
 
 def ratio(top: Compute, bottom: Compute, shift: float, scale: float) -> Compute:
-    """Of the values, scale * (top / bottom + shift); the range takes the worst ends."""
+    """Compute scale * (top / bottom + shift); the range takes the worst ends."""
 
     def compute(evidence: Evidence, reading: Reading) -> Estimate | None:
         above, below = top(evidence, reading), bottom(evidence, reading)
@@ -101,7 +118,7 @@ def ratio(top: Compute, bottom: Compute, shift: float, scale: float) -> Compute:
 
 
 def loudest(points: list[Point]) -> Compute:
-    """The driving speed (rad/s) among these points whose peak is largest."""
+    """Compute the driving speed (rad/s) among these points whose peak is largest."""
 
     def compute(evidence: Evidence, reading: Reading) -> Estimate:
         peaks = [force("peak", point)(evidence, reading) for point in points]
@@ -112,16 +129,12 @@ def loudest(points: list[Point]) -> Compute:
 
 
 def extreme(pick: Callable, box: Literal["box", "small_box"], variable: str) -> Compute:
-    """The least or largest of a sweep; of the decided reading only."""
-
-    def compute(evidence: Evidence, reading: Reading) -> Estimate:
-        return estimate(pick(getattr(evidence, box)[variable].to_numpy()))
-
-    return compute
+    """Compute the least or largest of a sweep; of the decided reading only."""
+    return lambda evidence, reading: estimate(pick(getattr(evidence, box)[variable].to_numpy()))
 
 
 def peak_phase(speed: float) -> float:
-    """Where in a turn the ideal joint's force peaks, in turns from theta1 = 0."""
+    """Return where in a turn the ideal joint's force peaks, in turns from theta1 = 0."""
     turns = np.linspace(0, 1, 20_001)
     motion = jc.simulate(
         jc.ideal_scene(speed), 2 * np.pi / speed * turns, outputs=("normal_force",)
@@ -129,193 +142,57 @@ def peak_phase(speed: float) -> float:
     return float(turns[jnp.argmax(motion.normal_force)])
 
 
+def computations() -> dict[str, Computation]:
+    """Return the computations of claims.csv by name.
+
+    "peak 30 0.06" is that of 30 rad/s and 0.06 mm; without clearance, of the ideal joint.
+    """
+    point, wide, ideal = (30.0, 0.06), (30.0, 0.12), (30.0, 0.0)
+    chambers = [CrushingChamber(height=height) for height in printed("0.6").interval]
+    lowest = ends([float(chamber.lowest_speed()) for chamber in chambers])
+    rms = extreme(np.max, "box", "foundation_rms")
+    peaks = {pick: extreme(pick, "small_box", "foundation_peak") for pick in (np.min, np.max)}
+    # These are the same for every reading.
+    fixed = {
+        "phase": (exactly(peak_phase(30.0)), None),
+        "unknown": (unknown, None),
+        "lowest speed": (exactly(float(CrushingChamber().lowest_speed())), lowest),
+        "least capacity": (exactly(9.41 / AFFLUENCE), quotient("9.41", "1.67")),
+        "highest speed": (exactly(25 * 9.41 / 5.63), quotient("9.41", "5.63", 25)),
+        # The RMS cannot be below the mean of Section 5.2.
+        "largest RMS": (rms, (printed("8e5").interval[0], float("inf"))),
+        "least peak": (peaks[np.min], None),
+        "largest peak": (peaks[np.max], None),
+    }
+    at = {
+        f"{statistic} {p[0]:g} {p[1]:g}": force(statistic, p)
+        for statistic in ("mean", "rms", "peak")
+        for p in (*POINTS, ideal)
+    }
+    peak, mean = partial(force, "peak"), partial(force, "mean")
+    ratios = {
+        "loudest speed": (loudest(SPEED_POINTS), None),
+        "rise of the peak": (ratio(peak(point), peak(ideal), -1, 100), None),
+        "peak over collision": (ratio(peak(point), collision(point), 0, 1), None),
+        "rise of the mean": (ratio(mean(wide), mean(ideal), 0, 1), quotient("8e5", "1.8e4")),
+        "fall of the peak": (
+            ratio(peak(CHOICE), peak(point), -1, -100),
+            reduction("7.4e4", "3.8e4"),
+        ),
+    }
+    return {
+        "collision": Computation(collision(point)),
+        **{name: Computation(*of, by_reading=False) for name, of in fixed.items()},
+        **{name: Computation(compute) for name, compute in at.items()},
+        **{name: Computation(*of) for name, of in ratios.items()},
+    }
+
+
 def claims() -> list[Claim]:
-    """The paper's claims, in its order."""
-    chamber = CrushingChamber()
-    greatest, floor, high = printed("9.41"), printed("5.63"), printed("7.4e4")
-    low, mean, ideal = printed("3.8e4"), printed("8e5"), printed("1.8e4")
-    point, wide = (30.0, 0.06), (30.0, 0.12)
-    ideal_30 = (30.0, 0.0)
-    phase = exactly(peak_phase(30.0))
-    matlab, adams = printed("37578"), printed("37796")
-
-    def peak(where: str, number: str, at: Point) -> Claim:
-        text = f"peak force on the foundation, {at[0]:g} rad/s, {at[1]:g} mm"
-        return Claim(where, text, printed(number), "N", force("peak", at), None, True)
-
+    """Return the paper's claims of claims.csv, in its order."""
+    by_name = computations()
+    with TABLE.open(encoding="utf-8") as lines:
+        rows = [tuple(row.values()) for row in csv.DictReader(lines)]
     return [
-        Claim(
-            "4.1, Fig. 5", "peak collision force, MATLAB", matlab, "N", collision(point), None, True
-        ),
-        Claim(
-            "4.1, Fig. 5", "peak collision force, Adams", adams, "N", collision(point), None, True
-        ),
-        # 12.106 s and 12.099 s at 30 rad/s; of the times themselves 5 % are three turns.
-        Claim(
-            "4.1, Fig. 5",
-            "when in its turn, MATLAB, 12.106 s (ours: ideal joint)",
-            printed("0.802"),
-            "turns",
-            phase,
-        ),
-        Claim(
-            "4.1, Fig. 5",
-            "when in its turn, Adams, 12.099 s (ours: ideal joint)",
-            printed("0.768"),
-            "turns",
-            phase,
-        ),
-        Claim(
-            "4.2, Fig. 7b",
-            "greatest capacity, at 25 rad/s (b, s not given)",
-            greatest,
-            "m³/h",
-            unknown,
-        ),
-        Claim(
-            "4.2",
-            "least speed, by h < H = 0.6 m in (24), (25)",
-            printed("25"),
-            "rad/s",
-            exactly(chamber.lowest_speed()),
-            ends(
-                [float(CrushingChamber(height=h).lowest_speed()) for h in printed("0.6").interval]
-            ),
-        ),
-        Claim(
-            "4.2",
-            "least capacity, 9.41 / 1.67",
-            floor,
-            "m³/h",
-            exactly(greatest.value / AFFLUENCE),
-            quotient(greatest, printed("1.67")),
-        ),
-        Claim(
-            "4.2",
-            "speed of the least capacity, by (21)-(25)",
-            printed("41.45"),
-            "rad/s",
-            exactly(25 * greatest.value / floor.value),
-            quotient(greatest, floor, 25),
-        ),
-        peak("5.1, Fig. 9a", "2.3e4", (25.0, 0.06)),
-        peak("5.1, Fig. 9b", "7.4e4", point),
-        peak("5.1, Fig. 9c", "4.1e4", (35.0, 0.06)),
-        peak("5.1, Fig. 9d", "4e4", (40.0, 0.06)),
-        Claim(
-            "5.1",
-            "driving speed of the largest of these four",
-            printed("30"),
-            "rad/s",
-            loudest(SPEED_POINTS),
-            None,
-            True,
-        ),
-        Claim(
-            "5.1",
-            "rise of the peak by the clearance, 30 rad/s, 0.06 mm",
-            printed("180"),
-            "%",
-            ratio(force("peak", point), force("peak", ideal_30), -1, 100),
-            None,
-            True,
-        ),
-        Claim(
-            "5.1",
-            "peak of the ideal joint that 180 % implies (7.4e4 / 2.8)",
-            printed("2.64e4"),
-            "N",
-            force("peak", ideal_30),
-            None,
-            True,
-        ),
-        Claim(
-            "4.1, 5.1",
-            "peak on the foundation over peak at A (the quotient is ours)",
-            printed("1.97"),
-            "1",
-            ratio(force("peak", point), collision(point), 0, 1),
-            None,
-            True,
-        ),
-        peak("5.2, Fig. 12a", "6e4", (30.0, 0.03)),
-        peak("5.2, Fig. 12c", "1.1e6", (30.0, 0.09)),
-        peak("5.2, Fig. 12d", "1.7e6", wide),
-        Claim(
-            "5.2",
-            "mean force on the foundation, 30 rad/s, 0.12 mm",
-            mean,
-            "N",
-            force("mean", wide),
-            None,
-            True,
-        ),
-        Claim(
-            "5.2",
-            "mean force on the foundation, ideal joint, 30 rad/s",
-            ideal,
-            "N",
-            force("mean", ideal_30),
-            None,
-            True,
-        ),
-        Claim(
-            "5.2",
-            "the former over the latter",
-            printed("45"),
-            "1",
-            ratio(force("mean", wide), force("mean", ideal_30), 0, 1),
-            quotient(mean, ideal),
-            True,
-        ),
-        Claim(
-            "5.3, Fig. 14b",
-            "largest contour of the RMS (cannot be below the mean of 5.2)",
-            printed("9e4"),
-            "N",
-            extreme(np.max, "box", "foundation_rms"),
-            (mean.interval[0], float("inf")),
-        ),
-        Claim(
-            "5.3, Fig. 15b",
-            "smallest contour of the peak, up to 0.06 mm",
-            printed("2e4"),
-            "N",
-            extreme(np.min, "small_box", "foundation_peak"),
-        ),
-        Claim(
-            "5.3, Fig. 15b",
-            "largest contour of the peak, up to 0.06 mm",
-            printed("2e5"),
-            "N",
-            extreme(np.max, "small_box", "foundation_peak"),
-        ),
-        Claim(
-            "5.3",
-            "mean force on the foundation, 39 rad/s, 0.03 mm",
-            printed("2.19e4"),
-            "N",
-            force("mean", CHOICE),
-            None,
-            True,
-        ),
-        Claim(
-            "5.3",
-            "the same number taken as an RMS",
-            printed("2.19e4"),
-            "N",
-            force("rms", CHOICE),
-            None,
-            True,
-        ),
-        peak("5.3, Fig. 16b", "3.8e4", CHOICE),
-        Claim(
-            "5.3, 6",
-            "fall of the peak from 30 rad/s, 0.06 mm to 39 rad/s, 0.03 mm",
-            printed("48.6"),
-            "%",
-            ratio(force("peak", CHOICE), force("peak", point), -1, -100),
-            reduction(high, low),
-            True,
-        ),
+        Claim(at, what, printed(paper), unit, by_name[by]) for at, what, paper, unit, by in rows
     ]

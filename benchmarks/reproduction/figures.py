@@ -29,7 +29,7 @@ Draw = Callable[[Axes, Portrait], None]
 
 
 def draw_comparison(path: Path, turn: Comparison, begin: Comparison) -> None:
-    """Figure 5: `turn` settled in contact, `begin` the first impacts of the centred start."""
+    """Draw Figure 5: `turn` settled in contact, `begin` the first impacts of the centred start."""
     figure, axes = plt.subplots(2, 2, figsize=(9, 6), layout="constrained")
     styles = ("-", "--", ":")
     for (label, (displacement, velocity)), style in zip(turn.motion.items(), styles, strict=False):
@@ -52,7 +52,7 @@ def draw_comparison(path: Path, turn: Comparison, begin: Comparison) -> None:
 
 
 def draw_stroke(path: Path, times: np.ndarray, by_clearance: dict[float, np.ndarray]) -> None:
-    """Figure 7a: displacement of B (m) by clearance (mm), and its difference."""
+    """Draw Figure 7a: displacement of B (m) by clearance (mm), and its difference."""
     figure, (above, below) = plt.subplots(
         2, 1, figsize=(6, 5), sharex=True, layout="constrained", height_ratios=(2, 1)
     )
@@ -67,7 +67,7 @@ def draw_stroke(path: Path, times: np.ndarray, by_clearance: dict[float, np.ndar
 
 
 def draw_capacity(path: Path) -> None:
-    """Figure 7b, with the floor and where it is reached."""
+    """Draw Figure 7b, with the floor and where it is reached."""
     chamber = CrushingChamber()
     floor = float(chamber.capacity(25.0)) / AFFLUENCE
     figure, ax = plt.subplots(figsize=(6, 4), layout="constrained")
@@ -81,7 +81,7 @@ def draw_capacity(path: Path) -> None:
 
 
 def orbit(ax: Axes, motion: Portrait) -> None:
-    """The pin's centre in its clearance circle."""
+    """Draw the pin's centre in its clearance circle."""
     angle = np.linspace(0, 2 * np.pi, 361)
     c = motion.clearance
     ax.plot(c * np.cos(angle), c * np.sin(angle), color="k", linewidth=1, label="clearance")
@@ -90,7 +90,7 @@ def orbit(ax: Axes, motion: Portrait) -> None:
 
 
 def foundation(ax: Axes, motion: Portrait) -> None:
-    """The foundation force, and the ideal joint's."""
+    """Draw the foundation force, and the ideal joint's."""
     turns = motion.turns - motion.turns[0]
     ax.plot(turns, motion.force / 1e3, color=BLUE, linewidth=0.7, label="with clearance")
     ax.plot(
@@ -105,13 +105,13 @@ def foundation(ax: Axes, motion: Portrait) -> None:
 
 
 def section(ax: Axes, motion: Portrait) -> None:
-    """Once a turn, at theta1 = 0: the penetration, negative in flight, and its rate."""
+    """Draw once a turn, at theta1 = 0, the penetration, negative in flight, and its rate."""
     ax.plot(*motion.section.T, ".", color=BLUE, markersize=3, label="once a turn")
     ax.set(xlabel="penetration (µm)", ylabel="penetration rate (mm/s)")
 
 
 def square(axes: np.ndarray) -> None:
-    """Orbits in a square about the origin, all of the same size."""
+    """Show orbits in a square about the origin, all of the same size."""
     orbits = [ax for ax in axes.flat if ax.get_aspect() == 1]
     reach = max((abs(end) for ax in orbits for end in ax.dataLim.extents), default=0)
     for ax in orbits:
@@ -119,7 +119,7 @@ def square(axes: np.ndarray) -> None:
 
 
 def draw_row(path: Path, draw: Draw, rows: dict[str, dict[Point, Portrait]]) -> None:
-    """One of Figures 8 to 13: a column a motion, a row a reading, the same axes in a row."""
+    """Draw one of Figures 8 to 13: a column a motion, a row a reading, the same axes in a row."""
     columns = list(next(iter(rows.values())))
     figure, axes = plt.subplots(
         len(rows),
@@ -144,7 +144,7 @@ def draw_row(path: Path, draw: Draw, rows: dict[str, dict[Point, Portrait]]) -> 
 
 
 def draw_landscape(path: Path, runs: xr.DataArray, settled: xr.DataArray) -> None:
-    """Figures 14 and 15: a force (N) over the box, of runs and of the settled motion.
+    """Draw Figure 14 or 15: a force (N) over the box, of runs and of the settled motion.
 
     The runs' is drawn as the cells that it is: neighbours differ by chance as much as by design,
     and contours between them would show that chance. The settled motion's carries contours.
@@ -172,7 +172,7 @@ def draw_landscape(path: Path, runs: xr.DataArray, settled: xr.DataArray) -> Non
 
 
 def draw_choice(path: Path, rows: dict[str, Portrait]) -> None:
-    """Figure 16: orbit, force and section of the paper's choice, a row a reading."""
+    """Draw Figure 16: orbit, force and section of the paper's choice, a row a reading."""
     figure, axes = plt.subplots(
         len(rows), 3, figsize=(10, 3 * len(rows)), layout="constrained", squeeze=False
     )

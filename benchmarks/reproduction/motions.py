@@ -3,17 +3,16 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
+from benchmarks.batch import map_scenes
 from benchmarks.peers.equations import Crusher
 from benchmarks.peers.exudyn_peer import Model
 from benchmarks.peers.motion import Motion
 from benchmarks.reproduction.readings import SETTLE_TURNS, Point, Slip, Start
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 
@@ -50,28 +49,20 @@ def _row(scene: Scene) -> dict:
     depths, rates = motion.penetration_ratio, motion.penetration_rate
     orbit, force = motion.eccentricity, motion.foundation_force
     section = jnp.stack([1e6 * scene.joint.clearance * depths, 1e3 * rates], axis=1)
-    return {
-        "orbit": 1e3 * orbit[:HISTORY],
-        "force": force[:HISTORY],
-        "section": section[HISTORY:],
-    }
+    return {"orbit": 1e3 * orbit[:HISTORY], "force": force[:HISTORY], "section": section[HISTORY:]}
 
 
 def portraits(points: list[Point], slip: Slip) -> dict[Point, Portrait]:
-    """From the centred start, settled as the paper's Figure 5."""
-    scenes = stack(
-        [
-            shifted_start(jc.paper_scene(speed, 1e-3 * c, slip=slip), Vector(0.0, 0.0))
-            for speed, c in points
-        ]
-    )
-    joined = run_all(eqx.Partial(_row), scenes)
+    """Run from the centred start, settled as the paper's Figure 5."""
+    scenes = [
+        shifted_start(jc.paper_scene(speed, 1e-3 * c, slip=slip), Vector(0.0, 0.0))
+        for speed, c in points
+    ]
     turns = SETTLE_TURNS + SHOWN_TURNS * np.arange(HISTORY) / HISTORY
     found = {}
-    for i, (speed, clearance) in enumerate(points):
+    for (speed, clearance), own in zip(points, map_scenes(_row, scenes), strict=True):
         times = 2 * np.pi / speed * turns
         ideal = jc.simulate(jc.ideal_scene(speed), times, outputs=("foundation_force",))
-        own = {name: values[i] for name, values in joined.items()}
         found[speed, clearance] = Portrait(
             clearance, turns, ideal_force=np.asarray(ideal.foundation_force), **own
         )
@@ -88,7 +79,7 @@ class Comparison:
 
 
 def compare(start: Start, end: float, step: float) -> Comparison:
-    """30 rad/s, 0.06 mm, surface slip, `end` seconds from `start`, by ours and by EXUDYN.
+    """Run 30 rad/s, 0.06 mm, surface slip, `end` seconds from `start`, by ours and by EXUDYN.
 
     EXUDYN stands in for the paper's Adams; `step` (s) is its.
     """

@@ -1,4 +1,4 @@
-"""The readings that the paper's text allows, and what each gives at the paper's operating points.
+"""The readings that the paper's text allows, measured at the paper's operating points.
 
 The paper says neither which slip speed its friction sees, nor what the force on the foundation
 is, nor how long its windows are. Its Figure 5 shows two turns after 12 s, at 30 rad/s the 57th
@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Array
 
 import jaxcrusher as jc
+from benchmarks.batch import map_scenes, stacked
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.joint.validity import validity
@@ -53,7 +53,7 @@ class Reading:
     settle: int = SETTLE_TURNS
 
     def options(self) -> dict[str, Any]:
-        """The options of `jaxcrusher.paper_scene`, without the start."""
+        """Return the options of `jaxcrusher.paper_scene`, without the start."""
         return {"slip": self.slip, "impact_law": self.impact_law, "load_law": self.load_law}
 
 
@@ -81,7 +81,7 @@ READINGS = list(dict.fromkeys([*COMBINATIONS, *SINGLE_CHANGES.values()]))
 def window_statistics(
     scene: Scene, settle: int, turns: int, windows: int, rtol: float
 ) -> dict[str, Array]:
-    """Sampled statistics of both forces; peaks (N) of each window, shape (windows,)."""
+    """Return sampled statistics of both forces; peaks (N) of each window, shape (windows,)."""
     turn = 2 * jnp.pi / scene.drive.speed
     count = turns * SAMPLES
     times = turn * (settle + jnp.arange(1, count + 1) / SAMPLES)
@@ -105,14 +105,14 @@ def _peaks(force: Array, windows: int) -> Array:
 
 @functools.cache
 def ideal_statistics(speed: float, load_law: str) -> dict[str, np.ndarray]:
-    """The same of the ideal joint, over one turn."""
+    """Return the same statistics of the ideal joint, over one turn."""
     seen = window_statistics(jc.ideal_scene(speed, load_law=load_law), 0, 1, 1, 1e-9)
     return {name: np.asarray(value) for name, value in seen.items()}
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Of one reading, point and start: every statistic, stacked over the runs."""
+    """Every statistic of one reading, point and start, stacked over the runs."""
 
     statistics: dict[str, np.ndarray]
 
@@ -143,14 +143,12 @@ def measure(
             for point in points
             for offset in (OFFSETS if start == "centred" else OFFSETS[:1])
         ]
-        scenes = stack(
-            [
-                shifted_start(
-                    jc.paper_scene(speed, 1e-3 * c, start=start, **options), Vector(offset, 0.0)
-                )
-                for start, (speed, c), offset in runs
-            ]
-        )
+        scenes = [
+            shifted_start(
+                jc.paper_scene(speed, 1e-3 * c, start=start, **options), Vector(offset, 0.0)
+            )
+            for start, (speed, c), offset in runs
+        ]
         function = eqx.Partial(
             window_statistics,
             settle=settle,
@@ -158,12 +156,12 @@ def measure(
             windows=max(1, turns // WINDOW_TURNS),
             rtol=1e-6,
         )
-        joined = run_all(function, scenes)
+        results = map_scenes(function, scenes)
         for reading in group:
             for point in points:
-                rows = [i for i, run in enumerate(runs) if run[:2] == (reading.start, point)]
-                own = {name: values[rows] for name, values in joined.items()}
-                found[reading, point] = Measured(own)
+                key = reading.start, point
+                own = (one for run, one in zip(runs, results, strict=True) if run[:2] == key)
+                found[reading, point] = Measured(stacked(own))
             for speed in {speed for speed, _ in points}:
                 found[reading, (speed, 0.0)] = Measured(ideal_statistics(speed, reading.load_law))
         done(", ".join(f"{name} {value}" for name, value in options.items()))
@@ -171,7 +169,7 @@ def measure(
 
 
 def _by_program(readings: list[Reading]) -> Iterator[tuple[dict, int, list[Reading]]]:
-    """Readings that differ only in start and force run together."""
+    """Yield readings that run together: they differ only in start and force."""
     groups: dict[tuple, list[Reading]] = {}
     for reading in readings:
         groups.setdefault((*reading.options().values(), reading.settle), []).append(reading)

@@ -5,22 +5,14 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from rich.console import Console
 
 import jaxcrusher as jc
-from benchmarks.reproduction import figures
+from benchmarks.pages import publish
+from benchmarks.reproduction import figures, readings
 from benchmarks.reproduction.claims import Evidence, claims
 from benchmarks.reproduction.motions import compare, portraits
-from benchmarks.reproduction.readings import (
-    CHOICE,
-    CLEARANCE_POINTS,
-    POINTS,
-    READINGS,
-    SPEED_POINTS,
-    measure,
-)
-from benchmarks.reproduction.report import counts, write_claims
 from benchmarks.reproduction.search import search, variants
+from benchmarks.reproduction.tables import tables
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder
 
@@ -33,12 +25,11 @@ BOXES = ((14, "foundation_rms", 0.12e-3, 10), (15, "foundation_peak", 0.06e-3, 7
 def run(out: Path) -> None:
     """Draw everything, and judge every claim."""
     results_folder(out)
-    console = Console()
-    with progress(console, remaining=False) as bars, plt.rc_context(figures.STYLE):
+    with progress(remaining=False) as bars, plt.rc_context(figures.STYLE):
 
-        def stage(title: str, total: int) -> Callable[[str], None]:
+        def stage(title: str, total: int) -> Callable[..., None]:
             task = bars.add_task(title, total=total)
-            return lambda what: bars.advance(task)
+            return lambda *what: bars.advance(task)
 
         draw_validation(out, stage("Figures 5 and 7", 3))
         draw_motions(out, stage("Figures 8 to 13 and 16", 3))
@@ -60,26 +51,23 @@ def run(out: Path) -> None:
                 }
             )
             figures.draw_landscape(
-                out / f"fig{figure}.png",
-                box[variable],
-                settled[variable].where(settled.stable),
+                out / f"fig{figure}.png", box[variable], settled[variable].where(settled.stable)
             )
             boxes.append(box)
-        programs = len({(r.slip, r.impact_law, r.load_law, r.settle) for r in READINGS})
-        measured = measure(READINGS, done=stage("Readings", programs))
+        programs = len({(r.slip, r.impact_law, r.load_law, r.settle) for r in readings.READINGS})
+        measured = readings.measure(readings.READINGS, done=stage("Readings", programs))
         listed = variants()
         found = search(listed, stage("Where 1.1e6 N comes from", len(listed)))
-        evidence, all_claims = Evidence(measured, *boxes), claims()
-        write_claims(out / "claims.md", all_claims, evidence, found)
-    console.print(f"{out}: of {len(all_claims)} claims {counts(all_claims, evidence)}")
+        evidence = Evidence(measured, *boxes)
+    publish(out, "reproduction/claims.md", tables(claims(), evidence, found), "exudyn")
 
 
-def draw_validation(out: Path, done: Callable[[str], None]) -> None:
+def draw_validation(out: Path, done: Callable[..., None]) -> None:
     """Figures 5 and 7."""
     turn = compare("contact", TURN, 2e-6)
-    done("")
+    done()
     figures.draw_comparison(out / "fig05.png", turn, compare("centred", 0.03, 1e-6))
-    done("")
+    done()
     times = np.linspace(0, 2 * TURN, 2001)
     strokes = {}
     for clearance in (0.06, 0.12):
@@ -88,20 +76,20 @@ def draw_validation(out: Path, done: Callable[[str], None]) -> None:
         strokes[clearance] = np.asarray(motion.jaw_displacement)[:, 0]
     figures.draw_stroke(out / "fig07a.png", times, strokes)
     figures.draw_capacity(out / "fig07b.png")
-    done("")
+    done()
 
 
-def draw_motions(out: Path, done: Callable[[str], None]) -> None:
+def draw_motions(out: Path, done: Callable[..., None]) -> None:
     """Figures 8 to 13 and 16."""
     rows = {}
     for slip in ("centre", "surface"):
-        rows[f"{slip} slip"] = portraits(POINTS, slip)
-        done("")
-    for first, points in ((8, SPEED_POINTS), (11, CLEARANCE_POINTS)):
+        rows[f"{slip} slip"] = portraits(readings.POINTS, slip)
+        done()
+    for first, points in ((8, readings.SPEED_POINTS), (11, readings.CLEARANCE_POINTS)):
         shown = {name: {p: motions[p] for p in points} for name, motions in rows.items()}
         for i, draw in enumerate((figures.orbit, figures.foundation, figures.section)):
             figures.draw_row(out / f"fig{first + i:02d}.png", draw, shown)
     figures.draw_choice(
-        out / "fig16.png", {name: motions[CHOICE] for name, motions in rows.items()}
+        out / "fig16.png", {name: motions[readings.CHOICE] for name, motions in rows.items()}
     )
-    done("")
+    done()

@@ -12,9 +12,9 @@ import jax
 import numpy as np
 
 import jaxcrusher as jc
+from benchmarks.batch import map_scenes, stacked
 from benchmarks.reproduction.variants import LiteralContact, PlainUnits, WeightedSlip, largest
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
 from jaxcrusher.crusher.interfaces import AbstractFormulation
 from jaxcrusher.crusher.scene import Scene
@@ -32,7 +32,7 @@ SETTLE, TURNS = 20, 4  # the centred start's transient is over by then
 
 @dataclass(frozen=True)
 class Way:
-    """What makes the formulation, and how to integrate it: each compiles to one program.
+    """A formulation's maker and an integration: each compiles to one program.
 
     It is made late: importing this module must not start JAX.
     """
@@ -74,7 +74,7 @@ class Variant:
     clearance: float = 1.0  # times that of the paper
 
     def scene(self, clearance: float, offset: float) -> Scene:
-        """At this clearance (mm)."""
+        """Return the scene at this clearance (mm)."""
         scene = jc.paper_scene(SPEED, 1e-3 * clearance * self.clearance, **self.options)
         scene = shifted_start(scene, Vector(offset, 0.0))
         law = AmbrosioFriction(WeightedSlip(float(self.surface)), **self.friction)
@@ -101,7 +101,7 @@ AS_PRINTED = NO_MOMENTS | {"x_sign": -1.0, "folded": 1.0}
 
 
 def variants() -> list[Variant]:
-    """The list searched; each with both slips where friction matters."""
+    """Return the list searched; each with both slips where friction matters."""
     both: list[tuple[str, dict]] = [
         ("as decided", {}),
         ("start in contact", dict(options={"start": "contact"}, start_offsets=(0.0,))),
@@ -147,7 +147,7 @@ class Found:
     statistics: dict[float, dict[str, np.ndarray]]
 
     def nearest(self, clearance: float) -> int:
-        """The run whose peak is nearest to the paper's: two attractors have no median.
+        """Return the run whose peak is nearest to the paper's: two attractors have no median.
 
         A run that stopped only where all did.
         """
@@ -157,17 +157,17 @@ class Found:
         return int(np.argmin(np.where(np.isnan(distances), np.inf, distances)))
 
     def value(self, clearance: float, name: str = "foundation_peak") -> float:
-        """A statistic of the nearest run; the peak, N."""
+        """Return a statistic of the nearest run; the peak, N."""
         return float(self.statistics[clearance][name][self.nearest(clearance)])
 
     def distance(self, clearances: tuple[float, ...]) -> float:
-        """RMS of ln(peak / target): 0.69 is a factor of two. Infinite where all runs stopped."""
+        """Return the RMS of ln(peak / target), a factor of two is 0.69; infinite if none ran."""
         logs = [math.log(self.value(c) / TARGETS[c]) for c in clearances]
         size = math.sqrt(sum(value**2 for value in logs) / len(logs))
         return size if math.isfinite(size) else math.inf
 
     def whirling(self, clearance: float) -> int:
-        """How many of the runs whirl, backwards (driven by friction) or forwards."""
+        """Count the runs that whirl, backwards (driven by friction) or forwards."""
         return int(np.sum(np.abs(self.statistics[clearance]["winding"]) > WHIRL_WINDING))
 
 
@@ -190,21 +190,20 @@ def _row(scene: Scene, method: jc.Method) -> dict[str, jax.Array | None]:
 
 def search(listed: list[Variant], done: Callable[[str], None] = lambda what: None) -> list[Found]:
     """Run them all, nearest to the two large peaks first."""
-    programs: dict[tuple, list[Variant]] = {}
+    programs: dict[int, list[Variant]] = {}
     for variant in listed:
-        structure = jax.tree.structure(variant.scene(0.06, 0.0))
-        programs.setdefault((id(variant.way), structure), []).append(variant)
+        programs.setdefault(id(variant.way), []).append(variant)
     found = []
     for group in programs.values():
         runs = [(v, c, offset) for v in group for c in TARGETS for offset in v.start_offsets]
-        scenes = stack([variant.scene(c, offset) for variant, c, offset in runs])
         function = eqx.Partial(_row, method=group[0].way.method)
-        joined = run_all(function, scenes)
+        results = map_scenes(function, [variant.scene(c, offset) for variant, c, offset in runs])
+        pairs = list(zip(runs, results, strict=True))
         for variant in group:
-            by_clearance = {}
-            for c in TARGETS:
-                rows = [i for i, run in enumerate(runs) if run[0] is variant and run[1] == c]
-                by_clearance[c] = {name: values[rows] for name, values in joined.items()}
+            by_clearance = {
+                at: stacked(one for (v, c, _), one in pairs if v is variant and c == at)
+                for at in TARGETS
+            }
             found.append(Found(variant, by_clearance))
             done(variant.name)
     return sorted(found, key=lambda f: f.distance((0.09, 0.12)))

@@ -1,7 +1,6 @@
-"""What the paper prints but mechanics forbids: (19) literally, and its own solver's tolerances.
+"""Formulations that the paper prints but mechanics forbids, and its own solver's tolerances.
 
-Used only to ask which of it leads to the numbers of the paper that correct mechanics does not
-give.
+The search asks which of them leads to the paper's numbers that correct mechanics does not give.
 """
 
 import equinox as eqx
@@ -27,7 +26,7 @@ class WeightedSlip(AbstractSlip):
     weight: Scalar = eqx.field(converter=scalar)
 
     def speed(self, centre_speed: Scalar, surface_speed: Scalar) -> Scalar:
-        """Between the two."""
+        """Return a speed between the two."""
         return centre_speed + self.weight * (surface_speed - centre_speed)
 
 
@@ -48,11 +47,11 @@ class LiteralContact(AbstractFormulation):
     torque: Scalar = eqx.field(converter=scalar, default=1.0)
 
     def initial(self, scene: AbstractScene) -> EccentricityState:
-        """As in the correct formulation."""
+        """Do as the correct formulation does."""
         return EccentricityFormulation().initial(scene)
 
     def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
-        """The correct snapshot with the contact's force and moment replaced."""
+        """Return the correct snapshot with the contact's force and moment replaced."""
         s = EccentricityFormulation().snapshot(time, state, scene)
         contact, eccentricity = s.contacts.main, s.eccentricities.main
         assert scene.joint is not None and contact is not None and eccentricity is not None
@@ -81,15 +80,15 @@ class LiteralContact(AbstractFormulation):
     def rate(
         self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene
     ) -> EccentricityState:
-        """As in the correct formulation."""
+        """Do as the correct formulation does."""
         return EccentricityFormulation().rate(snapshot, state, scene)
 
     def unwound(self, state: EccentricityState) -> EccentricityState:
-        """As in the correct formulation."""
+        """Do as the correct formulation does."""
         return EccentricityFormulation().unwound(state)
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
-        """As in the correct formulation."""
+        """Do as the correct formulation does."""
         return EccentricityFormulation().tolerance(scene, rtol)
 
 
@@ -101,26 +100,26 @@ class PlainUnits(AbstractFormulation):
     multiplier: MultiplierFormulation = eqx.field(default_factory=MultiplierFormulation)
 
     def initial(self, scene: AbstractScene) -> MultiplierState:
-        """At the scene's start."""
+        """Return the state at the scene's start."""
         return _rescaled(self.multiplier.initial(scene), 1 / CONTACT_TIME)
 
     def snapshot(self, time: Scalar, state: MultiplierState, scene: AbstractScene) -> Snapshot:
-        """That of the multiplier formulation."""
+        """Do as the multiplier formulation does."""
         return self.multiplier.snapshot(time, _rescaled(state, CONTACT_TIME), scene)
 
     def rate(
         self, snapshot: Snapshot, state: MultiplierState, scene: AbstractScene
     ) -> MultiplierState:
-        """The derivatives q' and q'', per second."""
+        """Return the derivatives q' and q'', per second."""
         inner = self.multiplier.rate(snapshot, _rescaled(state, CONTACT_TIME), scene)
         return _rescaled(inner, 1 / CONTACT_TIME)
 
     def unwound(self, state: MultiplierState) -> MultiplierState:
-        """That of the multiplier formulation."""
+        """Do as the multiplier formulation does."""
         return self.multiplier.unwound(state)
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
-        """Not adapted to the clearance."""
+        """Return `rtol`, not adapted to the clearance."""
         return rtol
 
 
@@ -129,6 +128,6 @@ def _rescaled(state: MultiplierState, factor: float) -> MultiplierState:
 
 
 def largest(error: PyTree) -> Scalar:
-    """The error norm of MATLAB's ode45: the largest entry; totals do not count."""
+    """Return the error norm of MATLAB's ode45: the largest entry; totals do not count."""
     motion = error.motion if isinstance(error, Carried) else error
     return jnp.max(jnp.stack([jnp.max(jnp.abs(leaf)) for leaf in jax.tree.leaves(motion)]))

@@ -1,4 +1,4 @@
-"""What a number of the paper is compared with, and the rule of the verdict."""
+"""The rule of the verdicts on numbers of the paper, which the page claims.md states."""
 
 import math
 from dataclasses import dataclass
@@ -13,11 +13,6 @@ NOT_REPRODUCED = "not reproduced"
 INCONSISTENT = "inconsistent in the source"
 UNCHECKED = "cannot be checked"
 
-RULE = f"""A claim is *{INCONSISTENT}* if numbers and equations printed in the paper itself,
-each within the rounding of its last digit, contradict it. Else it is *{REPRODUCED}* if the value
-computed differs from it by at most {100 * TOLERANCE:g} % or by the rounding of its last digit,
-and *{NOT_REPRODUCED}* if not. It *{UNCHECKED}* if it needs data the paper does not print."""
-
 
 class Estimate(NamedTuple):
     """A value with the range of it over runs and windows."""
@@ -28,7 +23,7 @@ class Estimate(NamedTuple):
 
 
 def estimate(samples: np.ndarray) -> Estimate:
-    """Median and range. A NaN, from a failed run, is not left out."""
+    """Return median and range. A NaN, from a failed run, is not left out."""
     samples = np.asarray(samples, dtype=float)
     return Estimate(*(float(f(samples)) for f in (np.median, np.min, np.max)))
 
@@ -42,7 +37,7 @@ class Printed:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """What rounds to it."""
+        """Return the interval that rounds to it."""
         return self.value - self.rounding, self.value + self.rounding
 
 
@@ -54,7 +49,7 @@ def printed(text: str) -> Printed:
 
 
 def overlap(first: tuple[float, float], second: tuple[float, float]) -> bool:
-    """Whether two closed intervals have a number in common, up to rounding in binary."""
+    """Return whether two closed intervals have a number in common, up to rounding in binary."""
     finite = (abs(end) for end in (*first, *second) if math.isfinite(end))
     slack = 1e-9 * max(finite, default=0.0)
     return first[0] <= second[1] + slack and second[0] <= first[1] + slack
@@ -63,7 +58,7 @@ def overlap(first: tuple[float, float], second: tuple[float, float]) -> bool:
 def verdict(
     claim: Printed, found: Estimate | None, implied: tuple[float, float] | None = None
 ) -> str:
-    """By the rule; `implied` is the interval that the paper's other numbers leave."""
+    """Judge by the rule; `implied` is the interval that the paper's other numbers leave."""
     if implied is not None and not overlap(claim.interval, implied):
         return INCONSISTENT
     if found is None:

@@ -1,4 +1,4 @@
-"""How many operations a program has, before XLA."""
+"""The number of operations of a program, before XLA."""
 
 import equinox as eqx
 import jax
@@ -8,7 +8,7 @@ import jaxcrusher as jc
 
 
 def operations(jaxpr) -> int:
-    """Equations of a traced program, with those of its inner programs."""
+    """Count the equations of a traced program, with those of its inner programs."""
     total = 0
     for equation in jaxpr.eqns:
         inner = [
@@ -23,13 +23,13 @@ def operations(jaxpr) -> int:
 
 
 def traced(function, scene: jc.Scene):
-    """The program of `function(scene)`, its numbers as arguments."""
+    """Return the program of `function(scene)`, its numbers as arguments."""
     numbers, rest = eqx.partition(scene, eqx.is_array)
     return jax.jit(lambda numbers: jax.tree.leaves(function(eqx.combine(numbers, rest)))), numbers
 
 
 def field_operations(scene: jc.Scene) -> int:
-    """Operations of one evaluation of the equations of motion."""
+    """Count the operations of one evaluation of the equations of motion."""
     state = scene.formulation.initial(scene)
 
     def rate(scene):

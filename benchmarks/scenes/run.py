@@ -1,6 +1,5 @@
 """Operations, trace and compile time, and the time of a run, of scenes that leave things out."""
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,13 +9,13 @@ import jax
 import numpy as np
 
 import jaxcrusher as jc
+from benchmarks.pages import publish, table
 from benchmarks.scenes.operations import field_operations, operations, traced
-from benchmarks.setting import setting
+from benchmarks.timing import spent, timed_in_turn
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.provenance import command
-from jaxcrusher.files.results import results_folder, write_table, write_text
+from jaxcrusher.files.results import results_folder
 
-RUNS = 41
+RUNS = 40
 TIMES = np.linspace(0, 2 * np.pi / 30, 513)
 # As many steps for every scene: times are then those of a step.
 STEPS = 2048
@@ -24,139 +23,82 @@ BY_ANGLE, BY_TIME = (
     jc.Method(stepsize_controller=diffrax.ConstantStepSize(), dt0=float(span) / STEPS)
     for span in (2 * np.pi, TIMES[-1])
 )
+Look = Callable[[jc.Scene], Any]
 
 
-def compiled(function, scene: jc.Scene) -> tuple[dict[str, float], Callable[[], Any]]:
-    """Operations, seconds of tracing and compiling; and the program, ready to run."""
-    program, numbers = traced(function, scene)
+def _simulated(outputs: tuple[str, ...] | None) -> Look:
+    chosen: dict[str, Any] = {} if outputs is None else {"outputs": outputs}
+    return lambda scene: jc.simulate(scene, TIMES, method=BY_TIME, **chosen)
+
+
+RMS = "the rms over a turn"
+LOOKS: dict[str, Look] = {
+    RMS: lambda s: jc.statistics(s, 0, 1, outputs=("foundation_rms",), method=BY_ANGLE),
+    "every statistic of a turn": lambda s: jc.statistics(s, 0, 1, method=BY_ANGLE),
+    "the foundation force at 513 instants": _simulated(("foundation_force",)),
+    "the foundation force and the energy ledger": _simulated(("foundation_force", "energy")),
+    "every output at 513 instants": _simulated(None),
+}
+FULL: dict[str, Any] = {"slip": "surface", "start": "contact"}
+
+
+def _loose(*joints: str) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """Return the full scene with joints loose besides, under a load that keeps them in contact."""
+    numbers = {f"{joint}.{name}": v for joint in joints for name, v in SEAT.items()}
+    return FULL | {"load_law": "normal_to_jaw"} | numbers, (RMS,)
+
+
+SEAT = {"clearance": 1e-4, "slip": "surface"}
+# Scenes by name: numbers of a description, and what is computed of each.
+SCENES: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    "ideal joint": ({"joint": "ideal"}, (RMS, "every output at 513 instants")),
+    "no friction, no load": ({"start": "contact", "friction": 0, "load_law": "none"}, (RMS,)),
+    "no friction": ({"start": "contact", "friction": 0}, (RMS,)),
+    "full": (FULL, tuple(LOOKS)),
+    "full, impact velocity tracked": (FULL | {"impact_law": "tracked"}, (RMS,)),
+    "full, multipliers": (FULL | {"formulation": "multiplier"}, (RMS,)),
+    "full, B loose too": _loose("elbow"),
+    "full, C loose too": _loose("pivot"),
+    "full, B and C loose too": _loose("elbow", "pivot"),
+}
+
+
+def compiled(look: Look, scene: jc.Scene) -> tuple[dict[str, float], Callable[[], Any]]:
+    """Return operations, seconds of tracing and compiling, and the program, ready to run."""
+    program, numbers = traced(look, scene)
     count = operations(jax.make_jaxpr(program)(numbers).jaxpr)
-    began = time.perf_counter()
-    lowered = program.lower(numbers)
-    middle = time.perf_counter()
-    ready = lowered.compile()
-    end = time.perf_counter()
-    found = {"program_operations": count, "trace_s": middle - began, "compile_s": end - middle}
-    return found, lambda: jax.block_until_ready(ready(numbers))
-
-
-def median_times(programs: list[Callable[[], Any]]) -> list[float]:
-    """Milliseconds of each, run in turn so that a slow moment of the machine meets all."""
-    times = []
-    for _ in range(RUNS):
-        times.append([])
-        for program in programs:
-            start = time.perf_counter()
-            program()
-            times[-1].append(1e3 * (time.perf_counter() - start))
-    return np.median(times[1:], axis=0).tolist()
-
-
-def rms_only(scene: jc.Scene):
-    """The RMS over a turn."""
-    return jc.statistics(scene, 0, 1, outputs=("foundation_rms",), method=BY_ANGLE)
-
-
-def all_statistics(scene: jc.Scene):
-    """Every statistic of a turn."""
-    return jc.statistics(scene, 0, 1, method=BY_ANGLE)
-
-
-def one_history(scene: jc.Scene):
-    """The foundation force at 513 instants."""
-    return jc.simulate(scene, TIMES, outputs=("foundation_force",), method=BY_TIME)
-
-
-def with_ledger(scene: jc.Scene):
-    """The foundation force and the energy ledger."""
-    return jc.simulate(scene, TIMES, outputs=("foundation_force", "energy"), method=BY_TIME)
-
-
-def all_histories(scene: jc.Scene):
-    """Every output at 513 instants."""
-    return jc.simulate(scene, TIMES, method=BY_TIME)
-
-
-def cases() -> list[tuple[str, jc.Scene, list]]:
-    """Name, scene and what to compute of it."""
-    full = jc.paper_scene(30.0, 0.06e-3, start="contact", slip="surface")
-    functions = [rms_only, all_statistics, one_history, with_ledger, all_histories]
-    return [
-        ("ideal joint", jc.ideal_scene(30.0), [rms_only, all_histories]),
-        (
-            "no friction, no load",
-            jc.paper_scene(30.0, 0.06e-3, start="contact", friction=0, load_law="none"),
-            [rms_only],
-        ),
-        ("no friction", jc.paper_scene(30.0, 0.06e-3, start="contact", friction=0), [rms_only]),
-        ("full", full, functions),
-        (
-            "full, impact velocity tracked",
-            jc.paper_scene(30.0, 0.06e-3, start="contact", slip="surface", impact_law="tracked"),
-            [rms_only],
-        ),
-        (
-            "full, multipliers",
-            jc.paper_scene(
-                30.0, 0.06e-3, start="contact", slip="surface", formulation="multiplier"
-            ),
-            [rms_only],
-        ),
-        *(
-            (f"full, {words} loose too", _worn(joints), [rms_only])
-            for words, joints in (
-                ("B", ("elbow",)),
-                ("C", ("pivot",)),
-                ("B and C", ("elbow", "pivot")),
-            )
-        ),
-    ]
-
-
-def _worn(joints: tuple[str, ...]) -> jc.Scene:
-    """The full scene with these joints loose, under a load that keeps them in contact."""
-    values = {"slip": "surface", "start": "contact", "load_law": "normal_to_jaw"}
-    for joint in joints:
-        values |= {f"{joint}.clearance": 1e-4, f"{joint}.slip": "surface"}
-    return jc.build_scene(values)
+    traces, lowered = spent(lambda: program.lower(numbers))
+    compiles, ready = spent(lowered.compile)
+    found = {"program_operations": count, "trace_s": traces.wall, "compile_s": compiles.wall}
+    return found, lambda: ready(numbers)
 
 
 def run(out: Path) -> None:
-    """Measure every case; write the csv and the page."""
+    """Measure every scene; write the csv and the page."""
     folder, rows, programs = results_folder(out), [], []
-    pairs = [(n, s, f) for n, s, functions in cases() for f in functions]
+    pairs = [(name, look) for name, (_, looks) in SCENES.items() for look in looks]
     with progress() as bars:
-        for name, scene, function in bars.track(pairs, description="scenes"):
-            what = (function.__doc__ or "").rstrip(".").lower()
-            found, program = compiled(function, scene)
-            field = field_operations(scene)
-            rows.append({"scene": name, "computed": what, "field_operations": field} | found)
+        for name, look in bars.track(pairs, description="scenes"):
+            scene = jc.build_scene({"speed": 30.0, "clearance": 0.06e-3} | SCENES[name][0])
+            found, program = compiled(LOOKS[look], scene)
+            count = field_operations(scene)
+            rows.append({"scene": name, "computed": look, "field_operations": count} | found)
             programs.append(program)
-    for row, milliseconds in zip(rows, median_times(programs), strict=True):
-        row["run_ms"] = milliseconds
-    write_table(folder / "scenes.csv", rows)
-    text = page(rows)
-    write_text(folder / "scenes.md", text)
-    print(text)
+    for at, one in timed_in_turn(dict(enumerate(programs)), RUNS).items():
+        rows[at]["run_ms"] = 1e3 * one.again.wall
+    publish(folder, "scenes.md", tables(rows), rows=rows)
 
 
-def page(rows: list[dict]) -> str:
-    """The page in Markdown."""
-    base = next(r for r in rows if r["scene"] == "full" and "rms" in r["computed"])["run_ms"]
-    lines = [
-        "# What a scene leaves out",
-        "",
-        f"Made by `{command()}`; not edited by hand. One turn of the quiet motion",
-        f"at 30 rad/s, 0.06 mm, in {STEPS} equal steps of Tsit5, on",
-        f"{setting()}.",
-        f"Runs are medians of {RUNS - 1} rounds, in units of the full scene's RMS ({base:.2f} ms,",
-        f"{1e3 * base / STEPS:.2f} us a step).",
-        "",
-        "| scene | computed | operations: field | program | trace s | compile s | run |",
-        "|---|---|---|---|---|---|---|",
-    ]
-    lines += [
-        f"| {r['scene']} | {r['computed']} | {r['field_operations']} | {r['program_operations']} | "
-        f"{r['trace_s']:.1f} | {r['compile_s']:.1f} | {r['run_ms'] / base:.2f} |"
+def tables(rows: list[dict[str, Any]]) -> dict[str, str]:
+    """Return the table of scenes, and that of the unit of their times."""
+    base = next(r["run_ms"] for r in rows if (r["scene"], r["computed"]) == ("full", RMS))
+    cells = [
+        [
+            *(r["scene"], r["computed"], r["field_operations"], r["program_operations"]),
+            *(f"{r['trace_s']:.1f}", f"{r['compile_s']:.1f}", f"{r['run_ms'] / base:.2f}"),
+        ]
         for r in rows
     ]
-    return "\n".join(lines) + "\n"
+    heads = ("scene", "computed", "operations: field", "program", "trace s", "compile s", "run")
+    unit = table(("unit of a run, ms", "us a step"), [[f"{base:.2f}", f"{1e3 * base / STEPS:.2f}"]])
+    return {"unit": unit, "scenes": table(heads, cells)}

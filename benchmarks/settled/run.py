@@ -1,6 +1,5 @@
 """Maps of the settled RMS, and two stable motions for one design."""
 
-import time
 from collections import Counter
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 import jaxcrusher as jc
+from benchmarks.timing import spent
 from jaxcrusher.files.results import write_figure
 from jaxcrusher.pictures.page import STYLE, WIDTH, plain_powers
 from jaxcrusher.scenes.parameters import PE250X400, numbers_of
@@ -31,7 +31,7 @@ def run(out: Path) -> None:
 
 
 def figure() -> Figure:
-    """Two maps, and below them the branch."""
+    """Draw two maps, and below them the branch."""
     fig, panels = plt.subplot_mosaic(
         [["centre", "surface"], ["branch", "branch"]],
         figsize=(WIDTH, 5.8),
@@ -40,21 +40,21 @@ def figure() -> Figure:
     )
     ideal = np.array([float(jc.periodic_orbit(jc.ideal_scene(s)).foundation_rms) for s in SPEEDS])
     for slip in ("centre", "surface"):
-        begun, used = time.perf_counter(), time.process_time()
-        found = jc.orbit_map(
-            {"speed": SPEEDS, "clearance": CLEARANCES},
-            base={"slip": slip},
-            slopes=tuple(numbers_of(PE250X400)),
+        took, found = spent(
+            lambda slip=slip: jc.orbit_map(
+                {"speed": SPEEDS, "clearance": CLEARANCES},
+                base={"slip": slip},
+                slopes=tuple(numbers_of(PE250X400)),
+            )
         )
-        spent = time.perf_counter() - begun, time.process_time() - used
-        report(slip, found, *spent)
+        report(slip, found, *took)
         draw_map(fig, panels[slip], found, ideal, slip)
     draw_branch(panels["branch"])
     return fig
 
 
 def report(slip: str, found: xr.Dataset, wall: float, cpu: float) -> None:
-    """What was solved, and what it took."""
+    """Print what was solved, and its time."""
     solved = float(found.success.mean())
     print(f"slip of the {slip}: {solved:.2%} of {found.success.size} designs solved, ", end="")
     print(f"{float(found.stable.mean()):.2%} stable, {wall:.0f} s, {cpu:.0f} s of processors")
@@ -67,7 +67,7 @@ def report(slip: str, found: xr.Dataset, wall: float, cpu: float) -> None:
 
 
 def draw_map(fig, ax, found: xr.Dataset, ideal: np.ndarray, slip: str) -> None:
-    """How far the RMS is off an ideal joint's, either way; designs without an orbit are red."""
+    """Draw how far the RMS is off an ideal joint's; designs without an orbit are red."""
     excess = np.abs(found.foundation_rms.values - ideal[:, None])
     norm = LogNorm(*np.nanpercentile(excess, (2, 99.5)))
     millimetres = 1e3 * CLEARANCES
@@ -81,12 +81,12 @@ def draw_map(fig, ax, found: xr.Dataset, ideal: np.ndarray, slip: str) -> None:
 
 
 def scene(speed) -> jc.Scene:
-    """Of the folded branch."""
+    """Return a scene of the folded branch."""
     return jc.build_scene({"speed": speed, "clearance": FOLDED})
 
 
 def draw_branch(ax) -> None:
-    """The RMS along the branch from both sides; unstable motions are dashed."""
+    """Draw the RMS along the branch from both sides; unstable motions are dashed."""
     for i, (start, upwards) in enumerate(SIDES):
         branch = jc.orbit_branch(scene, start, BOUNDS, upwards=upwards, scale=1.0, points=80)
         speed, rms = branch.parameter.values, branch.foundation_rms.values

@@ -1,4 +1,4 @@
-"""Where the loud companion of the quiet motion lives: its branch, and that it was born from."""
+"""The branch of the loud orbit beside the quiet one, and the branch that it was born from."""
 
 from collections.abc import Callable
 
@@ -32,7 +32,7 @@ def run() -> None:
 
 
 def loudest(scene: jc.Scene, period: int) -> jc.PeriodicOrbit:
-    """Of the stable motions of so many turns."""
+    """Return the loudest of the stable orbits of so many turns."""
     found = jc.settled_motions(scene, starts=16, turns=400).orbits
     return max((one for one in found if one.period == period), key=lambda o: o.foundation_rms)
 
@@ -40,7 +40,7 @@ def loudest(scene: jc.Scene, period: int) -> jc.PeriodicOrbit:
 def follow(
     scene: Callable, name: str, start: float, orbit: jc.PeriodicOrbit, upwards: bool, points: int
 ) -> xr.Dataset:
-    """A branch from an orbit: by shooting if it loses contact, by collocation if it keeps it."""
+    """Follow a branch from an orbit, by shooting if that loses contact, else by collocation."""
     return jc.orbit_branch(
         scene,
         start,
@@ -55,7 +55,7 @@ def follow(
 
 
 def show(name: str, branch: xr.Dataset) -> None:
-    """Its points, and where it changes."""
+    """Print its points, and where it changes."""
     unit, size, _ = UNITS[name]
     print(f"{name}, {branch.period} turns: {unit}, RMS N, least penetration, largest multiplier")
     for i in range(branch.sizes["point"]):

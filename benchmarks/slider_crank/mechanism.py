@@ -31,10 +31,10 @@ from jaxcrusher.motion.integrate import (
     Integration,
     Outcome,
     Problem,
-    error_norm,
     failure_text,
     integrate,
 )
+from jaxcrusher.motion.method import pi_controller
 from jaxcrusher.motion.simulation import require_times
 
 
@@ -94,7 +94,7 @@ def flores(
     friction: AbstractFriction | None = None,
     gravity: ArrayLike = 0.0,
 ) -> SliderCrank:
-    """The mechanism of Flores and co-workers; `clearance` in m, None for the ideal joint.
+    """Return the mechanism of Flores and co-workers; `clearance` in m, None for the ideal joint.
 
     Bore of radius 10 mm, steel (207 GPa, 0.3), Lankarani-Nikravesh with restitution 0.9, no
     friction. Gravity would be 0.05 % of the slider's 19 400 m/s2. `impact_velocity` None is
@@ -123,7 +123,7 @@ def flores(
 
 
 def initial(mechanism: SliderCrank) -> JointState | None:
-    """Crank and rod in one line, the ideal joint's velocities, centres together."""
+    """Start with crank and rod in one line, the ideal joint's velocities, centres together."""
     if mechanism.joint is None:
         return None
     zero = Vector(0.0, 0.0)
@@ -131,7 +131,7 @@ def initial(mechanism: SliderCrank) -> JointState | None:
 
 
 def instant(time: Scalar, state: JointState | None, mechanism: SliderCrank) -> Instant:
-    """Forward dynamics with clearance, kinematics forwards and forces backwards without.
+    """Solve forward dynamics with clearance, kinematics and then forces without.
 
     The rod's end is at the journal less e, and the journal on the x axis: the rod's sine is
     -(A_y + e_y) / l, its cosine a square root, and no angle but omega t is needed.
@@ -177,7 +177,7 @@ def instant(time: Scalar, state: JointState | None, mechanism: SliderCrank) -> I
 
 
 def rate(now: Instant, state: JointState, mechanism: SliderCrank) -> JointState:
-    """By e'': the slider's acceleration less the bearing's."""
+    """Return the rate by e'': the slider's acceleration less the bearing's."""
     m, joint = mechanism, mechanism.joint
     assert joint is not None and now.contact is not None
     bearing = m.crank.length * turning(now.crank, m.speed, None)
@@ -190,7 +190,7 @@ def rate(now: Instant, state: JointState, mechanism: SliderCrank) -> JointState:
 
 
 def energy(now: Instant, mechanism: SliderCrank) -> Scalar:
-    """Kinetic of rod and slider (the crank's is constant), of weight, and elastic, J."""
+    """Return kinetic (without the crank's constant), potential and elastic energy, J."""
     m = mechanism
     pin, half = m.crank.length * now.crank, m.rod.length / 2 * now.rod
     velocity = m.speed * pin.perp() + now.rod_spin * half.perp()
@@ -204,7 +204,7 @@ def energy(now: Instant, mechanism: SliderCrank) -> Scalar:
 
 
 def powers(now: Instant, mechanism: SliderCrank) -> dict[str, Scalar]:
-    """What changes the energy, W."""
+    """Return the powers that change the energy, W."""
     found = {"drive": now.crank_moment * mechanism.speed}
     if mechanism.joint is not None and now.contact is not None:
         found["contact"] = -mechanism.joint.normal_loss(now.contact)
@@ -236,7 +236,7 @@ PROBLEM = Problem(_initial, _field, _observe, lambda observed, end: observed)
 
 
 def simulate(mechanism: SliderCrank, times: ArrayLike, rtol: float = 1e-10) -> Motion:
-    """The motion at `times` (s, increasing) to a tolerance in clearances and m/s.
+    """Integrate to `times` (s, increasing) to a tolerance in clearances and m/s.
 
     Differentiable by every number of the mechanism: see `jaxcrusher.motion.integrate`.
     """
@@ -247,15 +247,7 @@ def simulate(mechanism: SliderCrank, times: ArrayLike, rtol: float = 1e-10) -> M
 
 @eqx.filter_jit
 def _simulate(mechanism: SliderCrank, times: Array, rtol: Scalar) -> Motion:
-    controller = diffrax.PIDController(
-        rtol=rtol,
-        atol=rtol,
-        pcoeff=0.4,
-        icoeff=0.3,
-        norm=error_norm,
-        dtmin=1e-15,
-        force_dtmin=False,
-    )
+    controller = pi_controller(rtol, smallest=1e-15)
     method = Integration(diffrax.Tsit5(), controller, 10_000_000, 1e-7, None)
     seen, outcome = integrate(mechanism, times[None], problem=PROBLEM, method=method)
     instants, work, stored = jax.tree.map(lambda leaf: leaf[0], seen)
@@ -263,6 +255,6 @@ def _simulate(mechanism: SliderCrank, times: Array, rtol: Scalar) -> Motion:
 
 
 def joint_load(motion: Motion) -> np.ndarray:
-    """The length of the force between rod and slider, N."""
+    """Return the length of the force between rod and slider, N."""
     force = motion.instants.joint_force
     return np.hypot(force.x, force.y)

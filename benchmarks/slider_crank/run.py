@@ -43,7 +43,7 @@ def compare(impact_velocity: float | None) -> None:
 
 
 def impact_peaks(force: np.ndarray) -> list[float]:
-    """The largest force of each stretch of contact, in samples of `force`."""
+    """Return the largest force of each stretch of contact, in samples of `force`."""
     touching = np.concatenate([[0], (force > 0).astype(int), [0]])
     begins, ends = np.flatnonzero(np.diff(touching) > 0), np.flatnonzero(np.diff(touching) < 0)
     return [float(force[begin:end].max()) for begin, end in zip(begins, ends, strict=True)]
@@ -82,7 +82,7 @@ def long_run(settle: int, turns: int) -> None:
 
 
 def draw(path: Path, turns: int = 2) -> None:
-    """Slider acceleration and crank moment over the crank angle, and the journal's orbit."""
+    """Draw slider acceleration and crank moment over the crank angle, and the journal's orbit."""
     mechanism = flores()
     assert mechanism.joint is not None
     times = np.linspace(0, turns * 2 * np.pi / float(mechanism.speed), 12_000 * turns)
@@ -120,7 +120,7 @@ def draw(path: Path, turns: int = 2) -> None:
 
 
 def run(out: Path) -> None:
-    """The comparison, the energy, the model's limits, and the figure."""
+    """Print the comparison, the energy and the model's limits; draw the figure."""
     folder = results_folder(out)
     compare(None)
     compare(20.0)

@@ -18,18 +18,17 @@ def main(
     Three quarters of an hour on two cores, of which the bearing takes eleven minutes.
 
     Args:
-        of: Of what; of both without one.
+        of: The bearing A, the seats B and C, or both.
         out: Folder of stability.md, .csv and .png, and the same of stability_seats.
         table: A csv of an earlier run, to draw its figure again without judging.
     """
-    from benchmarks.stability.run import redraw, run, run_seats
+    from benchmarks.stability.run import redraw, run
 
     if table is not None:
         redraw(out, table)
         return
-    for what, judge in (("bearing", run), ("seats", run_seats)):
-        if what in of or not of:
-            judge(out)
+    for what in of or ("bearing", "seats"):
+        run(what, out)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,5 @@
-"""What a case is: a description of a crusher, and where its pins start."""
+"""A case: a description of a crusher, where its pins start, and the programs that judge it."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -21,48 +19,35 @@ from jaxcrusher.scenes.parameters import PE250X400
 
 Formulation = Literal["eccentricity", "multiplier"]
 FORMULATIONS: tuple[Formulation, ...] = ("eccentricity", "multiplier")
-# Along every axis: at rest amid the bores, resting in them, thrown at the wall of one.
-STARTS = ("centred", "in contact", "violent")
+Numbers = dict[str, float | str]
 
 
 @dataclass(frozen=True)
-class AbstractCase(ABC):
+class Case:
     """A crusher and a start; `axis`, `value` and `start` are its labels."""
 
     axis: str
     value: str
     start: str
-
-    @property
-    @abstractmethod
-    def peer(self) -> AbstractPeer:
-        """The crusher of the other programs."""
-
-    @property
-    @abstractmethod
-    def values(self) -> Mapping[str, float | str]:
-        """The same as a description."""
-
-    @property
-    @abstractmethod
-    def given(self) -> Pins:
-        """The start, if it is not "in contact"."""
+    numbers: tuple[tuple[str, float | str], ...]  # a description, as items
+    peer: AbstractPeer  # the same crusher of the other programs
+    given: Pins | None  # the start; None rests in contact
 
     @cached_property
     def pins(self) -> Pins:
         """The start, the same for all programs."""
-        if self.start != "in contact":
+        if self.given is not None:
             return self.given
-        e, rates = resting(scene_of(self.values, "eccentricity"))
-        return Pins(complexes(e), complexes(rates))
+        e, rates = _resting(_scene(dict(self.numbers), "eccentricity"))
+        return Pins(_complexes(e), _complexes(rates))
 
     def scene(self, formulation: Formulation, pins: Pins | None = None) -> jc.Scene:
-        """Ours, of one structure for all cases: one compiled program serves them.
+        """Return our scene, from other `pins` if given. ValueError as `jaxcrusher.build_scene`.
 
-        From other `pins` if given. ValueError as `jaxcrusher.build_scene`.
+        All cases have scenes of one structure, so that one compiled program serves them.
         """
         at = self.pins if pins is None else pins
-        scene, starts = scene_of(self.values, formulation), {}
+        scene, starts = _scene(dict(self.numbers), formulation), {}
         for (name, joint), e, rate in zip(scene.joints.present(), at.e, at.rates, strict=True):
             relative = e / float(joint.clearance)
             starts[name] = Vector(relative.real, relative.imag), Vector(rate.real, rate.imag)
@@ -71,29 +56,25 @@ class AbstractCase(ABC):
         return eqx.tree_at(lambda s: s.start, scene, Given(main[0], main[1], AtJoints(**starts)))
 
 
-def scene_of(values: Mapping[str, float | str], formulation: Formulation) -> jc.Scene:
-    """The scene of a description, centred. ValueError as `jaxcrusher.build_scene`."""
+def _scene(values: Numbers, formulation: Formulation) -> jc.Scene:
     jc.build_scene(values)  # as a user would, with every check
     loose = [p for p in PREFIXES.values() if p + "friction" in values]
     # A friction of zero would be left out, and be another program.
     standing = {prefix + "friction": PE250X400["friction"] for prefix in loose}
     scene = jc.build_scene({**values, **standing, "formulation": formulation})
     coefficients = [scalar(values[prefix + "friction"]) for prefix in loose]
-    return eqx.tree_at(frictions, scene, coefficients)
+    return eqx.tree_at(_frictions, scene, coefficients)
 
 
-def frictions(scene: jc.Scene) -> list[Scalar]:
-    """The coefficients of the loose joints."""
+def _frictions(scene: jc.Scene) -> list[Scalar]:
     laws = (joint.friction for _, joint in scene.joints.present())
     return [law.coefficient for law in laws if isinstance(law, AmbrosioFriction)]
 
 
-def complexes(of: Play) -> tuple[complex, ...]:
-    """Vectors of the loose joints, in their order."""
+def _complexes(of: Play) -> tuple[complex, ...]:
     return tuple(complex(v.x, v.y) for _, v in of.present())
 
 
 @eqx.filter_jit
-def resting(scene: jc.Scene) -> tuple[Play, Play]:
-    """Where pins rest in their bores."""
+def _resting(scene: jc.Scene) -> tuple[Play, Play]:
     return InContact().eccentricities(scene)

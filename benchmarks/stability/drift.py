@@ -1,4 +1,4 @@
-"""A thousand turns: what the energy ledger, the constraints and the RMS drift by."""
+"""A thousand turns: the drift of the energy ledger, the constraints and the RMS."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 import jaxcrusher as jc
-from benchmarks.stability.case import FORMULATIONS
-from benchmarks.stability.cases import BASE, Case
+from benchmarks.stability.case import FORMULATIONS, Case, Formulation
+from benchmarks.stability.cases import BASE, bearing_case
 from benchmarks.stability.peer import BearingPeer, Pins
 from benchmarks.stability.reference import members
 
@@ -33,18 +33,18 @@ class Drift:
 
 
 def measure(known: Mapping[str, np.ndarray]) -> Iterator[Drift]:
-    """Both formulations from each start of `known`: what `reference` says of it."""
+    """Run both formulations from each start of `known`, which has the answers of `reference`."""
     for start, theirs in known.items():
-        case = Case("start", start, start, BASE)
+        case = bearing_case(start)
         for formulation in FORMULATIONS:
             yield run(case, formulation, TURNS, BLOCK, theirs)
 
 
-def run(case: Case, formulation, turns: int, block: int, known: np.ndarray) -> Drift:
-    """One long run, ours; `known` as `reference` gives it."""
+def run(case: Case, formulation: Formulation, turns: int, block: int, known: np.ndarray) -> Drift:
+    """Run ours for long; `known` is the answer of `reference`."""
     scene = case.scene(formulation)
     # Odd instants, so that not the same phase is seen in every turn.
-    times = 2 * np.pi / case.crusher.speed * np.linspace(0, turns, 7 * turns + 2)
+    times = 2 * np.pi / BASE.speed * np.linspace(0, turns, 7 * turns + 2)
     outputs: tuple[str, ...] = ("energy", "drive_power")
     if formulation == "multiplier":
         outputs += ("constraint_residual",)
@@ -73,7 +73,7 @@ def run(case: Case, formulation, turns: int, block: int, known: np.ndarray) -> D
 
 
 def reference(pins: Pins, turns: int = TURNS, block: int = BLOCK) -> np.ndarray:
-    """The base case's RMS over the first and the last block by numba, N, shape (members, 2)."""
+    """Return the RMS (N) of the first and last block by numba, shape (members, 2)."""
     peer, rows = BearingPeer(BASE), []
     for place in members(peer, pins, MEMBERS):
         first, _ = peer.mean_square(place, 0, block, MOST_STEPS)

@@ -7,9 +7,8 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from benchmarks.stability import seats
-from benchmarks.stability.case import FORMULATIONS, STARTS
-from benchmarks.stability.cases import AXES, GIVEN
+from benchmarks.stability import cases
+from benchmarks.stability.case import FORMULATIONS
 from benchmarks.stability.judgement import AGREES, DISAGREES, OUTSIDE, REFUSED, WHIRL, Judged
 from jaxcrusher.pictures.page import STYLE, WIDTH
 
@@ -22,21 +21,21 @@ SHORT["masses"] = SHORT["stiffness"]
 
 
 def draw(rows: list[Judged]) -> Figure:
-    """The figure of A's rows; what is not in the cells is in the page's tables."""
+    """Draw the rows of A; what is not in the cells is in the page's tables."""
     with plt.rc_context(STYLE):
         fig = plt.figure(figsize=(WIDTH, 8.2), layout="constrained")
         # Four rows of two axes each, the last place for the legend; below them the starts.
         grid = fig.add_gridspec(5, 2, height_ratios=(6, 6, 6, 6, 4))
-        for i, (name, axis) in enumerate(AXES.items()):
+        for i, (name, axis) in enumerate(cases.AXES.items()):
             ax = fig.add_subplot(grid[divmod(i, 2)])
-            _along(ax, rows, name, name, axis.unit, axis.values, STARTS, labelled=not i % 2)
+            _along(ax, rows, name, name, axis, cases.STARTS, labelled=not i % 2)
         _legend(fig.add_subplot(grid[3, 1]))
         found = {(r.start, r.formulation): r for r in rows if r.axis == "start"}
         ax = fig.add_subplot(grid[4, :])
         _panel(
             ax,
-            [[found.get((start, kind)) for start in GIVEN] for kind in FORMULATIONS],
-            [s.replace(", ", ",\n").replace(" m/s ", " m/s\n") for s in GIVEN],
+            [[found.get((start, kind)) for start in cases.GIVEN] for kind in FORMULATIONS],
+            [s.replace(", ", ",\n").replace(" m/s ", " m/s\n") for s in cases.GIVEN],
             list(FORMULATIONS),
         )
         ax.set_title("starts of the base case")
@@ -45,42 +44,43 @@ def draw(rows: list[Judged]) -> Figure:
 
 
 def draw_seats(rows: list[Judged]) -> Figure:
-    """The figure of the rows of B and C: the left half is of B, the right of C."""
+    """Draw the rows of B and C: B on the left, C on the right."""
     with plt.rc_context(STYLE):
         fig = plt.figure(figsize=(WIDTH, 9.8), layout="constrained")
         grid = fig.add_gridspec(6, 2, height_ratios=(6, 6, 6, 6, 8, 6))
-        for column, (joint, seat) in enumerate(seats.SEATS.items()):
-            of = seats.starts(joint)
-            for row, (name, axis) in enumerate(seats.AXES.items()):
+        for column, (joint, seat) in enumerate(cases.SEATS.items()):
+            of = cases.seat_starts(joint)
+            for row, (name, axis) in enumerate(cases.SEAT_AXES.items()):
                 ax, label = fig.add_subplot(grid[row, column]), f"{seat} {name}"
-                _along(ax, rows, label, name, axis.unit, axis.values, of, labelled=not column)
-        ax, sets = fig.add_subplot(grid[4, :]), [", ".join(loose) for loose in seats.SETS]
+                _along(ax, rows, label, name, axis, of, labelled=not column)
+        ax, sets = fig.add_subplot(grid[4, :]), [", ".join(loose) for loose in cases.SETS]
         found = {(r.value, r.start, r.formulation): r for r in rows if r.axis == "loose"}
-        lines = [(start, kind) for start in seats.starts("BC") for kind in FORMULATIONS]
+        lines = [(start, kind) for start in cases.seat_starts("BC") for kind in FORMULATIONS]
         cells = [[found.get((loose, *line)) for loose in sets] for line in lines]
         _panel(ax, cells, sets, [", ".join(line) for line in lines])
         ax.set_title("loose joints")
-        load, ax = seats.LOADS, fig.add_subplot(grid[5, 0])
-        _along(ax, rows, "load", "load", load.unit, load.values, seats.starts("B"), labelled=True)
+        ax = fig.add_subplot(grid[5, 0])
+        _along(ax, rows, "load", "load", cases.LOADS, cases.seat_starts("B"), labelled=True)
         _legend(fig.add_subplot(grid[5, 1]))
         fig.draw_without_rendering()
     return fig
 
 
-def _along(ax: Axes, rows, label: str, name: str, unit: str, values, starts, *, labelled: bool):
-    """The rows of an axis: its values from left to right, a line for each start and formulation."""
+def _along(
+    ax: Axes, rows, label: str, name: str, axis: cases.Axis, starts, *, labelled: bool
+) -> None:
+    """Draw an axis: its values from left to right, a line for each start and formulation."""
     lines = [(start, kind) for start in starts for kind in FORMULATIONS]
     found = {(r.value, r.start, r.formulation): r for r in rows if r.axis == label}
-    short, size = SHORT.get(name, (unit.removeprefix("1"), 1.0))
-    cells = [[found.get((f"{value:g}", *line)) for value in values] for line in lines]
-    # Of "violent at B" the place is the panel's.
+    short, size = SHORT.get(name, (axis.unit.removeprefix("1"), 1.0))
+    cells = [[found.get((f"{value:g}", *line)) for value in axis.values] for line in lines]
+    # The panel names the place of "violent at B".
     named = [f"{start.partition(' at ')[0]}, {kind}" for start, kind in lines]
-    _panel(ax, cells, [f"{value / size:g}" for value in values], named if labelled else [])
+    _panel(ax, cells, [f"{value / size:g}" for value in axis.values], named if labelled else [])
     ax.set_title(f"{label} ({short})" if short else label)
 
 
 def _legend(ax: Axes) -> None:
-    """In a place of its own."""
     patches = [
         Patch(facecolor=c, edgecolor="0.5", label=v) for c, v in zip(COLOURS, ORDER, strict=True)
     ]

@@ -1,4 +1,4 @@
-"""Inputs that no motion belongs to: each must be refused, in words, before or within a run."""
+"""Inputs that no motion belongs to: each must be refused with a message, before or in a run."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -30,7 +30,7 @@ STARTS = {
     "e' = 1e6 m/s": (0.0, 1e6),
     "e' = 1e200 m/s": (0.0, 1e200),
 }
-# What a traced value brings past every check.
+# Traced values pass every check.
 TRACED: dict[str, tuple[Callable[[Any], jax.Array], float]] = {
     "clearance, traced": (lambda s: s.joint.clearance, float("nan")),
     "clearance < 0, traced": (lambda s: s.joint.clearance, -1e-3),
@@ -60,12 +60,12 @@ def inputs() -> Iterator[Judged]:
 
 
 def run(scene: jc.Scene) -> jc.Statistics:
-    """Two turns."""
+    """Integrate two turns."""
     return jc.statistics(scene, 1, 1, method=jc.Method(max_steps=100_000))
 
 
 def without_x64(scene: jc.Scene) -> jc.Statistics:
-    """With 64-bit floats off."""
+    """Run with 64-bit floats off."""
     jax.config.update("jax_enable_x64", False)
     try:
         return run(scene)
@@ -74,18 +74,18 @@ def without_x64(scene: jc.Scene) -> jc.Statistics:
 
 
 def in_context() -> jc.Statistics:
-    """With 64-bit floats off in this thread only."""
+    """Run with 64-bit floats off in this thread only."""
     with jax.enable_x64(False):
         return run(jc.build_scene({}))
 
 
 def cast(scene: jc.Scene) -> jc.Scene:
-    """The scene in 32-bit floats."""
+    """Return the scene in 32-bit floats."""
     return jax.tree.map(lambda leaf: leaf.astype(np.float32) if eqx.is_array(leaf) else leaf, scene)
 
 
 def attempt(what: str, value: str, job: Callable[[], jc.Statistics]) -> Judged:
-    """Refused by a ValueError or a failure; any number is a wrong one."""
+    """Judge an input: a ValueError or a failure refuses it, and any number is wrong."""
     labels = (what, value, "", "")
     try:
         found = job()

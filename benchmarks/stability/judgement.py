@@ -1,4 +1,4 @@
-"""The verdict on a case: our numbers beside the reference's, and what the package says of them."""
+"""The verdict on a case: our numbers and warnings beside the reference's numbers."""
 
 import math
 from dataclasses import dataclass
@@ -7,9 +7,10 @@ import numpy as np
 from scipy import stats
 
 import jaxcrusher as jc
+from benchmarks.batch import map_scenes
 from benchmarks.narrow import narrow
-from benchmarks.stability.case import AbstractCase, Formulation
-from benchmarks.stability.ours import MOST_STEPS, Ours, in_lanes, simulate, statistics
+from benchmarks.stability.case import Case, Formulation
+from benchmarks.stability.ours import MOST_STEPS, Ours, simulate, statistics
 from benchmarks.stability.reference import FEW, OURS, SETTLE, TIMES, TURNS, Reference, members
 from jaxcrusher.crusher.formulations import MultiplierFormulation
 from jaxcrusher.crusher.joints import before
@@ -34,7 +35,7 @@ STEP = 1e-9
 
 @dataclass(frozen=True)
 class Judged:
-    """A row of the table; nothing known is NaN or empty."""
+    """A row of the table; what is not known is NaN or empty."""
 
     axis: str
     value: str
@@ -54,9 +55,9 @@ class Judged:
 
 
 def judge(
-    case: AbstractCase, formulation: Formulation, known: Reference, ours: Ours | ValueError
+    case: Case, formulation: Formulation, known: Reference, ours: Ours | ValueError
 ) -> Judged:
-    """Say what is to be said of ours."""
+    """Judge our motion of a case beside its reference."""
     labels = (case.axis, case.value, case.start, formulation)
     if isinstance(ours, ValueError):
         return Judged(*labels, REFUSED, "", str(ours))
@@ -73,7 +74,7 @@ def judge(
     near = close["error"] <= close["allowed"]
     agreement = "yes" if near and off <= allowed else "no"
     if not near and off <= allowed:
-        (sharp,) = in_lanes(simulate, [narrow(scene)])
+        (sharp,) = map_scenes(simulate, [narrow(scene)])
         closer = pointwise(scene, sharp, known)
         if sharp.success and closer["error"] <= closer["allowed"]:
             agreement = "but for smoothing"
@@ -99,7 +100,7 @@ def judge(
 
 
 def rolling(scene: jc.Scene, found: jc.Statistics) -> list[str]:
-    """What goes round its bore at B and C, in words."""
+    """Name the pins of B and C that go round their bores."""
     told = []
     for name, _ in scene.joints.present():
         prefix = before(name)
@@ -110,9 +111,9 @@ def rolling(scene: jc.Scene, found: jc.Statistics) -> list[str]:
 
 
 def pointwise(scene: jc.Scene, history: jc.Trajectory, known: Reference) -> dict[str, float]:
-    """Error and tolerance where their ratio is largest, in units of the largest value.
+    """Return error and tolerance where their ratio is largest, in units of the largest value.
 
-    A span of zero: rounding alone moves the force by more than is compared.
+    The span is zero where rounding alone moves the force by more than is compared.
     """
     multiplier = isinstance(scene.formulation, MultiplierFormulation)
     rounding = ROUNDING if multiplier else 0.0
@@ -132,21 +133,21 @@ def pointwise(scene: jc.Scene, history: jc.Trajectory, known: Reference) -> dict
     return worst
 
 
-def others(case: AbstractCase, formulation: Formulation, count: int) -> list[float]:
-    """The RMS (N) of ours from starts about the case's."""
+def others(case: Case, formulation: Formulation, count: int) -> list[float]:
+    """Return the RMS (N) of ours from starts about the case's."""
     scenes = [case.scene(formulation, place) for place in members(case.peer, case.pins, count)]
-    return list(map(rms_of, in_lanes(statistics, scenes)))
+    return list(map(rms_of, map_scenes(statistics, scenes)))
 
 
 def rms_of(found: jc.Statistics) -> float:
-    """RMS of |R_O| + |R_C|, N."""
+    """Return the RMS of |R_O| + |R_C|, N."""
     return float(found.foundation_rms)
 
 
 def statistical(
     ours: np.ndarray, theirs: np.ndarray, integration: float
 ) -> tuple[float, float, float]:
-    """The reference's mean (N), how far ours is from it and may be (relative).
+    """Return the reference's mean (N), how far ours is from it, and may be (both relative).
 
     Allowed are the scatter of the reference's starts and the `integration`'s own error.
 

@@ -25,7 +25,7 @@ class Pins:
     rates: tuple[complex, ...]
 
     def moved(self, by: Iterable[complex]) -> "Pins":
-        """With these added to the eccentricities, m."""
+        """Return these pins with `by` (m) added to the eccentricities."""
         return Pins(tuple(at + d for at, d in zip(self.e, by, strict=True)), self.rates)
 
 
@@ -35,19 +35,19 @@ class AbstractPeer(ABC):
     @property
     @abstractmethod
     def clearances(self) -> tuple[float, ...]:
-        """Of the loose joints, m."""
+        """The clearances of the loose joints, m."""
 
     @abstractmethod
     def history(self, pins: Pins, times: np.ndarray) -> dict[str, np.ndarray]:
-        """By CVODE at `times` (s), without smoothing; names as those of `jaxcrusher.simulate`.
+        """Integrate by CVODE to `times` (s) without smoothing; names as in `jaxcrusher.simulate`.
 
-        `foundation_force` (N), `eccentricity` (m) of each loose joint, and `contacts`, the
+        Returns `foundation_force` (N), `eccentricity` (m) of each loose joint, and `contacts`, the
         touch-downs and partings up to each time.
         """
 
     @abstractmethod
     def mean_square(self, pins: Pins, settle: int, turns: int, most: int) -> tuple[float, int]:
-        """By numba over `turns` after `settle`: of |R_O| + |R_C|, N2, and the steps.
+        """Return the mean of (|R_O| + |R_C|)^2 (N2) over `turns` after `settle`, and the steps.
 
         NaN if there would be more than `most`.
         """
@@ -61,11 +61,11 @@ class BearingPeer(AbstractPeer):
 
     @property
     def clearances(self) -> tuple[float, ...]:
-        """That of A, m."""
+        """The clearance of A, m."""
         return (self.crusher.clearance,)
 
     def history(self, pins: Pins, times: np.ndarray) -> dict[str, np.ndarray]:
-        """By CVODE in angles."""
+        """Integrate by CVODE in angles."""
         motion = Motion(self.crusher, e=pins.e[0], rate=pins.rates[0])
         found = motion.observe(times, sundials_peer.cvode(motion, times))
         return {
@@ -75,7 +75,7 @@ class BearingPeer(AbstractPeer):
         }
 
     def mean_square(self, pins: Pins, settle: int, turns: int, most: int) -> tuple[float, int]:
-        """By `numba_peer`, smoothed as ours."""
+        """Integrate by `numba_peer`, smoothed as ours."""
         relative, rate = pins.e[0] / self.crusher.clearance, pins.rates[0]
         y = np.array([relative.real, relative.imag, rate.real, rate.imag, 0.0])
         numbers = numba_peer.numbers(self.crusher)
@@ -96,7 +96,7 @@ class SeatsPeer(AbstractPeer):
 
     @property
     def clearances(self) -> tuple[float, ...]:
-        """Of the loose joints, m."""
+        """The clearances of the loose joints, m."""
         of = dict(self.numbers)
         return tuple(float(of[PREFIXES[joint] + "clearance"]) for joint in self.loose)
 
@@ -105,7 +105,7 @@ class SeatsPeer(AbstractPeer):
         return CompiledBodies(FreeBodies(dict(self.numbers), e, rates))
 
     def history(self, pins: Pins, times: np.ndarray) -> dict[str, np.ndarray]:
-        """By CVODE in eccentricities."""
+        """Integrate by CVODE in eccentricities."""
         motion = self._compiled(pins)
         found = motion.observe(times, sundials_peer.cvode(motion, times))
         forces = [found.pop(PREFIXES[joint] + "normal_force") for joint in self.loose]
@@ -113,7 +113,7 @@ class SeatsPeer(AbstractPeer):
         return kept | {"contacts": np.sum([changes(force) for force in forces], axis=0)}
 
     def mean_square(self, pins: Pins, settle: int, turns: int, most: int) -> tuple[float, int]:
-        """By the same field, not smoothed."""
+        """Integrate the same field, not smoothed."""
         motion = self._compiled(pins)
         return free_bodies_numba.integrate(
             motion.start, motion.numbers, settle, turns, RTOL, FIRST, most
@@ -121,5 +121,5 @@ class SeatsPeer(AbstractPeer):
 
 
 def changes(force: np.ndarray) -> np.ndarray:
-    """How often a contact has begun or ended, up to each instant."""
+    """Count how often a contact has begun or ended, up to each instant."""
     return np.cumsum(np.diff(force != 0, prepend=False))

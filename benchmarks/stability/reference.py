@@ -1,4 +1,4 @@
-"""What independent programs say of a case: CVODE instant by instant, numba's Dopri5 by statistics.
+"""Independent references of a case: CVODE instant by instant, numba's Dopri5 by statistics.
 
 CVODE integrates the published laws without smoothing; the programs for numba are written by hand.
 None shares code with jaxcrusher.
@@ -15,15 +15,15 @@ from benchmarks.stability.peer import AbstractPeer, Pins
 SPAN = 0.03  # s
 INSTANTS = 1001
 TIMES = np.linspace(0, SPAN, INSTANTS)
-# By which a start is moved to see how errors grow: above the error of any program here, and
-# far below a penetration.
+# Starts are moved by this much to see how errors grow: above the error of any program here,
+# and far below a penetration.
 OFFSET = 1e-10  # m
 SETTLE, TURNS = 3, 5
 # Statistics are those of several starts, this many clearances apart: above the errors at the
 # first contact. Where their RMS scatters by more than SCATTER, MANY are needed, and OURS.
 SPREAD, SCATTER = 1e-5, 1e-3
 FEW, MANY, OURS = 5, 24, 4
-# Of all members together: about 10 s.
+# The most steps of all members together: about 10 s.
 MOST_STEPS = 10_000_000
 GOLDEN = (math.sqrt(5) - 1) / 2
 
@@ -39,7 +39,7 @@ class Reference:
 
 
 def reference(peer: AbstractPeer, pins: Pins) -> Reference:
-    """Run all references of a start."""
+    """Run all references from a start."""
     still = peer.history(pins, TIMES)
     contacts = still.pop("contacts")
     # All pins at once: what grows fastest soon hides the rest, whichever of them it began with.
@@ -55,14 +55,14 @@ def reference(peer: AbstractPeer, pins: Pins) -> Reference:
 
 
 def members(peer: AbstractPeer, pins: Pins, count: int) -> list[Pins]:
-    """Starts about `pins`, each on circles; the first `count` of a golden sequence."""
+    """Return starts on circles about `pins`: the first `count` of a golden sequence."""
     radii = [max(SPREAD * clearance, OFFSET) for clearance in peer.clearances]
     angles = [2 * math.pi * GOLDEN * k for k in range(count)]
     return [pins.moved(cmath.rect(radius, angle) for radius in radii) for angle in angles]
 
 
 def statistics(peer: AbstractPeer, pins: Pins) -> np.ndarray:
-    """The RMS of every member over the turns after settling, N; NaN where it failed."""
+    """Return the RMS (N) of every member over the turns after settling; NaN where it failed."""
     found, left = [], MOST_STEPS
     for place in members(peer, pins, MANY):
         enough = len(found) == FEW and np.ptp(found) <= SCATTER * np.mean(found)

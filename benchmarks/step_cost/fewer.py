@@ -1,7 +1,8 @@
-"""How many steps the RMS takes and how wrong it is, by solver, controller and tolerance."""
+"""The steps and the error of the RMS, by solver, controller and tolerance."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterator
+from typing import Any
 
 import diffrax
 import equinox as eqx
@@ -40,13 +41,13 @@ REFERENCE = 1e-12
 
 
 def _scene(start: Start) -> jc.Scene:
-    """With its start as numbers, so that both motions run one program."""
+    """Return a scene with its start as numbers, so that both motions run one program."""
     return shifted_start(jc.paper_scene(30.0, 0.06e-3, start=start), Vector(0.0, 0.0))
 
 
 @eqx.filter_jit
 def _run(scene: jc.Scene, angle: jax.Array, method: Integration):
-    """RMS (N) over `angle` (rad) from the start, and the steps."""
+    """Return the RMS (N) over `angle` (rad) from the start, and the steps."""
     problem = statistics_problem(chosen(("foundation_rms",)))
     (_, values), outcome = integrate(
         Flow(scene), angle.reshape(1, 1), problem=problem, method=method
@@ -57,14 +58,8 @@ def _run(scene: jc.Scene, angle: jax.Array, method: Integration):
 
 def _adaptive(solver, coefficients, tolerance: float) -> Integration:
     p, i, d = coefficients
-    controller = diffrax.PIDController(
-        rtol=jnp.asarray(tolerance),
-        atol=jnp.asarray(tolerance),
-        pcoeff=p,
-        icoeff=i,
-        dcoeff=d,
-        norm=error_norm,
-    )
+    level = jnp.asarray(tolerance)
+    controller = diffrax.PIDController(level, level, pcoeff=p, icoeff=i, dcoeff=d, norm=error_norm)
     return Integration(solver, controller, 10_000_000, 1e-5, None)
 
 
@@ -73,7 +68,7 @@ def _fixed(solver, steps: int) -> Integration:
 
 
 def methods() -> list[tuple[str, str, str, Integration]]:
-    """Solver, controller, tolerance or steps a turn, and how to integrate."""
+    """Return solvers, controllers, tolerances or steps a turn, and how to integrate."""
     rows = []
     for solver in SOLVERS:
         for name, coefficients in CONTROLLERS.items():
@@ -88,12 +83,12 @@ def methods() -> list[tuple[str, str, str, Integration]]:
 
 
 def _evaluations(solver) -> int:
-    """Of the right-hand side in a step; the last stage of most is the first of the next step."""
+    """Count evaluations in a step; the last stage of most is the first of the next step."""
     return solver.tableau.num_stages - bool(solver.tableau.fsal)
 
 
-def measure(advance: Callable[[], None]) -> tuple[list[dict], dict[str, float]]:
-    """Every method on every motion, and how far apart two references are (relative).
+def measure() -> Iterator[dict[str, Any]]:
+    """Yield every method on every motion, and last how far apart two references are (relative).
 
     A row has steps and evaluations a turn, and the relative error of the RMS.
     """
@@ -104,21 +99,17 @@ def measure(advance: Callable[[], None]) -> tuple[list[dict], dict[str, float]]:
             for solver in (diffrax.Dopri8(), diffrax.Tsit5())
         )
         reference[motion], doubt[motion] = one, abs(other / one - 1)
-    rows = []
     for solver, controller, setting, method in methods():
         for motion, (start, angle) in MOTIONS.items():
             rms, steps = _run(_scene(start), jnp.asarray(angle), method)
             a_turn = float(steps) * 2 * math.pi / angle
-            rows.append(
-                {
-                    "motion": motion,
-                    "solver": solver,
-                    "controller": controller,
-                    "setting": setting,
-                    "steps": a_turn,
-                    "evaluations": a_turn * _evaluations(method.solver),
-                    "error": abs(float(rms) / reference[motion] - 1),
-                }
-            )
-        advance()
-    return rows, doubt
+            yield {
+                "motion": motion,
+                "solver": solver,
+                "controller": controller,
+                "setting": setting,
+                "steps": a_turn,
+                "evaluations": a_turn * _evaluations(method.solver),
+                "error": abs(float(rms) / reference[motion] - 1),
+            }
+    yield doubt

@@ -1,4 +1,4 @@
-"""What the compiled program does in a step: costly operations, counted in XLA's own text.
+"""The costly operations of a step of the compiled program, counted in XLA's own text.
 
 XLA joins operations to fusions, and a value that several fusions need may be computed in each. So
 the count of an evaluation of the equations is compared with that of the equations as traced, and
@@ -6,17 +6,16 @@ with the count by hand.
 """
 
 import re
-import time
 from collections import Counter
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.interpreters.partial_eval import dce_jaxpr
 
 import jaxcrusher as jc
 from benchmarks.step_cost.programs import Designs, statistics_of
+from benchmarks.timing import timed
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.motion.flow import Flow
 from jaxcrusher.motion.statistic import chosen
@@ -24,7 +23,7 @@ from jaxcrusher.motion.statistics import statistics_problem
 
 EVALUATIONS = 100_000
 COSTLY = ("sine", "cosine", "power", "sqrt", "divide", "multiply", "add", "subtract", "select")
-# The same of a traced program.
+# JAX's names of the same operations.
 _TRACED = {
     "sin": "sine",
     "cos": "cosine",
@@ -37,14 +36,14 @@ _TRACED = {
     "sub": "subtract",
     "select_n": "select",
 }
-# What one evaluation needs: the crank's sine and cosine; delta^1.5, B's height, |e|, |R_O| and
+# One evaluation needs: the crank's sine and cosine; delta^1.5, B's height, |e|, |R_O| and
 # |R_C| by square roots; reciprocals of |A|^2, the lever, |e| and the determinant. Divisions by
 # numbers of the design are done once, before the loop.
 BY_HAND = {"sine": 1, "cosine": 1, "power": 0, "sqrt": 5, "divide": 4}
 
 
 def counts(d: Designs) -> dict[str, Counter]:
-    """Costly operations of an evaluation as traced, of a compiled stage, and of the rest of a step.
+    """Count operations of an evaluation as traced, of a compiled stage, and of a step's rest.
 
     The loop over stages is told by its sines: it alone evaluates the equations of motion.
     """
@@ -80,7 +79,7 @@ def counts(d: Designs) -> dict[str, Counter]:
 
 
 def _computations(text: str) -> dict[str, list[tuple[str, list[str]]]]:
-    """Each computation's operations, with the computations they call."""
+    """Return each computation's operations, with the computations that they call."""
     called: dict[str, list[tuple[str, list[str]]]] = {}
     name = ""
     for line in text.splitlines():
@@ -99,7 +98,7 @@ def _computations(text: str) -> dict[str, list[tuple[str, list[str]]]]:
 
 
 def _inside(name: str, called: dict[str, list]) -> Counter:
-    """Operations of a computation and of what it calls, without the loops inside it."""
+    """Count operations of a computation and of those it calls, without the loops inside."""
     total: Counter = Counter()
     for operation, inner in called[name]:
         if operation == "while":
@@ -111,7 +110,7 @@ def _inside(name: str, called: dict[str, list]) -> Counter:
 
 
 def evaluation(d: Designs) -> float:
-    """CPU microseconds of one evaluation of the equations, in a loop that does nothing else."""
+    """Return CPU nanoseconds of one evaluation of the equations, in a loop of its own."""
     numbers, rest = eqx.partition(jax.tree.map(lambda leaf: leaf[0], d.scenes), eqx.is_array)
     problem = statistics_problem(chosen(("foundation_rms",)))
 
@@ -126,17 +125,11 @@ def evaluation(d: Designs) -> float:
 
         return jax.lax.fori_loop(0, EVALUATIONS, body, (0.0, problem.initial(flow)))
 
-    jax.block_until_ready(run(numbers))
-    seconds = []
-    for _ in range(5):
-        began = time.process_time()
-        jax.block_until_ready(run(numbers))
-        seconds.append(time.process_time() - began)
-    return 1e6 * float(np.median(seconds)) / EVALUATIONS
+    return 1e9 * timed(lambda: run(numbers)).again.cpu / EVALUATIONS
 
 
 def _traced(numbers, rest) -> Counter:
-    """The same of one evaluation as JAX traces it."""
+    """Count operations of one evaluation as JAX traces it."""
     scene: jc.Scene = eqx.combine(numbers, rest)
     state = scene.formulation.initial(scene)
 
@@ -151,7 +144,7 @@ def _traced(numbers, rest) -> Counter:
 
 
 def _needed(jaxpr) -> Counter:
-    """Equations of a traced program and of its inner ones."""
+    """Count the equations of a traced program and of its inner ones."""
     total: Counter = Counter()
     for equation in jaxpr.eqns:
         inner = equation.params.get("jaxpr")

@@ -1,10 +1,9 @@
 """The programs, all integrating the same designs with the same tableau, controller and tolerance.
 
-Each is a function that runs all designs in the current process and returns what it found. For one
+Each is a function that runs all designs in the current process and returns its answer. For one
 core start the process with one device (`XLA_FLAGS`) and pin it.
 """
 
-import time
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
@@ -17,6 +16,7 @@ import numpy as np
 import jaxcrusher as jc
 from benchmarks.peers import c_peer, numba_peer
 from benchmarks.peers.equations import Crusher
+from benchmarks.timing import timed_in_turn
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch import engines
 from jaxcrusher.crusher.observables import foundation_force
@@ -40,7 +40,7 @@ class Designs(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What a program found of each design."""
+    """The answer of a program for each design."""
 
     rms: np.ndarray  # N
     steps: np.ndarray  # accepted and rejected
@@ -60,7 +60,7 @@ Program = Callable[[], Found]
 
 
 def designs(start: Start, turns: int, side: int = 8) -> Designs:
-    """`side` squared crushers round 30 rad/s and 0.06 mm, with the slip of the surfaces."""
+    """Return `side` squared crushers round 30 rad/s and 0.06 mm, with the slip of the surfaces."""
     speeds, clearances = np.meshgrid(np.linspace(28, 32, side), np.linspace(0.05e-3, 0.07e-3, side))
     speeds, clearances = speeds.ravel(), clearances.ravel()
 
@@ -79,7 +79,7 @@ def designs(start: Start, turns: int, side: int = 8) -> Designs:
 
 
 def statistics_of(scene: jc.Scene, turns: int) -> Found:
-    """By `jaxcrusher.statistics`."""
+    """Integrate by `jaxcrusher.statistics`."""
     result = jc.statistics(
         scene,
         0,
@@ -92,7 +92,7 @@ def statistics_of(scene: jc.Scene, turns: int) -> Found:
 
 
 def _plain(scene: jc.Scene, turns: int) -> Found:
-    """`diffeqsolve` as its manual has it, of our right-hand side; all turns in one go."""
+    """Integrate our right-hand side by `diffeqsolve` as its manual does, all turns in one go."""
 
     def field(angle, y, scene):
         rate, snapshot = by_angle(angle, y.motion, scene)
@@ -115,12 +115,12 @@ def _plain(scene: jc.Scene, turns: int) -> Found:
 
 
 def in_lanes(d: Designs) -> Program:
-    """The engine of `jaxcrusher.sweep`: lanes."""
+    """Return the program of the engine of `jaxcrusher.sweep`: lanes."""
     return _ours(d, engines.in_lanes)
 
 
 def in_turn(d: Designs) -> Program:
-    """What takes over where lanes do not know something: one scene after the other."""
+    """Return the program that lanes hand over to: one scene after the other."""
     return _ours(d, engines.in_turn)
 
 
@@ -130,18 +130,13 @@ def _ours(d: Designs, engine: engines.Engine) -> Program:
 
 
 def vmap(d: Designs) -> Program:
-    """`jax.vmap` over `jaxcrusher.statistics`."""
+    """Return the program of `jax.vmap` over `jaxcrusher.statistics`."""
     return _jitted(jax.vmap(lambda scene: statistics_of(scene, d.turns)), d)
 
 
 def plain_map(d: Designs) -> Program:
-    """`jax.lax.map` over `diffrax.diffeqsolve`."""
+    """Return the program of `jax.lax.map` over `diffrax.diffeqsolve`."""
     return _jitted(lambda s: jax.lax.map(lambda scene: _plain(scene, d.turns), s), d)
-
-
-def plain_vmap(d: Designs) -> Program:
-    """`jax.vmap` over `diffrax.diffeqsolve`."""
-    return _jitted(jax.vmap(lambda scene: _plain(scene, d.turns)), d)
 
 
 def _jitted(function: Callable, d: Designs) -> Program:
@@ -150,7 +145,7 @@ def _jitted(function: Callable, d: Designs) -> Program:
 
 
 def numba(d: Designs) -> Program:
-    """The crusher by hand for numba."""
+    """Return the crusher by hand for numba."""
 
     def run() -> Found:
         pairs = [
@@ -164,7 +159,7 @@ def numba(d: Designs) -> Program:
 
 
 def c(d: Designs, lanes: int) -> Program:
-    """The crusher by hand in C, in lanes."""
+    """Return the crusher by hand in C, in lanes."""
 
     def run() -> Found:
         mean_square, steps = c_peer.integrate(
@@ -175,24 +170,10 @@ def c(d: Designs, lanes: int) -> Program:
     return run
 
 
-def costs(programs: dict[str, Program], repeats: int, advance=lambda: None) -> dict[str, Cost]:
-    """Seconds a step of each, taken in turn so that a slow moment of the machine meets all."""
-    first, wall, cpu, found = {}, {}, {}, {}
-    for turn in range(repeats + 1):
-        for name, program in programs.items():
-            began, began_cpu = time.perf_counter(), time.process_time()
-            found[name] = program()
-            spent = time.perf_counter() - began, time.process_time() - began_cpu
-            if turn == 0:
-                first[name], wall[name], cpu[name] = spent[0], [], []
-            else:
-                wall[name].append(spent[0])
-                cpu[name].append(spent[1])
-            advance()
-    result = {}
-    for name in programs:
-        run, steps = float(np.median(wall[name])), int(found[name].steps.sum())
-        result[name] = Cost(
-            run / steps, float(np.median(cpu[name])) / steps, first[name] - run, found[name]
-        )
-    return result
+def costs(programs: dict[str, Program], repeats: int) -> dict[str, Cost]:
+    """Return the cost of a step of each program."""
+    found = {}
+    for name, (first, again, result) in timed_in_turn(programs, repeats).items():
+        steps = int(result.steps.sum())
+        found[name] = Cost(again.wall / steps, again.cpu / steps, first.wall - again.wall, result)
+    return found

@@ -2,19 +2,20 @@
 
 import ctypes
 import re
-import time
 from collections import Counter
 
 import jax
 import numpy as np
 
 from benchmarks.step_cost.programs import Designs, statistics_of
-from jaxcrusher.batch.lanes.kernels import Kernels
-from jaxcrusher.batch.lanes.layout import TIME, places
-from jaxcrusher.batch.lanes.module import assembly, load
-from jaxcrusher.batch.lanes.recorded import Recorded, integration_p, record
-from jaxcrusher.batch.lanes.vector import LANES, WIDTH
+from benchmarks.timing import timed
+from jaxcrusher.lanes.code import LANES, WIDTH
+from jaxcrusher.lanes.layout import TIME
+from jaxcrusher.lanes.machine import assembly, load
+from jaxcrusher.lanes.record import Recorded, integration_p
+from jaxcrusher.lanes.stepper import Kernels
 from jaxcrusher.motion.integrate import integrator
+from jaxcrusher.motion.recorded import record
 
 EVALUATIONS = 20_000
 _ARITHMETIC = re.compile(r"\bv(?:add|sub|mul|div|sqrt|fn?m(?:add|sub)\d*)(pd|sd)\b.*")
@@ -42,13 +43,13 @@ def _recorded(d: Designs) -> Recorded:
 
 
 def _kernels(d: Designs) -> Kernels:
-    """Those of the designs; the contact's exponent is 1.5."""
+    """Return the kernels of the designs; the contact's exponent is 1.5."""
     what = _recorded(d)
     return what.kernels(dict.fromkeys(what.exponents, 1.5))
 
 
 def counts(d: Designs) -> dict[str, int]:
-    """Arithmetic instructions of the field on x86, by the registers that they work on."""
+    """Count arithmetic instructions of the field on x86, by the registers that they work on."""
     found: Counter[str] = Counter()
     _, text = assembly(_kernels(d).text).split("\nfield:", 1)
     for line in text[: text.index(".Lfunc_end")].splitlines():
@@ -77,9 +78,9 @@ end:
 
 
 def evaluation(d: Designs) -> float:
-    """CPU nanoseconds of one evaluation of the field, of each of the designs side by side."""
+    """Return CPU nanoseconds of one evaluation of the field, for each design side by side."""
     kernels = _kernels(d)
-    at = places(kernels.sizes)
+    at = kernels.at
     calls = (
         f"call void @field(ptr %memory, i64 {first}, i64 {TIME}, i64 {at.y}, i64 {at.k})"
         for first in range(0, LANES, WIDTH)
@@ -89,10 +90,5 @@ def evaluation(d: Designs) -> float:
     memory = np.full((at.end, LANES), 0.5)
     memory[0] = np.linspace(0, 6, LANES)
     again = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(machine["again"])
-    again(memory.ctypes.data, 1)
-    seconds = []
-    for _ in range(5):
-        began = time.process_time()
-        again(memory.ctypes.data, EVALUATIONS)
-        seconds.append(time.process_time() - began)
-    return 1e9 * float(np.median(seconds)) / EVALUATIONS / LANES
+    run = timed(lambda: again(memory.ctypes.data, EVALUATIONS))
+    return 1e9 * run.again.cpu / EVALUATIONS / LANES

@@ -6,12 +6,12 @@ from jaxcrusher.files.program import program
 
 
 def main(out: Path = Path("results/waiting"), seconds: float = 20.0) -> None:
-    """The settled RMS solved for, and by programs that integrate until the motion settles.
+    """Solve for the settled RMS, and wait for it by programs that integrate; three minutes.
 
-    Writes waiting.md and waiting.png; three minutes. Needs the extra `bench`.
+    Writes waiting.md, waiting.csv and waiting.png. Needs the extra `bench`.
 
     Args:
-        out: Folder of the two.
+        out: Folder of the three.
         seconds: No run is begun that will take longer.
     """
     from benchmarks.waiting.run import run

@@ -1,6 +1,5 @@
 """Each way to the settled RMS of a crusher of 30 rad/s and 0.06 mm: its seconds and its error."""
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -12,11 +11,12 @@ import jaxcrusher as jc
 from benchmarks.peers import numba_peer
 from benchmarks.peers.equations import Crusher
 from benchmarks.peers.same_field import by_cvode, by_scipy
+from benchmarks.timing import spent, timed
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.method import FIRST_STEP
 
 SPEED, CLEARANCE, RTOL = 30.0, 0.06e-3, 1e-9
-# Turns waited for; the RMS is of so large a share of them, and of no fewer turns than those.
+# Turns waited for; the RMS is that of a third as many turns, and of two at least.
 WAITED, SHARE, LEAST = (0, 10, 30, 100, 300, 1000, 3000, 10_000, 30_000), 3, 2
 # Name -> the scene that is solved for, friction by hand, and starts. In contact the slip of the
 # centres is far below the friction's ramp: there is none.
@@ -25,7 +25,7 @@ CASES: dict[str, tuple[str, float, tuple[str, ...]]] = {
     "friction of sliding surfaces": ("surface", 0.1, ("contact",)),
 }
 TURN, RUNS = 2 * np.pi, 50
-MOST_STEPS = 1_000_000_000  # of CVODE, in a run
+MOST_STEPS = 1_000_000_000  # of CVODE in a run
 
 
 @dataclass(frozen=True)
@@ -40,30 +40,17 @@ class Row:
     error: float  # relative
 
 
-def of_ours(name: str) -> list[Row]:
-    """By collocation, warm."""
+def of_ours(name: str) -> Row:
+    """Solve by collocation, warm."""
     scene = jc.paper_scene(SPEED, CLEARANCE, slip=CASES[name][0])
     value = jax.jit(lambda scene: jc.periodic_orbit(scene, nodes=96))
-    found = jax.block_until_ready(value(scene))
-    begun = time.process_time()
-    for _ in range(RUNS):
-        jax.block_until_ready(value(scene))
-    took = (time.process_time() - begun) / RUNS
-    return [
-        Row(
-            name,
-            "periodic_orbit",
-            "",
-            None,
-            took,
-            _error(name, found["foundation_rms"]),
-        )
-    ]
+    _, again, found = timed(lambda: value(scene), RUNS)
+    return Row(name, "periodic_orbit", "", None, again.cpu, _error(name, found["foundation_rms"]))
 
 
 @cache
 def settled(name: str) -> jc.PeriodicOrbit:
-    """The motion whose RMS all errors are against."""
+    """Solve the orbit whose RMS all errors are against."""
     scene = jc.paper_scene(SPEED, CLEARANCE, slip=CASES[name][0])
     return jc.periodic_orbit(scene, nodes=384)
 
@@ -73,7 +60,7 @@ def _error(name: str, rms: float) -> float:
 
 
 def waited(name: str, program: str, most: float) -> Iterator[Row]:
-    """By integration from each start, over more and more turns; none longer than `most` seconds."""
+    """Integrate from each start over more and more turns; no run is longer than `most` seconds."""
     slip, friction, starts = CASES[name]
     numbers = numba_peer.numbers(Crusher(speed=SPEED, clearance=CLEARANCE, friction=friction))
     for start in starts:
@@ -84,11 +71,9 @@ def waited(name: str, program: str, most: float) -> Iterator[Row]:
         for turns in WAITED:
             if pace * (turns + _taken(turns)) > most:
                 break
-            begun = time.process_time()
-            mean = WAYS[program](y.copy(), numbers, turns)
-            took = time.process_time() - begun
-            pace = took / (turns + _taken(turns))
-            yield Row(name, program, start, turns, took, _error(name, np.sqrt(mean)))
+            took, mean = spent(lambda y=y, turns=turns: WAYS[program](y.copy(), numbers, turns))
+            pace = took.cpu / (turns + _taken(turns))
+            yield Row(name, program, start, turns, took.cpu, _error(name, np.sqrt(mean)))
 
 
 def _taken(turns: int) -> int:
@@ -100,13 +85,13 @@ def _by_numba(y: np.ndarray, numbers: np.ndarray, turns: int) -> float:
 
 
 def _angles(turns: int) -> np.ndarray:
-    """The end of the wait (or any angle before the end: CVODE wants two) and the end."""
+    """Return the end of the wait (or any earlier angle: CVODE wants two) and the end."""
     end = turns + _taken(turns)
     return TURN * np.array([turns or end / 2, end])
 
 
 def _mean(states: np.ndarray, turns: int) -> float:
-    """Of the force's square, from its integral at these angles."""
+    """Return the mean of the force's square, from its integral at these angles."""
     return float(states[1, 4] - (states[0, 4] if turns else 0.0)) / _taken(turns)
 
 

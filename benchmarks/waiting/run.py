@@ -1,36 +1,19 @@
 """Errors and times of all ways to the settled RMS, as a page and a figure."""
 
+from dataclasses import asdict
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-import numpy as np
 from matplotlib.figure import Figure
 
 import jaxcrusher as jc
-from benchmarks.setting import setting
-from benchmarks.waiting.measure import CASES, WAYS, Row, of_ours, settled, waited
-from jaxcrusher.files.provenance import command
-from jaxcrusher.files.results import results_folder, write_figure, write_text
-from jaxcrusher.pictures.page import COLOURS, STYLE, WIDTH, plain_powers
+from benchmarks.pages import publish, table
+from benchmarks.waiting.measure import CASES, WAYS, Row, of_ours, waited
+from jaxcrusher.files.results import results_folder
+from jaxcrusher.pictures.page import COLOURS, WIDTH, plain_powers
 
 LINES = {"contact": "-", "centred": "--"}
-HEADING = """# Waiting for the settled motion
-
-Made by `{command}`; not edited by hand. {setting}.
-
-![Error of the settled RMS against run time](waiting.png)
-
-The RMS of |R_O| + |R_C| of the settled motion at 30 rad/s and 0.06 mm. `periodic_orbit` solves for
-it: compiled, with 96 nodes a turn, its estimated error and its multipliers. The others integrate so
-many turns, and then a third as many, or two at least, whose RMS is theirs; all share one right-hand
-side by hand for numba, at rtol 1e-9. Times are of the processor, on one core and after a first run;
-errors are against 384 nodes a turn.
-
-Without friction a swing falls to 1/e in {slow} turns. The start in contact has none: two turns
-are right to 3e-9, which only what is solved for can tell. With friction of sliding surfaces that
-start is off the settled motion, and its swing falls so in {fast} turns; a centred start ends in a
-whirl there, and is left out.
-"""
+HEADINGS = ("program", "start", "turns waited", "ms", "times ours", "error of the RMS")
 
 
 def run(out: Path, seconds: float) -> None:
@@ -38,63 +21,46 @@ def run(out: Path, seconds: float) -> None:
     jc.set_up()
     folder, rows = results_folder(out), []
     for name in CASES:
-        rows += of_ours(name)
+        rows.append(of_ours(name))
         for way in WAYS:
             rows += waited(name, way, seconds)
-    text = page(rows)
-    write_text(folder / "waiting.md", text)
-    with plt.rc_context(STYLE):
-        write_figure(folder / "waiting.png", draw(rows))
-    print(text)
+    data, packages = map(asdict, rows), ("scipy", "numba", "scikit-sundae")
+    publish(folder, "waiting.md", tables(rows), *packages, rows=data, draw=lambda: draw(rows))
 
 
-def page(rows: list[Row]) -> str:
-    """A table for each case."""
-    slow, fast = (f"{float(settled(name).settling_turns):.0f}" for name in CASES)
-    where = setting("scipy", "numba", "scikit-sundae")
-    lines = [HEADING.format(command=command(), setting=where, slow=slow, fast=fast)]
+def tables(rows: list[Row]) -> dict[str, str]:
+    """Return a table for each case."""
+    found = {}
     for name in CASES:
-        lines += [
-            f"## {name.capitalize()}",
-            "",
-            "| program | start | turns waited | ms | times ours | error of the RMS |",
-            "|---|---|---|---|---|---|",
-        ]
         mine = [row for row in rows if row.case == name]
-        ours = mine[0].seconds
-        for row in mine:
-            turns = "" if row.turns is None else f"{row.turns}"
-            lines.append(
-                f"| {row.program} | {row.start} | {turns} | {1e3 * row.seconds:.3g} "
-                f"| {row.seconds / ours:.3g} | {row.error:.1e} |"
-            )
-        lines.append("")
-    return "\n".join(lines)
+        cells = [
+            [
+                *(row.program, row.start, "" if row.turns is None else row.turns),
+                *(f"{1e3 * row.seconds:.3g}", f"{row.seconds / mine[0].seconds:.3g}"),
+                f"{row.error:.1e}",
+            ]
+            for row in mine
+        ]
+        found[name] = table(HEADINGS, cells)
+    return found
 
 
 def draw(rows: list[Row]) -> Figure:
-    """A panel a case."""
+    """Draw a panel for each case."""
     fig, axes = plt.subplots(1, len(CASES), figsize=(WIDTH, 4.2), sharey=True, layout="constrained")
-    for ax, name in zip(np.ravel(axes), CASES, strict=True):
+    for ax, name in zip(axes, CASES, strict=True):
         mine = [row for row in rows if row.case == name]
         for way, colour in zip(WAYS, COLOURS, strict=False):
             for start, line in LINES.items():
                 some = [row for row in mine if (row.program, row.start) == (way, start)]
-                ax.loglog(
-                    [1e3 * row.seconds for row in some],
-                    [row.error for row in some],
-                    line,
-                    marker="o",
-                    color=colour,
-                    label=f"{way}, {start} start" if some else None,
-                )
-        solved = mine[0]
-        label = "periodic_orbit"
-        ax.loglog([1e3 * solved.seconds], [solved.error], "k*", markersize=15, label=label)
+                times, errors = [1e3 * row.seconds for row in some], [row.error for row in some]
+                label = f"{way}, {start} start" if some else None
+                ax.loglog(times, errors, line, marker="o", color=colour, label=label)
+        at = [1e3 * mine[0].seconds], [mine[0].error]
+        ax.loglog(*at, "k*", markersize=15, label="periodic_orbit")
         ax.set(title=name, xlabel="processor time (ms)")
         plain_powers(ax)
         ax.grid(alpha=0.3)
-    first = np.ravel(axes)[0]
-    first.set(ylabel="error of the settled RMS")
-    fig.legend(*first.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    axes[0].set(ylabel="error of the settled RMS")
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return fig

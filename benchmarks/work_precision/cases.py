@@ -1,4 +1,4 @@
-"""The scenes, and what an independent program says of them at its tightest tolerance."""
+"""The scenes, and the answers of independent programs at their tightest tolerances."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -40,7 +40,7 @@ class Case:
 
     @property
     def parameter(self) -> str:
-        """What the RMS is differentiated by."""
+        """The number that the RMS is differentiated by."""
         return "speed" if self.ideal else "clearance"
 
     @property
@@ -49,16 +49,16 @@ class Case:
         return self.span / SAVES * np.arange(1, SAVES + 1)
 
     def changed(self, value: float) -> "Case":
-        """The case with another value of its parameter."""
+        """Return the case with another value of its parameter."""
         return replace(self, crusher=replace(self.crusher, **{self.parameter: value}))
 
     def motion(self) -> "Squared":
-        """For the peers in plain Python."""
+        """Return the motion of the peers in plain Python."""
         c = self.crusher
         return Squared(c, e=self.relative * c.clearance, rate=self.rate)
 
     def scene(self, formulation: str) -> jc.Scene:
-        """Ours; every case with clearance has one structure, so that one program serves all."""
+        """Return our scene; one program serves all with clearance, which have one structure."""
         c = self.crusher
         if self.ideal:
             return jc.ideal_scene(c.speed)
@@ -75,21 +75,21 @@ class Squared(Motion):
     """A motion that integrates (|R_O| + |R_C|)^2 / FORCE^2 as its last number."""
 
     def __init__(self, crusher: Crusher, e: complex, rate: complex):
-        """From eccentricity `e` (m) and its `rate` (m/s)."""
+        """Start at eccentricity `e` (m) and its `rate` (m/s)."""
         super().__init__(crusher, e=e, rate=rate)
         self.start = np.append(self.start, 0.0)
 
     def field(self, time: float, y) -> list[float]:
-        """The rate y'."""
+        """Return the rate y'."""
         (force,) = self.observe([time], [y])["foundation_force"]
         return [*super().field(time, y[:4]), (force / FORCE) ** 2]
 
     def corners(self, time: float, y) -> list[float]:
-        """As of a motion."""
+        """Do as `Motion`, without the last number."""
         return super().corners(time, y[:4])
 
     def observe(self, times, states) -> dict[str, np.ndarray]:
-        """As of a motion."""
+        """Do as `Motion`, without the last number."""
         return super().observe(times, [y[:4] for y in states])
 
 
@@ -113,13 +113,13 @@ class Reference:
 
 
 def centred(friction: float = 0.0) -> Crusher:
-    """30 rad/s, 0.06 mm."""
+    """Return the crusher of 30 rad/s and 0.06 mm."""
     return Crusher(friction=friction)
 
 
 @cache
 def cases() -> dict[str, Case]:
-    """By name."""
+    """Return the cases by name."""
     quiet = centred(0.1)
     scene = jc.paper_scene(quiet.speed, quiet.clearance, slip="surface")
     e, rate = (play.main for play in jax.jit(InContact().eccentricities)(scene))
@@ -161,7 +161,7 @@ def _after_turns(crusher: Crusher, turns: int) -> tuple[complex, complex]:
 
 
 def solved(case: Case, program, rtol: float) -> Answer:
-    """By `scipy_peer.integrate` or `sundials_peer.cvode`, which share their arguments."""
+    """Solve by `scipy_peer.integrate` or `sundials_peer.cvode`, which share their arguments."""
     started = case.motion()
     times = np.append(0.0, case.angles / case.crusher.speed)
     states = program(started, times, rtol=rtol)
@@ -170,20 +170,20 @@ def solved(case: Case, program, rtol: float) -> Answer:
 
 
 def closed_form(case: Case, count: int = SAVES) -> Answer:
-    """Of the ideal joint; the mean over a turn is one over `count` equal steps."""
+    """Solve the ideal joint; the mean over a turn is that over `count` equal steps."""
     angles = case.span / count * np.arange(1, count + 1)
     force = motion.ideal(case.crusher, angles / case.crusher.speed)["foundation_force"]
     return Answer(np.sqrt(np.mean(force**2)), force)
 
 
 def differences(answer: Answer, exact: Answer) -> tuple[float, float]:
-    """Relative errors of the RMS and of the history."""
+    """Return relative errors of the RMS and of the history."""
     rms = abs(answer.rms / exact.rms - 1)
     return rms, float(abs(answer.history - exact.history).max() / abs(exact.history).max())
 
 
 def reference(case: Case) -> Reference:
-    """DOP853 stopped at every touch, at 1e-12 (closed form for the ideal joint).
+    """Solve by DOP853 stopped at every touch, at 1e-12 (closed form for the ideal joint).
 
     Its error is the difference of CVODE at 1e-12 (of half as many instants); that of the slope, by
     central differences and Richardson's extrapolation, is what the extrapolation changed, and

@@ -14,7 +14,7 @@ BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BROWN = COLOURS
 
 @dataclass(frozen=True)
 class Style:
-    """How a program is drawn, and its name in the legend."""
+    """The look of a program, and its name in the legend."""
 
     name: str
     colour: str
@@ -66,7 +66,7 @@ REST = {
 
 
 def draw_first(rows: list[Row]) -> Figure:
-    """A panel a scene: error of the RMS over run time, of the few programs of `FIRST`."""
+    """Draw a panel a scene: error of the RMS over run time, of the few programs of `FIRST`."""
     scenes = _scenes(rows)
     lines = -(-len(scenes) // 2)
     with plt.rc_context(STYLE):
@@ -93,7 +93,7 @@ def draw_first(rows: list[Row]) -> Figure:
 
 
 def draw_rest(rows: list[Row], error: str) -> Figure:
-    """A row of panels a scene with clearance: in each ours at its defaults and a group of the rest.
+    """Draw a row of panels a scene with clearance: in each ours and a group of the rest.
 
     `error` is the column drawn: rms_error or history_error.
     """
@@ -132,7 +132,7 @@ def _scenes(rows: list[Row]) -> list[str]:
 
 
 def _handles(axes) -> dict:
-    """Legend name -> handle, each once."""
+    """Return handles by their names in the legend, each once."""
     found = {}
     for ax in axes:
         found |= dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))

@@ -1,21 +1,20 @@
 """Errors and times of every program on a case; each row as soon as it is known."""
 
-import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from benchmarks.timing import spent, timed
 from benchmarks.work_precision import ours
 from benchmarks.work_precision.cases import Answer, Case, Reference, differences
 from benchmarks.work_precision.others import Peer
 
-# A median needs no more runs, nor more seconds.
-RUNS, ENOUGH = 7, 1.0
+# Repeats of a run, and their least and most seconds.
+HOW = (7, 0.0, 1.0)
 # The settings after one that took so long (s) are left out.
 TOO_LONG = 10.0
 
@@ -39,18 +38,6 @@ class Row:
     failure: str = ""
 
 
-def _timed(function: Callable[[], Any]) -> tuple[Any, float, float]:
-    """Result, seconds of the first run, and median seconds of the next."""
-    seconds, began = [], time.perf_counter()
-    found = function()
-    first = time.perf_counter() - began
-    while not seconds or (len(seconds) < RUNS and sum(seconds) + first < ENOUGH):
-        began = time.perf_counter()
-        function()
-        seconds.append(time.perf_counter() - began)
-    return found, first, float(np.median(seconds))
-
-
 class Compiled:
     """Our programs, each compiled once for all cases and settings that share it."""
 
@@ -59,7 +46,7 @@ class Compiled:
         self.programs = {}
 
     def __call__(self, function: Callable, run: ours.Run, case: Case):
-        """The program as a function of nothing, and seconds of its compilation (NaN: known)."""
+        """Return the program without arguments, and seconds of its compilation (NaN if known)."""
         arguments = (run.scene, jnp.asarray(case.angles), run.method)
         if run.single:
             arguments = jax.tree.map(_in_32_bits, arguments)
@@ -70,11 +57,10 @@ class Compiled:
             def program(numbers):
                 return eqx.filter(function(*eqx.combine(numbers, rest)), eqx.is_array)
 
-            began = time.perf_counter()
-            self.programs[key] = jax.jit(program).lower(numbers).compile()
-            seconds = time.perf_counter() - began
+            made, self.programs[key] = spent(lambda: jax.jit(program).lower(numbers).compile())
+            seconds = made.wall
         compiled = self.programs[key]
-        return lambda: jax.block_until_ready(compiled(numbers)), seconds
+        return lambda: compiled(numbers), seconds
 
 
 def _in_32_bits(leaf):
@@ -82,77 +68,57 @@ def _in_32_bits(leaf):
     return jnp.asarray(leaf, jnp.float32) if floating else leaf
 
 
-def of_ours(
-    case: Case, exact: Reference, compiled: Compiled, runs: list[ours.Run]
+def measured(
+    case: Case, exact: Reference, compiled: Compiled, runs: Iterable[ours.Run | Peer]
 ) -> Iterator[Row]:
-    """Rows of this package; with slopes where the run wants them."""
-
-    def measure(run: ours.Run) -> tuple[Row, float]:
-        with jax.enable_x64(not run.single):
-            return _our_row(case, exact, compiled, run)
-
-    return _rows(case, runs, measure)
-
-
-def of_peers(case: Case, exact: Reference, peers: list[Peer]) -> Iterator[Row]:
-    """Rows of the other programs, which have no slopes."""
-
-    def measure(peer: Peer) -> tuple[Row, float]:
-        (answer, steps), first, run_s = _timed(peer.solve)
-        row = Row(
-            case.name,
-            peer.program,
-            peer.setting,
-            *differences(answer, exact.answer),
-            first_s=first,
-            run_s=run_s,
-            steps=steps,
-        )
-        return row, run_s
-
-    return _rows(case, peers, measure)
-
-
-def _rows(case: Case, runs: Sequence[Any], measure: Callable) -> Iterator[Row]:
-    """`measure` gives the row of a run and its seconds; one that fails does not lose the others."""
+    """Yield the row of every run; one that fails does not lose the others."""
     slow = set()
     for run in runs:
+        row = Row(case.name, run.program, run.setting)
         if run.program in slow:
-            yield Row(case.name, run.program, run.setting, failure="left out: too slow before")
+            yield replace(row, failure="left out: too slow before")
             continue
         try:
-            row, seconds = measure(run)
+            if isinstance(run, Peer):
+                row = _of_peer(row, exact, run)
+            else:
+                with jax.enable_x64(not run.single):
+                    row = _of_ours(row, case, exact, compiled, run)
         except Exception as error:
             reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
-            yield Row(case.name, run.program, run.setting, failure=reason)
-            continue
-        if seconds > TOO_LONG:
+            row = replace(row, failure=reason)
+        if max(row.run_s, np.nan_to_num(row.slope_run_s)) > TOO_LONG:
             slow.add(run.program)
         yield row
 
 
-def _our_row(case: Case, exact: Reference, compiled: Compiled, run: ours.Run) -> tuple[Row, float]:
+def _of_peer(row: Row, exact: Reference, peer: Peer) -> Row:
+    """Measure another program, which has no slopes."""
+    first, again, (answer, steps) = timed(peer.solve, *HOW)
+    rms, history = differences(answer, exact.answer)
+    seen = replace(row, rms_error=rms, history_error=history, steps=steps)
+    return replace(seen, first_s=first.wall, run_s=again.wall)
+
+
+def _of_ours(row: Row, case: Case, exact: Reference, compiled: Compiled, run: ours.Run) -> Row:
+    """Measure this package, with slopes where the run wants them."""
     program, compile_s = compiled(ours.solve, run, case)
-    (rms, history, outcome), first, run_s = _timed(program)
+    first, again, (rms, history, outcome) = timed(program, *HOW)
     if not outcome.success:
         raise RuntimeError(f"stopped at {float(outcome.reached):.3g} rad")
     errors = differences(Answer(float(rms), np.asarray(history, float)), exact.answer)
-    slope_error, slope_compile_s, slope_s = np.nan, np.nan, np.nan
-    if run.with_slope:
-        program, slope_compile_s = compiled(ours.slope, run, case)
-        (_, slope), _, slope_s = _timed(program)
-        slope_error = abs(float(slope) / exact.slope - 1)
-    row = Row(
-        case.name,
-        run.program,
-        run.setting,
-        *errors,
-        slope_error,
-        compile_s,
-        first,
-        run_s,
-        slope_compile_s,
-        slope_s,
-        int(outcome.steps),
+    row = replace(
+        row,
+        rms_error=errors[0],
+        history_error=errors[1],
+        compile_s=compile_s,
+        first_s=first.wall,
+        run_s=again.wall,
+        steps=int(outcome.steps),
     )
-    return row, max(run_s, np.nan_to_num(slope_s))
+    if not run.with_slope:
+        return row
+    program, compile_s = compiled(ours.slope, run, case)
+    _, again, (_, slope) = timed(program, *HOW)
+    error = abs(float(slope) / exact.slope - 1)
+    return replace(row, slope_error=error, slope_compile_s=compile_s, slope_run_s=again.wall)

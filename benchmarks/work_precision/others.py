@@ -22,7 +22,7 @@ from benchmarks.work_precision.cases import Answer, Case, closed_form, solved
 from benchmarks.work_precision.ours import FEW, LADDER, MOST_STEPS
 from jaxcrusher.motion.method import FIRST_STEP
 
-# Of Dormand-Prince's dense output, fourth order (Shampine 1986).
+# Dormand-Prince's dense output, of fourth order (Shampine 1986).
 DENSE = np.ascontiguousarray(RK45.P)
 
 
@@ -36,14 +36,14 @@ class Peer:
 
 
 def _start(case: Case) -> tuple[np.ndarray, np.ndarray]:
-    """State (e / c, e', 0) and the field's numbers; without friction 0."""
+    """Return state (e / c, e', 0) and the field's numbers; without friction 0."""
     e, rate = case.relative, case.rate
     y = np.array([e.real, e.imag, rate.real, rate.imag, 0.0])
     return y, numba_peer.numbers(case.crusher)
 
 
 def _answer(case: Case, states: np.ndarray, p: np.ndarray) -> Answer:
-    """From states at the case's angles."""
+    """Return the answer of states at the case's angles."""
     rms = np.sqrt(states[-1, 4] * 2 * np.pi / case.span)
     return Answer(rms, _forces(case.angles, np.ascontiguousarray(states), p))
 
@@ -69,7 +69,7 @@ def _by_cvode(case: Case, method: str, rtol: float) -> tuple[Answer, int | None]
 
 @compiled
 def _march(y, p, angles, rtol, h, dense, states, most):
-    """`numba_peer.integrate` over any span, with states at `angles`; returns the steps."""
+    """Integrate as `numba_peer` over any span, with states at `angles`; return the steps."""
     k, trial, bend = np.empty((7, 5)), np.empty(5), np.empty(4)
     angle, end, previous, steps, saved = 0.0, angles[-1], 1.0, 0, 0
     numba_peer.field(angle, y, p, k[0])
@@ -110,7 +110,7 @@ def _by_events(case: Case, rtol: float) -> tuple[Answer, int | None]:
 
 
 def _by_exudyn(case: Case, saves: int) -> tuple[Answer, int | None]:
-    """Fixed steps, `saves` of them between two instants of the history."""
+    """Solve with fixed steps, `saves` of them between two instants of the history."""
     every = case.angles[0] / case.crusher.speed
     end, step = case.span / case.crusher.speed, every / saves
     c = case.crusher
@@ -123,7 +123,7 @@ def _by_exudyn(case: Case, saves: int) -> tuple[Answer, int | None]:
 
 
 def peers(case: Case, small: bool = False) -> Iterator[Peer]:
-    """All programs at all settings for a case; a few if `small`."""
+    """Yield all programs at all settings for a case; a few if `small`."""
     if case.ideal:
         for count in (16, 64) if small else (8, 16, 32, 64, 128):
             yield Peer(

@@ -67,13 +67,13 @@ PROBLEM = Problem(_initial, _field, _observe, lambda forces, end: (forces, end.t
 
 
 def solve(scene: jc.Scene, angles: Array, method: Integration) -> tuple[Array, Array, Outcome]:
-    """RMS (N), forces (N) at `angles` (rad) and how it ended."""
+    """Return RMS (N), forces (N) at `angles` (rad) and how it ended."""
     (forces, total), outcome = integrate(scene, angles[None], problem=PROBLEM, method=method)
     return jnp.sqrt(total[0] / angles[-1]), forces[0], outcome
 
 
 def slope(scene: jc.Scene, angles: Array, method: Integration) -> tuple[Array, Array]:
-    """RMS (N) and its derivative by clearance (by speed for the ideal joint)."""
+    """Return the RMS (N) and its derivative by clearance (by speed for the ideal joint)."""
 
     def rms(value):
         return solve(_with(scene, value), angles, method)[0]
@@ -83,7 +83,7 @@ def slope(scene: jc.Scene, angles: Array, method: Integration) -> tuple[Array, A
 
 
 def _with(scene: jc.Scene, value: Scalar) -> jc.Scene:
-    """The scene with another clearance, on which the stiffness depends, or another speed."""
+    """Return the scene with another clearance, on which the stiffness depends, or another speed."""
     if scene.joint is None:
         return eqx.tree_at(lambda s: s.drive.speed, scene, value)
     stiffness = cylinder_stiffness(scene.joint.bore_radius, value)
@@ -93,7 +93,7 @@ def _with(scene: jc.Scene, value: Scalar) -> jc.Scene:
 
 
 def runs(case: Case, small: bool = False) -> Iterator[Run]:
-    """All ways to solve a case; a few if `small`."""
+    """Yield all ways to solve a case; a few if `small`."""
     formulations = ("closed",) if case.ideal else ("eccentricity", "multiplier")
     for formulation in formulations:
         scene = case.scene(formulation)
@@ -120,7 +120,7 @@ def _adaptive(scene: jc.Scene, rtol: float, solver=None) -> Integration:
 
 
 def _variants(scene: jc.Scene, small: bool) -> Iterator[Run]:
-    """Tsit5 with fixed steps, other widths, and 32-bit floats."""
+    """Yield Tsit5 with fixed steps, other widths, and 32-bit floats."""
     fixed = diffrax.ConstantStepSize()
     for step in FIXED_STEPS[:1] if small else FIXED_STEPS:
         method = jc.Method(stepsize_controller=fixed, max_steps=MOST_STEPS, dt0=step)

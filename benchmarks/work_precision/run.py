@@ -4,20 +4,18 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+from benchmarks.pages import publish
 from benchmarks.setting import setting
-from benchmarks.work_precision import figure, ours, report
+from benchmarks.work_precision import figure, ours
 from benchmarks.work_precision.cases import cases, reference
-from benchmarks.work_precision.measure import Compiled, Row, of_ours, of_peers
+from benchmarks.work_precision.measure import Compiled, Row, measured
 from benchmarks.work_precision.others import peers
+from benchmarks.work_precision.tables import references_table, tables
 from jaxcrusher.basics.checks import require_choice
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import (
-    read_table,
-    results_folder,
-    write_figure,
-    write_table,
-    write_text,
-)
+from jaxcrusher.files.results import read_table, results_folder, write_figure, write_table
+
+PACKAGES = ("scipy", "numba", "exudyn", "scikit-sundae")
 
 
 def run(out: Path, scenes: Sequence[str], small: bool) -> None:
@@ -26,28 +24,26 @@ def run(out: Path, scenes: Sequence[str], small: bool) -> None:
     for name in scenes:
         require_choice("scenes", name, tuple(known))
     chosen = [known[name] for name in scenes or known]
-    folder, where = results_folder(out), setting(*report.PACKAGES)
+    folder, where = results_folder(out), setting(*PACKAGES)
     with progress() as bars:
         task = bars.add_task("references", total=0)
         for case in chosen:
             bars.update(task, description=f"{case.name}: reference")
             exact = references[case.name] = reference(case)
-            programs, runs = list(peers(case, small)), list(ours.runs(case, small))
-            bars.update(task, total=(bars.tasks[0].total or 0) + len(programs) + len(runs))
-            for make in (of_peers(case, exact, programs), of_ours(case, exact, compiled, runs)):
-                for row in make:
-                    rows.append(row)
-                    write_table(folder / "work_precision.csv", map(asdict, rows), where)
-                    told = f"{case.name}: {row.program}, {row.setting}"
-                    bars.update(task, advance=1, description=told)
-    found = report.page(chosen, references, rows)
-    write_text(folder / "work_precision.md", found)
+            runs = [*peers(case, small), *ours.runs(case, small)]
+            bars.update(task, total=(bars.tasks[0].total or 0) + len(runs))
+            for row in measured(case, exact, compiled, runs):
+                rows.append(row)
+                write_table(folder / "work_precision.csv", map(asdict, rows), where)
+                told = f"{case.name}: {row.program}, {row.setting}"
+                bars.update(task, advance=1, description=told)
     _draw(folder, rows)
-    print(found)
+    made = {"references": references_table(chosen, references), **tables(rows)}
+    publish(folder, "work_precision.md", made, *PACKAGES)
 
 
 def redraw(out: Path, table: Path) -> None:
-    """The figures of an earlier run's rows, without a measurement."""
+    """Draw the figures of an earlier run's rows, without a measurement."""
     _draw(results_folder(out), read_table(table, Row))
 
 

@@ -1,6 +1,6 @@
 """Run a function over many scenes, on all cores, in chunks.
 
-On a CPU integrations are compiled to loops over lanes of designs (see `batch.lanes`). What lanes
+On a CPU integrations are compiled to loops over lanes of designs (see `lanes.program`). What lanes
 cannot do, each core does for one design after the other: a batch under `jax.vmap` costs its slowest
 lane, and XLA compiles a sequential loop to one kernel if it is asked to (see `jaxcrusher.set_up`).
 Where the user lets JAX compute on a GPU or TPU the designs run side by side under `jax.vmap`; on
@@ -23,12 +23,11 @@ from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.devices import computes_on, devices, on_a_gpu
 from jaxcrusher.basics.setup import remind_of_set_up
 from jaxcrusher.basics.traced import traced
-from jaxcrusher.batch.lanes.engine import Device
-from jaxcrusher.batch.lanes.gpu import GPU
-from jaxcrusher.batch.lanes.known import Unsupported
-from jaxcrusher.batch.lanes.processor import PROCESSOR
-from jaxcrusher.batch.lanes.program import NoIntegration, program
 from jaxcrusher.files.journal import Journal
+from jaxcrusher.lanes.machine import GPU, PROCESSOR, Target
+from jaxcrusher.lanes.program import NoIntegration, program
+from jaxcrusher.lanes.verify import Unsupported
+from jaxcrusher.motion.recorded import recorded
 from jaxcrusher.motion.statistic import STATISTIC, Chosen, chosen
 
 # Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
@@ -173,7 +172,7 @@ def without_lanes() -> Engine:
 
 
 def in_lanes(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
-    """Integrations compiled to loops over lanes of scenes, on all cores (see `batch.lanes`).
+    """Integrations compiled to loops over lanes of scenes, on all cores (see `lanes.program`).
 
     What lanes cannot do, such as derivatives, `in_turn` does; a UserWarning says why.
     """
@@ -181,7 +180,7 @@ def in_lanes(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
 
 
 def on_gpu(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
-    """Integrations by the same lanes on a GPU of NVIDIA's, a thread each (see `batch.lanes.gpu`).
+    """Integrations by the same lanes on a GPU of NVIDIA's, a thread each (see `lanes.machine`).
 
     Never run on one so far: it is tested thread by thread on a processor. It needs CuPy, and
     raises ImportError without. What lanes cannot do, `side_by_side` does, on the GPU where JAX
@@ -192,10 +191,11 @@ def on_gpu(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
 
 
 def _by_lanes(
-    function: Callable[[Any], PyTree], scenes: PyTree, device: Device, otherwise: Engine
+    function: Callable[[Any], PyTree], scenes: PyTree, target: Target, otherwise: Engine
 ) -> PyTree:
+    recording = recorded(function)
     try:
-        run = program(function, scenes, device)
+        run = program(recording, scenes, target)
     except NoIntegration:
         return otherwise(function, scenes)
     except Unsupported as why:
@@ -204,7 +204,7 @@ def _by_lanes(
             f"Lanes do not know {why}: the engine `{name}` computes these scenes.", stacklevel=3
         )
         return otherwise(function, scenes)
-    return run(function, scenes)
+    return run(recording, scenes)
 
 
 @eqx.filter_jit

@@ -21,8 +21,8 @@ from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion.statistic import STATISTIC, statistics_of
 from jaxcrusher.settled.forced import refusal
-from jaxcrusher.settled.periodic_orbit import NODES, SETTLED
 from jaxcrusher.settled.result import PeriodicOrbit
+from jaxcrusher.settled.solving import NODES, SETTLED
 
 
 def orbit_map(

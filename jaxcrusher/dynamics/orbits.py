@@ -17,9 +17,9 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree, Scalar
 
 from jaxcrusher.batch.engines import Engine, run_all, without_lanes
-from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.journal import Journal
+from jaxcrusher.lanes.code import LANES
 from jaxcrusher.settled.forced import from_rest_unless
 from jaxcrusher.settled.periodic_orbit import periodic_orbit
 from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, reason

@@ -10,7 +10,6 @@ from jaxtyping import Float
 
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.batch.engines import run_all
-from jaxcrusher.batch.lanes.vector import LANES
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.dynamics.swing import (
     NEAR,
@@ -20,6 +19,7 @@ from jaxcrusher.dynamics.swing import (
     section_of,
     swing_about,
 )
+from jaxcrusher.lanes.code import LANES
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.settled.periodic_orbit import periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit

@@ -28,13 +28,14 @@ from jaxcrusher.motion.statistic import STATISTIC, PowerMean
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangents, weights
 from jaxcrusher.scenes.parameters import PARAMETERS
-from jaxcrusher.settled.shooting import (
+from jaxcrusher.settled.shooting import section_point
+from jaxcrusher.settled.slopes import (
+    SettledSlopes,
     multipliers,
     orbit_differences,
     periodic_slopes,
-    section_point,
+    settled_slopes,
 )
-from jaxcrusher.settled.slopes import SettledSlopes, settled_slopes
 
 # Regime -> why its slope may not be that of the motion in the end.
 UNSETTLED = {

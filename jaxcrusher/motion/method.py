@@ -92,18 +92,21 @@ def require_tolerance(rtol: Scalar | float) -> None:
     require(known is None or bool(known.ndim == 0 and known < 1), "rtol", "be one number < 1", rtol)
 
 
-def _controller(scene: Scene, rtol: Scalar | float) -> diffrax.PIDController:
-    """PI, with equal relative and absolute tolerance."""
-    # An array, so that another value runs the same program. It may depend on the scene, but is
-    # not part of what is differentiated.
-    tolerance = jnp.asarray(scene.formulation.tolerance(scene, rtol), dtype=float)
-    tolerance = jax.lax.stop_gradient(tolerance)
+def pi_controller(tolerance: Scalar | float, smallest: float = 1e-14) -> diffrax.PIDController:
+    """Return a PI controller with equal relative and absolute tolerance, and a smallest step."""
     return diffrax.PIDController(
         rtol=tolerance,
         atol=tolerance,
         pcoeff=0.4,
         icoeff=0.3,
         norm=error_norm,
-        dtmin=1e-14,
+        dtmin=smallest,
         force_dtmin=False,
     )
+
+
+def _controller(scene: Scene, rtol: Scalar | float) -> diffrax.PIDController:
+    # An array, so that another value runs the same program. It may depend on the scene, but is
+    # not part of what is differentiated.
+    tolerance = jnp.asarray(scene.formulation.tolerance(scene, rtol), dtype=float)
+    return pi_controller(jax.lax.stop_gradient(tolerance))

@@ -1,1 +1,1 @@
-"""The periodic motion a crusher settles on, and slopes along it."""
+"""Find the periodic motion that a crusher settles on, and slopes along it."""

@@ -37,14 +37,14 @@ class System(eqx.Module):
     args: PyTree
 
     def residual(self, x: Float[Array, "nodes dims"]) -> Float[Array, "nodes dims"]:
-        """What the nodes' acceleration exceeds x'' by."""
+        """Return by what the nodes' acceleration exceeds x''."""
         times, rate, second = self._motion(x)
         return one_by_one(self.acceleration, (times, x, rate), self.args) - second
 
     def linearised(
         self, x: Float[Array, "nodes dims"]
     ) -> tuple[Float[Array, "nodes dims"], Float[Array, "nodes dims nodes dims"]]:
-        """The residual and its Jacobian: full by differentiation of x, in blocks by f."""
+        """Return the residual and its Jacobian: full by differentiation of x, in blocks by f."""
         times, rate, bend = self._motion(x)
         (by_x, by_rate), found = self.slopes(times, x, rate)
         return found - bend, self.jacobian(by_x, by_rate)
@@ -55,7 +55,7 @@ class System(eqx.Module):
         by_rate: Float[Array, "nodes dims dims"],
         xp: ModuleType = np,
     ) -> Float[Array, "nodes dims nodes dims"]:
-        """Return that of the residual from df/dx and df/dx' at the nodes.
+        """Return the Jacobian of the residual from df/dx and df/dx' at the nodes.
 
         `xp` is as in `differentiation`.
         """
@@ -124,7 +124,7 @@ def collocate(
     tolerance: float = TOLERANCE,
     max_steps: int = MAX_STEPS,
 ) -> tuple[Float[Array, "nodes dims"], Root]:
-    """The orbit near `guess`, an even number of nodes, and how the search for it ended.
+    """Return the orbit near `guess`, an even number of nodes, and how the search for it ended.
 
     `tolerance` bounds the last step, in the unit of x: choose that of order one. Differentiable
     by the system's numbers in both directions, by the implicit function theorem and never through
@@ -158,7 +158,7 @@ class Unfactored(eqx.Module):
 def attached(
     system: System, x: Float[Array, "nodes dims"], factors: Factors | Unfactored
 ) -> Float[Array, "nodes dims"]:
-    """The orbit `x`, as the function of the system's numbers that the equations make it.
+    """Return the orbit `x`, as the function of the system's numbers that the equations make it.
 
     `factors` are those of the Jacobian, one step of Newton's before or less.
     """

@@ -27,7 +27,7 @@ REFINEMENTS = 2
 
 
 def refusal(scene: Scene) -> str:
-    """What a scene must be for collocation in the eccentricity and is not, or nothing."""
+    """Say what a scene must be for collocation and is not; nothing if it can be solved for."""
     if not isinstance(scene.formulation, EccentricityFormulation | ClosedLinkage):
         return "be written by eccentricity, but is written by multipliers"
     if scene.drive.initial() is not None:
@@ -39,18 +39,18 @@ def refusal(scene: Scene) -> str:
 
 
 def pairs(x: Float[Array, " dims *nodes"], scene: Scene) -> AtJoints[Vector]:
-    """Two of the numbers for each joint with clearance."""
+    """Give two of the numbers to each joint with clearance."""
     names = [name for name, _ in scene.joints.present()]
     return AtJoints(**{n: Vector(x[2 * i], x[2 * i + 1]) for i, n in enumerate(names)})
 
 
 def numbers(e: AtJoints[Vector]) -> Float[Array, " dims *nodes"]:
-    """The inverse of `pairs`."""
+    """Invert `pairs`."""
     return jnp.stack([part for _, one in e.present() for part in (one.x, one.y)])
 
 
 def state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
-    """From e / c and its derivative by the shaft angle."""
+    """Make a state from e / c and its derivative by the shaft angle."""
 
     def one(joint: ClearanceJoint, at: Vector, change: Vector) -> JointState:
         return JointState(at, scene.drive.speed * joint.clearance * change, None)
@@ -62,7 +62,7 @@ def state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
 def acceleration(
     angle: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
 ) -> Float[Array, " dims"]:
-    """The second derivative of e / c by the shaft angle."""
+    """Return the second derivative of e / c by the shaft angle."""
     seen = snapshot(angle, x, rate, scene)
     change = scene.formulation.rate(seen, state(x, rate, scene), scene)
     scaled = scene.joints.map(
@@ -72,12 +72,12 @@ def acceleration(
 
 
 def system(scene: Scene, period: int) -> System:
-    """That of motions which repeat after `period` turns."""
+    """Return the system of motions that repeat after `period` turns."""
     return System(acceleration, jnp.asarray(2 * np.pi * period), scene)
 
 
 def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count dims"]:
-    """The pins resting under the forces of a motion that their own depth corrects."""
+    """Return the pins resting under the forces of a motion that their own depth corrects."""
     pace = scene.drive.speed / period
     first, second = (pace**k * matrix for k, matrix in enumerate(differentiation(count), start=1))
     times = 2 * jnp.pi * jnp.asarray(nodes(count)) / pace
@@ -95,24 +95,24 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count d
 def from_rest_unless(
     guess: Float[Array, "count dims"], scene: Scene, period: int
 ) -> Float[Array, "count dims"]:
-    """The guess of a program that serves designs with and without one: NaN stands for none."""
+    """Put the pins at rest in place of a guess that is NaN: one program serves both."""
     rest = quasi_static(jax.lax.stop_gradient(scene), period, len(guess))
     return jnp.where(jnp.isfinite(guess), guess, rest)
 
 
 @jax.jit  # as above
 def snapshot(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
-    """At an instant of an orbit."""
+    """Look at an instant of an orbit."""
     return scene.formulation.snapshot(angle / scene.drive.speed, state(x, rate, scene), scene)
 
 
-def missed(
+def residual_error(
     system: System,
     x: Float[Array, "nodes dims"],
     factors: Factors,
     accelerations: Float[Array, "instants dims"],
 ) -> Scalar:
-    """What the nodes miss of the RMS of the force, as a share of it; estimated.
+    """Estimate the error that the nodes leave in the RMS of the force, as a share of it.
 
     The defect, zero at the nodes, is what the polynomial cannot follow between them, where the
     `accelerations` are those that the equations ask for at equal steps, two a node or more. The

@@ -26,7 +26,7 @@ GAUSS = math.sqrt(0.15)
 
 
 class Multipliers(eqx.Module):
-    """Of an orbit over its period."""
+    """Multipliers of an orbit over its period, and the matrix that they are of."""
 
     values: Complex[Array, " twodims"]
     monodromy: Float[Array, "twodims twodims"]  # d(x, x') at the end / at the beginning
@@ -34,13 +34,13 @@ class Multipliers(eqx.Module):
 
     @property
     def largest(self) -> Scalar:
-        """The largest modulus: below 1 the orbit is stable."""
+        """Return the largest modulus: below 1 the orbit is stable."""
         return jnp.max(jnp.abs(self.values))
 
 
 @eqx.filter_jit
 def multipliers(system: System, x: Float[Array, "nodes dims"], steps: int = STEPS) -> Multipliers:
-    """Of the orbit through the nodes `x`, with `steps` (a power of two) a period.
+    """Return those of the orbit through the nodes `x`, with `steps` (a power of two) a period.
 
     Pure JAX, without slopes; NaN where the orbit is.
     """
@@ -52,7 +52,7 @@ def multipliers(system: System, x: Float[Array, "nodes dims"], steps: int = STEP
 def of_slopes(
     slopes: tuple[Float[Array, "n dims dims"], ...], period: Scalar, steps: int = STEPS
 ) -> Multipliers:
-    """From df/dx and df/dx' at equally spaced instants of the period."""
+    """Return them from df/dx and df/dx' at equally spaced instants of the period."""
     by_x, by_rate = slopes
     zero, eye = jnp.zeros_like(by_x), jnp.broadcast_to(np.eye(by_x.shape[1]), by_x.shape)
     upper, lower = (jnp.concatenate(row, axis=2) for row in ((zero, eye), (by_x, by_rate)))
@@ -66,7 +66,7 @@ def of_slopes(
 
 
 def _monodromies(along: Array, period: Scalar, counts: tuple[int, int]) -> tuple[Array, Array]:
-    """The product of all steps, the last on the left, of either number of steps."""
+    """Multiply all steps, the last on the left, for either number of steps."""
     dims = along.shape[1] // 2
     # Rates in the unit of the fastest swing, so that all entries are of one size.
     pace = jnp.sqrt(jnp.max(jnp.abs(along[:, dims:, :dims])))
@@ -102,7 +102,7 @@ def _bracket(a: Array, b: Array) -> Array:
 
 
 def _exponential(matrix: Array) -> Array:
-    """Of a matrix whose norm is of order one: a series of degree 8, its argument halved twice.
+    """Sum a series of degree 8 for a matrix whose norm is of order one, its argument halved twice.
 
     Grouped by powers of the cube (Paterson and Stockmeyer, SIAM J. Comput. 2, 1973).
     """

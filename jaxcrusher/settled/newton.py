@@ -4,22 +4,30 @@ The damping is Deuflhard's error-oriented one (Newton Methods for Nonlinear Prob
 algorithm NLEQ-ERR): a step is accepted if the next step, seen with the same Jacobian, is shorter.
 It does not depend on how the equations are scaled, as a test of the residual would; with
 residuals of a stiff contact that test accepts only tiny steps.
+
+It is written once and driven twice: by `newton`, which is one program of JAX, and by
+`newton_on_host`, for equations whose evaluation calls several programs and holds their Jacobian.
 """
 
 from collections.abc import Callable
+from types import ModuleType
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.scipy.linalg import lu_factor, lu_solve
 from jaxtyping import Array, Bool, Float, Int, Scalar
 
-# The shortest step, as a share of Newton's.
-LEAST_SHARE = 1e-6
+# The shortest step, as a share of Newton's; from the host, where each evaluation takes seconds.
+LEAST_SHARE, LEAST_ON_HOST = 1e-6, 0.1
+# In place of zero where it would divide.
+TINY = 1e-300
 
 
 class RESULTS(eqx.Enumeration):  # pyright: ignore
-    """How the search ended."""
+    """The search ended so."""
 
     successful = ""
     not_finite = "The equations are not finite at the guess."
@@ -44,12 +52,42 @@ class Root(eqx.Module):
         return self.result == RESULTS.successful
 
 
+def _foreseen(expected: Any, moved: Any, step: Any, xp: ModuleType) -> Any:
+    """Return the share of a step to try first.
+
+    After a move of length `moved` the last Jacobian expected the step `expected`. By how much it
+    mistook `step` tells how much of it to trust.
+    """
+    mistaken = _size(expected - step, xp)
+    share = moved * _size(expected, xp) / xp.maximum(mistaken * _size(step, xp), TINY)
+    return xp.clip(share, LEAST_SHARE, 1.0)
+
+
+def _tested(step: Any, length: Any, following: Any, share: Any, xp: ModuleType) -> tuple[Any, Any]:
+    """Return whether a share of a step of some length is accepted, and else the share to try.
+
+    `following` is the step from there, seen with the same Jacobian.
+    """
+    size = _size(following, xp)
+    # Deuflhard's estimate: the share at which the equations still look straight.
+    bend = _size(following - (1 - share) * step, xp)
+    straight = 0.5 * length * share**2 / xp.maximum(bend, TINY)
+    usable = xp.isfinite(size)
+    retry = xp.where(usable, xp.minimum(straight, share / 2), share / 2)
+    return usable & (size <= (1 - share / 4) * length), retry
+
+
+def _size(vector: Any, xp: ModuleType = jnp) -> Any:
+    """Return the root mean square."""
+    return xp.sqrt(xp.mean(vector**2))
+
+
 class _Iterate(eqx.Module):
     point: Array
     factors: Factors
     share: Scalar  # of Newton's step, to be tried next
     step: Array  # the next step as the last Jacobian foresaw it
-    length: Scalar  # of the last Newton step, times the share that was taken of it
+    moved: Scalar  # length of the last Newton step, times the share that was taken of it
     steps: Int[Array, ""]
     done: Bool[Array, ""]
     result: RESULTS
@@ -60,7 +98,7 @@ class _Trial(eqx.Module):
     next_share: Scalar
     point: Array
     step: Array
-    settled: Bool[Array, ""]
+    converged: Bool[Array, ""]
     lost: Bool[Array, ""]
 
 
@@ -71,7 +109,7 @@ def newton(
     tolerance: float,
     max_steps: int,
 ) -> Root:
-    """A zero of `residual` near `guess`; `linearised` gives the residual and its Jacobian.
+    """Return a zero of `residual` near `guess`; `linearised` gives the residual and its Jacobian.
 
     Converged when a further step, with the last Jacobian, is at most `tolerance` in every entry;
     that step is then taken. Pure JAX; not to be differentiated through.
@@ -83,16 +121,14 @@ def newton(
         factors = lu_factor(matrix)
         step = lu_solve(factors, -left)
         length = _size(step)
-        # By how much the last Jacobian mistook this step tells how much of it to trust.
-        mistaken = _size(state.step - step)
-        foreseen = state.length * _size(state.step) / jnp.maximum(mistaken * length, 1e-300)
-        share = jnp.where(state.steps == 0, 1.0, jnp.clip(foreseen, LEAST_SHARE, 1.0))
+        foreseen = _foreseen(state.step, state.moved, step, jnp)
+        share = jnp.where(state.steps == 0, 1.0, foreseen)
         trial = _damped(residual, state.point, step, factors, share, tolerance)
         steps = state.steps + 1
         exhausted = steps >= max_steps
         lost = trial.lost | ~jnp.isfinite(length)
         result = RESULTS.where(exhausted, RESULTS.too_many_steps, successful)
-        result = RESULTS.where(trial.settled, successful, result)
+        result = RESULTS.where(trial.converged, successful, result)
         result = RESULTS.where(lost, RESULTS.no_descent, result)
         able = (state.steps > 0) | jnp.all(jnp.isfinite(left))
         result = RESULTS.where(able, result, RESULTS.not_finite)
@@ -103,7 +139,7 @@ def newton(
             trial.step,
             trial.share * length,
             steps,
-            trial.settled | lost | exhausted,
+            trial.converged | lost | exhausted,
             result,
         )
 
@@ -130,25 +166,18 @@ def _damped(
     share: Scalar,
     tolerance: float,
 ) -> _Trial:
-    """The share of Newton's step after which the next one is shorter."""
+    """Return the share of Newton's step after which the next one is shorter."""
     length = _size(step)
 
     def attempt(share: Scalar) -> tuple[_Trial, Bool[Array, ""]]:
         tried = point + share * step
-        left = residual(tried)
-        following = lu_solve(factors, -left)
-        size = _size(following)
-        usable = jnp.isfinite(size)
-        # Deuflhard's estimate: the share at which the equations still look straight.
-        bend = _size(following - (1 - share) * step)
-        straight = 0.5 * length * share**2 / jnp.maximum(bend, 1e-300)
-        shorter = usable & (size <= (1 - share / 4) * length)
-        retry = jnp.where(usable, jnp.minimum(straight, share / 2), share / 2)
-        settled = usable & (share == 1) & (jnp.max(jnp.abs(following)) <= tolerance)
-        end = jnp.where(settled, tried + following, tried)
-        lost = ~(shorter | settled) & ~(retry >= LEAST_SHARE)
-        trial = _Trial(share, retry, end, following, settled, lost)
-        return trial, shorter | settled | lost
+        following = lu_solve(factors, -residual(tried))
+        shorter, retry = _tested(step, length, following, share, jnp)
+        converged = (share == 1) & (jnp.max(jnp.abs(following)) <= tolerance)
+        end = jnp.where(converged, tried + following, tried)
+        lost = ~(shorter | converged) & ~(retry >= LEAST_SHARE)
+        trial = _Trial(share, retry, end, following, converged, lost)
+        return trial, shorter | converged | lost
 
     # One loop, so that what it does is compiled once. Where there is no step there is no share.
     no = jnp.array(False)
@@ -156,6 +185,61 @@ def _damped(
     return jax.lax.while_loop(lambda s: ~s[1], lambda s: attempt(s[0].next_share), none)[0]
 
 
-def _size(vector: Array) -> Scalar:
-    """Root mean square."""
-    return jnp.sqrt(jnp.mean(vector**2))
+class HostRoot(NamedTuple):
+    """A zero, the Jacobian one step before, what else was evaluated there, and evaluations."""
+
+    point: np.ndarray
+    jacobian: np.ndarray
+    seen: Any
+    steps: int
+
+
+def newton_on_host(
+    evaluated: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, Any]],
+    guess: Float[np.ndarray, " n"],
+    tolerance: float,
+    max_steps: int,
+    longest: float = np.inf,
+) -> HostRoot | None:
+    """Return a zero near `guess` of equations that give their Jacobian with their residual.
+
+    `evaluated` returns the residual, its Jacobian, and anything that is to be kept. Converged when
+    a Newton step is at most `tolerance` in every entry; that step is then taken. None where the
+    method fails, and where a step is longer than `longest` in an entry: so far away derivatives
+    tell nothing.
+    """
+    point, share, last = guess, 1.0, None
+    for count in range(1, max_steps + 1):
+        left, jacobian, seen = evaluated(point)
+        step = linear_solution(jacobian, -left)
+        if last is not None:
+            start, before, matrix = last
+            expected = linear_solution(matrix, -left)
+            length = _size(before, np)
+            accepted, retry = _tested(before, length, expected, share, np)
+            # What is left of a step may be the noise of an integration, which shrinks no more.
+            if not accepted and not np.max(np.abs(expected)) <= tolerance:
+                share = float(retry)
+                if share < LEAST_ON_HOST:
+                    return None
+                point = start + share * before
+                continue
+            share = float(_foreseen(expected, share * length, step, np))
+        largest = np.max(np.abs(step))
+        if largest <= tolerance:
+            return HostRoot(point + step, jacobian, seen, count)
+        if not largest < longest:
+            return None
+        last = point, step, jacobian
+        point = point + share * step
+    return None
+
+
+def linear_solution(
+    matrix: Float[np.ndarray, "n n"], right: Float[np.ndarray, " n"]
+) -> Float[np.ndarray, " n"]:
+    """Return the solution of linear equations, not finite where the matrix is singular."""
+    try:
+        return np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError:
+        return np.full(len(right), np.nan)

@@ -1,13 +1,12 @@
-"""The settled motions of a crusher over one parameter, followed round their folds."""
+"""Follow the periodic orbits of a crusher over one parameter, round their folds."""
 
+import dataclasses
 from collections.abc import Callable
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jax.scipy.linalg import lu_factor
 from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.basics.checks import (
@@ -19,28 +18,28 @@ from jaxcrusher.basics.checks import (
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene, require_maker
-from jaxcrusher.motion.statistic import STATISTIC, Chosen, chosen
-from jaxcrusher.settled import forced, shooting
-from jaxcrusher.settled.branch import ENDS, follow, special_points
-from jaxcrusher.settled.collocation import System, attached
-from jaxcrusher.settled.described import INSTANTS, described, of_nodes
-from jaxcrusher.settled.newton import RESULTS, Root
+from jaxcrusher.motion.statistic import STATISTIC, chosen
+from jaxcrusher.settled import forced
+from jaxcrusher.settled.branch import Special, follow, origin, special_points
+from jaxcrusher.settled.collocation import System
 from jaxcrusher.settled.periodic_orbit import periodic_orbit
+from jaxcrusher.settled.problem import Collocation
 from jaxcrusher.settled.result import PeriodicOrbit
-from jaxcrusher.settled.section_branch import DOUBLING, SectionBranches
-from jaxcrusher.settled.trigonometric import resample
+from jaxcrusher.settled.shooting import Shooting
 
 # Nodes a turn: near a fold an orbit and its multipliers want more than elsewhere.
 NODES = 192
-# First and longest step, with the parameter's scale for a unit.
-STEP, LONGEST = 0.01, 0.1
-# An orbit whose RMS is known no better, as a share, is not followed.
-UNRESOLVED = 1e-3
 # Name -> unit and meaning of what a point holds besides some statistics.
 VARIABLES = {
     "error": ("1", "estimated error of the RMS, as a share of it"),
     "least_penetration": ("1", "least penetration / clearance"),
     "largest_multiplier": ("1", "largest modulus of the Floquet multipliers"),
+}
+# Joint -> kind of the special point where its pin leaves its bore.
+LOST = {
+    "main": "contact lost",
+    "elbow": "contact lost at the elbow",
+    "pivot": "contact lost at the pivot",
 }
 HELD = ("foundation_rms", "foundation_mean", "foundation_peak")
 
@@ -57,7 +56,7 @@ def orbit_branch(
     points: int = 200,
     guess: PeriodicOrbit | Float[ArrayLike, "n dims"] | None = None,
 ) -> xr.Dataset:
-    """The branch of settled motions through the one at a value of a parameter.
+    """Return the branch of periodic orbits through the one at a value of a parameter.
 
     By collocation while contact is kept, to where it is lost. The branch of a first motion that
     the nodes do not resolve, such as one that loses contact, is followed by shooting, through gain
@@ -79,8 +78,9 @@ def orbit_branch(
     `foundation_peak` (N), `error` (of the RMS, a share of it: where it is large the nodes do not
     resolve the motion, and its multipliers mean nothing), `least_penetration` (clearances),
     `largest_multiplier`, `stable`. With the dimension `special`: `special_kind` ("fold", "period
-    doubling", "Neimark-Sacker"; by collocation "contact lost") and `special_parameter`, by shooting
-    NaN where a change is seen but not located; a branch may end in the doubling that it came from.
+    doubling", "Neimark-Sacker"; by collocation "contact lost", also "at the elbow" and "at the
+    pivot") and `special_parameter`, NaN where a change is seen but not located. A branch may end in
+    the doubling that it came from.
     The attribute `ended` says why it ends.
 
     Raises ValueError for arguments out of range, and where there is no motion to begin with.
@@ -99,89 +99,61 @@ def orbit_branch(
         period = guess.period if period is None else period
         require(period == guess.period, "period", f"be the guess's {guess.period}", period)
     begin = scene(jnp.asarray(start))
-    first = periodic_orbit(begin, period=period, nodes=nodes, guess=guess)
+    first = found = periodic_orbit(begin, period=period, nodes=nodes, guess=guess)
     require(first.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
     if not bool(first.success):
         found = periodic_orbit(begin, period=period, guess=guess)
         require(bool(found.success), "start", "have a settled motion", f"{start}: {found.failure}")
         first = periodic_orbit(begin, nodes=nodes, guess=found)
-        if not bool(first.success):
-            return _by_sections(scene, found, start, bounds, upwards, scale, points)
-    period = first.period
-    assert first.eccentricity is not None
-    family = eqx.Partial(_family, scene=scene, period=period)
+    if bool(first.success):
+        family = eqx.Partial(_family, scene=scene, period=found.period)
+        watched, outputs = tuple(LOST[joint] for joint, _ in begin.joints.present()), first.values
+        problem = Collocation(
+            family=family, period=found.period, watched=watched, outputs=chosen(outputs)
+        )
+        unknowns = first.eccentricity
+    else:
+        problem = Shooting(build=eqx.Partial(_made, scene=scene), period=found.period)
+        unknowns = found.section
     branch = follow(
-        family,
-        first.eccentricity,
-        jnp.asarray(start),
+        problem,
+        np.asarray(unknowns),
+        start,
         scale=scale,
         bounds=(low, high),
-        step=STEP if upwards else -STEP,
-        longest=LONGEST,
+        upwards=upwards,
         points=points,
-        monitor=_least_penetration,
     )
-    along = _looked_at(family, branch.parameter, branch.x, period, chosen(first.values))
-    count, ended = int(branch.count), ENDS[int(branch.result)]
-    good = np.asarray(along.error[:count]) <= UNRESOLVED
-    if not good.all():
-        count, ended = int(np.argmin(good)), "These nodes do not resolve the motion any further."
-        branch = eqx.tree_at(lambda b: b.count, branch, jnp.array(count))
-    special = special_points(family, branch, scale=scale, monitor=_least_penetration)
-    values = {name: np.asarray(getattr(along, name)[:count]) for name in (*HELD, *VARIABLES)}
-    values["parameter"] = np.asarray(branch.parameter[:count])
-    kinds = [{"monitor": "contact lost"}.get(one.kind, one.kind) for one in special]
-    places = [one.parameter for one in special]
-    return _labelled(values, kinds, places, ended, period)
-
-
-def _by_sections(
-    scene: Callable[[Scalar], Scene],
-    orbit: PeriodicOrbit,
-    start: float,
-    bounds: tuple[float, float],
-    upwards: bool,
-    scale: float,
-    points: int,
-) -> xr.Dataset:
-    """The branch through an orbit that loses contact."""
-    sections = SectionBranches(eqx.Partial(_made, scene=scene), orbit.period, scale)
-    state = np.asarray(orbit.section)
-    branch, ended = sections.follow(state, start, bounds, upwards=upwards, points=points)
-    require(bool(branch), "guess", "lead to an orbit that repeats", "one that does not")
-    special = sections.special_points(branch)
-    if branch[-1].turns < orbit.period:
-        special.append((DOUBLING, sections.origin(branch)[1]))
-        branch = branch[:-1]
-    seen = [
-        shooting.described(
-            scene(jnp.asarray(scale * one.value)), one.state, orbit.period, one.multipliers, np.nan
-        )
-        for one in branch
-    ]
-    values = {
-        name: np.array([float(getattr(one, name)) for one in seen]) for name in (*HELD, *VARIABLES)
-    }
-    values["parameter"] = np.array([scale * one.value for one in branch])
-    places = [np.nan if one is None else scale * one.value for _, one in special]
-    return _labelled(values, [kind for kind, _ in special], places, ended, orbit.period)
-
-
-def _made(point: Float[Array, "1"], scene: Callable[[Scalar], Scene]) -> Scene:
-    return scene(point[0])
+    require(bool(branch.points), "guess", "lead to an orbit that repeats", "one that does not")
+    orbits, ended = [], branch.ended
+    for place, point in zip(branch.parameter, branch.points, strict=True):
+        orbit = problem.orbit(jnp.asarray(point.u), jnp.asarray(place), point.seen)
+        if not bool(orbit.success):
+            ended = "These nodes do not resolve the motion any further."
+            break
+        orbits.append(orbit)
+    special = special_points(dataclasses.replace(branch, points=branch.points[: len(orbits)]))
+    if branch.parent is not None:
+        special.append(origin(branch, branch.parent))
+    return _labelled(branch.parameter[: len(orbits)], orbits, special, ended, found.period)
 
 
 def _labelled(
-    values: dict[str, np.ndarray], kinds: list[str], places: list[float], ended: str, period: int
+    parameter: Float[np.ndarray, " points"],
+    orbits: list[PeriodicOrbit],
+    special: list[Special],
+    ended: str,
+    period: int,
 ) -> xr.Dataset:
     meanings = {name: (STATISTIC[name].unit, STATISTIC[name].meaning) for name in HELD} | VARIABLES
-    data = {"parameter": ("point", values["parameter"], {})}
+    data = {"parameter": ("point", parameter, {})}
     for name, (unit, meaning) in meanings.items():
-        data[name] = "point", values[name], {"units": unit, "long_name": meaning}
-    stable = values["largest_multiplier"] < 1
+        values = np.array([float(getattr(orbit, name)) for orbit in orbits])
+        data[name] = "point", values, {"units": unit, "long_name": meaning}
+    stable = np.array([bool(orbit.stable) for orbit in orbits])
     data["stable"] = "point", stable, {"units": "1", "long_name": "disturbances die"}
-    data["special_kind"] = "special", np.array(kinds, object), {}
-    data["special_parameter"] = "special", np.array(places, float), {}
+    data["special_kind"] = "special", np.array([one.kind for one in special], object), {}
+    data["special_parameter"] = "special", np.array([one.parameter for one in special], float), {}
     return xr.Dataset(data, attrs={"ended": ended, "period": period})
 
 
@@ -189,30 +161,5 @@ def _family(value: Scalar, *, scene: Callable[[Scalar], Scene], period: int) -> 
     return forced.system(scene(value), period)
 
 
-def _least_penetration(x: Float[Array, "nodes dims"]) -> Scalar:
-    """The least over the period and over all joints, in clearances."""
-    by_joint = resample(x, INSTANTS).reshape(INSTANTS, -1, 2)
-    return jnp.min(jnp.linalg.norm(by_joint, axis=2)) - 1
-
-
-@eqx.filter_jit
-def _looked_at(
-    family: Callable[[Scalar], System], values: Array, x: Array, period: int, outputs: Chosen
-) -> PeriodicOrbit:
-    """The orbits of a branch."""
-
-    def one(place: tuple[Scalar, Array]) -> PeriodicOrbit:
-        return _described(family, place[0], place[1], period, outputs)
-
-    return jax.lax.map(one, (values, x))
-
-
-def _described(
-    family: Callable[[Scalar], System], value: Scalar, x: Array, period: int, outputs: Chosen
-) -> PeriodicOrbit:
-    system = family(value)
-    matrix = system.linearised(x)[1].reshape(x.size, x.size)
-    lower, rows = lu_factor(matrix)
-    root = Root(x.ravel(), (lower, rows), jnp.array(0), RESULTS.successful)
-    found, factors = of_nodes(system, x, root)
-    return described(system, found, attached(system, x, factors), period, outputs)
+def _made(point: Float[Array, "1"], scene: Callable[[Scalar], Scene]) -> Scene:
+    return scene(point[0])

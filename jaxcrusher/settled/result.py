@@ -1,4 +1,4 @@
-"""What is known of a periodic motion, however it was found."""
+"""A periodic orbit: what is known of it, however it was found, and the one way to make it."""
 
 from collections.abc import Mapping
 
@@ -14,21 +14,22 @@ from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.motion.named import AbstractNamed
-from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.motion.statistic import SAMPLES, STATISTIC, statistics_of
+from jaxcrusher.motion.statistics import limits_of
 from jaxcrusher.settled import forced, newton
 from jaxcrusher.settled.trigonometric import evaluate
 
 
 class RESULTS(newton.RESULTS):  # pyright: ignore
-    """Those of Newton's method, and what a root may fail to be."""
+    """Newton's method ended so, or its root is no orbit."""
 
     contact_lost = "The motion loses contact, which these nodes do not resolve."
     unresolved = "The motion is not resolved by these nodes."
-    open = "The motion does not repeat when it is integrated over its period."
+    not_closed = "The motion does not repeat when it is integrated over its period."
 
 
 def reason(result: RESULTS) -> str:
-    """What a result means, in one line; nothing if it is a success (concrete values only)."""
+    """Say in one line what a result means; nothing if it is a success (concrete values only)."""
     # Equinox reads the codes of JAX's arrays only, not of NumPy's.
     return " ".join(str(RESULTS[jax.tree.map(jnp.asarray, result)]).split())
 
@@ -53,11 +54,11 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
     error: Scalar  # estimated, of the RMS as a share of it
     least_penetration: Scalar  # least delta / c at any joint: contact is kept if > 0
     multipliers: Complex[Array, " n"]  # of a disturbance, in one period: 4 a loose joint
-    multipliers_error: Scalar  # estimated
+    multipliers_error: Scalar  # estimated; NaN where nothing is known of it
     validity: Validity
 
     def units(self) -> dict[str, str]:
-        """Of every statistic there is."""
+        """Return the unit of every statistic there is."""
         return {name: statistic.unit for name, statistic in STATISTIC.items()}
 
     @property
@@ -67,39 +68,93 @@ class PeriodicOrbit(eqx.Module, AbstractNamed):
 
     @property
     def failure(self) -> str:
-        """Why there is none, or nothing (concrete values only)."""
+        """Say why there is no orbit; nothing if there is (concrete values only)."""
         return reason(self.result)
 
     @property
     def largest_multiplier(self) -> Float[Array, "*batch"]:
-        """The largest modulus."""
+        """Return the largest modulus of the multipliers."""
         return jnp.max(jnp.abs(self.multipliers), axis=-1, initial=0.0)
 
     @property
     def stable(self) -> Bool[Array, "*batch"]:
-        """Whether disturbances die."""
-        return self.success & (self.largest_multiplier < 1)
+        """Whether disturbances die.
+
+        An orbit whose largest multiplier is 1 within `multipliers_error` is not called stable.
+        """
+        error = jnp.where(jnp.isnan(self.multipliers_error), 0.0, self.multipliers_error)
+        return self.success & (self.largest_multiplier < 1 - error)
 
     @property
     def settling_turns(self) -> Float[Array, "*batch"]:
-        """Turns in which a disturbance falls to 1/e in the end; infinite if it grows."""
+        """Return the turns in which a disturbance falls to 1/e in the end; infinite if it grows."""
         largest = self.largest_multiplier
         return jnp.where(largest >= 1, jnp.inf, -self.period / jnp.log(largest))
 
     def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
-        """Where the motion is at a shaft angle (rad); it may be handed to a formulation."""
+        """Return where the motion is at a shaft angle (rad); it may be handed to a formulation."""
         require(self.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
         return _state(self, jnp.asarray(angle, dtype=float))
 
     def motion(
         self, angles: Float[ArrayLike, " n"], outputs: tuple[str, ...] = tuple(OBSERVABLES)
     ) -> dict[str, Array]:
-        """Observables at any shaft angles (rad), by name, shape (n,) or (n, 2).
+        """Return observables at any shaft angles (rad), by name, shape (n,) or (n, 2).
 
         Raises ValueError for a name that `jaxcrusher.crusher.observables.OBSERVABLES` lacks.
         """
         require_names("outputs", outputs, tuple(OBSERVABLES))
         return _seen(self, jnp.asarray(angles, dtype=float), tuple(outputs))
+
+
+def built(
+    scene: Scene,
+    period: int,
+    path: Float[Array, "nodes dims"] | None,
+    section: Float[ArrayLike, " states"],
+    values: Mapping[str, Scalar],
+    *,
+    result: RESULTS,
+    error: Scalar,
+    least_penetration: Scalar,
+    multipliers: ArrayLike,
+    multipliers_error: ArrayLike,
+    steps: ArrayLike = 0,
+) -> PeriodicOrbit:
+    """Return an orbit; its statistics tell the limits of the contact model."""
+    limits = limits_of(scene, values)
+    assert limits is not None
+    return PeriodicOrbit(
+        scene,
+        period,
+        path,
+        jnp.asarray(section, float),
+        result,
+        jnp.asarray(steps),
+        values,
+        error,
+        least_penetration,
+        jnp.asarray(multipliers, complex),
+        jnp.asarray(multipliers_error, float),
+        limits,
+    )
+
+
+def missing(scene: Scene, period: int) -> PeriodicOrbit:
+    """Return no orbit: NaN in every number."""
+    nan, dims = jnp.asarray(jnp.nan), 4 * len(list(scene.joints.present()))
+    return built(
+        scene,
+        period,
+        jnp.full((SAMPLES * period, dims // 2), jnp.nan),
+        jnp.full(dims, jnp.nan),
+        dict.fromkeys(statistics_of(scene), nan),
+        result=RESULTS.not_closed,
+        error=nan,
+        least_penetration=nan,
+        multipliers=jnp.full(dims, jnp.nan),
+        multipliers_error=nan,
+    )
 
 
 @eqx.filter_jit
@@ -124,7 +179,7 @@ def _seen(
 
 
 def finished(orbit: PeriodicOrbit) -> PeriodicOrbit:
-    """The orbit as it is handed out: NaN in every number and slope of a failure.
+    """Return the orbit as it is handed out: NaN in every number and slope of a failure.
 
     Slopes of multipliers and errors are NaN too. They are computed without slopes, and a slope of
     zero would be wrong.
@@ -146,12 +201,12 @@ def _masked(orbit: PeriodicOrbit) -> PeriodicOrbit:
 
 
 def without_slopes(orbit: PeriodicOrbit, scene: Scene) -> PeriodicOrbit:
-    """The orbit, with NaN for every slope by the numbers of `scene`: nobody knows them."""
+    """Return the orbit with NaN for every slope by the numbers of `scene`, which nobody knows."""
     return _sloped_if(jnp.array(False), orbit, scene)
 
 
 def _sloped_if(good: Bool[Array, ""], tree: PyTree, scene: Scene) -> PyTree:
-    """The numbers of a tree, whose slopes by those of `scene` are NaN unless `good`."""
+    """Return the numbers of a tree, whose slopes by those of `scene` are NaN unless `good`."""
     leaves = [leaf for leaf in jax.tree.leaves(scene) if eqx.is_inexact_array(leaf)]
     total = sum(map(jnp.sum, leaves), jnp.zeros(()))
     numbers, others = eqx.partition(tree, eqx.is_inexact_array)

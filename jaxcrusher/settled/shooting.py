@@ -4,6 +4,9 @@ They may lose contact and impact. The map's derivatives are tangents under error
 of a turn, since none of a whole turn of impacts has digits left.
 """
 
+import dataclasses
+from typing import Any, ClassVar, NamedTuple
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -12,115 +15,173 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Scalar
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.simulation import simulate
 from jaxcrusher.motion.statistic import SAMPLES, statistics_of
-from jaxcrusher.motion.statistics import limits_of, over_pieces
-from jaxcrusher.motion.tangents import Build, Tangents, chain, changes, combine, tangents
+from jaxcrusher.motion.statistics import over_pieces
+from jaxcrusher.motion.tangents import Build, Tangents, chain, tangents
 from jaxcrusher.settled import newton
-from jaxcrusher.settled.result import RESULTS, PeriodicOrbit
+from jaxcrusher.settled.newton import HostRoot, newton_on_host
+from jaxcrusher.settled.problem import (
+    MOST_CORRECTIONS,
+    AbstractPeriodicProblem,
+    Bordered,
+    Linearised,
+    Stride,
+)
+from jaxcrusher.settled.result import RESULTS, PeriodicOrbit, built, missing
 
-# Of the map, and the shortest step as a share of Newton's.
-EVALUATIONS, LEAST_SHARE = 16, 0.1
+# Evaluations of the map, at either tolerance.
+EVALUATIONS = 16
 # Of Newton's last step, in clearances and m/s, and the tolerance of the integration.
 CLOSURE, RTOL = 1e-7, 1e-11
-# A step so long, in these units, leaves what its tangents told of; after one so short the tolerance
-# is no longer this.
+# A step so long, in these units, leaves what its tangents told of. Until one is as short as `NEAR`
+# the tolerance is coarse.
 LEAP, NEAR, COARSE_RTOL = 1.0, 1e-4, 1e-8
+# The tolerance along a branch, and two states so near, in clearances and m/s, that they are one.
+BRANCH_RTOL, ALIKE = 1e-10, 1e-3
+
+
+class Turns(NamedTuple):
+    """The map over a period: the state after each turn, and derivatives along them."""
+
+    ends: Float[np.ndarray, "turns dims"]
+    along: Tangents
+    matrix: Float[np.ndarray, "dims dims"]
+
+
+class Shooting(AbstractPeriodicProblem):
+    """By the integrator: u is a section point; the scene of the numbers p is `build(p)`."""
+
+    build: Build
+    period: int = eqx.field(static=True)
+    rtol: float = eqx.field(static=True, default=BRANCH_RTOL)
+    metric: str = eqx.field(static=True, default="foundation_rms")  # whose derivatives come along
+    watched: tuple[str, ...] = eqx.field(static=True, default=())
+
+    # Where branches fold a state differs by thousandths of a clearance: a tangent leads less far.
+    # The integrations leave some 3e-8 of a step in a place.
+    stride: ClassVar[Stride] = Stride(
+        first=0.02, longest=0.4, shortest=2e-5, straight=0.1, located=1e-7
+    )
+
+    def residual(self, u: Float[Array, " dims"], p: Any) -> Array:
+        """Return how far a period leads from u."""
+        return jnp.asarray(self.linearised(u, p).residual)
+
+    def linearised(self, u: Float[ArrayLike, " dims"], p: Any) -> Linearised:
+        """Return the residual with its derivatives by u and by p, and the turns."""
+        point, parts, state = jnp.asarray(p).reshape(-1), [], np.asarray(u)
+        for _ in range(self.period):
+            parts.append(tangents(self.build, point, self.metric, state, 1, self.rtol))
+            state = parts[-1].state
+        joined = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in ("jacobians", "forcing", "values", "by_state", "by_parameter")
+        }
+        along = dataclasses.replace(parts[-1], **joined)
+        matrix, forcing = chain(along)
+        seen = Turns(np.array([part.state for part in parts]), along, matrix)
+        return Linearised(state - np.asarray(u), matrix - np.eye(state.size), forcing, seen)
+
+    def solved(self, equations: Bordered) -> HostRoot | None:
+        """Return the zero of bordered equations, None if there is none."""
+
+        def evaluated(both: np.ndarray) -> tuple[np.ndarray, np.ndarray, Turns]:
+            left, jacobian, seen = equations.linearised(both)
+            return np.asarray(left), np.asarray(jacobian), seen
+
+        return newton_on_host(evaluated, np.asarray(equations.guess), CLOSURE, MOST_CORRECTIONS)
+
+    def multipliers(self, u: Any, p: Any, seen: Turns) -> Complex[np.ndarray, " dims"]:
+        """Return the Floquet multipliers: a shift from the orbit grows by these in a period."""
+        return np.linalg.eigvals(seen.matrix).astype(complex)
+
+    def turns(self, seen: Turns) -> int:
+        """Return after how many turns an orbit repeats already."""
+        apart = np.max(np.abs(seen.ends - seen.ends[-1]), axis=1)
+        return 1 + int(np.argmax(apart < ALIKE))
+
+    def monitors(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, " joints"]:
+        """Return the least penetration of each joint over the period, in clearances."""
+        scene = self.build(jnp.asarray(p).reshape(-1))
+        return _motion(scene, [np.asarray(u), *seen.ends[:-1]])[1]
+
+    def orbit(self, u: Any, p: Any, seen: Turns) -> PeriodicOrbit:
+        """Return all that is known of an orbit, but for an error of its multipliers.
+
+        Its `error` is what a tolerance 100 times as large makes of the RMS. Turn by turn: the same
+        programs serve all periods.
+        """
+        scene = self.build(jnp.asarray(p).reshape(-1))
+        names = statistics_of(scene)
+
+        def sections(rtol: float) -> list[Section]:
+            parts, state = [], u
+            for _ in range(self.period):
+                parts.append(poincare_section(scene, 0, 1, state=state, outputs=names, rtol=rtol))
+                state = parts[-1].state
+            return parts
+
+        def over(turns: list[Section], name: str) -> Scalar:
+            return over_pieces(name, jnp.concatenate([turn.values[name] for turn in turns]))
+
+        fine, coarse = sections(RTOL), sections(100 * RTOL)
+        values = {name: over(fine, name) for name in names}
+        path, least = _motion(scene, [u, *(turn.state for turn in fine[:-1])])
+        return built(
+            scene,
+            self.period,
+            path,
+            fine[-1].state,
+            values,
+            result=RESULTS.promote(newton.RESULTS.successful),
+            error=jnp.abs(over(coarse, "foundation_rms") / values["foundation_rms"] - 1),
+            least_penetration=jnp.min(jnp.asarray(least)),
+            multipliers=self.multipliers(u, p, seen),
+            multipliers_error=np.nan,
+        )
+
+    def weight(self, size: int) -> float:
+        """Return that of a sum of squares."""
+        return 1.0
+
+
+def _motion(scene: Scene, starts: list) -> tuple[Float[Array, "n half"], np.ndarray]:
+    """Return e / c of all joints over turns from section points, and each joint's least depth."""
+    joints = dict(scene.joints.present())
+    places = [before(name) + "eccentricity" for name in joints]
+    depths = [before(name) + "penetration_ratio" for name in joints]
+    times = 2 * np.pi / scene.drive.speed * np.arange(SAMPLES) / SAMPLES
+    seen = [simulate(scene, times, state=state, outputs=(*places, *depths)) for state in starts]
+    relative = [
+        jnp.concatenate([turn[place] for turn in seen]) / joint.clearance
+        for place, joint in zip(places, joints.values(), strict=True)
+    ]
+    least = [min(float(jnp.min(turn[depth])) for turn in seen) for depth in depths]
+    return jnp.concatenate(relative, axis=1), np.array(least)
 
 
 def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> PeriodicOrbit:
-    """The orbit of `scene` through a section point near `guess` (concrete values only).
+    """Return the orbit of `scene` through a section point near `guess` (concrete values only).
 
     Its `error` is what a tolerance 100 times as large makes of the RMS, that of its multipliers
     what it makes of their matrix.
     """
     build, none = eqx.Partial(_same, scene=scene), jnp.zeros(0)
-    found = section_point(build, none, "foundation_rms", guess, period)
+    problem = Shooting(build=build, period=period, rtol=RTOL)
+    found = _repeats(problem, none, guess)
     if found is None:
         return missing(scene, period)
-    state, along = found
-    matrix, _ = chain(along)
-    state = state + _step(matrix, along.state - state)
-    coarse, _ = chain(tangents(build, none, "foundation_rms", state, period, 100 * RTOL))
-    blur = np.max(np.abs(coarse - matrix)) / np.max(np.abs(matrix))
-    orbit = described(scene, state, period, np.linalg.eigvals(matrix), blur)
-    return orbit
+    state, seen = found
+    coarse = dataclasses.replace(problem, rtol=100 * RTOL).linearised(state, none).seen.matrix
+    error = np.max(np.abs(coarse - seen.matrix)) / np.max(np.abs(seen.matrix))
+    orbit = problem.orbit(state, none, seen)
+    return dataclasses.replace(orbit, multipliers_error=jnp.asarray(error))
 
 
 def _same(_: Array, scene: Scene) -> Scene:
     return scene
-
-
-def missing(scene: Scene, period: int) -> PeriodicOrbit:
-    """No orbit: NaN in every number."""
-    lost, values = jnp.asarray(jnp.nan), dict.fromkeys(statistics_of(scene), jnp.asarray(jnp.nan))
-    limits, dims = limits_of(scene, values), initial_state(scene).size
-    assert limits is not None
-    return PeriodicOrbit(
-        scene,
-        period,
-        jnp.full((SAMPLES * period, dims // 2), jnp.nan),
-        jnp.full(dims, jnp.nan),
-        RESULTS.open,
-        jnp.array(0),
-        values,
-        lost,
-        lost,
-        jnp.full(dims, jnp.nan, complex),
-        lost,
-        limits,
-    )
-
-
-def described(
-    scene: Scene,
-    state: Float[ArrayLike, " dims"],
-    period: int,
-    multipliers: Complex[np.ndarray, " dims"],
-    blur: float,
-) -> PeriodicOrbit:
-    """What is known of the orbit through a section point.
-
-    Turn by turn: the same programs serve all periods.
-    """
-    joints = dict(scene.joints.present())
-    places = {name: before(name) + "eccentricity" for name in joints}
-    depths = [before(name) + "penetration_ratio" for name in joints]
-    times = 2 * np.pi / scene.drive.speed * np.arange(SAMPLES) / SAMPLES
-    names, parts, seen, coarse = statistics_of(scene), [], [], []
-    again = state
-    for _ in range(period):
-        seen.append(simulate(scene, times, state=state, outputs=(*places.values(), *depths)))
-        parts.append(poincare_section(scene, 0, 1, state=state, outputs=names, rtol=RTOL))
-        coarse.append(poincare_section(scene, 0, 1, state=again, outputs=names, rtol=100 * RTOL))
-        state, again = parts[-1].state, coarse[-1].state
-
-    def over(turns: list[Section], name: str) -> Scalar:
-        return over_pieces(name, jnp.concatenate([turn.values[name] for turn in turns]))
-
-    values = {name: over(parts, name) for name in names}
-    relative = [
-        jnp.concatenate([turn[places[name]] for turn in seen]) / joint.clearance
-        for name, joint in joints.items()
-    ]
-    limits = limits_of(scene, values)
-    assert limits is not None
-    return PeriodicOrbit(
-        scene,
-        period,
-        jnp.concatenate(relative, axis=1),
-        jnp.asarray(state, float),
-        RESULTS.promote(newton.RESULTS.successful),
-        jnp.array(0),
-        values,
-        jnp.abs(over(coarse, "foundation_rms") / values["foundation_rms"] - 1),
-        jnp.min(jnp.array([jnp.min(turn[depth]) for turn in seen for depth in depths])),
-        jnp.asarray(multipliers, complex),
-        jnp.asarray(blur),
-        limits,
-    )
 
 
 def section_point(
@@ -130,109 +191,36 @@ def section_point(
     guess: Float[ArrayLike, " dims"],
     period: int,
 ) -> tuple[np.ndarray, Tangents] | None:
-    """The section point near `guess` that repeats after `period` turns, by Newton's method.
+    """Return the section point near `guess` that repeats after `period` turns.
 
-    With it come the derivatives along the orbit. None if the iteration does not converge, if a
+    With it come the derivatives along the orbit. None if Newton's method does not converge, if a
     multiplier is 1 (whatever is near repeats too), or if the state holds more than eccentricity
     and rate (a memory that no impact renews repeats whatever it is).
     """
-    x = np.asarray(guess, dtype=float)
+    found = _repeats(Shooting(build=build, period=period, rtol=RTOL, metric=metric), point, guess)
+    return None if found is None else (found[0], found[1].along)
+
+
+def _repeats(
+    problem: Shooting, point: Float[Array, " n"], guess: Float[ArrayLike, " dims"]
+) -> tuple[np.ndarray, Turns] | None:
+    """Return the section point of an orbit and its turns; coarsely first, then finely."""
+    x, seen = np.asarray(guess, dtype=float), None
     # Traced: a neighbour of a parameter at its limit lies outside.
-    scene = eqx.filter_eval_shape(build, point)
+    scene = eqx.filter_eval_shape(problem.build, point)
     joints = len(list(scene.joints.present()))
     if not isinstance(scene.formulation, EccentricityFormulation) or x.size != 4 * joints:
         return None
-    rtol, share, step, last = COARSE_RTOL, 1.0, np.zeros(x.size), np.eye(x.size)
-    for _ in range(EVALUATIONS):
-        along = tangents(build, point, metric, x + share * step, period, rtol)
-        matrix, _ = chain(along)
-        left = along.state - (x + share * step)
-        if not np.isfinite(matrix).all():
+    for rtol, tolerance in ((COARSE_RTOL, NEAR), (problem.rtol, CLOSURE)):
+        tried = dataclasses.replace(problem, rtol=rtol)
+
+        def evaluated(x: np.ndarray, of: Shooting = tried) -> tuple[np.ndarray, np.ndarray, Turns]:
+            at = of.linearised(x, point)
+            return np.asarray(at.residual), np.asarray(at.by_unknowns), at.seen
+
+        root = newton_on_host(evaluated, x, tolerance, EVALUATIONS, LEAP)
+        if root is None:
             return None
-        # Deuflhard's test: seen with the last matrix, the next step must be shorter.
-        if np.any(step) and not _size(_step(last, left)) < (1 - share / 4) * _size(step):
-            share /= 2
-            if share < LEAST_SHARE:
-                return None
-            continue
-        x, last, share = x + share * step, matrix, min(1.0, 2 * share)
-        step = _step(matrix, left)
-        if _size(step) < CLOSURE and rtol == RTOL:
-            return x, along
-        if not _size(step) < LEAP:
-            return None
-        rtol = RTOL if _size(step) < NEAR else rtol
-    return None
-
-
-def solved(
-    matrix: Float[np.ndarray, "n n"], right: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
-    """The solution of linear equations, not finite where the matrix is singular."""
-    try:
-        return np.linalg.solve(matrix, right)
-    except np.linalg.LinAlgError:
-        return np.full(len(right), np.nan)
-
-
-def _step(matrix: Float[np.ndarray, "n n"], left: Float[np.ndarray, " n"]) -> np.ndarray:
-    """Newton's step, not finite where a multiplier is 1."""
-    return solved(np.eye(len(left)) - matrix, left)
-
-
-def _size(step: Float[np.ndarray, " n"]) -> float:
-    return float(np.max(np.abs(step)))
-
-
-def orbit_shift(along: Tangents) -> Float[np.ndarray, "dims n"]:
-    """How the section point of the orbit moves: x = P(x, p) gives (I - P_x)^-1 P_p."""
-    matrix, forcing = chain(along)
-    return np.linalg.solve(np.eye(len(matrix)) - matrix, forcing)
-
-
-def periodic_slopes(along: Tangents, metric: str) -> Float[np.ndarray, " n"]:
-    """Slopes of `metric` by the parameters, the motion staying on its orbit.
-
-    m(x, p) over a period has the slope m_p + m_x dx/dp, with dx/dp of `orbit_shift`. Exact for a
-    motion that has settled; a run that has not differs by its swing.
-    """
-    return combine(metric, along.values, changes(along, orbit_shift(along)))
-
-
-def multipliers(along: Tangents) -> Complex[np.ndarray, " dims"]:
-    """Floquet multipliers: a shift from the orbit grows by these in a period."""
-    return np.linalg.eigvals(chain(along)[0])
-
-
-def orbit_differences(
-    build: Build,
-    point: Float[np.ndarray, " n"],
-    metric: str,
-    orbit: tuple[np.ndarray, Tangents],
-    period: int,
-    radius: Float[np.ndarray, " n"],
-) -> Float[np.ndarray, " n"]:
-    """Central differences of `metric` over orbits at `point` ± `radius`, one parameter at a time.
-
-    `orbit` is the one at `point`. NaN where there is no neighbour that repeats after `period`.
-    """
-    state, along = orbit
-    found = np.full(len(point), np.nan)
-    for i, shift in enumerate(np.diag(radius)):
-        ends = [
-            section_point(
-                build,
-                jnp.asarray(point + sign * shift),
-                metric,
-                state + sign * orbit_shift(along) @ shift,
-                period,
-            )
-            for sign in (1, -1)
-        ]
-        high, low = (np.nan if end is None else _value(end[1], metric) for end in ends)
-        found[i] = (high - low) / (2 * radius[i])
-    return found
-
-
-def _value(along: Tangents, metric: str) -> float:
-    return float(over_pieces(metric, jnp.asarray(along.values)))
+        x, seen = root.point, root.seen
+    assert seen is not None
+    return x, seen

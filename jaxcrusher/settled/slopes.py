@@ -1,4 +1,7 @@
-"""Slopes of a statistic of the settled motion, beside differences of settled motions."""
+"""Slopes of a statistic of a periodic orbit, beside differences of orbits.
+
+By collocation (`settled_slopes`), and by tangents along an orbit that was shot for.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,13 +10,16 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import flat, initial_state
+from jaxcrusher.motion.statistics import over_pieces
+from jaxcrusher.motion.tangents import Build, Tangents, chain, changes, combine
 from jaxcrusher.settled.forced import refusal
 from jaxcrusher.settled.periodic_orbit import periodic_orbit
 from jaxcrusher.settled.result import PeriodicOrbit
+from jaxcrusher.settled.shooting import section_point
 
 # A start no further from the orbit, in clearances and m/s, swings about it: the contact is
 # some hundredths of a clearance deep.
@@ -26,7 +32,7 @@ SMALLER = 1e-3
 
 @dataclass(frozen=True)
 class SettledSlopes:
-    """Of one statistic of an orbit by n numbers."""
+    """Slopes of one statistic of an orbit by n numbers."""
 
     orbit: PeriodicOrbit
     values: Float[np.ndarray, " n"]
@@ -40,7 +46,7 @@ def settled_slopes(
     metric: str,
     radii: Float[np.ndarray, " n"],
 ) -> SettledSlopes | None:
-    """By the numbers of `point`, of the stable motion that the scene `build(point)` starts beside.
+    """Return slopes by `point` of the stable motion that the scene `build(point)` starts beside.
 
     None where there is none to be had so: for a scene that `periodic_orbit` refuses, an orbit that
     is not found, not stable, hardly in contact, or not near the scene's start.
@@ -83,3 +89,57 @@ def settled_slopes(
 @eqx.filter_jit
 def _built(build: Callable[[Array], Scene], point: Array) -> Scene:
     return build(point)
+
+
+def orbit_shift(along: Tangents) -> Float[np.ndarray, "dims n"]:
+    """Return how the section point of the orbit moves: x = P(x, p) gives (I - P_x)^-1 P_p."""
+    matrix, forcing = chain(along)
+    return np.linalg.solve(np.eye(len(matrix)) - matrix, forcing)
+
+
+def periodic_slopes(along: Tangents, metric: str) -> Float[np.ndarray, " n"]:
+    """Return slopes of `metric` by the parameters, the motion staying on its orbit.
+
+    m(x, p) over a period has the slope m_p + m_x dx/dp, with dx/dp of `orbit_shift`. Exact for a
+    motion that has settled; a run that has not differs by its swing.
+    """
+    return combine(metric, along.values, changes(along, orbit_shift(along)))
+
+
+def multipliers(along: Tangents) -> Complex[np.ndarray, " dims"]:
+    """Return the Floquet multipliers: a shift from the orbit grows by these in a period."""
+    return np.linalg.eigvals(chain(along)[0])
+
+
+def orbit_differences(
+    build: Build,
+    point: Float[np.ndarray, " n"],
+    metric: str,
+    orbit: tuple[np.ndarray, Tangents],
+    period: int,
+    radius: Float[np.ndarray, " n"],
+) -> Float[np.ndarray, " n"]:
+    """Return central differences of `metric` over orbits at `point` ± `radius`, one by one.
+
+    `orbit` is the one at `point`. NaN where there is no neighbour that repeats after `period`.
+    """
+    state, along = orbit
+    found = np.full(len(point), np.nan)
+    for i, shift in enumerate(np.diag(radius)):
+        ends = [
+            section_point(
+                build,
+                jnp.asarray(point + sign * shift),
+                metric,
+                state + sign * orbit_shift(along) @ shift,
+                period,
+            )
+            for sign in (1, -1)
+        ]
+        high, low = (np.nan if end is None else _value(end[1], metric) for end in ends)
+        found[i] = (high - low) / (2 * radius[i])
+    return found
+
+
+def _value(along: Tangents, metric: str) -> float:
+    return float(over_pieces(metric, jnp.asarray(along.values)))

@@ -34,7 +34,7 @@ Case = tuple[Float[Array, " dims"], Scene]
 def section_points(
     case: Case, *, turns: int, rtol: float
 ) -> tuple[Float[Array, "turns dims"], Bool[Array, ""]]:
-    """Those of the next turns from a state, and whether the integration succeeded.
+    """Return those of the next turns from a state, and whether the integration succeeded.
 
     One integration: in lanes designs do not wait for each other at each turn's end.
     """
@@ -44,7 +44,7 @@ def section_points(
 def _states(
     case: Case, angles: Float[np.ndarray, " n"], rtol: float
 ) -> tuple[Float[Array, "n dims"], Bool[Array, ""]]:
-    """The states at shaft angles after a section point, and whether the integration succeeded."""
+    """Return states at shaft angles after a section point, and whether the run succeeded."""
     state, scene = case
     flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, rtol)
     (states, _), outcome = integrate(
@@ -54,7 +54,7 @@ def _states(
 
 
 def resting_start(scene: Scene) -> Case:
-    """The scene with its pins resting in their bores, whatever its own start."""
+    """Return the scene with its pins resting in their bores, whatever its own start."""
     scene = eqx.tree_at(lambda s: s.start, scene, InContact())
     return initial_state(scene), scene
 
@@ -62,7 +62,7 @@ def resting_start(scene: Scene) -> Case:
 def section_mean(
     case: Case, *, period: int
 ) -> tuple[Float[Array, " dims"], Float[Array, " dims"], Bool[Array, ""]]:
-    """The mean section point of some hundred turns, `period` turns apart, and the last state.
+    """Return the mean section point of some hundred turns, `period` apart, and the last state.
 
     With them comes whether the integration succeeded.
     """
@@ -71,7 +71,7 @@ def section_mean(
 
 
 def one_period(case: Case, *, period: int) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
-    """E / c at equal steps of shaft angle over `period` turns from a section point.
+    """Return e / c at equal steps of shaft angle over `period` turns from a section point.
 
     With it comes whether the integration succeeded.
     """
@@ -88,7 +88,7 @@ _mean, _period = eqx.filter_jit(section_mean), eqx.filter_jit(one_period)
 def guesses(
     scene: Scene, period: int
 ) -> Iterator[tuple[Float[Array, " dims"], Float[Array, "angles half"]]]:
-    """Mean section points over later and later turns, and the motion over a period from each.
+    """Yield mean section points over later and later turns, and the motion over a period from each.
 
     They end where the motion fails.
     """

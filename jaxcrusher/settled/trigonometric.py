@@ -14,12 +14,12 @@ from jaxtyping import Array, Float, Scalar
 
 
 def nodes(count: int) -> Float[np.ndarray, " count"]:
-    """`count` equally spaced points of [0, 1)."""
+    """Return `count` equally spaced points of [0, 1)."""
     return np.arange(count) / count
 
 
 def differentiation(count: int, xp: ModuleType = np) -> tuple[Any, Any]:
-    """The matrices from values at the nodes to the first two derivatives there (chapter 3).
+    """Return the matrices from values at the nodes to the first two derivatives there (chapter 3).
 
     They are constants of a program if `xp` is NumPy, and computed by it if that is `jax.numpy`.
     """
@@ -35,7 +35,7 @@ def differentiation(count: int, xp: ModuleType = np) -> tuple[Any, Any]:
 def resample(
     x: Float[Array, "count ..."], points: int, shift: float = 0.0, order: int = 0
 ) -> Float[Array, "points ..."]:
-    """A derivative (0: the value) at equally spaced points, the first `shift` steps after zero.
+    """Return a derivative (0: the value) at equal steps, the first `shift` of them after zero.
 
     Fewer points than nodes leave the highest harmonics out.
     """
@@ -49,7 +49,7 @@ def resample(
 
 
 def evaluate(x: Float[Array, "count ..."], place: Scalar, order: int = 0) -> Float[Array, "..."]:
-    """A derivative (0: the value) at any one place."""
+    """Return a derivative (0: the value) at any one place."""
     count = len(x)
     harmonics = np.arange(count // 2 + 1)
     weights = np.where((harmonics == 0) | (harmonics == count // 2), 1.0, 2.0) / count

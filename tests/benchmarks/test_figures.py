@@ -1,8 +1,6 @@
 """The benchmarks' figures, from their committed rows: legible at the width of a page."""
 
-import csv
 from collections import Counter
-from pathlib import Path
 
 import matplotlib
 
@@ -12,19 +10,18 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from benchmarks.scaling import page as scaling
+from benchmarks.pages import DOCS
+from benchmarks.scaling import tables as scaling
 from benchmarks.smoothing import run as smoothing
 from benchmarks.stability import figure as stability
 from benchmarks.stability.judgement import Judged
 from benchmarks.waiting import run as waiting
 from benchmarks.work_precision import figure as work_precision
 from benchmarks.work_precision.measure import Row
-from benchmarks.work_precision.report import FIGURES
 from jaxcrusher.files.results import read_table
 from jaxcrusher.pictures.page import SMALLEST, STYLE, WIDTH, power
 from optimize.balance import figure as balance
-
-DOCS = Path(__file__).parents[2] / "docs"
+from tests.benchmarks.test_pages import csv_rows
 
 
 @pytest.fixture(scope="module")
@@ -119,10 +116,6 @@ def test_every_verdict_is_a_cell(figures, name, table, verdicts):
     assert shown == told and len(told) == verdicts
 
 
-def test_pages_show_the_figures():
-    assert FIGURES in (DOCS / "work_precision.md").read_text()
-
-
 @pytest.mark.parametrize(
     "value, text", [(1e-12, "1e-12"), (1e-2, "0.01"), (1e4, "10000"), (2e-3, "2e-3")]
 )
@@ -133,10 +126,12 @@ def test_powers_of_ten_in_few_letters(value, text):
 @pytest.fixture(scope="module")
 def further():
     """Figures that fit one page each, of rows made by hand or committed."""
-    lines = (DOCS / "scaling.csv").read_text().splitlines()
-    rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
-    numbers = [{name: _number(text) for name, text in row.items() if text} for row in rows]
-    widths = {name: [(1e-6, 1.0)] * len(of[2]) for name, of in smoothing.WIDTHS.items()}
+    numbers = csv_rows("scaling.csv")
+    widths = [
+        smoothing.Row(name, float(width), 1e-6, 1.0, 1e-7)
+        for name, (_, _, values, _) in smoothing.WIDTHS.items()
+        for width in values
+    ]
     waited = [waiting.Row(case, "periodic_orbit", "", None, 3e-3, 1e-15) for case in waiting.CASES]
     waited += [
         waiting.Row(case, way, start, 10, 0.1, 1e-6)
@@ -167,7 +162,7 @@ def further():
     with plt.rc_context(STYLE):
         found = {
             "scaling": scaling.figure(numbers),
-            "smoothing": smoothing._draw(widths, 1e-7),
+            "smoothing": smoothing.draw(widths),
             "waiting": waiting.draw(waited),
             "balance": balance.figure(result, turn),
         }
@@ -177,13 +172,6 @@ def further():
     yield found
     for fig in found.values():
         plt.close(fig)
-
-
-def _number(text):
-    try:
-        return float(text) if set(text) & set(".e") else int(text)
-    except ValueError:
-        return text
 
 
 @pytest.mark.parametrize("name", ["scaling", "smoothing", "waiting", "balance"])

@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import jaxcrusher as jc
-from benchmarks.reproduction import report
+from benchmarks.reproduction import tables
 from benchmarks.reproduction.claims import CHOICE, Evidence, claims
 from benchmarks.reproduction.readings import (
     DECIDED,
@@ -108,7 +108,7 @@ def listed():
 def test_arithmetic_of_the_source(listed):
     """What follows from printed numbers alone."""
     evidence = synthetic()
-    words = {c.number.value: report.judged(c, evidence, DECIDED)[1] for c in listed if c.implied}
+    words = {c.number.value: tables.judged(c, evidence, DECIDED)[1] for c in listed if c.by.implied}
     assert words[25.0] == words[41.45] == words[9e4] == INCONSISTENT
     assert words[5.63] == REPRODUCED
     # Consistent in themselves, though not met by the made-up forces.
@@ -121,26 +121,29 @@ def test_arithmetic_of_the_source(listed):
 
 def test_tables(listed):
     evidence = synthetic()
-    lines = report.verdict_table(listed, evidence).splitlines()
+    lines = tables.verdict_table(listed, evidence).splitlines()
     assert len(lines) == len(listed) + 2
     kinds = (REPRODUCED, NOT_REPRODUCED, INCONSISTENT, UNCHECKED)
     words = [line.split("|")[-2].strip() for line in lines[2:]]
     assert set(words) <= set(kinds)
-    assert report.counts(listed, evidence) == ", ".join(f"{words.count(k)} {k}" for k in kinds)
+    counted = [line.split(" | ") for line in tables.counts_table(listed, evidence).splitlines()[2:]]
+    assert [(k.strip("| "), int(n.strip("| "))) for k, n in counted] == [
+        (kind, words.count(kind)) for kind in kinds
+    ]
     # Smallest and largest contour of Figure 15b are what the made-up sweep holds.
     assert words[[c.number.value for c in listed].index(2e5)] == REPRODUCED
     assert words[[c.number.value for c in listed].index(2e4)] == REPRODUCED
-    changed = report.reading_table(listed, evidence).splitlines()
-    assert len(changed) == 2 + sum(claim.by_reading for claim in listed)
+    changed = tables.reading_table(listed, evidence).splitlines()
+    assert len(changed) == 2 + sum(claim.by.by_reading for claim in listed)
     assert len({line.count("|") for line in changed}) == 1
     # The made-up peaks differ from reading to reading: each column shows its own, bold if met.
     row = next(line for line in changed if "25 rad/s, 0.06 mm" in line).split(" | ")
     places = [1 + READINGS.index(reading) for reading in SINGLE_CHANGES.values()]
     met_by = {11: "**2.2e4**", 12: "**2.4e4**"}
     assert [cell.strip(" |") for cell in row[2:]] == [
-        met_by.get(place, report.plain(2e3 * place)) for place in places
+        met_by.get(place, tables.plain(2e3 * place)) for place in places
     ]
-    ranked = report.ranking(listed, evidence).splitlines()[2:]
+    ranked = tables.ranking(listed, evidence).splitlines()[2:]
     met = [int(line.split(" | ")[4].split("of")[0]) for line in ranked]
     assert met == sorted(met, reverse=True) and len(met) == 16 and met[0] > met[-1]
 
@@ -150,7 +153,7 @@ def test_every_claim_reads_its_own_reading(listed):
     places = {reading: place for place, reading in enumerate(READINGS)}
     peak = next(claim for claim in listed if claim.number.value == 2.3e4)
     for reading in READINGS:
-        assert peak.compute(evidence, reading).value == 2e3 * (1 + places[reading])
+        assert peak.by.compute(evidence, reading).value == 2e3 * (1 + places[reading])
 
 
 def test_search_takes_the_run_nearest_to_the_paper():
@@ -169,8 +172,11 @@ def test_search_takes_the_run_nearest_to_the_paper():
     gone = {c: {name: values[:1] for name, values in of.items()} for c, of in statistics.items()}
     other = Found(variants()[1], gone)
     assert other.distance(tuple(TARGETS)) == math.inf
-    assert "None of 2 variants" in report.answer([one, other])
-    assert "runs away, turn 0.5" in report.search_table([one, other])
+    nearest = tables.nearest_table([other, one]).splitlines()[2:]
+    assert len(nearest) == 3 and all(f"| {one.variant.name} | 2.00 |" in line for line in nearest)
+    # No variant whirls in every run.
+    assert tables.whirl_table([one, other]).count("| - | 0 |") == 2
+    assert "runs away, turn 0.5" in tables.search_table([one, other])
 
 
 def test_numbers_that_hold():

@@ -9,13 +9,12 @@ import pytest
 
 import jaxcrusher as jc
 from benchmarks.stability import judgement
-from benchmarks.stability.cases import BASE, Case
+from benchmarks.stability.cases import BASE, bearing_case, described, seat_case
 from benchmarks.stability.inputs import cast
 from benchmarks.stability.reference import reference
-from benchmarks.stability.seats import SeatCase, described
 from jaxcrusher.basics.plane import scalar
 
-CASE = Case("start", "centred", "centred", BASE)
+CASE = bearing_case("centred")
 
 
 @pytest.fixture(scope="module")
@@ -33,12 +32,12 @@ def error(scene, known) -> float:
 def test_pointwise_tells_another_stiffness(known):
     assert error(CASE.scene("eccentricity"), known) <= 1
     softer = replace(BASE, young=0.999 * BASE.young)
-    assert error(Case("start", "", "centred", softer).scene("eccentricity"), known) > 1
+    assert error(bearing_case("centred", softer).scene("eccentricity"), known) > 1
 
 
 @pytest.fixture(scope="module")
 def seat():
-    case = SeatCase("loose", "A, B, C", "centred", tuple(described("ABC", {}).items()))
+    case = seat_case("loose", "A, B, C", "centred", "ABC")
     return case, reference(case.peer, case.pins)
 
 
@@ -58,10 +57,10 @@ def test_seats_are_compared_by_force_and_every_eccentricity(seat):
 
 
 def test_pointwise_tells_another_stiffness_of_a_seat(seat):
-    case, known = seat
+    _, known = seat
     for name in ("elbow.young", "pivot.young"):
-        values = described("ABC", {name: 0.999 * case.values[name]})
-        softer = SeatCase("", "", "centred", tuple(values.items())).scene("eccentricity")
+        changes = {name: 0.999 * float(described("ABC", {})[name])}
+        softer = seat_case("", "", "centred", "ABC", changes).scene("eccentricity")
         found = judgement.pointwise(softer, judgement.simulate(softer), known)
         assert found["error"] > found["allowed"]
 

@@ -116,3 +116,12 @@ def test_a_failure_is_not_called_finished(tmp_path, monkeypatch):
     result = json.loads((tmp_path / "box" / "result.json").read_text())
     assert result["status"] == "failed: no such picture"
     assert "This run is not finished" in (tmp_path / "box" / "report.html").read_text()
+
+
+def test_a_joint_that_is_ideal_in_the_paper_is_compared_with_its_default():
+    """The paper has no clearance of the pivot to compare with, and the search ends all the same."""
+    free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
+    options = Options(design=free)
+    assert problem.reference(options) == {"speed": 39.0, "pivot.clearance": 0.06e-3}
+    title = "paper's choice with pivot clearance 0.06 mm"
+    assert problem.reference_title(options) == title

@@ -5,11 +5,11 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from optimize.held import held
 
 from optimize import problem, smooth
 from optimize.evaluate import Case
 from optimize.front import front
-from optimize.held import held
 from optimize.local import descend
 from optimize.options import Options
 from optimize.verdicts import _slopes

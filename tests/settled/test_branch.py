@@ -8,9 +8,10 @@ from scipy.special import mathieu_a, mathieu_b
 
 import jaxcrusher as jc
 from jaxcrusher.settled import orbit_branch
-from jaxcrusher.settled.branch import ENDS, follow, special_points
+from jaxcrusher.settled.branch import follow, special_points
 from jaxcrusher.settled.collocation import System, collocate
-from jaxcrusher.settled.shooting import missing
+from jaxcrusher.settled.problem import Collocation, Stride
+from jaxcrusher.settled.result import missing
 
 PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
 
@@ -22,6 +23,15 @@ def duffing(time, x, rate, args):
 
 def duffing_at(speed, numbers):
     return System(duffing, 2 * jnp.pi / speed, (*numbers, speed))
+
+
+def followed(family, x, bounds, *, first, longest, points):
+    """The branch from the lower bound on, or from the upper one with a negative first step."""
+    start = bounds[0] if first > 0 else bounds[1]
+    stride = Stride(first=abs(first), longest=longest, shortest=1e-6 * abs(first))
+    problem, upwards = Collocation(family=family), first > 0
+    more = dict(stride=stride, points=points, upwards=upwards)
+    return follow(problem, x, start, scale=0.1, bounds=bounds, **more)
 
 
 @pytest.mark.parametrize(
@@ -41,20 +51,18 @@ def test_folds_of_duffings_equation(numbers, bounds, folds, amplitudes):
     family = eqx.Partial(duffing_at, numbers=jnp.array(numbers))
     start = jnp.asarray(bounds[0])
     x, _ = collocate(family(start), jnp.asarray(0.3 * np.cos(PHASES)))
-    branch = follow(family, x, start, scale=0.1, bounds=bounds, step=0.02, longest=0.3, points=150)
-    assert ENDS[int(branch.result)] == "The parameter has left its bounds."
-    special = special_points(family, branch, scale=0.1)
+    branch = followed(family, x, bounds, first=0.02, longest=0.3, points=150)
+    assert branch.ended == "The parameter has left its bounds."
+    special = special_points(branch)
     assert [one.kind for one in special] == ["fold", "fold"]
     np.testing.assert_allclose([one.parameter for one in special], folds, atol=2e-10)
-    first = [2 * abs(np.fft.rfft(one.x[:, 0])[1]) / 48 for one in special]
+    first = [2 * abs(np.fft.rfft(one.point.u[:, 0])[1]) / 48 for one in special]
     # Along the branch these change fastest: seven digits are known.
     np.testing.assert_allclose(first[: len(amplitudes)], amplitudes, atol=1e-7)
     # At a fold a multiplier is 1; a double root's half of the digits are left.
     for one in special:
-        np.testing.assert_allclose(np.abs(one.multipliers - 1).min(), 0, atol=1e-6)
-    count = int(branch.count)
-    between = np.mean(folds)
-    passes = np.sum(np.diff(np.sign(np.asarray(branch.parameter[:count]) - between)) != 0)
+        np.testing.assert_allclose(np.abs(one.point.multipliers - 1).min(), 0, atol=1e-6)
+    passes = np.sum(np.diff(np.sign(branch.parameter - np.mean(folds))) != 0)
     assert passes == 3
 
 
@@ -66,9 +74,8 @@ def test_period_doublings_of_mathieus_equation():
     """Rest loses its stability where a characteristic value of an odd order is, q = 2 b."""
     family = lambda a: System(mathieu, jnp.asarray(2 * np.pi), a)  # noqa: E731
     rest, bounds = jnp.zeros((8, 1)), (0.05, 0.6)
-    start = jnp.asarray(0.05)
-    branch = follow(family, rest, start, scale=0.1, bounds=bounds, step=0.1, longest=0.5, points=50)
-    special = special_points(family, branch, scale=0.1)
+    branch = followed(family, rest, bounds, first=0.1, longest=0.5, points=50)
+    special = special_points(branch)
     expected = sorted([mathieu_a(1, 0.4) / 4, mathieu_b(1, 0.4) / 4])
     assert [one.kind for one in special] == ["period doubling"] * 2
     # SciPy's values have twelve digits; Magnus' steps leave 1e-10.
@@ -88,12 +95,30 @@ def test_a_pair_that_leaves_the_unit_circle():
     """Damping that passes zero: exactly there, and what leaves is a pair."""
     family = lambda damping: System(two_masses, jnp.asarray(2 * np.pi), damping)  # noqa: E731
     x, _ = collocate(family(jnp.asarray(0.1)), jnp.zeros((16, 2)))
-    bounds = (-0.1, 0.2)
-    start = jnp.asarray(0.1)
-    branch = follow(family, x, start, scale=0.1, bounds=bounds, step=-0.13, longest=0.5, points=30)
-    special = special_points(family, branch, scale=0.1)
+    bounds = (-0.1, 0.1)
+    branch = followed(family, x, bounds, first=-0.13, longest=0.5, points=30)
+    special = special_points(branch)
     assert [one.kind for one in special] == ["Neimark-Sacker"]
     np.testing.assert_allclose(special[0].parameter, 0.0, atol=1e-10)
+
+
+def parting(time, x, rate, place):
+    """Two joints that rest; the second comes up to its bore's middle as the number grows."""
+    return jnp.array([2.0, 0.0, 1.5 - place, 0.0]) - x
+
+
+def test_contact_is_watched_at_each_joint():
+    """The first joint, deep in contact, hides nothing: the second loses it at 0.5 exactly."""
+    family = lambda place: System(parting, jnp.asarray(3.0), place)  # noqa: E731
+    problem = Collocation(family=family, watched=("first", "second"))
+    rest = jnp.broadcast_to(jnp.array([2.0, 0.0, 1.5, 0.0]), (8, 4))
+    branch = follow(problem, rest, 0.0, scale=1.0, bounds=(-1.0, 2.0))
+    assert branch.ended == "What is monitored has become negative."
+    (lost,) = special_points(branch)
+    assert lost.kind == "second"
+    # The root is searched for to 1e-12 of a step.
+    np.testing.assert_allclose(lost.parameter, 0.5, atol=1e-11)
+    np.testing.assert_allclose(lost.point.monitors, [1.0, 0.0], atol=1e-11)
 
 
 def scene(speed):
@@ -137,8 +162,8 @@ def test_a_global_that_changes_is_seen(monkeypatch):
         traces.append(CLEARANCE)
         return family(value).args.joint.clearance
 
-    def follow(family, x, start, **_):
-        seen.append(float(clearance(family, start)))
+    def follow(problem, x, start, **_):
+        seen.append(float(clearance(problem.family, jnp.asarray(start))))
         raise StopIteration
 
     monkeypatch.setattr(orbit_branch, "follow", follow)

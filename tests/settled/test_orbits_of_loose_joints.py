@@ -7,7 +7,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.settled.periodic_orbit import NODES
+from jaxcrusher.settled.solving import NODES
 
 # The load presses the toggle: along the jaw it lets elbow and pivot part twice a turn.
 LOOSE = {

@@ -1,5 +1,7 @@
 """The crusher's settled motion: numbers known from 30 000 turns, multipliers, slopes, refusals."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -56,7 +58,7 @@ def test_a_slope_beside_an_orbit_compiles_no_second_search(caplog):
         slope = jax.grad(rms)(0.05e-3)
     compiled = [line for line in caplog.messages if line.startswith("Compiling")]
     assert any("_with_statistics" in line for line in compiled)
-    assert not any("_found" in line for line in compiled)
+    assert not any("solved" in line for line in compiled)
     # Differences of orbits give 30 125.936 over 0.1 um, 30 125.935 over 0.03 um.
     assert float(slope) == pytest.approx(30125.935, rel=1e-6)
 
@@ -75,6 +77,13 @@ def test_multipliers_against_the_section(orbit):
     # A memory of thousands of turns is known as the distance from 1: 7e-5.
     lost = 1 - np.max(np.abs(expected))
     np.testing.assert_allclose(1 - orbit.largest_multiplier, lost, rtol=1e-3)
+
+
+def test_a_multiplier_of_one_within_its_error_is_not_stable(orbit):
+    """The swing keeps 0.99993 of itself a turn: it takes an error of 7e-5 to doubt that."""
+    for error, stable in ((6e-5, True), (8e-5, False), (np.nan, True)):
+        doubted = dataclasses.replace(orbit, multipliers_error=jnp.asarray(error))
+        assert bool(doubted.stable) is stable
 
 
 def test_statistics_of_the_motion(orbit):

@@ -6,9 +6,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxcrusher.motion.tangents import Tangents
-from jaxcrusher.settled import section_branch as module
-from jaxcrusher.settled.branch import ENDS
-from jaxcrusher.settled.section_branch import SHORTER, SectionBranches
+from jaxcrusher.settled import shooting as module
+from jaxcrusher.settled.branch import ENDS, SHORTER, follow, origin, special_points
+from jaxcrusher.settled.problem import Stride
+from jaxcrusher.settled.shooting import Shooting
 
 
 def henon(state, number):
@@ -37,25 +38,31 @@ def branches(monkeypatch):
             return Tangents(*after, none, by_state, by_number)
 
         monkeypatch.setattr(module, "tangents", tangents)
-        return SectionBranches(eqx.Partial(of), period, 1.0)
+        return Shooting(build=eqx.Partial(of), period=period)
 
     return made
+
+
+def followed(problem, state, start, bounds, *, upwards, points, scale=1.0):
+    """The branch, and its special points."""
+    more = dict(upwards=upwards, points=points)
+    branch = follow(problem, state, start, scale=scale, bounds=bounds, **more)
+    return branch, special_points(branch)
 
 
 def test_folds_and_doublings_of_henons_map(branches):
     """The fold at -(1 - b)^2 / 4, the doubling at 3 (1 - b)^2 / 4."""
     sections = branches(henon, 1)
     # From the stable point at a = 0, down and round the fold.
-    low, _ = sections.follow(np.full(2, 1 / 0.7), 0.0, (-1.0, 0.3), upwards=False, points=25)
-    assert [kind for kind, _ in sections.special_points(low)] == ["fold"]
-    assert low[-1].along[-1] > 0 > low[0].along[-1]
-    ((_, fold),) = sections.special_points(low)
+    stable = np.full(2, 1 / 0.7)
+    low, (fold,) = followed(sections, stable, 0.0, (-1.0, 0.3), upwards=False, points=25)
+    assert fold.kind == "fold"
+    assert low.points[-1].along[-1] > 0 > low.points[0].along[-1]
     # Differences of 1e-6 leave 1e-9 of the derivatives.
-    np.testing.assert_allclose(fold.value, -0.1225, atol=1e-8)
-    high, _ = sections.follow(np.full(2, 1 / 0.7), 0.0, (-0.1, 0.5), upwards=True, points=200)
-    ((kind, doubling),) = sections.special_points(high)
-    assert kind == "period doubling"
-    np.testing.assert_allclose(doubling.value, 0.3675, atol=1e-8)
+    np.testing.assert_allclose(fold.parameter, -0.1225, atol=1e-8)
+    _, (doubling,) = followed(sections, stable, 0.0, (-0.1, 0.5), upwards=True, points=200)
+    assert doubling.kind == "period doubling"
+    np.testing.assert_allclose(doubling.parameter, 0.3675, atol=1e-8)
 
 
 def cycle(number):
@@ -69,16 +76,14 @@ def cycle(number):
 def test_a_branch_of_two_turns_from_birth_to_doubling(branches):
     """It turns back in what it came from; and it doubles at (1 - b)^2 + (1 + b)^2 / 4."""
     sections = branches(henon, 2)
-    branch, _ = sections.follow(cycle(0.6), 0.6, (0.1, 0.7), upwards=False, points=200)
-    assert {point.turns for point in branch} == {2}
-    ((kind, origin),) = sections.special_points(branch)
-    assert kind == "period doubling" and origin.turns == 1
-    np.testing.assert_allclose(origin.value, 0.3675, atol=1e-8)
-    branch, ended = sections.follow(cycle(0.8), 0.8, (0.1, 0.95), upwards=True, points=200)
-    assert ended == ENDS[1]
-    ((kind, doubling),) = sections.special_points(branch)
-    assert kind == "period doubling" and doubling.turns == 2
-    np.testing.assert_allclose(doubling.value, 0.9125, atol=1e-8)
+    branch, (birth,) = followed(sections, cycle(0.6), 0.6, (0.1, 0.7), upwards=False, points=200)
+    assert {point.turns for point in branch.points} == {2}
+    assert birth.kind == "period doubling" and birth.point.turns == 1
+    np.testing.assert_allclose(birth.parameter, 0.3675, atol=1e-8)
+    branch, (last,) = followed(sections, cycle(0.8), 0.8, (0.1, 0.95), upwards=True, points=200)
+    assert branch.ended == ENDS[1]
+    assert last.kind == "period doubling" and last.point.turns == 2
+    np.testing.assert_allclose(last.parameter, 0.9125, atol=1e-8)
 
 
 def test_a_step_past_the_birth_of_a_branch(branches):
@@ -86,22 +91,47 @@ def test_a_step_past_the_birth_of_a_branch(branches):
     # So small that a step passes where the two turns come together.
     sections = branches(lambda state, number: 1e-2 * henon(1e2 * state, number), 2)
     state = 1e-2 * cycle(0.4)
-    branch, ended = sections.follow(state, 0.4, (0.0, 0.95), upwards=False, points=200)
-    assert ended == SHORTER
-    assert [point.turns for point in branch[-2:]] == [2, 1]
-    assert sections.special_points(branch) == []
-    shorter, origin = sections.origin(branch)
-    assert shorter.period == 1
-    np.testing.assert_allclose(origin.value, 0.3675, atol=1e-8)
+    branch, special = followed(sections, state, 0.4, (0.0, 0.95), upwards=False, points=200)
+    assert branch.ended == SHORTER
+    assert {point.turns for point in branch.points} == {2} and branch.parent.turns == 1
+    assert special == []
+    birth = origin(branch, branch.parent)
+    assert birth.point.turns == 1
+    np.testing.assert_allclose(birth.parameter, 0.3675, atol=1e-8)
+
+
+@pytest.mark.parametrize("raised", [None, ValueError("Argument `x` must be right.")])
+def test_a_change_that_is_seen_but_not_located(branches, raised):
+    """No orbit about the doubling: that is said; an error of the map is not taken for that."""
+
+    followed = []
+
+    def broken(state, number):
+        if not followed or abs(number - 0.3675) > 5e-3:
+            return henon(state, number)
+        if raised is not None:
+            raise raised
+        return np.full(2, np.nan)
+
+    start, stride = np.full(2, 1 / 0.7), Stride(first=0.05, longest=0.05, shortest=1e-3)
+    branch = follow(branches(broken, 1), start, 0.3, scale=1.0, bounds=(0.2, 0.42), stride=stride)
+    followed.append(branch)
+    if raised is not None:
+        with pytest.raises(ValueError, match="must be right"):
+            special_points(branch)
+    else:
+        ((kind, parameter, point),) = (vars(one).values() for one in special_points(branch))
+        assert kind == "period doubling" and np.isnan(parameter) and point is None
 
 
 def test_a_pair_that_leaves_the_unit_circle(branches):
     sections = branches(delayed_logistic, 1)
-    branch, _ = sections.follow(np.full(3, 0.4), 1 / 0.6, (1.5, 2.3), upwards=True, points=200)
-    ((kind, special),) = sections.special_points(branch)
-    assert kind == "Neimark-Sacker"
-    np.testing.assert_allclose(special.value, 2.0, atol=1e-8)
-    np.testing.assert_allclose(np.sort(np.abs(special.multipliers)), [0.3, 1, 1], atol=1e-8)
+    start = np.full(3, 0.4), 1 / 0.6
+    _, (special,) = followed(sections, *start, (1.5, 2.3), upwards=True, points=200)
+    assert special.kind == "Neimark-Sacker"
+    np.testing.assert_allclose(special.parameter, 2.0, atol=1e-8)
+    moduli = np.sort(np.abs(special.point.multipliers))
+    np.testing.assert_allclose(moduli, [0.3, 1, 1], atol=1e-8)
 
 
 FREE = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-1, 1, -0.03, 0.03], [1, -2, 0.03, -0.06]])
@@ -136,16 +166,15 @@ def one_turn(build, point, metric, state, turns, rtol):
 def test_two_masses_and_a_stop(monkeypatch):
     """The points published for NLvib's example 03. Its stiffness jumps: nodes do not reach them."""
     monkeypatch.setattr(module, "tangents", one_turn)
-    sections = SectionBranches(eqx.Partial(stopped), 1, 0.05)
-    near = np.array([0.961, 0.658, 0.317, 0.086])
-    quiet, _ = sections.follow(near, 0.635, (0.615, 0.7), upwards=False, points=9)
-    moduli = np.sort(np.abs(quiet[0].multipliers))
+    sections = Shooting(build=eqx.Partial(stopped), period=1)
+    near, more = np.array([0.961, 0.658, 0.317, 0.086]), dict(scale=0.05)
+    quiet, found = followed(sections, near, 0.635, (0.615, 0.7), upwards=False, points=9, **more)
+    moduli = np.sort(np.abs(quiet.points[0].multipliers))
     np.testing.assert_allclose(moduli, [0.72329, 0.72329, 0.88575, 0.88575], atol=6e-6)
     near = np.array([0.567, 0.633, 0.646, 0.822])
-    loud, _ = sections.follow(near, 0.731819, (0.73, 0.76), upwards=True, points=22)
-    found = sections.special_points(quiet) + sections.special_points(loud)
-    found.sort(key=lambda pair: pair[1].value)
+    _, louder = followed(sections, near, 0.731819, (0.73, 0.76), upwards=True, points=22, **more)
+    found = sorted(found + louder, key=lambda one: one.parameter)
     kinds = ["Neimark-Sacker", "period doubling", "period doubling", "fold"]
-    assert [kind for kind, _ in found] == kinds
-    speeds = [0.05 * one.value for _, one in found]
+    assert [one.kind for one in found] == kinds
+    speeds = [one.parameter for one in found]
     np.testing.assert_allclose(speeds, [0.6186069, 0.7387830, 0.7555862, 0.7556274], atol=6e-8)

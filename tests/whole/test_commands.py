@@ -18,9 +18,9 @@ import jaxcrusher as jc
 from jaxcrusher import __main__
 from jaxcrusher.batch import sweep
 from jaxcrusher.commands import gradient, regimes, simulate
-from jaxcrusher.files.program import parse
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import Slope
+from jaxcrusher.files.program import parse
 from jaxcrusher.files.resume import begin
 
 

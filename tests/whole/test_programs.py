@@ -74,7 +74,7 @@ def test_help_comes_at_once_and_what_is_unknown_is_refused(path, run):
         ("optimize.run",),
         ("optimize.balance",),
         ("benchmarks.scenes",),
-        ("benchmarks.step_cost.worker", "fewer", "", "loop flag"),
+        ("benchmarks.worker", "benchmarks.step_cost.measure", "steps"),
     ],
     ids=lambda words: words[0],
 )

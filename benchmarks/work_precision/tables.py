@@ -1,0 +1,100 @@
+"""The tables of the page work_precision.md."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from benchmarks.pages import table
+from benchmarks.work_precision.cases import Case, Reference
+from benchmarks.work_precision.measure import Row
+
+# Heading -> error, run time, and the level asked for.
+GOALS = {
+    "RMS 1e-6": ("rms_error", "run_s", 1e-6),
+    "RMS 1e-3": ("rms_error", "run_s", 1e-3),
+    "history 1e-5": ("history_error", "run_s", 1e-5),
+    "history 1e-2": ("history_error", "run_s", 1e-2),
+    "slope 1e-3": ("slope_error", "slope_run_s", 1e-3),
+}
+LEAST = {
+    "rms_error": "least error of RMS",
+    "history_error": "of history",
+    "slope_error": "of slope",
+}
+
+
+def tables(rows: Sequence[Row]) -> dict[str, str]:
+    """Return a table for each scene, that of compilation, and that of failures."""
+    scenes = dict.fromkeys(row.scene for row in rows)
+    failed = [(r.scene, r.program, r.setting, r.failure) for r in rows if r.failure]
+    return {
+        **{scene: ranked([row for row in rows if row.scene == scene]) for scene in scenes},
+        "compilation": _compilation(rows),
+        "failures": table(("scene", "program", "setting", "why"), failed),
+    }
+
+
+def reaching(rows: Sequence[Row], error: str, seconds: str, level: float) -> float:
+    """Return the least seconds from which on every tighter run is within the level, or NaN.
+
+    So a single lucky error does not count. `rows` are of one program, and tighten.
+    """
+    best = np.nan
+    for row in reversed([row for row in rows if not row.failure]):
+        if not getattr(row, error) <= level:
+            break
+        best = np.fmin(best, getattr(row, seconds))
+    return float(best)
+
+
+def ranked(rows: Sequence[Row]) -> str:
+    """Return one scene's table: times in units of the fastest to reach the level."""
+    by_program: dict[str, list[Row]] = {}
+    for row in rows:
+        by_program.setdefault(row.program, []).append(row)
+    times = {
+        name: [reaching(mine, *goal) for goal in GOALS.values()]
+        for name, mine in by_program.items()
+    }
+    columns = np.array(list(times.values())).T
+    fastest = [np.nanmin(column) if np.isfinite(column).any() else np.nan for column in columns]
+    lines = [["fastest, ms", *(_number(1e3 * t) for t in fastest), "", "", ""]]
+    for name in sorted(times, key=lambda name: [np.nan_to_num(t, nan=np.inf) for t in times[name]]):
+        cells = [_number(t / f) for t, f in zip(times[name], fastest, strict=True)]
+        for error in LEAST:
+            found = [getattr(row, error) for row in by_program[name]]
+            found = [value for value in found if np.isfinite(value)]
+            cells.append(f"{min(found):.0e}" if found else "-")
+        lines.append([name, *cells])
+    return table(("program", *GOALS, *LEAST.values()), lines)
+
+
+def references_table(cases: Sequence[Case], known: Mapping[str, Reference]) -> str:
+    """Return the table of the references and their own errors."""
+    lines = []
+    for case in cases:
+        of = known[case.name]
+        errors = f"{of.rms_error:.0e}", f"{of.history_error:.0e}"
+        per = "rad/s" if case.ideal else "m"
+        slope = f"{of.slope:.6g} N per {per}", f"{of.slope_error:.0e}"
+        lines.append([case.name, f"{of.answer.rms:.9g}", *errors, *slope])
+    own = ("its own error", "of the history")
+    return table(("scene", "RMS, N", *own, "slope of the RMS", "its own error"), lines)
+
+
+def _number(value: float) -> str:
+    return f"{value:.3g}" if np.isfinite(value) else "-"
+
+
+def _compilation(rows: Sequence[Row]) -> str:
+    """Return trace and compile times of each of our programs; first runs of the others."""
+    lines = []
+    for row in rows:
+        if np.isfinite([row.compile_s, row.slope_compile_s]).any():
+            cells = _number(row.compile_s), _number(row.slope_compile_s)
+        elif row.program == "numba Dopri5" and row.first_s > 2 * row.run_s:
+            cells = _number(row.first_s - row.run_s), "-"
+        else:
+            continue
+        lines.append([row.program, row.scene, row.setting, *cells])
+    return table(("program", "scene", "setting", "value s", "slope s"), lines)

@@ -1,0 +1,1 @@
+"""Integrations of many designs, compiled to loops over lanes; they know no model and no crusher."""

@@ -1,0 +1,247 @@
+"""Machine code of LLVM's text: compiled, kept on disk, and run by the processor or by a GPU.
+
+A folder that cannot be written costs the time to compile, and is no error. A thread of the
+processor advances as many lanes as stand in a row, a GPU's thread one of a warp's. For a GPU of
+NVIDIA's LLVM compiles the same functions to PTX; CuPy, which is optional, loads and starts them.
+"""
+
+import ctypes
+import hashlib
+import tempfile
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
+from functools import cache
+from importlib.metadata import version
+from math import prod
+from pathlib import Path
+from typing import NamedTuple
+
+import llvmlite.binding as llvm
+import numpy as np
+import platformdirs
+
+from jaxcrusher.basics.setup import cores
+from jaxcrusher.files.durable import replace
+from jaxcrusher.lanes.code import CORES, WARPS, Shape
+from jaxcrusher.lanes.layout import FIELDS, Control, Designs, Lanes, Shared, new_lanes, table
+from jaxcrusher.lanes.stepper import Kernels
+
+# A function that threads ask for at once is compiled by one of them.
+_LOCK = threading.Lock()
+
+
+class Machine:
+    """Functions in machine code, by name -> address; they live as long as this."""
+
+    def __init__(self, code: bytes) -> None:
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        self._engine.finalize_object()
+        self._addresses: dict[str, int] = {}
+
+    def __getitem__(self, name: str) -> int:
+        # LLVM takes a third of a millisecond to find one.
+        if name not in self._addresses:
+            self._addresses[name] = self._engine.get_function_address(name)
+        return self._addresses[name]
+
+
+def cache_folder() -> Path:
+    """Return the user's folder in which machine code is kept."""
+    return platformdirs.user_cache_path("jaxcrusher") / "lanes"
+
+
+def load(text: str) -> Machine:
+    """Load the functions of a text, compiled unless an earlier process on such a processor did."""
+    with _LOCK:
+        return _load(text)
+
+
+@cache
+def _load(text: str) -> Machine:
+    key = "\0".join((text, *_processor(), version("llvmlite")))
+    file = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.code"
+    try:
+        return Machine(_checked(file.read_bytes()))
+    except (OSError, ValueError):  # There is none, or it is broken.
+        code = _target().emit_object(optimised(text, _target()))
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        replace(file, hashlib.sha256(code).digest() + code)
+    except OSError:
+        pass
+    return Machine(code)
+
+
+def _checked(content: bytes) -> bytes:
+    """Return the machine code of a file, behind its checksum; LLVM crashes on a broken one."""
+    checksum, code = content[:32], content[32:]
+    if hashlib.sha256(code).digest() != checksum:
+        raise ValueError("The machine code does not match its checksum.")
+    return code
+
+
+def _processor() -> tuple[str, str]:
+    """Return the processor's name and what it knows."""
+    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+
+
+def _target() -> llvm.TargetMachine:
+    """Make this machine; a new one each time, for an engine takes it as its own."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
+        *_processor(), opt=3, jit=True
+    )
+
+
+def optimised(text: str, target: llvm.TargetMachine) -> llvm.ModuleRef:
+    """Return the module after LLVM's passes."""
+    module, tuning = llvm.parse_assembly(text), llvm.create_pipeline_tuning_options(3)
+    builder = llvm.create_pass_builder(target, tuning)
+    builder.getModulePassManager().run(module, builder)
+    return module
+
+
+def assembly(text: str) -> str:
+    """Return what the processor is told, in words."""
+    return _target().emit_assembly(optimised(text, _target()))
+
+
+class Target(NamedTuple):
+    """Where lanes are: their shape, and what goes on until all results are written."""
+
+    shape: Shape
+    advance: Callable[[Kernels, Control, Shared], None]
+
+
+def run(
+    kernels: Kernels,
+    control: Control,
+    designs: Designs,
+    shapes: Sequence[tuple[int, ...]],
+    target: Target,
+) -> list[np.ndarray]:
+    """Integrate the designs by the kernels, whose summaries of a segment have these shapes.
+
+    Returns the summaries, each with axes of the designs and segments before its own, and how each
+    design ended: code, time and steps. From a failure on numbers are NaN. The bits of a design
+    depend on its own numbers only.
+    """
+    count, segments = len(designs.starts), designs.floors.shape[1]
+    ends = [np.zeros(count, np.int64), np.zeros(count), np.zeros(count, np.int64)]
+    found = np.empty((count, segments, kernels.at.found))
+    found[:] = _of_nothing(load(kernels.text), kernels)
+    limits = np.array([control.first, control.smallest, control.steps])
+    next_design, stop = np.zeros(1, np.int64), np.zeros(1, np.int64)
+    counts = np.array([count, segments])
+    shared = Shared._make((*designs, limits, counts, found, *ends, next_design, stop))
+    target.advance(kernels, control, shared)
+    return [*_apart(found, shapes, kernels.over), *ends]
+
+
+def _of_nothing(machine: Machine, kernels: Kernels) -> np.ndarray:
+    """Summarise a segment that was not reached."""
+    at, lanes = kernels.at, kernels.at.shape.lanes
+    numbers = np.full(at.page * lanes, np.nan)
+    kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
+    kind(machine["summarise"])(numbers.ctypes.data, 0, 0)
+    return numbers[at.summary * lanes :][: at.found]
+
+
+def _apart(
+    found: np.ndarray, shapes: Sequence[tuple[int, ...]], over: Sequence[bool]
+) -> Iterator[np.ndarray]:
+    """Take the summaries apart; those over the instants are written with the instants last."""
+    first = 0
+    for shape, is_over in zip(shapes, over, strict=True):
+        part = found[..., first : first + prod(shape)]
+        first += prod(shape)
+        written = (*shape[1:], shape[0]) if is_over else shape
+        part = part.reshape(*part.shape[:2], *written)
+        yield np.moveaxis(part, -1, 2) if is_over else part
+
+
+def _on_cores(kernels: Kernels, control: Control, shared: Shared) -> None:
+    """Advance on a thread a core; interrupted, all of them end within milliseconds."""
+    machine = load(kernels.text)
+
+    def work() -> None:
+        lanes = new_lanes(kernels.at, control)  # They live as long as their addresses are used.
+        _advance(machine, table(lanes, shared))
+
+    threads = min(cores(), -(-len(shared.starts) // CORES.lanes))
+    with ThreadPoolExecutor(threads) as pool:
+        futures = [pool.submit(work) for _ in range(threads)]
+        try:
+            wait(futures, return_when=FIRST_EXCEPTION)
+        finally:
+            shared.stop[0] = 1
+    for future in futures:
+        future.result()
+
+
+def _advance(machine: Machine, table: np.ndarray) -> None:
+    """Run the loop over steps, without Python's lock."""
+    kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)
+    kind(machine["advance"])(table.ctypes.data, 0)
+
+
+PROCESSOR = Target(CORES, _on_cores)
+
+# The oldest generation that CUDA 13 knows; drivers compile its PTX for later ones.
+_GENERATION = "sm_75"
+# Where a thread starts: each block is a warp with a table of its own.
+_ENTRY = f"""
+declare i32 @llvm.nvvm.read.ptx.sreg.tid.x()
+declare i32 @llvm.nvvm.read.ptx.sreg.ctaid.x()
+define ptx_kernel void @warps(ptr %tables) {{
+  %thread = call i32 @llvm.nvvm.read.ptx.sreg.tid.x()
+  %warp = call i32 @llvm.nvvm.read.ptx.sreg.ctaid.x()
+  %table = getelementptr [{len(FIELDS)} x ptr], ptr %tables, i32 %warp
+  %lane = zext i32 %thread to i64
+  call void @advance(ptr %table, i64 %lane)
+  ret void
+}}
+"""
+# Warps of a multiprocessor: enough to hide that each waits for its numbers.
+_WARPS_OF_EACH = 8
+
+
+@cache
+def ptx(text: str) -> bytes:
+    """Compile the functions of a text, and `warps`, for NVIDIA's driver."""
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    triple = "nvptx64-nvidia-cuda"
+    target = llvm.Target.from_triple(triple).create_target_machine(cpu=_GENERATION, opt=3)
+    own = text.replace('target triple = "unknown-unknown-unknown"', f'target triple = "{triple}"')
+    return target.emit_assembly(optimised(own + _ENTRY, target)).encode()
+
+
+def _on_warps(kernels: Kernels, control: Control, shared: Shared) -> None:
+    """Advance on all warps in one go; it cannot be interrupted."""
+    try:
+        import cupy  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise ImportError(
+            "The engine `on_gpu` needs CuPy: pip install cupy-cuda13x, or cupy-cuda12x for CUDA 12."
+        ) from None
+    processors = cupy.cuda.Device().attributes["MultiProcessorCount"]
+    count = min(-(-len(shared.starts) // WARPS.lanes), _WARPS_OF_EACH * processors)
+    one = new_lanes(kernels.at, control)
+    lanes = Lanes(*(cupy.repeat(cupy.asarray(array[None]), count, axis=0) for array in one))
+    there = Shared(*map(cupy.asarray, shared))
+    addresses = [[part.data.ptr for part in (*own, *there)] for own in zip(*lanes, strict=True)]
+    tables = cupy.asarray(np.array(addresses, np.uintp))
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "warps.ptx"
+        file.write_bytes(ptx(kernels.text))
+        warps = cupy.RawModule(path=str(file)).get_function("warps")
+    warps((count,), (WARPS.lanes,), (tables,))
+    for name in ("found", "result", "reached", "steps"):
+        getattr(shared, name)[...] = getattr(there, name).get()
+
+
+GPU = Target(WARPS, _on_warps)

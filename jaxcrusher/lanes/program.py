@@ -1,0 +1,300 @@
+"""A function of one design, run for many: lanes do its integrations, JAX the rest.
+
+The function is traced once, each integration a single equation of the trace, and the trace of one
+design serves all that are like it. It is cut at its integrations: what stands between them JAX
+computes for all designs. Loops that integrate again and again, such as a section's over turns, are
+run here.
+"""
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.extend.core import (
+    ClosedJaxpr,
+    DebugInfo,
+    Jaxpr,
+    JaxprEqn,
+    Literal,
+    Var,
+    jaxpr_as_fun,
+)
+from jaxtyping import PyTree
+
+from jaxcrusher.lanes.layout import Designs
+from jaxcrusher.lanes.machine import Target, run
+from jaxcrusher.lanes.record import IN_A_HURRY, Recorded, integrates, integration_p
+from jaxcrusher.lanes.verify import Unsupported, inlined
+
+# Designs that JAX computes side by side: always as many, so that one program, with one rounding, is
+# compiled for batches of any size.
+TILE = 64
+# Exponents that are products and roots.
+PLAIN = (1.0, 1.5, 2.0)
+
+
+class NoIntegration(Unsupported):
+    """There is nothing to do for lanes."""
+
+
+class Value(NamedTuple):
+    """An array; if `batched`, its first axis is that of the designs."""
+
+    array: Any
+    batched: bool
+
+    def stacked(self, count: int) -> np.ndarray:
+        """Return it with an axis of the designs."""
+        array = np.asarray(self.array)
+        return array if self.batched else np.broadcast_to(array, (count, *array.shape))
+
+
+class Program:
+    """A function traced for one design like `scene`; its own arrays are the same for all designs.
+
+    Raises `Unsupported` for what lanes cannot do.
+    """
+
+    def __init__(self, function: Callable[[Any], PyTree], scene: PyTree, target: Target) -> None:
+        numbers, rest = eqx.partition(function, _is_array)
+        jaxpr, shapes = jax.make_jaxpr(
+            lambda numbers, scene: eqx.combine(numbers, rest)(scene), return_shape=True
+        )(numbers, scene)
+        if not any(integrates(equation) for equation in jaxpr.jaxpr.eqns):
+            raise NoIntegration
+        self._results = jax.tree.structure(shapes)
+        batched = [False] * len(jax.tree.leaves(numbers)) + [True] * len(jax.tree.leaves(scene))
+        self._block = _Block(jaxpr, batched, target)
+
+    def __call__(self, function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
+        """Return the results for scenes stacked along the first axis of every leaf."""
+        alike = jax.tree.leaves(eqx.filter(function, _is_array))
+        leaves = [Value(np.asarray(leaf), True) for leaf in jax.tree.leaves(scenes)]
+        count = len(leaves[0].array)
+        operands = [*(Value(leaf, False) for leaf in alike), *leaves]
+        results = [value.stacked(count) for value in self._block.run(operands, count)]
+        return jax.tree.unflatten(self._results, results)
+
+
+def _is_array(leaf: Any) -> bool:
+    return isinstance(leaf, jax.Array | np.ndarray)
+
+
+# Key -> program, or why there is none; the newest last.
+_PROGRAMS: dict[Any, Program | Unsupported] = {}
+_MOST_PROGRAMS = 64
+# A function that is traced may itself run a batch.
+_LOCK = threading.RLock()
+
+
+def program(function: Callable[[Any], PyTree], scenes: PyTree, target: Target) -> Program:
+    """Return the program of a function for stacked scenes, of an earlier call if it was like it.
+
+    Its integrations are those that `record` puts into the trace. Raises `Unsupported` for what
+    lanes cannot do.
+    """
+    scene = jax.tree.map(lambda leaf: np.asarray(leaf)[0], scenes)
+    numbers, rest = eqx.partition(function, _is_array)
+    fixed, tree = jax.tree.flatten(rest)
+    shapes = [(leaf.shape, leaf.dtype) for leaf in jax.tree.leaves((numbers, scene))]
+    key = (target, *fixed, tree, jax.tree.structure((numbers, scene)), *shapes)
+    with _LOCK:
+        if key not in _PROGRAMS:
+            try:
+                _PROGRAMS[key] = Program(function, scene, target)
+            except Unsupported as error:
+                _PROGRAMS[key] = error
+            if len(_PROGRAMS) > _MOST_PROGRAMS:
+                del _PROGRAMS[next(iter(_PROGRAMS))]
+        found = _PROGRAMS[key]
+    if isinstance(found, Unsupported):
+        raise found
+    return found
+
+
+class _Block:
+    """A jaxpr cut at its integrations, for a target; `batched` says it of each operand."""
+
+    def __init__(self, jaxpr: ClosedJaxpr, batched: Sequence[bool], target: Target) -> None:
+        self._constants: dict[Var, Any] = {}
+        self._operands = [Var(variable.aval) for variable in jaxpr.jaxpr.invars]
+        equations, self._outputs = inlined(jaxpr, self._operands, self._constants, integrates)
+        self._batched = dict(zip(self._operands, batched, strict=True))
+        alike, pieces = [], [[]]
+        for equation in equations:
+            flags = self._flags(equation.invars)
+            differs = any(flags)
+            if integrates(equation):
+                kind = _Integration if equation.primitive is integration_p else _Loop
+                pieces += [kind(equation, flags, target), []]
+                differs = True
+            else:
+                (pieces[-1] if differs else alike).append(equation)
+            self._batched |= dict.fromkeys(equation.outvars, differs)
+        self._steps = [
+            self._group(piece, equations) if isinstance(piece, list) else piece
+            for piece in (alike, *pieces)
+            if piece != []
+        ]
+
+    def _flags(self, operands: Sequence[Any]) -> list[bool]:
+        """Say which operands differ between the designs."""
+        return [not isinstance(v, Literal) and self._batched.get(v, False) for v in operands]
+
+    def _group(self, group: list[JaxprEqn], equations: list[JaxprEqn]) -> "_Group":
+        """Join equations; those results that are read elsewhere are those of the group."""
+        inside = {id(equation) for equation in group}
+        made = {variable: None for equation in group for variable in equation.outvars}
+        read = {variable: None for equation in group for variable in _variables(equation.invars)}
+        elsewhere = set(_variables(self._outputs))
+        for equation in equations:
+            if id(equation) not in inside:
+                elsewhere |= set(_variables(equation.invars))
+        operands = [variable for variable in read if variable not in made]
+        results = [variable for variable in made if variable in elsewhere]
+        return _Group(group, operands, results, self._flags(operands))
+
+    def run(self, operands: Sequence[Value], count: int) -> list[Value]:
+        """Return the results for `count` designs."""
+        values = {variable: Value(array, False) for variable, array in self._constants.items()}
+        values |= zip(self._operands, operands, strict=True)
+
+        def read(operand: Any) -> Value:
+            literal = isinstance(operand, Literal)
+            return Value(operand.val, False) if literal else values[operand]
+
+        for step in self._steps:
+            results = step.run([read(operand) for operand in step.operands], count)
+            values |= zip(step.results, results, strict=True)
+        return [read(output) for output in self._outputs]
+
+
+class _Integration:
+    """Integrations of all designs, by lanes."""
+
+    def __init__(self, equation: JaxprEqn, batched: list[bool], target: Target) -> None:
+        self.operands, self.results = equation.invars, equation.outvars
+        self._what: Recorded = equation.params["what"]
+        self._target = target
+
+    def run(self, operands: list[Value], count: int) -> list[Value]:
+        """Return summaries, codes, times and steps."""
+        what = self._what
+        times = np.asarray(operands[0].array, float)
+        schedule = np.arange(count) if operands[0].batched else np.zeros(count, int)
+        times = times if operands[0].batched else times[None]
+        columns = [_doubles(value.stacked(count)) for value in operands[1:]]
+        states = 2 + what.equations.states
+        numbers, starts = _table(columns[states:], count), _table(columns[2:states], count)
+        tolerances = _table(columns[:2], count)
+        # As diffrax: within 100 units in the last place of the end is at the end.
+        floors = times[..., -1] - 100 * np.spacing(times[..., -1])
+        shapes = [shape.shape[1:] for shape in what.shapes[:-3]]
+        found: list[np.ndarray] = []
+        for known, rows in self._kinds(numbers):
+            of_each = starts[rows], numbers[rows], tolerances[rows]
+            designs = Designs(*of_each, times.ravel(), floors, schedule[rows])
+            kernels = what.kernels(known, self._target.shape)
+            parts = run(kernels, what.control, designs, shapes, self._target)
+            if not found:
+                found = [np.empty((count, *part.shape[1:]), part.dtype) for part in parts]
+            for whole, part in zip(found, parts, strict=True):
+                whole[rows] = part
+        return [Value(array, True) for array in found]
+
+    def _kinds(self, numbers: np.ndarray) -> Iterator[tuple[dict[int, float], np.ndarray]]:
+        """Split designs by exponents, as far as these are written into the source.
+
+        Its own numbers alone choose a design's kind, so that its bits do not depend on the others.
+        """
+        places = self._what.exponents
+        exponents = numbers[:, places]
+        plain = np.where(np.isin(exponents, PLAIN), exponents, np.nan)
+        kinds = [tuple(row) for row in plain.astype(str)]
+        for kind in dict.fromkeys(kinds):
+            rows = np.flatnonzero([other == kind for other in kinds])
+            pairs = zip(places, map(float, kind), strict=True)
+            yield {i: value for i, value in pairs if value in PLAIN}, rows
+
+
+def _doubles(array: np.ndarray) -> np.ndarray:
+    """Return numbers as they stand in the memory of lanes: whole ones by their bits."""
+    if np.issubdtype(array.dtype, np.integer):
+        return array.astype(np.int64).view(np.float64)
+    return np.asarray(array, float)
+
+
+def _table(columns: Sequence[np.ndarray], count: int) -> np.ndarray:
+    return np.stack(columns, 1) if columns else np.zeros((count, 0))
+
+
+class _Group:
+    """Equations that JAX computes for all designs, a tile after the other."""
+
+    def __init__(
+        self,
+        equations: list[JaxprEqn],
+        operands: list[Var],
+        results: list[Var],
+        batched: list[bool],
+    ) -> None:
+        self.operands, self.results = operands, results
+        self._batched = any(batched)
+        names = tuple("" for _ in operands), tuple("" for _ in results)
+        about = DebugInfo("jit", "between integrations", *names)
+        jaxpr = Jaxpr([], operands, results, equations, debug_info=about)
+        function = jaxpr_as_fun(ClosedJaxpr(jaxpr, []))
+        axes = tuple(0 if flag else None for flag in batched)
+        together = jax.vmap(function, axes) if self._batched else function
+        self._function = jax.jit(together, compiler_options=IN_A_HURRY)
+
+    def run(self, operands: list[Value], count: int) -> list[Value]:
+        """Return one value for each result."""
+        if not self._batched:
+            return [Value(array, False) for array in self._function(*(v.array for v in operands))]
+        tiles = []
+        for first in range(0, count, TILE):
+            # The last one is filled up with its last design.
+            rows = np.minimum(np.arange(first, first + TILE), count - 1)
+            part = (np.asarray(v.array)[rows] if v.batched else v.array for v in operands)
+            tiles.append(map(np.asarray, self._function(*part)))
+        columns = (np.concatenate(parts)[:count] for parts in zip(*tiles, strict=True))
+        return [Value(column, True) for column in columns]
+
+
+class _Loop:
+    """A `lax.scan` over integrations."""
+
+    def __init__(self, equation: JaxprEqn, batched: list[bool], target: Target) -> None:
+        params = equation.params
+        if equation.primitive.name != "scan":
+            raise Unsupported(f"an integration inside `{equation.primitive.name}`")
+        self.operands, self.results = equation.invars, equation.outvars
+        self._constants, self._carried = params["num_consts"], params["num_carry"]
+        self._order = range(params["length"])
+        if params["reverse"]:
+            self._order = self._order[::-1]
+        first = self._constants + self._carried
+        flags = [*batched[: self._constants], *[True] * self._carried, *batched[first:]]
+        self._block = _Block(params["jaxpr"], flags, target)
+
+    def run(self, operands: list[Value], count: int) -> list[Value]:
+        """Return what is carried, and what each turn of the loop gives, stacked."""
+        first = self._constants + self._carried
+        constants, sliced = operands[: self._constants], operands[first:]
+        carried = [Value(v.stacked(count), True) for v in operands[self._constants : first]]
+        given: list = [None] * len(self._order)
+        for i in self._order:
+            now = [Value(v.array[:, i] if v.batched else v.array[i], v.batched) for v in sliced]
+            found = self._block.run([*constants, *carried, *now], count)
+            found = [Value(value.stacked(count), True) for value in found]
+            carried, given[i] = found[: self._carried], found[self._carried :]
+        columns = [np.stack([v.array for v in column], 1) for column in zip(*given, strict=True)]
+        return [*carried, *(Value(column, True) for column in columns)]
+
+
+def _variables(operands: Sequence[Any]) -> list[Var]:
+    return [operand for operand in operands if not isinstance(operand, Literal)]

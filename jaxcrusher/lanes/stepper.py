@@ -1,0 +1,404 @@
+"""The integration of a batch as functions of lanes: equations, a step, and the loop over steps.
+
+The step is that of an explicit Runge-Kutta method under a PI controller, as diffrax has it. Every
+lane has its own time, step and segment; a lane that has ended takes the next design, so none waits
+for another. What all lanes do side by side are functions of vectors; what is rare is done lane by
+lane in the loop.
+"""
+
+import math
+import operator
+from collections.abc import Callable, Mapping
+from functools import reduce
+from math import prod
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxcrusher.lanes import layout as row
+from jaxcrusher.lanes.code import CORES, Array, Code, Module, Shape
+from jaxcrusher.lanes.elementary import exponential, logarithm
+from jaxcrusher.lanes.equations import Atom, Emitter, number, write_summary
+from jaxcrusher.lanes.expression import DOUBLE, INTEGER, Expression, where
+from jaxcrusher.lanes.layout import FIELDS, STAGES, WHOLE, Lanes, Layout, Shared, layout
+from jaxcrusher.lanes.primitives import type_of
+from jaxcrusher.lanes.verify import Verified
+
+# Bounds of the mean square of an error over the allowed one.
+HUGE, TINY = 1e300, 1e-300
+
+
+class Equations(NamedTuple):
+    """Functions of scalars: time, states (of the motion, then totals), numbers of the design."""
+
+    field: Verified
+    observe: Verified
+    summarise: Verified  # of what is observed, stacked over the instants, and states
+    instants: int
+    motion: int  # states that count for the error
+
+    @property
+    def states(self) -> int:
+        """Count the states."""
+        return len(self.field.results)
+
+
+class Tableau(NamedTuple):
+    """An explicit Runge-Kutta method."""
+
+    nodes: np.ndarray  # (STAGES,)
+    weights: np.ndarray  # (STAGES, STAGES): of the stages before
+    error: np.ndarray  # (STAGES,)
+    # At a share s of the step, stage j of the solution has the weight sum_p dense[j, p] s^(p + 1).
+    dense: np.ndarray  # (STAGES, 4)
+
+
+class Kernels(NamedTuple):
+    """LLVM's text of `advance` and `summarise`, and the memory that they work on."""
+
+    text: str
+    at: Layout
+    over: list[bool]  # of every summary, whether it is an array over the instants
+
+
+def kernels(
+    equations: Equations, known: Mapping[int, float], table: Tableau, shape: Shape = CORES
+) -> Kernels:
+    """Write the functions of a batch.
+
+    `known` are those numbers of a design that are written into them.
+    """
+    field, observe, summarise, instants, motion = equations
+    types = list(map(type_of, field.operands[1 + equations.states :]))
+    counts = [sum(map(prod, function.shapes)) for function in (observe, summarise)]
+    at = layout(shape, motion, equations.states, len(types), counts[0], instants, counts[1])
+    module = Module(shape)
+    prepare, rates = Code(module, "prepare"), Code(module, "field", rows=3)
+    look = Code(module, "look")
+    emitter = Emitter(prepare, at.kept)
+    numbers = [
+        number(known[i]) if i in known else emitter.given(at.given + i, type_)
+        for i, type_ in enumerate(types)
+    ]
+    _write_field(rates, field, emitter, numbers)
+    _write_look(look, observe, emitter, numbers, table, at)
+    at = at._replace(end=at.kept + emitter.keep())
+    prepare.end()
+    summary, over = write_summary(module, summarise, observe.shapes, at)
+    begin = _write_begin(Code(module, "begin"), prepare, rates, at)
+    step = _write_step(Code(module, "step"), rates, table, at)
+    accept = _write_acceptance(Code(module, "accept"), at)
+    _Loop(Code(module, "advance", flags=()), at, begin, step, look, accept, summary).write()
+    return Kernels(str(module), at, over)
+
+
+def _write_field(code: Code, field: Verified, emitter: Emitter, numbers: list[Atom]) -> None:
+    """Write the rates of the rows of a time and of states."""
+    time, y, rate = code.rows
+    states = [Atom(code.read(y + i)) for i in range(len(field.results))]
+    results = emitter.body(code, field, [Atom(code.read(time)), *states, *numbers])
+    for i, result in enumerate(results):
+        code.write(result, rate + i)
+    code.end()
+
+
+def _write_look(
+    code: Code, observe: Verified, emitter: Emitter, numbers: list[Atom], table: Tableau, at: Layout
+) -> None:
+    """Write what is seen at the instants that are due, between the ends of the step."""
+    due, time, step = code.read(row.DUE), code.read(row.TIME), code.read(row.STEP)
+    share = (due - time) / step
+    weights = [
+        step * share * (d[0] + share * (d[1] + share * (d[2] + share * d[3]))) for d in table.dense
+    ]
+
+    def state(i: int) -> Expression:
+        rates = (code.read(at.k + stage * at.states + i) for stage in range(STAGES))
+        changes = [weight * rate for weight, rate in zip(weights, rates, strict=True)]
+        return code.read(at.y + i) + reduce(operator.add, changes)
+
+    # LLVM leaves out the states that do not matter.
+    operands = [Atom(due), *(Atom(state(i)) for i in range(at.states)), *numbers]
+    for i, value in enumerate(emitter.body(code, observe, operands)):
+        code.write(value, at.seen + i)
+    code.end()
+
+
+def _write_begin(code: Code, prepare: Code, field: Code, at: Layout) -> Code:
+    """Write numbers and the first rates of new designs; other lanes keep theirs."""
+    code.run(prepare)
+    code.run(field, row.TIME, at.y, at.trial)
+    fresh = code.read(row.FRESH) > 0
+    for i in range(at.states):
+        rate = where(fresh, code.read(at.trial + i), code.read(at.k + i))
+        code.write(rate, at.k + i)
+    return code.end()
+
+
+def _write_step(code: Code, field: Code, table: Tableau, at: Layout) -> Code:
+    """Write one step of all lanes into `trial`, and what becomes of it."""
+    time, step = code.read(row.TIME), code.read(row.STEP)
+    y = [code.read(at.y + i) for i in range(at.states)]
+
+    def combined(weights: np.ndarray, state: int) -> Expression:
+        """Write the weighted sum of the rates so far."""
+        terms = [
+            weight * code.read(at.k + j * at.states + state)
+            for j, weight in enumerate(weights)
+            if weight != 0
+        ]
+        return reduce(operator.add, terms)
+
+    for stage in range(1, STAGES):
+        for i, before in enumerate(y):
+            change = combined(table.weights[stage, :stage], i)
+            code.write(before + step * change, at.trial + i)
+        code.write(time + table.nodes[stage] * step, row.AT)
+        code.run(field, row.AT, at.trial, at.k + stage * at.states)
+    # Totals do not count, unless there is nothing else.
+    count, squares = at.motion or at.states, code.vector(0.0)
+    for i, before in enumerate(y[:count]):
+        before, after = abs(before), abs(code.read(at.trial + i))
+        size = where(after > before, after, before)
+        error = step * combined(table.error, i) / (code.read(row.ATOL) + code.read(row.RTOL) * size)
+        squares = squares + error * error
+    _judge(code, squares / count)
+    return code.end()
+
+
+def _judge(code: Code, mean: Expression) -> None:
+    """Keep or reject a step of this mean square of errors, and choose the size of the next."""
+    # What is not finite is a huge error.
+    mean = where(mean < HUGE, mean, HUGE)
+    good = -0.5 * logarithm(where(mean > TINY, mean, TINY))
+    change = exponential(code.read(row.THIS) * good + code.read(row.LAST) * code.read(row.MEMORY))
+    safety, keep = code.read(row.SAFETY), mean < 1.0
+    factor = safety * change
+    least = where(keep, 1.0, code.read(row.LEAST))
+    most = where(keep, code.read(row.LARGEST), safety)
+    factor = where(factor < least, least, where(factor > most, most, factor))
+    good = where(mean > TINY, good, 0.0)
+    code.write(where(keep, good, code.read(row.MEMORY)), row.MEMORY)
+    code.write(code.read(row.STEP) * factor, row.DT)
+    code.write(where(keep, code.vector(1.0), 0.0), row.KEEP)
+
+
+def _write_acceptance(code: Code, at: Layout) -> Code:
+    """Move on the lanes that keep their step, and say which are to be looked at."""
+    keep, last = code.read(row.KEEP) > 0, at.k + (STAGES - 1) * at.states
+    for i in range(at.states):
+        code.write(where(keep, code.read(at.trial + i), code.read(at.y + i)), at.y + i)
+        # The last stage is the first of the next step.
+        code.write(where(keep, code.read(last + i), code.read(at.k + i)), at.k + i)
+    time = where(keep, code.read(row.NEXT), code.read(row.TIME))
+    end, size, count = code.read(row.END), code.read(row.DT), code.read(row.COUNT) + 1.0
+    after = time + size
+    # A step that was too long to keep must not be tried again.
+    clipped = where(keep, end, time + 0.5 * (end - time))
+    after = where(after > code.read(row.FLOOR), clipped, after)
+    stuck = (size < code.read(row.SMALLEST)) | (count >= code.read(row.MOST))
+    code.write(time, row.TIME)
+    code.write(after, row.NEXT)
+    code.write(after - time, row.STEP)
+    code.write(count, row.COUNT)
+    code.write(where((time >= end) | stuck, code.vector(1.0), 0.0), row.LOOK)
+    return code.end()
+
+
+class _Loop:
+    """Writes `advance`, the loop over steps of a table of addresses and its first lane.
+
+    It goes on until nothing is left, or `stop` is set. The other functions are those of vectors of
+    lanes, and `summarise` of a page.
+    """
+
+    def __init__(
+        self,
+        code: Code,
+        at: Layout,
+        begin: Code,
+        step: Code,
+        look: Code,
+        accept: Code,
+        summary: Code,
+    ) -> None:
+        self._code, self._at = code, at
+        self._begin, self._step, self._look, self._accept = begin, step, look, accept
+        self._summary = summary
+        counts = self._array("counts")
+        self._designs, self._segments = counts[0], counts[1]
+        lanes = at.shape.lanes
+        lengths: dict[str, tuple[Any, ...]] = {
+            "memory": (lanes,),
+            "whole": (lanes,),
+            "pages": (at.page * lanes,),
+            "starts": (at.states,),
+            "numbers": (at.numbers,),
+            "tolerances": (2,),
+            "floors": (self._segments,),
+            "found": (self._segments, at.found),
+        }
+        self._lanes = Lanes(*(self._array(x, *lengths[x]) for x in Lanes._fields))
+        self._shared = Shared(*(self._array(x, *lengths.get(x, ())) for x in Shared._fields))
+
+    def _array(self, name: str, *lengths: Any) -> Array:
+        kind = INTEGER if name in WHOLE else DOUBLE
+        return self._code.array(FIELDS.index(name), kind, *lengths)
+
+    def write(self) -> None:
+        """Write the loop: designs into lanes, steps, and segments that have come to their ends."""
+        code, stop = self._code, self._shared.stop
+        live = code.variable(code.number(1))
+        with code.repeat(lambda: (live[0] > 0) & (stop.now(0) == 0)):
+            self._refill(live)
+            with code.repeat(lambda: (live[0] > 0) & (stop.now(0) == 0) & ~self._is_any(row.LOOK)):
+                self._run(self._step)
+                with code.each_vector() as first:
+                    self._observe(first)
+                self._run(self._accept)
+            with code.each_lane() as lane, code.when(self._lanes.memory[row.LOOK, lane] > 0):
+                self._end_segment(lane)
+        code.end(by_name=True)
+
+    def _run(self, function: Code) -> None:
+        """Run a function for all lanes."""
+        with self._code.each_vector() as first:
+            self._code.run(function, memory=self._lanes.memory, first=first)
+
+    def _is_any(self, clock: int) -> Expression:
+        """Say whether a row of the clock says yes for a lane."""
+        code, memory, shape = self._code, self._lanes.memory, self._at.shape
+        firsts = (code.first + i for i in range(0, shape.own, shape.width))
+        return code.any(reduce(operator.or_, (memory.vector(clock, i) > 0 for i in firsts)))
+
+    def _observe(self, first: Expression) -> None:
+        """Observe the instants that lanes have passed in their steps, from the first one on."""
+        code, at, (memory, whole, pages) = self._code, self._at, self._lanes
+
+        def due(read: Callable[[int], Expression]) -> Expression:
+            return (read(row.KEEP) > 0) & (read(row.DUE) <= read(row.NEXT))
+
+        with code.repeat(lambda: code.any(due(lambda clock: memory.vector(clock, first)))):
+            code.run(self._look, memory=memory, first=first)
+            with code.each(first, first + at.shape.width) as lane:
+                with code.when(due(lambda clock: memory[clock, lane])):
+                    instant = whole[row.INSTANT, lane]
+                    with code.each(0, at.observed) as i:
+                        place = i * (at.series * at.shape.lanes) + instant
+                        pages[lane, place] = memory[i + at.seen, lane]
+                    whole[row.INSTANT, lane] = instant + 1
+                    memory[row.DUE, lane] = math.inf
+                    with code.when(instant + 1 < at.instants):
+                        following = whole[row.FIRST, lane] + instant + 1
+                        memory[row.DUE, lane] = self._shared.times[following]
+
+    def _end_segment(self, lane: Expression) -> None:
+        """Hand over the segment of a lane that has come to its end, or that goes no further."""
+        code, shared, (memory, whole, _) = self._code, self._shared, self._lanes
+        states = range(self._at.y, self._at.trial)
+        finite = reduce(operator.and_, (abs(memory[i, lane]) < math.inf for i in states))
+        result = where(finite, code.number(row.SUCCESS), row.NOT_FINITE)
+        early = memory[row.TIME, lane] < memory[row.END, lane]
+        result = where(early, code.number(row.TOO_MANY_STEPS), result)
+        stuck = memory[row.DT, lane] < memory[row.SMALLEST, lane]
+        result = where(stuck, code.number(row.STEP_TOO_SMALL), result)
+        self._summarise(lane, result == row.SUCCESS)
+        design = whole[row.DESIGN, lane]
+        taken = Expression(code, code.builder.fptosi(memory[row.COUNT, lane].value, INTEGER))
+        whole[row.STEPS, lane] = whole[row.STEPS, lane] + taken
+        whole[row.SEGMENT, lane] = whole[row.SEGMENT, lane] + 1
+        goes_on = (result == row.SUCCESS) & (whole[row.SEGMENT, lane] < self._segments)
+        with code.either(goes_on) as (then, otherwise):
+            with then:
+                self._begin_segment(lane)
+            with otherwise:
+                shared.result[design] = result
+                shared.reached[design] = memory[row.TIME, lane]
+                shared.steps[design] = whole[row.STEPS, lane]
+                whole[row.DESIGN, lane] = row.WANTED
+
+    def _summarise(self, lane: Expression, success: Expression) -> None:
+        """Reduce a segment's page; from a failure on it is NaN."""
+        code, at, (memory, whole, pages) = self._code, self._at, self._lanes
+        lanes = at.shape.lanes
+        for i in range(at.states):
+            state = where(success, memory[at.y + i, lane], math.nan)
+            pages[lane, (at.last + i) * lanes] = state
+        with code.when(~success), code.each(0, at.observed) as i:
+            with code.each(whole[row.INSTANT, lane], at.instants) as instant:
+                pages[lane, i * (at.series * lanes) + instant] = math.nan
+        code.run(self._summary, lane * at.page, memory=pages, first=0)
+        with code.each(0, at.found) as i:
+            place = whole[row.DESIGN, lane], whole[row.SEGMENT, lane], i
+            self._shared.found[place] = pages[lane, i + at.summary * lanes]
+
+    def _begin_segment(self, lane: Expression) -> None:
+        """Start a lane's segment: totals of zero, the first step anew."""
+        at, shared, (memory, whole, _) = self._at, self._shared, self._lanes
+        segment, schedule = whole[row.SEGMENT, lane], shared.schedule[whole[row.DESIGN, lane]]
+        first = (schedule * self._segments + segment) * at.instants
+        whole[row.INSTANT, lane] = 0
+        whole[row.FIRST, lane] = first
+        for i in range(at.y + at.motion, at.trial):
+            memory[i, lane] = 0.0
+        end = shared.times[first + (at.instants - 1)]
+        after = memory[row.TIME, lane] + shared.limits[0]
+        memory[row.NEXT, lane] = where(after < end, after, end)
+        memory[row.STEP, lane] = memory[row.NEXT, lane] - memory[row.TIME, lane]
+        memory[row.DUE, lane] = shared.times[first]
+        memory[row.END, lane] = end
+        memory[row.FLOOR, lane] = shared.floors[schedule, segment]
+        memory[row.MEMORY, lane] = 0.0
+        memory[row.COUNT, lane] = 0.0
+
+    def _refill(self, live: Array) -> None:
+        """Give a design to every lane without one, as far as there are; count those with one."""
+        code, (memory, whole, _) = self._code, self._lanes
+        live[0] = 0
+        with code.each_lane() as lane:
+            memory[row.FRESH, lane] = 0.0
+            memory[row.LOOK, lane] = 0.0
+            with code.repeat(lambda: whole[row.DESIGN, lane] == row.WANTED):
+                design = self._shared.next_design.take(0)
+                with code.either(design < self._designs) as (then, otherwise):
+                    with then:
+                        self._start(lane, design)
+                    with otherwise:
+                        self._stand_still(lane)
+            with code.when(whole[row.DESIGN, lane] >= 0):
+                live[0] = live[0] + 1
+        with code.when(self._is_any(row.FRESH)):
+            self._run(self._begin)
+
+    def _start(self, lane: Expression, design: Expression) -> None:
+        """Put a design into a lane, if its state is finite."""
+        code, at, shared, (memory, whole, _) = self._code, self._at, self._shared, self._lanes
+        states = (abs(shared.starts[design, i]) < math.inf for i in range(at.states))
+        with code.either(reduce(operator.and_, states)) as (then, otherwise):
+            with then:
+                whole[row.DESIGN, lane] = design
+                whole[row.SEGMENT, lane] = 0
+                whole[row.STEPS, lane] = 0
+                with code.each(0, at.states) as i:
+                    memory[i + at.y, lane] = shared.starts[design, i]
+                with code.each(0, at.numbers) as i:
+                    memory[i + at.given, lane] = shared.numbers[design, i]
+                memory[row.TIME, lane] = 0.0
+                memory[row.FRESH, lane] = 1.0
+                memory[row.ATOL, lane] = shared.tolerances[design, 0]
+                memory[row.RTOL, lane] = shared.tolerances[design, 1]
+                memory[row.SMALLEST, lane] = shared.limits[1]
+                memory[row.MOST, lane] = shared.limits[2]
+                self._begin_segment(lane)
+            with otherwise:
+                shared.result[design] = row.NOT_FINITE
+
+    def _stand_still(self, lane: Expression) -> None:
+        """Let a lane without a design take steps of zero, and never be looked at."""
+        memory = self._lanes.memory
+        self._lanes.whole[row.DESIGN, lane] = row.NONE_LEFT
+        memory[row.STEP, lane] = 0.0
+        memory[row.NEXT, lane] = memory[row.TIME, lane]
+        for clock in (row.END, row.FLOOR, row.DUE, row.MOST):
+            memory[clock, lane] = math.inf
+        memory[row.SMALLEST, lane] = -1.0

@@ -1,0 +1,291 @@
+"""Lanes against diffrax, on a small problem that has a bit of everything; and one by one."""
+
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
+from jaxcrusher.lanes import machine, program, record
+from jaxcrusher.lanes.code import LANES
+from jaxcrusher.motion.integrate import (
+    RESULTS,
+    Carried,
+    Integration,
+    Problem,
+    integrate,
+)
+from jaxcrusher.motion.method import pi_controller
+
+SEGMENTS, INSTANTS = 3, 20
+TIMES = jnp.arange(SEGMENTS)[:, None] + jnp.arange(1, INSTANTS + 1) / INSTANTS
+
+
+class Swing(eqx.Module):
+    """x'' = force - stiffness sin x - x (1 + x^2)^exponent, and `blow` x'^2 that ends it early."""
+
+    stiffness: Any
+    blow: Any
+    exponent: Any
+
+
+def _initial(swing):
+    return Carried((jnp.full((), 0.5), 1 / swing.stiffness), {"work": jnp.zeros(())})
+
+
+def _field(time, y, swing):
+    place, rate = y.motion
+    force = jnp.cos(3 * time) - swing.stiffness * jnp.sin(place) + swing.blow * rate**2
+    force -= place * (1 + place**2) ** swing.exponent
+    return Carried((rate, force), {"work": force * rate})
+
+
+def _observe(time, y, swing):
+    place, rate = y.motion
+    return {"place": place * 2, "both": jnp.stack([rate, time + y.totals["work"]])}
+
+
+def _summarise(seen, end):
+    return {"last": seen["both"][-1], "mean": jnp.mean(seen["place"]), "most": end.totals["work"]}
+
+
+PROBLEM = Problem(_initial, _field, _observe, _summarise)
+
+
+def _run(swing, solver=None, rtol=1e-9, max_steps=10_000, times=TIMES, problem=PROBLEM):
+    controller = pi_controller(rtol)
+    method = Integration(solver or diffrax.Tsit5(), controller, max_steps, 1e-3, None)
+    found, outcome = integrate(swing, times, problem=problem, method=method)
+    return found, outcome
+
+
+def _swings(count, seed=0):
+    stiffness = np.random.default_rng(seed).uniform(1, 400, count)
+    return Swing(stiffness, np.zeros(count), np.full(count, 1.5))
+
+
+def _in_turn(function, swings):
+    return map_all(function, swings, 1000, in_turn)
+
+
+def _equal(one, other):
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    for a, b in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def _taken(tree, index):
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[index], tree)
+
+
+@pytest.mark.parametrize("solver", [diffrax.Tsit5(), diffrax.Dopri5()])
+def test_the_steps_are_those_of_diffrax(solver):
+    swings, function = _swings(3 * LANES + 5), eqx.Partial(_run, solver=solver)
+    found, ends = in_lanes(function, swings)
+    exact, expected = _in_turn(function, swings)
+    assert ends.steps.max() > 2 * ends.steps.min(), "all lanes would do the same"
+    # Rounding seldom turns the verdict on a step.
+    assert np.abs(ends.steps - expected.steps).max() <= 1
+    np.testing.assert_array_equal(ends.reached, expected.reached)
+    assert bool((ends.result == RESULTS.successful).all())
+    # Far below the tolerance of 1e-9: the same steps, and rounding.
+    for name in exact:
+        np.testing.assert_allclose(found[name], exact[name], rtol=0, atol=1e-11)
+
+
+def test_the_bits_of_a_design_are_its_own():
+    swings = _swings(5 * LANES + 3)
+    whole = in_lanes(_run, swings)
+    order = np.random.default_rng(2).permutation(5 * LANES + 3)
+    _equal(in_lanes(_run, _taken(swings, order)), _taken(whole, order))
+    for size in (1, 2, LANES + 1):
+        part = slice(7, 7 + size)
+        _equal(in_lanes(_run, _taken(swings, part)), _taken(whole, part))
+    _equal(map_all(_run, swings, 10, in_lanes), whole)
+
+
+SHARE = 1.0
+
+
+def _shortened(swing):
+    return _run(swing, times=SHARE * TIMES, rtol=1e-3)
+
+
+def test_a_global_that_changes_is_seen(monkeypatch):
+    swings = _swings(3)
+    for share in (1.0, 0.5, 1.0):
+        monkeypatch.setitem(globals(), "SHARE", share)
+        _, ends = map_all(_shortened, swings, engine=in_lanes)
+        np.testing.assert_array_equal(ends.reached, share * SEGMENTS)
+
+
+def _brief(swing):
+    return _run(swing, times=1e-4 * TIMES)
+
+
+def test_segments_shorter_than_the_first_step():
+    swings = _swings(3)
+    (found, ends), (exact, expected) = in_lanes(_brief, swings), _in_turn(_brief, swings)
+    np.testing.assert_array_equal(ends.steps, expected.steps)
+    for name in exact:
+        np.testing.assert_allclose(found[name], exact[name], rtol=0, atol=1e-15)
+
+
+def _own_times(swing):
+    return _run(swing, times=TIMES / jnp.sqrt(swing.stiffness))
+
+
+def test_each_design_may_have_times_of_its_own():
+    swings = _swings(LANES + 3)
+    found, exact = in_lanes(_own_times, swings), _in_turn(_own_times, swings)
+    np.testing.assert_allclose(found[1].reached, exact[1].reached, rtol=1e-15)
+    for name, values in exact[0].items():
+        np.testing.assert_allclose(found[0][name], values, rtol=0, atol=1e-11)
+
+
+def test_exponents_of_neighbours_do_not_matter():
+    # Common ones are written into the source, others are not.
+    swings = _swings(LANES)
+    whole = in_lanes(_run, swings)
+    exponent = swings.exponent.copy()
+    exponent[1::2] = np.linspace(1.1, 2.9, LANES // 2)
+    mixed = Swing(swings.stiffness, swings.blow, exponent)
+    found = in_lanes(_run, mixed)
+    _equal(_taken(found, slice(None, None, 2)), _taken(whole, slice(None, None, 2)))
+    for name, exact in _in_turn(_run, mixed)[0].items():
+        np.testing.assert_allclose(found[0][name], exact, rtol=0, atol=1e-11)
+
+
+def test_the_number_of_threads_changes_no_bit(monkeypatch):
+    swings, found = _swings(5 * LANES + 3), []
+    for threads in (1, 2, 5):
+        monkeypatch.setattr(machine, "cores", lambda n=threads: n)
+        found.append(in_lanes(_run, swings))
+    _equal(found[0], found[1])
+    _equal(found[0], found[2])
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_failure_stays_in_its_lane():
+    swings = _swings(4 * LANES)
+    stiffness, blow = swings.stiffness.copy(), swings.blow.copy()
+    ill = [3, 17, 18, 40]
+    stiffness[3], blow[17], blow[18], stiffness[40] = np.nan, 50.0, -60.0, 1e9
+    function = eqx.Partial(_run, max_steps=3000)
+    mixed = Swing(stiffness, blow, swings.exponent)
+    found, ends = in_lanes(function, mixed)
+    expected_found, expected = _in_turn(function, mixed)
+    words = [str(RESULTS[item]) for item in _each(expected.result)]
+    assert [str(RESULTS[item]) for item in _each(ends.result)] == words
+    assert len({words[i] for i in ill}) == 3 and {words[i] for i in range(3)} == {""}
+    np.testing.assert_array_equal(ends.success, ~np.isin(np.arange(4 * LANES), ill))
+    np.testing.assert_allclose(ends.reached, expected.reached, rtol=1e-9)
+    for name in found:
+        wrong = np.isnan(found[name])
+        np.testing.assert_array_equal(wrong, np.isnan(expected_found[name]))
+        assert wrong[ill].any(axis=tuple(range(1, wrong.ndim))).all()
+    well = np.setdiff1d(np.arange(4 * LANES), ill)
+    _equal(_taken((found, ends), well), _taken(in_lanes(function, swings), well))
+
+
+def _each(result):
+    return [jax.tree.map(lambda leaf, k=i: jnp.asarray(leaf[k]), result) for i in range(4 * LANES)]
+
+
+def _thrice(swing):
+    """A loop over integrations, each from where the last one ended."""
+
+    def turn(swing, _):
+        found, outcome = _run(swing)
+        after = Swing(swing.stiffness + 1e-3 * found["mean"][-1], swing.blow, swing.exponent)
+        return after, (found["last"], outcome.steps)
+
+    return jax.lax.scan(turn, swing, length=3)
+
+
+def test_a_loop_over_integrations():
+    swings = _swings(LANES + 1)
+    (end, (last, steps)), (exact, (exact_last, _)) = (
+        in_lanes(_thrice, swings),
+        _in_turn(_thrice, swings),
+    )
+    assert last.shape == (LANES + 1, 3, SEGMENTS, 2) and steps.shape == (LANES + 1, 3)
+    np.testing.assert_allclose(end.stiffness, exact.stiffness, rtol=1e-10)
+    np.testing.assert_allclose(last, exact_last, atol=1e-9)
+
+
+def _slope(swing):
+    return jax.grad(lambda swing: jnp.sum(_run(swing)[0]["mean"]))(swing)
+
+
+def test_what_lanes_cannot_do_is_done_in_turn_and_said():
+    swings = _swings(3)
+    said = "Lanes do not know derivatives: the engine `in_turn` computes these scenes."
+    with pytest.warns(UserWarning, match=said):
+        found = map_all(_slope, swings, engine=in_lanes)
+    _equal(found, _in_turn(_slope, swings))
+    with pytest.warns(UserWarning, match="Lanes do not know the solver `Heun`"):
+        map_all(eqx.Partial(_run, solver=diffrax.Heun(), rtol=1e-3), swings, engine=in_lanes)
+    median = Problem(_initial, _field, _observe, lambda seen, end: jnp.sort(seen["place"])[10])
+    with pytest.warns(UserWarning, match="Lanes do not know the primitive `sort`"):
+        map_all(eqx.Partial(_run, problem=median, rtol=1e-3), swings, engine=in_lanes)
+
+
+def test_threads_share_one_program(monkeypatch):
+    built = []
+
+    def slow(*operands):
+        built.append(operands)
+        time.sleep(0.05)
+        return operands
+
+    monkeypatch.setattr(program, "Program", slow)
+    monkeypatch.setattr(program, "_PROGRAMS", {})
+    with ThreadPoolExecutor(4) as pool:
+        operands = [_run] * 4, [_swings(1)] * 4, [machine.PROCESSOR] * 4
+        found = list(pool.map(program.program, *operands))
+    assert len(built) == 1 and all(one is found[0] for one in found)
+
+
+def test_threads_write_and_compile_one_program_once(monkeypatch):
+    texts, write = [], record.kernels
+
+    def slow(*operands):
+        time.sleep(0.05)
+        texts.append(write(*operands))
+        return texts[-1]
+
+    monkeypatch.setattr(record, "kernels", slow)
+    function = eqx.Partial(_run, rtol=2e-9)  # of no other test
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(in_lanes, [function] * 4, [_swings(3)] * 4))
+    assert len(texts) == 1
+    for other in found[1:]:
+        _equal(other, found[0])
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_an_interrupted_batch_stops_its_threads(monkeypatch, which):
+    # One thread fails, the first or the second; the other has work for minutes.
+    swings = _swings(2 * LANES)
+    advance = machine._advance
+
+    def interrupted(*operands):
+        if threading.current_thread().name.endswith(f"_{which}"):
+            raise KeyboardInterrupt
+        return advance(*operands)
+
+    monkeypatch.setattr(machine, "_advance", interrupted)
+    monkeypatch.setattr(machine, "cores", lambda: 2)
+    with pytest.raises(KeyboardInterrupt):
+        in_lanes(
+            eqx.Partial(_run, rtol=1e-13, max_steps=10**9),
+            Swing(swings.stiffness * 1e9, swings.blow, swings.exponent),
+        )
