@@ -1,8 +1,9 @@
-"""The answer of a search: filled stage by stage, with None or nothing where a stage did not come.
+"""The answer of a search; a stage that did not come leaves None or nothing in its place.
 
-Numbers are in SI units, objectives in their own. `dataclasses.asdict` makes result.json of it.
+Numbers are in SI units, objectives in their own. `optimize.result_file` makes result.json of it.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,67 +13,60 @@ import jaxcrusher as jc
 
 
 @dataclass(frozen=True)
-class Settled:
-    """The motion that repeats every turn, solved for; NaN in every number where it is not."""
+class Orbit:
+    """The periodic orbit of a design, with the objective on it and its slopes."""
 
-    failure: str  # why there is none, or nothing
-    objective: float
-    foundation_rms: float
-    foundation_peak: float
-    shaking_rms: float
-    shaking_peak: float
-    error: float  # estimated, of the RMS as a share of it
-    multipliers: list[list[float]]  # of a disturbance, a turn: real and imaginary parts
-    largest_multiplier: float
-    settling_turns: float  # in which a disturbance falls to 1/e; infinite if it grows
-    least_penetration: float  # in clearances
-    section: np.ndarray  # where the pins are as a turn begins, (2 a joint,) in clearances
-    state: np.ndarray  # as a turn begins, as in `jaxcrusher.Section`
-    validity: jc.Validity
+    solution: jc.PeriodicOrbit
+    objective: float  # NaN where there is no orbit
     slopes: dict[str, float]  # of the objective, per unit of each free parameter
-    slopes_apart: dict[str, float]  # how far differences of settled motions are from them
+    slopes_apart: dict[str, float]  # how far differences of orbits are from them
+
+    @property
+    def found(self) -> bool:
+        """Whether there is an orbit."""
+        return bool(self.solution.success)
 
     @property
     def stable(self) -> bool:
-        """Whether a motion beside it comes to it."""
-        return not self.failure and self.largest_multiplier < 1
+        """Whether disturbances of it die."""
+        return bool(self.solution.stable)
+
+    @property
+    def error(self) -> float:
+        """Return the estimated error of the objective, in its unit."""
+        return float(self.solution.error) * abs(self.objective)
 
 
 @dataclass(frozen=True)
-class Companion:
-    """A stable motion of a design, and the share of random starts that comes to it."""
+class Coexisting:
+    """A stable orbit of a design, and the share of random starts that come to it."""
 
     share: float
-    period: int  # turns
+    solution: jc.PeriodicOrbit
     objective: float
-    foundation_rms: float
-    foundation_peak: float
-    shaking_rms: float
-    least_penetration: float  # in clearances
-    settling_turns: float
 
 
 @dataclass(frozen=True)
 class Decay:
-    """How a swing about the settled motion dies after the long runs."""
+    """How the free oscillation of the pin about its orbit decays after the long runs."""
 
     first: float  # in clearances, RMS over the first turns looked at
     last: float  # over the last ones
     rate: float  # share by which it falls in a turn
     error: float  # standard error of the rate
-    floor: float  # what the integration leaves of the settled motion itself, in clearances
+    floor: float  # oscillation that the integration's error keeps alive, in clearances
 
 
 @dataclass(frozen=True)
 class Runs:
-    """Independent long runs of a design from one start, which show how far it has settled."""
+    """Independent long runs of a design from one start."""
 
     objective_mean: float
     objective_half_width: float  # of the mean's confidence interval, from the scatter of the runs
     validity: jc.Validity  # of the first run
     state: np.ndarray  # at the end of the first run, as in `jaxcrusher.Section`
     by_run: dict[str, np.ndarray]  # every variable, shape (runs,); the first start is not shifted
-    settles: bool  # there is a stable settled motion, and no run ever lost contact
+    settles: bool  # the design has a stable orbit, and no run ever lost contact
     decay: Decay | None = None  # of the run whose start is not shifted, if it settles
 
     @property
@@ -87,27 +81,26 @@ class Runs:
 
 @dataclass(frozen=True)
 class Confirmed:
-    """A design and what it is judged by: the motion that its worse start comes to.
+    """A design with its long runs; the objective is that of its worst motion.
 
-    That is the settled motion if the start's swing dies in contact, else the mean of its runs; or
-    a worse one that random starts come to.
+    A start whose oscillation decays in contact counts by the orbit, another one by the mean of its
+    runs. A worse orbit that random starts come to replaces both.
     """
 
     values: dict[str, float]  # of the free parameters
     objective: float  # NaN if a run failed, whirled or broke a constraint
-    half_width: float  # estimated error of the settled motion's, or of the mean's interval
+    half_width: float  # estimated error of the orbit's, or of the mean's interval
     worse_start: str
     speed: float
     clearance: float
-    foundation_rms: float  # of the settled motion, or the mean of the worse start's runs
+    foundation_rms: float  # of the orbit, or the mean of the worse start's runs
     shaking_rms: float  # likewise
     ideal_rms: float  # the same machine's with an ideal joint
     capacity: float  # m3/h
-    multipliers: list[list[float]]  # of the settled motion; none where there is none
-    settled: Settled | None  # None: a scene whose orbits cannot be solved for
+    orbit: Orbit | None  # None: a scene whose orbits cannot be solved for
     transient: dict[str, Runs]  # by start
     regime: dict[str, jc.Regime] = field(default_factory=dict)  # of starts that do not settle
-    companions: tuple[Companion, ...] = ()  # of random starts, the most frequent first
+    coexisting: tuple[Coexisting, ...] = ()  # of random starts, the most frequent first
 
     @property
     def counts(self) -> bool:
@@ -116,7 +109,7 @@ class Confirmed:
 
     @property
     def settles(self) -> bool:
-        """Whether it comes to its settled motion from every start."""
+        """Whether it comes to its periodic orbit from every start."""
         return all(runs.settles for runs in self.transient.values())
 
 
@@ -124,7 +117,7 @@ class Confirmed:
 class Refinement:
     """A local search, and its objective at both ends."""
 
-    by: str  # "gradient" of the settled motion, or "fits" to motions from random starts
+    by: str  # "gradient" of the periodic orbit, or "fits" to motions from random starts
     path: dict[str, np.ndarray]  # of the free parameters, shape (points,)
     first: float
     last: float
@@ -133,30 +126,30 @@ class Refinement:
 
 
 @dataclass(frozen=True)
-class Held:
-    """A limit that holds the optimum: without it the objective would fall."""
+class Active:
+    """An active constraint at the optimum: without it the objective would fall."""
 
     parameter: str  # or "capacity" itself, where the links are free
     limit: str  # "lowest", "highest" or "capacity"
-    multiplier: float  # what the objective would gain per unit of the parameter
+    multiplier: float  # by how much the objective would fall per unit of the parameter
 
 
 @dataclass(frozen=True)
-class Claim:
-    """How far the optimum is the box's."""
+class Bound:
+    """A bound of how far below the optimum the least objective of the box may lie."""
 
-    within: float | None  # of the least in the box, in the objective's unit; None: not known
+    within: float | None  # in the objective's unit; None: not known
     curvature: float | None  # what second derivatives can hide in a cell: a part of `within`
-    open_cells: int  # of the map, without a stable settled motion: nothing is said of them
+    open_points: int  # of the map, without a stable orbit that counts: nothing is said of them
     gain: float  # of the descents, on the map's best point
-    words: str
+    statement: str
 
 
 @dataclass(frozen=True)
 class Front:
-    """What cannot be had together with the least objective: no point gains in both.
+    """A Pareto front of the objective and another number: no point gains in both.
 
-    Points in the order of a rising objective; of a single one there is nothing to trade.
+    Points stand in the order of a rising objective. A front of one point offers nothing to trade.
     """
 
     of: str  # the other number: "capacity" or an objective
@@ -164,7 +157,7 @@ class Front:
     objective: np.ndarray  # (points,)
     other: np.ndarray  # (points,)
     values: dict[str, np.ndarray]  # of the free parameters, (points,)
-    forces: dict[str, np.ndarray]  # the RMS of both forces of the settled motions, (points,)
+    forces: dict[str, np.ndarray]  # the RMS of both forces of the orbits, (points,)
 
 
 @dataclass(frozen=True)
@@ -211,8 +204,8 @@ class Answer:
     fixed: dict[str, Any]  # of the crusher's description
     seed: int
     status: str = "interrupted"
-    seconds: dict[str, float] = field(default_factory=dict)  # by stage
-    steps: dict[str, int] = field(default_factory=dict)  # of integrations, by stage
+    seconds: Mapping[str, float] = field(default_factory=dict)  # by stage
+    steps: Mapping[str, int] = field(default_factory=dict)  # of integrations, by stage
     refinement: tuple[Refinement, ...] = ()
     candidates: tuple[Confirmed, ...] = ()
     settle_turns: int = 0  # of the long runs, before their statistics began
@@ -220,13 +213,12 @@ class Answer:
     optimum: Confirmed | None = None
     seed_choice: Confirmed | None = None  # what the optimum is compared with
     empty: str = ""  # why no design may be chosen, or nothing
-    orbits: int | None = None  # stable ones of the map; None: there are none to solve for
-    ideal: float | None = None  # RMS of the optimum's machine with an ideal joint, N
-    held: tuple[Held, ...] = ()  # by what limits the optimum is held; the other slopes vanish
-    unheld: dict[str, float] = field(default_factory=dict)  # these slopes; limits have their part
-    claim: Claim | None = None
+    stable_orbits: int | None = None  # points of the map that have one; None: none is solved for
+    active: tuple[Active, ...] = ()  # constraints at the optimum
+    free_slopes: dict[str, float] = field(default_factory=dict)  # that no constraint balances
+    bound: Bound | None = None
     fronts: tuple[Front, ...] = ()
-    gradient_report: jc.GradientReport | None = None  # where the optimum has no settled motion
+    gradient_report: jc.GradientReport | None = None  # where the optimum has no orbit
     checks: tuple[Check, ...] = ()
     remark: str = ""
 

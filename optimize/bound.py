@@ -1,10 +1,10 @@
-"""How far the optimum is the least of its box."""
+"""A bound of how far below the optimum the least objective of its box may lie."""
 
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from optimize.answer import Claim, Confirmed
+from optimize.answer import Bound, Confirmed
 from optimize.evaluate import Case
 from optimize.landscape import GRID_DIMENSIONS
 
@@ -12,26 +12,26 @@ from optimize.landscape import GRID_DIMENSIONS
 ROUGHER = 2.0
 
 
-def claim(case: Case, orbits: xr.Dataset | None, best: Confirmed) -> Claim:
-    """What values and slopes at the map's points leave possible between them."""
+def optimality_bound(case: Case, orbits: xr.Dataset | None, best: Confirmed) -> Bound:
+    """Bound the objective between the map's points by the values and slopes there."""
     unit = case.objective.unit
     if orbits is None or not best.settles or not orbits.counts.any():
-        return Claim(
+        return Bound(
             None,
             None,
             0 if orbits is None else int((~orbits.counts).sum()),
             0.0,
-            "The best of what was tried: its motions have no settled form that could be mapped.",
+            "The best of what was tried: no periodic orbits could be mapped.",
         )
     counts = orbits.counts.to_numpy()
     values = np.where(counts, orbits.objective.to_numpy(), np.nan)
     gain, unsolved = float(np.nanmin(values) - best.objective), int((~counts).sum())
     if len(case.design.names) > GRID_DIMENSIONS:
-        words = (
+        statement = (
             f"The best of {values.size} points of a Sobol sequence and of the descents from them, "
             f"known to {best.half_width:.2g} {unit}; nothing is said of what lies between."
         )
-        return Claim(None, None, unsolved, gain, words)
+        return Bound(None, None, unsolved, gain, statement)
     sizes = 1 / (np.array(values.shape) - 1)
     widths = [high - low for low, high in case.design.bounds.values()]
     slopes = np.where(counts[..., None], orbits.slope.to_numpy() * widths, np.nan)
@@ -39,25 +39,25 @@ def claim(case: Case, orbits: xr.Dataset | None, best: Confirmed) -> Claim:
     # Also of a point without a neighbour to measure by.
     unsolved = int(np.isnan(lowest).sum())
     if unsolved == values.size:
-        words = (
+        statement = (
             "The best of what was tried: no two points of the map beside each other have a stable "
-            "settled motion that counts, and nothing is said of what lies between."
+            "orbit that counts, and nothing is said of what lies between."
         )
-        return Claim(None, None, unsolved, gain, words)
+        return Bound(None, None, unsolved, gain, statement)
     within = max(0.0, best.objective - float(np.nanmin(lowest)))
     least = np.unravel_index(np.nanargmin(lowest), lowest.shape)
     curvature = float(hidden[least])
-    words = (
-        f"Global within the box to {within:.2g} {unit} among settled motions, provided second "
+    statement = (
+        f"Global within the box to {within:.2g} {unit} among periodic orbits, provided second "
         f"derivatives within a cell are at most {ROUGHER:g} times those between the map's points "
         f"around it ({curvature:.2g} {unit} of it)."
     )
     if unsolved:
-        words += (
-            f" Nothing is said of {unsolved} of {values.size} points: there, or at all beside "
-            "them, no stable settled motion in contact was found or a constraint is broken."
+        statement += (
+            f" Nothing is said of {unsolved} of {values.size} points. There, or at all points "
+            "beside them, no stable orbit in contact was found or a constraint is broken."
         )
-    return Claim(within, curvature, unsolved, gain, words)
+    return Bound(within, curvature, unsolved, gain, statement)
 
 
 def cell_bounds(

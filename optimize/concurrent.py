@@ -1,4 +1,4 @@
-"""Work that waits for nothing else: side by side, on the cores that one piece leaves idle."""
+"""Independent pieces of work run concurrently, on the cores that one piece leaves idle."""
 
 from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
@@ -7,11 +7,11 @@ from typing import Any
 
 
 class Stopped(Exception):
-    """Raised in a piece of work that another's failure or Ctrl-C has made needless."""
+    """A piece of work raises this where another's failure or Ctrl-C has made it needless."""
 
 
-def abreast(stop: Event, *jobs: Callable[[], Any]) -> list[Any]:
-    """The results of jobs run side by side, in the jobs' order.
+def run_concurrently(stop: Event, *jobs: Callable[[], Any]) -> list[Any]:
+    """Run jobs concurrently, and return their results in the jobs' order.
 
     At the first failure, and at Ctrl-C, `stop` is set; the other jobs should look at it from time
     to time and raise `Stopped`. The failure is raised when all have ended.

@@ -1,13 +1,13 @@
 """Confirmation: long independent runs of the candidates, with confidence intervals."""
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import t as student
 
 import jaxcrusher as jc
 from jaxcrusher.files.journal import Journal
-from optimize.answer import Confirmed, Runs, Settled
+from jaxcrusher.motion.statistics import limits_of
+from optimize.answer import Confirmed, Orbit, Runs
 from optimize.evaluate import STARTS, Case, Progress, Rows, Window, evaluate
 from optimize.forces import FORCES
 
@@ -20,7 +20,7 @@ ROUNDING = 1e-9
 
 
 def interval(values: Float[np.ndarray, " runs"]) -> tuple[float, float]:
-    """The mean of independent runs, and half of its 95 % confidence interval, by their scatter."""
+    """Return the mean of independent runs and half of its 95 % confidence interval."""
     quantile = float(student.ppf((1 + CONFIDENCE) / 2, len(values) - 1))
     return float(values.mean()), quantile * float(values.std(ddof=1)) / len(values) ** 0.5
 
@@ -34,7 +34,7 @@ def long_runs(
     progress: Progress | None = None,
     journal: Journal | None = None,
 ) -> list[Rows]:
-    """Independent long runs of points (m, n) of the unit box, `runs` from each start.
+    """Run points (m, n) of the unit box for long, `runs` times from each start.
 
     The first run starts as the scene says, the others are shifted at random. Returns rows of
     shape (starts, runs, ...) for each point.
@@ -55,9 +55,9 @@ def long_runs(
 
 
 def confirmed(
-    case: Case, unit: Float[np.ndarray, " n"], rows: Rows, orbit: Settled | None
+    case: Case, unit: Float[np.ndarray, " n"], rows: Rows, orbit: Orbit | None
 ) -> Confirmed:
-    """A point of the unit box with its long runs and its settled motion."""
+    """Return a point of the unit box with its long runs and its orbit, and its objective."""
     values = case.design.numbers(unit)
     described = {**jc.PE250X400, **case.design.fixed, **values}
     scene = jc.build_scene({**case.design.fixed, **values})
@@ -65,16 +65,13 @@ def confirmed(
     runs, judged = {}, []
     for i, (start, numbers) in enumerate(zip(STARTS, intervals, strict=True)):
         by_run = {name: column[i] for name, column in rows.items()}
-        limits = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
-        wide, fast, delivered = (jnp.asarray(by_run[name][0]) for name in limits)
-        fit = jnp.asarray(described["clearance"] / described["bore_radius"])
-        asked = jnp.asarray(described["restitution"])
-        validity = jc.Validity(wide, fast, delivered, asked, fit)
         state = by_run.pop("state")[0]
+        validity = limits_of(scene, {name: column[0] for name, column in by_run.items()})
+        assert validity is not None
         settles = orbit is not None and orbit.stable and _in_contact(by_run)
         runs[start] = Runs(*numbers, validity, state, by_run, settles)
         if orbit is not None and settles:
-            judged.append((orbit.objective, orbit.error * abs(orbit.objective)))
+            judged.append((orbit.objective, orbit.error))
         else:
             judged.append(numbers)
     worse = int(np.argmax([mean for mean, _ in judged]))
@@ -82,7 +79,7 @@ def confirmed(
     worst = runs[STARTS[worse]]
     forces = {name: float(worst.by_run[name].mean()) for name in FORCES}
     if orbit is not None and worst.settles:
-        forces = {name: getattr(orbit, name) for name in FORCES}
+        forces = {name: float(orbit.solution[name]) for name in FORCES}
     return Confirmed(
         values,
         objective if rows["counts"].all() else float("nan"),
@@ -94,13 +91,12 @@ def confirmed(
         forces["shaking_rms"],
         float(jc.periodic_orbit(scene.ideal()).foundation_rms),
         float(case.capacity(unit)),
-        orbit.multipliers if orbit is not None else [],
         orbit,
         runs,
     )
 
 
 def _in_contact(by_run: Rows) -> bool:
-    """Whether no run left contact: a swing in contact dies, and the orbit is all it can end on."""
+    """Tell whether no run left contact, so that all of them decay to the orbit."""
     shares = [column for name, column in by_run.items() if name.endswith("contact_fraction")]
     return bool(np.min(shares) >= 1 - ROUNDING and by_run["success"].all())

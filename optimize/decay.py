@@ -1,4 +1,4 @@
-"""How the swing of a motion dies towards the settled one, beside what the multiplier says."""
+"""The measured decay of free oscillations towards an orbit, beside that by the multiplier."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,7 +10,7 @@ from jaxtyping import Float
 from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.dynamics.swing import places
 from jaxcrusher.settled.transient import section_points
-from optimize.answer import Confirmed, Decay, Settled
+from optimize.answer import Confirmed, Decay, Orbit
 from optimize.evaluate import Case, started
 
 # Turns after the long runs, and parts of them over which a swing is averaged.
@@ -31,7 +31,7 @@ GONE = 1e-3
 
 
 def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
-    """The designs, with the decay of the runs that come to their settled motion."""
+    """Return the designs with the decay of the runs that come to their orbits."""
     dying = [
         (i, start)
         for i, design in enumerate(designs)
@@ -40,11 +40,11 @@ def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
     ]
     if not dying:
         return list(designs)
-    # Each from where its long run ended, and from the settled motion itself.
+    # Each goes on from where its long run ended, and another run starts on the orbit itself.
     cases = [
         (np.asarray(state), started({**case.design.fixed, **designs[i].values}, start))
         for i, start in dying
-        for state in (designs[i].transient[start].state, _orbit(designs[i]).state)
+        for state in (designs[i].transient[start].state, _orbit(designs[i]).solution.section)
     ]
     points, success = run_all(eqx.Partial(section_points, turns=TURNS, rtol=RTOL), stack(cases))
     found = list(designs)
@@ -52,21 +52,23 @@ def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
     for (i, start), states, good in zip(dying, *pairs, strict=True):
         if good.all():
             runs = found[i].transient[start]
-            apart, left = places(states) - np.asarray(_orbit(found[i]).section)
+            section = _orbit(found[i]).solution.eccentricity
+            assert section is not None
+            apart, left = places(states) - np.asarray(section)[0]
             decay = measured(apart, float(_swings(left).max()))
             transient = found[i].transient | {start: replace(runs, decay=decay)}
             found[i] = replace(found[i], transient=transient)
     return found
 
 
-def _orbit(design: Confirmed) -> Settled:
-    assert design.settled is not None
-    return design.settled
+def _orbit(design: Confirmed) -> Orbit:
+    assert design.orbit is not None
+    return design.orbit
 
 
-def rate(orbit: Settled) -> float:
-    """The share by which the largest multiplier lets a swing fall in a turn."""
-    return 1 - orbit.largest_multiplier
+def rate(orbit: Orbit) -> float:
+    """Return the share of an oscillation that decays in a turn, by the largest multiplier."""
+    return 1 - float(orbit.solution.largest_multiplier)
 
 
 def resolved(swing: Decay) -> float:

@@ -14,9 +14,9 @@ import jaxcrusher as jc
 from jaxcrusher.files.results import write_figure
 from jaxcrusher.pictures import page, plots
 from optimize import landscape as maps
-from optimize import words
 from optimize.answer import Answer, Box, Confirmed
 from optimize.evaluate import Case
+from optimize.formatting import shown
 from optimize.motions import DRAWN, design_motions
 from optimize.objectives import OBJECTIVES
 from optimize.pareto import nondominated
@@ -33,16 +33,16 @@ def draw_all(
     orbits: xr.Dataset | None,
     answer: Answer,
 ) -> tuple[list[str], dict[str, str]]:
-    """Every figure that the design's parameters allow and that has something to draw.
+    """Draw every figure that the design's parameters allow and that has something to show.
 
-    `data` is the landscape of `units` from both starts, `orbits` the settled motions of `points`.
+    `data` is the landscape of `units` from both starts, `orbits` the map of `points`.
     Returns the names of the files, and why others were left out, by name.
     """
     drawn, omitted = [], {}
     if len(case.design.names) == 2:
-        if answer.orbits:
+        if answer.stable_orbits:
             assert orbits is not None
-            draw_settled(folder, answer, orbits)
+            draw_orbits(folder, answer, orbits)
             draw_settling(folder, answer, orbits)
             drawn += ["landscape.png", "settling.png"]
         elif orbits is not None:
@@ -65,8 +65,8 @@ def draw_all(
     return [*drawn, "motion.png"], omitted
 
 
-def draw_settled(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
-    """Map of the settled motions' objective, with descents and designs."""
+def draw_orbits(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
+    """Draw the map of the objective on periodic orbits, with descents and designs."""
     fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
     values = orbits.objective.where(orbits.stable)
     plots.plot_landscape(values, ax, units=answer.box.units)
@@ -75,13 +75,13 @@ def draw_settled(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
 
 
 def draw_settling(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
-    """Map of the turns in which a disturbance of the settled motion falls to 1/e."""
+    """Draw the map of the turns in which a disturbance of the orbit falls to 1/e."""
     fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
     turns, units = orbits.settling_turns.where(orbits.stable), answer.box.units
     across, up = plots.axes_of(turns.dims)
     mesh = ax.pcolormesh(
-        words.shown(across, orbits[across].to_numpy(), units),
-        words.shown(up, orbits[up].to_numpy(), units),
+        shown(across, orbits[across].to_numpy(), units),
+        shown(up, orbits[up].to_numpy(), units),
         turns.transpose(up, across),
         cmap="viridis",
         norm="log",
@@ -94,7 +94,7 @@ def draw_settling(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
 
 
 def draw_starts(folder: Path, answer: Answer, data: xr.Dataset) -> None:
-    """Map of the first turns' time average from the worse start, with what moves how."""
+    """Draw the map of the first turns' time average from the worse start, with marks."""
     fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
     marks = {
         "failed": ~data.success.all("start"),
@@ -107,7 +107,7 @@ def draw_starts(folder: Path, answer: Answer, data: xr.Dataset) -> None:
 
 
 def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool = False) -> None:
-    """Descents, optimum and the design to compare with, added to the legend."""
+    """Mark descents, optimum and the design to compare with, and add them to the legend."""
     handles, labels = [], []
     legend = ax.get_legend()
     if legend is not None:
@@ -115,17 +115,17 @@ def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool 
         labels = [text.get_text() for text in legend.get_texts()]
     if open_cells:
         handles.append(Patch(facecolor="0.6", edgecolor="w"))
-        labels.append("no stable settled motion found")
+        labels.append("no stable periodic orbit found")
     names, units = plots.axes_of(answer.box.bounds), answer.box.units
     for i, descent in enumerate(answer.refinement if descents else ()):
-        path = (words.shown(name, np.asarray(descent.path[name]), units) for name in names)
+        path = (shown(name, np.asarray(descent.path[name]), units) for name in names)
         (line,) = ax.plot(*path, "w.-", linewidth=0.8, markersize=2)
         if i == 0:
             handles, labels = [*handles, line], [*labels, "descents"]
     for title, design in answer.designs.items():
         marker, colour, size = OPTIMUM if title == "optimum" else COMPARED
         (mark,) = ax.plot(
-            *(words.shown(name, design.values[name], units) for name in names),
+            *(shown(name, design.values[name], units) for name in names),
             marker,
             color=colour,
             markersize=size,
@@ -146,7 +146,7 @@ def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool 
 
 
 def draw_capacity(folder: Path, case: Case, box: Box) -> None:
-    """Capacity over speed, with the box searched."""
+    """Draw the capacity over speed, with the box searched."""
     low, high = box.bounds["speed"]
     fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
     speeds = np.linspace(0.6 * low, 1.25 * high, 200)
@@ -164,9 +164,9 @@ def draw_capacity(folder: Path, case: Case, box: Box) -> None:
 def draw_pareto(
     folder: Path, case: Case, units: np.ndarray, data: xr.Dataset, answer: Answer
 ) -> None:
-    """The objective against capacity and another force, at the points of a map and the designs.
+    """Draw the objective against capacity and another force, at a map's points and the designs.
 
-    `data` is the map of settled motions, whose fronts the answer has, or the landscape, whose
+    `data` is the map of orbits, whose fronts the answer has, or the landscape, whose
     worse start counts: its front is what no other point beats in both.
     """
     transient = "start" in data.dims
@@ -193,7 +193,7 @@ def draw_pareto(
                 line = objective[order], column[order]
             size = 4 if len(line[0]) > 1 else 7
             ax.plot(line[0] / kilo, line[1] / one, "s-", color="C0", markersize=size, label="front")
-            meaning = "worse start" if transient else "settled"
+            meaning = "worse start" if transient else "periodic orbit"
             ax.set_xlabel(f"{answer.objective.meaning}, {meaning} ({unit})")
         axes[0].set_ylabel("capacity (m³/h)")
         axes[1].set_ylabel(f"{force.meaning} (kN)")
@@ -231,18 +231,18 @@ def _zoom_to_front(ax: Axes) -> None:
 
 
 def _numbers(design: Confirmed, statistic: str, transient: bool) -> tuple[float, float]:
-    """Objective and a statistic of the worse start's first run, or of the settled motion."""
+    """Return objective and a statistic of the worse start's first run, or of the orbit."""
     if transient:
         runs = design.transient.values()
         one, two = (max(run.first(name) for run in runs) for name in ("objective", statistic))
         return one, two
-    if design.settled is None:
+    if design.orbit is None:
         return math.nan, math.nan
-    return design.settled.objective, getattr(design.settled, statistic)
+    return design.orbit.objective, float(design.orbit.solution[statistic])
 
 
 def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
-    """Orbit and foundation force of optimum and its rival after their long runs."""
+    """Draw the pin's path and the foundation force of both designs after their long runs."""
     fig, axes = plt.subplots(
         2,
         2 * len(answer.designs),

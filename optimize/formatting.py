@@ -1,4 +1,4 @@
-"""What a search found in words, for the console and for the page."""
+"""The numbers and sentences of an answer as text, for the console and for the page."""
 
 import math
 from collections.abc import Mapping
@@ -8,18 +8,17 @@ import numpy as np
 
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
-from optimize.answer import Answer, Confirmed, Held, Runs
-from optimize.decay import GONE, rate, resolved
+from optimize.answer import Active, Answer, Confirmed, Runs
 from optimize.forces import FORCES, besides, opposed
 
 
 def number(value: float) -> str:
-    """Five digits, and all of those before the point."""
+    """Return a number with five digits, or with all of those before the point."""
     return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:.5g}"
 
 
 def interval(runs: Runs) -> str:
-    """A mean with its interval, and what is wrong with the runs."""
+    """Return a mean with its interval, and what is wrong with the runs."""
     failed = runs.count - int(runs.by_run["success"].sum())
     if failed:
         return "failed" if failed == runs.count else f"{failed} of {runs.count} failed"
@@ -27,88 +26,59 @@ def interval(runs: Runs) -> str:
     return f"{text}, friction whirl" if runs.by_run["whirl"].any() else text
 
 
-def settled(design: Confirmed) -> str:
-    """The settled motion's objective with the digits it has, or why there is none."""
-    orbit = design.settled
-    if orbit is None or orbit.failure:
-        return "none" if orbit is None else "none found"
-    text = f"{orbit.objective:.2f}" if abs(orbit.objective) >= 100 else f"{orbit.objective:.6g}"
-    return text if orbit.stable else f"{text}, unstable"
+def orbit(design: Confirmed) -> str:
+    """Return the objective on the orbit with the digits it has, or why there is none."""
+    found = design.orbit
+    if found is None or not found.found:
+        return "none" if found is None else "none found"
+    text = f"{found.objective:.2f}" if abs(found.objective) >= 100 else f"{found.objective:.6g}"
+    return text if found.stable else f"{text}, unstable"
 
 
 def force(design: Confirmed, name: str) -> str:
-    """One of `FORCES` of the motion that a design is judged by, in N, if it has one."""
+    """Return one of `FORCES` of the motion that a design is judged by, in N, if it has one."""
     value = getattr(design, name)
     return number(value) if math.isfinite(value) else "none"
 
 
 def turns(design: Confirmed) -> str:
-    """Turns to settle: in which a disturbance falls to 1/e."""
-    orbit = design.settled
-    if orbit is None or orbit.failure:
+    """Return the turns in which a disturbance of the orbit falls to 1/e."""
+    found = design.orbit
+    if found is None or not found.found:
         return "unknown"
-    return f"{orbit.settling_turns:.0f}" if orbit.stable else "never"
+    return f"{float(found.solution.settling_turns):.0f}" if found.stable else "never"
 
 
-def regimes(design: Confirmed) -> str:
-    """How a design moves, from both starts."""
-    found = []
-    for start, runs in design.transient.items():
-        if runs.settles:
-            found.append(f"{start} start: in contact, {decay(runs, design)}")
-        elif start in design.regime:
-            found.append(f"{start} start: {design.regime[start].name}, by its time average")
-    return "; ".join(filter(None, (*found, companions(design))))
-
-
-def decay(runs: Runs, design: Confirmed) -> str:
-    """How a start's swing dies, and how long that takes at most."""
-    swing = runs.decay
-    if swing is None or design.settled is None:
-        return "its swing dies towards the settled motion"
-    if swing.last < resolved(swing):
-        return f"on the settled motion, to {resolved(swing):.1g} clearances"
-    in_the_end = rate(design.settled)
-    text = (
-        f"its swing of {swing.last:.2g} clearances dies by {100 * swing.rate:.2g}±"
-        f"{200 * swing.error:.1g} % a turn (in the end by {100 * in_the_end:.2g} %: the multiplier)"
-    )
-    if swing.last <= GONE:
-        return text
-    turns = float(f"{np.log(swing.last / GONE) / in_the_end:.2g}")
-    return f"{text}, to {GONE:g} within {turns:.0f} turns"
-
-
-def companions(design: Confirmed) -> str:
-    """What random starts come to."""
+def coexisting(design: Confirmed) -> str:
+    """Return to which orbits random starts come."""
     found = [
-        f"{one.share:.0%} to {number(one.objective)}"
-        + (f" over {one.period} turns" if one.period > 1 else "")
-        for one in design.companions
+        f"{one.share:.0%} of random starts come to {number(one.objective)}"
+        + (f" over {one.solution.period} turns" if one.solution.period > 1 else "")
+        for one in design.coexisting
     ]
-    return f"of random starts {', '.join(found)}" if found else ""
+    return ", ".join(found)
 
 
-def held(one: Held, unit: str, units: Mapping[str, str]) -> str:
-    """A limit and what it costs."""
+def active(one: Active, unit: str, units: Mapping[str, str]) -> str:
+    """Return an active constraint and its multiplier."""
     of, factor = ("m3/h", 1.0) if one.parameter == "capacity" else unit_of(one.parameter, units)
     by = "the floor of the capacity" if one.limit == "capacity" else f"its {one.limit} value"
     per = f" per {of}" if of else ""
-    return f"{one.parameter} held at {by} by {number(one.multiplier * factor)} {unit}{per}"
+    return f"{one.parameter} is at {by}, multiplier {number(one.multiplier * factor)} {unit}{per}"
 
 
 Number = TypeVar("Number", float, np.ndarray)
 
 
 def shown(name: str, value: Number, units: Mapping[str, str]) -> Number:
-    """A parameter in the unit that it was given in, or that drawings have."""
+    """Return a parameter in the unit that it was given in, or that drawings have."""
     return value / unit_of(name, units)[1]
 
 
 def answer(found: Answer) -> str:
-    """The answer in a sentence; it recommends a design only where nothing speaks against it.
+    """Return the answer in a sentence, which recommends a design only if every check passed.
 
-    Before it stands a sentence where the two forces go different ways.
+    A sentence before it says so where one of the two forces falls and the other one rises.
     """
     best, other = found.optimum, found.seed_choice
     if best is None or other is None:
@@ -121,7 +91,7 @@ def answer(found: Answer) -> str:
         if name not in ("speed", "clearance")
     ]
     against, reasons = [], []
-    if found.orbits == 0:
+    if found.stable_orbits == 0:
         against.append("no stable orbit of one turn was found in the box")
     if why := _unconfirmed(found):
         against.append("not confirmed")
@@ -155,7 +125,7 @@ def trade(found: Answer) -> str:
 
 
 def _unconfirmed(found: Answer) -> str:
-    """Why an answer is not confirmed, or nothing."""
+    """Say why an answer is not confirmed, or nothing."""
     if not found.checks:
         return "because the search ended before its checks"
     failed = [f"“{check.name}”" for check in found.checks if not check.passed]
@@ -176,7 +146,7 @@ def outside(design: Confirmed) -> list[str]:
 
 
 def limits(design: Confirmed) -> str:
-    """What of a design's runs is outside the contact model."""
+    """Say what of a design's runs is outside the contact model."""
     if found := outside(design):
         return "OUTSIDE the contact model: " + "; ".join(found)
     limits = [runs.validity for runs in design.transient.values()]
@@ -188,7 +158,7 @@ def limits(design: Confirmed) -> str:
 
 
 def error(answer: Answer) -> str:
-    """What the numbers of the starts mean."""
+    """Explain the numbers of the starts."""
     counts = {runs.count for one in answer.designs.values() for runs in one.transient.values()}
     return (
         f"starts: time average after {answer.settle_turns} turns; ± is half a 95 % interval, from "
@@ -197,7 +167,7 @@ def error(answer: Answer) -> str:
 
 
 def spent(answer: Answer) -> list[str]:
-    """Of every stage that came to its end."""
+    """Return the seconds and steps of every stage that came to its end."""
     return [
         f"{name} {seconds:.0f} s"
         + (f" ({answer.steps[name] / 1e6:.1f}e6 steps)" if name in answer.steps else "")

@@ -1,4 +1,4 @@
-"""Fronts by exact gradients: what the least of one number costs in another."""
+"""Pareto fronts by exact gradients: what the least of one number costs in another."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,7 +7,8 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from optimize import settled, smooth
+from optimize import orbits as periodic
+from optimize import smooth
 from optimize.answer import Confirmed, Front
 from optimize.evaluate import Case
 from optimize.forces import FORCES
@@ -25,12 +26,12 @@ RIVALS = dict.fromkeys(("peak", "shaking_rms", "shaking_peak"), "rms")
 def fronts(
     case: Case, optimum: Confirmed, units: np.ndarray, orbits: xr.Dataset, steps: int
 ) -> tuple[Front, ...]:
-    """Of the objective against capacity, and against the peak or the force in `RIVALS`.
+    """Return the fronts against the capacity, and against the peak or the force in `RIVALS`.
 
     `units` are the points of the map `orbits`, of which one counts at least; where none of them
     gains anything in the other number, the optimum is all there is.
     """
-    assert optimum.settled is not None
+    assert optimum.orbit is not None
     least = np.clip(case.design.unit(optimum.values), 0, case.upper)
     of_objective = {OBJECTIVES[name].meaning: rival for name, rival in RIVALS.items()}
     name = of_objective.get(case.objective.meaning, "peak")
@@ -46,12 +47,12 @@ def fronts(
             rival.unit,
             1,
             smooth.objective(replace(case, objective=rival)),
-            getattr(optimum.settled, statistic),
+            float(optimum.orbit.solution[statistic]),
             over_map,
         ),
     ):
         costs = np.where(counts, sign * there, np.nan)
-        points, rows = least[None], [[optimum.settled.objective], [here]]
+        points, rows = least[None], [[optimum.orbit.objective], [here]]
         if sign * here - np.nanmin(costs) > NO_GAIN * abs(here):
             best = units[int(np.nanargmin(costs))]
             small = number if sign > 0 else smooth.negative(number)
@@ -59,7 +60,7 @@ def fronts(
             rows = [[f(point)[0] for point in points] for f in (value, number)]
         values = {key: np.asarray(column) for key, column in case.design.values(points).items()}
         objective, other = map(np.array, rows)
-        solved = settled.solve(case, points)
+        solved = periodic.solve(case, points)
         forces = {force: solved[force] for force in FORCES}
         found.append(Front(of, unit, objective, other, values, forces))
     return tuple(found)

@@ -1,4 +1,4 @@
-"""The settled motion of designs: the objective on it, its exact slopes, and its multipliers."""
+"""The periodic orbits of designs: the objective on them, its exact slopes, and multipliers."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
 from jaxcrusher.settled.forced import refusal
-from optimize.answer import Companion, Settled
+from optimize.answer import Coexisting, Orbit
 from optimize.evaluate import Case, Progress, Rows, started
 from optimize.landscape import GRID_DIMENSIONS, labelled
 
@@ -117,70 +117,48 @@ def widths(case: Case) -> Float[np.ndarray, " n"]:
     return np.array([high - low for low, high in case.design.bounds.values()])
 
 
-def count(orbits: xr.Dataset | None) -> int | None:
+def count_stable(orbits: xr.Dataset | None) -> int | None:
     """Return how many points of a map have a stable orbit, None where none is solved for."""
     return None if orbits is None else int(orbits.stable.sum())
 
 
-def looked_at(case: Case, unit: Float[np.ndarray, " n"]) -> Settled | None:
-    """The settled motion of one point, with as many nodes as it takes, integrated round once.
+def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
+    """Return the orbit of one point, with as many nodes as it takes, closed by integration.
 
-    Its slopes stand beside central differences of settled motions. None where there is no orbit
-    to solve for.
+    Its slopes stand beside central differences of orbits. None where there is no orbit to solve
+    for.
     """
     if unsolvable(case):
         return None
     described = {**case.design.fixed, **case.design.numbers(unit)}
     scene = jc.build_scene(described)
-    orbit = jc.periodic_orbit(scene)
-    beside = BESIDE * np.eye(len(unit))
-    rows = solve(case, np.concatenate([unit[None], unit + beside, unit - beside]))
+    solution = jc.periodic_orbit(scene)
+    offsets = BESIDE * np.eye(len(unit))
+    rows = solve(case, np.concatenate([unit[None], unit + offsets, unit - offsets]))
     above, below = np.split(rows["objective"][1:], 2)
     slopes, names = rows["slope"][0], case.design.names
     apart = np.abs((above - below) / (2 * BESIDE * widths(case)) - slopes)
-    value = case.objective.formula(orbit, scene, case.chamber_of(described))
-    modulus = np.abs(orbit.multipliers)
-    return Settled(
-        failure=orbit.failure,
-        objective=float(value) if bool(orbit.success) else float("nan"),
-        foundation_rms=float(orbit.foundation_rms),
-        foundation_peak=float(orbit.foundation_peak),
-        shaking_rms=float(orbit.shaking_rms),
-        shaking_peak=float(orbit.shaking_peak),
-        error=float(orbit.error),
-        multipliers=[[float(m.real), float(m.imag)] for m in orbit.multipliers],
-        largest_multiplier=float(modulus.max(initial=0.0)),
-        settling_turns=float(orbit.settling_turns),
-        least_penetration=float(orbit.least_penetration),
-        section=np.asarray(orbit.eccentricity)[0],
-        state=np.asarray(orbit.section),
-        validity=orbit.validity,
-        slopes=dict(zip(names, slopes.tolist(), strict=True)),
-        slopes_apart=dict(zip(names, apart.tolist(), strict=True)),
+    value = case.objective.formula(solution, scene, case.chamber_of(described))
+    return Orbit(
+        solution,
+        float(value) if bool(solution.success) else float("nan"),
+        dict(zip(names, slopes.tolist(), strict=True)),
+        dict(zip(names, apart.tolist(), strict=True)),
     )
 
 
-def companions(case: Case, values: dict[str, float]) -> tuple[Companion, ...]:
-    """The stable motions of a design that random starts about the centred one come to."""
+def coexisting(case: Case, values: dict[str, float]) -> tuple[Coexisting, ...]:
+    """Return the stable orbits that random starts about the centred one come to."""
     described = {**case.design.fixed, **values}
     scene, chamber = started(described, "centred"), case.chamber_of(described)
     found = jc.settled_motions(scene, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
     return tuple(
-        Companion(
-            share,
-            orbit.period,
-            float(case.objective.formula(orbit, scene, chamber)),
-            float(orbit.foundation_rms),
-            float(orbit.foundation_peak),
-            float(orbit.shaking_rms),
-            float(orbit.least_penetration),
-            float(orbit.settling_turns),
-        )
+        Coexisting(share, orbit, float(case.objective.formula(orbit, scene, chamber)))
         for orbit, share in zip(found.orbits, found.shares, strict=True)
         if share > 0
     )
 
 
 def worse(one: float, other: float) -> bool:
-    """Whether an objective is above another by more than two solutions of one motion are apart."""
+    """Tell whether an objective exceeds another by more than two solutions of one orbit differ."""
     return one - other > SAME * abs(other)

@@ -1,80 +1,113 @@
 """The whole search, from the options to what it leaves behind."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 from rich.console import Console
 
-from jaxcrusher.commands.crushers import tell_unusual
+from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command, versions
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
-from optimize import figures, landscape, problem, report, settled, stages, verdicts
-from optimize.abreast import abreast
-from optimize.answer import Answer, Sought
-from optimize.claim import claim
+from jaxcrusher.scenes.plausibility import tell_unusual
+from optimize import figures, landscape, report, result_file, stages, verdicts
+from optimize.active import active_constraints
+from optimize.answer import Answer
+from optimize.bound import optimality_bound
+from optimize.concurrent import run_concurrently
 from optimize.options import Options
+from optimize.orbits import count_stable
 from optimize.page.document import write_page
+from optimize.problem import resolve
 
-WRITTEN = ("result.json", "report.html", "settled.nc", "landscape.nc", "*.png")
+WRITTEN = ("result.json", "report.html", "orbits.nc", "landscape.nc", "*.png")
+# Finished chunks of a search that is not finished.
+CHUNKS = "chunks"
 
 
 def run(options: Options, console: Console) -> Answer:
-    """Search, and write result.json, landscape.nc, figures and page; what came, if interrupted.
+    """Search, and write result.json, maps, figures and page; what there is, if interrupted.
 
-    A box of which no design may be chosen is an answer too: it says why. The status is "finished"
-    only after page and figures are written.
+    A search that was interrupted goes on from its finished chunks. A box of which no design may be
+    chosen is an answer too: it says why. The status is "finished" only after page and figures are
+    written.
     """
-    problem.check(options)
-    case = problem.case(options)
-    tell_unusual(problem.description(options))
-    folder = begin(options.folder, problem.settings(options), *WRITTEN)
+    problem = resolve(options)
+    tell_unusual(problem.described)
+    folder = begin(problem.folder, problem.settings, *WRITTEN)
+    journal = Journal(folder / CHUNKS)
+    case, effort, explored = problem.case, problem.effort, None
     answer = Answer(
         command=command(),
         versions=versions("scipy"),
-        objective=Sought(options.objective, case.objective.unit, case.objective.meaning),
-        box=problem.box(case, options),
+        objective=problem.sought,
+        box=problem.box,
         fixed=dict(case.design.fixed),
-        settle_turns=stages.LONGER * options.settle,
-        compared_with=problem.reference_title(options),
-        seed=options.seed,
+        settle_turns=stages.LONGER * effort.settle,
+        compared_with=problem.compared_with,
+        seed=effort.seed,
     )
-    units = landscape.points(case.design, options.grid, options.samples, options.seed)
-    points = landscape.points(case.design, options.cells, options.samples, options.seed)
-    explored = None
-    try:
-        with progress(console) as bars:
-            search = stages.Search(case, options, bars)
-            orbits, (data, motions) = abreast(
-                search.stop,
-                lambda: stages.map_orbits(search, answer, points, folder),
-                lambda: stages.explore(search, answer, units, folder),
+    units = landscape.points(case.design, effort.grid, effort.samples, effort.seed)
+    points = landscape.points(case.design, effort.cells, effort.samples, effort.seed)
+    with progress(console) as bars:
+        work = stages.Work(folder, bars, journal)
+        try:
+            mapped, (data, motions) = run_concurrently(
+                work.stop,
+                lambda: stages.map_orbits(problem, work, points),
+                lambda: stages.explore(problem, work, units),
             )
             explored = data
-            answer = replace(answer, orbits=settled.count(orbits))
-            ends, answer = stages.refine(search, answer, units, data, points, orbits)
-            answer, best = stages.settle_on(search, answer, ends)
+            answer = replace(answer, stable_orbits=count_stable(mapped))
+            refined = stages.refine(problem, work, units, data, points, mapped)
+            answer = replace(answer, refinement=refined.descents, empty=refined.empty)
+            found = stages.confirm(problem, work, refined.candidates)
+            answer = replace(
+                answer,
+                candidates=found.candidates,
+                seed_choice=found.reference,
+                empty=answer.empty or found.empty,
+            )
+            best = found.best
             if best is not None:
-                answer = replace(answer, optimum=best, claim=claim(case, orbits, best))
-                answer = stages.weigh(search, answer, best)
-                answer = stages.trade(search, answer, best, points, orbits)
-        checks = verdicts.checks(answer, case, options)
-        remarks = (
-            verdicts.remark(best, case, options),
-            verdicts.quieter(answer, case, points, orbits),
-        )
-        remark = " ".join(filter(None, remarks))
-        done = replace(answer, checks=checks, remark=remark, status="finished")
-        drawn, omitted = figures.draw_all(folder, case, units, data, points, orbits, done)
-        write_page(folder, done, data, motions, drawn, omitted)
-        answer = done
-    except Exception as error:
-        answer = replace(answer, status=f"failed: {error}")
-        raise
-    finally:
-        write_json(folder / "result.json", asdict(answer))
-        if not answer.finished:
-            write_page(folder, answer, explored, None, ())
-    report.print_table(console, answer)
+                bound = optimality_bound(case, mapped, best)
+                answer = replace(answer, optimum=best, bound=bound)
+                designs = stages.with_coexisting_orbits(problem, work, (best, found.reference))
+                (best, reference), slopes = stages.with_regimes(problem, work, designs)
+                active, free_slopes = active_constraints(case, best)
+                answer = replace(
+                    answer,
+                    optimum=best,
+                    seed_choice=reference,
+                    gradient_report=slopes,
+                    active=active,
+                    free_slopes=free_slopes,
+                )
+                answer = replace(answer, fronts=stages.trade(problem, work, best, points, mapped))
+            remarks = (
+                verdicts.remark(best, problem),
+                verdicts.quieter(answer, case, points, mapped),
+            )
+            done = replace(
+                answer,
+                checks=verdicts.checks(answer, problem),
+                remark=" ".join(filter(None, remarks)),
+                status="finished",
+                seconds=work.seconds,
+                steps=work.steps,
+            )
+            drawn, omitted = figures.draw_all(folder, case, units, data, points, mapped, done)
+            write_page(folder, done, data, motions, drawn, omitted)
+            answer = done
+        except Exception as error:
+            answer = replace(answer, status=f"failed: {error}")
+            raise
+        finally:
+            answer = replace(answer, seconds=work.seconds, steps=work.steps)
+            write_json(folder / "result.json", result_file.content(answer))
+            if not answer.finished:
+                write_page(folder, answer, explored, None, ())
+    journal.discard()
+    report.print_answer(console, answer)
     console.print(f"results in {folder}/")
     return answer

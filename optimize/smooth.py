@@ -2,37 +2,37 @@
 
 import numpy as np
 
-from optimize import settled
 from optimize.evaluate import Case
 from optimize.local import Smooth
+from optimize.orbits import solve, widths
 
 
 def objective(case: Case) -> Smooth:
-    """That of the settled motion; NaN where none is stable, or none inside the model if asked."""
+    """Return the objective of the orbit; NaN where none is stable, or inside the model if asked."""
 
     def function(unit: np.ndarray) -> tuple[float, np.ndarray]:
-        rows = settled.solve(case, unit[None])
+        rows = solve(case, unit[None])
         good = rows["stable"][0] and (rows["inside_model"][0] or not case.inside_model)
         value = float(rows["objective"][0]) if good else float("nan")
-        return value, rows["slope"][0] * settled.widths(case)
+        return value, rows["slope"][0] * widths(case)
 
     return function
 
 
 def capacity(case: Case) -> Smooth:
-    """The crushing capacity, m3/h."""
+    """Return the crushing capacity, m3/h."""
     return lambda unit: (float(case.capacity(unit)), case.capacity_slope(unit))
 
 
 def floor(case: Case) -> tuple[Smooth, ...]:
-    """What the capacity has to spare; nothing where its floor is a corner of the box, or none."""
+    """Return the constraint on the capacity; none where its floor is a corner of the box."""
     if not case.links_free or case.capacity_floor <= 0:
         return ()
     return (above(capacity(case), case.capacity_floor),)
 
 
 def above(number: Smooth, least: float) -> Smooth:
-    """By how much a number is above its least, as a share of that."""
+    """Return by how much a number is above its least, as a share of that."""
 
     def spare(unit: np.ndarray) -> tuple[float, np.ndarray]:
         value, slope = number(unit)
@@ -42,7 +42,7 @@ def above(number: Smooth, least: float) -> Smooth:
 
 
 def negative(number: Smooth) -> Smooth:
-    """A number that is to be large."""
+    """Return the negative of a number, which is to be large."""
 
     def function(unit: np.ndarray) -> tuple[float, np.ndarray]:
         value, slope = number(unit)

@@ -1,4 +1,4 @@
-"""The stages of a search, each with its seconds and integration steps."""
+"""The stages of a search: each takes the problem and earlier results, and returns results."""
 
 import time
 from collections.abc import Iterator
@@ -13,18 +13,19 @@ import xarray as xr
 from rich.progress import Progress as Bars
 
 import jaxcrusher as jc
+from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
-from optimize import landscape, local, problem, settled, smooth
-from optimize.abreast import Stopped, abreast
-from optimize.answer import Answer, Companion, Confirmed, Refinement
+from optimize import landscape, local, orbits, smooth
+from optimize.answer import Coexisting, Confirmed, Front, Refinement
+from optimize.concurrent import Stopped, run_concurrently
 from optimize.confirm import SHIFT, confirmed, long_runs
 from optimize.decay import with_decay
-from optimize.evaluate import Case, Progress, Window, evaluate, judged, losses, started
+from optimize.evaluate import Case, Progress, Rows, Window, evaluate, judged, losses, started
+from optimize.forces import FORCES
 from optimize.front import fronts
-from optimize.held import held
 from optimize.motions import cell_motions
-from optimize.options import Options
+from optimize.problem import Problem
 
 # Tolerances of the landscape and its motions, and of the confirmation, in clearances.
 MAP_RTOL, CONFIRM_RTOL = 1e-6, 1e-8
@@ -34,21 +35,23 @@ LONGER = 3
 REGIME = (60, 200, 20)
 
 
-@dataclass(frozen=True)
-class Search:
-    """What every stage works on: the case, what was asked for, and where its progress is told.
+@dataclass(eq=False)
+class Work:
+    """Where stages tell their progress, keep what they have computed, and book what they spend.
 
-    Stages may run side by side; where `stop` is set they end when they next tell their progress.
+    Stages may run concurrently. Where `stop` is set they end when they next tell their progress.
     """
 
-    case: Case
-    options: Options
+    folder: Path
     bars: Bars
+    journal: Journal
     stop: Event = field(default_factory=Event)
+    seconds: dict[str, float] = field(default_factory=dict)
+    steps: dict[str, int] = field(default_factory=dict)
 
     @contextmanager
-    def stage(self, answer: Answer, name: str, total: int) -> Iterator[Progress]:
-        """A bar for a stage, whose seconds are booked when it ends; yields its progress."""
+    def stage(self, name: str, total: int) -> Iterator[Progress]:
+        """Show a bar for a stage, and book its seconds when it ends; yields its progress."""
         bar = self.bars.add_task(name, total=total)
         began = time.perf_counter()
 
@@ -58,104 +61,103 @@ class Search:
                 raise Stopped
 
         yield progress
-        answer.seconds[name] = time.perf_counter() - began
+        self.seconds[name] = time.perf_counter() - began
 
 
-def map_orbits(
-    search: Search, answer: Answer, units: np.ndarray, folder: Path
-) -> xr.Dataset | None:
-    """The settled motions of `units`; None where the scenes have no orbit to solve for."""
-    case = search.case
-    if settled.unsolvable(case):
+def map_orbits(problem: Problem, work: Work, points: np.ndarray) -> xr.Dataset | None:
+    """Map the periodic orbits of unit points; None where the scenes have none to solve for."""
+    case = problem.case
+    if orbits.unsolvable(case):
         return None
-    with search.stage(answer, "settled", len(units)) as progress:
-        rows = settled.solve_map(case, units, progress)
-    data = settled.mapped(case, units, search.options.cells, rows)
-    data.attrs = _provenance("Settled motions of a design search", search, answer)
-    write_netcdf(folder / "settled.nc", data)
+    with work.stage("orbits", len(points)) as progress:
+        data = orbits.solve_map(case, points, problem.effort.cells, work.journal, progress)
+    data.attrs = _provenance("Periodic orbits of a design search", problem)
+    write_netcdf(work.folder / "orbits.nc", data)
     return data
 
 
-def explore(
-    search: Search, answer: Answer, units: np.ndarray, folder: Path
-) -> tuple[xr.Dataset, xr.Dataset]:
-    """What both starts of `units` do in their first turns, written after every chunk.
+def explore(problem: Problem, work: Work, units: np.ndarray) -> tuple[xr.Dataset, xr.Dataset]:
+    """Integrate unit points from both starts, for their statistics and then for drawings.
 
-    Also their motions after these, for the page.
+    Returns the landscape, which is also written, and its motions.
     """
-    case, options = search.case, search.options
-    window = Window(options.settle, options.turns, MAP_RTOL)
-    attributes = _provenance("Landscape of a design search", search, answer, **asdict(window))
-    data = xr.Dataset()
-    with search.stage(answer, "landscape", len(units)) as progress:
-        for done, data in landscape.mapped(case, units, options.grid, window):
-            data.attrs = attributes
-            write_netcdf(folder / "landscape.nc", data)
-            progress(done, len(units))
-    answer.steps["landscape"] = int(data.steps.sum())
-    with search.stage(answer, "motions", data.objective.size) as progress:
-        motions, answer.steps["motions"] = cell_motions(case, units, data, MAP_RTOL, progress)
+    case, effort = problem.case, problem.effort
+    window = Window(effort.settle, effort.turns, MAP_RTOL)
+    with work.stage("landscape", len(landscape.STARTS) * len(units)) as progress:
+        rows = evaluate(case, units, window, journal=work.journal, progress=progress)
+    data = landscape.dataset(case, units, effort.grid, rows)
+    data.attrs = _provenance("Landscape of a design search", problem, **asdict(window))
+    write_netcdf(work.folder / "landscape.nc", data)
+    work.steps["landscape"] = int(data.steps.sum())
+    with work.stage("motions", data.objective.size) as progress:
+        motions, work.steps["motions"] = cell_motions(
+            case, units, data, MAP_RTOL, progress, journal=work.journal
+        )
     return data, motions
 
 
-def _provenance(title: str, search: Search, answer: Answer, **settings: Any) -> dict[str, Any]:
-    scene = {**jc.PE250X400, **search.case.design.fixed}
-    return provenance(title, scene=scene, box=asdict(answer.box), **settings)
+def _provenance(title: str, problem: Problem, **settings: Any) -> dict[str, Any]:
+    scene = {**jc.PE250X400, **problem.case.design.fixed}
+    return provenance(title, scene=scene, box=asdict(problem.box), **settings)
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """The ends of local descents, shape (candidates, n), or why there are none."""
+
+    candidates: np.ndarray
+    descents: tuple[Refinement, ...] = ()
+    empty: str = ""
 
 
 def refine(
-    search: Search,
-    answer: Answer,
+    problem: Problem,
+    work: Work,
     units: np.ndarray,
     data: xr.Dataset,
     points: np.ndarray,
-    orbits: xr.Dataset | None,
-) -> tuple[np.ndarray, Answer]:
-    """Local descents from the best of the settled map's `points` and from random ones.
+    mapped: xr.Dataset | None,
+) -> Refined:
+    """Descend from the best of the map's `points` and from random ones.
 
-    Where no settled motion counts they are fits, from the best of `units`, the landscape's points.
-    Returns the candidates (m, n), and the answer with its descents; where none of `units` counts
-    either there are none, and the answer says why.
+    Where no orbit counts, descents are fits, from the best of `units`, the landscape's points.
     """
-    case, options = search.case, search.options
-    rng = np.random.default_rng(options.seed)
-    started = landscape.counting(data, units, points)
+    case, effort = problem.case, problem.effort
+    rng = np.random.default_rng(effort.seed)
+    begun = landscape.counting(data, units, points)
     values = np.full(len(points), np.nan)
-    if orbits is not None:
-        counts = orbits.counts.to_numpy().ravel() & started
-        values = np.where(counts, orbits.objective.to_numpy().ravel(), np.nan)
-    best = landscape.best_points(values, points, options.refine)
+    if mapped is not None:
+        counts = mapped.counts.to_numpy().ravel() & begun
+        values = np.where(counts, mapped.objective.to_numpy().ravel(), np.nan)
+    best = landscape.best_points(values, points, effort.refine)
     exact = len(best) > 0
     if not exact:
-        best = landscape.best_points(
-            landscape.worst(data).to_numpy().ravel(), units, options.refine
-        )
+        best = landscape.best_points(landscape.worst(data).to_numpy().ravel(), units, effort.refine)
     if not len(best):
         rows = {str(name): values.to_numpy() for name, values in data.items()}
-        return best, replace(
-            answer, empty=losses(rows, case, case.capacity(units), "points of the landscape")
-        )
-    starts = np.concatenate([best, rng.uniform(size=(options.refine, best.shape[1]))])
-    with search.stage(answer, "refinement", len(starts)) as progress:
+        lost = losses(rows, case, case.capacity(units), "points of the landscape")
+        return Refined(best, empty=lost)
+    starts = np.concatenate([best, rng.uniform(size=(effort.refine, best.shape[1]))])
+    with work.stage("refinement", len(starts)) as progress:
         found, ends = [], []
         for i, start in enumerate(starts):
             if exact:
-                end, refined = _by_gradients(case, start, options.steps)
+                end, refined = _by_gradients(case, start, effort.steps)
             else:
-                end, refined = _by_fits(case, start, answer, options)
+                end, refined = _by_fits(problem, start, work)
             ends.append(end)
             found.append(refined)
             progress(i + 1, len(starts))
     # Descents that meet need one confirmation.
     candidates = np.stack(ends) if exact else np.concatenate([best, ends])
     _, first = np.unique(np.round(candidates, 4), axis=0, return_index=True)
-    return candidates[np.sort(first)], replace(answer, refinement=tuple(found))
+    return Refined(candidates[np.sort(first)], tuple(found))
 
 
 def _by_gradients(case: Case, start: np.ndarray, steps: int) -> tuple[np.ndarray, Refinement]:
     function, spares = smooth.objective(case), smooth.floor(case)
     descent = local.descend(function, start, case.upper, steps, spares)
-    slopes = descent.gradient / settled.widths(case)
+    slopes = descent.gradient / orbits.widths(case)
     return descent.path[-1], Refinement(
         "gradient",
         _path(case, descent.path),
@@ -166,12 +168,11 @@ def _by_gradients(case: Case, start: np.ndarray, steps: int) -> tuple[np.ndarray
     )
 
 
-def _by_fits(
-    case: Case, start: np.ndarray, answer: Answer, options: Options
-) -> tuple[np.ndarray, Refinement]:
-    objective = _NoisyObjective(case, Window(options.settle, options.turns, MAP_RTOL))
-    path, means, _ = local.descend_by_fits(objective, start, seed=options.seed)
-    answer.steps["refinement"] = answer.steps.get("refinement", 0) + objective.steps
+def _by_fits(problem: Problem, start: np.ndarray, work: Work) -> tuple[np.ndarray, Refinement]:
+    case, effort = problem.case, problem.effort
+    objective = _NoisyObjective(case, Window(effort.settle, effort.turns, MAP_RTOL))
+    path, means, _ = local.descend_by_fits(objective, start, seed=effort.seed)
+    work.steps["refinement"] = work.steps.get("refinement", 0) + objective.steps
     ends = float(means[0]), float(means[-1])
     return path[-1], Refinement("fits", _path(case, path), *ends, objective.evaluations, {})
 
@@ -181,140 +182,147 @@ def _path(case: Case, units: np.ndarray) -> dict[str, np.ndarray]:
 
 
 class _NoisyObjective:
-    """The judged objective of points with random starts, counting its integration steps."""
+    """The objective of points with random starts, counting its integration steps."""
 
     def __init__(self, case: Case, window: Window):
         self.case, self.window, self.steps, self.evaluations = case, window, 0, 0
 
     def __call__(self, units: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """Values (m,) of points (m, n), each start shifted as its number says."""
+        """Return values (m,) of points (m, n), each start shifted as its number says."""
         draws = [np.random.default_rng(number) for number in numbers]
         shifts = np.stack([rng.uniform(-SHIFT, SHIFT, 2) for rng in draws])
-        values = np.full(len(units), np.nan)
-        for part, rows in evaluate(self.case, units, self.window, shifts=shifts):
-            values[part] = judged(rows)
-            self.steps += int(rows["steps"].sum())
+        rows = evaluate(self.case, units, self.window, shifts=shifts)
+        self.steps += int(rows["steps"].sum())
         self.evaluations += len(units)
-        return values
+        return judged(rows)
 
 
-def settle_on(
-    search: Search, answer: Answer, candidates: np.ndarray
-) -> tuple[Answer, Confirmed | None]:
-    """Independent long runs of the candidates and of the design to compare with.
+@dataclass(frozen=True, eq=False)
+class Confirmation:
+    """The candidates and the design to compare with after long runs, and the best candidate.
 
-    Returns the answer with them, and the best one. That is None where none counts, and the answer
-    says why.
+    The best is None where none counts, and `empty` says why.
     """
-    case, options = search.case, search.options
-    points = np.concatenate([candidates, case.design.unit(problem.reference(options))[None]])
-    window = Window(LONGER * options.settle, LONGER * options.turns, CONFIRM_RTOL)
-    with search.stage(answer, "confirmation", len(points) * options.runs) as progress:
-        runs, orbits = abreast(
-            search.stop,
-            lambda: long_runs(case, points, options.runs, window, options.seed, progress),
-            lambda: [settled.looked_at(case, point) for point in points],
+
+    candidates: tuple[Confirmed, ...]
+    reference: Confirmed
+    best: Confirmed | None
+    empty: str = ""
+
+
+def confirm(problem: Problem, work: Work, candidates: np.ndarray) -> Confirmation:
+    """Run the candidates and the design to compare with for long, several times from each start."""
+    case, effort = problem.case, problem.effort
+    points = np.concatenate([candidates, case.design.unit(problem.reference)[None]])
+    window = Window(LONGER * effort.settle, LONGER * effort.turns, CONFIRM_RTOL)
+    total = len(landscape.STARTS) * len(points) * effort.runs
+    with work.stage("confirmation", total) as progress:
+        runs, found = run_concurrently(
+            work.stop,
+            lambda: long_runs(
+                case, points, effort.runs, window, effort.seed, progress, work.journal
+            ),
+            lambda: [orbits.orbit_of(case, point) for point in points],
         )
-        found = [confirmed(case, *of) for of in zip(points, runs, orbits, strict=True)]
-    answer.steps["confirmation"] = sum(
-        int(runs.by_run["steps"].sum()) for one in found for runs in one.transient.values()
-    )
-    *ended, reference = found
-    answer = replace(answer, candidates=tuple(ended), seed_choice=reference)
+        *ended, reference = [confirmed(case, *of) for of in zip(points, runs, found, strict=True)]
+    work.steps["confirmation"] = sum(int(rows["steps"].sum()) for rows in runs)
     best = min((one for one in ended if one.counts), key=lambda one: one.objective, default=None)
-    if best is None and ended:
-        rows = {name: np.stack([one[name] for one in runs[:-1]], axis=1) for name in runs[0]}
-        answer = replace(
-            answer, empty=losses(rows, case, case.capacity(candidates), "long-run ends of descents")
-        )
-    return answer, best
+    empty = _losses(case, candidates, runs[:-1]) if best is None and ended else ""
+    return Confirmation(tuple(ended), reference, best, empty)
 
 
-def weigh(search: Search, answer: Answer, best: Confirmed) -> Answer:
-    """The answer with what holds the best where it is, and what else random starts come to.
+def _losses(case: Case, candidates: np.ndarray, runs: list[Rows]) -> str:
+    rows = {name: np.stack([one[name] for one in runs], axis=1) for name in runs[0]}
+    return losses(rows, case, case.capacity(candidates), "long-run ends of descents")
 
-    Starts of best and reference that come to no settled motion get a regime, and the best slopes
-    by what motions allow.
+
+def with_coexisting_orbits(
+    problem: Problem, work: Work, designs: tuple[Confirmed, Confirmed]
+) -> tuple[Confirmed, Confirmed]:
+    """Return two designs with the orbits that random starts come to, and the decay of their runs.
+
+    An orbit that is worse than the design's own takes its place in the objective.
     """
-    case, options = search.case, search.options
-    assert answer.seed_choice is not None
-    reference: Confirmed = answer.seed_choice
+    case, (one, other) = problem.case, designs
+    if orbits.unsolvable(case):
+        return designs
+    with work.stage("coexisting", 2) as progress:
+        of_one, of_other, (one, other) = run_concurrently(
+            work.stop,
+            lambda: orbits.coexisting(case, one.values),
+            lambda: orbits.coexisting(case, other.values),
+            lambda: with_decay(case, designs),
+        )
+        progress(2, 2)
+    return by_worst_orbit(one, of_one), by_worst_orbit(other, of_other)
 
-    def scene(start: str, numbers: dict[str, Any]) -> jc.Scene:
-        return started({**case.design.fixed, **numbers}, start)
 
-    def regimes(design: Confirmed) -> Confirmed:
-        settle, turns, tangent_turns = REGIME
-        found = {}
-        for start, runs in design.transient.items():
-            if not runs.settles:
-                motion = scene(start, design.values)
-                found[start] = _kept(jc.regime(motion, settle, turns, tangent_turns=tangent_turns))
-        return replace(design, regime=found)
+def by_worst_orbit(design: Confirmed, found: tuple[Coexisting, ...]) -> Confirmed:
+    """Return a design with the orbits that random starts come to, judged by the worst."""
+    design = replace(design, coexisting=found)
+    worst = max(found, key=lambda one: one.objective, default=None)
+    # An objective of NaN, of a design that does not count, stays.
+    if worst is None or not orbits.worse(worst.objective, design.objective):
+        return design
+    forces = {name: float(worst.solution[name]) for name in FORCES}
+    return replace(design, objective=worst.objective, **forces)
 
-    if not settled.unsolvable(case):
-        with search.stage(answer, "companions", 2) as progress:
-            of_best, of_reference, (best, reference) = abreast(
-                search.stop,
-                lambda: settled.companions(case, best.values),
-                lambda: settled.companions(case, reference.values),
-                lambda: with_decay(case, [best, reference]),
-            )
-            best, reference = accompanied(best, of_best), accompanied(reference, of_reference)
-            progress(2, 2)
-    if not (best.settles and reference.settles):
-        with search.stage(answer, "regimes", 3) as progress:
-            best, reference = regimes(best), regimes(reference)
-            progress(2, 3)
-            if not best.settles:
-                slopes = jc.gradient_report(
-                    lambda **numbers: scene("contact", numbers),
-                    case.objective.outputs[0],
-                    best.values,
-                    settle_turns=options.settle,
-                    turns=options.turns,
-                )
-                slopes = replace(slopes, regime=_kept(slopes.regime))
-                answer = replace(answer, gradient_report=slopes)
-            progress(3, 3)
-    limits, unheld = held(case, best)
-    return replace(
-        answer,
-        optimum=best,
-        seed_choice=reference,
-        ideal=best.ideal_rms,
-        held=limits,
-        unheld=unheld,
+
+def with_regimes(
+    problem: Problem, work: Work, designs: tuple[Confirmed, Confirmed]
+) -> tuple[tuple[Confirmed, Confirmed], jc.GradientReport | None]:
+    """Return two designs with the regimes of starts that do not come to an orbit.
+
+    Where that is true of the first design, the slopes that its motions allow are returned too.
+    """
+    best, other = designs
+    if best.settles and other.settles:
+        return designs, None
+    report = None
+    with work.stage("regimes", 3) as progress:
+        best, other = _with_regime(problem.case, best), _with_regime(problem.case, other)
+        progress(2, 3)
+        if not best.settles:
+            report = _slopes(problem, best)
+        progress(3, 3)
+    return (best, other), report
+
+
+def _with_regime(case: Case, design: Confirmed) -> Confirmed:
+    settle, turns, tangent_turns = REGIME
+    found = {}
+    for start, runs in design.transient.items():
+        if not runs.settles:
+            scene = started({**case.design.fixed, **design.values}, start)
+            regime = jc.regime(scene, settle, turns, tangent_turns=tangent_turns)
+            found[start] = _without_motion(regime)
+    return replace(design, regime=found)
+
+
+def _slopes(problem: Problem, best: Confirmed) -> jc.GradientReport:
+    case, effort = problem.case, problem.effort
+    report = jc.gradient_report(
+        lambda **numbers: started({**case.design.fixed, **numbers}, "contact"),
+        case.objective.outputs[0],
+        best.values,
+        settle_turns=effort.settle,
+        turns=effort.turns,
     )
+    return replace(report, regime=_without_motion(report.regime))
+
+
+def _without_motion(regime: jc.Regime) -> jc.Regime:
+    """Return the verdict with its indicators, without the motion that they were computed from."""
+    return replace(regime, statistics=None, state=None)
 
 
 def trade(
-    search: Search, answer: Answer, best: Confirmed, units: np.ndarray, orbits: xr.Dataset | None
-) -> Answer:
-    """The answer with the fronts of a settled optimum."""
-    if orbits is None or not best.settles or not orbits.counts.any():
-        return answer
-    with search.stage(answer, "fronts", 2) as progress:
-        found = fronts(search.case, best, units, orbits, search.options.steps)
+    problem: Problem, work: Work, best: Confirmed, points: np.ndarray, mapped: xr.Dataset | None
+) -> tuple[Front, ...]:
+    """Return the Pareto fronts of an optimum on its orbit; none where it has none."""
+    if mapped is None or not best.settles or not mapped.counts.any():
+        return ()
+    with work.stage("fronts", 2) as progress:
+        found = fronts(problem.case, best, points, mapped, problem.effort.steps)
         progress(2, 2)
-    return replace(answer, fronts=found)
-
-
-def accompanied(design: Confirmed, found: tuple[Companion, ...]) -> Confirmed:
-    """A design with the motions that random starts come to, judged by the worst."""
-    design = replace(design, companions=found)
-    worst = max(found, key=lambda one: one.objective, default=None)
-    # What does not count, a NaN, stays so.
-    if worst is None or not settled.worse(worst.objective, design.objective):
-        return design
-    return replace(
-        design,
-        objective=worst.objective,
-        foundation_rms=worst.foundation_rms,
-        shaking_rms=worst.shaking_rms,
-    )
-
-
-def _kept(regime: jc.Regime) -> jc.Regime:
-    """The verdict with its indicators, without the motion they are of."""
-    return replace(regime, statistics=None, state=None)
+    return found

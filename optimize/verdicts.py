@@ -1,4 +1,4 @@
-"""What was checked of a search's answer, each with its rule, and what the answer leaves out."""
+"""The checks of a search's answer, each with its rule, and what the answer leaves out."""
 
 import numpy as np
 import xarray as xr
@@ -6,10 +6,12 @@ import xarray as xr
 import jaxcrusher as jc
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
-from optimize import decay, settled, words
-from optimize.answer import Answer, Check, Confirmed, Settled
+from optimize import decay
+from optimize.answer import Answer, Check, Confirmed, Orbit
 from optimize.evaluate import Case
-from optimize.options import Options
+from optimize.formatting import active, coexisting, number, shown
+from optimize.orbits import worse
+from optimize.problem import Problem
 from optimize.stages import CONFIRM_RTOL, LONGER
 
 # What the descents may leave of a slope that should vanish, over the width of the box, as a
@@ -23,8 +25,9 @@ APART = 0.02
 BELOW_IDEAL = 0.003
 
 
-def checks(answer: Answer, case: Case, options: Options) -> tuple[Check, ...]:
-    """What was checked of an answer that came to its evidence."""
+def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
+    """Check an answer that came to its evidence."""
+    case, effort = problem.case, problem.effort
     best, other = answer.optimum, answer.seed_choice
     if best is None or other is None:
         return (Check("a design may be chosen", False, answer.empty),)
@@ -35,14 +38,14 @@ def checks(answer: Answer, case: Case, options: Options) -> tuple[Check, ...]:
     ]
     least = min(float(runs.by_run["foundation_rms"].min()) for runs in best.transient.values())
     below = _below_ideal(case, best)
-    there = f"{words.number(other.objective)} {unit}" if other.counts else "nothing that counts"
+    there = f"{number(other.objective)} {unit}" if other.counts else "nothing that counts"
     return (
         Check(
             "inside the box",
             all(inside),
             ", ".join(
-                f"{name} {words.shown(name, best.values[name], units):.6g} in "
-                f"{words.shown(name, low, units):.6g} to {words.shown(name, high, units):.6g} "
+                f"{name} {shown(name, best.values[name], units):.6g} in "
+                f"{shown(name, low, units):.6g} to {shown(name, high, units):.6g} "
                 f"{unit_of(name, units)[0]}".rstrip()
                 for name, (low, high) in case.design.bounds.items()
             ),
@@ -55,14 +58,14 @@ def checks(answer: Answer, case: Case, options: Options) -> tuple[Check, ...]:
         Check(
             "long runs from both starts succeed without whirl",
             best.counts,
-            f"all of {options.runs} runs each, {LONGER * options.settle} + "
-            f"{LONGER * options.turns} turns at rtol {CONFIRM_RTOL:g}",
+            f"all of {effort.runs} runs each, {LONGER * effort.settle} + "
+            f"{LONGER * effort.turns} turns at rtol {CONFIRM_RTOL:g}",
         ),
         *_motion(answer, best, case),
         Check(
             "not worse than any point of the map",
-            answer.claim is not None and answer.claim.gain >= -VANISHED * abs(best.objective),
-            f"{answer.claim.gain if answer.claim else np.nan:.3g} {unit} below the best of them, "
+            answer.bound is not None and answer.bound.gain >= -VANISHED * abs(best.objective),
+            f"{answer.bound.gain if answer.bound else np.nan:.3g} {unit} below the best of them, "
             f"rule: not above by {VANISHED:g} of it",
         ),
         Check(
@@ -73,14 +76,14 @@ def checks(answer: Answer, case: Case, options: Options) -> tuple[Check, ...]:
         Check(
             f"better than the {answer.compared_with}",
             not other.objective < best.objective,
-            f"{words.number(best.objective)} <= {there}",
+            f"{number(best.objective)} <= {there}",
         ),
         _slopes(answer, best, case),
     )
 
 
 def _below_ideal(case: Case, best: Confirmed) -> float:
-    """What the joint takes off the ideal joint's RMS at most, as a share of it.
+    """Return by how much of the ideal joint's RMS a loose joint can lower it at most.
 
     Friction that follows the surfaces' slip turns the jaw one way all the time. Its moment, at most
     the coefficient times bore radius and force, changes the forces at toggle and bearing by itself
@@ -94,10 +97,10 @@ def _below_ideal(case: Case, best: Confirmed) -> float:
 
 
 def _slopes(answer: Answer, best: Confirmed, case: Case) -> Check:
-    """That the slopes at the optimum are what they are said to be."""
+    """Check the slopes at the optimum against differences of orbits."""
     name, report, orbit = "the slopes at the optimum may be believed", answer.gradient_report, None
     if best.settles:
-        orbit = best.settled
+        orbit = best.orbit
     if report is not None:
         verdicts = [f"by {name}: {slope.verdict}" for name, slope in report.slopes.items()]
         return Check(name, report.usable, ", ".join(verdicts) + "; rule: each ok")
@@ -115,13 +118,13 @@ def _slopes(answer: Answer, best: Confirmed, case: Case) -> Check:
     return Check(
         name,
         good,
-        "differences of settled motions are off by shares of the slope, and of the objective over "
+        "differences of orbits are off by shares of the slope, and of the objective over "
         f"the box: {', '.join(details)}; rule: <= {APART:g} or <= {VANISHED:g}",
     )
 
 
 def _agree(best: Confirmed, unit: str) -> Check:
-    """That time averages, where the starts come to no settled motion, are of one motion."""
+    """Check that time averages from both starts are of one motion."""
     one, two = best.transient.values()
     widths = [runs.objective_half_width for runs in (one, two)]
     apart = abs(one.objective_mean - two.objective_mean)
@@ -129,13 +132,13 @@ def _agree(best: Confirmed, unit: str) -> Check:
         "both starts agree",
         apart <= max(sum(widths), ALIKE * abs(best.objective)),
         f"{apart:.3g} {unit} apart, intervals ±{widths[0]:.3g} and ±{widths[1]:.3g} {unit}; rule: "
-        f"within both, or within {100 * ALIKE:g} %, which a swing that hardly damps leaves",
+        f"within both, or within {100 * ALIKE:g} %, which a weakly damped oscillation leaves",
     )
 
 
 def _motion(answer: Answer, best: Confirmed, case: Case) -> tuple[Check, ...]:
-    """That the numbers reported are those the machine comes to, from either start."""
-    orbit = best.settled
+    """Check that the machine comes to the numbers reported, from either start."""
+    orbit = best.orbit
     if orbit is None or not orbit.stable:
         return (_agree(best, case.objective.unit),)
     contact = ", ".join(
@@ -143,25 +146,25 @@ def _motion(answer: Answer, best: Confirmed, case: Case) -> tuple[Check, ...]:
         for start, runs in best.transient.items()
     )
     comes = Check(
-        "both starts come to the settled motion",
+        "both starts come to the periodic orbit",
         best.settles,
-        f"largest multiplier {orbit.largest_multiplier:.6f} < 1, and in contact all the time of "
-        f"all long runs: {contact}",
+        f"largest multiplier {float(orbit.solution.largest_multiplier):.6f} < 1, and in contact "
+        f"all the time of all long runs: {contact}",
     )
-    worse = [one for one in best.companions if settled.worse(one.objective, orbit.objective)]
+    worst = [one for one in best.coexisting if worse(one.objective, orbit.objective)]
     alone = Check(
         "no random start comes to a worse motion",
-        not worse,
-        words.companions(best) or "none came to a motion that repeats",
+        not worst,
+        coexisting(best) or "none came to a motion that repeats",
     )
-    return comes, *_dying(best, orbit), alone, _stationary(answer, best, case)
+    return comes, *_decaying(best, orbit), alone, _stationary(answer, best, case)
 
 
-def _dying(best: Confirmed, orbit: Settled) -> tuple[Check, ...]:
-    """That swings which can be measured die at least as fast as the multiplier says.
+def _decaying(best: Confirmed, orbit: Orbit) -> tuple[Check, ...]:
+    """Check that measurable oscillations decay at least as fast as the multiplier says.
 
-    A wide one, which does not feel the contact's force as linear, may die faster. One that cannot
-    be measured is no evidence against the multiplier.
+    A wide oscillation, for which the contact is not linear, may decay faster. One that cannot be
+    measured is no evidence against the multiplier.
     """
     swings = {start: runs.decay for start, runs in best.transient.items() if runs.decay is not None}
     if not swings:
@@ -174,7 +177,7 @@ def _dying(best: Confirmed, orbit: Settled) -> tuple[Check, ...]:
         good &= swing.rate >= says - decay.ERRORS * swing.error
         details.append(f"{start} start {swing.rate:.2g}, standard error {swing.error:.1g}")
     check = Check(
-        "swings die as fast as the multiplier says",
+        "oscillations decay as fast as the multiplier says",
         good,
         f"by {says:.2g} a turn: {', '.join(details)}; rule: not below by more "
         f"than {decay.ERRORS:g} of these",
@@ -183,30 +186,30 @@ def _dying(best: Confirmed, orbit: Settled) -> tuple[Check, ...]:
 
 
 def _stationary(answer: Answer, best: Confirmed, case: Case) -> Check:
-    """Karush's, Kuhn's and Tucker's conditions: held by limits, or without slope."""
+    """Check the conditions of Karush, Kuhn and Tucker."""
     bounds = case.design.bounds
     left = [
         (name, abs(slope) * (bounds[name][1] - bounds[name][0]) / abs(best.objective))
-        for name, slope in answer.unheld.items()
+        for name, slope in answer.free_slopes.items()
     ]
-    details = [words.held(one, case.objective.unit, answer.box.units) for one in answer.held]
+    unit, units = case.objective.unit, answer.box.units
+    details = [active(one, unit, units) for one in answer.active]
     details += [
         f"slope by {name} {share:.1g} of the objective over the box" for name, share in left
     ]
     return Check(
-        "a minimum: every parameter at a limit that holds it, or without slope",
+        "a minimum: each parameter at an active constraint, or without slope",
         all(share <= VANISHED for _, share in left),
         "; ".join(details) + f"; rule: slopes <= {VANISHED:g}",
     )
 
 
-def remark(best: Confirmed | None, case: Case, options: Options) -> str:
-    """The answer in words, with what it leaves out."""
+def remark(best: Confirmed | None, problem: Problem) -> str:
+    """Say what the answer leaves out."""
+    case = problem.case
     if best is None:
-        return (
-            "Nothing is said of a least value. Maps and runs show how the designs of the box move."
-        )
-    if options.objective != "rms" or options.scene is not None:
+        return "There is no least value. Maps and runs show how the designs of the box move."
+    if not problem.of_the_paper:
         return f"Least {case.objective.meaning}; the other numbers are reported beside it."
     speeds = case.design.bounds.get("speed")
     if speeds is None:
@@ -214,16 +217,16 @@ def remark(best: Confirmed | None, case: Case, options: Options) -> str:
     if best.values["speed"] > speeds[0] * 1.001:
         return "The least RMS lies inside the range of speeds."
     return (
-        "The least RMS lies at the lowest speed allowed: the RMS alone is least there, for the "
-        "force follows the speed, and the clearance matters only through the motion it allows. "
-        "The paper rules low speeds out for wear, which this objective does not count."
+        "The least RMS lies at the lowest speed allowed, because the force rises with the speed. "
+        "The clearance matters only through the motion that it allows. The paper rules out low "
+        "speeds because of wear, which this objective does not count."
     )
 
 
 def quieter(answer: Answer, case: Case, points: np.ndarray, orbits: xr.Dataset | None) -> str:
     """Say which point of the map shakes the ground far less than the optimum, if one does.
 
-    `orbits` are the settled motions of `points`.
+    `orbits` is the map of `points`.
     """
     best = answer.optimum
     if best is None or orbits is None or not orbits.counts.any():
@@ -241,6 +244,6 @@ def quieter(answer: Answer, case: Case, points: np.ndarray, orbits: xr.Dataset |
     rms = float(orbits.foundation_rms.to_numpy().ravel()[least])
     return (
         f"The ground is shaken less elsewhere: at {at} the RMS of the shaking force is "
-        f"{words.number(shaking[least])} N instead of {words.number(best.shaking_rms)} N, and that "
-        f"of |R_O| + |R_C| is {words.number(rms)} N. The objective shaking_rms looks for the least."
+        f"{number(shaking[least])} N instead of {number(best.shaking_rms)} N, and that "
+        f"of |R_O| + |R_C| is {number(rms)} N. The objective shaking_rms looks for the least."
     )

@@ -13,7 +13,7 @@ from matplotlib.colors import to_hex
 from jaxcrusher.scenes.echo import unit_of
 from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Answer
-from optimize.words import shown
+from optimize.formatting import shown
 
 # Bytes of motions in a page before base64 makes a third more of them, and the fewest instants
 # a turn that still show an orbit.

@@ -10,16 +10,16 @@ import xarray as xr
 from markupsafe import Markup
 
 from jaxcrusher.files.results import write_text
-from optimize import words
+from optimize import formatting
 from optimize.answer import Answer
 from optimize.page import data as page_data
 from optimize.page import tables
 
 # What the figures of a finished run show.
 FIGURES = {
-    "landscape.png": "The objective of the settled motion over the box, with the paths of the "
+    "landscape.png": "The objective of the periodic orbit over the box, with the paths of the "
     "descents.",
-    "settling.png": "Turns in which a disturbance of the settled motion falls to 1/e.",
+    "settling.png": "Turns in which a disturbance of the periodic orbit falls to 1/e.",
     "starts.png": "The objective over the first turns, worse of both starts.",
     "capacity.png": "Capacity over driving speed, with its floor and the box searched.",
     "pareto.png": "The objective against capacity and against the peak of the foundation force "
@@ -45,7 +45,7 @@ def write_page(
 
     - `folder`: of the run; its name is the title.
     - `answer`: as far as the search came; what is missing is named.
-    - `landscape`: as `optimize.landscape.mapped` gives it, or None.
+    - `landscape`: as `optimize.landscape.dataset` gives it, or None.
     - `motions`: of its cells, as `optimize.motions.cell_motions` returns them, or None.
     - `figures`: of `FIGURES`, those that this run drew: others in the folder are an earlier run's.
     - `omitted`: why others had nothing to draw, by name.
@@ -60,16 +60,15 @@ def write_page(
         data=data,
         json=None if data is None else page_data.script(data),
         answer=answer,
-        sentence=words.answer(answer),
+        sentence=formatting.answer(answer),
         remarks=[
-            f"{title}: {remark}"
-            for title, design in answer.designs.items()
-            for remark in (words.regimes(design), words.limits(design))
-            if remark
+            f"{title}: {formatting.limits(design)}" for title, design in answer.designs.items()
         ],
-        error=words.error(answer) if answer.designs else "",
+        error=formatting.error(answer) if answer.designs else "",
         verdict=f"{failed} of {count} failed." if failed else f"All {count} passed.",
-        held=[words.held(one, answer.objective.unit, answer.box.units) for one in answer.held],
+        active=[
+            formatting.active(one, answer.objective.unit, answer.box.units) for one in answer.active
+        ],
         tables=_tables(answer),
         figures=[_figure(folder, name) for name in figures],
         omitted=omitted or {},
@@ -92,6 +91,8 @@ def _tables(answer: Answer) -> dict:
     unit = answer.objective.unit
     return {
         "answer": tables.answer(answer) if answer.designs else None,
+        "motions": tables.motions(answer) if answer.designs else None,
+        "coexisting": tables.coexisting(answer),
         "checks": tables.checks(answer),
         "slopes": tables.slopes(answer),
         "fronts": tables.fronts(answer),

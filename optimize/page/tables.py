@@ -6,30 +6,33 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from jaxcrusher.batch.rows import meanings
-
+from jaxcrusher.batch.sweep import columns_of
+from jaxcrusher.crusher.joints import JOINTS, before
+from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
+from jaxcrusher.motion.statistic import STATISTIC, always_with, chosen
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, in_words
-from optimize import words
-from optimize.answer import Answer, Confirmed, Refinement
+from optimize import formatting
+from optimize.answer import Answer, Confirmed, Refinement, Runs
+from optimize.decay import GONE, rate, resolved
 from optimize.forces import besides
+from optimize.formatting import shown
 from optimize.objectives import OBJECTIVES
-from optimize.words import shown
 
-# What the stages and the ways of descent are called.
+# Names of the stages and of the ways of descent.
 STAGES = {
-    "settled": "map of settled motions",
+    "orbits": "map of periodic orbits",
     "landscape": "both starts over the box",
     "refinement": "descents",
     "confirmation": "long runs",
     "regimes": "regimes and slopes",
-    "companions": "motions of random starts, decay",
+    "coexisting": "orbits of random starts, decay",
     "fronts": "fronts",
     "motions": "motions of the cells",
 }
 DESCENTS = {"gradient": "exact gradients", "fits": "fits to noisy runs"}
-# What the numbers cannot say.
+# Limits of what the numbers say.
 LIMITS = (
     "The force is |R_O| + |R_C|, the reactions of the frame on shaft and toggle: the source "
     "of the crusher's data never defines its foundation force. It holds the weight and the "
@@ -56,35 +59,35 @@ class Table:
 
 
 def as_text(value: object) -> str:
-    """A value in words; what is not a number says so."""
+    """Return a value as text; NaN is "no value"."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, numbers.Real) and not math.isfinite(value):
         return "no value"
-    return words.number(value) if isinstance(value, float) else str(value)
+    return formatting.number(value) if isinstance(value, float) else str(value)
 
 
 def is_number(value: object) -> bool:
-    """Whether a cell aligns right."""
+    """Tell whether a cell aligns right."""
     if isinstance(value, str):
         return re.fullmatch(r"[-+]?\d[\d.e+±-]*", value) is not None
     return isinstance(value, numbers.Real) and not isinstance(value, bool)
 
 
 def answer(found: Answer) -> Table:
-    """The closing table."""
+    """Return the closing table."""
     objective, unit = found.objective, found.objective.unit
     others = besides(objective.meaning)
     rows = [
         (
             title,
             *_chosen(found, design),
-            words.settled(design),
-            *(words.interval(runs) for runs in design.transient.values()),
+            formatting.orbit(design),
+            *(formatting.interval(runs) for runs in design.transient.values()),
             *(getattr(design, name) for name in others),
             f"{design.ideal_rms:.0f}",
             f"{design.capacity:.2f}",
-            words.turns(design),
+            formatting.turns(design),
         )
         for title, design in found.designs.items()
     ]
@@ -92,37 +95,38 @@ def answer(found: Answer) -> Table:
     headings = (
         "design",
         *_parameters(found),
-        f"settled, {unit}",
+        f"periodic orbit, {unit}",
         *(f"{start} start after {found.settle_turns} turns, {unit}" for start in starts),
         *(f"{meaning}, N" for meaning in others.values()),
         "ideal joint's RMS, N",
         "capacity, m³/h",
-        "turns to settle",
+        "turns to 1/e",
     )
     return Table(headings, rows, caption=f"{objective.meaning}, {unit}")
 
 
 def checks(found: Answer) -> Table:
-    """What was checked, each with its verdict."""
+    """Return the checks with their verdicts."""
     rows = [(check.name, check.verdict, check.detail) for check in found.checks]
     return Table(("check", "verdict", "detail"), rows)
 
 
 def slopes(found: Answer) -> Table | None:
-    """The slopes at the optimum, in the units of the tables; None where there are none."""
+    """Return the slopes at the optimum, in the units of the tables; None where there are none."""
     best, report, unit = found.optimum, found.gradient_report, found.objective.unit
-    if best is not None and best.settled is not None and best.settles:
-        orbit = best.settled
+    if best is not None and best.orbit is not None and best.settles:
+        orbit = best.orbit
         rows = [
             (_per(found, name, unit), slope * factor, _two(orbit.slopes_apart[name] * factor))
             for name, slope in orbit.slopes.items()
             for _, factor in [unit_of(name, found.box.units)]
         ]
-        about = "Of the settled motion, exact; beside them, how far differences are from them."
+        about = "The slopes on the periodic orbit are exact. Differences of orbits check them."
         return Table(("by", "slope", "differences off by"), rows, about=about)
     if report is None:
         return None
-    unit, meaning = meanings().get(report.metric, ("its unit", report.metric))
+    known = COLUMNS.get(report.metric) or STATISTIC.get(report.metric)
+    unit, meaning = (known.unit, known.meaning) if known else ("its unit", report.metric)
     rows = [
         (
             _per(found, slope.parameter, unit),
@@ -136,11 +140,13 @@ def slopes(found: Answer) -> Table | None:
         for _, factor in [unit_of(slope.parameter, found.box.units)]
     ]
     headings = ("by", "slope", "standard error", "estimator", "verdict", "why")
-    return Table(headings, rows, about=f"Of the {meaning}, start in contact, {report.regime}.")
+    return Table(
+        headings, rows, about=f"Slopes of the {meaning}, start in contact, {report.regime}."
+    )
 
 
 def fronts(found: Answer) -> list[Table]:
-    """What the least objective costs in another number; none where nothing has to be traded."""
+    """Return the fronts of more than one point."""
     unit, told = found.objective.unit, found.objective.meaning
     tables = []
     for front in found.fronts:
@@ -169,7 +175,7 @@ def fronts(found: Answer) -> list[Table]:
 
 
 def candidates(found: Answer) -> Table:
-    """Where the descents ended, confirmed."""
+    """Return the ends of the descents, confirmed."""
     unit, others = found.objective.unit, besides(found.objective.meaning)
     headings = (
         "",
@@ -194,7 +200,7 @@ def candidates(found: Answer) -> Table:
 
 
 def descents(found: Answer) -> Table:
-    """The local searches from end to end; those that are alike in a row."""
+    """Return both ends of each local search."""
     unit = found.objective.unit
     ends = [f"{name} {end}" for end in ("first", "last") for name in _parameters(found)]
     headings = ("", "by", "evaluations", *ends, f"first, {unit}", f"last, {unit}")
@@ -212,17 +218,72 @@ def _descent(found: Answer, one: Refinement) -> Iterable[object]:
     return (DESCENTS.get(one.by, one.by), one.evaluations, *ends, one.first, one.last)
 
 
+def motions(found: Answer) -> Table:
+    """Return how each design moves from each start, and how its oscillations decay."""
+    rows = [
+        (f"{title}, {start} start", *_motion(runs, design, start))
+        for title, design in found.designs.items()
+        for start, runs in design.transient.items()
+    ]
+    headings = (
+        "",
+        "motion",
+        "oscillation of the pin now, clearances",
+        "its decay a turn, %",
+        "± (two standard errors)",
+        "decay a turn by the multiplier, %",
+        f"turns until it is {GONE:g} clearances",
+    )
+    return Table(headings, rows)
+
+
+def _motion(runs: Runs, design: Confirmed, start: str) -> Iterable[str]:
+    swing, orbit = runs.decay, design.orbit
+    if not runs.settles or orbit is None:
+        regime = design.regime.get(start)
+        return (regime.name if regime else "not known", *[""] * 5)
+    in_the_end = rate(orbit)
+    by_multiplier = f"{100 * in_the_end:.2g}"
+    if swing is None:
+        return ("towards the orbit, in contact", "", "", "", by_multiplier, "")
+    if swing.last < resolved(swing):
+        size = f"below {resolved(swing):.1g}"
+        return ("on the orbit, in contact", size, "", "", by_multiplier, "0")
+    turns = max(0.0, math.log(swing.last / GONE) / in_the_end)
+    return (
+        "towards the orbit, in contact",
+        f"{swing.last:.2g}",
+        f"{100 * swing.rate:.2g}",
+        f"{200 * swing.error:.1g}",
+        by_multiplier,
+        f"{float(f'{turns:.2g}'):.0f}",
+    )
+
+
+def coexisting(found: Answer) -> Table | None:
+    """Return the stable orbits that random starts come to; None where none was looked for."""
+    unit = found.objective.unit
+    rows = [
+        (title, f"{one.share:.0%}", one.solution.period, one.objective)
+        for title, design in found.designs.items()
+        for one in design.coexisting
+    ]
+    headings = ("", "random starts that come to it", "turns", f"objective, {unit}")
+    return Table(headings, rows) if rows else None
+
+
 def runs(design: Confirmed, unit: str) -> Table:
-    """Every variable of every run of a design."""
-    known = meanings() | {
-        "objective": (unit, "objective"),
-        "steps": ("1", "integration steps"),
-        "counts": ("1", "may be chosen"),
-    }
+    """Return every variable of every run of a design."""
     first, *_ = design.transient.values()
+    joints = [joint for joint in JOINTS[1:] if f"{before(joint)}contact_fraction" in first.by_run]
+    known = columns_of(joints, chosen(always_with(joints))) | {
+        "objective": Column(unit, "objective"),
+        "steps": COLUMNS["steps"],
+        "counts": Column("1", "may be chosen"),
+    }
     rows = []
     for name in first.by_run:
-        of, meaning = known.get(name, ("1", name))
+        of, meaning = known[name].unit, known[name].meaning
         columns = (one.by_run[name].tolist() for one in design.transient.values())
         rows.append(
             (
@@ -234,7 +295,7 @@ def runs(design: Confirmed, unit: str) -> Table:
 
 
 def box(found: Answer) -> Table:
-    """Where it was searched."""
+    """Return the box that was searched."""
     rows = [
         (name, *(f"{shown(key, value, found.box.units):.5g}" for value in ends))
         for name, (key, ends) in zip(_parameters(found), found.box.bounds.items(), strict=True)
@@ -248,7 +309,7 @@ def box(found: Answer) -> Table:
 
 
 def stages(found: Answer) -> Table:
-    """What took how long."""
+    """Return the seconds and steps of each stage."""
     rows = [
         (STAGES.get(name, name), f"{spent:.1f}", found.steps.get(name, ""))
         for name, spent in found.seconds.items()
@@ -257,7 +318,7 @@ def stages(found: Answer) -> Table:
 
 
 def fixed(found: Answer) -> Table:
-    """The numbers and choices that were not free."""
+    """Return the numbers and choices that were not free."""
     rows = [
         (in_words(name), said(name, value, found.box.units) if name in NUMBERS else str(value))
         for name, value in found.fixed.items()
@@ -266,7 +327,7 @@ def fixed(found: Answer) -> Table:
 
 
 def versions(found: Answer) -> Table:
-    """Of the packages."""
+    """Return the versions of the packages."""
     return Table(("", "version"), list(found.versions.items()))
 
 
@@ -276,7 +337,7 @@ def _chosen(found: Answer, design: Confirmed) -> Iterable[str]:
 
 
 def _two(error: float) -> str:
-    """The digits that an uncertainty deserves."""
+    """Return an uncertainty with two digits."""
     return f"{float(f'{error:.2g}'):g}" if math.isfinite(error) else as_text(error)
 
 

@@ -1,0 +1,52 @@
+"""The answer of a search as result.json holds it."""
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import jaxcrusher as jc
+from optimize.answer import Answer
+from optimize.forces import FORCES
+
+# What the file holds of a periodic orbit besides the RMS of both forces.
+_NUMBERS = (
+    "foundation_peak",
+    "shaking_peak",
+    "error",
+    "largest_multiplier",
+    "settling_turns",
+    "least_penetration",
+)
+
+
+def content(answer: Answer) -> dict[str, Any]:
+    """Return the answer as nested dicts, with NaN where there is no number."""
+    return _plain(answer)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, jc.PeriodicOrbit):
+        return _orbit(value)
+    if is_dataclass(value):
+        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    return value
+
+
+def _orbit(orbit: jc.PeriodicOrbit) -> dict[str, Any]:
+    """Return the numbers of an orbit without its path."""
+    numbers = {name: float(getattr(orbit, name)) for name in (*FORCES, *_NUMBERS)}
+    parts = [[float(m.real), float(m.imag)] for m in orbit.multipliers]
+    start = orbit.eccentricity
+    return {
+        "failure": orbit.failure,
+        "period": orbit.period,
+        **numbers,
+        "multipliers": parts,
+        "section": [] if start is None else start[0],  # the pins at shaft angle zero, clearances
+        "state": orbit.section,
+        "validity": _plain(orbit.validity),
+    }
