@@ -1,5 +1,6 @@
 """Confirmation: long independent runs of the candidates, with confidence intervals."""
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import t as student
@@ -66,7 +67,8 @@ def confirmed(
     for i, (start, numbers) in enumerate(zip(STARTS, intervals, strict=True)):
         by_run = {name: column[i] for name, column in rows.items()}
         state = by_run.pop("state")[0]
-        validity = limits_of(scene, {name: column[0] for name, column in by_run.items()})
+        first = {name: jnp.asarray(column[0]) for name, column in by_run.items()}
+        validity = limits_of(scene, first)
         assert validity is not None
         settles = orbit is not None and orbit.stable and _in_contact(by_run)
         runs[start] = Runs(*numbers, validity, state, by_run, settles)

@@ -15,9 +15,8 @@ FLOORS = (
     ("jaxcrusher.settled", "jaxcrusher.batch"),
     ("jaxcrusher.dynamics", "jaxcrusher.pictures"),
     ("jaxcrusher",),  # the public names
-    ("jaxcrusher.commands",),
+    ("jaxcrusher.commands", "optimize"),
     ("jaxcrusher.__main__",),
-    ("optimize",),
     ("benchmarks",),
 )
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}

@@ -14,9 +14,9 @@ from benchmarks.stability.cases import cases
 from benchmarks.stability.ours import motions
 from benchmarks.timing import timed
 from jaxcrusher.batch import engines
-from optimize import problem
 from optimize.evaluate import Window, evaluate
 from optimize.options import Options
+from optimize.problem import resolve
 
 RTOL = 1e-6
 
@@ -35,10 +35,9 @@ def _settled_motions() -> None:
 
 
 def _landscape() -> None:
-    case = problem.case(Options())
+    case = resolve(Options()).case
     units = np.random.default_rng(0).uniform(size=(64, len(case.design.names)))
-    for _ in evaluate(case, units, Window(0, 3, RTOL)):
-        pass
+    evaluate(case, units, Window(0, 3, RTOL))
 
 
 def _portraits() -> None:

@@ -7,13 +7,14 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
-from jaxcrusher.batch.plan import Plan, compute_chunk, make_plan
-from jaxcrusher.batch.rows import LOGICAL
 
 import jaxcrusher as jc
 from benchmarks.setting import run_apart
 from benchmarks.timing import timed
+from jaxcrusher.batch.layout import Layout
+from jaxcrusher.batch.points import make_grid
 from jaxcrusher.batch.store import ChunkStore
+from jaxcrusher.batch.sweep import plan
 from jaxcrusher.files.provenance import machine
 
 BOX = {"speed": np.linspace(25, 40, 16), "clearance": np.linspace(0.03e-3, 0.12e-3, 8)}
@@ -56,27 +57,29 @@ def run() -> None:
 
 def time_designs(start: str, rtol: float) -> tuple[float, float]:
     """Return seconds of a chunk over the paper's box, with and without the compilation."""
-    plan = make_plan(BOX, {"start": start}, 5, 10, rtol, DESIGNS)
-    first, again, (values, _) = timed(lambda: compute_chunk(plan, 0), 1)
+    ensemble = plan(make_grid(BOX, {"start": start}, None), 5, 10, rtol, DESIGNS)
+    first, again, (_, values, _) = timed(lambda: ensemble.compute(0), 1)
     assert values["success"].all()
     return first.wall, again.wall
 
 
 def time_store(designs: int, count: int = 20) -> None:
     """Print the cost of keeping `count` chunks of random digits, which do not compress."""
-    plan = Plan({"load": tuple(range(count * designs))}, {}, 0, 1, 1e-9, (designs,))
+    grid = make_grid({"load": range(count * designs)}, None, None)
+    layout: Layout = plan(grid, 0, 1, 1e-9, designs).layout
     random = np.random.default_rng(0)
-    values = {name: random.random(designs) for name in plan.variables}
-    values |= {name: values[name] > 0.5 for name in LOGICAL}
+    values = {name: random.random(designs) for name in layout.columns}
+    logical = [name for name, column in layout.columns.items() if column.kind is bool]
+    values |= {name: values[name] > 0.5 for name in logical}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "store"
-        with ChunkStore(path, plan, {}, {}) as store:
+        with ChunkStore(path, layout, {}, {}) as store:
             began = perf_counter()
             for number in range(count):
                 store.write(number, values, {})
             writing = perf_counter() - began
         began = perf_counter()
-        with ChunkStore(path, plan, {}, {}):
+        with ChunkStore(path, layout, {}, {}):
             verifying = perf_counter() - began
         files = [file.stat() for file in path.rglob("*") if file.is_file()]
         size, disk = sum(f.st_size for f in files), sum(512 * f.st_blocks for f in files)

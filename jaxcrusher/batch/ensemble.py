@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import equinox as eqx
 import numpy as np
@@ -35,6 +35,7 @@ Compute = Callable[[list[int]], Generator[Result, None, None]]
 Progress = Callable[[int, int], None]
 
 
+@runtime_checkable
 class Look(Protocol):
     """What is seen of a scene: pure, hashable, and the same wherever it is pickled to."""
 

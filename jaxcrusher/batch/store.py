@@ -146,7 +146,7 @@ class ChunkStore:
                 dtype="str" if values.dtype == object else "float64",
                 chunks=values.shape,
                 dimension_names=(dim,),
-                attributes=labels,
+                attributes={**labels},
             )
             array[:] = values
         for name, column in layout.columns.items():
@@ -159,7 +159,7 @@ class ChunkStore:
                 fill_value=column.missing,
                 dimension_names=(*layout.grid.axes, *column.dims),
                 chunk_key_encoding={"name": "default", "separator": "."},
-                attributes=column.labels,
+                attributes={**column.labels},
             )
         with warnings.catch_warnings():
             # Consolidated metadata is not yet in the text of Zarr 3; xarray asks for it.

@@ -42,8 +42,6 @@ SEEN = (
 )
 # Designs solved between two looks at what their neighbours are.
 CHUNK = 16
-
-
 # Steps along an axis to the furthest neighbour. Where a branch folds back from the next cells, one
 # that comes from further away may pass: in a tongue the shape of a motion matters more than how
 # near it is.
@@ -105,7 +103,7 @@ def solve_orbits(
         search.orbits[left[known]] = _resampled(guesses[known], search.points)
         search.fill(left[known], levels[-1], neighbours, report)
     report(count, count)
-    rows = search.rows
+    rows: dict[str, Any] = search.rows
     rows["eccentricity"] = search.orbits
     codes, which = np.unique(rows.pop("code"), return_inverse=True)
     return rows | {"failure": np.array([_words(code) for code in codes.tolist()], object)[which]}
@@ -137,7 +135,7 @@ class _Search:
         """Return the cases without an orbit, or with one whose error is above `enough`."""
         if not self.rows:
             return np.arange(len(self.orbits))
-        good = self.rows["success"] & (self.rows["error"] <= enough)
+        good = np.logical_and(self.rows["success"], self.rows["error"] <= enough)
         return np.flatnonzero(~good)
 
     def fill(

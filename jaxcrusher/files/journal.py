@@ -3,7 +3,7 @@
 import hashlib
 import shutil
 import zipfile
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -49,7 +49,7 @@ class Journal:
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
-def _read(path: Path) -> Mapping[str, np.ndarray] | None:
+def _read(path: Path) -> Arrays | None:
     """Return the arrays of a file, None where it is not there or damaged."""
     try:
         with np.load(path, allow_pickle=False) as file:

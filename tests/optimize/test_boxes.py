@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from optimize import evaluate, figures, problem, settled, stages, words
+from optimize import evaluate, figures, formatting, orbits, stages
 from optimize.options import Options
+from optimize.problem import resolve
 from optimize.search import run
 
 SMALL = dict(cells=(4, 3), grid=(2, 2), settle=1, turns=2, steps=2, refine=1, runs=3)
@@ -17,7 +18,8 @@ SMALL = dict(cells=(4, 3), grid=(2, 2), settle=1, turns=2, steps=2, refine=1, ru
 def searched(tmp_path, monkeypatch, **options):
     """The answer, its page, and what the search printed into a file."""
     # Exponents and slopes of impacting motions take minutes; they have tests of their own.
-    monkeypatch.setattr(stages, "weigh", lambda search, answer, best: answer)
+    monkeypatch.setattr(stages, "with_coexisting_orbits", lambda problem, work, designs: designs)
+    monkeypatch.setattr(stages, "with_regimes", lambda problem, work, designs: (designs, None))
     written = io.StringIO()
     console = Console(file=written, width=200)
     answer = run(Options(out=tmp_path, name="box", **SMALL, **options), console)
@@ -33,7 +35,7 @@ def test_losses_are_counted_by_their_reason():
     rows["success"][0, 0] = rows["success"][:, 1] = 0
     rows["whirl"][1, 2] = 1
     rows["objective"][0, 3] = np.nan
-    case = problem.case(Options(capacity_floor=6.0))
+    case = resolve(Options(capacity_floor=6.0)).case
     assert evaluate.losses(rows, case, np.array([7.0, 7.0, 7.0, 5.0]), "designs") == (
         "of 4 designs 2 failed to integrate, 1 come to a friction whirl, "
         "1 have no number of the objective, 1 are below the capacity of 6 m3/h (the highest is 7 "
@@ -47,9 +49,9 @@ def nothing_counts(rows, case, capacity):
 
 def test_a_box_without_a_design(tmp_path, monkeypatch):
     monkeypatch.setattr(evaluate, "may_count", nothing_counts)
-    solved = settled.solve
+    solved = orbits.solve
     monkeypatch.setattr(
-        settled,
+        orbits,
         "solve",
         lambda case, units, *rest, **more: (
             solved(case, units, *rest, **more) | {"counts": np.zeros(len(units), bool)}
@@ -57,7 +59,7 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
     )
     answer, page, written = searched(tmp_path, monkeypatch)
     assert answer.optimum is None and answer.empty.startswith("of 4 points of the landscape")
-    assert words.answer(answer).startswith("No design may be chosen: of 4 points")
+    assert formatting.answer(answer).startswith("No design may be chosen: of 4 points")
     assert [check.passed for check in answer.checks] == [False]
     # The design to compare with is looked at all the same, and no gap is called an interruption.
     assert answer.seed_choice is not None and "paper&#39;s choice" in page
@@ -65,32 +67,34 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
     assert "pareto.png is not drawn: no point of the maps may be chosen" in page
     # Into a file a line for each stage, as it begins, and no bars.
     begun = [line for line in written.splitlines() if line.endswith(" to do")]
-    assert begun[-1] == "confirmation: 3 to do"
-    assert {"landscape: 4 to do", "settled: 12 to do"} < {*begun}
+    assert begun[-1] == "confirmation: 6 to do"
+    assert {"landscape: 8 to do", "orbits: 12 to do"} < {*begun}
     assert "━" not in written
 
 
 def test_a_box_without_an_orbit(tmp_path, monkeypatch):
-    solved = settled.solve
+    solved = orbits.solve
 
     def fails(case, units, *rest, **more):
         rows = solved(case, units, *rest, **more)
         none = {"objective": np.nan, "settling_turns": np.nan, "stable": False, "counts": False}
         return rows | {name: np.full(len(units), value) for name, value in none.items()}
 
-    monkeypatch.setattr(settled, "solve", fails)
-    monkeypatch.setattr(settled, "looked_at", lambda case, unit: None)
+    monkeypatch.setattr(orbits, "solve", fails)
+    monkeypatch.setattr(orbits, "orbit_of", lambda case, unit: None)
     monkeypatch.setattr(
         stages,
         "_by_fits",
-        lambda case, start, answer, options: (
+        lambda problem, start, work: (
             start,
-            stages.Refinement("fits", stages._path(case, start[None]), 1.0, 1.0, 1, {}),
+            stages.Refinement("fits", stages._path(problem.case, start[None]), 1.0, 1.0, 1, {}),
         ),
     )
     answer, page, _ = searched(tmp_path, monkeypatch)
-    assert answer.orbits == 0 and answer.optimum is not None
-    assert words.answer(answer).startswith("No stable orbit of one turn was found in the box; not ")
+    assert answer.stable_orbits == 0 and answer.optimum is not None
+    assert formatting.answer(answer).startswith(
+        "No stable orbit of one turn was found in the box; not "
+    )
     assert "settling.png is not drawn: no point of the map has a stable orbit of one turn" in page
     assert not (tmp_path / "box" / "settling.png").exists()
 
@@ -122,6 +126,6 @@ def test_a_joint_that_is_ideal_in_the_paper_is_compared_with_its_default():
     """The paper has no clearance of the pivot to compare with, and the search ends all the same."""
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
     options = Options(design=free)
-    assert problem.reference(options) == {"speed": 39.0, "pivot.clearance": 0.06e-3}
-    title = "paper's choice with pivot clearance 0.06 mm"
-    assert problem.reference_title(options) == title
+    problem = resolve(options)
+    assert problem.reference == {"speed": 39.0, "pivot.clearance": 0.06e-3}
+    assert problem.compared_with == "paper's choice with pivot clearance 0.06 mm"

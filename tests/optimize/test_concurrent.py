@@ -1,16 +1,19 @@
-"""Work side by side: its results, and how it ends early."""
+"""Work that runs concurrently: its results, and how it ends early."""
 
 import threading
 import time
 
 import pytest
-from optimize.abreast import Stopped, abreast
+
+from optimize.concurrent import Stopped, run_concurrently
 
 
 def test_jobs_run_at_once_and_keep_their_order():
     stop, meet = threading.Event(), threading.Barrier(2)
     # One after the other they would wait for each other for good.
-    assert abreast(stop, lambda: (meet.wait(10), "a")[1], lambda: (meet.wait(10), "b")[1]) == [
+    assert run_concurrently(
+        stop, lambda: (meet.wait(10), "a")[1], lambda: (meet.wait(10), "b")[1]
+    ) == [
         "a",
         "b",
     ]
@@ -29,7 +32,7 @@ def test_a_failure_stops_the_others_and_is_what_is_raised():
         raise ValueError("no such design")
 
     with pytest.raises(ValueError, match="no such design"):
-        abreast(stop, long, bad)
+        run_concurrently(stop, long, bad)
     assert ended == ["long"]
 
 
@@ -45,7 +48,7 @@ def test_an_interruption_waits_for_all(monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("optimize.abreast.wait", interrupted)
+    monkeypatch.setattr("optimize.concurrent.wait", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        abreast(stop, long, long)
+        run_concurrently(stop, long, long)
     assert ended == ["long", "long"]

@@ -1,4 +1,4 @@
-"""The decay of swings that are known by hand."""
+"""The decay of oscillations that are known by hand."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -56,7 +56,7 @@ NOISE = Decay(first=1e-4, last=1e-4, rate=-0.00035, error=0.001, floor=9e-5)
 )
 def test_a_swing_that_cannot_be_measured_fails_no_check(swing, good, detail):
     best: Any = SimpleNamespace(transient={"contact": SimpleNamespace(decay=swing)})
-    orbit: Any = SimpleNamespace(largest_multiplier=1 - SAYS)
-    (check,) = verdicts._dying(best, orbit)
+    orbit: Any = SimpleNamespace(solution=SimpleNamespace(largest_multiplier=1 - SAYS))
+    (check,) = verdicts._decaying(best, orbit)
     assert check.passed == good and detail in check.detail
     assert bool(unmeasurable(swing, SAYS)) == ("not measurable" in check.detail)

@@ -5,13 +5,14 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from optimize.held import held
 
-from optimize import problem, smooth
+from optimize import smooth
+from optimize.active import active_constraints
 from optimize.evaluate import Case
 from optimize.front import front
 from optimize.local import descend
 from optimize.options import Options
+from optimize.problem import resolve
 from optimize.verdicts import _slopes
 
 UPPER = np.ones(2)
@@ -66,28 +67,28 @@ def a_case(floor: float, slope: tuple[float, float]) -> Case:
 
 
 def an_optimum(a: float, b: float, slopes: dict[str, float], capacity: float) -> Any:
-    settled = SimpleNamespace(slopes=slopes)
-    return SimpleNamespace(values={"a": a, "b": b}, settled=settled, capacity=capacity)
+    orbit = SimpleNamespace(slopes=slopes)
+    return SimpleNamespace(values={"a": a, "b": b}, orbit=orbit, capacity=capacity)
 
 
 def test_the_floor_of_the_capacity_takes_its_part_of_the_slopes():
     """Slopes of 6 and 3 along a capacity that rises by 2 and 1: held by 3 a unit of it."""
     best = an_optimum(1.0, 2.0, {"a": 6.0, "b": 3.0}, 8.0)
-    limits, left = held(a_case(8.0, (2.0, 1.0)), best)
+    limits, left = active_constraints(a_case(8.0, (2.0, 1.0)), best)
     assert [(one.parameter, one.multiplier) for one in limits] == [("capacity", 3.0)]
     assert left == {"a": 0.0, "b": 0.0}
     # Above its floor the capacity holds nothing.
-    limits, left = held(a_case(7.0, (2.0, 1.0)), best)
+    limits, left = active_constraints(a_case(7.0, (2.0, 1.0)), best)
     assert not limits and left == {"a": 6.0, "b": 3.0}
     # Nor can it hold what falls with it.
-    limits, left = held(a_case(8.0, (-2.0, -1.0)), best)
+    limits, left = active_constraints(a_case(8.0, (-2.0, -1.0)), best)
     assert limits[0].multiplier == 0 and left == {"a": 6.0, "b": 3.0}
 
 
 def test_a_limit_and_the_floor_hold_together():
     """With b at its lowest value only a tells the floor's multiplier."""
     best = an_optimum(1.0, 0.0, {"a": 6.0, "b": 5.0}, 8.0)
-    limits, left = held(a_case(8.0, (2.0, 1.0)), best)
+    limits, left = active_constraints(a_case(8.0, (2.0, 1.0)), best)
     assert [(one.parameter, one.multiplier) for one in limits] == [("capacity", 3.0), ("b", 2.0)]
     assert left == {"a": 0.0}
 
@@ -96,7 +97,7 @@ def test_a_limit_and_the_floor_hold_together():
 def test_slopes_that_vanish_are_judged_by_the_objective(apart, good):
     """0.1 N over a box of 1 wide is 1e-5 of the objective, and far more than the slope."""
     orbit = SimpleNamespace(slopes={"a": 1e-9}, slopes_apart={"a": apart})
-    best = SimpleNamespace(settles=True, settled=orbit, objective=1e4)
+    best = SimpleNamespace(settles=True, orbit=orbit, objective=1e4)
     case = SimpleNamespace(design=SimpleNamespace(bounds={"a": (0.0, 1.0)}))
     answer = SimpleNamespace(gradient_report=None)
     assert _slopes(cast(Any, answer), cast(Any, best), cast(Any, case)).passed == good
@@ -105,7 +106,8 @@ def test_slopes_that_vanish_are_judged_by_the_objective(apart, good):
 def test_volume_is_that_of_the_links_of_each_design():
     """A power of 1 W over what the chamber of a design crushes, not over the paper's."""
     stroke = ("shaft.eccentricity", "8", "16 mm")
-    case = problem.case(Options(objective="wear", design=(("speed", "25", "40 rad/s"), stroke)))
+    options = Options(objective="wear", design=(("speed", "25", "40 rad/s"), stroke))
+    case = resolve(options).case
     unit = np.array([0.3, 0.9])
     described = case.design.description(unit)
     found, chamber = cast(Any, {"sliding_power": 1.0}), case.chamber_of(described)

@@ -16,18 +16,19 @@ import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.dynamics.slopes import Slope
-from optimize import figures, words
+from optimize import figures, formatting
 from optimize.answer import (
+    Active,
     Answer,
+    Bound,
     Box,
     Check,
-    Claim,
+    Coexisting,
     Confirmed,
+    Decay,
     Front,
-    Held,
     Refinement,
     Runs,
-    Settled,
     Sought,
 )
 from optimize.design import Design
@@ -36,6 +37,7 @@ from optimize.motions import cell_motions
 from optimize.objectives import OBJECTIVES
 from optimize.page import data as page_data
 from optimize.page.document import write_page
+from tests.optimize.by_hand import orbit_by_hand, solution_by_hand
 
 SPEEDS, CLEARANCES = [25.0, 30.0, 35.0], [3e-5, 6e-5]
 EVIL = '</script><img src="http://example.org/x.png">&'
@@ -140,7 +142,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
         chosen(25.0, 6e-5),
         *(18250.1, 7.2, "centred"),
         *(25.0, 6e-5, 18243.2, 3135.0, 18240.0, 9.41),
-        *([], None),
+        None,
         {"centred": hand_made_runs(18250.1), "contact": hand_made_runs(9250.1)},
         {"centred": quiet},
     )
@@ -148,7 +150,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
         chosen(39.0, 3e-5),
         *(np.nan, np.nan, "contact"),
         *(39.0, 3e-5, np.nan, np.nan, 21790.0, 6.03),
-        *([], None),
+        None,
         {"centred": hand_made_runs(21832.0), "contact": hand_made_runs(21799.0, success=False)},
     )
     bounds = {"speed": (25.0, 35.0), "clearance": (3e-5, 6e-5), "friction": (0.0, 0.1)}
@@ -168,7 +170,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
         candidates=(optimum, replace(other, objective=np.nan)),
         optimum=optimum,
         seed_choice=other,
-        claim=Claim(None, None, 0, 0.0, "Nothing is said of what lies between."),
+        bound=Bound(None, None, 0, 0.0, "Nothing is said of what lies between."),
         gradient_report=jc.GradientReport("foundation_rms", quiet, 80, (0.0, 0.1), slopes),
         checks=(Check("inside the box", True, EVIL), Check("both starts agree", False, "")),
         remark="Wear is not counted.",
@@ -227,7 +229,8 @@ def test_page_shows_what_it_knows_and_what_it_does_not(page):
     # One of six runs failed: there is no number to show, and no design to choose.
     assert ">1 of 6 failed</td>" in text and ' class="number">no value</td>' in text
     assert "21806, 21792, 21800, 21798, 21801, no value" in text
-    assert "optimum: centred start: periodic, by its time average" in text
+    assert cells(text, "optimum, centred start")[0] == "periodic"
+    assert cells(text, "optimum, contact start")[0] == "not known"
     assert "contact 1.80 bore radii wide: not Hertzian" in text
     # Units that differ from those of result.json: 51000 N/m are 51 N/mm.
     assert cells(text, "clearance, N per mm")[0] == "51"
@@ -248,12 +251,12 @@ def cells(text: str, row: str) -> list[str]:
     return re.findall(r"<td[^>]*>([^<]*)</td>", found)
 
 
-def test_page_of_a_settled_motion(tmp_path):
-    """The answer in a sentence, and slopes and what they are held by in the reader's units."""
+def test_page_of_a_periodic_orbit(tmp_path):
+    """The answer in a sentence, slopes and multipliers in the reader's units."""
     validity = jc.Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9, 0.001)))
-    forces = (18243.4112, 18243.4112, 24000.0, 3135.0, 3879.0)
-    numbers = (*forces, 1e-9, [[0.9998, 0.0]], 0.9998, 5000.0, 0.1)
     slopes = {"speed": 220.0, "clearance": 51000.0}, {"speed": 0.1, "clearance": 40.0}
+    # A disturbance falls to 1/e in 5000 turns.
+    orbit = orbit_by_hand(np.exp(-1 / 5000), 18243.4112, *slopes, foundation_rms=18243.4112)
     found = hand_made_answer()
     runs = {
         name: replace(one, settles=True, validity=validity)
@@ -261,12 +264,12 @@ def test_page_of_a_settled_motion(tmp_path):
     }
     optimum = replace(
         found.optimum,
-        settled=Settled("", *numbers, np.zeros(2), np.zeros(4), validity, *slopes),
+        orbit=orbit,
         transient=runs,
     )
-    held = (Held("clearance", "lowest", 51000.0),)
+    active = (Active("clearance", "lowest", 51000.0),)
     other = replace(found.seed_choice, objective=21796.4)
-    found = replace(found, optimum=optimum, seed_choice=other, held=held, gradient_report=None)
+    found = replace(found, optimum=optimum, seed_choice=other, active=active, gradient_report=None)
     values = {"speed": np.array([25.0, 25.0]), "clearance": np.array([0.03e-3, 0.05e-3])}
     ends, forces = np.array([18243.4, 18300.0]), {"shaking_rms": np.array([3135.0, np.nan])}
     front = Front("capacity", "m3/h", ends, np.array([7.5, 7.9]), values, forces)
@@ -280,37 +283,58 @@ def test_page_of_a_settled_motion(tmp_path):
     assert "Run it at 25 rad/s (239 rpm) with 0.06 mm of radial clearance" in text
     assert "16.3 % less than 21796 at the paper&#39;s choice" in text
     assert "18243.41</td>" in text
-    assert "clearance held at its lowest value by 51 N per mm" in text
+    assert "clearance is at its lowest value, multiplier 51 N per mm" in text
     assert cells(text, "clearance, N per mm") == ["51", "0.04"]
     # In the units that they were given in.
     given = replace(found, box=replace(found.box, units={"speed": "rpm", "clearance": "um"}))
     rpm = write_page(tmp_path, given, None, None, ()).read_text()
-    assert "held at its lowest value by 0.051 N per um" in rpm
+    assert "is at its lowest value, multiplier 0.051 N per um" in rpm
     assert cells(rpm, "clearance, N per um") == ["0.051", "4e-05"]
     assert cells(rpm, "speed, N per rpm")[0] == "23.038"
     assert cells(rpm, "speed, rpm") == ["238.73", "334.23"] and "60</td>" in rpm
-    assert "its swing dies towards the settled motion" in text and ">5000</td>" in text
+    assert cells(text, "optimum, centred start")[0] == "towards the orbit, in contact"
+    assert ">5000</td>" in text
+
+
+def test_page_of_a_decaying_oscillation(tmp_path):
+    """A start on its way to the orbit, by 0.02 % a turn, and one that is there."""
+    found, orbit = hand_made_answer(), orbit_by_hand(1 - 2e-4, 18243.4)
+    decays = {"centred": Decay(0.1, 0.05, 3e-4, 1e-5, 1e-6), "contact": Decay(*[1e-5] * 5)}
+    runs = {
+        name: replace(one, settles=True, decay=decays[name])
+        for name, one in found.optimum.transient.items()
+    }
+    loud = Coexisting(0.2, solution_by_hand(period=2), 2e4)
+    optimum = replace(found.optimum, orbit=orbit, transient=runs, coexisting=(loud,))
+    text = write_page(tmp_path, replace(found, optimum=optimum), None, None, ()).read_text()
+    # ln(0.05 / 0.001) / 2e-4 turns.
+    row = ["towards the orbit, in contact", "0.05", "0.03", "0.002", "0.02", "20000"]
+    assert cells(text, "optimum, centred start") == row
+    row = ["on the orbit, in contact", "below 0.0001", "", "", "0.02", "0"]
+    assert cells(text, "optimum, contact start") == row
+    (row,) = re.findall(r">20%</td>(.*?)</tr>", text)
+    assert re.findall(r">([^<]+)</td>", row) == ["2", "20000"]
 
 
 def test_the_first_sentence_recommends_only_what_nothing_speaks_against():
     found = hand_made_answer()
     failed = "Not confirmed; outside the contact model: the best is 25 rad/s (239 rpm) with 0.06 mm"
-    text = words.answer(found)
+    text = formatting.answer(found)
     assert text.startswith(failed) and "18250 N as the mean of long runs" in text
     assert "because the check failed: “both starts agree”" in text
     assert "because of centred start, contact 1.80 bore radii wide: not Hertzian" in text
     passed = replace(found, checks=found.checks[:1])
-    assert words.answer(passed).startswith("Outside the contact model: the best is 25 rad/s")
+    assert formatting.answer(passed).startswith("Outside the contact model: the best is 25 rad/s")
     validity = jc.Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9, 0.001)))
     runs = {n: replace(one, validity=validity) for n, one in found.optimum.transient.items()}
     inside = replace(passed, optimum=replace(found.optimum, transient=runs))
-    assert words.answer(inside).startswith("Run it at 25 rad/s (239 rpm) with 0.06 mm")
+    assert formatting.answer(inside).startswith("Run it at 25 rad/s (239 rpm) with 0.06 mm")
     # Of a box without an orbit, and of a search that did not come to its checks.
-    assert words.answer(replace(inside, orbits=0)).startswith(
+    assert formatting.answer(replace(inside, stable_orbits=0)).startswith(
         "No stable orbit of one turn was found in the box: the best is 25 rad/s"
     )
-    assert words.answer(replace(inside, orbits=3)).startswith("Run it at")
-    unchecked = words.answer(replace(inside, checks=()))
+    assert formatting.answer(replace(inside, stable_orbits=3)).startswith("Run it at")
+    unchecked = formatting.answer(replace(inside, checks=()))
     assert unchecked.startswith("Not confirmed: ") and "ended before its checks" in unchecked
 
 
@@ -328,7 +352,7 @@ def test_landscape_of_numbers_of_ones_own(tmp_path):
     drawn = []
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "write_figure", lambda path, fig: drawn.append((path.name, fig)))
-        figures.draw_settled(tmp_path, found, orbits)
+        figures.draw_orbits(tmp_path, found, orbits)
         figures.draw_settling(tmp_path, found, orbits)
     assert [name for name, _ in drawn] == ["landscape.png", "settling.png"]
     for _, fig in drawn:
@@ -362,7 +386,7 @@ def test_interrupted_run_says_what_is_missing(tmp_path):
     assert "<img" not in text and "<script" not in text
     # Confirmed, and interrupted before its evidence.
     found = hand_made_answer()
-    half = replace(BEGUN, optimum=found.optimum, candidates=found.candidates, claim=found.claim)
+    half = replace(BEGUN, optimum=found.optimum, candidates=found.candidates, bound=found.bound)
     text = write_page(tmp_path, half, hand_made_landscape(), None, ()).read_text()
     assert "No motions to draw" in text and data_of(text)["motions"] is None
     assert "18250±7.2" in text and "No slopes" in text and "No remark" in text

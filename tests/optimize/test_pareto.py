@@ -22,13 +22,13 @@ CAPACITY = np.array([[9.0, 9.0], [7.0, 7.0], [6.0, 6.0]])
 
 
 def design(rms, capacity, **changes) -> Any:
-    """As the search confirms one: from the worse of two starts 1 kN more than settled."""
+    """As the search confirms one: from the worse of two starts 1 kN more than the orbit's."""
     runs = [
         SimpleNamespace(first={"objective": rms + k, "foundation_peak": 1.5 * rms + k}.get)
         for k in (1e3, 0.0)
     ]
-    settled = SimpleNamespace(objective=rms, foundation_peak=1.5 * rms)
-    known = {"capacity": capacity, "settled": settled, "transient": dict(enumerate(runs))}
+    orbit = SimpleNamespace(objective=rms, solution={"foundation_peak": 1.5 * rms})
+    known = {"capacity": capacity, "orbit": orbit, "transient": dict(enumerate(runs))}
     return SimpleNamespace(**known | changes)
 
 
@@ -50,7 +50,7 @@ def drawn(monkeypatch, tmp_path):
 
 
 def grid(start: bool) -> xr.Dataset:
-    """Settled motions, or the landscape from two starts, the worse of which is the same."""
+    """Periodic orbits, or the landscape from two starts, the worse of which is the same."""
     dims, counts = ("speed", "clearance"), np.isfinite(RMS)
     data = xr.Dataset(
         {
@@ -62,7 +62,7 @@ def grid(start: bool) -> xr.Dataset:
     return xr.concat([data, data], "start") if start else data
 
 
-@pytest.mark.parametrize("start, extra", [(False, 0.0), (True, 1.0)], ids=["settled", "landscape"])
+@pytest.mark.parametrize("start, extra", [(False, 0.0), (True, 1.0)], ids=["orbits", "landscape"])
 def test_pareto_marks_optimum_and_rival(drawn, start, extra):
     fig = drawn(grid(start), optimum=design(18e3, 9.0), rival=design(22e3, 6.0))
     for ax, second in zip(fig.axes, ((9.0, 6.0), (27.0 + extra, 33.0 + extra)), strict=True):
@@ -79,8 +79,8 @@ def test_pareto_marks_optimum_and_rival(drawn, start, extra):
     assert not any(over.overlaps(ax.get_window_extent()) for ax in fig.axes)
 
 
-def test_pareto_of_a_design_without_a_settled_motion(drawn):
-    fig = drawn(grid(False), optimum=design(18e3, 9.0, settled=None))
+def test_pareto_of_a_design_without_an_orbit(drawn):
+    fig = drawn(grid(False), optimum=design(18e3, 9.0, orbit=None))
     (mark,) = (line for line in fig.axes[0].lines if line.get_label() == "optimum")
     assert np.isnan(mark.get_xdata()).all()
 

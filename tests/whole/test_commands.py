@@ -16,7 +16,7 @@ import xarray as xr
 
 import jaxcrusher as jc
 from jaxcrusher import __main__
-from jaxcrusher.batch import sweep
+from jaxcrusher.batch.ensemble import Ensemble
 from jaxcrusher.commands import gradient, regimes, simulate
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import Slope
@@ -150,19 +150,19 @@ SWEEP = (
 
 def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypatch, capsys):
     computed = []
-    whole = sweep.compute_chunk
+    whole = Ensemble.compute
 
-    def interrupted(plan, number):
+    def interrupted(ensemble, number):
         if number == 1:
             raise KeyboardInterrupt
-        return whole(plan, number)
+        return whole(ensemble, number)
 
-    def counted(plan, number):
+    def counted(ensemble, number):
         computed.append(number)
-        return whole(plan, number)
+        return whole(ensemble, number)
 
     line = [str(word) for word in (*SWEEP, "--out", tmp_path)]
-    monkeypatch.setattr(sweep, "compute_chunk", interrupted)
+    monkeypatch.setattr(Ensemble, "compute", interrupted)
     monkeypatch.setattr(sys, "argv", ["jaxcrusher", *line])
     with pytest.raises(SystemExit) as stop:
         __main__.main()
@@ -171,7 +171,7 @@ def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypa
         f"interrupted: what was finished is in {tmp_path}/sweep/: sweep.zarr"
         in capsys.readouterr().err
     )
-    monkeypatch.setattr(sweep, "compute_chunk", counted)
+    monkeypatch.setattr(Ensemble, "compute", counted)
     status, text = run(*line)
     assert status == 0 and computed == [1]
     with xr.open_zarr(tmp_path / "sweep" / "sweep.zarr") as grid:
