@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.dynamics.swing import places
-from jaxcrusher.settled.transient import section_points
+from jaxcrusher.orbits.transient import section_points
 from optimize.answer import Confirmed, Decay, Orbit
 from optimize.evaluate import Case, started
 
@@ -18,7 +18,7 @@ TURNS, PARTS = 480, 8
 # Of that integration, whose error keeps a swing of 700 times the tolerance alive (measured at
 # 25 rad/s and 0.03 mm, for 1e-7 to 1e-9); less than ten times that, in clearances, says nothing.
 RTOL, RESOLVED = 1e-8, 1e-4
-# Nor does less than so many times what it leaves of the settled motion itself. Errors add in
+# Nor does less than so many times what it leaves of the periodic orbit itself. Errors add in
 # squares: a tenth of a swing changes its size by a two-hundredth.
 ABOVE = 10
 # Share by which the size of a part is off, RMS, where it holds no whole number of swings: 1 % at
@@ -93,7 +93,7 @@ def measured(apart: Float[np.ndarray, "turns half"], floor: float) -> Decay:
     """The decay of points that swing about zero, by least squares over the logarithms of its parts.
 
     A part of many turns averages the swing's phase out to `PHASE`. `floor` is the swing that the
-    integration leaves of the settled motion itself.
+    integration leaves of the periodic orbit itself.
     """
     swings = _swings(apart)
     turns = len(apart) / PARTS * np.arange(PARTS)

@@ -1,4 +1,4 @@
-"""The local stage: exact gradients on settled motions, fits where there are none."""
+"""The local stage: exact gradients on periodic orbits, fits where there are none."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -8,11 +8,11 @@ import xarray as xr
 from jaxtyping import Array, Float, PyTree, Scalar
 
 import jaxcrusher as jc
-from jaxcrusher.dynamics.orbits import Problem, beside, solve_orbits
+from jaxcrusher.dynamics.many_orbits import Problem, beside, solve_orbits
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
-from jaxcrusher.settled.forced import refusal
+from jaxcrusher.orbits.forced import refusal
 from optimize.answer import Coexisting, Orbit
 from optimize.evaluate import Case, Progress, Rows, started
 from optimize.landscape import GRID_DIMENSIONS, labelled
@@ -45,7 +45,7 @@ def solve(
     journal: Journal | None = None,
     progress: Progress | None = None,
 ) -> Rows:
-    """Solve for the orbits of unit points, as `jaxcrusher.dynamics.orbits.solve_orbits` does.
+    """Solve for the orbits of unit points, as `jaxcrusher.dynamics.many_orbits.solve_orbits` does.
 
     Without `neighbours` of a point each is only tried from the pin at rest in its bore. Rows of
     shape (points,) hold `objective`, `counts` (stable and within the constraints) besides; `slope`
@@ -151,7 +151,7 @@ def coexisting(case: Case, values: dict[str, float]) -> tuple[Coexisting, ...]:
     """Return the stable orbits that random starts about the centred one come to."""
     described = {**case.design.fixed, **values}
     scene, chamber = started(described, "centred"), case.chamber_of(described)
-    found = jc.settled_motions(scene, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
+    found = jc.coexisting_orbits(scene, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
     return tuple(
         Coexisting(share, orbit, float(case.objective.formula(orbit, scene, chamber)))
         for orbit, share in zip(found.orbits, found.shares, strict=True)

@@ -12,7 +12,7 @@ FLOORS = (
     ("jaxcrusher.joint", "jaxcrusher.lanes"),
     ("jaxcrusher.crusher",),
     ("jaxcrusher.scenes", "jaxcrusher.motion"),
-    ("jaxcrusher.settled", "jaxcrusher.batch"),
+    ("jaxcrusher.orbits", "jaxcrusher.batch"),
     ("jaxcrusher.dynamics", "jaxcrusher.pictures"),
     ("jaxcrusher",),  # the public names
     ("jaxcrusher.commands", "optimize"),
@@ -66,8 +66,8 @@ def test_imports_lead_down():
 def test_an_import_that_leads_up_is_found():
     upwards = "def late():\n    from jaxcrusher.motion.statistics import statistics\n"
     assert upward("jaxcrusher.crusher.scene", upwards) != []
-    assert upward("jaxcrusher.batch.sweep", "from jaxcrusher.settled import orbit") != []
-    assert upward("jaxcrusher.settled.orbit", "from jaxcrusher.motion import tangents") == []
+    assert upward("jaxcrusher.batch.sweep", "from jaxcrusher.orbits import orbit") != []
+    assert upward("jaxcrusher.orbits.orbit", "from jaxcrusher.motion import tangents") == []
 
 
 def test_rooms_have_one_docstring_and_little_stands_beside_them():

@@ -31,7 +31,7 @@ def _bifurcation() -> None:
 
 def _settled_motions() -> None:
     scene = jc.paper_scene(30.0, 6e-5, friction=0.02, slip="surface")
-    jc.settled_motions(scene, starts=16, turns=96)
+    jc.coexisting_orbits(scene, starts=16, turns=96)
 
 
 def _landscape() -> None:
@@ -57,7 +57,7 @@ def _sweep() -> None:
 PROGRAMS: dict[str, Callable[[], None]] = {
     "sweep: 256 crushers, 3 turns": _sweep,
     "bifurcation diagram: 64 clearances, 20 turns": _bifurcation,
-    "settled motions: 16 starts, 96 turns": _settled_motions,
+    "periodic orbits: 16 starts, 96 turns": _settled_motions,
     "search's landscape: 64 points, two starts, 3 turns": _landscape,
     "portraits of the paper's: 4 motions": _portraits,
     "stiff and extreme cases: 16 of them": _stability,

@@ -1,4 +1,4 @@
-"""Each machine's settled motion, or averages over motions from several starts."""
+"""Each machine's periodic orbit, or averages over motions from several starts."""
 
 import itertools
 import math
@@ -72,7 +72,7 @@ def settled_with_slopes(case: Case, load: str) -> Row:
 @eqx.filter_jit
 @jax.grad
 def _slopes(clearances: dict[str, Any], rest: tuple[tuple[str, Any], ...]) -> Any:
-    """Differentiate the settled RMS, N/m."""
+    """Differentiate the steady-state RMS, N/m."""
     scene = jc.build_scene(dict(rest) | clearances)
     return jc.periodic_orbit(scene, nodes=NODES).foundation_rms
 

@@ -31,7 +31,7 @@ def _settled(cases: list[Case], load: str) -> list[Row]:
     return [settled(case, load)[0] for case in cases]
 
 
-# Friction matters where pins leave their bores; a settled motion in contact has no use for it.
+# Friction matters where pins leave their bores; a periodic orbit in contact has no use for it.
 GROUPS: dict[str, Callable[[str], list[Row]]] = {
     "load across the jaw, all loose": lambda slip: [
         settled_with_slopes(case, ACROSS) for case in together()

@@ -144,10 +144,10 @@ def draw_row(path: Path, draw: Draw, rows: dict[str, dict[Point, Portrait]]) -> 
 
 
 def draw_landscape(path: Path, runs: xr.DataArray, settled: xr.DataArray) -> None:
-    """Draw Figure 14 or 15: a force (N) over the box, of runs and of the settled motion.
+    """Draw Figure 14 or 15: a force (N) over the box, of runs and of the periodic orbit.
 
     The runs' is drawn as the cells that it is: neighbours differ by chance as much as by design,
-    and contours between them would show that chance. The settled motion's carries contours.
+    and contours between them would show that chance. The periodic orbit's carries contours.
     """
     with plt.rc_context(page.STYLE):
         figure, (cells, flat) = plt.subplots(
@@ -161,11 +161,11 @@ def draw_landscape(path: Path, runs: xr.DataArray, settled: xr.DataArray) -> Non
             mesh = ax.pcolormesh(*where, shading="nearest", **colours)
             ax.set(xlabel="clearance (mm)", facecolor="0.8")
             ax.grid(visible=False)
-        # Of the last, the settled motion's.
+        # Of the last, the periodic orbit's.
         lines = flat.contour(*where, levels=8, colors="w", linewidths=0.8)
         flat.clabel(lines, fmt="%g")
         cells.set(title="centred start, turns 21 to 32", ylabel="speed (rad/s)")
-        flat.set(title="settled motion")
+        flat.set(title="periodic orbit")
         words = runs.attrs["long_name"].replace("|R_O| + |R_C|", "the foundation force")
         figure.colorbar(mesh, ax=[cells, flat], label=f"{words} (kN)")
         write_figure(path, figure)

@@ -1,1 +1,1 @@
-"""The settled RMS: solved for, and waited for by other programs."""
+"""The steady-state RMS: solved for, and waited for by other programs."""

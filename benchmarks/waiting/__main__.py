@@ -1,4 +1,4 @@
-"""`python -m benchmarks.waiting`: the error of the settled RMS against run time."""
+"""`python -m benchmarks.waiting`: the error of the steady-state RMS against run time."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from jaxcrusher.files.program import program
 
 
 def main(out: Path = Path("results/waiting"), seconds: float = 20.0) -> None:
-    """Solve for the settled RMS, and wait for it by programs that integrate; three minutes.
+    """Solve for the steady-state RMS, and wait for it by programs that integrate; three minutes.
 
     Writes waiting.md, waiting.csv and waiting.png. Needs the extra `bench`.
 

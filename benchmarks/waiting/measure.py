@@ -1,4 +1,4 @@
-"""Each way to the settled RMS of a crusher of 30 rad/s and 0.06 mm: its seconds and its error."""
+"""Seconds and error of each way to the steady-state RMS of a crusher of 30 rad/s and 0.06 mm."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

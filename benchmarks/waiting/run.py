@@ -1,4 +1,4 @@
-"""Errors and times of all ways to the settled RMS, as a page and a figure."""
+"""Errors and times of all ways to the steady-state RMS, as a page and a figure."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -61,6 +61,6 @@ def draw(rows: list[Row]) -> Figure:
         ax.set(title=name, xlabel="processor time (ms)")
         plain_powers(ax)
         ax.grid(alpha=0.3)
-    axes[0].set(ylabel="error of the settled RMS")
+    axes[0].set(ylabel="error of the steady-state RMS")
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return fig

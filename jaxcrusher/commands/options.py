@@ -166,7 +166,7 @@ class Gradient:
 
 @dataclass(frozen=True)
 class Orbit:
-    """The settled motion of a crusher: RMS, multipliers, and slopes by every number of it.
+    """The periodic orbit of a crusher: RMS, multipliers, and slopes by every number of it.
 
     Solved for, not waited for: half a minute, most of it compilation. Writes OUT/NAME/orbit.json
     and orbit.png (orbit of the pin, and force on the foundation with the ideal joint's).

@@ -1,4 +1,4 @@
-"""`python -m jaxcrusher orbit`: the settled motion, solved for, and its slopes by every number."""
+"""`python -m jaxcrusher orbit`: the periodic orbit, solved for, and its slopes by every number."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -29,7 +29,7 @@ METRICS = ("foundation_rms", "shaking_rms")
 REMEDY = (
     "Where the pin's swing meets a harmonic of the drive, or contact is lost, there may be none of "
     "this period, or several: try a value a thousandth off, another --period, or "
-    "jaxcrusher.settled_motions, which looks from many starts."
+    "jaxcrusher.coexisting_orbits, which looks from many starts."
 )
 
 
@@ -51,14 +51,14 @@ def run(options: Orbit, console: Console) -> int:
     with console.status("solving"):
         orbit = solve(numbers)
     if not bool(orbit.success):
-        console.print(f"no settled motion: {orbit.failure}", highlight=False, soft_wrap=True)
+        console.print(f"no periodic orbit: {orbit.failure}", highlight=False, soft_wrap=True)
         console.print(REMEDY, highlight=False, soft_wrap=True)
         return 1
     nodes = None if orbit.eccentricity is None else len(orbit.eccentricity) // options.period
     with console.status("differentiating"):
         slopes = _slopes(lambda n: solve(n, nodes), numbers)
     path = folder / "orbit.json"
-    write_json(path, provenance("Settled motion", scene=values) | content(orbit, slopes))
+    write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
     draw(orbit, folder / "orbit.png")
     for line in summary(orbit):
         console.print(line, highlight=False, soft_wrap=True)

@@ -16,13 +16,13 @@ from jaxcrusher.batch.ensemble import opened
 from jaxcrusher.batch.layout import Layout
 from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.dynamics.orbits import SEEN, Problem, Rows, beside, solve_orbits
+from jaxcrusher.dynamics.many_orbits import SEEN, Problem, Rows, beside, solve_orbits
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion.statistic import STATISTIC, statistics_of
-from jaxcrusher.settled.forced import refusal
-from jaxcrusher.settled.result import PeriodicOrbit
-from jaxcrusher.settled.solving import NODES, SETTLED
+from jaxcrusher.orbits.forced import refusal
+from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.solving import NODES, SETTLED
 
 
 def orbit_map(

@@ -17,10 +17,10 @@ from jaxcrusher.motion.integrate import Outcome
 from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.motion.tangents import SLICES, Tangents
-from jaxcrusher.settled.forced import refusal
-from jaxcrusher.settled.periodic_orbit import periodic_orbit
-from jaxcrusher.settled.result import PeriodicOrbit
-from jaxcrusher.settled.solving import NODES
+from jaxcrusher.orbits.forced import refusal
+from jaxcrusher.orbits.periodic_orbit import periodic_orbit
+from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.solving import NODES
 
 # Statistics of the motion that is classified, and after how many turns a whirl is called one.
 OUTPUTS = ("foundation_rms", "contact_fraction", "winding")

@@ -27,15 +27,15 @@ from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistic import STATISTIC, PowerMean
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangents, weights
-from jaxcrusher.scenes.parameters import PARAMETERS
-from jaxcrusher.settled.shooting import section_point
-from jaxcrusher.settled.slopes import (
+from jaxcrusher.orbits.shooting import section_point
+from jaxcrusher.orbits.slopes import (
     SettledSlopes,
     multipliers,
     orbit_differences,
+    orbit_slopes,
     periodic_slopes,
-    settled_slopes,
 )
+from jaxcrusher.scenes.parameters import PARAMETERS
 
 # Regime -> why its slope may not be that of the motion in the end.
 UNSETTLED = {
@@ -123,7 +123,7 @@ def gradient_report(
     - `progress`: called with what begins, in words: which stages there are, the motion decides.
 
     **Returns:** a `GradientReport`. A start beside a stable motion of one turn that keeps contact
-    gets that motion's slopes, solved for (`jaxcrusher.settled.slopes`), in seconds. Otherwise
+    gets that motion's slopes, solved for (`jaxcrusher.orbits.slopes`), in seconds. Otherwise
     periodic motions get the implicit formula on their orbit, beside differences of neighbouring
     orbits; other motions that do not grow the forward tangent
     over the turns after settling, chaotic ones the fit; the others stand beside it. A failed
@@ -150,8 +150,8 @@ def gradient_report(
     require(here.joint is not None, "scene", "make scenes with a clearance joint", "an ideal one")
     build = traced(make, point)
     horizon = settle_turns + turns
-    progress("looking for the settled motion")
-    settled = settled_slopes(build, point, metric, radii)
+    progress("looking for the periodic orbit")
+    settled = orbit_slopes(build, point, metric, radii)
     if settled is not None:
         return _settled_report(metric, names, radii, settled, horizon)
     along: list[Tangents] = []

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.settled.result import PeriodicOrbit
+from jaxcrusher.orbits.result import PeriodicOrbit
 
 # An orbit is that mean if it is no further from it, as a share of the spread and in clearances.
 ABOUT, NEAR = 0.25, 1e-3

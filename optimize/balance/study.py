@@ -14,7 +14,8 @@ from jaxcrusher.files.provenance import command, versions
 from jaxcrusher.files.results import results_folder, write_json, write_text
 from jaxcrusher.files.resume import earlier
 from jaxcrusher.scenes.build import build_chamber
-from optimize.balance import evidence, figure, problem, report, settled
+from optimize.balance import evidence, figure, problem, report
+from optimize.balance import objective as orbit_force
 from optimize.balance.compare import METHODS, Answer, Search, Smooth, require_rivals, search
 from optimize.balance.options import Options
 from optimize.balance.problem import PAPER
@@ -113,7 +114,7 @@ def _searches(study: Study, design: Design, paper: np.ndarray, bars: Progress) -
     if len(done) == total:
         return
     began = time.perf_counter()
-    objective, scale = settled.settled_objective(design, problem.conditions(options), paper)
+    objective, scale = orbit_force.orbit_objective(design, problem.conditions(options), paper)
     # A study that goes on keeps the costs it began with: every search has the same budget.
     cost = result.setdefault(
         "cost",
@@ -147,7 +148,7 @@ def _starts(objective: Smooth, options: Options, dimension: int) -> list[np.ndar
         if len(found) == options.starts:
             return found
     raise RuntimeError(
-        f"only {len(found)} of {MOST_DRAWS * options.starts} random machines have a settled motion"
+        f"only {len(found)} of {MOST_DRAWS * options.starts} random machines have a periodic orbit"
     )
 
 
@@ -157,17 +158,17 @@ def _robust(
     """The design of least mean + sigmas * spread, and the spread of all three."""
     middle = problem.conditions(options)
     widths = dict(zip(problem.CONDITIONS, options.tolerance, strict=True))
-    conditions = settled.tolerances(middle, widths, options.samples, options.seed)
+    conditions = orbit_force.tolerances(middle, widths, options.samples, options.seed)
 
     def sampled(point: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        return settled.sampled(point, conditions, design)
+        return orbit_force.sampled(point, conditions, design)
 
     scale = float(sampled(points["paper"])[0].mean())
 
     def gradient(point: np.ndarray) -> Answer:
         advance()
         rms, slopes, _ = sampled(point)
-        value, slope = settled.mean_and_spread(rms, slopes, options.sigmas)
+        value, slope = orbit_force.mean_and_spread(rms, slopes, options.sigmas)
         return Answer(value / scale, 0, slope / scale)
 
     objective = Smooth(gradient, gradient, 1.0, 1.0)

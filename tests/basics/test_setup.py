@@ -137,7 +137,7 @@ SCENE = {"speed": 30.0, "clearance": 6e-5}
         lambda: jc.statistics(jc.paper_scene(**SCENE), 0, 1),
         lambda: jc.poincare_section(jc.paper_scene(**SCENE), 0, 1),
         lambda: jc.regime(jc.paper_scene(**SCENE), 0, 1),
-        lambda: jc.settled_motions(jc.paper_scene(**SCENE)),
+        lambda: jc.coexisting_orbits(jc.paper_scene(**SCENE)),
         lambda: jc.orbit_map({"speed": [25.0, 30.0]}),
         lambda: jc.orbit_branch(lambda c: jc.paper_scene(30.0, c), 6e-5, (5e-5, 7e-5)),
         lambda: jc.bifurcation(jc.ideal_scene, [25.0, 30.0], settle_turns=0, turns=1),

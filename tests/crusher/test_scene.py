@@ -231,7 +231,7 @@ BAD = [
     (lambda: jc.sweep({"speed": [30.0]}, 0, 1, base=SCENE), "base", "a Scene", "map names"),
     (lambda: jc.periodic_orbit((30.0, 6e-5)), "scene", "a tuple", "paper_scene(30.0, 6e-5)"),
     (lambda: jc.regime(30.0), "scene", "a float", "paper_scene(30.0, 6e-5)"),
-    (lambda: jc.settled_motions(jc.paper_scene), "scene", "paper_scene: call it", "instance"),
+    (lambda: jc.coexisting_orbits(jc.paper_scene), "scene", "paper_scene: call it", "instance"),
     (lambda: jc.orbit_branch(SCENE, 6e-5, (1e-5, 1e-4)), "scene", "a Scene", "a function"),
     (
         lambda: jc.bifurcation(SCENE, [1.0], settle_turns=0, turns=20),
@@ -272,7 +272,7 @@ BAD = [
 TRACED = {
     "scene": (
         lambda c: jc.regime(jc.paper_scene(30.0, c)).zero_one,
-        lambda c: jc.settled_motions(jc.paper_scene(30.0, c)).shares[0],
+        lambda c: jc.coexisting_orbits(jc.paper_scene(30.0, c)).shares[0],
     ),
     "start": (lambda c: jc.orbit_branch(jc.paper_scene, c, (1e-5, 1e-4)),),
     "values": (

@@ -1,4 +1,4 @@
-"""Settled motions over a grid: each cell as if it were alone, failures with their reasons."""
+"""Periodic orbits over a grid: each cell as if it were alone, failures with their reasons."""
 
 import numpy as np
 import pytest

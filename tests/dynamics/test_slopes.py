@@ -15,8 +15,8 @@ from jaxcrusher.dynamics.slopes import gradient_report
 from jaxcrusher.motion import method
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import Tangents
-from jaxcrusher.settled.shooting import section_point
-from jaxcrusher.settled.slopes import periodic_slopes
+from jaxcrusher.orbits.shooting import section_point
+from jaxcrusher.orbits.slopes import periodic_slopes
 
 
 def test_fit_of_lorenz():

@@ -18,7 +18,7 @@ from jaxcrusher.motion.statistic import (
 )
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import SLICES, combine, tangents
-from jaxcrusher.settled.trigonometric import resample
+from jaxcrusher.orbits.trigonometric import resample
 
 
 def eccentricity(s, scene):

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 
 import jaxcrusher as jc
-from jaxcrusher.settled.result import RESULTS, built, missing
+from jaxcrusher.orbits.result import RESULTS, built, missing
 from optimize.answer import Orbit
 
 VALUES = {"foundation_rms": 8.0, "foundation_peak": 9.0, "shaking_rms": 5.0, "shaking_peak": 6.0}

@@ -12,7 +12,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.files.program import program
-from optimize.balance import compare, problem, settled
+from optimize.balance import compare, objective, problem
 from optimize.balance import study as balance
 from optimize.balance.__main__ import study
 from optimize.balance.compare import Answer, Search, Smooth, search, spent_until
@@ -68,7 +68,7 @@ def test_gradient_against_differences():
     """All nine parameters of the study, with the joint's clearance."""
     options = Options()
     design, conditions = problem.design(options), problem.conditions(options)
-    function = jax.jit(lambda unit: settled.settled_slope(unit, conditions, design))
+    function = jax.jit(lambda unit: objective.orbit_slope(unit, conditions, design))
 
     def rms(point):
         return float(function(point)[0][0])
@@ -161,7 +161,7 @@ def test_mean_and_spread_has_the_right_slope():
 
     x = np.array([0.4, 0.9])
     slopes = 2 * (matrix @ x)[:, None] * matrix
-    value, slope = settled.mean_and_spread(values(x), slopes, 3.0)
+    value, slope = objective.mean_and_spread(values(x), slopes, 3.0)
     assert value == values(x).mean() + 3 * values(x).std()
     expected = jax.grad(lambda x: jnp.mean((matrix @ x) ** 2) + 3 * jnp.std((matrix @ x) ** 2))
     np.testing.assert_allclose(slope, expected(jnp.asarray(x)), rtol=1e-12)
@@ -169,7 +169,7 @@ def test_mean_and_spread_has_the_right_slope():
 
 def test_tolerances_are_the_same_for_everyone():
     middle, widths = {"load": 8800.0, "friction": 0.1}, {"load": 0.2, "friction": 0.5}
-    first, second = (settled.tolerances(middle, widths, 20, 3) for _ in range(2))
+    first, second = (objective.tolerances(middle, widths, 20, 3) for _ in range(2))
     np.testing.assert_array_equal(first["load"], second["load"])
     for name, column in first.items():
         assert column.shape == (20,) and (np.abs(column / middle[name] - 1) <= widths[name]).all()
@@ -216,7 +216,7 @@ def bowl_study(monkeypatch):
         1.0,
         10.0,
     )
-    monkeypatch.setattr(settled, "settled_objective", lambda *_: (nine, 20_000.0))
+    monkeypatch.setattr(objective, "orbit_objective", lambda *_: (nine, 20_000.0))
 
 
 def test_an_interrupted_study_goes_on(bowl_study, tmp_path, monkeypatch):

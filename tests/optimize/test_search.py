@@ -48,7 +48,7 @@ def test_result_holds_the_evidence(finished):
     assert result["status"] == "finished"
     optimum, paper = result["optimum"], result["seed_choice"]
     # The RMS rises with speed and clearance: the box's lower corner, to the last bit, and the
-    # settled RMS solved for by another program (to its ten digits). At 39 rad/s 96 nodes leave
+    # steady-state RMS solved for by another program (to its ten digits). At 39 rad/s 96 nodes leave
     # 5e-9 of it (21796.41418); 192 and 384 agree to 3e-12.
     assert optimum["values"] == {"speed": 25.0, "clearance": pytest.approx(0.03e-3, rel=1e-15)}
     assert optimum["foundation_rms"] == pytest.approx(18243.41119, rel=1e-9)
@@ -145,7 +145,7 @@ def test_map_of_orbits_is_labelled(finished):
         assert json.loads(orbits.attrs["box"])["bounds"]["speed"] == [25.0, 40.0]
         cell = orbits.isel(speed=0, clearance=0)
         assert float(cell.objective) == pytest.approx(18243.41119, rel=1e-9)
-        # The multiplier that settled.md of the docs gives: 1/e in some 4700 turns.
+        # The multiplier that orbits.md of the docs gives: 1/e in some 4700 turns.
         assert float(cell.settling_turns) == pytest.approx(4726, rel=1e-3)
         assert cell.failure == "" and bool(cell.counts)
     for name in ("landscape", "settling", "starts", "capacity", "motion", "pareto"):

@@ -457,5 +457,5 @@ def test_orbit_solves_for_the_settled_motion(tmp_path):
     assert (tmp_path / "orbit" / "orbit.png").stat().st_size > 10_000
     bad = ("orbit", "--out", tmp_path, "--name", "none", "--set", "load_law", "none")
     status, text = run(*bad)
-    assert status == 1 and "no settled motion" in text and "try a value a thousandth off" in text
+    assert status == 1 and "no periodic orbit" in text and "try a value a thousandth off" in text
     assert not (tmp_path / "none" / "orbit.json").exists()

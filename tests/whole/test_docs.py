@@ -65,7 +65,7 @@ def test_every_module_is_documented(documented):
         "docs/numerics.md",
         "docs/gradients.md",
         "docs/lanes.md",
-        "docs/settled.md",
+        "docs/orbits.md",
         "docs/design_search.md",
     ],
 )

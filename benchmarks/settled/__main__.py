@@ -1,6 +1,0 @@
-"""`python -m benchmarks.settled`: a map of steady states, and a branch round its fold."""
-
-from benchmarks.start import start
-
-if __name__ == "__main__":
-    start("benchmarks.settled", "settled.png")

@@ -1,0 +1,318 @@
+"""Periodic orbits of many designs: from the pin at rest, from neighbours, and from waiting.
+
+Designs are given as stacked cases, and a function makes the scene of one. What Newton's method does
+not find from the pin at rest is tried from the orbits of neighbours, and then from the motion that
+lanes have integrated until the transient is averaged out.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PyTree, Scalar
+
+from jaxcrusher.batch.engines import Engine, run_all, without_lanes
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.files.journal import Journal
+from jaxcrusher.lanes.code import LANES
+from jaxcrusher.orbits.forced import from_rest_unless
+from jaxcrusher.orbits.periodic_orbit import periodic_orbit
+from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, reason
+from jaxcrusher.orbits.transient import one_period, resting_start, section_mean
+from jaxcrusher.orbits.trigonometric import resample
+
+Rows = dict[str, np.ndarray]
+# Numbers that are free, and all others: of one case, and of stacked ones.
+Case = tuple[Float[Array, " n"], PyTree]
+Cases = tuple[Float[np.ndarray, "cases n"], PyTree]
+# Attributes of an orbit that a row holds besides its statistics.
+SEEN = (
+    "error",
+    "least_penetration",
+    "largest_multiplier",
+    "multipliers_error",
+    "settling_turns",
+    "success",
+    "stable",
+)
+# Designs solved between two looks at what their neighbours are.
+CHUNK = 16
+# Steps along an axis to the furthest neighbour. Where a branch folds back from the next cells, one
+# that comes from further away may pass: in a tongue the shape of a motion matters more than how
+# near it is.
+REACH = 4
+
+
+@dataclass(frozen=True)
+class Problem:
+    """The scene of a case, and the number of its orbit that is differentiated by what is free.
+
+    Both are functions that stand in a module, or `equinox.Partial`s of these: a program is compiled
+    once for all cases.
+    """
+
+    scene: Callable[[Array, PyTree], Scene]
+    number: Callable[[PeriodicOrbit, Scene, Array, PyTree], Scalar]
+    period: int
+    dims: int  # of an orbit: two a loose joint
+
+
+def solve_orbits(
+    problem: Problem,
+    cases: Cases,
+    levels: Sequence[int],
+    neighbours: Callable[[int], list[int]] | None,
+    *,
+    chunk: int = CHUNK,
+    enough: float = np.inf,
+    engine: Engine | None = None,
+    journal: Journal | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Rows:
+    """Solve for the orbits of stacked cases, and return their rows in columns.
+
+    **Arguments:**
+
+    - `cases`: free numbers (cases, n), and a tree of all others.
+    - `levels`: nodes a turn; more of them are for cases that fewer do not solve, or leave with an
+      `error` above `enough`.
+    - `neighbours`: the cases beside one, the nearest first. With None a case that fails from the
+      pin at rest is left: it is tried from no other orbit, and not waited for.
+    - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
+    - `journal`: of finished chunks.
+
+    **Returns:** statistics, `SEEN`, `number`, `slope` (cases, n), `inside_model`, multipliers, the
+    orbits themselves and `failure` in words; NaN where there is no orbit.
+    """
+    count = len(cases[0])
+    search = _Search(problem, cases, levels[-1] * problem.period, chunk, engine, journal)
+    report = progress or (lambda finished, of: None)
+    for nodes in levels:
+        search.fill(search.unsolved(enough), nodes, neighbours or _none, report)
+    # What no neighbour leads to is waited for.
+    left = search.unsolved(np.inf)
+    if neighbours is not None and len(left):
+        part = jax.tree.map(lambda leaf: np.asarray(leaf)[left], cases)
+        guesses = waited(problem, part, engine, journal)
+        known = np.isfinite(guesses).all(axis=(1, 2))
+        search.orbits[left[known]] = _resampled(guesses[known], search.points)
+        search.fill(left[known], levels[-1], neighbours, report)
+    report(count, count)
+    rows: dict[str, Any] = search.rows
+    rows["eccentricity"] = search.orbits
+    codes, which = np.unique(rows.pop("code"), return_inverse=True)
+    return rows | {"failure": np.array([_words(code) for code in codes.tolist()], object)[which]}
+
+
+def _none(_: int) -> list[int]:
+    return []
+
+
+class _Search:
+    """The rows and orbits that are known so far, and how more are solved for."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        cases: Cases,
+        points: int,
+        chunk: int,
+        engine: Engine | None,
+        journal: Journal | None,
+    ) -> None:
+        self._problem, self._cases, self._chunk = problem, cases, chunk
+        self._settings = {"engine": engine or without_lanes(), "journal": journal, "job": "orbits"}
+        self.points, self.rows = points, Rows()
+        # NaN stands for the pin at rest.
+        self.orbits = np.full((len(cases[0]), points, problem.dims), np.nan)
+
+    def unsolved(self, enough: float) -> np.ndarray:
+        """Return the cases without an orbit, or with one whose error is above `enough`."""
+        if not self.rows:
+            return np.arange(len(self.orbits))
+        good = np.logical_and(self.rows["success"], self.rows["error"] <= enough)
+        return np.flatnonzero(~good)
+
+    def fill(
+        self,
+        cases: np.ndarray,
+        nodes: int,
+        neighbours: Callable[[int], list[int]],
+        report: Callable[[int, int], None],
+    ) -> None:
+        """Solve cases from what is known of them, then from neighbours, until none is new."""
+        pairs, tried = [(case, case) for case in cases.tolist()], set[tuple[int, int]]()
+        while pairs:
+            self._attempt(pairs, nodes, report)
+            left = [case for case in cases.tolist() if not self.rows["success"][case]]
+            # As many guesses of each as fill a chunk.
+            most = max(1, self._chunk // max(1, len(left)))
+            pairs = [
+                pair
+                for case in left
+                for pair in [
+                    (case, near)
+                    for near in neighbours(case)
+                    if self.rows["success"][near] and (case, near) not in tried
+                ][:most]
+            ]
+            tried.update(pairs)
+
+    def _attempt(
+        self, pairs: list[tuple[int, int]], nodes: int, report: Callable[[int, int], None]
+    ) -> None:
+        """Solve cases from the orbits of others; of several guesses the first that leads counts."""
+        problem, chosen = self._problem, np.array(pairs)
+        given = (
+            jax.tree.map(lambda leaf: np.asarray(leaf)[chosen[:, 0]], self._cases),
+            self.orbits[chosen[:, 1]],
+        )
+        function = eqx.Partial(
+            _row, scene=problem.scene, number=problem.number, period=problem.period, nodes=nodes
+        )
+        total, first = len(self.orbits), not self.rows
+
+        def tell(done: int, _: int) -> None:
+            report(min(done, total) if first else total, total)
+
+        filled = jax.tree.map(lambda leaf: _filled(leaf, self._chunk), given)
+        found = run_all(function, filled, self._chunk, progress=tell, **self._settings)
+        if first:
+            self.rows = {
+                name: np.zeros((total, *column.shape[1:]), column.dtype)
+                for name, column in found.items()
+                if name != "eccentricity"
+            }
+        taken: dict[int, int] = {}
+        for i, (case, _) in enumerate(pairs):
+            if found["success"][i] and case not in taken:
+                taken[case] = i
+            elif first:
+                taken.setdefault(case, i)
+        into, out = list(taken), list(taken.values())
+        self.orbits[into] = found.pop("eccentricity")[out]
+        for name, column in found.items():
+            self.rows[name][into] = column[out]
+
+
+def _filled(leaf: Any, chunk: int) -> np.ndarray:
+    """Fill an array up to a multiple of a chunk's cases, with NaN for what is skipped."""
+    array = np.asarray(leaf, float)
+    return np.concatenate([array, np.full((-len(array) % chunk, *array.shape[1:]), np.nan)])
+
+
+def _resampled(orbits: np.ndarray, points: int) -> np.ndarray:
+    return np.asarray(jax.vmap(lambda x: resample(x, points))(jnp.asarray(orbits)))
+
+
+def _words(code: int) -> str:
+    """Return the reason that a result's code stands for, or nothing."""
+    return reason(jax.tree.unflatten(jax.tree.structure(RESULTS.successful), [jnp.asarray(code)]))
+
+
+def _row(
+    given: tuple[Case, Float[Array, "points dims"]],
+    scene: Callable[[Array, PyTree], Scene],
+    number: Callable[[PeriodicOrbit, Scene, Array, PyTree], Scalar],
+    period: int,
+    nodes: int,
+) -> dict[str, Array]:
+    """Solve one case from a guess; a case of NaN, which only fills a chunk, is skipped."""
+
+    def found(given: tuple[Case, Array]) -> dict[str, Array]:
+        return _solved(given, scene, number, period, nodes)
+
+    like = jax.eval_shape(found, given)
+    nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
+    fills = jnp.isnan(jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(given[0])])).any()
+    return jax.lax.cond(fills, lambda _: nothing, found, given)
+
+
+@eqx.filter_jit
+def _solved(
+    given: tuple[Case, Float[Array, "points dims"]],
+    scene: Callable[[Array, PyTree], Scene],
+    number: Callable[[PeriodicOrbit, Scene, Array, PyTree], Scalar],
+    period: int,
+    nodes: int,
+) -> dict[str, Array]:
+    (free, rest), guess = given
+
+    def solved(free: Array) -> tuple[Scalar, PeriodicOrbit]:
+        made = scene(free, rest)
+        first = None
+        if not made.is_ideal:
+            first = from_rest_unless(resample(guess, nodes * period), made, period)
+        orbit = periodic_orbit(made, period=period, nodes=nodes, guess=first)
+        return number(orbit, made, free, rest), orbit
+
+    if free.size:
+        (value, orbit), slope = jax.value_and_grad(solved, has_aux=True)(free)
+    else:
+        (value, orbit), slope = solved(free), free
+    row = dict(orbit.values) | {name: getattr(orbit, name) for name in SEEN}
+    row |= {
+        "number": jnp.where(orbit.success, value, jnp.nan),
+        "slope": jnp.where(orbit.success, slope, jnp.nan),
+        "inside_model": orbit.validity.inside,
+        "code": jax.tree.leaves(orbit.result)[0],
+        "eccentricity": guess,
+    }
+    if orbit.eccentricity is not None:
+        parts = {"real": orbit.multipliers.real, "imag": orbit.multipliers.imag}
+        row |= {f"multiplier_{part}": values for part, values in parts.items()}
+        row["eccentricity"] = resample(orbit.eccentricity, len(guess))
+    return row
+
+
+def waited(
+    problem: Problem, cases: Cases, engine: Engine | None = None, journal: Journal | None = None
+) -> Float[np.ndarray, "cases angles dims"]:
+    """Integrate cases until the transient is averaged out, and return a period as a guess.
+
+    NaN where the integration fails, and where a joint loses contact: collocation finds no such
+    orbit.
+    """
+    count = len(cases[0])
+    states, scenes = jax.vmap(lambda case: resting_start(problem.scene(*case)))(cases)
+    settings = {"engine": engine, "whole": LANES, "journal": journal, "job": "waiting"}
+    mean, seen = (eqx.Partial(look, period=problem.period) for look in (_mean, _one_period))
+    ended = run_all(mean, (states, scenes), count, **settings)
+    found = run_all(seen, (ended["mean"], scenes), count, **settings)
+    orbits = found["orbit"]
+    apart = np.linalg.norm(orbits.reshape(*orbits.shape[:2], -1, 2), axis=3)
+    kept = ended["success"] & found["success"] & np.all(apart > 1, axis=(1, 2))
+    return np.where(kept[:, None, None], orbits, np.nan)
+
+
+def _mean(case: tuple[Array, Scene], period: int) -> dict[str, Array]:
+    mean, _, success = section_mean(case, period=period)
+    return {"mean": mean, "success": success}
+
+
+def _one_period(case: tuple[Array, Scene], period: int) -> dict[str, Array]:
+    orbit, success = one_period(case, period=period)
+    return {"orbit": orbit, "success": success}
+
+
+def beside(shape: tuple[int, ...], ordered: Sequence[bool]) -> Callable[[int], list[int]]:
+    """Return a function of a cell of a grid: the cells a few steps along an ordered axis away.
+
+    Cells go by their number. The nearest come first, up to `REACH` steps away.
+    """
+    steps = [sign * length for length in range(1, REACH + 1) for sign in (-1, 1)]
+
+    def near(cell: int) -> list[int]:
+        place, found = np.unravel_index(cell, shape), []
+        for step, (axis, size) in itertools.product(steps, enumerate(shape)):
+            if ordered[axis] and 0 <= place[axis] + step < size:
+                moved = [p + step * (k == axis) for k, p in enumerate(place)]
+                found.append(int(np.ravel_multi_index(moved, shape)))
+        return found
+
+    return near

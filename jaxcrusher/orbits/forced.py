@@ -1,0 +1,137 @@
+"""The crusher as a forced second-order system: eccentricities in clearances over shaft angle.
+
+The unknowns x are those of the main joint, of the elbow and of the pivot, of each that is loose.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.linalg import lu_solve
+from jaxtyping import Array, Float, Scalar
+
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.formulations import ClosedLinkage, EccentricityFormulation
+from jaxcrusher.crusher.formulations.eccentricity import EccentricityState, JointState
+from jaxcrusher.crusher.joints import AtJoints
+from jaxcrusher.crusher.observables import foundation_force
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.crusher.starts import resting
+from jaxcrusher.joint.clearance import ClearanceJoint
+from jaxcrusher.orbits.collocation import System, one_by_one
+from jaxcrusher.orbits.newton import Factors
+from jaxcrusher.orbits.trigonometric import differentiation, nodes, resample
+
+# Refinements of the first guess: each adds what the last one's acceleration asks of the contact.
+REFINEMENTS = 2
+
+
+def refusal(scene: Scene) -> str:
+    """Say what a scene must be for collocation and is not; nothing if it can be solved for."""
+    if not isinstance(scene.formulation, EccentricityFormulation | ClosedLinkage):
+        return "be written by eccentricity, but is written by multipliers"
+    if scene.drive.initial() is not None:
+        return "turn at constant speed, but its shaft is free: it repeats at a speed not given"
+    memories = [joint.normal.impact_velocity.initial() for _, joint in scene.joints.present()]
+    if all(memory is None for memory in memories):
+        return ""
+    return "have a constant impact velocity, but tracks it: in contact any value repeats itself"
+
+
+def pairs(x: Float[Array, " dims *nodes"], scene: Scene) -> AtJoints[Vector]:
+    """Give two of the numbers to each joint with clearance."""
+    names = [name for name, _ in scene.joints.present()]
+    return AtJoints(**{n: Vector(x[2 * i], x[2 * i + 1]) for i, n in enumerate(names)})
+
+
+def numbers(e: AtJoints[Vector]) -> Float[Array, " dims *nodes"]:
+    """Invert `pairs`."""
+    return jnp.stack([part for _, one in e.present() for part in (one.x, one.y)])
+
+
+def state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
+    """Make a state from e / c and its derivative by the shaft angle."""
+
+    def one(joint: ClearanceJoint, at: Vector, change: Vector) -> JointState:
+        return JointState(at, scene.drive.speed * joint.clearance * change, None)
+
+    return EccentricityState(scene.joints.map(one, pairs(x, scene), pairs(rate, scene)), None)
+
+
+@jax.jit  # traced once for all that is asked of orbits
+def acceleration(
+    angle: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
+) -> Float[Array, " dims"]:
+    """Return the second derivative of e / c by the shaft angle."""
+    seen = snapshot(angle, x, rate, scene)
+    change = scene.formulation.rate(seen, state(x, rate, scene), scene)
+    scaled = scene.joints.map(
+        lambda joint, at: at.rate / (joint.clearance * scene.drive.speed**2), change.joints
+    )
+    return numbers(scaled)
+
+
+def system(scene: Scene, period: int) -> System:
+    """Return the system of motions that repeat after `period` turns."""
+    return System(acceleration, jnp.asarray(2 * np.pi * period), scene)
+
+
+def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count dims"]:
+    """Return the pins resting under the forces of a motion that their own depth corrects."""
+    pace = scene.drive.speed / period
+    first, second = (pace**k * matrix for k, matrix in enumerate(differentiation(count), start=1))
+    times = 2 * jnp.pi * jnp.asarray(nodes(count)) / pace
+    e = jax.vmap(lambda time: scene.joints.map(lambda _: Vector(0 * time, 0 * time)))(times)
+
+    def refined(_, e: AtJoints[Vector]) -> AtJoints[Vector]:
+        rate, curvature = (jax.tree.map(lambda part, m=m: m @ part, e) for m in (first, second))
+        return one_by_one(resting, (times, e, rate, curvature), scene)
+
+    e = jax.lax.fori_loop(0, 1 + REFINEMENTS, refined, e)
+    relative = jax.vmap(lambda e: scene.joints.map(lambda joint, at: at / joint.clearance, e))(e)
+    return numbers(relative).T
+
+
+def from_rest_unless(
+    guess: Float[Array, "count dims"], scene: Scene, period: int
+) -> Float[Array, "count dims"]:
+    """Put the pins at rest in place of a guess that is NaN: one program serves both."""
+    rest = quasi_static(jax.lax.stop_gradient(scene), period, len(guess))
+    return jnp.where(jnp.isfinite(guess), guess, rest)
+
+
+@jax.jit  # as above
+def snapshot(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
+    """Look at an instant of an orbit."""
+    return scene.formulation.snapshot(angle / scene.drive.speed, state(x, rate, scene), scene)
+
+
+def residual_error(
+    system: System,
+    x: Float[Array, "nodes dims"],
+    factors: Factors,
+    accelerations: Float[Array, "instants dims"],
+) -> Scalar:
+    """Estimate the error that the nodes leave in the RMS of the force, as a share of it.
+
+    The defect, zero at the nodes, is what the polynomial cannot follow between them, where the
+    `accelerations` are those that the equations ask for at equal steps, two a node or more. The
+    dual of the mean square says what it matters (Becker and Rannacher, Acta Numerica 10, 2001).
+    Harmonics of both cancel each other in their mean product, but not in what the next order of
+    the defect does. So their sizes are added: at 350 random orbits with 96 nodes the true error
+    came to 0.58 of that at most, and to 29 times the mean product.
+    """
+
+    def square(angle: Scalar, x: Array, rate: Array, scene: Scene) -> tuple[Scalar, Scalar]:
+        found = foundation_force(snapshot(angle, x, rate, scene), scene) ** 2
+        return found, found
+
+    points, pace = len(accelerations), 2 * np.pi / system.period
+    by_both = jax.grad(square, argnums=(1, 2), has_aux=True)
+    (by_x, by_rate), squares = one_by_one(by_both, system.at(x, len(x)), system.args)
+    weights = by_x + pace * differentiation(len(x))[0].T @ by_rate
+    dual = lu_solve(factors, weights.ravel(), trans=1).reshape(x.shape)
+    defect = accelerations - pace**2 * resample(x, points, order=2)
+    both = (jnp.fft.rfft(resample(dual, points) / points, axis=0), jnp.fft.rfft(defect, axis=0))
+    by_harmonic = jnp.sum(jnp.real(jnp.conj(both[0]) * both[1]), axis=1) / points
+    return jnp.sum(jnp.abs(by_harmonic)) / jnp.mean(squares)

@@ -1,0 +1,121 @@
+"""Floquet multipliers: what a small disturbance of an orbit is multiplied by in one period.
+
+They are the eigenvalues of the monodromy matrix, which the variational equations along the orbit
+give. These are linear: Magnus' expansion of sixth order by Gauss points (Blanes, Casas, Ros, BIT
+40, 2000) takes steps that a swing much faster than the drive does not shorten as it does those of
+a quadrature, and two numbers of steps tell the error.
+"""
+
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float, Scalar
+
+from jaxcrusher.orbits.collocation import System
+from jaxcrusher.orbits.trigonometric import resample
+
+# Instants a period at which the equations are linearised; a trigonometric polynomial joins them.
+LOOKS = 256
+# Steps a period.
+STEPS = 1024
+# Of Gauss' outer points of an interval from its middle, in intervals.
+GAUSS = math.sqrt(0.15)
+
+
+class Multipliers(eqx.Module):
+    """Multipliers of an orbit over its period, and the matrix that they are of."""
+
+    values: Complex[Array, " twodims"]
+    monodromy: Float[Array, "twodims twodims"]  # d(x, x') at the end / at the beginning
+    error: Scalar  # estimated, of the matrix, relative to its largest entry
+
+    @property
+    def largest(self) -> Scalar:
+        """Return the largest modulus: below 1 the orbit is stable."""
+        return jnp.max(jnp.abs(self.values))
+
+
+@eqx.filter_jit
+def multipliers(system: System, x: Float[Array, "nodes dims"], steps: int = STEPS) -> Multipliers:
+    """Return those of the orbit through the nodes `x`, with `steps` (a power of two) a period.
+
+    Pure JAX, without slopes; NaN where the orbit is.
+    """
+    system, x = jax.lax.stop_gradient((system, x))
+    slopes, _ = system.slopes(*system.at(x, max(LOOKS, len(x))))
+    return of_slopes(slopes, system.period, steps)
+
+
+def of_slopes(
+    slopes: tuple[Float[Array, "n dims dims"], ...], period: Scalar, steps: int = STEPS
+) -> Multipliers:
+    """Return them from df/dx and df/dx' at equally spaced instants of the period."""
+    by_x, by_rate = slopes
+    zero, eye = jnp.zeros_like(by_x), jnp.broadcast_to(np.eye(by_x.shape[1]), by_x.shape)
+    upper, lower = (jnp.concatenate(row, axis=2) for row in ((zero, eye), (by_x, by_rate)))
+    along = jnp.concatenate([upper, lower], axis=1)
+    coarse, fine = _monodromies(along, period, (steps // 2, steps))
+    # Twice the steps leave a 64th of the error.
+    error = jnp.max(jnp.abs(fine - coarse)) / jnp.max(jnp.abs(fine)) / 63
+    good = jnp.all(jnp.isfinite(fine))
+    values = jnp.linalg.eigvals(jnp.where(good, fine, 0.0))
+    return Multipliers(jnp.where(good, values, jnp.nan), fine, error)
+
+
+def _monodromies(along: Array, period: Scalar, counts: tuple[int, int]) -> tuple[Array, Array]:
+    """Multiply all steps, the last on the left, for either number of steps."""
+    dims = along.shape[1] // 2
+    # Rates in the unit of the fastest swing, so that all entries are of one size.
+    pace = jnp.sqrt(jnp.max(jnp.abs(along[:, dims:, :dims])))
+    units = jnp.concatenate([jnp.ones(dims), jnp.full(dims, 1 / pace)])
+    scale = units[:, None] / units
+    points = (-GAUSS, 0.0, GAUSS)
+    gauss = tuple(
+        jnp.concatenate([resample(period / n * scale * along, n, 0.5 + off) for n in counts])
+        for off in points
+    )
+
+    # Step by step, one number of steps after the other: XLA makes one kernel of the loop. Of all
+    # steps side by side it computes each product again for every entry of the next.
+    def pass_on(products, now) -> tuple[tuple[Array, Array], None]:
+        (early, first, late), begins = now
+        before, passed = products
+        before = jnp.where(begins, passed, before)
+        passed = jnp.where(begins, eye, passed)
+        second = (late - early) / (2 * GAUSS)
+        third = (late - 2 * first + early) / (2 * GAUSS**2)
+        inner = _bracket(first, second)
+        outer = -_bracket(first, 2 * third + inner) / 60
+        bend = _bracket(-20 * first - third + inner, second + outer) / 240
+        return (before, _exponential(first + third / 12 + bend) @ passed), None
+
+    eye, begins = jnp.eye(2 * dims), np.arange(sum(counts)) == counts[0]
+    one, other = jax.lax.scan(pass_on, (eye, eye), (gauss, begins))[0]
+    return one / scale, other / scale
+
+
+def _bracket(a: Array, b: Array) -> Array:
+    return a @ b - b @ a
+
+
+def _exponential(matrix: Array) -> Array:
+    """Sum a series of degree 8 for a matrix whose norm is of order one, its argument halved twice.
+
+    Grouped by powers of the cube (Paterson and Stockmeyer, SIAM J. Comput. 2, 1973).
+    """
+    quarter, eye = matrix / 4, jnp.eye(len(matrix))
+    square = quarter @ quarter
+    cube = quarter @ square
+
+    def group(first: int) -> Array:
+        one, two, three = (1 / math.factorial(first + k) for k in range(3))
+        return one * eye + two * quarter + three * square
+
+    found = group(6)
+    for first in (3, 0):
+        found = group(first) + cube @ found
+    found = found @ found
+    return found @ found

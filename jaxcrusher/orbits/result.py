@@ -1,0 +1,225 @@
+"""A periodic orbit: what is known of it, however it was found, and the one way to make it."""
+
+from collections.abc import Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float, PyTree, Scalar
+
+from jaxcrusher.basics.checks import concrete, require, require_names
+from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
+from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.joint.validity import Validity
+from jaxcrusher.motion.named import AbstractNamed
+from jaxcrusher.motion.statistic import SAMPLES, STATISTIC, statistics_of
+from jaxcrusher.motion.statistics import limits_of
+from jaxcrusher.orbits import forced, newton
+from jaxcrusher.orbits.trigonometric import evaluate
+
+
+class RESULTS(newton.RESULTS):  # pyright: ignore
+    """Newton's method ended so, or its root is no orbit."""
+
+    contact_lost = "The motion loses contact, which these nodes do not resolve."
+    unresolved = "The motion is not resolved by these nodes."
+    not_closed = "The motion does not repeat when it is integrated over its period."
+
+
+def reason(result: RESULTS) -> str:
+    """Say in one line what a result means; nothing if it is a success (concrete values only)."""
+    # Equinox reads the codes of JAX's arrays only, not of NumPy's.
+    return " ".join(str(RESULTS[jax.tree.map(jnp.asarray, result)]).split())
+
+
+class PeriodicOrbit(eqx.Module, AbstractNamed):
+    """A motion that repeats after `period` turns, and its statistics by name.
+
+    `orbit.foundation_rms` and so on: units and meanings stand in
+    `jaxcrusher.motion.statistic.STATISTIC`. A failed search has `success` False, NaN in every
+    number, and says why in `failure`. Slopes of a failure are NaN, and so are slopes of the
+    multipliers and of what follows from them.
+    """
+
+    scene: Scene
+    period: int = eqx.field(static=True)  # turns
+    # e / c at equal steps of shaft angle: x and y of each joint with clearance, A, B, C
+    eccentricity: Float[Array, "nodes dims"] | None
+    section: Float[Array, " states"]  # the state at shaft angle zero: a section point
+    result: RESULTS
+    steps: Array  # Newton's
+    values: Mapping[str, Scalar]  # statistics
+    error: Scalar  # estimated, of the RMS as a share of it
+    least_penetration: Scalar  # least delta / c at any joint: contact is kept if > 0
+    multipliers: Complex[Array, " n"]  # of a disturbance, in one period: 4 a loose joint
+    multipliers_error: Scalar  # estimated; NaN where nothing is known of it
+    validity: Validity
+
+    def units(self) -> dict[str, str]:
+        """Return the unit of every statistic there is."""
+        return {name: statistic.unit for name, statistic in STATISTIC.items()}
+
+    @property
+    def success(self) -> Bool[Array, "*batch"]:
+        """Whether this is an orbit."""
+        return self.result == RESULTS.successful
+
+    @property
+    def failure(self) -> str:
+        """Say why there is no orbit; nothing if there is (concrete values only)."""
+        return reason(self.result)
+
+    @property
+    def largest_multiplier(self) -> Float[Array, "*batch"]:
+        """Return the largest modulus of the multipliers."""
+        return jnp.max(jnp.abs(self.multipliers), axis=-1, initial=0.0)
+
+    @property
+    def stable(self) -> Bool[Array, "*batch"]:
+        """Whether disturbances die.
+
+        An orbit whose largest multiplier is 1 within `multipliers_error` is not called stable.
+        """
+        error = jnp.where(jnp.isnan(self.multipliers_error), 0.0, self.multipliers_error)
+        return self.success & (self.largest_multiplier < 1 - error)
+
+    @property
+    def settling_turns(self) -> Float[Array, "*batch"]:
+        """Return the turns in which a disturbance falls to 1/e in the end; infinite if it grows."""
+        largest = self.largest_multiplier
+        return jnp.where(largest >= 1, jnp.inf, -self.period / jnp.log(largest))
+
+    def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
+        """Return where the motion is at a shaft angle (rad); it may be handed to a formulation."""
+        require(self.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
+        return _state(self, jnp.asarray(angle, dtype=float))
+
+    def motion(
+        self, angles: Float[ArrayLike, " n"], outputs: tuple[str, ...] = tuple(OBSERVABLES)
+    ) -> dict[str, Array]:
+        """Return observables at any shaft angles (rad), by name, shape (n,) or (n, 2).
+
+        Raises ValueError for a name that `jaxcrusher.crusher.observables.OBSERVABLES` lacks.
+        """
+        require_names("outputs", outputs, tuple(OBSERVABLES))
+        return _seen(self, jnp.asarray(angles, dtype=float), tuple(outputs))
+
+
+def built(
+    scene: Scene,
+    period: int,
+    path: Float[Array, "nodes dims"] | None,
+    section: Float[ArrayLike, " states"],
+    values: Mapping[str, Scalar],
+    *,
+    result: RESULTS,
+    error: Scalar,
+    least_penetration: Scalar,
+    multipliers: ArrayLike,
+    multipliers_error: ArrayLike,
+    steps: ArrayLike = 0,
+) -> PeriodicOrbit:
+    """Return an orbit; its statistics tell the limits of the contact model."""
+    limits = limits_of(scene, values)
+    assert limits is not None
+    return PeriodicOrbit(
+        scene,
+        period,
+        path,
+        jnp.asarray(section, float),
+        result,
+        jnp.asarray(steps),
+        values,
+        error,
+        least_penetration,
+        jnp.asarray(multipliers, complex),
+        jnp.asarray(multipliers_error, float),
+        limits,
+    )
+
+
+def missing(scene: Scene, period: int) -> PeriodicOrbit:
+    """Return no orbit: NaN in every number."""
+    nan, dims = jnp.asarray(jnp.nan), 4 * len(list(scene.joints.present()))
+    return built(
+        scene,
+        period,
+        jnp.full((SAMPLES * period, dims // 2), jnp.nan),
+        jnp.full(dims, jnp.nan),
+        dict.fromkeys(statistics_of(scene), nan),
+        result=RESULTS.not_closed,
+        error=nan,
+        least_penetration=nan,
+        multipliers=jnp.full(dims, jnp.nan),
+        multipliers_error=nan,
+    )
+
+
+@eqx.filter_jit
+def _state(orbit: PeriodicOrbit, angle: Scalar) -> EccentricityState:
+    assert orbit.eccentricity is not None
+    place = angle / (2 * np.pi * orbit.period)
+    rate = evaluate(orbit.eccentricity, place, 1) / orbit.period
+    return forced.state(evaluate(orbit.eccentricity, place), rate, orbit.scene)
+
+
+@eqx.filter_jit
+def _seen(
+    orbit: PeriodicOrbit, angles: Float[Array, " n"], outputs: tuple[str, ...]
+) -> dict[str, Array]:
+    def look(angle: Scalar) -> dict[str, Array]:
+        state = None if orbit.eccentricity is None else _state(orbit, angle)
+        time = angle / orbit.scene.drive.speed
+        snapshot = orbit.scene.formulation.snapshot(time, state, orbit.scene)
+        return {name: OBSERVABLES[name](snapshot, orbit.scene) for name in outputs}
+
+    return jax.vmap(look)(angles)
+
+
+def finished(orbit: PeriodicOrbit) -> PeriodicOrbit:
+    """Return the orbit as it is handed out: NaN in every number and slope of a failure.
+
+    Slopes of multipliers and errors are NaN too. They are computed without slopes, and a slope of
+    zero would be wrong.
+    """
+    scene, own = orbit.scene, _masked(eqx.tree_at(lambda of: of.scene, orbit, None))
+    if any(concrete(leaf) is None for leaf in jax.tree.leaves(scene)):
+        own = _sloped_if(own.success, own, scene)
+        bare = own.error, own.multipliers, own.multipliers_error
+        bare = _sloped_if(jnp.array(False), bare, scene)
+        own = eqx.tree_at(lambda of: (of.error, of.multipliers, of.multipliers_error), own, bare)
+    return eqx.tree_at(lambda of: of.scene, own, scene, is_leaf=lambda node: node is None)
+
+
+@eqx.filter_jit
+def _masked(orbit: PeriodicOrbit) -> PeriodicOrbit:
+    numbers, others = eqx.partition(orbit, eqx.is_inexact_array)
+    numbers = jax.tree.map(lambda leaf: jnp.where(orbit.success, leaf, jnp.nan), numbers)
+    return eqx.combine(numbers, others)
+
+
+def without_slopes(orbit: PeriodicOrbit, scene: Scene) -> PeriodicOrbit:
+    """Return the orbit with NaN for every slope by the numbers of `scene`, which nobody knows."""
+    return _sloped_if(jnp.array(False), orbit, scene)
+
+
+def _sloped_if(good: Bool[Array, ""], tree: PyTree, scene: Scene) -> PyTree:
+    """Return the numbers of a tree, whose slopes by those of `scene` are NaN unless `good`."""
+    leaves = [leaf for leaf in jax.tree.leaves(scene) if eqx.is_inexact_array(leaf)]
+    total = sum(map(jnp.sum, leaves), jnp.zeros(()))
+    numbers, others = eqx.partition(tree, eqx.is_inexact_array)
+    return eqx.combine(jax.tree.map(lambda leaf: _marked(leaf, good, total), numbers), others)
+
+
+@jax.custom_jvp
+def _marked(number: Array, good: Bool[Array, ""], total: Scalar) -> Array:
+    return number
+
+
+@_marked.defjvp
+def _marked_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    number, good, _ = primals
+    slope, _, by_scene = tangents
+    return number, slope + jnp.where(good, 0.0, jnp.nan) * by_scene

@@ -1,0 +1,223 @@
+"""Orbits by collocation, in pure JAX: an eager call and a traced one run the same programs.
+
+Nodes are solved for without slopes; statistics follow from nodes that move with the scene.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jax.custom_batching import sequential_vmap
+from jaxtyping import Array, Bool, Float, Int, Scalar
+
+from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.motion.flow import flat
+from jaxcrusher.motion.statistic import Chosen, PowerMean, chosen, statistics_of
+from jaxcrusher.orbits import forced, newton
+from jaxcrusher.orbits.collocation import System, Unfactored, attached, collocate, one_by_one
+from jaxcrusher.orbits.multipliers import LOOKS, Multipliers, of_slopes
+from jaxcrusher.orbits.newton import Factors
+from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, built
+from jaxcrusher.orbits.trigonometric import resample
+
+# Nodes a turn to begin with, and the most that a motion gets.
+NODES, MOST_NODES = 96, 384
+# Nodes are added until the RMS is known this well. Slopes by the clearance, a millionth of the RMS
+# for a clearance that grows by all of itself, then have two digits and more.
+SETTLED = 1e-8
+# An orbit whose RMS is known no better, as a share of it, is none.
+UNRESOLVED = 1e-3
+# Instants a turn at which forces are looked at: the length of a reaction that passes near zero
+# bends more sharply than the motion does.
+INSTANTS = 1024
+# Instants between two of these at which the trigonometric polynomial through them is searched for
+# peaks.
+FINER = 8
+
+
+class Nodes(eqx.Module):
+    """Where Newton's method ended, and what is known there without slopes."""
+
+    x: Float[Array, "nodes dims"]
+    result: newton.RESULTS
+    steps: Int[Array, ""]
+    residual_error: Scalar  # of the RMS of the force, as a share of it; estimated
+    multipliers: Multipliers
+
+
+def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -> Nodes:
+    """Return what is known of the orbit through `x`."""
+    slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
+    error = forced.residual_error(system, x, root.factors, accelerations)
+    return Nodes(x, root.result, root.steps, error, of_slopes(slopes, system.period))
+
+
+@eqx.filter_jit
+def solved(
+    scene: Scene, guess: Float[Array, "angles dims"] | None, period: int, nodes: int
+) -> tuple[Nodes, Factors]:
+    """Return the orbit near a guess, or near the pins at rest, and the factors for its slopes.
+
+    A program of its own, which serves values and slopes.
+    """
+    start = forced.quasi_static(scene, period, nodes) if guess is None else resample(guess, nodes)
+    system = forced.system(scene, period)
+    x, root = collocate(system, start)
+    return of_nodes(system, x, root), root.factors
+
+
+def with_statistics(scene: Scene, found: Nodes, factors: Factors, period: int) -> PeriodicOrbit:
+    """Return the orbit with the statistics that the table has now."""
+    return _with_statistics(scene, found, factors, period, chosen(statistics_of(scene)))
+
+
+@eqx.filter_jit
+def _with_statistics(
+    scene: Scene, found: Nodes, factors: Factors, period: int, outputs: Chosen
+) -> PeriodicOrbit:
+    system = forced.system(scene, period)
+    return described(system, found, attached(system, found.x, factors), period, outputs)
+
+
+def solved_as_needed(scene: Scene, still: Scene, guess: Array | None, period: int) -> PeriodicOrbit:
+    """Return the orbit with 96 nodes a turn, or with 384 where these leave the RMS unsettled.
+
+    `still` is the scene without slopes.
+    """
+    found = _refined(still, guess, period)
+    return _refined_described(scene, found, period, chosen(statistics_of(scene)))
+
+
+class _Refined(eqx.Module):
+    """An orbit with many nodes, and the few that it is made of where these settle the RMS."""
+
+    orbit: Nodes
+    settled: Bool[Array, ""]  # by the few
+    few: Float[Array, "nodes dims"]
+    factors: Factors  # of the few
+
+
+@eqx.filter_jit
+def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
+    """Solve for the orbit; under `jax.vmap` one design after the other: few need many nodes."""
+
+    @sequential_vmap
+    def found(scene: Scene, guess: Array | None) -> _Refined:
+        few, factors = solved(scene, guess, period, NODES * period)
+        # Where Newton's method fails more nodes are of no use.
+        failed = few.result != newton.RESULTS.successful
+        settled = failed | (few.residual_error <= SETTLED)
+        start = resample(few.x, MOST_NODES * period)
+        orbit = jax.lax.cond(
+            settled,
+            lambda: dataclasses.replace(few, x=start),
+            lambda: solved(scene, start, period, MOST_NODES * period)[0],
+        )
+        return _Refined(orbit, settled, few.x, factors)
+
+    return found(scene, guess)
+
+
+@eqx.filter_jit
+def _refined_described(
+    scene: Scene, found: _Refined, period: int, outputs: Chosen
+) -> PeriodicOrbit:
+    """Return the orbit, with slopes by the equations of the nodes that settled it."""
+    system = forced.system(scene, period)
+    x = jax.lax.cond(
+        found.settled,
+        lambda system: resample(attached(system, found.few, found.factors), len(found.orbit.x)),
+        lambda system: attached(system, found.orbit.x, Unfactored(~found.settled)),
+        system,
+    )
+    return described(system, found.orbit, x, period, outputs)
+
+
+def described(
+    system: System, found: Nodes, x: Float[Array, "nodes dims"], period: int, outputs: Chosen
+) -> PeriodicOrbit:
+    """Return the orbit through `x`: the nodes found, moving with the numbers of `system`."""
+    scene, instants = system.args, system.at(x, INSTANTS * period)
+    values, error, least = _statistics(forced.snapshot, instants, scene, outputs)
+    error += found.residual_error
+    result = RESULTS.promote(found.result)
+    unresolved = (result == RESULTS.successful) & ~(error <= UNRESOLVED)
+    why = RESULTS.where(least > 0, RESULTS.unresolved, RESULTS.contact_lost)
+    _, place, rate = (part[0] for part in system.at(x, len(x)))
+    return built(
+        scene,
+        period,
+        x,
+        flat(forced.state(place, rate, scene), scene),
+        values,
+        result=RESULTS.where(unresolved, why, result),
+        error=error,
+        least_penetration=least,
+        multipliers=found.multipliers.values,
+        multipliers_error=found.multipliers.error,
+        steps=found.steps,
+    )
+
+
+@eqx.filter_jit
+def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
+    """Return the orbit of ideal joints: a sum over turns."""
+    angles = 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS
+    values, error, _ = _statistics(
+        lambda time, scene: scene.formulation.snapshot(time, None, scene),
+        (angles / scene.drive.speed,),
+        scene,
+        outputs,
+    )
+    zero = jnp.zeros(())
+    return built(
+        scene,
+        period,
+        None,
+        jnp.zeros(0),
+        values,
+        result=RESULTS.promote(newton.RESULTS.successful),
+        error=error,
+        least_penetration=zero,
+        multipliers=jnp.zeros(0),
+        multipliers_error=zero,
+    )
+
+
+def _statistics(
+    snapshot: Callable[..., Snapshot], instants: tuple[Array, ...], scene: Scene, outputs: Chosen
+) -> tuple[dict[str, Scalar], Scalar, Scalar]:
+    """Reduce snapshots at equal steps to statistics, and to the least penetration.
+
+    Between them comes what half of the snapshots make of the RMS. Means are sums over the
+    instants, peaks those of the trigonometric polynomial through them.
+    """
+    statistics = dict(outputs)
+    quantities = dict.fromkeys(statistic.quantity for statistic in statistics.values())
+
+    def look(*instant) -> list[Scalar]:
+        seen = snapshot(*instant)
+        return [quantity(seen, scene) for quantity in quantities]
+
+    samples = dict(zip(quantities, one_by_one(look, instants, scene), strict=True))
+
+    def reduce(name: str, step: int = 1) -> Scalar:
+        how, q = statistics[name].reduction, samples[statistics[name].quantity][::step]
+        if isinstance(how, PowerMean):
+            return how.root(jnp.mean(q**how.power))
+        return how.of_samples(_finer(q))
+
+    values = {name: reduce(name) for name in statistics}
+    error = jnp.abs(reduce("foundation_rms", 2) / values["foundation_rms"] - 1)
+    names = [f"{before(joint)}penetration_ratio" for joint, _ in scene.joints.present()]
+    depths = [samples[statistics[name].quantity] for name in names or ["penetration_ratio"]]
+    least = jnp.min(jnp.stack([jnp.min(_finer(depth)) for depth in depths]))
+    return values, jax.lax.stop_gradient(error), least
+
+
+def _finer(samples: Float[Array, " n"]) -> Float[Array, " m"]:
+    return resample(samples, FINER * len(samples))

@@ -1,0 +1,144 @@
+"""The motions that many starts come to; orbits by shooting."""
+
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.dynamics import coexisting_orbits as module
+from jaxcrusher.motion.flow import flat
+from jaxcrusher.orbits.shooting import shoot
+
+
+@pytest.fixture(scope="module")
+def found():
+    return jc.coexisting_orbits(jc.paper_scene(40.0, 0.12e-3), starts=16, turns=400)
+
+
+def test_a_companion_of_two_turns(found):
+    """Most centred starts come to it, the others swing about the quiet motion."""
+    # The most frequent of each period: rarer ones lie round the quiet motion.
+    loud, quiet = (next(o for o in found.orbits if o.period == period) for period in (2, 1))
+    assert found.orbits[0] is loud
+    # Four turns after 600 at three tolerances: 25 131.73 (1e-6), 25 129.0841 (1e-9), .08606.
+    np.testing.assert_allclose(loud.foundation_rms, 25129.08606, atol=2e-4)
+    np.testing.assert_allclose(quiet.foundation_rms, 22221.2840, atol=1e-3)
+    assert loud.stable and quiet.stable
+    # It leaves the bore for a moment each second turn.
+    assert -0.003 < loud.least_penetration < 0 < quiet.least_penetration
+    assert 0.99 < loud.contact_fraction < 1
+    np.testing.assert_allclose(loud.foundation_peak, 61647, rtol=1e-3)
+    # After 1000 turns six of ten starts; of these 16 a standard error is 0.12.
+    assert 0.2 < found.shares[0] < 0.95
+    assert sum(found.shares) + sum(found.unsettled.values()) == pytest.approx(1)
+    assert "period 2: RMS 25129.09 N" in str(found)
+
+
+def test_shooting_and_collocation_agree(found):
+    """The same quiet motion by the integrator, from a point beside it."""
+    quiet = next(orbit for orbit in found.orbits if orbit.period == 1)
+    beside = flat(quiet.state(), quiet.scene) + 1e-3
+    shot = shoot(quiet.scene, beside, 1)
+    assert shot.success
+    # The integrator's tolerance is 1e-11 of a state whose swing it hardly damps.
+    np.testing.assert_allclose(shot.foundation_rms, quiet.foundation_rms, rtol=1e-8)
+    moduli = (np.sort(np.abs(orbit.multipliers)) for orbit in (shot, quiet))
+    np.testing.assert_allclose(*moduli, atol=1e-7)
+    assert shot.error < 1e-6 and shot.multipliers_error < 1e-5
+    np.testing.assert_allclose(shot.least_penetration, quiet.least_penetration, rtol=1e-3)
+
+
+def test_shooting_from_nowhere_says_so():
+    scene = jc.paper_scene(40.0, 0.12e-3)
+    lost = shoot(scene, np.array([0.0, 0.0, 0.3, 0.0]), 1)
+    assert not lost.success and "does not repeat" in lost.failure
+    assert np.isnan(lost.foundation_rms) and np.isnan(lost.multipliers).all()
+
+
+def swinging(section, width, pace=3**0.5, turns=250):
+    """Section points that go round those of an orbit."""
+    phase = 2 * np.pi * pace * np.arange(turns)
+    round_it = width * np.stack([np.cos(phase), np.sin(phase)], axis=1)
+    return np.concatenate([np.resize(section, (turns, 2)) + round_it, 0 * round_it], axis=1)
+
+
+def swing_about(*arguments):
+    return module._shortest(module._swings(swinging(*arguments)))
+
+
+def test_what_a_motion_swings_about():
+    """The shortest orbit that the points go round, and how wide; the swing's own turns are none."""
+    one, two = np.array([[0.3, 0.4]]), np.array([[0.0, 0.0], [1.0, 0.0]])
+    for section in (one, two):
+        swing = swing_about(section, 0.05)
+        # The mean of 120 points of a circle is that far from its middle.
+        np.testing.assert_allclose(swing.centre[:, :2], section, atol=0.05 / 20)
+        # A circle of radius r is r / sqrt(2) wide in each direction.
+        np.testing.assert_allclose(swing.spread, 0.05 / np.sqrt(2), rtol=0.01)
+    # Locked to the turn five to twelve: it repeats, but after no less than twelve.
+    assert len(swing_about(one, 0.05, 5 / 12).centre) == module.CYCLE
+    repeated = swing_about(one, 0.05, 1 / 3)
+    assert len(repeated.centre) == 3 and repeated.spread < 1e-12
+
+
+class Orbit:
+    """As much of one as the bookkeeping asks for."""
+
+    def __init__(self, section, stable=True, least=0.02):
+        self.section, self.stable, self.least_penetration = np.asarray(section), stable, least
+        self.period, self.foundation_rms = len(section), 1.0 + np.sum(section)
+
+
+@pytest.mark.usefixtures("unchecked")  # what stands for scene and orbits is none
+def test_known_orbits_are_not_shot_for_again(monkeypatch):
+    one, two = [[0.3, 0.4]], [[0.0, 0.0], [1.0, 0.0]]
+    shots = []
+
+    def shoot(scene, guess, period):
+        shots.append(guess)
+        return Orbit(two, stable=len(shots) > 2)
+
+    monkeypatch.setattr(module, "shoot", shoot)
+    monkeypatch.setattr(module, "section_of", lambda orbit: orbit.section)
+    known = module._Known(None, [Orbit(one)])
+    wide = swing_about(one, 0.05)
+    assert known.about(wide, 0.1) == 0 and not known.held(0, wide)
+    narrow = swing_about(one, 0.015)
+    # It keeps contact, which is 0.02 clearances deep.
+    assert known.about(narrow, 0.1) == 0 and known.held(0, narrow)
+    other = swing_about(two, 1e-4)
+    assert known.about(other, 0.0) is None and not shots
+    # In vain, from each of its turns, then not again; from another place it is found.
+    assert known.about(other, 0.1) is None and known.about(other, 0.1) is None
+    assert len(shots) == 2
+    beside = swing_about(np.array(two) + 0.01, 1e-4)
+    assert known.about(beside, 0.1) == 1 and len(known.orbits) == 2
+    assert known.about(other, 0.1) == 1 and len(shots) == 3
+    # Turn and turn about.
+    late = swing_about(two[::-1], 1e-4)
+    assert known.about(late, 0.1) == 1 and len(shots) == 3
+    # What still swings belongs to the orbit that it swings about less than before, also where it
+    # is in step with the shaft for a while; not what swings on.
+    for pace in (np.sqrt(3), 1 / 3):
+        before, now = (module._swings(swinging(one, width, pace)) for width in (0.06, 0.05))
+        assert known.approached(before, now) == 0
+        assert known.approached(now, now) is None
+    far = module._swings(swinging([[0.6, 0.4]], 0.05))
+    assert known.approached(before, far) is None
+
+
+def test_refusals():
+    with pytest.raises(ValueError, match="have a joint with clearance"):
+        jc.coexisting_orbits(jc.ideal_scene(30.0))
+    with pytest.raises(ValueError, match="`spread` must be finite and > 0"):
+        jc.coexisting_orbits(jc.paper_scene(30.0, 0.06e-3), spread=0.0)
+    with pytest.raises(ValueError, match="`turns` must be a whole number >= 96"):
+        jc.coexisting_orbits(jc.paper_scene(30.0, 0.06e-3), turns=95)
+
+
+def test_what_was_found_can_be_handed_back(found):
+    """The loud motion leaves the bore: shooting goes on from its section point."""
+    loud = next(orbit for orbit in found.orbits if orbit.period == 2)
+    again = jc.periodic_orbit(loud.scene, guess=loud)
+    assert again.stable and again.period == 2
+    # Both close to 1e-7 clearances.
+    np.testing.assert_allclose(again.foundation_rms, loud.foundation_rms, rtol=1e-7)

@@ -1,0 +1,185 @@
+"""Branches round folds, and what is located on them, against published and exact numbers."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.special import mathieu_a, mathieu_b
+
+import jaxcrusher as jc
+from jaxcrusher.orbits import orbit_branch
+from jaxcrusher.orbits.branch import follow, special_points
+from jaxcrusher.orbits.collocation import System, collocate
+from jaxcrusher.orbits.problem import Collocation, Stride
+from jaxcrusher.orbits.result import missing
+
+PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
+
+
+def duffing(time, x, rate, args):
+    c, k, f, w = args
+    return f * jnp.cos(w * time) - c * rate - x - k * x**3
+
+
+def duffing_at(speed, numbers):
+    return System(duffing, 2 * jnp.pi / speed, (*numbers, speed))
+
+
+def followed(family, x, bounds, *, first, longest, points):
+    """The branch from the lower bound on, or from the upper one with a negative first step."""
+    start = bounds[0] if first > 0 else bounds[1]
+    stride = Stride(first=abs(first), longest=longest, shortest=1e-6 * abs(first))
+    problem, upwards = Collocation(family=family), first > 0
+    more = dict(stride=stride, points=points, upwards=upwards)
+    return follow(problem, x, start, scale=0.1, bounds=bounds, **more)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "bounds", "folds", "amplitudes"),
+    [
+        (
+            (0.04, 1.0, 0.015),
+            (0.9, 1.2),
+            (1.0492623992, 1.0439137088),
+            (0.3471315, 0.2366230),
+        ),
+        ((0.05, 0.1, 0.18), (0.8, 1.5), (1.2696019555, 1.1157002518), ()),
+    ],
+)
+def test_folds_of_duffings_equation(numbers, bounds, folds, amplitudes):
+    """Ten published digits; between them there are three motions for one speed."""
+    family = eqx.Partial(duffing_at, numbers=jnp.array(numbers))
+    start = jnp.asarray(bounds[0])
+    x, _ = collocate(family(start), jnp.asarray(0.3 * np.cos(PHASES)))
+    branch = followed(family, x, bounds, first=0.02, longest=0.3, points=150)
+    assert branch.ended == "The parameter has left its bounds."
+    special = special_points(branch)
+    assert [one.kind for one in special] == ["fold", "fold"]
+    np.testing.assert_allclose([one.parameter for one in special], folds, atol=2e-10)
+    first = [2 * abs(np.fft.rfft(one.point.u[:, 0])[1]) / 48 for one in special]
+    # Along the branch these change fastest: seven digits are known.
+    np.testing.assert_allclose(first[: len(amplitudes)], amplitudes, atol=1e-7)
+    # At a fold a multiplier is 1; a double root's half of the digits are left.
+    for one in special:
+        np.testing.assert_allclose(np.abs(one.point.multipliers - 1).min(), 0, atol=1e-6)
+    passes = np.sum(np.diff(np.sign(branch.parameter - np.mean(folds))) != 0)
+    assert passes == 3
+
+
+def mathieu(time, x, rate, a):
+    return -(a + 0.2 * jnp.cos(time)) * x
+
+
+def test_period_doublings_of_mathieus_equation():
+    """Rest loses its stability where a characteristic value of an odd order is, q = 2 b."""
+    family = lambda a: System(mathieu, jnp.asarray(2 * np.pi), a)  # noqa: E731
+    rest, bounds = jnp.zeros((8, 1)), (0.05, 0.6)
+    branch = followed(family, rest, bounds, first=0.1, longest=0.5, points=50)
+    special = special_points(branch)
+    expected = sorted([mathieu_a(1, 0.4) / 4, mathieu_b(1, 0.4) / 4])
+    assert [one.kind for one in special] == ["period doubling"] * 2
+    # SciPy's values have twelve digits; Magnus' steps leave 1e-10.
+    np.testing.assert_allclose([one.parameter for one in special], expected, rtol=1e-9)
+
+
+def two_masses(time, x, rate, damping):
+    return jnp.array(
+        [
+            jnp.cos(time) - 2.3 * x[0] - damping * rate[0],
+            0.1 * x[0] - 3.7 * x[1] - 0.5 * rate[1],
+        ]
+    )
+
+
+def test_a_pair_that_leaves_the_unit_circle():
+    """Damping that passes zero: exactly there, and what leaves is a pair."""
+    family = lambda damping: System(two_masses, jnp.asarray(2 * np.pi), damping)  # noqa: E731
+    x, _ = collocate(family(jnp.asarray(0.1)), jnp.zeros((16, 2)))
+    bounds = (-0.1, 0.1)
+    branch = followed(family, x, bounds, first=-0.13, longest=0.5, points=30)
+    special = special_points(branch)
+    assert [one.kind for one in special] == ["Neimark-Sacker"]
+    np.testing.assert_allclose(special[0].parameter, 0.0, atol=1e-10)
+
+
+def parting(time, x, rate, place):
+    """Two joints that rest; the second comes up to its bore's middle as the number grows."""
+    return jnp.array([2.0, 0.0, 1.5 - place, 0.0]) - x
+
+
+def test_contact_is_watched_at_each_joint():
+    """The first joint, deep in contact, hides nothing: the second loses it at 0.5 exactly."""
+    family = lambda place: System(parting, jnp.asarray(3.0), place)  # noqa: E731
+    problem = Collocation(family=family, watched=("first", "second"))
+    rest = jnp.broadcast_to(jnp.array([2.0, 0.0, 1.5, 0.0]), (8, 4))
+    branch = follow(problem, rest, 0.0, scale=1.0, bounds=(-1.0, 2.0))
+    assert branch.ended == "What is monitored has become negative."
+    (lost,) = special_points(branch)
+    assert lost.kind == "second"
+    # The root is searched for to 1e-12 of a step.
+    np.testing.assert_allclose(lost.parameter, 0.5, atol=1e-11)
+    np.testing.assert_allclose(lost.point.monitors, [1.0, 0.0], atol=1e-11)
+
+
+def scene(speed):
+    return jc.build_scene({"speed": speed, "clearance": 0.1e-3})
+
+
+def test_a_fold_of_the_crusher():
+    """At 0.1 mm the quiet motion ends at 37.3155 rad/s; below, another stable one is as quiet."""
+    bounds = (37.1, 37.6)
+    found = jc.orbit_branch(scene, 37.25, bounds, scale=1.0, points=60)
+    assert found.special_kind.values.tolist() == ["fold"]
+    # 96 nodes a turn say 37.31547, these 192 37.315521.
+    np.testing.assert_allclose(found.special_parameter, 37.31552, atol=2e-5)
+    parameter, stable = found.parameter.values, found.stable.values
+    turned = int(np.argmax(parameter))
+    assert stable[: turned - 1].all() and not stable[turned + 1 :].any()
+    other = jc.orbit_branch(scene, 37.5, bounds, upwards=False, scale=1.0, points=60)
+    # Both are stable at one speed, and differ by more than their errors.
+    both = []
+    for branch in (found, other):
+        near = int(np.argmin(np.abs(branch.parameter.values[:turned] - 37.25)))
+        assert bool(branch.stable[near])
+        both.append(float(branch.foundation_rms[near]))
+    assert 80 < both[1] - both[0] < 140
+    assert "resolve" in other.ended or "bounds" in other.ended
+
+
+CLEARANCE = 0.1e-3
+
+
+def worn(speed):
+    return jc.build_scene({"speed": speed, "clearance": CLEARANCE})
+
+
+def test_a_global_that_changes_is_seen(monkeypatch):
+    """By each call anew: another program for another scene, and the same for the same."""
+    seen, traces = [], []
+
+    @eqx.filter_jit
+    def clearance(family, value):
+        traces.append(CLEARANCE)
+        return family(value).args.joint.clearance
+
+    def follow(problem, x, start, **_):
+        seen.append(float(clearance(problem.family, jnp.asarray(start))))
+        raise StopIteration
+
+    monkeypatch.setattr(orbit_branch, "follow", follow)
+    expected = [0.1e-3, 0.06e-3, 0.1e-3]
+    for value in expected:
+        monkeypatch.setitem(globals(), "CLEARANCE", value)
+        with pytest.raises(StopIteration):
+            jc.orbit_branch(worn, 30.0, (29.0, 31.0), nodes=96)
+    assert seen == expected and traces == expected[:2]
+
+
+def test_refusals():
+    with pytest.raises(ValueError, match="`start` must lie in the bounds"):
+        jc.orbit_branch(scene, 30.0, (31.0, 32.0))
+    with pytest.raises(ValueError, match="`points` must be a whole number"):
+        jc.orbit_branch(scene, 30.0, (29.0, 32.0), points=0)
+    lost = missing(jc.paper_scene(30.0, 0.1e-3), 2)
+    with pytest.raises(ValueError, match="`period` must be the guess's 2, but is 1"):
+        jc.orbit_branch(scene, 30.0, (29.0, 32.0), period=1, guess=lost)

@@ -1,0 +1,59 @@
+"""Newton's method: one damping, driven by JAX and from the host."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcrusher.orbits.newton import newton, newton_on_host
+
+
+def bent(point):
+    """Plain Newton leaps past the zero (1, 2) from a distance of more than 1.39."""
+    apart = point - jnp.array([1.0, 2.0])
+    return jnp.arctan(apart + 0.3 * apart[::-1])
+
+
+def by_jax(residual, guess, tolerance=1e-10, steps=60):
+    return newton(
+        residual, lambda x: (residual(x), jax.jacfwd(residual)(x)), guess, tolerance, steps
+    )
+
+
+def from_host(residual, guess, tolerance=1e-10, steps=60, **more):
+    def evaluated(x):
+        seen.append(x)
+        return np.asarray(residual(x)), np.asarray(jax.jacfwd(residual)(x)), len(seen)
+
+    seen = []
+    return newton_on_host(evaluated, np.asarray(guess), tolerance, steps, **more)
+
+
+@pytest.mark.parametrize("guess", [[1.1, 2.1], [3.0, 0.0], [-3.0, 5.0]])
+def test_both_drivers_come_to_the_zero(guess):
+    """Were any step accepted, the last two would take 14 and 12 from the host."""
+    one, other = by_jax(bent, jnp.array(guess)), from_host(bent, guess)
+    assert one.success and other is not None
+    # Both end with a step of less than 1e-10, taken.
+    np.testing.assert_allclose(one.point, [1.0, 2.0], atol=1e-12)
+    np.testing.assert_allclose(other.point, [1.0, 2.0], atol=1e-12)
+    assert other.steps < 10
+    # What was kept is of the last evaluation.
+    assert other.seen == other.steps
+
+
+def test_both_drivers_give_up():
+    """Where there is no zero, where the field is not finite, and within few steps."""
+    nowhere = lambda x: 1 + x**2  # noqa: E731
+    undefined = lambda x: jnp.sqrt(x)  # noqa: E731
+    for residual, guess, steps in ((nowhere, 1.0, 60), (undefined, -1.0, 60), (bent, 6.0, 2)):
+        at = jnp.full(2, guess)
+        assert not by_jax(residual, at, steps=steps).success
+        assert from_host(residual, at, steps=steps) is None
+
+
+def test_a_step_too_long_is_not_taken():
+    linear = lambda x: x - 3.0  # noqa: E731
+    found = from_host(linear, [0.0, 2.5], longest=3.5)
+    np.testing.assert_allclose(found.point, 3.0, atol=1e-15)
+    assert from_host(linear, [0.0, 2.5], longest=2.5) is None

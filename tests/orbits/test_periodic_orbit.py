@@ -1,0 +1,177 @@
+"""The crusher's periodic orbit: numbers known from 30 000 turns, multipliers, slopes, refusals."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.motion.flow import flat
+from jaxcrusher.motion.section import poincare_section
+from jaxcrusher.motion.statistic import STATISTIC, PowerMean, statistics_of
+from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
+
+
+@pytest.fixture(scope="module")
+def orbit():
+    return jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3))
+
+
+@pytest.mark.parametrize(
+    ("speed", "clearance", "rms", "digits", "turns"),
+    [
+        # RMS of another program's 10 000 and 30 000 turns, which the swing leaves 1e-7 off, and
+        # of collocation by a third; turns in which the swing falls to 1/e.
+        (25.0, 0.03e-3, 18243.4112, 5e-5, 4700),
+        (30.0, 0.06e-3, 19102.316, 1e-3, 14300),
+        (39.0, 0.03e-3, 21796.415, 3e-3, 6930),
+    ],
+)
+def test_orbit_rms(speed, clearance, rms, digits, turns):
+    found = jc.periodic_orbit(jc.paper_scene(speed, clearance))
+    assert found.success and found.stable and found.failure == ""
+    np.testing.assert_allclose(found.foundation_rms, rms, atol=digits)
+    np.testing.assert_allclose(found.settling_turns, turns, rtol=0.01)
+    assert found.error < 1e-8 and found.least_penetration > 0
+
+
+@pytest.mark.parametrize(
+    ("speed", "clearance", "rms"),
+    [(27.0, 0.05e-3, 15256.015326), (30.0, 0.06e-3, 15835.128865)],
+)
+def test_load_normal_to_the_jaw(speed, clearance, rms):
+    scene = jc.paper_scene(speed, clearance, load_law="normal_to_jaw")
+    # As many digits as are known.
+    np.testing.assert_allclose(jc.periodic_orbit(scene).foundation_rms, rms, atol=1e-6)
+
+
+def test_a_slope_beside_an_orbit_compiles_no_second_search(caplog):
+    def rms(clearance):
+        return jc.periodic_orbit(jc.paper_scene(27.0, clearance), nodes=96).foundation_rms
+
+    rms(0.05e-3)
+    with jax.log_compiles():
+        slope = jax.grad(rms)(0.05e-3)
+    compiled = [line for line in caplog.messages if line.startswith("Compiling")]
+    assert any("_with_statistics" in line for line in compiled)
+    assert not any("solved" in line for line in compiled)
+    # Differences of orbits give 30 125.936 over 0.1 um, 30 125.935 over 0.03 um.
+    assert float(slope) == pytest.approx(30125.935, rel=1e-6)
+
+
+def test_multipliers_against_the_section(orbit):
+    """The Jacobian of the once-per-turn map, by tangents under the integrator's error control."""
+    state = flat(orbit.state(), orbit.scene)
+    section = poincare_section(orbit.scene, 0, 1, slices=8, state=state, rtol=1e-11)
+    assert section.jacobians is not None
+    product = np.linalg.multi_dot([np.asarray(m) for m in section.jacobians[::-1]])
+    expected = np.sort_complex(np.linalg.eigvals(product))
+    found = np.sort_complex(np.asarray(orbit.multipliers))
+    # Both err by some 1e-8; a matrix far from normal doubles digits lost.
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    assert orbit.multipliers_error < 1e-7
+    # A memory of thousands of turns is known as the distance from 1: 7e-5.
+    lost = 1 - np.max(np.abs(expected))
+    np.testing.assert_allclose(1 - orbit.largest_multiplier, lost, rtol=1e-3)
+
+
+def test_a_multiplier_of_one_within_its_error_is_not_stable(orbit):
+    """The swing keeps 0.99993 of itself a turn: it takes an error of 7e-5 to doubt that."""
+    for error, stable in ((6e-5, True), (8e-5, False), (np.nan, True)):
+        doubted = dataclasses.replace(orbit, multipliers_error=jnp.asarray(error))
+        assert bool(doubted.stable) is stable
+
+
+def test_statistics_of_the_motion(orbit):
+    """Those of `statistics` over the turn from the orbit's own state."""
+    state = flat(orbit.state(), orbit.scene)
+    names = statistics_of(orbit.scene)
+    section = poincare_section(orbit.scene, 0, 1, state=state, outputs=names, rtol=1e-11)
+    for name in names:
+        # Samples stand 1 / 1024 of a turn apart, and a parabola is drawn through three of them.
+        allowed = 1e-9 if isinstance(STATISTIC[name].reduction, PowerMean) else 2e-4
+        # What cancels, the winding, is rounding of 1e-12.
+        expected = section.values[name][0]
+        np.testing.assert_allclose(orbit[name], expected, rtol=allowed, atol=1e-11)
+    angles = 2 * np.pi * np.arange(500) / 500
+    seen = orbit.motion(angles, ("foundation_force", "eccentricity", "penetration_ratio"))
+    rms = jnp.sqrt(jnp.mean(seen["foundation_force"] ** 2))
+    # 500 instants see what 1024 do, to some 1e-12.
+    np.testing.assert_allclose(rms, orbit.foundation_rms, rtol=1e-10)
+    assert seen["eccentricity"].shape == (500, 2)
+    assert seen["penetration_ratio"].min() >= orbit.least_penetration
+    assert orbit.validity.inside
+
+
+NAMES = tuple(numbers_of(jc.PE250X400))
+# With friction that slides, and a counterweight, so that all numbers matter but one.
+BASE = {"speed": 27.0, "clearance": 0.05e-3, "slip": "surface", "counterweight.mass": 50.0}
+
+
+def rms(numbers):
+    scene = jc.build_scene({**BASE, **dict(zip(NAMES, numbers, strict=True))})
+    return jc.periodic_orbit(scene).foundation_rms
+
+
+def test_slopes_by_all_numbers():
+    """Forward, reverse and central differences of orbits, of fourth order."""
+    at = jnp.array([BASE.get(name, PARAMETERS[name].default) for name in NAMES])
+    value = jax.jit(rms)
+    reverse, forward = jax.jit(jax.grad(rms))(at), jax.jit(jax.jacfwd(rms))(at)
+    # Shares of the RMS for a number that grows by all of itself, of 1e-4 to 0.5; of the contact's
+    # damping they are 1e-10, which is rounding, and the shaft's inertia does nothing.
+    shares, backwards = (np.asarray(slope * at / value(at)) for slope in (forward, reverse))
+    assert (np.abs(shares) > 1e-7).sum() == 25 and shares[NAMES.index("shaft.inertia")] == 0
+    np.testing.assert_allclose(backwards, shares, rtol=1e-9, atol=1e-13)
+    step = 1e-3
+    for i, share in enumerate(shares):
+        ahead, back, further, behind = (
+            float(value(at.at[i].multiply(1 + k * step)) / value(at)) for k in (1, -1, 2, -2)
+        )
+        difference = (8 * (ahead - back) - (further - behind)) / (12 * step)
+        # Rounding of 1e-13 over the step, and its fourth power.
+        np.testing.assert_allclose(share, difference, rtol=1e-6, atol=2e-10, err_msg=NAMES[i])
+
+
+def test_an_ideal_joint_is_a_sum():
+    scene = jc.ideal_scene(30.0)
+    found = jc.periodic_orbit(scene)
+    assert found.success and found.stable and found.eccentricity is None
+    section = poincare_section(scene, 0, 1, outputs=("foundation_rms", "foundation_peak"))
+    np.testing.assert_allclose(found.foundation_rms, section.values["foundation_rms"][0], rtol=1e-8)
+    # The parabola through three samples.
+    np.testing.assert_allclose(
+        found.foundation_peak, section.values["foundation_peak"][0], rtol=1e-6
+    )
+    forces = found.motion(np.linspace(0, 6, 7), ("foundation_force",))["foundation_force"]
+    assert forces.max() < found.foundation_peak
+
+
+@pytest.mark.parametrize("load_law", ["closing_stroke", "none"])
+def test_no_orbit_that_keeps_contact(load_law):
+    """The load leaves the jaw within the turn: contact is lost, and nothing is returned."""
+    found = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3, load_law=load_law), nodes=96)
+    assert not found.success and not found.stable and found.failure
+    for number in (found.foundation_rms, found.foundation_peak, found.error, found.multipliers):
+        assert np.isnan(number).all()
+
+
+def test_refusals():
+    """What collocation in the eccentricity cannot do, each in a line."""
+    scene = jc.paper_scene(30.0, 0.06e-3)
+    free = eqx.tree_at(lambda s: s.drive, scene, GivenTorque(100.0, 30.0))
+    for bad, words in (
+        (jc.paper_scene(30.0, 0.06e-3, formulation="multiplier"), "by eccentricity"),
+        (jc.paper_scene(30.0, 0.06e-3, impact_law="tracked"), "constant impact velocity"),
+        (free, "constant speed"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            jc.periodic_orbit(bad)
+    with pytest.raises(ValueError, match="nodes"):
+        jc.periodic_orbit(scene, nodes=31)
+    with pytest.raises(ValueError, match="period"):
+        jc.periodic_orbit(scene, period=0)

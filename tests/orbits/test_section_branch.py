@@ -1,0 +1,180 @@
+"""Branches of section points, of maps whose bifurcations are known."""
+
+import equinox as eqx
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxcrusher.motion.tangents import Tangents
+from jaxcrusher.orbits import shooting as module
+from jaxcrusher.orbits.branch import ENDS, SHORTER, follow, origin, special_points
+from jaxcrusher.orbits.problem import Stride
+from jaxcrusher.orbits.shooting import Shooting
+
+
+def henon(state, number):
+    """Henon's map with b = 0.3: folds and doubles where is known."""
+    return np.array([1 - number * state[0] ** 2 + 0.3 * state[1], state[0]])
+
+
+def delayed_logistic(state, number):
+    """Its fixed point 1 - 1 / r loses a pair at r = 2 (Maynard Smith 1968)."""
+    return np.array([number * state[0] * (1 - state[1]), state[0], 0.3 * state[2] + state[0]])
+
+
+@pytest.fixture
+def branches(monkeypatch):
+    """Of a map in place of the integrated turn."""
+
+    def made(of, period):
+        def tangents(build, point, metric, state, turns, rtol):
+            number, step = float(point[0]), 1e-6
+            shifts = step * np.eye(state.size)
+            columns = [(of(state + d, number) - of(state - d, number)) / 2e-6 for d in shifts]
+            jacobian = np.stack(columns, axis=1)
+            forcing = (of(state, number + step) - of(state, number - step)) / (2 * step)
+            none, by_state, by_number = np.zeros(1), np.zeros((1, state.size)), np.zeros((1, 1))
+            after = of(state, number), jacobian[None], forcing[None, :, None]
+            return Tangents(*after, none, by_state, by_number)
+
+        monkeypatch.setattr(module, "tangents", tangents)
+        return Shooting(build=eqx.Partial(of), period=period)
+
+    return made
+
+
+def followed(problem, state, start, bounds, *, upwards, points, scale=1.0):
+    """The branch, and its special points."""
+    more = dict(upwards=upwards, points=points)
+    branch = follow(problem, state, start, scale=scale, bounds=bounds, **more)
+    return branch, special_points(branch)
+
+
+def test_folds_and_doublings_of_henons_map(branches):
+    """The fold at -(1 - b)^2 / 4, the doubling at 3 (1 - b)^2 / 4."""
+    sections = branches(henon, 1)
+    # From the stable point at a = 0, down and round the fold.
+    stable = np.full(2, 1 / 0.7)
+    low, (fold,) = followed(sections, stable, 0.0, (-1.0, 0.3), upwards=False, points=25)
+    assert fold.kind == "fold"
+    assert low.points[-1].along[-1] > 0 > low.points[0].along[-1]
+    # Differences of 1e-6 leave 1e-9 of the derivatives.
+    np.testing.assert_allclose(fold.parameter, -0.1225, atol=1e-8)
+    _, (doubling,) = followed(sections, stable, 0.0, (-0.1, 0.5), upwards=True, points=200)
+    assert doubling.kind == "period doubling"
+    np.testing.assert_allclose(doubling.parameter, 0.3675, atol=1e-8)
+
+
+def cycle(number):
+    """Of two turns of Henon's map."""
+    state = np.zeros(2)
+    for _ in range(1000):
+        state = henon(state, number)
+    return state
+
+
+def test_a_branch_of_two_turns_from_birth_to_doubling(branches):
+    """It turns back in what it came from; and it doubles at (1 - b)^2 + (1 + b)^2 / 4."""
+    sections = branches(henon, 2)
+    branch, (birth,) = followed(sections, cycle(0.6), 0.6, (0.1, 0.7), upwards=False, points=200)
+    assert {point.turns for point in branch.points} == {2}
+    assert birth.kind == "period doubling" and birth.point.turns == 1
+    np.testing.assert_allclose(birth.parameter, 0.3675, atol=1e-8)
+    branch, (last,) = followed(sections, cycle(0.8), 0.8, (0.1, 0.95), upwards=True, points=200)
+    assert branch.ended == ENDS[1]
+    assert last.kind == "period doubling" and last.point.turns == 2
+    np.testing.assert_allclose(last.parameter, 0.9125, atol=1e-8)
+
+
+def test_a_step_past_the_birth_of_a_branch(branches):
+    """What repeats after one turn is no point of a branch of two; where it was left is located."""
+    # So small that a step passes where the two turns come together.
+    sections = branches(lambda state, number: 1e-2 * henon(1e2 * state, number), 2)
+    state = 1e-2 * cycle(0.4)
+    branch, special = followed(sections, state, 0.4, (0.0, 0.95), upwards=False, points=200)
+    assert branch.ended == SHORTER
+    assert {point.turns for point in branch.points} == {2} and branch.parent.turns == 1
+    assert special == []
+    birth = origin(branch, branch.parent)
+    assert birth.point.turns == 1
+    np.testing.assert_allclose(birth.parameter, 0.3675, atol=1e-8)
+
+
+@pytest.mark.parametrize("raised", [None, ValueError("Argument `x` must be right.")])
+def test_a_change_that_is_seen_but_not_located(branches, raised):
+    """No orbit about the doubling: that is said; an error of the map is not taken for that."""
+
+    followed = []
+
+    def broken(state, number):
+        if not followed or abs(number - 0.3675) > 5e-3:
+            return henon(state, number)
+        if raised is not None:
+            raise raised
+        return np.full(2, np.nan)
+
+    start, stride = np.full(2, 1 / 0.7), Stride(first=0.05, longest=0.05, shortest=1e-3)
+    branch = follow(branches(broken, 1), start, 0.3, scale=1.0, bounds=(0.2, 0.42), stride=stride)
+    followed.append(branch)
+    if raised is not None:
+        with pytest.raises(ValueError, match="must be right"):
+            special_points(branch)
+    else:
+        ((kind, parameter, point),) = (vars(one).values() for one in special_points(branch))
+        assert kind == "period doubling" and np.isnan(parameter) and point is None
+
+
+def test_a_pair_that_leaves_the_unit_circle(branches):
+    sections = branches(delayed_logistic, 1)
+    start = np.full(3, 0.4), 1 / 0.6
+    _, (special,) = followed(sections, *start, (1.5, 2.3), upwards=True, points=200)
+    assert special.kind == "Neimark-Sacker"
+    np.testing.assert_allclose(special.parameter, 2.0, atol=1e-8)
+    moduli = np.sort(np.abs(special.point.multipliers))
+    np.testing.assert_allclose(moduli, [0.3, 1, 1], atol=1e-8)
+
+
+FREE = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-1, 1, -0.03, 0.03], [1, -2, 0.03, -0.06]])
+HELD = FREE - np.array([[0, 0, 0, 0], [0, 0, 0, 0], [100, 0, 0, 0], [0, 0, 0, 0]])
+
+
+def stopped(phase, values, speed):
+    """NLvib's example 03, two masses and a stop, with its tangents: rates by the phase of the load.
+
+    Columns of `values`: the state, its derivatives by the first, and by the speed.
+    """
+    columns = values.reshape(6, 4).T
+    held = columns[0, 0] > 1
+    rates = (HELD if held else FREE) @ columns
+    rates[3, 0] += 0.1 * np.cos(phase)
+    rates[2, 0] += 100 if held else 0
+    rates[:, 5] -= rates[:, 0] / speed
+    return rates.T.ravel() / speed
+
+
+def one_turn(build, point, metric, state, turns, rtol):
+    begun = np.concatenate([state, np.eye(4).ravel(), np.zeros(4)])
+    # Seven digits are published.
+    run = solve_ivp(
+        stopped, (0, 2 * np.pi), begun, "DOP853", rtol=1e-9, atol=1e-9, args=(float(point[0]),)
+    )
+    after, by_state, by_speed = np.split(run.y[:, -1].reshape(6, 4).T, [1, 5], axis=1)
+    none, gone, still = np.zeros(1), np.zeros((1, 4)), np.zeros((1, 1))
+    return Tangents(after[:, 0], by_state[None], by_speed[None], none, gone, still)
+
+
+def test_two_masses_and_a_stop(monkeypatch):
+    """The points published for NLvib's example 03. Its stiffness jumps: nodes do not reach them."""
+    monkeypatch.setattr(module, "tangents", one_turn)
+    sections = Shooting(build=eqx.Partial(stopped), period=1)
+    near, more = np.array([0.961, 0.658, 0.317, 0.086]), dict(scale=0.05)
+    quiet, found = followed(sections, near, 0.635, (0.615, 0.7), upwards=False, points=9, **more)
+    moduli = np.sort(np.abs(quiet.points[0].multipliers))
+    np.testing.assert_allclose(moduli, [0.72329, 0.72329, 0.88575, 0.88575], atol=6e-6)
+    near = np.array([0.567, 0.633, 0.646, 0.822])
+    _, louder = followed(sections, near, 0.731819, (0.73, 0.76), upwards=True, points=22, **more)
+    found = sorted(found + louder, key=lambda one: one.parameter)
+    kinds = ["Neimark-Sacker", "period doubling", "period doubling", "fold"]
+    assert [one.kind for one in found] == kinds
+    speeds = [one.parameter for one in found]
+    np.testing.assert_allclose(speeds, [0.6186069, 0.7387830, 0.7555862, 0.7556274], atol=6e-8)

@@ -1,0 +1,289 @@
+"""Orbits and multipliers of systems with published numbers, through the general interface."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from jaxcrusher.orbits.collocation import System, collocate
+from jaxcrusher.orbits.multipliers import multipliers
+from jaxcrusher.orbits.newton import RESULTS
+from jaxcrusher.orbits.trigonometric import (
+    differentiation,
+    evaluate,
+    nodes,
+    resample,
+)
+
+
+def duffing(time, x, rate, args):
+    """q'' + c q' + q + k q^3 = f cos(w t), the phase of the forcing w t."""
+    c, k, f, w = args
+    return f * jnp.cos(w * time) - c * rate - x - k * x**3
+
+
+def duffing_system(numbers, speed):
+    args = tuple(jnp.asarray(number) for number in (*numbers, speed))
+    return System(duffing, 2 * jnp.pi / args[3], args)
+
+
+def harmonic(amplitude, phase, count=32):
+    return amplitude * np.cos(2 * np.pi * nodes(count) - phase)[:, None]
+
+
+def mathieu(time, x, rate, args):
+    a, b, c = args
+    return -c * rate - (a + b * jnp.cos(time)) * x
+
+
+@pytest.mark.parametrize(
+    ("numbers", "expected"),
+    [
+        # Nayfeh and Mook's notation x'' + c x' + (a + b cos t) x = 0.
+        ((4.0, 0.2, 0.005), (0.98441258069 + 0.002072989j, 0.98441258069 - 0.002072989j)),
+        ((1.0, 0.4, 0.0), (1.097993507268, 0.910752197878)),
+    ],
+)
+def test_multipliers_of_mathieus_equation(numbers, expected):
+    system = System(mathieu, jnp.asarray(2 * np.pi), jnp.array(numbers))
+    found = multipliers(system, jnp.zeros((8, 1)), steps=64)
+    order = np.argsort(np.asarray(found.values))[::-1]
+    # As many digits as are known of them; a root near a double one loses half of its own.
+    np.testing.assert_allclose(np.asarray(found.values)[order], expected, atol=2e-9)
+    # Liouville: the determinant is that of the damping alone.
+    damped = np.exp(-2 * np.pi * numbers[2])
+    np.testing.assert_allclose(np.linalg.det(found.monodromy), damped, rtol=1e-10)
+    assert found.error < 1e-9
+
+
+def test_magnus_is_of_sixth_order():
+    """Twice the steps leave a 64th of the error."""
+    system = System(mathieu, jnp.asarray(2 * np.pi), jnp.array([4.0, 2.0, 0.1]))
+    exact = multipliers(system, jnp.zeros((8, 1)), steps=512).monodromy
+    errors = [
+        float(jnp.max(jnp.abs(multipliers(system, jnp.zeros((8, 1)), n).monodromy - exact)))
+        for n in (16, 32, 64)
+    ]
+    orders = np.log2(errors[:-1]) - np.log2(errors[1:])
+    # Between 5 and 7 is sixth order before its limit.
+    assert ((orders > 5.5) & (orders < 6.8)).all(), orders
+
+
+def at_fold(numbers, w, amplitude):
+    """The smallest distance of a multiplier from 1 on the branch with this first harmonic."""
+    c, k, _ = numbers
+    system = duffing_system(numbers, w)
+    # The first harmonic's balance gives the phase.
+    cosine = (1 - w**2 + 0.75 * k * amplitude**2) * amplitude
+    phase = np.arctan2(c * w * amplitude, cosine)
+    x, root = collocate(system, harmonic(amplitude, phase))
+    assert root.success
+    return x, multipliers(system, x, steps=128)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "speed", "amplitude"),
+    [
+        ((0.04, 1.0, 0.015), 1.0492623992, 0.3471315),
+        ((0.04, 1.0, 0.015), 1.0439137088, 0.2366230),
+    ],
+)
+def test_folds_of_duffings_equation(numbers, speed, amplitude):
+    """At a fold a multiplier is 1; just on one side of it there are two orbits more."""
+    side = 1e-6 * (-1 if amplitude > 0.3 else 1)
+    x, found = at_fold(numbers, speed + side, amplitude)
+    first = 2 * abs(np.fft.rfft(np.asarray(x)[:, 0])[1]) / len(x)
+    # 1e-6 from a fold the orbit is some square root of that off.
+    np.testing.assert_allclose(first, amplitude, rtol=0.02)
+    assert jnp.min(jnp.abs(found.values - 1)) < 0.02
+    far = multipliers(duffing_system(numbers, 1.2), jnp.zeros((32, 1)))
+    assert jnp.min(jnp.abs(far.values - 1)) > 0.5
+
+
+def test_peak_of_duffings_equation():
+    """The largest first harmonic over speeds: .35813144 at 1.04678198; x'' less f is its slope."""
+
+    def first(speed):
+        system = duffing_system((0.04, 1.0, 0.015), speed)
+        x, _ = collocate(system, harmonic(0.358, np.pi / 2))
+        basis = np.exp(-2j * np.pi * nodes(len(x))) * 2 / len(x)
+        return jnp.abs(basis @ x[:, 0])
+
+    value, slope = jax.jit(jax.value_and_grad(first))(1.04678198)
+    np.testing.assert_allclose(value, 0.35813144, atol=1e-8)
+    # The speed of the peak has nine digits, and the peak bends by some 500 a unit of speed.
+    assert abs(slope) < 1e-5
+    assert abs(jax.jit(jax.grad(first))(1.0465)) > 0.01
+
+
+def hertz(time, q, rate, args):
+    static, speed = args
+    depth = jnp.maximum(1 + 2 * q / 3, 0)
+    return 1 + static * jnp.cos(speed * time) - depth**1.5 * (1 + 0.04 * rate)
+
+
+def test_hertz_oscillator_in_contact():
+    """State, force and multipliers of q'' = 1 + .2 cos .8 t - F, F = d^1.5 (1 + .04 q')."""
+    system = System(hertz, jnp.asarray(2 * np.pi / 0.8), (jnp.asarray(0.2), jnp.asarray(0.8)))
+    x, root = collocate(system, harmonic(0.55, 0.0, 64))
+    assert root.success
+    rate = 0.8 * evaluate(x, jnp.array(0.0), 1)
+    # The published digits.
+    np.testing.assert_allclose([x[0, 0], rate[0]], [0.5586701924, 0.0407731785], atol=2e-10)
+    _, q, p = system.at(x, 256)
+    force = (1 + 2 * q / 3) ** 1.5 * (1 + 0.04 * p)
+    np.testing.assert_allclose(jnp.sqrt(jnp.mean(force**2)), 1.077273253163, atol=2e-12)
+    found = multipliers(system, x)
+    upper = found.values[np.argmax(found.values.imag)]
+    np.testing.assert_allclose(upper, 0.0850594 + 0.8503926j, atol=1e-7)
+
+
+def test_hertz_oscillator_that_loses_contact():
+    """Kinks make the nodes converge slowly: 512 of them leave 1e-6, and 1e-4 of multipliers."""
+    speed, count = 0.95, 512
+    period = 2 * np.pi / speed
+    system = System(hertz, jnp.asarray(period), (jnp.asarray(0.1), jnp.asarray(speed)))
+
+    published = [-1.5344323726, 0.7323671728]
+    run = solve_ivp(
+        lambda t, y: [y[1], hertz_by_hand(t, *y, 0.1, speed)],
+        (0, period),
+        published,
+        rtol=1e-9,
+        atol=1e-9,
+        t_eval=period * nodes(count),
+    )
+    x, root = collocate(system, jnp.asarray(0.99 * run.y[:1].T))
+    assert root.success
+    rate = speed * evaluate(x, jnp.array(0.0), 1)
+    np.testing.assert_allclose([x[0, 0], rate[0]], published, atol=2e-6)
+    _, q, p = system.at(x, 4096)
+    force = jnp.maximum(1 + 2 * q / 3, 0) ** 1.5 * (1 + 0.04 * p)
+    assert jnp.mean(force == 0) > 0.1
+    np.testing.assert_allclose(jnp.sqrt(jnp.mean(force**2)), 1.414677350780, atol=1e-7)
+    found = multipliers(system, x)
+    upper = found.values[np.argmax(found.values.imag)]
+    np.testing.assert_allclose(upper, 0.7437809 + 0.4629657j, atol=1e-4)
+
+
+def hertz_by_hand(time, q, rate, static, speed):
+    return 1 + static * np.cos(speed * time) - max(1 + 2 * q / 3, 0) ** 1.5 * (1 + 0.04 * rate)
+
+
+def stopped(time, x, rate, speed):
+    """NLvib's example 03: two masses, the first at times against a spring of 100 at a gap of 1."""
+    apart, closing = x[0] - x[1], 0.03 * (rate[0] - rate[1])
+    stop = 100 * jnp.maximum(x[0] - 1, 0)
+    back = apart + closing - x[1] - 0.03 * rate[1] + 0.1 * jnp.cos(speed * time)
+    return jnp.array([-apart - closing - stop, back])
+
+
+def test_two_masses_and_a_stop():
+    """Multipliers published for 0.635 rad/s; a stiffness that jumps leaves 1e-3 of them."""
+    system = System(stopped, jnp.asarray(2 * np.pi / 0.635), jnp.asarray(0.635))
+    turn, count = 2 * np.pi / 0.635, 512
+
+    def by_hand(time, y):
+        apart, closing = y[0] - y[1], 0.03 * (y[2] - y[3])
+        back = apart + closing - y[1] - 0.03 * y[3] + 0.1 * np.cos(0.635 * time)
+        return [y[2], y[3], -apart - closing - 100 * max(y[0] - 1, 0), back]
+
+    # A disturbance falls to 1e-5 in a hundred turns.
+    times = turn * (100 + nodes(count))
+    run = solve_ivp(by_hand, (0, times[-1]), np.ones(4), rtol=1e-8, max_step=0.1, t_eval=times)
+    x, root = collocate(system, jnp.asarray(run.y[:2].T))
+    assert root.success and x[:, 0].max() > 1
+    np.testing.assert_allclose(x, run.y[:2].T, atol=1e-3)
+    moduli = np.sort(np.abs(np.asarray(multipliers(system, x).values)))
+    np.testing.assert_allclose(moduli[::2], [0.72329, 0.88575], atol=2e-3)
+    np.testing.assert_allclose(moduli[1::2], [0.72329, 0.88575], atol=2e-3)
+
+
+def test_slopes_forward_reverse_and_by_differences():
+    """The implicit slope of an orbit, and the slope of that."""
+
+    def size(numbers):
+        system = duffing_system(numbers[:3], numbers[3])
+        x, _ = collocate(system, harmonic(0.1, 0.0, 16))
+        return jnp.mean(x**2)
+
+    at = jnp.array([0.1, 0.5, 0.3, 0.6])
+    reverse, forward = jax.jit(jax.grad(size))(at), jax.jit(jax.jacfwd(size))(at)
+    np.testing.assert_allclose(reverse, forward, rtol=1e-11)
+    value, second, step = jax.jit(size), jax.jit(jax.hessian(size))(at), 1e-5
+    for i, shift in enumerate(step * np.eye(4)):
+        # A central difference errs by step^2 third derivatives, and rounding over step.
+        difference = (value(at + shift) - value(at - shift)) / (2 * step)
+        np.testing.assert_allclose(reverse[i], difference, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(second, second.T, rtol=1e-9, atol=1e-12)
+    along = jax.jit(jax.grad(size))
+    moved = (along(at.at[3].add(step)) - along(at.at[3].add(-step))) / (2 * step)
+    np.testing.assert_allclose(second[3], moved, rtol=1e-6, atol=1e-7)
+
+
+def test_side_by_side():
+    """A row of speeds under vmap: the same as one by one."""
+
+    def steps(speed):
+        x, root = collocate(duffing_system((0.1, 0.5, 0.3), speed), harmonic(0.1, 0.0, 16))
+        return x, root.steps
+
+    speeds = jnp.array([0.3, 0.5, 0.7])
+    x, count = jax.jit(jax.vmap(steps))(speeds)
+    for i, speed in enumerate(speeds):
+        alone, steps_alone = jax.jit(steps)(speed)
+        # Rounding of another order of sums.
+        np.testing.assert_allclose(x[i], alone, atol=1e-12)
+        assert count[i] == steps_alone
+
+
+def test_failures_have_reasons():
+    """No orbit at all, a field that is not finite, too few steps: never a number."""
+    period = jnp.asarray(2 * np.pi)
+    # x'' = 1 + x^2 + cos t: the mean of the right-hand side is positive for every x.
+    nowhere = System(lambda t, x, v, a: 1 + x**2 + jnp.cos(t), period, None)
+    x, root = collocate(nowhere, jnp.zeros((16, 1)))
+    assert root.result in (RESULTS.no_descent, RESULTS.too_many_steps)
+    assert np.isnan(x).all()
+    undefined = System(lambda t, x, v, a: jnp.sqrt(x), period, None)
+    assert collocate(undefined, -jnp.ones((16, 1)))[1].result == RESULTS.not_finite
+    system = duffing_system((0.1, 0.5, 0.3), 0.6)
+    short = collocate(system, harmonic(5.0, 0.0, 16), max_steps=2)[1]
+    assert short.result == RESULTS.too_many_steps
+
+
+def test_damping_reaches_what_plain_newton_leaps_past():
+    """Of arctan plain Newton diverges from beyond 1.39; an orbit that is constant."""
+    bent = System(lambda t, x, v, a: -jnp.arctan(x - 1) - v, jnp.asarray(2 * np.pi), None)
+    x, root = collocate(bent, jnp.full((8, 1), 20.0))
+    assert root.success
+    np.testing.assert_allclose(x, 1.0, atol=1e-10)
+
+
+def test_the_jacobian_is_that_of_the_residual():
+    """Block by block, against differentiating the whole residual; Newton then needs few steps."""
+    system = System(hertz, jnp.asarray(2 * np.pi / 0.8), (jnp.asarray(0.2), jnp.asarray(0.8)))
+    x = jnp.asarray(harmonic(0.55, 0.3, 8))
+    left, jacobian = system.linearised(x)
+    np.testing.assert_allclose(left, system.residual(x), atol=1e-12)
+    np.testing.assert_allclose(jacobian, jax.jacfwd(system.residual)(x), atol=1e-12)
+    assert collocate(system, harmonic(0.55, 0.0))[1].steps <= 4
+
+
+def test_trigonometric_polynomials():
+    """Derivatives and resampling of a polynomial known in full."""
+    places = nodes(16)
+
+    def wave(place, order=0):
+        phase = 2 * np.pi * place
+        return np.cos(phase + order * np.pi / 2) + 2 * 3**order * np.sin(
+            3 * phase + order * np.pi / 2
+        )
+
+    for order, matrix in enumerate((np.eye(16), *differentiation(16))):
+        np.testing.assert_allclose(matrix @ wave(places), wave(places, order), atol=1e-12)
+        finer = resample(jnp.asarray(wave(places)), 50, 0.3, order)
+        np.testing.assert_allclose(finer, wave((np.arange(50) + 0.3) / 50, order), atol=1e-12)
+        one = evaluate(jnp.asarray(wave(places)), jnp.asarray(0.123), order)
+        np.testing.assert_allclose(one, wave(0.123, order), atol=1e-12)
