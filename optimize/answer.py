@@ -176,7 +176,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Sought:
-    """What is to be small."""
+    """The objective: its name, unit and meaning."""
 
     name: str
     unit: str
@@ -229,6 +229,6 @@ class Answer:
 
     @property
     def designs(self) -> dict[str, Confirmed]:
-        """Those to show, by title, as far as the search came."""
+        """Return the designs to show, by title, as far as the search came."""
         titled = {"optimum": self.optimum, self.compared_with: self.seed_choice}
         return {title: design for title, design in titled.items() if design is not None}

@@ -53,7 +53,7 @@ class CounterweightMoment:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """What may be chosen of a crusher, inside bounds, and what stays as it is.
+    """The free parameters of a crusher with their bounds, and those that are fixed.
 
     **Arguments:**
 
@@ -84,7 +84,7 @@ class Design:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the free parameters, in the order of the unit box."""
+        """Return the names of the free parameters, in the order of the unit box."""
         return tuple(self.bounds)
 
     def values(self, unit: Float[ArrayLike, "*batch n"]) -> dict[str, Array]:

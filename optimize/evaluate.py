@@ -32,7 +32,7 @@ Rows = dict[str, np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What is searched, what for, and what a design must satisfy to count.
+    """The design, the objective, and the constraints that a design must satisfy to count.
 
     `chamber` is that of the numbers that are not free; where links are, see `chamber_of`.
     """
@@ -49,11 +49,14 @@ class Case:
         return np.asarray(_capacities(self, rows)).reshape(np.shape(units)[:-1])
 
     def capacity_slope(self, unit: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Of the capacity by the axes of the unit box, m3/h."""
+        """Return the slope of the capacity by the axes of the unit box, m3/h."""
         return np.asarray(_capacity_slope(self, jnp.asarray(unit)))
 
     def chamber_of(self, described: Mapping[str, Any]) -> CrushingChamber:
-        """That of a description, whose numbers may be traced: the links decide its stroke."""
+        """Return the chamber of a description, whose numbers may be traced.
+
+        The links decide its stroke.
+        """
         return build_chamber({**jc.PE250X400, **described}) if self.links_free else self.chamber
 
     @property
@@ -207,7 +210,7 @@ def stacked_scenes(
 
 
 def _row(batch: tuple[jc.Scene, Array], case: Case, window: Window) -> dict[str, Array]:
-    """Of a scene at a point of the unit box."""
+    """Return the row of a scene at a point of the unit box."""
     scene, unit = batch
     always = always_of(scene)
     outputs = tuple(dict.fromkeys((*always, *case.objective.outputs)))

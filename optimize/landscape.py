@@ -102,6 +102,6 @@ def counting(
 
 
 def best_points(values: np.ndarray, units: np.ndarray, count: int) -> np.ndarray:
-    """Of `units` (points, n) those with the least of `values` (points,), best first; NaN never."""
+    """Return the `units` (points, n) of the least `values` (points,), best first; NaN never."""
     order = np.argsort(values, kind="stable")  # NaN comes last
     return units[order[np.isfinite(values[order])][:count]]

@@ -95,7 +95,7 @@ def cell_motions(
 def design_motions(
     case: Case, designs: Sequence[Confirmed], turns: Float[np.ndarray, " n"]
 ) -> list[dict[str, jc.Trajectory]]:
-    """What each design does after its long runs, by start, at so many turns from their end."""
+    """Return each design's motion after its long runs, by start, at these turns."""
     batch = [
         (
             started({**case.design.fixed, **one.values}, start),

@@ -1,4 +1,4 @@
-"""What the search can make small, by name: each a function of the statistics of a motion."""
+"""The objectives of the search by name: each is a function of a motion's statistics."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What the design search can be told. Imports no JAX."""
+"""Options of the design search. This module imports no JAX."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +37,7 @@ class Effort:
 
 @dataclass(frozen=True)
 class Options(Effort):
-    """What to search, and how hard."""
+    """Options of the design search: the problem and the effort."""
 
     name: str = "default"
     """Name of the run: results go to OUT/NAME/."""

@@ -1,4 +1,4 @@
-"""What cannot be had together: the designs of a landscape that no other beats in two numbers."""
+"""The Pareto set: designs of a landscape that no other design beats in two numbers."""
 
 import numpy as np
 from jaxtyping import Bool, Float

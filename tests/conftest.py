@@ -17,7 +17,7 @@ import pytest
 
 # Shapes and types of arguments and results are checked as the package is imported, but for what
 # writes LLVM's text, and what only writes and asks.
-ROOMS = "basics joint crusher scenes motion settled batch dynamics pictures".split()
+ROOMS = "basics joint crusher scenes motion orbits batch dynamics pictures".split()
 jaxtyping.install_import_hook(
     [f"jaxcrusher.{name}" for name in ROOMS],
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",

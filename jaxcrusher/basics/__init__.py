@@ -1,1 +1,1 @@
-"""What everything rests on: checks, plane vectors, smoothed corners, small linear systems."""
+"""The ground floor: checks, plane vectors, smoothed corners, small linear systems."""

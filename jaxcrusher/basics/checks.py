@@ -136,6 +136,6 @@ def require_known(name: object, names: Iterable[str]) -> None:
 
 
 def _meant(value: object, choices: Iterable[str]) -> str:
-    """What a misspelt one may stand for."""
+    """Return the known names that a misspelt one resembles."""
     near = get_close_matches(value, choices, n=2) if isinstance(value, str) else []
     return f" (is {' or '.join(map(repr, near))} meant?)" if near else ""

@@ -1,4 +1,4 @@
-"""What a process is set up with before its first computation.
+"""Set up a process before its first computation.
 
 JAX reads all of this when it starts its backend, so it cannot be changed afterwards. Nothing here
 imports JAX before it has to: Equinox reads its own setting when it is imported.

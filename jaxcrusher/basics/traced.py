@@ -77,7 +77,7 @@ def _interned(content: Hashable) -> _Program:
 
 
 def _content(value: Any) -> Hashable:
-    """What two values have in common if a program of one serves the other."""
+    """Return what two values share if a program of one serves the other."""
     if isinstance(value, ClosedJaxpr):
         return ClosedJaxpr, _content(value.jaxpr), *map(_content, value.consts)
     if isinstance(value, Jaxpr):

@@ -37,7 +37,7 @@ Progress = Callable[[int, int], None]
 
 @runtime_checkable
 class Look(Protocol):
-    """What is seen of a scene: pure, hashable, and the same wherever it is pickled to."""
+    """A function of a scene: pure, hashable, and the same wherever it is pickled to."""
 
     def __call__(self, scene: Scene) -> dict[str, Array]:
         """Return named values, each of a column of the table."""
@@ -63,7 +63,7 @@ class Ensemble:
         function = eqx.Partial(
             _seen,
             make=layout.grid.function,
-            choices=layout.grid.choices(designs[0]),
+            choices=layout.grid.choices(int(designs[0])),
             look=self.look,
         )
         columns = run_all(function, layout.grid.numbers(designs), len(designs), self.engine)

@@ -55,7 +55,7 @@ def require_moving(argument: str, name: str) -> None:
 
 
 def bounds(over: Ranges) -> list[tuple[str, str]]:
-    """What is written for the highest value of each axis: its unit is the lowest one's too."""
+    """Return the text of each axis's highest value, whose unit serves the lowest one too."""
     return [(name, rest[1]) for name, *rest in over if len(rest) == 3 and name not in CHOICES]
 
 

@@ -132,7 +132,7 @@ def restored(path: Path, settings: dict[str, Any]) -> jc.GradientReport | None:
 
 
 def _number(value: float | None) -> float:
-    """What JSON cannot hold is null there."""
+    """Return a number as JSON holds it: NaN and infinity become null."""
     return math.nan if value is None else value
 
 

@@ -166,7 +166,7 @@ def _design(text: str) -> dict[str, Any]:
 
 
 def _units(options: Regimes) -> dict[str, str]:
-    """Those that the designs are given in."""
+    """Return the units in which the designs were given."""
     parts = [part.partition("=") for text in options.design for part in text.split(",")]
     designs = [(name.strip(), value) for name, _, value in parts]
     return units_given(options.crusher, (*bounds(options.over), *designs))

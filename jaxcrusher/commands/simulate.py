@@ -158,7 +158,7 @@ def draw(motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) -> Figure:
 
 
 def scattered(summary: jc.Statistics) -> str:
-    """What to do about an average that has not come to rest, or nothing."""
+    """Advise what to do about an average that still changes, or return nothing."""
     share = float(summary.foundation_rms_error) / float(summary.foundation_rms)
     if not SCATTERED < share < math.inf or bool(summary.whirl):
         return ""

@@ -1,4 +1,4 @@
-"""What turns the eccentric shaft."""
+"""Drives that turn the eccentric shaft."""
 
 import abc
 

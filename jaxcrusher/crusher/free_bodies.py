@@ -80,7 +80,7 @@ def accelerations(
     load: Vector | None,
     contacts: AtJoints[Contact],
 ) -> tuple[ShaftMotion, ChainAcceleration, Vector]:
-    """Of the shaft, of the chain with what is loose in it; and the force on the jaw at A (N).
+    """Return the accelerations of shaft and chain, and the force on the jaw at A (N).
 
     `load` (N) acts on the jaw at S2.
     """

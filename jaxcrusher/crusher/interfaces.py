@@ -1,4 +1,4 @@
-"""What a scene, a start and a formulation know of each other."""
+"""Interfaces between a scene, a start and a formulation."""
 
 import abc
 
@@ -28,7 +28,7 @@ class AbstractScene(eqx.Module):
 
     @property
     def joints(self) -> AtJoints[ClearanceJoint]:
-        """Those with clearance."""
+        """Return the joints with clearance."""
         return AtJoints(self.joint, self.elbow, self.pivot)
 
 

@@ -14,7 +14,7 @@ JOINTS = tuple(LETTERS)
 
 
 def before(joint: str) -> str:
-    """What stands before a name that is that of the main joint too: "elbow_"."""
+    """Return the prefix of a joint's names, such as "elbow_"; the main joint has none."""
     return "" if joint == "main" else f"{joint}_"
 
 

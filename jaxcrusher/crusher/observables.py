@@ -1,4 +1,4 @@
-"""What can be observed of an instant: forces, powers, energies, as functions of a snapshot."""
+"""Observables of an instant: forces, powers, energies, as functions of a snapshot."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -137,7 +137,7 @@ def jaw_mass_centre(s: Snapshot, scene: Scene) -> Vector:
 
 
 def kinetic_energy(s: Snapshot, scene: Scene) -> Scalar:
-    """Of the three bodies, J."""
+    """Return the kinetic energy of the three bodies, J."""
     machine = scene.machine
     jaw_velocity = linkage.mass_centre_velocity(machine, s.chain)
     toggle_velocity = linkage.toggle_centre_velocity(machine, s.chain)
@@ -151,7 +151,7 @@ def kinetic_energy(s: Snapshot, scene: Scene) -> Scalar:
 
 
 def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
-    """Of weight, zero at C's height, J."""
+    """Return the potential energy of weight, zero at C's height, J."""
     machine = scene.machine
     shaft = machine.bearing + machine.shaft.mass_centre.along(s.shaft.crank)
     toggle = linkage.toggle_centre(machine, s.chain)
@@ -252,7 +252,7 @@ class Observable(NamedTuple):
 
 
 def _at(joint: str) -> dict[str, Observable]:
-    """What there is of a joint; its name stands before all but the main one's."""
+    """Return the observables of a joint, with its prefix before their names."""
     return {
         before(joint) + name: Observable(
             OfJoint(function, joint), unit, f"{meaning} at {LETTERS[joint]}"

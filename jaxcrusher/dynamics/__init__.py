@@ -1,1 +1,1 @@
-"""What kind of motion it is, and what a slope is worth."""
+"""The kind of a motion, and the worth of a slope."""

@@ -110,7 +110,7 @@ def _run(
 
 
 def _row(found: Section, rtol: float) -> dict[str, np.ndarray]:
-    """What the diagram holds of one value."""
+    """Return the diagram's row of one value."""
     states, rms = np.array(found.states), np.array(found["foundation_rms"])
     success, period, settled = bool(found.success), None, False
     whirl = success and bool(found.statistics.whirl)

@@ -1,4 +1,4 @@
-"""What kind of motion it is: a verdict on which several indicators must agree."""
+"""The kind of a motion: a verdict on which several indicators must agree."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

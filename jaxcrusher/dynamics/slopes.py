@@ -217,7 +217,7 @@ def _settled_report(
     settled: SettledSlopes,
     horizon: int,
 ) -> GradientReport:
-    """Of a motion that was solved for."""
+    """Return the report of a motion that was solved for."""
     orbit = settled.orbit
     exponents = np.sort(np.log(np.abs(orbit.multipliers)))[::-1] / orbit.period
     errors = np.full_like(exponents, float(orbit.multipliers_error))
@@ -243,7 +243,7 @@ def _build(values: Float[Array, " n"], scene: Callable[..., Scene], names: tuple
 
 
 def _scale(name: str, value: float) -> float:
-    """What a radius is a share of: the value, or where it is 0 the parameter's own scale."""
+    """Return the scale of a radius: the value, or where that is 0 the parameter's own scale."""
     if value != 0:
         return abs(value)
     known = name in PARAMETERS

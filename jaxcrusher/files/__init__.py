@@ -1,1 +1,1 @@
-"""What programs write: files that survive, results with their provenance."""
+"""Files that programs write: they survive a kill and say where they come from."""

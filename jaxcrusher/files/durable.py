@@ -52,7 +52,7 @@ def checksum(path: Path, *, sync: bool = False) -> str:
 
 
 def broken(folder: Path, checksums: dict[str, str]) -> str:
-    """What is wrong with the first bad file of a table of checksums, or nothing."""
+    """Say what is wrong with the first bad file of a table of checksums, or nothing."""
     for name, expected in checksums.items():
         try:
             if checksum(folder / name) != expected:

@@ -98,7 +98,7 @@ def parse(
 def _in_one_line(
     message: str, words: list[str], name: str, told: Callable[[Sequence[str]], str]
 ) -> str:
-    """What tyro says in a frame of several parts, or of unknown words what is like them here.
+    """Return tyro's message in one line, and known words that resemble unknown ones.
 
     `told` is the help after some words of the program `name`.
     """

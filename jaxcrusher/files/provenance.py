@@ -1,4 +1,4 @@
-"""What decides the bits of a result besides its parameters, and what computed it."""
+"""Provenance: what besides its parameters decides the bits of a result."""
 
 import json
 import os
@@ -78,7 +78,7 @@ def environment() -> dict[str, Any]:
 
 
 def versions(*further: str) -> dict[str, str]:
-    """Of the packages that decide bits, and of `further` ones."""
+    """Return the versions of the packages that decide bits, and of `further` ones."""
     return {name: version(name) for name in (*PACKAGES, *further)}
 
 

@@ -1,4 +1,4 @@
-"""What programs write, whole or not at all: JSON, netCDF, text, tables, figures."""
+"""Files of results, written whole or not at all: JSON, netCDF, text, tables, figures."""
 
 import csv
 import io

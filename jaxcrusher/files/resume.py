@@ -32,7 +32,7 @@ def begin(folder: Path, settings: Mapping[str, Any], *written: str) -> Path:
 
 
 def earlier(path: Path, settings: Mapping[str, Any], argument: str) -> dict[str, Any] | None:
-    """What a JSON file with the same `settings` holds, or None where there is none.
+    """Return the content of a JSON file with the same `settings`, or None if there is none.
 
     Raises ValueError for a file that cannot be read and for other settings, naming what differs
     and the `argument` that chooses the file.

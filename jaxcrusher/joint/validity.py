@@ -61,7 +61,7 @@ class Validity(eqx.Module):
         return functools.reduce(operator.and_, [one.inside for one in self.others.values()], own)
 
     def remarks(self) -> list[str]:
-        """What is outside the model, in words (concrete values only)."""
+        """Say what is outside the model (concrete values only)."""
         found = []
         if not bool(self.fitting):
             found.append(f"clearance {float(self.clearance_ratio):.2g} of the bore radius")

@@ -13,7 +13,7 @@ from jaxcrusher.crusher.snapshot import Snapshot
 
 
 class Flow(eqx.Module):
-    """What a motion depends on; without a state it begins with the scene's start."""
+    """The scene and initial state of a motion; without a state it begins with the scene's start."""
 
     scene: Scene
     state: PyTree[Scalar] | None = None

@@ -31,7 +31,7 @@ REGISTER = 4
 
 
 class Carried(eqx.Module):
-    """What is integrated: the motion, and totals that it does not depend on."""
+    """The state of an integration: the motion, and totals that it does not depend on."""
 
     motion: PyTree[Array]
     totals: PyTree[Array]
@@ -80,7 +80,7 @@ integrator = jax.make_user_context(None)
 
 
 class RESULTS(diffrax.RESULTS):  # pyright: ignore
-    """Those of diffrax, and one that it does not look for."""
+    """The results of diffrax, and one that it does not look for."""
 
     not_finite = "The motion is not finite."
 

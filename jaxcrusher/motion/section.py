@@ -46,7 +46,7 @@ class Section(eqx.Module, AbstractOverTurns):
 
     @property
     def statistics(self) -> Statistics:
-        """Those that were asked for, over all turns."""
+        """Return the statistics that were asked for, over all turns."""
         values = {name: over_pieces(name, by_turn) for name, by_turn in self.values.items()}
         return Statistics(len(self.states), self.outcome, values, self.values, self.state)
 
@@ -124,7 +124,7 @@ def _split(derivative: Float[Array, "... both"], dims: int) -> tuple[Array, Arra
 
 
 def fine() -> Outcome:
-    """Of a motion that has not begun."""
+    """Return the outcome of a motion that has not begun."""
     return Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.array(0))
 
 

@@ -57,7 +57,7 @@ class Energy(eqx.Module):
 
     @property
     def imbalance(self) -> Float[Array, "*times"]:
-        """What the ledger fails to account for since the first time, J: ideally zero."""
+        """Return the energy that the ledger does not account for since the first time, J."""
         stored = self.kinetic + self.potential + self.elastic
         balance = stored - self.drive_work - self.load_work
         balance = balance + self.contact_loss + self.friction_loss
@@ -76,7 +76,7 @@ class Trajectory(eqx.Module, AbstractNamed):
     values: Mapping[str, Float[Array, " times"] | Float[Array, "times 2"] | Energy]
 
     def units(self) -> dict[str, str]:
-        """Of `OUTPUTS`."""
+        """Return the units of `OUTPUTS`."""
         return {name: one.unit for name, one in OBSERVABLES.items()} | {"energy": "J"}
 
     @property

@@ -1,4 +1,4 @@
-"""What a statistic is, and the table of all: an entry here is all that a new one takes."""
+"""Statistics and their table: a new statistic takes an entry here and nothing else."""
 
 import functools
 import operator
@@ -102,7 +102,7 @@ _CONTACT = Sampled(_share_above_zero, jnp.mean)
 
 
 def _always_at(joint: str) -> dict[str, Statistic]:
-    """What is computed of a joint without being asked for."""
+    """Return the statistics of a joint that are computed without being asked for."""
     seen, prefix = OBSERVABLES, before(joint)
     depth, rate = seen[f"{prefix}penetration_ratio"], seen[f"{prefix}penetration_rate"]
     winding = OfJoint(_winding, joint)
@@ -118,7 +118,7 @@ def _always_at(joint: str) -> dict[str, Statistic]:
 
 
 def _further_at(joint: str) -> dict[str, Statistic]:
-    """What is computed of a joint if it is asked for."""
+    """Return the statistics of a joint that are computed if they are asked for."""
     prefix, force = before(joint), OfJoint(force_at, joint)
     wear = OfJoint(_sliding_power, joint)
     return {

@@ -49,7 +49,7 @@ class AbstractOverTurns(AbstractNamed):
     outcome: Outcome  # a field of the module that inherits
 
     def units(self) -> dict[str, str]:
-        """Of every statistic there is."""
+        """Return the unit of every statistic there is."""
         return {name: statistic.unit for name, statistic in STATISTIC.items()}
 
     @property
@@ -184,9 +184,9 @@ def over_turns(
 
 
 def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity | None:
-    """What statistics say of the limits of the contact model, if these are among them.
+    """Return the limits of the contact model; None if the statistics that tell them are missing.
 
-    Of the main joint, and in `others` of those that are loose besides.
+    They are those of the main joint, and in `others` those of the other loose joints.
     """
     found = {}
     for joint in ("main", *(name for name, _ in scene.joints.present())):
@@ -211,7 +211,7 @@ def instants(outputs: Chosen, share: float = 1.0) -> Float[Array, " n"]:
 
 @functools.cache  # so that programs of other counts share its trace
 def statistics_problem(outputs: Chosen, share: float = 1.0) -> Problem:
-    """Of a `Flow`: the state at the end of a turn, or a share of it, and statistics until then.
+    """Return the problem of a `Flow` over a turn, or a share of it, with its statistics.
 
     Totals and samples by shaft angle, in radians.
     """
@@ -220,7 +220,7 @@ def statistics_problem(outputs: Chosen, share: float = 1.0) -> Problem:
     samples = {n: one.reduction for n, one in outputs if isinstance(one.reduction, Sampled)}
 
     def quantities(names: Iterable[str], snapshot: Snapshot, flow: Flow) -> dict[str, Scalar]:
-        """What each of the statistics looks at; what several look at is computed once."""
+        """Return the quantity of each statistic; one that several share is computed once."""
         once = dict.fromkeys(looks[name] for name in names)
         found = {quantity: quantity(snapshot, flow.scene) for quantity in once}
         return {name: found[looks[name]] for name in names}

@@ -48,7 +48,7 @@ def tangents(
     turns: int,
     rtol: float,
 ) -> Tangents:
-    """Of `turns` turns of the scene `build(point)` from the section point `state`.
+    """Return the tangents of `turns` turns of `build(point)` from the section point `state`.
 
     The tangents are integrated beside the motion, under the same tolerance. Every call runs the
     same compiled turn, whatever its length, tolerance, state and point.

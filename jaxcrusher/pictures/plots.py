@@ -120,7 +120,7 @@ def _label(values: xr.DataArray) -> str:
 
 
 def _name(values: xr.DataArray) -> str:
-    """What the values are, with the force's symbols set as such."""
+    """Return the name of the values, with the symbols of the force typeset."""
     name = str(values.attrs.get("long_name", values.name))
     return name if "$" in name else name.replace(FORCE, f"${FORCE}$")
 

@@ -146,7 +146,7 @@ def _differs(value: Any, other: Any) -> bool:
 
 
 def _joint(values: Mapping[str, Any], prefix: str) -> ClearanceJoint:
-    """That whose names have the prefix."""
+    """Return the joint whose names have the prefix."""
     v = {name.removeprefix(prefix): v for name, v in values.items() if name.startswith(prefix)}
     require_clearance(v["clearance"], v["bore_radius"], prefix)
     tracked = v["impact_law"] == "tracked"

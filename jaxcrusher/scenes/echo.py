@@ -13,13 +13,13 @@ from jaxcrusher.scenes.scene_file import read_entries, to_si, written_unit
 
 
 def units_of(written: Iterable[tuple[str, Any]]) -> dict[str, str]:
-    """Of names and what is written for them; what has no unit is left out."""
+    """Return the units in the texts of named values; a text without a unit is left out."""
     found = {name: written_unit(str(text)) for name, text in written if name in NUMBERS}
     return {name: unit for name, unit in found.items() if unit}
 
 
 def units_of_file(path: Path | None) -> dict[str, str]:
-    """Of a scene file; ValueError as `read_scene_file` says."""
+    """Return the units that a scene file uses; ValueError as `read_scene_file` says."""
     return {} if path is None else units_of(read_entries(path))
 
 

@@ -40,7 +40,7 @@ class Parameter:
 
     @property
     def scale(self) -> float:
-        """What a small change is small against, > 0."""
+        """Return the scale against which a change is small, > 0."""
         return abs(self.default) if self.zero_scale is None else self.zero_scale
 
 
@@ -171,12 +171,12 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def numbers_of(names: Iterable[str]) -> list[str]:
-    """Those of the names that are of `PARAMETERS`, in its order."""
+    """Return the names that are in `PARAMETERS`, in its order."""
     return [name for name in PARAMETERS if name in names]
 
 
 def choices_of(names: Iterable[str]) -> list[str]:
-    """Those of the names that are of `CHOICES`, in its order."""
+    """Return the names that are in `CHOICES`, in its order."""
     return [name for name in CHOICES if name in names]
 
 

@@ -196,7 +196,7 @@ RATIOS = (
 
 
 def remarks(values: Mapping[str, Any]) -> list[str]:
-    """What of a description is unusual, one line each, with the usual range and its source.
+    """Say what is unusual in a description, a line each, with the usual range and its source.
 
     `values` as in `jaxcrusher.build_scene`, concrete. Raises ValueError for what cannot be.
     """

@@ -99,7 +99,7 @@ def _decoded(content: bytes) -> str:
 
 
 def _slip(text: str, error: str) -> str:
-    """What TOML's error is most likely of: people write decimal commas, and forget quotes."""
+    """Guess the slip behind TOML's error: a decimal comma, or quotes that were forgotten."""
     place = re.search(r"at line (\d+)", error)
     if place is None:
         return error

@@ -47,7 +47,7 @@ class Smooth:
 
 @dataclass
 class Search:
-    """What a search found and what it spent; the lists grow by one at every improvement.
+    """Result and cost of a search; the lists grow by one at every improvement.
 
     Seconds are those of the processor, the method's own included: others may use the machine.
     """

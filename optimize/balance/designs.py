@@ -124,7 +124,7 @@ def headline(result: dict) -> str:
 
 
 def remarks(result: dict) -> list[str]:
-    """What the optimum owes its force to, in words."""
+    """Say what the optimum owes its force to."""
     chosen, found = result["designs"]["chosen"], result["figures"]
     rms, _ = FORCES
     before, after = (chosen[name]["variants"][rms] for name in ("paper", "optimised"))

@@ -23,7 +23,7 @@ Conditions = Mapping[str, Any]  # names of `jaxcrusher.PARAMETERS` to what the m
 
 
 class Beside(NamedTuple):
-    """What is known of a periodic orbit besides its RMS: RMS of the shaking force, N, and steps."""
+    """The RMS of the shaking force on a periodic orbit, N, and Newton's steps."""
 
     shaking_rms: Scalar
     steps: Int[Array, ""]  # of Newton's method

@@ -1,4 +1,4 @@
-"""What the design study can be told. Imports no JAX."""
+"""Options of the design study. This module imports no JAX."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ MOST_MACHINE = 10.0
 
 @dataclass(frozen=True)
 class Options:
-    """What to study, and how long."""
+    """Options of the design study: its numbers and its effort."""
 
     name: str = "balance"
     """Name of the study: results go to OUT/NAME/."""

@@ -63,7 +63,7 @@ def check(options: Options) -> None:
 
 
 def settings(options: Options) -> dict[str, Any]:
-    """What the answer depends on."""
+    """Return the settings that decide the answer."""
     kept = asdict(options)
     return {name: kept[name] for name in kept if name not in ("name", "out")}
 

@@ -5,7 +5,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_turn
-from jaxcrusher.dynamics import orbits
+from jaxcrusher.dynamics import many_orbits as orbits
 from jaxcrusher.dynamics.orbit_map import orbit_map
 
 SLOPES = ("speed", "clearance")

@@ -1,4 +1,4 @@
-"""What joins pins and bores, by the nine coordinates: (13)-(15) of the paper."""
+"""Constraints between pins and bores in nine coordinates: equations (13)-(15) of the paper."""
 
 from collections.abc import Callable, Sequence
 

@@ -27,7 +27,7 @@ from jaxcrusher.joint.clearance import ClearanceJoint, Contact
 
 
 class JointState(eqx.Module):
-    """Of one joint; all of order one, so that one tolerance fits."""
+    """State of one joint, scaled to order one so that one tolerance fits all entries."""
 
     relative_eccentricity: Vector  # e / c
     rate: Vector  # e', m/s
@@ -35,7 +35,7 @@ class JointState(eqx.Module):
 
 
 class EccentricityState(eqx.Module):
-    """Of the joints with clearance, and of a free shaft."""
+    """State of the joints with clearance, and of a free shaft."""
 
     joints: AtJoints[JointState]
     shaft: ShaftState | None
@@ -135,7 +135,10 @@ def contacts_of(
     speed: Scalar,
     memories: AtJoints[Scalar],
 ) -> AtJoints[Contact]:
-    """Of the joints with clearance; `speed` (rad/s) is the shaft's, `memories` the normal laws'."""
+    """Return the contacts of the joints with clearance.
+
+    `speed` (rad/s) is the shaft's, `memories` are those of the normal laws.
+    """
     bearings = AtJoints(chain.jaw_spin, chain.jaw_spin, 0.0)
     journals = AtJoints(speed, chain.toggle_spin, chain.toggle_spin)
     return scene.joints.map(
