@@ -34,3 +34,4 @@ from .scenes.paper import ideal_scene as ideal_scene
 from .scenes.paper import paper_scene as paper_scene
 from .scenes.parameters import PARAMETERS as PARAMETERS
 from .scenes.parameters import PE250X400 as PE250X400
+from .version import __version__ as __version__

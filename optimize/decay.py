@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxcrusher.batch.engines import run_all, stack
-from jaxcrusher.dynamics.swing import places
+from jaxcrusher.dynamics.oscillation import places
 from jaxcrusher.orbits.transient import section_points
 from optimize.answer import Confirmed, Decay, Orbit
 from optimize.evaluate import Case, started
@@ -55,7 +55,7 @@ def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
             section = _orbit(found[i]).solution.eccentricity
             assert section is not None
             apart, left = places(states) - np.asarray(section)[0]
-            decay = measured(apart, float(_swings(left).max()))
+            decay = measured(apart, float(_oscillations(left).max()))
             transient = found[i].transient | {start: replace(runs, decay=decay)}
             found[i] = replace(found[i], transient=transient)
     return found
@@ -95,7 +95,7 @@ def measured(apart: Float[np.ndarray, "turns half"], floor: float) -> Decay:
     A part of many turns averages the swing's phase out to `PHASE`. `floor` is the swing that the
     integration leaves of the periodic orbit itself.
     """
-    swings = _swings(apart)
+    swings = _oscillations(apart)
     turns = len(apart) / PARTS * np.arange(PARTS)
     turns -= turns.mean()
     logarithms = np.log(np.maximum(swings, 1e-300))
@@ -105,7 +105,7 @@ def measured(apart: Float[np.ndarray, "turns half"], floor: float) -> Decay:
     return Decay(float(swings[0]), float(swings[-1]), float(fall), float(error), floor)
 
 
-def _swings(apart: Float[np.ndarray, "turns half"]) -> Float[np.ndarray, " parts"]:
+def _oscillations(apart: Float[np.ndarray, "turns half"]) -> Float[np.ndarray, " parts"]:
     """The size of a swing about zero in each of its parts, in clearances."""
     parts = apart.reshape(PARTS, -1, apart.shape[1])
     return np.sqrt(np.mean(parts**2, axis=(1, 2)))

@@ -7,6 +7,7 @@ ROOT = Path(__file__).parents[1]
 PROJECT = ("jaxcrusher", "optimize", "benchmarks")
 # From the ground up; rooms of one floor do not know each other.
 FLOORS = (
+    ("jaxcrusher.version",),
     ("jaxcrusher.basics",),
     ("jaxcrusher.files",),
     ("jaxcrusher.joint", "jaxcrusher.lanes"),
@@ -21,7 +22,7 @@ FLOORS = (
 )
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 # What may stand beside the rooms.
-GROUND = {"__init__.py", "__init__.pyi", "__main__.py"}
+GROUND = {"__init__.py", "__init__.pyi", "__main__.py", "version.py"}
 
 
 def room(module: str) -> str:

@@ -16,6 +16,7 @@ from pathlib import Path
 import platformdirs
 
 from jaxcrusher.basics.devices import computes_on, device_is_named, prefer_processor, setting
+from jaxcrusher.version import __version__
 
 # XLA compiles a whole loop to one kernel where the loop is smaller than this. Internal to XLA:
 # loops of this package take `SLOWER` times as long without it, and work.
@@ -170,4 +171,4 @@ def _kind() -> str:
         lines = set(information.read_text().splitlines())
         processor += "".join(sorted(line for line in lines if line.startswith(("model", "flags"))))
     digest = hashlib.sha256(processor.encode()).hexdigest()[:8]
-    return f"{version('jaxcrusher')}-jaxlib{version('jaxlib')}-{digest}"
+    return f"{__version__}-jaxlib{version('jaxlib')}-{digest}"

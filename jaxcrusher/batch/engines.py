@@ -10,7 +10,7 @@ one of NVIDIA's lanes may be asked for.
 import math
 import warnings
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -19,7 +19,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
-from jaxcrusher.basics.checks import require
+from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.basics.devices import computes_on, devices, on_a_gpu
 from jaxcrusher.basics.setup import remind_of_set_up
 from jaxcrusher.basics.traced import traced
@@ -33,7 +33,9 @@ from jaxcrusher.motion.statistic import STATISTIC, Chosen, chosen
 # Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
 CHUNK = 1024
 # Applies a function to stacked scenes: the scenes and the results have one more axis, the first.
-Engine = Callable[[Callable[[Any], PyTree], PyTree], PyTree]
+Run = Callable[[Callable[[Any], PyTree], PyTree], PyTree]
+# One of `ENGINES` by its name, or a function of the user's own.
+Engine = Literal["lanes", "loop", "vmap", "gpu"] | Run
 
 
 def map_chunks(
@@ -49,9 +51,14 @@ def map_chunks(
     size, about, and of `chunk` scenes at most, or a few more, as many on each device. `function` is
     traced once a call, so that it may read globals that change, and compiled where that differs
     from earlier calls; arrays that it is to take without being compiled anew belong into an
-    `equinox.Partial`. `engine` is `in_lanes`, `in_turn`, `side_by_side`, `on_gpu` or a function of
-    your own in their place; None takes `in_lanes` where JAX computes on a CPU (see
-    `jaxcrusher.set_up`), and `side_by_side` elsewhere.
+    `equinox.Partial`.
+
+    `engine` is one of these names, or a function of your own. "lanes" compiles integrations to
+    loops over lanes of scenes; "loop" computes one scene after the other on each core; "vmap"
+    computes all scenes at once by `jax.vmap`; "gpu" runs lanes on a GPU of NVIDIA's. None takes
+    "lanes" where JAX computes on a CPU (see `jaxcrusher.set_up`), and "vmap" elsewhere.
+
+    Raises ValueError for another name, and for scenes that are not stacked.
     """
     yield from run_chunks(_traced(function, scenes), scenes, chunk, engine)
 
@@ -63,7 +70,7 @@ def map_all(
     engine: Engine | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> PyTree:
-    """The results of `map_chunks`, joined: NumPy arrays, stacked like the scenes.
+    """Return the results of `map_chunks`, joined: NumPy arrays, stacked like the scenes.
 
     `progress` is called after each chunk with the number of finished and of all scenes.
     """
@@ -71,7 +78,7 @@ def map_all(
 
 
 def _traced(function: Callable[[Any], PyTree], scenes: PyTree) -> Callable[[Any], PyTree]:
-    """`function`, compared by what it now does with one of the scenes."""
+    """Return `function`, compared by what it now does with one of the scenes."""
     _require_stacked(function, scenes)
 
     def like(leaf: Any) -> jax.ShapeDtypeStruct:
@@ -91,9 +98,9 @@ def run_chunks(
     journal: Journal | None = None,
     job: str = "",
 ) -> Iterator[tuple[slice, PyTree]]:
-    """`map_chunks` for a function that always does the same: it is not traced again.
+    """Do as `map_chunks` for a function that always does the same, which is not traced again.
 
-    That is an `equinox.Partial` of a module-level function of this package. Only the table of
+    It is an `equinox.Partial` of a module-level function of this package. Only the table of
     statistics may change. A chunk is filled up to a multiple of `whole` designs, so that few sizes
     are compiled. With a `journal` finished chunks of a `job`, whose results are named arrays, are
     not computed again.
@@ -104,7 +111,7 @@ def run_chunks(
     scenes = jax.tree.map(np.asarray, scenes)
     count = jax.tree.leaves(scenes)[0].shape[0]
     shares = len(devices())
-    run = engine or (in_lanes if computes_on() == "cpu" else side_by_side)
+    run = run_of(engine or ("lanes" if computes_on() == "cpu" else "vmap"))
     size = -(-count // -(-count // chunk))
     # XLA opens a loop over one design, and then rounds differently: each device gets two.
     size = max(size, 2 * shares)
@@ -143,7 +150,7 @@ def run_all(
     progress: Callable[[int, int], None] | None = None,
     **settings: Any,
 ) -> PyTree:
-    """The results of `run_chunks`, with its further `settings`, joined as by `map_all`."""
+    """Return the results of `run_chunks`, with its further `settings`, joined as by `map_all`."""
     parts = []
     for rows, results in run_chunks(function, scenes, chunk, engine, **settings):
         parts.append(results)
@@ -162,17 +169,28 @@ def _require_stacked(function: Callable[[Any], PyTree], scenes: PyTree) -> None:
 
 
 def name_of(engine: Engine) -> str:
-    """Return an engine's name; where it is an object, that of its class."""
-    return getattr(engine, "__qualname__", type(engine).__qualname__)
+    """Return an engine's name; that of a function or, where it is an object, of its class."""
+    known = {run: name for name, run in ENGINES.items()}
+    if isinstance(engine, str):
+        return engine
+    return known.get(engine) or getattr(engine, "__qualname__", type(engine).__qualname__)
+
+
+def run_of(engine: Engine) -> Run:
+    """Return the function of an engine; ValueError for a name that is none of `ENGINES`."""
+    if isinstance(engine, str):
+        require_choice("engine", engine, tuple(ENGINES))
+        return ENGINES[engine]
+    return engine
 
 
 def without_lanes() -> Engine:
-    """The engine of functions that integrate nothing: lanes would trace them to find that out."""
-    return in_turn if computes_on() == "cpu" else side_by_side
+    """Return the engine of functions that integrate nothing, which lanes would trace in vain."""
+    return "loop" if computes_on() == "cpu" else "vmap"
 
 
 def in_lanes(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
-    """Integrations compiled to loops over lanes of scenes, on all cores (see `lanes.program`).
+    """Compile integrations to loops over lanes of scenes, on all cores (see `lanes.program`).
 
     What lanes cannot do, such as derivatives, `in_turn` does; a UserWarning says why.
     """
@@ -180,7 +198,7 @@ def in_lanes(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
 
 
 def on_gpu(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
-    """Integrations by the same lanes on a GPU of NVIDIA's, a thread each (see `lanes.machine`).
+    """Integrate by the same lanes on a GPU of NVIDIA's, a thread each (see `lanes.machine`).
 
     Never run on one so far: it is tested thread by thread on a processor. It needs CuPy, and
     raises ImportError without. What lanes cannot do, `side_by_side` does, on the GPU where JAX
@@ -191,7 +209,7 @@ def on_gpu(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
 
 
 def _by_lanes(
-    function: Callable[[Any], PyTree], scenes: PyTree, target: Target, otherwise: Engine
+    function: Callable[[Any], PyTree], scenes: PyTree, target: Target, otherwise: Run
 ) -> PyTree:
     recording = recorded(function)
     try:
@@ -199,9 +217,9 @@ def _by_lanes(
     except NoIntegration:
         return otherwise(function, scenes)
     except Unsupported as why:
-        name = otherwise.__name__
+        name = name_of(otherwise)
         warnings.warn(
-            f"Lanes do not know {why}: the engine `{name}` computes these scenes.", stacklevel=3
+            f"Lanes do not know {why}: the engine {name!r} computes these scenes.", stacklevel=3
         )
         return otherwise(function, scenes)
     return run(recording, scenes)
@@ -209,12 +227,12 @@ def _by_lanes(
 
 @eqx.filter_jit
 def side_by_side(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
-    """All scenes at once on one device, each step as slow as the slowest: `jax.vmap`."""
+    """Compute all scenes at once by `jax.vmap`; each step is as slow as the slowest."""
     return jax.vmap(function)(scenes)
 
 
 def in_turn(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
-    """One scene after the other on every device; their number divides that of the scenes."""
+    """Compute one scene after the other on every device; their number divides the scenes'."""
     remind_of_set_up()
     return _in_turn(function, scenes)
 
@@ -234,6 +252,14 @@ def _in_turn(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
     return sharded(scenes)
 
 
+ENGINES: dict[str, Run] = {
+    "lanes": in_lanes,
+    "loop": in_turn,
+    "vmap": side_by_side,
+    "gpu": on_gpu,
+}
+
+
 def stack(scenes: list[PyTree]) -> PyTree:
-    """Scenes of one structure, stacked along a new first axis."""
+    """Stack scenes of one structure along a new first axis."""
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *scenes)

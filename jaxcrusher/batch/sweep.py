@@ -11,7 +11,7 @@ import xarray as xr
 
 from jaxcrusher.basics.checks import require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.engines import CHUNK, Engine
+from jaxcrusher.batch.engines import CHUNK, Engine, run_of
 from jaxcrusher.batch.ensemble import Ensemble, Progress
 from jaxcrusher.batch.layout import Layout, chunk_shape
 from jaxcrusher.batch.points import Grid, make_grid
@@ -120,6 +120,8 @@ def plan(
     require_whole("turns", turns, 1)
     require_tolerance(rtol)
     require_whole("chunk", designs, 1)
+    if engine is not None:
+        run_of(engine)
     first = grid.scene({name: of[0] for name, of in grid.numbers([0]).items()}, grid.choices(0))
     require_names("outputs", outputs, tuple(STATISTIC))
     seen = chosen(dict.fromkeys((*always_of(first), *outputs)))

@@ -11,13 +11,13 @@ from jaxtyping import Float
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.batch.engines import run_all
 from jaxcrusher.crusher.scene import Scene, require_scene
-from jaxcrusher.dynamics.swing import (
+from jaxcrusher.dynamics.oscillation import (
     NEAR,
-    Swing,
+    Oscillation,
     distance,
+    oscillation_about,
     places,
     section_of,
-    swing_about,
 )
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.motion.flow import initial_state
@@ -28,14 +28,14 @@ from jaxcrusher.orbits.transient import section_points
 
 # A run is looked at so many times; the orbits searched for, and a multiple of all their periods.
 LOOKS, PERIODS, CYCLE = 4, (1, 2, 3, 4), 12
-# A motion swings about an orbit of fewer turns if, to this factor and in clearances, it spreads no
-# wider about the mean of each of these than about those of a whole cycle.
+# A motion oscillates about an orbit of few turns if its spread about their means is, to this factor
+# and within this rounding in clearances, no wider than that about the means of a whole cycle.
 AS_NARROW, ROUNDING = 1.25, 1e-4
-# Of motions that swing wider, in clearances, the mean is no guess of an orbit.
+# The mean of a wider oscillation, in clearances, is no guess of an orbit.
 WIDE = 0.1
-# What swings no wider, in clearances, is shot for at once; others may yet narrow to what is known.
+# An oscillation no wider, in clearances, is shot for at once; others may yet narrow.
 NARROW = 0.01
-# The integration's tolerance: at 1e-6 the swing dies twice as fast as it should.
+# The integration's tolerance: at 1e-6 the oscillation decays twice as fast as it should.
 RTOL = 1e-7
 # Two orbits whose RMS agrees so well are one.
 SAME = 1e-6
@@ -47,8 +47,8 @@ MOST_FAILURES = 3
 class CoexistingOrbits:
     """Stable orbits, the most frequent first, and the share of starts that comes to each.
 
-    Shares and those of `unsettled`, by reason, add up to 1. An orbit solved for that no start
-    came to has a share of 0. Shares are of these starts: another spread gives others.
+    Shares and those of `unsettled`, by reason, add up to 1. An orbit that no start came to has a
+    share of 0. Another spread of the starts gives other shares.
     """
 
     orbits: tuple[PeriodicOrbit, ...]
@@ -56,7 +56,7 @@ class CoexistingOrbits:
     unsettled: dict[str, float]
 
     def __str__(self) -> str:
-        """A line for each."""
+        """Return a line for each orbit."""
         lines = [
             f"{share:.0%} period {orbit.period}: RMS {float(orbit.foundation_rms):.2f} N, "
             f"peak {float(orbit.foundation_peak):.0f} N, "
@@ -70,14 +70,15 @@ class CoexistingOrbits:
 def coexisting_orbits(
     scene: Scene, *, starts: int = 32, spread: float = 0.5, turns: int = 1000, seed: int = 0
 ) -> CoexistingOrbits:
-    """The stable motions that `starts` random starts come to, each solved for.
+    """Find the stable orbits that `starts` random starts come to, and solve for each.
 
     The scene's start is shifted by up to `spread` clearances in any direction. Each motion is
-    integrated over `turns` turns (or up to three more) and looked at four times. Where it swings
-    about a point that repeats after one to four turns, Newton's method takes it from there
-    (`jaxcrusher.orbits.shooting`), contact lost or not. Swings die in thousands of turns: a motion
-    has come to an orbit if it swings about it and keeps contact, or if its swing is smaller at the
-    end than half-way. The quiet motion, from the pin resting in its bore, is looked for besides.
+    integrated over `turns` turns (or up to three more) and looked at four times. Where it
+    oscillates about a point that repeats after one to four turns, shooting starts from there
+    (`jaxcrusher.orbits.shooting`), with or without loss of contact. Oscillations take thousands of
+    turns to decay. A motion has therefore come to an orbit if it oscillates about it and keeps
+    contact, or if its oscillation is smaller at the end than half-way. The quiet orbit, from the
+    pin resting in its bore, is searched for too.
 
     Raises ValueError for a count, spread or turns out of range, and in one line for a scene that
     `jaxcrusher.periodic_orbit` refuses or whose joint is ideal.
@@ -94,22 +95,24 @@ def coexisting_orbits(
     length = -(-turns // LOOKS)
     advance = eqx.Partial(section_points, turns=length, rtol=RTOL)
     state, going = _shifted(scene, starts, spread, seed), list(range(starts))
-    looks: list[dict[int, _Swings]] = []
+    looks: list[dict[int, _Oscillations]] = []
     counts, failed = Counter[int](), 0
     for look in range(LOOKS):
         if not going:
             break
-        states, success = run_all(advance, _cases(scene, state[going]))
-        state[going] = states[: len(going), -1]
-        failed += int(np.sum(~success[: len(going)]))
-        seen = {n: _swings(s) for n, s, good in zip(going, states, success, strict=False) if good}
+        cases = state[going], _repeated(scene, len(going))
+        states, success = run_all(advance, cases, len(going), whole=LANES)
+        state[going] = states[:, -1]
+        failed += int(np.sum(~success))
+        ended = zip(going, states, success, strict=True)
+        seen = {n: _oscillations(s) for n, s, good in ended if good}
         looks.append(seen)
         # The narrowest first: it leads to an orbit best.
         going = []
         for number in sorted(seen, key=lambda n: _shortest(seen[n]).spread):
-            swing = _shortest(seen[number])
-            place = known.about(swing, NARROW if look < LOOKS - 1 else WIDE)
-            if place is not None and known.held(place, swing):
+            one = _shortest(seen[number])
+            place = known.about(one, NARROW if look < LOOKS - 1 else WIDE)
+            if place is not None and known.held(place, one):
                 counts[place] += 1
             else:
                 going.append(number)
@@ -130,7 +133,7 @@ def coexisting_orbits(
 def _shifted(
     scene: Scene, starts: int, spread: float, seed: int
 ) -> Float[np.ndarray, "starts dims"]:
-    """Section points about the scene's start, evenly over a disc at each joint."""
+    """Return section points about the scene's start, evenly over a disc at each joint."""
     random, start = np.random.default_rng(seed), np.asarray(initial_state(scene))
     count = len(list(scene.joints.present())), starts
     radii, angles = spread * np.sqrt(random.uniform(size=count)), random.uniform(size=count)
@@ -140,56 +143,52 @@ def _shifted(
     return start + shift.transpose(1, 0, 2).reshape(starts, -1)
 
 
-def _cases(scene: Scene, states: Float[np.ndarray, "n dims"]) -> tuple[np.ndarray, Scene]:
-    """The scene from each state; as many as fill all lanes, so that few sizes are compiled."""
-    count = -(-len(states) // LANES) * LANES
-    padded = np.concatenate([states, np.repeat(states[-1:], count - len(states), axis=0)])
-    alike = jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), scene)
-    return padded, alike
+def _repeated(scene: Scene, count: int) -> Scene:
+    return jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), scene)
 
 
-# By the turns of an orbit that it may be about.
-_Swings = dict[int, Swing]
+# The oscillations about orbits of so many turns.
+_Oscillations = dict[int, Oscillation]
 
 
-def _swings(states: Float[np.ndarray, "turns dims"]) -> _Swings:
-    """What some turns swing about, for each of `PERIODS` and for `CYCLE`."""
+def _oscillations(states: Float[np.ndarray, "turns dims"]) -> _Oscillations:
+    """Return the oscillations about orbits of each of `PERIODS`, and of `CYCLE` turns."""
     whole = states[len(states) % CYCLE :]
-    return {period: swing_about(whole, period) for period in (*PERIODS, CYCLE)}
+    return {period: oscillation_about(whole, period) for period in (*PERIODS, CYCLE)}
 
 
-def _shortest(swings: _Swings) -> Swing:
-    """The one about as few turns as it repeats after; after `CYCLE` if after none of `PERIODS`."""
-    enough = AS_NARROW * swings[CYCLE].spread + ROUNDING
-    return next(swing for swing in swings.values() if swing.spread <= enough)
+def _shortest(oscillations: _Oscillations) -> Oscillation:
+    """Return the oscillation about the shortest orbit that fits, of `CYCLE` turns if none does."""
+    enough = AS_NARROW * oscillations[CYCLE].spread + ROUNDING
+    return next(one for one in oscillations.values() if one.spread <= enough)
 
 
 class _Known:
-    """The orbits of a scene that are known so far, and what was searched for in vain."""
+    """The orbits of a scene that are known so far, and the searches that failed."""
 
     def __init__(self, scene: Scene, orbits: list[PeriodicOrbit]) -> None:
         self.scene, self.orbits = scene, orbits
         self._sections = [section_of(orbit) for orbit in orbits]
         self._failures: list[np.ndarray] = []
 
-    def about(self, swing: Swing, widest: float) -> int | None:
-        """The orbit that a motion swings about; a new one is solved for up to a spread."""
-        allowed = swing.allowed
-        away = [distance(section, swing.centre) for section in self._sections]
+    def about(self, one: Oscillation, widest: float) -> int | None:
+        """Return the orbit that a motion oscillates about; up to a spread it is solved for."""
+        allowed = one.allowed
+        away = [distance(section, one.centre) for section in self._sections]
         if away and min(away) < allowed:
             return int(np.argmin(away))
-        if len(swing.centre) > PERIODS[-1] or swing.spread > widest:
+        if len(one.centre) > PERIODS[-1] or one.spread > widest:
             return None
-        again = any(distance(tried, swing.centre) < allowed for tried in self._failures)
+        again = any(distance(tried, one.centre) < allowed for tried in self._failures)
         if again or len(self._failures) >= MOST_FAILURES:
             return None
         # Where the section bends, another turn's mean may lead there.
-        for guess in swing.centre:
-            orbit = shoot(self.scene, guess, len(swing.centre))
+        for guess in one.centre:
+            orbit = shoot(self.scene, guess, len(one.centre))
             if bool(orbit.stable):
                 break
         else:
-            self._failures.append(places(swing.centre))
+            self._failures.append(places(one.centre))
             return None
         alike = [i for i, other in enumerate(self.orbits) if _same(orbit, other)]
         if not alike:
@@ -197,24 +196,24 @@ class _Known:
             self._sections.append(section_of(orbit))
         return alike[0] if alike else len(self.orbits) - 1
 
-    def held(self, number: int, swing: Swing) -> bool:
-        """Whether a swing about an orbit can do nothing but die: it is small, or keeps contact.
+    def held(self, number: int, one: Oscillation) -> bool:
+        """Tell whether an oscillation about an orbit must decay: it is small, or keeps contact.
 
-        A harmonic swing goes the square root of 2 times its RMS away.
+        The amplitude of a harmonic oscillation is the square root of 2 times its RMS.
         """
         least = float(self.orbits[number].least_penetration)
-        return bool(swing.spread < max(NEAR, least / np.sqrt(2)))
+        return bool(one.spread < max(NEAR, least / np.sqrt(2)))
 
-    def approached(self, before: _Swings, now: _Swings) -> int | None:
-        """The orbit about which a motion swings less than it did.
+    def approached(self, before: _Oscillations, now: _Oscillations) -> int | None:
+        """Return the orbit about which a motion oscillates less than it did.
 
-        About one that is not known it seems to swing where its swing is in step with the shaft.
+        An oscillation in step with the shaft may seem to be about another orbit, which is unknown.
         """
         own = _shortest(now)
         tried = [own] if self.about(own, 0.0) is not None else now.values()
-        for swing in tried:
-            place = self.about(swing, 0.0)
-            if place is not None and swing.spread < before[len(swing.centre)].spread:
+        for one in tried:
+            place = self.about(one, 0.0)
+            if place is not None and one.spread < before[len(one.centre)].spread:
                 return place
         return None
 

@@ -11,7 +11,7 @@ from jaxcrusher.basics.checks import require_untraced, require_whole
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.dynamics.indicators import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
-from jaxcrusher.dynamics.swing import distance, section_of, swing_about
+from jaxcrusher.dynamics.oscillation import distance, oscillation_about, section_of
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.integrate import Outcome
 from jaxcrusher.motion.section import Section, poincare_section
@@ -151,7 +151,7 @@ def _orbit_in_contact(scene: Scene, record: Section) -> PeriodicOrbit | None:
     orbit = periodic_orbit(scene, nodes=NODES)
     if not bool(orbit.stable):
         return None
-    swing = swing_about(np.asarray(record.states), 1)
+    swing = oscillation_about(np.asarray(record.states), 1)
     return orbit if distance(section_of(orbit), swing.centre) < swing.allowed else None
 
 

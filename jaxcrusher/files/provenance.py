@@ -12,15 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from jaxcrusher.basics.devices import computes_on, devices
+from jaxcrusher.version import __version__
 
 # Packages whose version can change the last bit of a result.
-PACKAGES = ("jaxcrusher", "jax", "jaxlib", "diffrax", "equinox", "llvmlite")
+PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "llvmlite")
 
 
 def provenance(
     title: str, program: Mapping[str, Any] | None = None, **further: Any
 ) -> dict[str, Any]:
-    """Attributes of a result: its command, versions, machine, and what is `further` to be kept.
+    """Return the attributes of a result: its command, versions, machine, and `further` ones.
 
     `program` is the `environment` that computed it, that of this process if None. Mappings become
     JSON, since a file's attributes have no parts.
@@ -41,17 +42,17 @@ def provenance(
 
 
 def now() -> str:
-    """The time in UTC, to a second."""
+    """Return the time in UTC, to a second."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def command() -> str:
-    """The command line of this process, as a shell takes it."""
+    """Return the command line of this process, as a shell takes it."""
     return shlex.join([*program_words(), *sys.argv[1:]])
 
 
 def program_words() -> list[str]:
-    """The command line of this process without its arguments: `python -m jaxcrusher`."""
+    """Return the command line without its arguments: `python -m jaxcrusher`."""
     given, words = sys.argv[1:], sys.orig_argv
     before, after = words[: len(words) - len(given)], words[len(words) - len(given) :]
     # A script that an installer put beside the interpreter is on the user's path, as that is.
@@ -62,7 +63,7 @@ def program_words() -> list[str]:
 
 
 def environment() -> dict[str, Any]:
-    """Versions, backend and XLA's flags: the same ones give the same bits on one processor.
+    """Return versions, backend and XLA's flags: the same give the same bits on one processor.
 
     The number of devices is left out, because no result depends on it.
     """
@@ -79,16 +80,16 @@ def environment() -> dict[str, Any]:
 
 def versions(*further: str) -> dict[str, str]:
     """Return the versions of the packages that decide bits, and of `further` ones."""
-    return {name: version(name) for name in (*PACKAGES, *further)}
+    return {"jaxcrusher": __version__, **{name: version(name) for name in (*PACKAGES, *further)}}
 
 
 def machine() -> str:
-    """Processor, devices, system and host name, for the record."""
+    """Return processor, devices, system and host name, for the record."""
     return f"{processor()}, {len(devices())} devices, {platform.platform()}, {platform.node()}"
 
 
 def processor() -> str:
-    """The processor's name, as far as the system tells."""
+    """Return the processor's name, as far as the system tells."""
     model = platform.processor() or platform.machine()
     if Path("/proc/cpuinfo").exists():
         lines = Path("/proc/cpuinfo").read_text().splitlines()

@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Array
@@ -38,13 +38,16 @@ class AbstractNamed(abc.ABC):
             raise KeyError(self._missing(name))
         return self.values[name]
 
-    def __getattr__(self, name: str) -> Array:
-        # `values` is missing while an object is being made, unpickled or copied.
-        if name.startswith("__") or name == "values":
-            raise AttributeError(name)
-        if name not in self.values:
-            raise AttributeError(self._missing(name))
-        return self.values[name]
+    # A type checker takes the names from `jaxcrusher.motion.names`, and so sees a misspelt one.
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Array:
+            # `values` is missing while an object is being made, unpickled or copied.
+            if name.startswith("__") or name == "values":
+                raise AttributeError(name)
+            if name not in self.values:
+                raise AttributeError(self._missing(name))
+            return self.values[name]
 
     def __dir__(self):
         return [*super().__dir__(), *self.values]

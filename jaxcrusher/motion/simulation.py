@@ -25,6 +25,7 @@ from jaxcrusher.motion.integrate import (
 )
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.named import AbstractNamed
+from jaxcrusher.motion.names import ObservableNames
 
 FIRST_STEP = 1e-6  # s
 
@@ -64,7 +65,7 @@ class Energy(eqx.Module):
         return balance - balance[0]
 
 
-class Trajectory(eqx.Module, AbstractNamed):
+class Trajectory(eqx.Module, AbstractNamed, ObservableNames):
     """A motion at given times, by name: units and meanings stand in `OBSERVABLES`.
 
     Vectors have shape (times, 2), x to the right and y up. A failed simulation has

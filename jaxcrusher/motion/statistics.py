@@ -27,6 +27,7 @@ from jaxcrusher.motion.integrate import (
 )
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.named import AbstractNamed
+from jaxcrusher.motion.names import StatisticNames
 from jaxcrusher.motion.statistic import (
     SAMPLES,
     STATISTIC,
@@ -43,7 +44,7 @@ WHIRL_CONTACT = 0.99
 WHIRL_WINDING = 10.0
 
 
-class AbstractOverTurns(AbstractNamed):
+class AbstractOverTurns(AbstractNamed, StatisticNames):
     """Statistics by name, and how the integration that they are of ended."""
 
     outcome: Outcome  # a field of the module that inherits

@@ -14,6 +14,7 @@ from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.motion.named import AbstractNamed
+from jaxcrusher.motion.names import StatisticNames
 from jaxcrusher.motion.statistic import SAMPLES, STATISTIC, statistics_of
 from jaxcrusher.motion.statistics import limits_of
 from jaxcrusher.orbits import forced, newton
@@ -34,7 +35,7 @@ def reason(result: RESULTS) -> str:
     return " ".join(str(RESULTS[jax.tree.map(jnp.asarray, result)]).split())
 
 
-class PeriodicOrbit(eqx.Module, AbstractNamed):
+class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     """A motion that repeats after `period` turns, and its statistics by name.
 
     `orbit.foundation_rms` and so on: units and meanings stand in

@@ -46,9 +46,17 @@ def test_chunks_keep_order_and_length(count, chunk):
     assert seen == [(rows.stop, count) for rows, _ in parts]
 
 
+def test_an_engine_of_another_name_is_refused_before_anything_is_computed(unchecked, tmp_path):
+    with pytest.raises(ValueError, match=r"Argument `engine` must be one of 'lanes', 'loop'"):
+        map_all(_double, jnp.arange(3.0), engine="vmapped")
+    with pytest.raises(ValueError, match="Argument `engine` must"):
+        jc.sweep({"speed": [30.0]}, 0, 1, store=tmp_path / "grid", engine="vmapped")
+    assert not (tmp_path / "grid").exists()
+
+
 def test_the_engine_asked_for_is_used():
     values = jnp.arange(6.0)
-    for engine in (None, in_turn, side_by_side):
+    for engine in (None, in_turn, side_by_side, "lanes", "loop", "vmap"):
         result = map_all(eqx.Partial(_double), values, engine=engine)
         np.testing.assert_array_equal(result["twice"], 2 * values)
 

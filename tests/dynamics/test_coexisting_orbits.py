@@ -61,22 +61,22 @@ def swinging(section, width, pace=3**0.5, turns=250):
     return np.concatenate([np.resize(section, (turns, 2)) + round_it, 0 * round_it], axis=1)
 
 
-def swing_about(*arguments):
-    return module._shortest(module._swings(swinging(*arguments)))
+def oscillation_about(*arguments):
+    return module._shortest(module._oscillations(swinging(*arguments)))
 
 
 def test_what_a_motion_swings_about():
     """The shortest orbit that the points go round, and how wide; the swing's own turns are none."""
     one, two = np.array([[0.3, 0.4]]), np.array([[0.0, 0.0], [1.0, 0.0]])
     for section in (one, two):
-        swing = swing_about(section, 0.05)
+        swing = oscillation_about(section, 0.05)
         # The mean of 120 points of a circle is that far from its middle.
         np.testing.assert_allclose(swing.centre[:, :2], section, atol=0.05 / 20)
         # A circle of radius r is r / sqrt(2) wide in each direction.
         np.testing.assert_allclose(swing.spread, 0.05 / np.sqrt(2), rtol=0.01)
     # Locked to the turn five to twelve: it repeats, but after no less than twelve.
-    assert len(swing_about(one, 0.05, 5 / 12).centre) == module.CYCLE
-    repeated = swing_about(one, 0.05, 1 / 3)
+    assert len(oscillation_about(one, 0.05, 5 / 12).centre) == module.CYCLE
+    repeated = oscillation_about(one, 0.05, 1 / 3)
     assert len(repeated.centre) == 3 and repeated.spread < 1e-12
 
 
@@ -100,29 +100,29 @@ def test_known_orbits_are_not_shot_for_again(monkeypatch):
     monkeypatch.setattr(module, "shoot", shoot)
     monkeypatch.setattr(module, "section_of", lambda orbit: orbit.section)
     known = module._Known(None, [Orbit(one)])
-    wide = swing_about(one, 0.05)
+    wide = oscillation_about(one, 0.05)
     assert known.about(wide, 0.1) == 0 and not known.held(0, wide)
-    narrow = swing_about(one, 0.015)
+    narrow = oscillation_about(one, 0.015)
     # It keeps contact, which is 0.02 clearances deep.
     assert known.about(narrow, 0.1) == 0 and known.held(0, narrow)
-    other = swing_about(two, 1e-4)
+    other = oscillation_about(two, 1e-4)
     assert known.about(other, 0.0) is None and not shots
     # In vain, from each of its turns, then not again; from another place it is found.
     assert known.about(other, 0.1) is None and known.about(other, 0.1) is None
     assert len(shots) == 2
-    beside = swing_about(np.array(two) + 0.01, 1e-4)
+    beside = oscillation_about(np.array(two) + 0.01, 1e-4)
     assert known.about(beside, 0.1) == 1 and len(known.orbits) == 2
     assert known.about(other, 0.1) == 1 and len(shots) == 3
     # Turn and turn about.
-    late = swing_about(two[::-1], 1e-4)
+    late = oscillation_about(two[::-1], 1e-4)
     assert known.about(late, 0.1) == 1 and len(shots) == 3
     # What still swings belongs to the orbit that it swings about less than before, also where it
     # is in step with the shaft for a while; not what swings on.
     for pace in (np.sqrt(3), 1 / 3):
-        before, now = (module._swings(swinging(one, width, pace)) for width in (0.06, 0.05))
+        before, now = (module._oscillations(swinging(one, width, pace)) for width in (0.06, 0.05))
         assert known.approached(before, now) == 0
         assert known.approached(now, now) is None
-    far = module._swings(swinging([[0.6, 0.4]], 0.05))
+    far = module._oscillations(swinging([[0.6, 0.4]], 0.05))
     assert known.approached(before, far) is None
 
 

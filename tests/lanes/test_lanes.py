@@ -227,7 +227,7 @@ def _slope(swing):
 
 def test_what_lanes_cannot_do_is_done_in_turn_and_said():
     swings = _swings(3)
-    said = "Lanes do not know derivatives: the engine `in_turn` computes these scenes."
+    said = "Lanes do not know derivatives: the engine 'loop' computes these scenes."
     with pytest.warns(UserWarning, match=said):
         found = map_all(_slope, swings, engine=in_lanes)
     _equal(found, _in_turn(_slope, swings))

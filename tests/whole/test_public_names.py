@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.metadata import version
 
 import pytest
 
@@ -32,6 +33,10 @@ def test_every_name_of_the_package_is_there():
     import jaxcrusher.motion.statistics as module
 
     assert module.statistics is jc.statistics and not callable(module)
+
+
+def test_the_version_is_that_of_the_installed_package():
+    assert jc.__version__ == version("jaxcrusher")
 
 
 def test_other_names_are_refused():

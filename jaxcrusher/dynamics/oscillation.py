@@ -1,4 +1,4 @@
-"""What a motion swings about: the mean of its section points, and how far an orbit is from it."""
+"""Free oscillations about an orbit: the mean of section points, and its distance from an orbit."""
 
 from typing import NamedTuple
 
@@ -12,42 +12,42 @@ from jaxcrusher.orbits.result import PeriodicOrbit
 ABOUT, NEAR = 0.25, 1e-3
 
 
-class Swing(NamedTuple):
-    """What a piece of motion swings about."""
+class Oscillation(NamedTuple):
+    """A piece of motion: its mean section points, and its spread about them."""
 
-    centre: Float[np.ndarray, "period dims"]  # means of every so manieth section point
+    centre: Float[np.ndarray, "period dims"]  # entry i is the mean over every p-th turn from i on
     spread: float  # about these, RMS, in clearances
 
     @property
     def allowed(self) -> float:
-        """How far off an orbit may be that this swings about, in clearances."""
+        """Return how far the orbit of this oscillation may be from its centre, in clearances."""
         return max(ABOUT * self.spread, NEAR)
 
 
-def swing_about(states: Float[np.ndarray, "turns dims"], period: int) -> Swing:
-    """What whole multiples of `period` turns swing about: a point that repeats after so many."""
+def oscillation_about(states: Float[np.ndarray, "turns dims"], period: int) -> Oscillation:
+    """Return the oscillation of whole multiples of `period` turns about an orbit of that period."""
     parts = states.reshape(-1, period, states.shape[1])
     centre = parts.mean(axis=0)
     apart = places(parts - centre)
-    return Swing(centre, float(np.sqrt(np.mean(apart**2))))
+    return Oscillation(centre, float(np.sqrt(np.mean(apart**2))))
 
 
 def places(states: Float[np.ndarray, "*turns dims"]) -> Float[np.ndarray, "*turns half"]:
-    """The eccentricities of section points, which hold four numbers a joint, in clearances."""
+    """Return the eccentricities of section points, which hold four numbers a joint."""
     of_joints = states.reshape(*states.shape[:-1], -1, 4)[..., :2]
     return of_joints.reshape(*states.shape[:-1], -1)
 
 
 def section_of(orbit: PeriodicOrbit) -> Float[np.ndarray, "period half"]:
-    """Where the pins are at the beginning of each turn, in clearances."""
+    """Return the positions of the pins at the beginning of each turn, in clearances."""
     turns = [flat(orbit.state(2 * np.pi * turn), orbit.scene) for turn in range(orbit.period)]
     return places(np.array(turns))
 
 
 def distance(section: Float[np.ndarray, "p half"], centre: Float[np.ndarray, "n dims"]) -> float:
-    """Of one orbit from another, RMS, in clearances; whichever turn comes first.
+    """Return the distance between two orbits, RMS, in clearances; whichever turn comes first.
 
-    Infinite where the periods differ.
+    It is infinite where the periods differ.
     """
     if len(section) != len(centre):
         return np.inf

@@ -1,0 +1,63 @@
+"""The attributes of results that a type checker knows; `result["name"]` reaches added ones."""
+
+from jaxtyping import Array
+
+class StatisticNames:
+    foundation_rms: Array
+    foundation_mean: Array
+    foundation_peak: Array
+    shaking_rms: Array
+    contact_fraction: Array
+    penetration_ratio: Array
+    impact_speed: Array
+    winding: Array
+    foundation_smooth_peak: Array
+    shaking_peak: Array
+    joint_peak: Array
+    sliding_power: Array
+    drive_power: Array
+    elbow_contact_fraction: Array
+    elbow_penetration_ratio: Array
+    elbow_impact_speed: Array
+    elbow_winding: Array
+    elbow_joint_peak: Array
+    elbow_sliding_power: Array
+    pivot_contact_fraction: Array
+    pivot_penetration_ratio: Array
+    pivot_impact_speed: Array
+    pivot_winding: Array
+    pivot_joint_peak: Array
+    pivot_sliding_power: Array
+
+class ObservableNames:
+    normal_force: Array
+    friction_force: Array
+    eccentricity: Array
+    penetration_ratio: Array
+    penetration_rate: Array
+    foundation_force: Array
+    net_foundation_force: Array
+    shaking_force: Array
+    joint_force: Array
+    bearing_reaction: Array
+    elbow_reaction: Array
+    toggle_reaction: Array
+    drive_torque: Array
+    drive_power: Array
+    shaft_speed: Array
+    crushing_load: Array
+    pin_position: Array
+    jaw_position: Array
+    jaw_mass_centre: Array
+    jaw_velocity: Array
+    constraint_residual: Array
+    elbow_normal_force: Array
+    elbow_friction_force: Array
+    elbow_eccentricity: Array
+    elbow_penetration_ratio: Array
+    elbow_penetration_rate: Array
+    pivot_normal_force: Array
+    pivot_friction_force: Array
+    pivot_eccentricity: Array
+    pivot_penetration_ratio: Array
+    pivot_penetration_rate: Array
