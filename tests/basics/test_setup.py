@@ -45,7 +45,7 @@ def python(program: str, **environment: str) -> subprocess.CompletedProcess:
         env=inherited | environment,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=900,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -30,10 +30,10 @@ def test_failure_says_what_the_process_said(module):
 
 
 def test_who_stops_listening_ends_the_process(module):
-    rows = run_apart(module, "60", "", cores=1)
+    rows = run_apart(module, "3600", "", cores=1)
     process, began = next(rows)["process"], time.perf_counter()
     rows.close()
     with pytest.raises(ProcessLookupError):
         os.kill(process, 0)
-    # Far below the minute that it would have slept.
-    assert time.perf_counter() - began < 30
+    # Far below the hour that it would have slept, also on a busy machine.
+    assert time.perf_counter() - began < 600

@@ -15,6 +15,8 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.batch.sweep import columns_of
+from jaxcrusher.files.journal import Journal
+from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
 from jaxcrusher.motion.statistic import always_with, chosen
 from optimize import confirm, decay, formatting, landscape, local, stages, verdicts
 from optimize.answer import Check, Coexisting
@@ -257,6 +259,26 @@ def test_a_design_is_judged_by_what_its_worse_start_comes_to():
     # A single run that does not count, of either start, leaves no number to choose by.
     rows["counts"][1, 2] = False
     assert not confirm.confirmed(case, np.zeros(2), rows, orbit).counts
+
+
+def test_the_limits_of_every_loose_joint_are_kept():
+    """A pivot that approaches at twice the elastic limit is named, beside a main joint inside."""
+    free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
+    case = resolve(Options(design=free)).case
+    columns = columns_of(("pivot",), chosen(always_with(("pivot",))))
+    rows = {name: np.zeros((2, 3)) for name in columns} | {
+        "state": np.zeros((2, 3, 8)),
+        "objective": np.ones((2, 3)),
+        "success": np.ones((2, 3), dtype=bool),
+        "counts": np.ones((2, 3), dtype=bool),
+        "pivot_impact_speed": np.full((2, 3), 2 * ELASTIC_IMPACT_SPEED),
+    }
+    one = confirm.confirmed(case, np.zeros(2), rows, None)
+    assert (
+        formatting.outside(one)[0]
+        == "centred start, pivot: approaches at 2.0 times the elastic limit"
+    )
+    assert formatting.limits(one).startswith("OUTSIDE the contact model: ")
 
 
 def test_checks_fail_where_their_rules_are_broken(finished):
@@ -565,12 +587,43 @@ def test_interruption_leaves_what_was_finished(tmp_path, monkeypatch):
     assert (tmp_path / "cut" / "landscape.nc").exists()
 
 
+def test_an_interrupted_search_goes_on_with_the_same_bits(finished, tmp_path, monkeypatch):
+    folder, whole = finished
+    options = Options(out=tmp_path, name="small", **(SMALL | {"settle": 10}))
+    computed, kept = [], Journal.kept
+
+    def counted(journal, job, inputs, compute):
+        return kept(journal, job, inputs, lambda: (computed.append(job), compute())[1])
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(decay, "TURNS", 48)
+    monkeypatch.setattr(Journal, "kept", counted)
+    with monkeypatch.context() as patch:
+        patch.setattr(local, "descend", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            run(options, Console(quiet=True))
+    maps = list(computed)
+    assert "orbits" in maps and "motions" in maps and any((tmp_path / "small/chunks").iterdir())
+    computed.clear()
+    answer = run(options, Console(quiet=True))
+    # Maps are read, and the confirmation, which had not begun, is computed.
+    assert computed and not {*computed} & {*maps}
+    assert answer.optimum.objective == whole.optimum.objective
+    for name in ("orbits.nc", "landscape.nc"):
+        with xr.open_dataset(tmp_path / "small" / name) as one:
+            with xr.open_dataset(folder / name) as other:
+                xr.testing.assert_equal(one, other)
+    assert not (tmp_path / "small" / "chunks").exists()
+
+
 def test_command_line_error_is_one_line():
     done = subprocess.run(
         [sys.executable, "-m", "optimize.run", "--speed", "40", "25rad/s"],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=900,
         check=False,
     )
     assert done.returncode == 2

@@ -21,6 +21,8 @@ def orbit():
     return jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3))
 
 
+# Compiled with XLA's optimisations, as users have it: README promises these numbers.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("speed", "clearance", "rms", "digits", "turns"),
     [

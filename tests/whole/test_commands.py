@@ -426,7 +426,7 @@ def test_mistake_of_a_process_is_one_line():
         check=False,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=900,
     )
     assert wrong.returncode == 2 and wrong.stdout == ""
     assert wrong.stderr.startswith("error: Argument `speed`") and wrong.stderr.count("\n") == 1

@@ -38,7 +38,7 @@ def run(tmp_path):
             capture_output=True,
             text=True,
             check=False,
-            timeout=60,
+            timeout=900,
         )
 
     return run

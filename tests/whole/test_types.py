@@ -24,7 +24,7 @@ def checked(folder: Path, source: str) -> subprocess.CompletedProcess:
         ["pyright", "--pythonpath", sys.executable, "--project", str(folder)],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=900,
         check=False,
     )
 
