@@ -37,11 +37,12 @@ class Comments(griffe.Extension):
         ]
         cls.docstring.parsed.append(griffe.DocstringSectionAttributes(rows))
         for field in fields:
-            cls.del_member(field.name)
+            # A field that stands in a stub is no member of the class itself.
+            cls.members.pop(field.name, None)
 
 
 def _comment(attr: griffe.Attribute) -> str:
-    """The comment at the end of the definition's last line, or those directly above it."""
+    """Return the comment at the end of the definition's last line, or those directly above it."""
     assert isinstance(attr.filepath, Path)
     assert attr.lineno is not None and attr.endlineno is not None
     lines = attr.lines_collection[attr.filepath]
