@@ -11,7 +11,8 @@ import jaxcrusher as jc
 from jaxcrusher.dynamics.many_orbits import Problem, beside, solve_orbits
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
-from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
+from jaxcrusher.motion import statistic
+from jaxcrusher.motion.statistic import STATISTICS
 from jaxcrusher.orbits.forced import refusal
 from optimize.answer import Coexisting, Orbit
 from optimize.evaluate import Case, Progress, Rows, started
@@ -97,7 +98,7 @@ def solve_map(
     near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else _alone
     rows = solve(case, units, near, journal=journal, progress=progress)
     of = case.objective
-    columns = {name: Column(STATISTIC[name].unit, STATISTIC[name].meaning) for name in STATISTICS}
+    columns = statistic.columns(STATISTICS)
     columns |= {name: COLUMNS[name] for name in (*KEPT, "stable", "inside_model", "failure")}
     columns["objective"] = Column(of.unit, of.meaning)
     meaning = f"slope of the {of.meaning}, per unit of the parameter"

@@ -15,25 +15,27 @@ from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, units_given
 from jaxcrusher.commands.options import Regimes
 from jaxcrusher.dynamics.regime import OUTPUTS
+from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance, versions
 from jaxcrusher.files.results import results_folder, write_json, write_netcdf
 from jaxcrusher.files.resume import earlier
-from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.files.table import Column
+from jaxcrusher.motion.statistic import columns
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import CHAMBER, PARAMETERS
 from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import read_text
 
-# Name -> unit and meaning of a row's numbers.
+# The numbers of a row.
 COLUMNS = {
-    "period": ("1", "turns after which the motion repeats"),
-    "largest_exponent": ("1", "largest Lyapunov exponent a turn"),
-    "largest_exponent_error": ("1", "its standard error"),
-    "zero_one": ("1", "0-1 test: 0 order, 1 chaos"),
-    "trend": ("1", "change of the section's spread, as a share"),
-    **{name: (STATISTIC[name].unit, STATISTIC[name].meaning) for name in OUTPUTS},
-    "seconds": ("s", "time it took"),
+    "period": Column("1", "turns after which the motion repeats"),
+    "largest_exponent": Column("1", "largest Lyapunov exponent a turn"),
+    "largest_exponent_error": Column("1", "its standard error"),
+    "zero_one": Column("1", "0-1 test: 0 order, 1 chaos"),
+    "trend": Column("1", "change of the section's spread, as a share"),
+    **columns(OUTPUTS),
+    "seconds": Column("s", "time it took"),
 }
 
 
@@ -119,19 +121,20 @@ def _settings(options: Regimes, values: dict[str, Any], varied: list[str]) -> di
 
 
 def dataset(rows: list[dict], settings: dict, attributes: dict[str, str]) -> xr.Dataset:
-    """The rows, with the varied names as coordinates along them."""
+    """Return the rows, with the varied names as coordinates along them."""
     coordinates = {}
     for name in settings["varied"]:
         known = PARAMETERS.get(name)
         labels = {"units": known.unit, "long_name": known.meaning} if known else {}
         coordinates[name] = ("design", [row["design"][name] for row in rows], labels)
-    variables: dict[str, Any] = {
-        "regime": ("design", [row["regime"] for row in rows], {"long_name": "kind of motion"})
+    values = {
+        name: np.array([np.nan if row[name] is None else float(row[name]) for row in rows])
+        for name in COLUMNS
     }
-    for name, (unit, meaning) in COLUMNS.items():
-        column = [np.nan if row[name] is None else float(row[name]) for row in rows]
-        variables[name] = ("design", column, {"units": unit, "long_name": meaning})
-    return xr.Dataset(variables, coordinates, {**attributes, "settings": json.dumps(settings)})
+    values["regime"] = np.array([row["regime"] for row in rows])
+    kept = {"regime": Column("1", "kind of motion", str)} | COLUMNS
+    attributes = {**attributes, "settings": json.dumps(settings)}
+    return table.dataset(("design",), values, kept, coordinates, attributes)
 
 
 def _row(design: dict[str, Any], verdict: jc.Regime, seconds: float) -> dict[str, Any]:

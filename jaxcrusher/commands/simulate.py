@@ -19,10 +19,12 @@ from jaxcrusher.commands.crushers import read_crusher
 from jaxcrusher.commands.options import Simulate
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_netcdf
 from jaxcrusher.files.resume import begin
+from jaxcrusher.files.table import Column
 from jaxcrusher.pictures import plots
 from jaxcrusher.scenes.parameters import loose_besides
 
@@ -113,25 +115,21 @@ def _settle(options: Simulate, span: float) -> int:
 
 
 def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
-    """The motion with units, long names and provenance."""
-    variables: dict[str, Any] = {}
-    for name, observable in OBSERVABLES.items():
-        if name not in motion.values:
-            continue
-        array = np.asarray(motion[name])
-        dims = ("time", "direction")[: array.ndim]
-        labels = {"units": observable.unit, "long_name": observable.meaning}
-        variables[name] = (dims, array, labels)
-    for name, meaning in LEDGER.items():
-        labels = {"units": "J", "long_name": meaning}
-        variables[name] = ("time", np.asarray(getattr(motion.energy, name)), labels)
+    """Return the motion with units, long names and provenance."""
+    seen = [name for name in OBSERVABLES if name in motion.values]
+    arrays = {name: np.asarray(motion[name]) for name in seen}
+    arrays |= {name: np.asarray(getattr(motion.energy, name)) for name in LEDGER}
+    columns = {name: Column("J", meaning) for name, meaning in LEDGER.items()}
+    for name in seen:
+        dims = ("direction",)[: arrays[name].ndim - 1]
+        columns[name] = Column(OBSERVABLES[name].unit, OBSERVABLES[name].meaning, dims=dims)
     coordinates = {
         "time": ("time", np.asarray(motion.time), {"units": "s", "long_name": "time"}),
         "direction": ("direction", ["x", "y"], {"long_name": "to the right and up"}),
     }
     failure = motion.failure or "none"
     attributes = provenance("Motion of a jaw crusher", scene=values, failure=failure)
-    return xr.Dataset(variables, coordinates, attributes)
+    return table.dataset(("time",), arrays, columns, coordinates, attributes)
 
 
 def draw(motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) -> Figure:

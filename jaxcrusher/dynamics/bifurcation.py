@@ -21,17 +21,14 @@ from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.dynamics.indicators import detect_period
 from jaxcrusher.dynamics.regime import NOISE, OUTPUTS, spread_trend
+from jaxcrusher.files.table import COLUMNS, dataset
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.section import Section, poincare_section
-from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.motion.statistic import columns
 
-# Name -> unit and meaning of the first coordinates of a section point.
-COORDINATES = {
-    "e_x": ("1", "e_x / clearance"),
-    "e_y": ("1", "e_y / clearance"),
-    "rate_x": ("m/s", "de_x/dt"),
-    "rate_y": ("m/s", "de_y/dt"),
-}
+# The first coordinates of a section point, and what is told of a value besides.
+COORDINATES = ("e_x", "e_y", "rate_x", "rate_y")
+FLAGS = ("success", "whirl", "settled", "period")
 # Ten batches of two points: the least that shows a trend.
 LEAST_TURNS = 20
 
@@ -49,7 +46,7 @@ def bifurcation(
     chunk: int = CHUNK,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
-    """Section points of `turns` turns after `settle_turns`, at each value of a parameter.
+    """Return section points of `turns` turns after `settle_turns`, at each value of a parameter.
 
     **Arguments:**
 
@@ -120,30 +117,19 @@ def _row(found: Section, rtol: float) -> dict[str, np.ndarray]:
         period = detect_period(states, noise=NOISE * rtol)
         settled = period is not None or not spread_trend(states)[1]
     row = dict(zip(COORDINATES, states.T, strict=False)) | {"foundation_rms": rms}
-    flags = {"success": success, "whirl": whirl, "settled": settled, "period": period or 0}
-    return row | {key: np.asarray(flag) for key, flag in flags.items()}
+    flags = zip(FLAGS, (success, whirl, settled, period or 0), strict=True)
+    return row | {key: np.asarray(flag) for key, flag in flags}
 
 
 def _dataset(numbers, rows, name, units, direction, settle_turns) -> xr.Dataset:
-    rms = STATISTIC["foundation_rms"]
-    meanings = COORDINATES | {
-        "foundation_rms": (rms.unit, rms.meaning),
-        "success": ("1", "integrated to the end"),
-        "whirl": ("1", "friction whirl"),
-        "settled": ("1", "the points repeat, or their spread has no trend"),
-        "period": ("1", "turns until the points repeat, 0 if they do not"),
-    }
-    data = {}
-    for key, (unit, meaning) in meanings.items():
-        column = np.stack([row[key] for row in rows])
-        data[key] = (
-            ("value", "turn")[: column.ndim],
-            column,
-            {"units": unit, "long_name": meaning},
-        )
-    turns = data["e_x"][1].shape[1]
+    kept = {name: COLUMNS[name] for name in COORDINATES}
+    kept["foundation_rms"] = columns(("foundation_rms",))["foundation_rms"]._replace(dims=("turn",))
+    kept |= {name: COLUMNS[name] for name in FLAGS}
+    values = {name: np.stack([row[name] for row in rows]) for name in kept}
+    turns = values["e_x"].shape[1]
     coordinates = {
         "value": ("value", numbers, {"units": units, "long_name": name}),
         "turn": ("turn", settle_turns + 1 + np.arange(turns), {"units": "1"}),
     }
-    return xr.Dataset(data, coordinates, {"direction": direction, "settle_turns": settle_turns})
+    attributes = {"direction": direction, "settle_turns": settle_turns}
+    return dataset(("value",), values, kept, coordinates, attributes)

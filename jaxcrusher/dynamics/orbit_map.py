@@ -19,6 +19,7 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.many_orbits import SEEN, Problem, Rows, beside, solve_orbits
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
+from jaxcrusher.motion import statistic
 from jaxcrusher.motion.statistic import STATISTIC, statistics_of
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.orbits.result import PeriodicOrbit
@@ -161,7 +162,7 @@ def _solved(
 def _layout(grid: Grid, scenes: list[Scene], slopes: tuple[str, ...], metric: str) -> Layout:
     """Return the columns that all designs have: of an ideal joint there are fewer."""
     held = set.intersection(*(set(statistics_of(scene)) for scene in scenes))
-    columns = {name: Column(of.unit, of.meaning) for name, of in STATISTIC.items() if name in held}
+    columns = statistic.columns(name for name in STATISTIC if name in held)
     columns |= {name: COLUMNS[name] for name in (*SEEN, "failure")}
     further: dict[str, np.ndarray | int] = {}
     if slopes:

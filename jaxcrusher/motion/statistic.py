@@ -19,6 +19,7 @@ from jaxcrusher.crusher.observables import (
 )
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.files.table import Column
 
 # Instants per turn at which peaks and contact are looked at.
 SAMPLES = 1024
@@ -171,6 +172,11 @@ Chosen = tuple[tuple[str, Statistic], ...]
 def chosen(names: Iterable[str]) -> Chosen:
     """Return the entries that these names have now."""
     return tuple((name, STATISTIC[name]) for name in names)
+
+
+def columns(names: Iterable[str]) -> dict[str, Column]:
+    """Return the columns of these statistics in a table."""
+    return {name: Column(STATISTIC[name].unit, STATISTIC[name].meaning) for name in names}
 
 
 def always_with(loose: Iterable[str]) -> tuple[str, ...]:

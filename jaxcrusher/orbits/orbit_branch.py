@@ -18,7 +18,8 @@ from jaxcrusher.basics.checks import (
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene, require_maker
-from jaxcrusher.motion.statistic import STATISTIC, chosen
+from jaxcrusher.files.table import COLUMNS, dataset
+from jaxcrusher.motion.statistic import chosen, columns
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.branch import Special, follow, origin, special_points
 from jaxcrusher.orbits.collocation import System
@@ -29,19 +30,15 @@ from jaxcrusher.orbits.shooting import Shooting
 
 # Nodes a turn: near a fold an orbit and its multipliers want more than elsewhere.
 NODES = 192
-# Name -> unit and meaning of what a point holds besides some statistics.
-VARIABLES = {
-    "error": ("1", "estimated error of the RMS, as a share of it"),
-    "least_penetration": ("1", "least penetration / clearance"),
-    "largest_multiplier": ("1", "largest modulus of the Floquet multipliers"),
-}
 # Joint -> kind of the special point where its pin leaves its bore.
 LOST = {
     "main": "contact lost",
     "elbow": "contact lost at the elbow",
     "pivot": "contact lost at the pivot",
 }
+# What a point holds: statistics, and further numbers of its orbit.
 HELD = ("foundation_rms", "foundation_mean", "foundation_peak")
+FURTHER = ("error", "least_penetration", "largest_multiplier", "stable")
 
 
 def orbit_branch(
@@ -145,16 +142,17 @@ def _labelled(
     ended: str,
     period: int,
 ) -> xr.Dataset:
-    meanings = {name: (STATISTIC[name].unit, STATISTIC[name].meaning) for name in HELD} | VARIABLES
-    data = {"parameter": ("point", parameter, {})}
-    for name, (unit, meaning) in meanings.items():
-        values = np.array([float(getattr(orbit, name)) for orbit in orbits])
-        data[name] = "point", values, {"units": unit, "long_name": meaning}
-    stable = np.array([bool(orbit.stable) for orbit in orbits])
-    data["stable"] = "point", stable, {"units": "1", "long_name": "disturbances die"}
-    data["special_kind"] = "special", np.array([one.kind for one in special], object), {}
-    data["special_parameter"] = "special", np.array([one.parameter for one in special], float), {}
-    return xr.Dataset(data, attrs={"ended": ended, "period": period})
+    kept = columns(HELD) | {name: COLUMNS[name] for name in FURTHER}
+    values = {
+        name: np.array([column.kind(getattr(orbit, name)) for orbit in orbits], column.kind)
+        for name, column in kept.items()
+    }
+    found = dataset(("point",), values, kept, {}, {"ended": ended, "period": period})
+    return found.assign(
+        parameter=("point", parameter),
+        special_kind=("special", np.array([one.kind for one in special], object)),
+        special_parameter=("special", np.array([one.parameter for one in special], float)),
+    )
 
 
 def _family(value: Scalar, *, scene: Callable[[Scalar], Scene], period: int) -> System:

@@ -52,7 +52,7 @@ def markdown(result: dict, picture: str) -> str:
         f"![best so far, forces and power]({picture})",
         "## The searches",
         f"{options['starts']} random starts, the same for each method: machines that move. At most "
-        f"{options['budget']} values of work each. A value is the RMS of a settled "
+        f"{options['budget']} values of work each. A value is the RMS of a periodic "
         f"motion and took {1e3 * cost['value_seconds']:.1f} ms of CPU time, a "
         "gradient by all parameters "
         f"{1e3 * cost['gradient_seconds']:.1f} ms: it counts as {ratio:.1f} values. Arrived: "
