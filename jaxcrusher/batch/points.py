@@ -91,7 +91,7 @@ class Grid:
         _, first, group = np.unique(
             places[choosing], axis=1, return_index=True, return_inverse=True
         )
-        for number, design in enumerate(first):
+        for number, design in enumerate(first.tolist()):
             yield self.choices(design), np.flatnonzero(group == number).tolist()
 
     def scene(self, numbers: Mapping[str, Any], choices: Mapping[str, str]) -> Scene:
