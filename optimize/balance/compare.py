@@ -1,8 +1,9 @@
-"""A gradient search and two rivals without gradients, at equal work.
+"""Two gradient searches and two rivals without gradients, at equal work.
 
 Work is counted in values of the objective; a gradient counts as many as it costs. L-BFGS-B is
-SciPy's, CMA-ES that of `cma` (Hansen), the model-based search that of `Py-BOBYQA` (Cartis,
-Fiala, Marteau, Roberts 2019). All work on the unit box, from the same starts.
+SciPy's, Adam that of `optax`, projected on the box, CMA-ES that of `cma` (Hansen), the model-based
+search that of `Py-BOBYQA` (Cartis, Fiala, Marteau, Roberts 2019). All work on the unit box, from
+the same starts.
 """
 
 import importlib.util
@@ -11,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import jax
 import numpy as np
 import scipy.optimize
 
@@ -18,6 +20,8 @@ import scipy.optimize
 RELATIVE_CHANGE = 1e-8
 # First and last radius of the model-based search, first spread of the evolution, in boxes.
 FIRST_RADIUS, LAST_RADIUS, SPREAD = 0.2, 1e-4, 0.3
+# Adam's first step in each coordinate, in boxes; a cosine takes it to zero as the budget ends.
+ADAM_RATE = 0.05
 # What a search is told where there is no number: worse than any number, by far.
 NO_NUMBER = 100.0
 
@@ -117,6 +121,19 @@ def _gradient(meter: _Meter, start: np.ndarray, seed: int) -> None:
     )
 
 
+def _adam(meter: _Meter, start: np.ndarray, seed: int) -> None:
+    import optax
+
+    steps = max(1, int(meter.budget / meter.objective.gradient_work))
+    method = optax.adam(optax.cosine_decay_schedule(ADAM_RATE, steps))
+    point, update = start, jax.jit(method.update)
+    state = method.init(point)
+    for _ in range(steps):
+        _, slope = meter.gradient(point)
+        change, state = update(slope, state)
+        point = np.clip(optax.apply_updates(point, np.asarray(change)), 0.0, 1.0)
+
+
 def _cma(meter: _Meter, start: np.ndarray, seed: int) -> None:
     import cma
 
@@ -141,7 +158,7 @@ def _bobyqa(meter: _Meter, start: np.ndarray, seed: int) -> None:
     )
 
 
-METHODS = {"L-BFGS-B": _gradient, "CMA-ES": _cma, "Py-BOBYQA": _bobyqa}
+METHODS = {"L-BFGS-B": _gradient, "Adam": _adam, "CMA-ES": _cma, "Py-BOBYQA": _bobyqa}
 _PACKAGES = {"cma": "cma", "pybobyqa": "Py-BOBYQA"}
 
 

@@ -13,7 +13,7 @@ from jaxcrusher.pictures.page import STYLE, WIDTH, plain_powers
 from optimize.balance.compare import best_so_far
 from optimize.balance.methods import by_method
 
-COLOURS = {"L-BFGS-B": "C0", "CMA-ES": "C1", "Py-BOBYQA": "C2"}
+COLOURS = {"L-BFGS-B": "C0", "Adam": "C3", "CMA-ES": "C1", "Py-BOBYQA": "C2"}
 CONDITIONS = {
     "friction": ("friction coefficient of the condition", 1.0),
     "load": ("load of the condition, kN", 1e-3),
