@@ -1,5 +1,6 @@
 """The periodic orbits of designs: the objective on them, its exact slopes, and multipliers."""
 
+import functools
 from collections.abc import Callable
 
 import equinox as eqx
@@ -52,15 +53,8 @@ def solve(
     shape (points,) hold `objective`, `counts` (stable and within the constraints) besides; `slope`
     is that of the objective per unit of each free parameter, (points, n).
     """
-    middle = case.design.scene(np.full(len(case.design.names), 0.5))
-    problem = Problem(
-        eqx.Partial(_scene, case=case),
-        eqx.Partial(_objective, case=case),
-        1,
-        2 * len(list(middle.joints.present())),
-    )
     rows = solve_orbits(
-        problem,
+        _problem(case),
         (units, {}),
         (NODES,),
         neighbours,
@@ -74,6 +68,14 @@ def solve(
     inside = rows["inside_model"] if case.inside_model else True
     rows["counts"] = rows["stable"] & capacity & inside & np.isfinite(rows["objective"])
     return rows
+
+
+# A scene takes as long to build as an orbit takes to solve for, and descents ask one by one.
+@functools.lru_cache(maxsize=8)
+def _problem(case: Case) -> Problem:
+    middle = case.design.scene(np.full(len(case.design.names), 0.5))
+    dims = 2 * len(list(middle.joints.present()))
+    return Problem(eqx.Partial(_scene, case=case), eqx.Partial(_objective, case=case), 1, dims)
 
 
 def _scene(unit: Array, _: PyTree, case: Case) -> jc.Scene:
