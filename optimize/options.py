@@ -72,6 +72,13 @@ class Options(Effort):
     Names and units as in a scene file: --design counterweight.mass 0 "50 kg"."""
     scene: Path | None = None
     """TOML scene file with the crusher's other numbers; the options below go before it."""
+    overrides: Annotated[
+        tuple[tuple[str, str], ...],
+        tyro.conf.UseAppendAction,
+        tyro.conf.arg(name="set", metavar="KEY VALUE"),
+    ] = ()
+    """A key of the scene file and its value with its unit, over the file's, as in
+    --set jaw.mass "480 kg". May be repeated."""
     capacity_floor: float | None = None
     """Least crushing capacity, m3/h; by default that at the lowest speed over 1.67, as in the
     paper: 9.41 / 1.67."""

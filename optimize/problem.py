@@ -11,7 +11,14 @@ from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, PE250X400, in_words, readable
 from jaxcrusher.scenes.plausibility import require_possible
-from jaxcrusher.scenes.scene_file import read_range, read_scene_file, read_text, scene_of
+from jaxcrusher.scenes.scene_file import (
+    key_of,
+    read_overrides,
+    read_range,
+    read_scene_file,
+    read_text,
+    scene_of,
+)
 from optimize.answer import Box, Sought
 from optimize.design import Design
 from optimize.evaluate import Case
@@ -24,7 +31,7 @@ SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
 # The paper's greatest capacity, to which its floor refers, is that at 25 rad/s.
 GREATEST_AT = 25.0
 # Options that do not decide the answer, or do by what they are read as.
-KEPT_APART = ("name", "out", "scene", "speed", "clearance", "design")
+KEPT_APART = ("name", "out", "scene", "overrides", "speed", "clearance", "design")
 
 Bounds = dict[str, tuple[float, float]]
 
@@ -52,6 +59,7 @@ def resolve(options: Options) -> Problem:
     """
     _check_numbers(options)
     _require_used(options)
+    _require_not_set(options)
     described, free = _description(options), _bounds(options)
     lowest = {name: low for name, (low, _) in free.items()}
     scene = scene_of({**described, **lowest}, options.scene)
@@ -79,9 +87,8 @@ def resolve(options: Options) -> Problem:
         rubs = scene.joint is not None and scene.joint.friction is not None
         require(rubs, "objective", "be another without friction", options.objective)
     speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(case.capacity_floor))
-    units = units_of_file(options.scene) | units_of(
-        (name, high) for name, _, high in _free(options)
-    )
+    written = (*options.overrides, *((name, high) for name, _, high in _free(options)))
+    units = units_of_file(options.scene) | units_of(written)
     kept = {name: value for name, value in asdict(options).items() if name not in KEPT_APART}
     reference, compared_with = _reference(options, described, free)
     return Problem(
@@ -145,6 +152,15 @@ def _require_used(options: Options) -> None:
         require(not (idle and given), name, must, value)
 
 
+def _require_not_set(options: Options) -> None:
+    """ValueError for `--set` of a number that is free, or that another option gives."""
+    taken = {name for name, _, _ in _free(options)}
+    taken |= {name for name in ("slip", "friction", "load_law") if getattr(options, name)}
+    for name, _ in options.overrides:
+        repeated = key_of(name) in taken
+        require(not repeated, "set", "not repeat what another option gives", name)
+
+
 def _bounds(options: Options) -> Bounds:
     """Return the free parameters with their bounds, in SI units.
 
@@ -167,6 +183,7 @@ def _free(options: Options) -> tuple[tuple[str, str, str], ...]:
 def _description(options: Options) -> dict[str, Any]:
     """The crusher's other numbers and choices: the scene file's, then the options'."""
     values: dict[str, Any] = {} if options.scene is None else dict(read_scene_file(options.scene))
+    values |= read_overrides(options.overrides)
     for name, value in (
         ("slip", options.slip),
         ("friction", options.friction),

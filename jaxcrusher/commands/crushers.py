@@ -11,28 +11,30 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, complete
-from jaxcrusher.scenes.plausibility import tell_unusual
+from jaxcrusher.scenes.plausibility import tell_borrowed, tell_unusual
 from jaxcrusher.scenes.scene_file import (
+    read_overrides,
     read_range,
     read_scene_file,
-    read_text,
     require_parameter,
     scene_of,
 )
 
 
 def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
-    """Every name of a crusher with its value, and the scene that they make.
+    """Return every name of a crusher with its value, and the scene that they make.
 
-    What is unusual is told. Raises ValueError as `read_scene_file`, `build_scene`, `build_chamber`
-    and `remarks` of `jaxcrusher.scenes.plausibility` do.
+    Unusual numbers are told, and those that a scene file leaves to the paper. Raises ValueError
+    as `read_scene_file`, `build_scene`, `build_chamber` and `remarks` of
+    `jaxcrusher.scenes.plausibility` do.
     """
     given = {} if crusher.scene is None else read_scene_file(crusher.scene)
-    given |= {name: read_text(name, text) for name, text in crusher.overrides}
+    given |= read_overrides(crusher.overrides)
     values = complete(given)
     scene = scene_of(values, crusher.scene)
     build_chamber(values)
     tell_unusual(values)
+    tell_borrowed(given, crusher.scene)
     return values, scene
 
 

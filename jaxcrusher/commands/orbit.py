@@ -27,9 +27,10 @@ ANGLES = 720  # of the picture, a turn
 # The statistics whose slopes are told: what frame and bearings carry, and what shakes the ground.
 METRICS = ("foundation_rms", "shaking_rms")
 REMEDY = (
-    "Where the pin's swing meets a harmonic of the drive, or contact is lost, there may be none of "
-    "this period, or several: try a value a thousandth off, another --period, or "
-    "jaxcrusher.coexisting_orbits, which looks from many starts."
+    "Where the free oscillation of the pin meets a harmonic of the drive, or contact is lost, "
+    "there may be no orbit of this period, or several. Try a value a thousandth off, another "
+    "--period, or jaxcrusher.coexisting_orbits, which searches from many starts. Any motion has "
+    "averages: `python -m jaxcrusher simulate --turns 200`."
 )
 
 
@@ -104,7 +105,7 @@ def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:
         pin.plot(*(np.asarray(seen[name]).T / clearance))
         pin.set(aspect="equal", xlabel="e_x / c", ylabel="e_y / c")
         pin.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
-    force.plot(np.degrees(angles), 1e-3 * seen["foundation_force"], label="settled")
+    force.plot(np.degrees(angles), 1e-3 * seen["foundation_force"], label="periodic orbit")
     force.plot(np.degrees(angles), 1e-3 * ideal["foundation_force"], ":", label="ideal joints")
     force.set(xlabel="shaft angle, degrees", ylabel="|R_O| + |R_C|, kN")
     force.legend()
@@ -114,7 +115,7 @@ def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:
 
 
 def summary(orbit: jc.PeriodicOrbit) -> list[str]:
-    """The motion in a few lines."""
+    """Return the motion in a few lines."""
     lines = [
         f"RMS {float(orbit.foundation_rms):.4f} N (error {float(orbit.error):.1g} of it), mean "
         f"{float(orbit.foundation_mean):.4f} N, peak {float(orbit.foundation_peak):.4f} N",
@@ -122,13 +123,14 @@ def summary(orbit: jc.PeriodicOrbit) -> list[str]:
         f"{float(orbit.shaking_peak):.4f} N",
     ]
     if orbit.eccentricity is None:
-        return [*lines, "ideal joints: nothing swings"]
+        return [*lines, "ideal joints: nothing oscillates"]
     moduli = ", ".join(f"{abs(value):.6f}" for value in np.asarray(orbit.multipliers))
     settles = f"settles in {float(orbit.settling_turns):.4g} turns"
     return [
         *lines,
         f"multipliers {moduli} a period: {settles if bool(orbit.stable) else 'unstable'}",
         f"least penetration {float(orbit.least_penetration):.4g} clearances",
+        orbit.validity.verdict(),
     ]
 
 

@@ -25,7 +25,7 @@ from jaxcrusher.motion.statistic import columns
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import CHAMBER, PARAMETERS
 from jaxcrusher.scenes.plausibility import remarks
-from jaxcrusher.scenes.scene_file import read_text
+from jaxcrusher.scenes.scene_file import key_of, read_text
 
 # The numbers of a row.
 COLUMNS = {
@@ -164,7 +164,7 @@ def _design(text: str) -> dict[str, Any]:
         key = name.strip()
         require(key not in design, "design", "name a key once", repr(text))
         require(key not in CHAMBER, "design", "name numbers of the motion", repr(text))
-        design[key] = read_text(key, value.strip())
+        design[key_of(key)] = read_text(key, value.strip())
     return design
 
 

@@ -190,10 +190,5 @@ def closing(
             share = float(summary[f"{before(joint)}contact_fraction"])
             parts.append(f"{'' if joint == 'main' else f'{joint} '}contact share {share:.3f}")
         parts.append("FRICTION WHIRL" if bool(summary.whirl) else "no whirl")
-        remarks = summary.validity.remarks()
-        parts.append(
-            f"OUTSIDE the contact model: {'; '.join(remarks)}"
-            if remarks
-            else "inside the contact model"
-        )
+        parts.append(summary.validity.verdict())
     return f"{', '.join(parts)} (turns {settle + 1} to {settle + summary.turns})"

@@ -60,6 +60,11 @@ class Validity(eqx.Module):
         own = self.fitting & self.hertzian & self.elastic
         return functools.reduce(operator.and_, [one.inside for one in self.others.values()], own)
 
+    def verdict(self) -> str:
+        """Say whether the motion is inside the model, and else why not (concrete values only)."""
+        found = "; ".join(self.remarks())
+        return f"OUTSIDE the contact model: {found}" if found else "inside the contact model"
+
     def remarks(self) -> list[str]:
         """Say what is outside the model (concrete values only)."""
         found = []

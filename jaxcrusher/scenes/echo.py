@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from jaxcrusher.scenes.parameters import DRAWN_IN, NUMBERS, readable
-from jaxcrusher.scenes.scene_file import read_entries, to_si, written_unit
+from jaxcrusher.scenes.scene_file import key_of, read_entries, to_si, written_unit
 
 
 def units_of(written: Iterable[tuple[str, Any]]) -> dict[str, str]:
     """Return the units in the texts of named values; a text without a unit is left out."""
-    found = {name: written_unit(str(text)) for name, text in written if name in NUMBERS}
+    keys = ((key_of(name), text) for name, text in written)
+    found = {key: written_unit(str(text)) for key, text in keys if key in NUMBERS}
     return {name: unit for name, unit in found.items() if unit}
 
 

@@ -6,12 +6,13 @@ limits, and is a slip all the same.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jaxcrusher.files.program import tell
-from jaxcrusher.scenes.parameters import CHAMBER, WORN_JOINTS, complete, readable
+from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, WORN_JOINTS, complete, readable
 
 STANDARD_GRAVITY = 9.80665  # m/s2
 
@@ -230,6 +231,21 @@ def require_possible(values: Mapping[str, Any], axes: Mapping[str, Sequence[Any]
 
 def _number(value: float, unit: str) -> str:
     return f"{value:.3g} {unit}".rstrip()
+
+
+# The numbers that differ from machine to machine.
+OF_A_MACHINE = ("bore_radius", "load", "shaft.", "jaw.", "toggle.", "bearing.", "chamber.")
+
+
+def tell_borrowed(given: Mapping[str, Any], path: Path | None) -> None:
+    """Print on standard error which numbers of a machine a scene file leaves to the PE250x400."""
+    if path is None:
+        return
+    names = [name for name in NUMBERS if name.startswith(OF_A_MACHINE) and name not in given]
+    known = {name: NUMBERS[name].default for name in names}
+    if names:
+        listed = ", ".join(f"{name} {readable(name, value)}" for name, value in known.items())
+        tell(f"{path} leaves {len(names)} numbers to the PE250x400: {listed}.")
 
 
 def tell_unusual(values: Mapping[str, Any]) -> None:

@@ -17,7 +17,7 @@ refused where a unit could be meant: 0.10 may be millimetres to the one who writ
 
 import re
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from decimal import Decimal
 from difflib import get_close_matches
 from functools import cache
@@ -33,6 +33,10 @@ from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, check_number
 
 _KEYS = (*NUMBERS, *CHOICES)
+# A diameter of a drawing -> the radius that it gives.
+_DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
+# A rotational speed as data sheets write it; elsewhere "1/min" may be another rate.
+_TURNS_A_MINUTE = ("1/min", "U/min", "min-1", "min^-1", "min**-1")
 _TABLES = tuple(dict.fromkeys(name.partition(".")[0] for name in NUMBERS if "." in name))
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -55,9 +59,10 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
     entries = read_entries(path)
     try:
         for name, value in entries:
-            if name in values:
-                raise ValueError(f"Argument `{name}` must be given once, but is given twice.")
-            values[name] = read_value(name, value)
+            key = key_of(name)
+            if key in values:
+                raise ValueError(f"Argument `{key}` must be given once, but is given twice.")
+            values[key] = read_value(name, value)
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
     return values
@@ -101,6 +106,8 @@ def _decoded(content: bytes) -> str:
 def _slip(text: str, error: str) -> str:
     """Guess the slip behind TOML's error: a decimal comma, or quotes that were forgotten."""
     place = re.search(r"at line (\d+)", error)
+    if "Cannot overwrite" in error:
+        return f"line {place[1]} gives a key a second time" if place else "a key is given twice"
     if place is None:
         return error
     line = text.split("\n")[int(place[1]) - 1]
@@ -111,11 +118,20 @@ def _slip(text: str, error: str) -> str:
     return error
 
 
-def read_value(name: str, value: Any) -> float | str:
-    """One value by its dotted name, as TOML has it: a quantity, a number without unit, a choice.
+def key_of(name: str) -> str:
+    """Return the key of `PARAMETERS` that a name of a scene file gives, a diameter's too."""
+    head, dot, tail = name.rpartition(".")
+    key = f"{head}{dot}{_DIAMETERS.get(tail, tail)}"
+    return key if key in NUMBERS else name
 
-    Raises ValueError as `read_scene_file` does.
+
+def read_value(name: str, value: Any) -> float | str:
+    """Return a value by its dotted name, as TOML has it: a quantity, a number, a choice.
+
+    A diameter is halved. Raises ValueError as `read_scene_file` does.
     """
+    if key_of(name) != name:
+        return float(read_value(key_of(name), value)) / 2
     if name in CHOICES:
         require_choice(name, value, CHOICES[name])
         return value
@@ -142,9 +158,17 @@ def read_text(name: str, text: str) -> float | str:
 
     Raises ValueError as `read_scene_file` does.
     """
-    if name in NUMBERS and re.fullmatch(_NUMBER, text.strip()):
+    if key_of(name) in NUMBERS and re.fullmatch(_NUMBER, text.strip()):
         return read_value(name, float(text))
     return read_value(name, text)
+
+
+def read_overrides(pairs: Iterable[tuple[str, str]]) -> dict[str, float | str]:
+    """Return the values of `--set KEY VALUE`, by key; the last of each counts.
+
+    Raises ValueError as `read_scene_file` does.
+    """
+    return {key_of(name): read_text(name, text) for name, text in pairs}
 
 
 def read_range(name: str, low: str, high: str) -> tuple[float, float]:
@@ -199,6 +223,8 @@ def to_si(name: str, text: str) -> float:
             why = f"has a decimal comma: write {text.replace(',', '.', 1)!r}"
         raise ValueError(f"Argument `{name}` must be {_wanted(unit)}, but {text!r} {why}.")
     written = match[2].strip()
+    if unit == "rad/s" and written.replace(" ", "") in _TURNS_A_MINUTE:
+        written = "rpm"
     registry, wanted = _registry(), _parse_unit(unit)
     try:
         given = _parse_unit(written)

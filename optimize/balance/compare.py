@@ -131,7 +131,7 @@ def _adam(meter: _Meter, start: np.ndarray, seed: int) -> None:
     for _ in range(steps):
         _, slope = meter.gradient(point)
         change, state = update(slope, state)
-        point = np.clip(optax.apply_updates(point, np.asarray(change)), 0.0, 1.0)
+        point = np.clip(np.asarray(optax.apply_updates(point, change)), 0.0, 1.0)
 
 
 def _cma(meter: _Meter, start: np.ndarray, seed: int) -> None:

@@ -446,6 +446,14 @@ def test_capacity_is_the_scene_s(tmp_path):
     assert links.capacity(np.array([0.0, 0.0])) > links.capacity(np.array([1.0, 0.0]))
 
 
+def test_a_key_of_the_scene_file_may_be_set(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text('[jaw]\nmass = "500 kg"\ninertia = "100 kg m2"')
+    problem = resolve(Options(scene=file, overrides=(("jaw.mass", "0.48 tonne"),)))
+    assert problem.case.design.fixed == {"jaw.mass": 480.0, "jaw.inertia": 100.0}
+    assert problem.box.units["jaw.mass"] == "tonne"
+
+
 def test_points_near_a_bad_start_do_not_count():
     case = resolve(Options()).case
     units = landscape.points(case.design, (2, 2), 2, 0)
@@ -536,6 +544,9 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"samples": 64}, "samples"),
         ({"friction": 0.05, "design": (("friction", "0", "0.1"),)}, "friction"),
         ({"slip": "surface", "friction": 0.0}, "slip"),
+        ({"overrides": (("speed", "30rad/s"),)}, "set"),
+        ({"overrides": (("diametral_clearance", "0.1mm"),)}, "set"),
+        ({"overrides": (("jaw.mass", "480"),)}, "jaw.mass"),
         ({"name": "../evil"}, "name"),
         ({"name": "a\\b"}, "name"),
         ({"grid": (1, 5)}, "grid"),

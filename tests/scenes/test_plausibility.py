@@ -1,12 +1,13 @@
 """Slips of units and magnitudes are told; the paper's box is not."""
 
 import itertools
+from pathlib import Path
 
 import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.scenes.parameters import NUMBERS, readable
-from jaxcrusher.scenes.plausibility import RATIOS, remarks
+from jaxcrusher.scenes.plausibility import RATIOS, remarks, tell_borrowed
 
 
 def test_the_paper_s_box_is_plausible():
@@ -54,6 +55,15 @@ def test_what_cannot_be_is_refused(values, name):
     with pytest.raises(ValueError, match=f"^Argument `{name}` must be one of a crusher") as error:
         remarks(values)
     assert "usually" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_numbers_that_a_scene_file_leaves_to_the_paper_are_told(capsys):
+    tell_borrowed({"toggle.mass": 20.0}, None)
+    assert capsys.readouterr().err == ""
+    whole = {name: 1.0 for name in NUMBERS if name not in ("jaw.mass", "load", "friction")}
+    tell_borrowed(whole, Path("mine.toml"))
+    told = "mine.toml leaves 2 numbers to the PE250x400: load 8800 N, jaw.mass 524 kg.\n"
+    assert capsys.readouterr().err == told
 
 
 def test_an_ideal_joint_has_no_clearance_to_look_at():

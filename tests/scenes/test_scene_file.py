@@ -94,6 +94,10 @@ def test_template_offers_every_number(tmp_path):
     [
         ("speed", "286 rpm", 286 * np.pi / 30),
         ("speed", "5 rev/s", 10 * np.pi),
+        ("speed", "286 1/min", 286 * np.pi / 30),
+        ("speed", "286 U / min", 286 * np.pi / 30),
+        ("diametral_clearance", "0.12 mm", 0.06e-3),
+        ("elbow.bore_diameter", "80 mm", 0.04),
         ("clearance", "0.06 mm", 0.06e-3),
         ("clearance", "60µm", 60e-6),
         ("young", "207e3 N/mm^2", 207e9),
@@ -153,6 +157,16 @@ def test_values_out_of_range_are_refused_one_by_one():
         ("bore_radius = 130", '(write "130 m" if that is meant)'),
         ("young = 207", "`young` must have a unit"),
         ("speed = 250", '`speed` must have a unit, as in "286 rpm", but is 250'),
+        (
+            'speed = "3 rpm"\nspeed = "4 rpm"',
+            "is not TOML: line 2 gives a key for the second time.",
+        ),
+        (
+            'clearance = "0.1 mm"\ndiametral_clearance = "0.2 mm"',
+            "`clearance` must be given once, but is given twice.",
+        ),
+        # Only a speed is a number of turns.
+        ('gravity = "5 1/min"', "`gravity` must have a unit of the kind m/s2"),
         ("clearance = 0,06", "is not TOML: line 1 has a decimal comma: write 0.06."),
         ('clearance = "0,06 mm"', "'0,06 mm' has a decimal comma: write '0.06 mm'"),
         ("friction = 0.1\nspeed = 30 rpm", 'line 2 has a quantity without quotes: write "30 rpm".'),
