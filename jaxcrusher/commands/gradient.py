@@ -15,7 +15,7 @@ from jaxcrusher.commands.options import Gradient
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.files.provenance import environment, provenance
 from jaxcrusher.files.results import write_json
-from jaxcrusher.files.resume import SETTINGS, begin, earlier
+from jaxcrusher.files.resume import SETTINGS, begin, earlier, keep_beside
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.parameters import PARAMETERS
@@ -29,6 +29,7 @@ def run(options: Gradient, console: Console) -> int:
     for name in ("metric", "by", "settle", "turns", "radius", "pairs", "seed", "rtol"):
         settings[name] = getattr(options, name)
     path, given = options.results.folder / "gradient.json", units_given(options.crusher)
+    keep_beside(options.results.folder / SETTINGS, settings, path.name)
     report = restored(path, settings)
     if report is not None:
         return _tell(report, given, f"{path} (done before)", console)

@@ -19,7 +19,7 @@ from jaxcrusher.commands.options import Orbit
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_json
-from jaxcrusher.files.resume import begin
+from jaxcrusher.files.resume import SETTINGS, begin, keep_beside
 from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.parameters import numbers_of
 
@@ -38,7 +38,9 @@ def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     values, _ = read_crusher(options.crusher)
     settings = {"command": "orbit", "scene": values, "period": options.period}
-    folder = begin(options.results.folder, settings, "orbit.json", "orbit.png")
+    written = "orbit.json", "orbit.png"
+    keep_beside(options.results.folder / SETTINGS, settings, *written)
+    folder = begin(options.results.folder, settings, *written)
     numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values)}
 
     @eqx.filter_jit

@@ -19,7 +19,7 @@ from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance, versions
 from jaxcrusher.files.results import results_folder, write_json, write_netcdf
-from jaxcrusher.files.resume import earlier
+from jaxcrusher.files.resume import earlier, keep_beside
 from jaxcrusher.files.table import Column
 from jaxcrusher.motion.statistic import columns
 from jaxcrusher.scenes.echo import said
@@ -51,6 +51,7 @@ def run(options: Regimes, console: Console) -> int:
         remarks({**values, **design})
     settings = _settings(options, values, list(designs[0]))
     folder = results_folder(options.results.folder)
+    keep_beside(folder / "regimes.json", settings, "regimes.nc")
     kept = earlier(folder / "regimes.json", settings, "name")
     done = kept["rows"] if kept else []
     attributes = provenance("Regimes of a jaw crusher's motion", scene=values)

@@ -23,7 +23,7 @@ from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_netcdf
-from jaxcrusher.files.resume import begin
+from jaxcrusher.files.resume import SETTINGS, begin, keep_beside
 from jaxcrusher.files.table import Column
 from jaxcrusher.pictures import plots
 from jaxcrusher.scenes.parameters import loose_besides
@@ -61,7 +61,9 @@ def run(options: Simulate, console: Console) -> int:
         "samples": options.samples,
         "rtol": options.rtol,
     }
-    folder = begin(options.results.folder, settings, "motion.nc", "motion.png")
+    written = "motion.nc", "motion.png"
+    keep_beside(options.results.folder / SETTINGS, settings, *written)
+    folder = begin(options.results.folder, settings, *written)
     turn = 2 * np.pi / values["speed"]
     times = np.linspace(0, span * turn, options.samples)
     whole = int(span) - settle

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from jaxcrusher.basics.setup import set_up
+from jaxcrusher.files.messages import tell
 from jaxcrusher.files.provenance import program_words
 from jaxcrusher.files.resume import SETTINGS
 
@@ -144,8 +145,3 @@ def keeping(folder: Path) -> Iterator[None]:
         ]
         kept = f"what was finished is in {folder}/: {', '.join(names)}"
         raise KeyboardInterrupt(kept if names else "nothing was written") from None
-
-
-def tell(line: str) -> None:
-    """A line on standard error."""
-    print(" ".join(line.split()), file=sys.stderr)

@@ -1,10 +1,11 @@
-"""Going on with what an earlier run left, only if it was made with the same settings."""
+"""Go on with the results of an earlier run only if it had the same settings."""
 
 import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from jaxcrusher.files.messages import tell
 from jaxcrusher.files.results import results_folder, write_json
 
 SETTINGS = "settings.json"
@@ -29,6 +30,28 @@ def begin(folder: Path, settings: Mapping[str, Any], *written: str) -> Path:
         path.unlink()
     write_json(kept, {"settings": settings})
     return folder
+
+
+def keep_beside(path: Path, settings: Mapping[str, Any], *written: str) -> None:
+    """Move the results of a run with other settings to a folder `earlier/N` beside them.
+
+    `path` is the JSON file that holds the settings, and `written` are patterns of names. A file of
+    settings that cannot be read stays, and `begin` or `earlier` refuses it.
+    """
+    try:
+        before = json.loads(path.read_bytes())["settings"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    if before == json.loads(json.dumps(settings)):
+        return
+    folder = path.parent / "earlier"
+    numbers = [int(one.name) for one in folder.glob("*") if one.name.isdecimal()]
+    aside = folder / str(max(numbers, default=0) + 1)
+    aside.mkdir(parents=True)
+    patterns = dict.fromkeys((path.name, *written))
+    for old in sorted(one for pattern in patterns for one in path.parent.glob(pattern)):
+        old.rename(aside / old.name)
+    tell(f"{path.parent}: results of other settings are kept in {aside}.")
 
 
 def earlier(path: Path, settings: Mapping[str, Any], argument: str) -> dict[str, Any] | None:

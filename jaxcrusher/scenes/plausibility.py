@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxcrusher.files.program import tell
+from jaxcrusher.files.messages import tell
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, WORN_JOINTS, complete, readable
 
 STANDARD_GRAVITY = 9.80665  # m/s2

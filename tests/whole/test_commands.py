@@ -228,11 +228,12 @@ def test_regimes_are_kept_one_by_one(tmp_path, verdicts):
     assert verdicts[5:] == [45.0]
     rows = json.loads((tmp_path / "regimes" / "regimes.json").read_text())["rows"]
     assert [row["design"]["speed"] for row in rows] == [25.0, 30.0, 35.0, 40.0, 45.0]
-    with pytest.raises(
-        ValueError, match=r"differ scene\.friction: 0.1 th.* turns: 1000 there, 7 here"
-    ):
-        run(*line, "--set", "friction", 0.2, "--turns", 7)
-    assert len(verdicts) == 6
+    # Of another machine they are classified anew, and the earlier rows are kept.
+    run(*line, "--set", "friction", 0.2)
+    kept = tmp_path / "regimes" / "earlier" / "1" / "regimes.json"
+    assert [row["design"]["speed"] for row in json.loads(kept.read_text())["rows"]][-1] == 45.0
+    rows = json.loads((tmp_path / "regimes" / "regimes.json").read_text())["rows"]
+    assert len(rows) == len(verdicts) - 6 > 0
 
 
 def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch):
@@ -278,12 +279,12 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
     assert again == status == 0 and len(count) == 1
     done = f"{tmp_path / 'gradient' / 'gradient.json'} (done before)"
     assert kept == text.replace(str(tmp_path / "gradient" / "gradient.json"), done)
-    with pytest.raises(ValueError, match=r"`name` must .* differ turns: 7 there, 8 here"):
-        run(*line, "--turns", 8)
+    run(*line, "--turns", 8)
+    assert len(count) == 2 and (tmp_path / "gradient" / "earlier" / "1" / "gradient.json").exists()
     # Nor is one that an interrupted run, or other versions, left no answer to.
     path = tmp_path / "gradient" / "gradient.json"
     path.write_text(path.read_text().replace('"environment": "', '"environment": "other '))
-    assert run(*line) == (status, text) and len(count) == 2
+    assert run(*line) == (status, text) and len(count) == 3
     # A value of 0 is as good as another.
     numbers = {"jaw.mass": 500.0, "counterweight.mass": 0.0}
     assert asked == {**numbers, "metric": "contact_fraction", "turns": 7}
@@ -375,13 +376,17 @@ def test_word_that_is_no_command():
 
 
 def test_results_of_another_command_line_are_kept(simulated):
-    """Refused with what differs; the same command makes its own again."""
+    """They are moved beside those of the new command, which computes at once."""
     out, _, _ = simulated
     motion, picture = out / "simulate" / "motion.nc", out / "simulate" / "motion.png"
     before = motion.read_bytes()
-    with pytest.raises(ValueError, match=r"`name` .* differ .*turns: .*Choose another, or delete"):
-        run("simulate", "--out", out, "--turns", 3)
-    assert motion.read_bytes() == before and picture.exists()
+    aside = out / "simulate" / "earlier" / "1"
+    status, _ = run("simulate", "--out", out, "--turns", 3)
+    assert status == 0 and (aside / "motion.nc").read_bytes() == before != motion.read_bytes()
+    assert (aside / "motion.png").exists() and picture.exists()
+    then, now = (json.loads((of / "settings.json").read_text()) for of in (aside, aside.parents[1]))
+    assert then["settings"]["turns"] != now["settings"]["turns"] == 3
+    before = motion.read_bytes()
     settings = json.loads((out / "simulate" / "settings.json").read_text())["settings"]
     begin(out / "simulate", settings, "motion.nc", "motion.png")
     assert not motion.exists() and not picture.exists()
