@@ -6,6 +6,8 @@ from jaxcrusher.motion.statistic import STATISTIC
 
 # What frame and bearings carry, with weight and crushing load, and what shakes the ground.
 FORCES = ("foundation_rms", "shaking_rms")
+# What a sentence calls them; tables give the definition.
+NAMES = {"foundation_rms": "RMS force on the foundation", "shaking_rms": "RMS shaking force"}
 # A force that changes by less than this share of itself neither falls nor rises.
 UNCHANGED = 1e-3
 
@@ -28,10 +30,23 @@ def opposed(before: Mapping[str, float], after: Mapping[str, float], where: str)
     return (
         f"Against the {where} the {_named(falls)} falls by {-100 * change[falls]:.3g} %, "
         f"but the {_named(rises)} rises by {100 * change[rises]:.3g} %, from "
-        f"{before[rises]:.0f} to {after[rises]:.0f} N."
+        f"{quantity(before[rises], 'N')} to {quantity(after[rises], 'N')}."
     )
 
 
 def _named(force: str) -> str:
-    meaning = STATISTIC[force].meaning
-    return f"{meaning}, which the ground feels," if force == "shaking_rms" else meaning
+    name = NAMES[force]
+    return f"{name}, which the ground feels," if force == "shaking_rms" else name
+
+
+def name_of(meaning: str) -> str:
+    """Return what a sentence calls a quantity of this meaning."""
+    known = {STATISTIC[force].meaning: name for force, name in NAMES.items()}
+    return known.get(meaning, meaning)
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return a number with four digits and its unit; thousands of newtons are kN."""
+    if unit == "N" and abs(value) >= 1e3:
+        return f"{value / 1e3:.4g} kN"
+    return f"{value:.4g} {unit}"

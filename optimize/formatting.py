@@ -9,7 +9,7 @@ import numpy as np
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Active, Answer, Confirmed, Runs
-from optimize.forces import FORCES, besides, opposed
+from optimize.forces import FORCES, besides, name_of, opposed, quantity
 
 
 def number(value: float) -> str:
@@ -101,15 +101,17 @@ def answer(found: Answer) -> str:
         reasons.append(f"because of {'; '.join(beyond)}")
     place = f"{shown[0]} with {', '.join(shown[1:])}"
     text = f"the best is {place}, " if against else f"Run it at {place}: "
-    text += f"{found.objective.meaning} {number(best.objective)} {found.objective.unit}"
+    unit = found.objective.unit
+    text += f"{name_of(found.objective.meaning)} {quantity(best.objective, unit)}"
     if not best.settles:
         text += " as the mean of long runs"
     if other.counts and other.objective > best.objective > 0:
         less = 100 * (1 - best.objective / other.objective)
-        text += f", {less:.1f} % less than {number(other.objective)} at the {found.compared_with}"
+        than = quantity(other.objective, unit)
+        text += f", {less:.1f} % less than {than} at the {found.compared_with}"
     for name, meaning in besides(found.objective.meaning).items():
-        text += f"; {meaning} {force(best, name)} N"
-        text += f" against {force(other, name)} N" if other.counts else ""
+        text += f"; {name_of(meaning)} {quantity(getattr(best, name), 'N')}"
+        text += f" against {quantity(getattr(other, name), 'N')}" if other.counts else ""
     before = f"{'; '.join(against)}: " if against else ""
     text = "; ".join([before + text, *reasons])
     return " ".join(filter(None, (trade(found), f"{text[0].upper()}{text[1:]}.")))

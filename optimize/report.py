@@ -8,7 +8,7 @@ from jaxcrusher.scenes.echo import unit_of
 from optimize import formatting
 from optimize.answer import Answer
 from optimize.evaluate import STARTS
-from optimize.forces import besides
+from optimize.forces import besides, name_of
 
 
 def print_answer(console: Console, answer: Answer) -> None:
@@ -32,7 +32,9 @@ def print_answer(console: Console, answer: Answer) -> None:
 def _table(answer: Answer) -> Table:
     """Return the table of the designs, a column each: any number of parameters fits a screen."""
     objective, unit, units = answer.objective, answer.objective.unit, answer.box.units
-    table = Table("", title=objective.meaning, box=SIMPLE_HEAD)
+    name = name_of(objective.meaning)
+    title = objective.meaning if name == objective.meaning else f"{name}: {objective.meaning}"
+    table = Table("", title=title, box=SIMPLE_HEAD)
     others = besides(objective.meaning)
     headings = (
         *(f"{name}, {unit_of(name, units)[0]}".rstrip(", ") for name in answer.box.bounds),

@@ -9,6 +9,7 @@ from jaxcrusher.scenes.parameters import in_words
 from optimize import decay
 from optimize.answer import Answer, Check, Confirmed, Orbit
 from optimize.evaluate import Case
+from optimize.forces import quantity
 from optimize.formatting import active, coexisting, number, shown
 from optimize.orbits import worse
 from optimize.problem import Problem
@@ -243,7 +244,8 @@ def quieter(answer: Answer, case: Case, points: np.ndarray, orbits: xr.Dataset |
     )
     rms = float(orbits.foundation_rms.to_numpy().ravel()[least])
     return (
-        f"The ground is shaken less elsewhere: at {at} the RMS of the shaking force is "
-        f"{number(shaking[least])} N instead of {number(best.shaking_rms)} N, and that "
-        f"of |R_O| + |R_C| is {number(rms)} N. The objective shaking_rms looks for the least."
+        f"The ground is shaken less elsewhere: at {at} the RMS shaking force is "
+        f"{quantity(shaking[least], 'N')} instead of {quantity(best.shaking_rms, 'N')}, and the "
+        f"RMS force on the foundation is {quantity(rms, 'N')}. The objective shaking_rms searches "
+        "for the least."
     )

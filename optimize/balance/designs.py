@@ -5,7 +5,7 @@ import numpy as np
 import jaxcrusher as jc
 from optimize.balance.evidence import AS_IT_IS, STANDING
 from optimize.evaluate import STARTS
-from optimize.forces import FORCES, besides, opposed
+from optimize.forces import FORCES, NAMES, opposed, quantity
 
 # Of the inputs of completions, which are no parameters.
 UNITS = {"counterweight.moment_along": "kg m", "counterweight.moment_across": "kg m"}
@@ -117,8 +117,8 @@ def headline(result: dict) -> str:
     """Return the RMS of both forces before and after; first, where they go different ways, that."""
     before, after = (result["figures"][name] for name in ("paper", "optimised"))
     numbers = [
-        f"{meaning}: {before[force]:.0f} N before, {after[force]:.0f} N after."
-        for force, meaning in besides().items()
+        f"{name}: {quantity(before[force], 'N')} before, {quantity(after[force], 'N')} after."
+        for force, name in NAMES.items()
     ]
     return " ".join(filter(None, (opposed(before, after, "paper's machine"), *numbers)))
 

@@ -304,10 +304,10 @@ def test_a_design_that_shakes_the_ground_more_says_so_first():
 
     worse = told(foundation_rms=15.2e3, shaking_rms=5e3)
     assert worse.startswith(
-        "Against the paper's machine the RMS of |R_O| + |R_C| falls by 20 %, but the RMS of the "
-        "shaking force, which the ground feels, rises by 25 %, from 4000 to 5000 N. RMS of |R_O|"
+        "Against the paper's machine the RMS force on the foundation falls by 20 %, but the RMS "
+        "shaking force, which the ground feels, rises by 25 %, from 4 kN to 5 kN. RMS force on"
     )
-    assert worse.endswith("RMS of the shaking force: 4000 N before, 5000 N after.")
+    assert worse.endswith("RMS shaking force: 4 kN before, 5 kN after.")
     assert told(foundation_rms=15.2e3, shaking_rms=1e3).startswith("RMS of |R_O| + |R_C|: 19000 N")
 
 

@@ -281,7 +281,7 @@ def test_page_of_a_periodic_orbit(tmp_path):
     assert cells(text, "7.5") == ["18243", "3135", "25", "0.03"]
     assert cells(text, "7.9") == ["18300", "no value", "25", "0.05"]
     assert "Run it at 25 rad/s (239 rpm) with 0.06 mm of radial clearance" in text
-    assert "16.3 % less than 21796 at the paper&#39;s choice" in text
+    assert "16.3 % less than 21.8 kN at the paper&#39;s choice" in text
     assert "18243.41</td>" in text
     assert "clearance is at its lowest value, multiplier 51 N per mm" in text
     assert cells(text, "clearance, N per mm") == ["51", "0.04"]
@@ -320,7 +320,7 @@ def test_the_first_sentence_recommends_only_what_nothing_speaks_against():
     found = hand_made_answer()
     failed = "Not confirmed; outside the contact model: the best is 25 rad/s (239 rpm) with 0.06 mm"
     text = formatting.answer(found)
-    assert text.startswith(failed) and "18250 N as the mean of long runs" in text
+    assert text.startswith(failed) and "18.25 kN as the mean of long runs" in text
     assert "because the check failed: “both starts agree”" in text
     assert "because of centred start, contact 1.80 bore radii wide: not Hertzian" in text
     passed = replace(found, checks=found.checks[:1])

@@ -81,7 +81,7 @@ def test_result_holds_the_evidence(finished):
     assert {"orbits", "landscape", "refinement", "confirmation"} <= result["seconds"].keys()
     page = (folder / "report.html").read_text()
     assert "Run it at 25 rad/s (239 rpm)" in page
-    assert "RMS of the shaking force 3135 N against 7632.3 N." in page
+    assert "RMS shaking force 3.135 kN against 7.632 kN." in page
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert 0 < optimum["transient"]["contact"]["validity"]["half_width_ratio"] < 0.5
 
@@ -357,8 +357,8 @@ def test_the_answer_says_first_what_shakes_the_ground_more(finished):
     shaken = replace(answer.optimum, shaking_rms=1.5 * answer.seed_choice.shaking_rms)
     text = formatting.answer(replace(answer, optimum=shaken))
     assert text.startswith(
-        "Against the paper's choice the RMS of |R_O| + |R_C| falls by 16.3 %, but the RMS of the "
-        "shaking force, which the ground feels, rises by 50 %, from 7632 to 11448 N. Run it at"
+        "Against the paper's choice the RMS force on the foundation falls by 16.3 %, but the RMS "
+        "shaking force, which the ground feels, rises by 50 %, from 7.632 kN to 11.45 kN. Run it at"
     )
     # Nor does a force of 0.01 % more rise, nor one go another way than a design without a number.
     same = replace(answer.optimum, shaking_rms=1.0001 * answer.seed_choice.shaking_rms)
@@ -372,8 +372,8 @@ def test_the_answer_says_first_what_shakes_the_ground_more(finished):
     orbits = xr.Dataset({name: ("cell", column) for name, column in columns.items()})
     orbits["counts"] = "cell", [True, True, False]
     text = verdicts.quieter(answer, case, points, orbits)
-    assert "at speed 32.5 rad/s (310.4 rpm), clearance 0.12 mm the RMS of the shaking force" in text
-    assert "is 1555 N instead of 3135 N, and that of |R_O| + |R_C| is 19000 N" in text
+    assert "at speed 32.5 rad/s (310.4 rpm), clearance 0.12 mm the RMS shaking force" in text
+    assert "is 1.555 kN instead of 3.135 kN, and the RMS force on the foundation is 19 kN" in text
     assert verdicts.quieter(answer, case, points[:1], orbits.isel(cell=[0])) == ""
 
 
