@@ -6,6 +6,7 @@ search that of `Py-BOBYQA` (Cartis, Fiala, Marteau, Roberts 2019). All work on t
 the same starts.
 """
 
+import functools
 import importlib.util
 import time
 from collections.abc import Callable
@@ -125,13 +126,21 @@ def _adam(meter: _Meter, start: np.ndarray, seed: int) -> None:
     import optax
 
     steps = max(1, int(meter.budget / meter.objective.gradient_work))
-    method = optax.adam(optax.cosine_decay_schedule(ADAM_RATE, steps))
-    point, update = start, jax.jit(method.update)
-    state = method.init(point)
+    init, update = _adam_of(steps)
+    point, state = start, init(start)
     for _ in range(steps):
         _, slope = meter.gradient(point)
         change, state = update(slope, state)
         point = np.clip(np.asarray(optax.apply_updates(point, change)), 0.0, 1.0)
+
+
+@functools.cache
+def _adam_of(steps: int) -> tuple[Callable, Callable]:
+    """Return how Adam begins and how it goes on, compiled once for all starts."""
+    import optax
+
+    method = optax.adam(optax.cosine_decay_schedule(ADAM_RATE, steps))
+    return method.init, jax.jit(method.update)
 
 
 def _cma(meter: _Meter, start: np.ndarray, seed: int) -> None:

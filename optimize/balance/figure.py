@@ -63,7 +63,7 @@ def figure(result: dict, turn: Mapping[str, Mapping[str, Any]]) -> Figure:
     axes[5].set(xlabel=label, ylabel="RMS of |R_O| + |R_C|, kN")
     axes[5].grid(alpha=0.3)
     methods, designs = (ax.get_legend_handles_labels() for ax in (axes[0], axes[2]))
-    fig.legend(*methods, loc="outside upper center", ncols=4)
+    fig.legend(*methods, loc="outside upper center", ncols=5)
     fig.legend(*designs, loc="outside lower center", ncols=4)
     return fig
 
