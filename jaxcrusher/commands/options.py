@@ -71,6 +71,8 @@ class Simulate:
     rtol: float = 1e-11
     """Tolerance of a step, in clearances and m/s: tighter than for statistics, since impacts
     multiply errors of a history."""
+    csv: bool = False
+    """Also write OUT/NAME/motion.csv, a row an instant."""
     results: Results = field(default_factory=lambda: Results("simulate"))
 
 
@@ -78,8 +80,9 @@ class Simulate:
 class Sweep:
     """Statistics over a grid of crushers, kept chunk by chunk.
 
-    Writes the Zarr store OUT/NAME/sweep.zarr, which xarray opens. Interrupted or killed, the same
-    command goes on where it was. About 20 s of compilation, then about a second a design and
+    Writes the Zarr store OUT/NAME/sweep.zarr, which xarray opens, and with two ranges sweep.png, a
+    map of the RMS force on the foundation. Interrupted or killed, the same command goes on where it
+    was. About 20 s of compilation, then about a second a design and
     core with the default turns.
     """
 
@@ -102,6 +105,8 @@ class Sweep:
     this process without."""
     netcdf: bool = False
     """Also write OUT/NAME/sweep.nc at the end."""
+    csv: bool = False
+    """Also write OUT/NAME/sweep.csv at the end, a row a crusher."""
     results: Results = field(default_factory=lambda: Results("sweep"))
 
 
@@ -168,8 +173,9 @@ class Gradient:
 class Orbit:
     """The periodic orbit of a crusher: RMS, multipliers, and slopes by every number of it.
 
-    Solved for, not waited for: half a minute, most of it compilation. Writes OUT/NAME/orbit.json
-    and orbit.png (orbit of the pin, and force on the foundation with the ideal joint's).
+    Solved for, not waited for: half a minute, most of it compilation. Writes OUT/NAME/orbit.json,
+    orbit.csv (all observables over the shaft's angle) and orbit.png (orbit of the pin, and force
+    on the foundation with the ideal joint's).
     """
 
     crusher: Crusher = field(default_factory=Crusher)

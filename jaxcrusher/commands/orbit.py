@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
 from jaxtyping import Scalar
 from rich.console import Console
 from rich.table import Table
@@ -17,9 +18,12 @@ import jaxcrusher as jc
 from jaxcrusher.commands.crushers import read_crusher, units_given
 from jaxcrusher.commands.options import Orbit
 from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
+from jaxcrusher.files import table as table_of
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import write_figure, write_json
+from jaxcrusher.files.results import write_figure, write_json, write_text
 from jaxcrusher.files.resume import SETTINGS, begin, keep_beside
+from jaxcrusher.files.table import Column, as_csv
 from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.parameters import numbers_of
 
@@ -38,7 +42,7 @@ def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     values, _ = read_crusher(options.crusher)
     settings = {"command": "orbit", "scene": values, "period": options.period}
-    written = "orbit.json", "orbit.png"
+    written = "orbit.json", "orbit.csv", "orbit.png"
     keep_beside(options.results.folder / SETTINGS, settings, *written)
     folder = begin(options.results.folder, settings, *written)
     numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values)}
@@ -63,11 +67,13 @@ def run(options: Orbit, console: Console) -> int:
     path = folder / "orbit.json"
     write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
     draw(orbit, folder / "orbit.png")
+    write_text(folder / "orbit.csv", as_csv(history(orbit)))
     for line in summary(orbit):
         console.print(line, highlight=False, soft_wrap=True)
     units = units_given(options.crusher)
     console.print(table(orbit, slopes, values, units))
-    console.print(f"{path}, {folder / 'orbit.png'}", highlight=False, soft_wrap=True)
+    files = ", ".join(str(folder / name) for name in written)
+    console.print(files, highlight=False, soft_wrap=True)
     return 0
 
 
@@ -86,6 +92,21 @@ def _slopes(
         (by_number,) = back({name: jnp.asarray(float(name == metric)) for name in found})
         slopes[metric] = {name: float(slope) for name, slope in by_number.items()}
     return slopes
+
+
+def history(orbit: jc.PeriodicOrbit) -> xr.Dataset:
+    """Return all observables over the angle of the shaft."""
+    degrees = np.arange(360 * orbit.period + 1)
+    seen = orbit.motion(np.radians(degrees), observables_of(orbit.scene))
+    columns = {
+        name: Column(of.unit, of.meaning, dims=("direction",)[: seen[name].ndim - 1])
+        for name, of in OBSERVABLES.items()
+        if name in seen
+    }
+    values = {name: np.asarray(column) for name, column in seen.items()}
+    angle = ("angle", degrees, {"units": "deg", "long_name": "shaft angle"})
+    coordinates = {"angle": angle, "direction": ["x", "y"]}
+    return table_of.dataset(("angle",), values, columns, coordinates)
 
 
 def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:

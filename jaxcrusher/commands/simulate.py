@@ -22,9 +22,9 @@ from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import write_figure, write_netcdf
+from jaxcrusher.files.results import write_figure, write_netcdf, write_text
 from jaxcrusher.files.resume import SETTINGS, begin, keep_beside
-from jaxcrusher.files.table import Column
+from jaxcrusher.files.table import Column, as_csv
 from jaxcrusher.pictures import plots
 from jaxcrusher.scenes.parameters import loose_besides
 
@@ -42,6 +42,8 @@ LEDGER = {
     "imbalance": "what the ledger fails to account for",
 }
 
+# The shaft turns at constant speed.
+ANGLE = {"units": "rad", "long_name": "shaft angle since time zero"}
 # A standard error beyond this share of the RMS is told to be rough.
 SCATTERED = 0.01
 
@@ -61,7 +63,7 @@ def run(options: Simulate, console: Console) -> int:
         "samples": options.samples,
         "rtol": options.rtol,
     }
-    written = "motion.nc", "motion.png"
+    written = "motion.nc", "motion.csv", "motion.png"
     keep_beside(options.results.folder / SETTINGS, settings, *written)
     folder = begin(options.results.folder, settings, *written)
     turn = 2 * np.pi / values["speed"]
@@ -70,7 +72,10 @@ def run(options: Simulate, console: Console) -> int:
     with progress(console) as bars:
         bar = bars.add_task("simulation", total=3)
         motion = jc.simulate(scene, times, rtol=options.rtol)
-        write_netcdf(folder / "motion.nc", dataset(motion, values))
+        kept = dataset(motion, values)
+        write_netcdf(folder / "motion.nc", kept)
+        if options.csv:
+            write_text(folder / "motion.csv", as_csv(kept))
         bars.update(bar, completed=1, description="figure")
         drawn = times >= (0 if motion.failure else times[-1] - DRAWN * turn)
         write_figure(folder / "motion.png", draw(motion, scene, drawn))
@@ -127,6 +132,7 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
         columns[name] = Column(OBSERVABLES[name].unit, OBSERVABLES[name].meaning, dims=dims)
     coordinates = {
         "time": ("time", np.asarray(motion.time), {"units": "s", "long_name": "time"}),
+        "angle": ("time", values["speed"] * np.asarray(motion.time), ANGLE),
         "direction": ("direction", ["x", "y"], {"long_name": "to the right and up"}),
     }
     failure = motion.failure or "none"

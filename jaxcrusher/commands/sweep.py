@@ -4,8 +4,10 @@ import contextlib
 import logging
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+import matplotlib.pyplot as plt
 import xarray as xr
 from rich.console import Console
 
@@ -14,9 +16,11 @@ from jaxcrusher.batch.sweep import sweep
 from jaxcrusher.commands.crushers import bounds, read_axes, read_crusher, units_given
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import results_folder, write_netcdf
+from jaxcrusher.files.results import results_folder, write_figure, write_netcdf, write_text
+from jaxcrusher.files.table import as_csv
+from jaxcrusher.pictures.plots import plot_landscape
 from jaxcrusher.scenes.echo import said
-from jaxcrusher.scenes.parameters import CHAMBER
+from jaxcrusher.scenes.parameters import CHAMBER, CHOICES
 from jaxcrusher.scenes.plausibility import require_possible
 
 if TYPE_CHECKING:
@@ -47,7 +51,13 @@ def run(options: Sweep, console: Console) -> int:
     if options.netcdf:
         written.append(folder / "sweep.nc")
         write_netcdf(written[-1], grid.load())
+    if options.csv:
+        written.append(folder / "sweep.csv")
+        write_text(written[-1], as_csv(grid.load()))
     units = units_given(options.crusher, bounds(options.over))
+    if len(axes) == 2 and not set(axes) & set(CHOICES):
+        written.append(folder / "sweep.png")
+        draw(grid, units, written[-1])
     console.print(closing(grid, units), highlight=False, soft_wrap=True)
     console.print(", ".join(map(str, written)), highlight=False)
     return 0
@@ -74,6 +84,18 @@ def _workers(scheduler: str | None) -> "Iterator[str | distributed.Client | None
     )
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
         yield client
+
+
+def draw(grid: xr.Dataset, units: dict[str, str], path: Path) -> None:
+    """Draw the map of the RMS over two ranges, with marks of failures and whirls."""
+    fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
+    marks = {
+        "failed": ~grid.success,
+        "whirl": grid.whirl,
+        "outside the contact model": ~grid.inside_model,
+    }
+    plot_landscape(grid.foundation_rms.where(~grid.whirl), ax, marks=marks, units=units)
+    write_figure(path, fig)
 
 
 def closing(grid: xr.Dataset, units: dict[str, str]) -> str:

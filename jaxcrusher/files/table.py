@@ -1,4 +1,4 @@
-"""Tables of results: the unit and meaning of every column, and the dataset they stand in."""
+"""Tables of results: the unit and meaning of every column, the dataset they stand in, and CSV."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -76,3 +76,24 @@ def dataset(
         if name in values
     }
     return xr.Dataset(data, coordinates, attributes)
+
+
+def as_csv(table: xr.Dataset) -> str:
+    """Return a table as CSV: a row a cell of its grid, and a unit behind each heading.
+
+    The components of a vector along `direction` become columns of their own.
+    """
+    if "direction" in table.dims:
+        parts = {}
+        for name, values in table.items():
+            axes = table.direction.to_numpy() if "direction" in values.dims else []
+            for axis in axes:
+                parts[f"{name}_{axis}"] = values.sel(direction=axis, drop=True)
+            if not len(axes):
+                parts[name] = values
+        table = xr.Dataset(parts)
+    units = {name: table[name].attrs.get("units", "1") for name in table.variables}
+    headings = {
+        name: str(name) if unit == "1" else f"{name} [{unit}]" for name, unit in units.items()
+    }
+    return table.to_dataframe().reset_index().rename(columns=headings).to_csv(index=False)

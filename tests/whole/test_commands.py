@@ -139,6 +139,7 @@ SWEEP = (
     "--rtol",
     1e-5,
     "--netcdf",
+    "--csv",
     "--set",
     "start",
     "contact",
@@ -182,6 +183,10 @@ def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypa
     with xr.open_dataset(tmp_path / "sweep" / "sweep.nc") as copy:
         assert copy.foundation_rms.equals(grid.foundation_rms)
         assert copy.foundation_rms.attrs["units"] == "N" and (copy.success == 1).all()
+    table = np.genfromtxt(tmp_path / "sweep" / "sweep.csv", delimiter=",", names=True)
+    np.testing.assert_array_equal(table["foundation_rms_N"], grid.foundation_rms.values.ravel())
+    assert len(set(zip(table["clearance_m"], table["speed_rads"], strict=True))) == 4
+    assert (tmp_path / "sweep" / "sweep.png").stat().st_size > 10_000
     least = grid.foundation_rms.to_numpy().min()
     fared = "4 designs: 0 failed, 0 whirl, 0 more outside the contact model"
     assert f"{fared}; least RMS {least:.0f} N at clearance" in text
@@ -460,6 +465,12 @@ def test_orbit_solves_for_the_periodic_orbit(tmp_path):
     assert re.search(r"clearance\s.*5e-05 m .*N/m ", text) and "695 mm" in text
     assert "jaw.mass_centre_distance" in text and " -0 " not in text
     assert (tmp_path / "orbit" / "orbit.png").stat().st_size > 10_000
+    history = np.genfromtxt(tmp_path / "orbit" / "orbit.csv", delimiter=",", names=True)
+    assert history["angle_deg"][[0, -1]].tolist() == [0, 360]
+    # The mean square of 360 equal steps is the orbit's to the force's bend where R_O is least.
+    rms = np.sqrt(np.mean(history["foundation_force_N"][:-1] ** 2))
+    assert rms == pytest.approx(kept["foundation_rms"], rel=1e-5)
+    assert {"shaking_force_x_N", "eccentricity_y_m"} < set(history.dtype.names)
     bad = ("orbit", "--out", tmp_path, "--name", "none", "--set", "load_law", "none")
     status, text = run(*bad)
     assert status == 1 and "no periodic orbit" in text and "Try a value a thousandth off" in text
