@@ -243,8 +243,8 @@ def test_an_interrupted_study_goes_on(bowl_study, tmp_path, monkeypatch):
     with pytest.raises(RuntimeError, match="end of the searches"):
         balance.run(options, Console(quiet=True))
     went_on = json.loads(path.read_text())["searches"]
-    # The two that were missing, and nothing twice.
-    assert len(called) == 7 and went_on[:4] == kept["searches"] and len(went_on) == 6
+    # The four that were missing, and nothing twice.
+    assert len(called) == 9 and went_on[:4] == kept["searches"] and len(went_on) == 8
     with pytest.raises(ValueError, match=r"`name` .* differ starts: 2 there, 3 here\."):
         balance.run(Options(out=tmp_path, starts=3, budget=50), Console(quiet=True))
     path.write_text("{")
