@@ -7,6 +7,7 @@ from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.drives import AbstractDrive
+from jaxcrusher.crusher.foundation import AbstractFoundation
 from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.crusher.machine import Machine
@@ -25,6 +26,7 @@ class AbstractScene(eqx.Module):
     start: eqx.AbstractVar["AbstractStart | None"]
     elbow: eqx.AbstractVar[ClearanceJoint | None]
     pivot: eqx.AbstractVar[ClearanceJoint | None]
+    foundation: eqx.AbstractVar[AbstractFoundation | None]
 
     @property
     def joints(self) -> AtJoints[ClearanceJoint]:

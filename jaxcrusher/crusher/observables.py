@@ -94,6 +94,39 @@ def shaking_size(s: Snapshot, scene: Scene) -> Scalar:
     return norm(shaking_force(s, scene), FORCE_WIDTH)
 
 
+def ground_force(s: Snapshot, scene: Scene) -> Vector:
+    """Return the machine's force on the ground, N: weights of the three bodies less sum of m a.
+
+    It equals -(R_O + R_C) less the load on the jaw, whose reaction the fixed jaw carries.
+    """
+    machine = scene.machine
+    mass = machine.shaft.mass + machine.jaw.mass + machine.toggle.mass
+    return shaking_force(s, scene) + _weight(mass, scene)
+
+
+def ground_moment(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the machine's moment on the ground, N m, about the point of the scene's foundation.
+
+    Each body adds (r - p) x m (g - a) - J alpha; without a foundation p is C. The load and its
+    reaction on the fixed jaw lie in one line and add nothing, nor does a drive that stands on the
+    frame.
+    """
+    machine, rates = scene.machine, _momentum_rates(s, scene)
+    places = (
+        machine.bearing + machine.shaft.mass_centre.along(s.shaft.crank),
+        jaw_mass_centre(s, scene),
+        linkage.toggle_centre(machine, s.chain),
+    )
+    turning = s.shaft.acceleration, s.chain_acceleration.jaw, s.chain_acceleration.toggle
+    point = Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
+    total = jnp.zeros_like(s.shaft.speed)
+    bodies = machine.shaft, machine.jaw, machine.toggle
+    for body, place, rate, spin_up in zip(bodies, places, rates, turning, strict=True):
+        total = total + (place - point).cross(_weight(body.mass, scene) - rate)
+        total = total if spin_up is None else total - body.inertia * spin_up
+    return total
+
+
 def drive_torque(s: Snapshot, scene: Scene) -> Scalar:
     """M0, counterclockwise on the shaft, N m."""
     if s.multipliers is not None and s.multipliers.drive is not None:
@@ -273,6 +306,8 @@ OBSERVABLES = {
     "foundation_force": Observable(foundation_force, "N", "|R_O| + |R_C|"),
     "net_foundation_force": Observable(net_foundation_force, "N", "|R_O + R_C|"),
     "shaking_force": Observable(shaking_force, "N", "shaking force"),
+    "ground_force": Observable(ground_force, "N", "force on the ground"),
+    "ground_moment": Observable(ground_moment, "N m", "moment on the ground"),
     "joint_force": Observable(lambda s, _: s.joint_force, "N", "force on the jaw at A"),
     "bearing_reaction": Observable(bearing_reaction, "N", "reaction R_O"),
     "elbow_reaction": Observable(elbow_reaction, "N", "reaction R_B"),

@@ -1,5 +1,6 @@
 """Statistics and their table: a new statistic takes an entry here and nothing else."""
 
+import abc
 import functools
 import operator
 from collections.abc import Callable, Iterable
@@ -15,6 +16,7 @@ from jaxcrusher.crusher.observables import (
     drive_power,
     force_at,
     foundation_force,
+    ground_moment,
     shaking_size,
 )
 from jaxcrusher.crusher.scene import Scene
@@ -24,21 +26,67 @@ from jaxcrusher.crusher.snapshot import Snapshot
 SAMPLES = 1024
 
 
+# Smooths a deviation (in the unit of its quantity) where it vanishes.
+DEVIATION_WIDTH = 1e-6
+
+
+class AbstractMean(abc.ABC):
+    """A number that follows from means over time, which are integrated with the motion."""
+
+    @abc.abstractmethod
+    def integrands(self, q: Array) -> tuple[Array, ...]:
+        """Return the functions of the quantity whose means are taken."""
+
+    @abc.abstractmethod
+    def of_means(self, *means: Scalar) -> Scalar:
+        """Return the number from the means."""
+
+    @abc.abstractmethod
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the number over n equal pieces of a motion, from that of each."""
+
+
 @dataclass(frozen=True)
-class PowerMean:
-    """(mean of q^power)^(1/power) over time: integrated with the motion."""
+class PowerMean(AbstractMean):
+    """(mean of q^power)^(1/power) over time."""
 
     power: int = 1
 
-    def root(self, mean: Scalar) -> Scalar:
-        """From the mean of the power."""
+    def integrands(self, q: Array) -> tuple[Array, ...]:
+        """Return the power of the quantity."""
+        return (q**self.power,)
+
+    def of_means(self, *means: Scalar) -> Scalar:
+        """Return the root of the mean."""
+        (mean,) = means
         if self.power == 1:
             return mean
         return jnp.sqrt(mean) if self.power == 2 else mean ** (1 / self.power)
 
     def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
-        """Over n equal pieces of a motion, from that of each."""
-        return self.root(jnp.mean(values**self.power))
+        """Return the number over n equal pieces of a motion, from that of each."""
+        return self.of_means(jnp.mean(values**self.power))
+
+
+@dataclass(frozen=True)
+class Deviation(AbstractMean):
+    """RMS of q less its mean; over several turns each turn has a mean of its own.
+
+    It is sqrt(mean of q^2 - (mean of q)^2), known to some 1e-8 of the mean.
+    """
+
+    def integrands(self, q: Array) -> tuple[Array, ...]:
+        """Return the quantity and its square."""
+        return q, q**2
+
+    def of_means(self, *means: Scalar) -> Scalar:
+        """Return the root of the variance."""
+        mean, square = means
+        return jnp.sqrt(jnp.maximum(square - mean**2, 0) + DEVIATION_WIDTH**2)
+
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the root mean square of the pieces."""
+        return jnp.sqrt(jnp.mean(values**2))
 
 
 @dataclass(frozen=True)
@@ -60,7 +108,7 @@ class Statistic:
     unit: str
     meaning: str
     quantity: Callable[[Snapshot, Scene], Scalar]
-    reduction: PowerMean | Sampled
+    reduction: AbstractMean | Sampled
 
 
 def top(samples: Float[Array, " n"]) -> Scalar:
@@ -146,6 +194,10 @@ _FURTHER = {
         "N", "(mean of (|R_O| + |R_C|)^16)^(1/16)", foundation_force, PowerMean(16)
     ),
     "shaking_peak": Statistic("N", "peak of the shaking force", shaking_size, _PEAK),
+    # About the point of the foundation, and about its mean: a moment of weight stays.
+    "shaking_moment_rms": Statistic(
+        "N m", "RMS of what moves of the moment on the ground", ground_moment, Deviation()
+    ),
     **_further_at("main"),
     "drive_power": Statistic("W", "mean power of the drive", drive_power, PowerMean()),
 }

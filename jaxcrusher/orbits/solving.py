@@ -16,7 +16,7 @@ from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.motion.statistic import Chosen, PowerMean, chosen, statistics_of
+from jaxcrusher.motion.statistic import AbstractMean, Chosen, chosen, statistics_of
 from jaxcrusher.orbits import forced, newton
 from jaxcrusher.orbits.collocation import System, Unfactored, attached, collocate, one_by_one
 from jaxcrusher.orbits.multipliers import LOOKS, Multipliers, of_slopes
@@ -207,8 +207,8 @@ def _statistics(
 
     def reduce(name: str, step: int = 1) -> Scalar:
         how, q = statistics[name].reduction, samples[statistics[name].quantity][::step]
-        if isinstance(how, PowerMean):
-            return how.root(jnp.mean(q**how.power))
+        if isinstance(how, AbstractMean):
+            return how.of_means(*map(jnp.mean, how.integrands(q)))
         return how.of_samples(_finer(q))
 
     values = {name: reduce(name) for name in statistics}

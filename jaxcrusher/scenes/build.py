@@ -17,6 +17,7 @@ from jaxcrusher.crusher.formulations import (
     EccentricityFormulation,
     MultiplierFormulation,
 )
+from jaxcrusher.crusher.foundation import AbstractFoundation, Clamped
 from jaxcrusher.crusher.loads import AlongJaw, ClosingStroke, NormalToJaw
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
 from jaxcrusher.crusher.scene import Scene, require_clearance
@@ -86,14 +87,15 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     v = within_limits(complete(values))
     law = None if v["load_law"] == "none" else _LOADS[v["load_law"]](v["load"])
     machine, drive = build_machine(v), ConstantSpeed(v["speed"])
+    foundation = _foundation(v)
     main = None if v["joint"] == "ideal" else _joint(v, "")
     others = [
         _joint(v, f"{joint}.") if f"{joint}.clearance" in v else None for joint in WORN_JOINTS
     ]
     if main is None and others == [None, None]:
-        return Scene(machine, drive, None, law, ClosedLinkage(), None)
+        return Scene(machine, drive, None, law, ClosedLinkage(), None, foundation=foundation)
     formulation, start = _FORMULATIONS[v["formulation"]](), _STARTS[v["start"]]()
-    return Scene(machine, drive, main, law, formulation, start, *others)
+    return Scene(machine, drive, main, law, formulation, start, *others, foundation=foundation)
 
 
 def build_machine(values: Mapping[str, Any]) -> Machine:
@@ -143,6 +145,13 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
 def _differs(value: Any, other: Any) -> bool:
     known = concrete(value)
     return known is None or bool(np.any(known != other))
+
+
+def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:
+    """Return what the frame stands on; None: clamped, with moments about C."""
+    if "foundation.x" not in values:
+        return None
+    return Clamped(Vector(values["foundation.x"], values["foundation.y"]))
 
 
 def _joint(values: Mapping[str, Any], prefix: str) -> ClearanceJoint:

@@ -102,6 +102,12 @@ PARAMETERS |= {
     for name in (*_OF_A_JOINT, "young", "poisson")
 }
 
+# What the frame stands on. A scene has these names only where one of `_openers` is given.
+PARAMETERS |= {
+    "foundation.x": Parameter(0.0, "m", "point of the moment on the ground", (-100, 100), 1.0),
+    "foundation.y": Parameter(0.0, "m", "likewise, above C", (-100, 100), 1.0),
+}
+
 # The crushing chamber: of the capacity, not of the motion. The paper gives its length, height and
 # loosening; its capacity of 9.41 m3/h at 25 rad/s implies 2b - s = 60.6 mm, and so this b with the
 # stroke s of its links. The nip angle makes the mouth the 250 mm of a PE250x400.
@@ -147,8 +153,19 @@ def joint_of(name: str) -> str | None:
     return joint if joint in WORN_JOINTS else None
 
 
+def openers(name: str) -> tuple[str, ...]:
+    """Return the names of which a description must have one to have this name; none: it always has.
+
+    The numbers of B and C come with their clearance.
+    """
+    joint = joint_of(name)
+    if joint is not None:
+        return (f"{joint}.clearance",)
+    return ("foundation.x", "foundation.y") if name.startswith("foundation.") else ()
+
+
 # The paper's crusher: every number and every choice of its motion by name.
-PE250X400 = {name: value for name, value in _DEFAULTS.items() if joint_of(name) is None}
+PE250X400 = {name: value for name, value in _DEFAULTS.items() if not openers(name)}
 
 
 def loose_besides(names: Iterable[str]) -> tuple[str, ...]:
@@ -157,17 +174,17 @@ def loose_besides(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def complete(values: Mapping[str, Any]) -> dict[str, Any]:
-    """A description with the default of every name that it lacks: of B and C if they are loose.
+    """A description with the default of every name that it lacks, if one of its `openers` is there.
 
-    Raises ValueError for a name of B or C without its clearance.
+    Raises ValueError for a name without any of its openers, as of B or C without its clearance.
     """
-    loose = loose_besides(values)
+
+    def belongs(name: str) -> bool:
+        return not openers(name) or any(opener in values for opener in openers(name))
+
     for name in values:
-        joint = joint_of(name)
-        if joint is not None and joint not in loose:
-            require(False, name, f"come with `{joint}.clearance`", "alone: without it is no joint")
-    there = {name: value for name, value in _DEFAULTS.items() if joint_of(name) in (None, *loose)}
-    return there | dict(values)
+        require(belongs(name), name, f"come with `{(*openers(name), '')[0]}`", "alone")
+    return {name: value for name, value in _DEFAULTS.items() if belongs(name)} | dict(values)
 
 
 def numbers_of(names: Iterable[str]) -> list[str]:
