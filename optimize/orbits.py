@@ -12,7 +12,7 @@ from jaxcrusher.dynamics.many_orbits import Problem, beside, solve_orbits
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion.statistic import STATISTIC, STATISTICS
-from jaxcrusher.orbits.forced import refusal
+from jaxcrusher.orbits.forced import refusal, unknowns
 from optimize.answer import Coexisting, Orbit
 from optimize.evaluate import Case, Progress, Rows, started
 from optimize.landscape import GRID_DIMENSIONS, labelled
@@ -56,7 +56,7 @@ def solve(
         eqx.Partial(_scene, case=case),
         eqx.Partial(_objective, case=case),
         1,
-        2 * len(list(middle.joints.present())),
+        unknowns(middle),
     )
     rows = solve_orbits(
         problem,

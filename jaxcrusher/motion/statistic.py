@@ -16,8 +16,13 @@ from jaxcrusher.crusher.observables import (
     drive_power,
     force_at,
     foundation_force,
+    frame_displacement,
+    frame_speed,
     ground_moment,
+    left_size,
+    right_size,
     shaking_size,
+    transmitted_size,
 )
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
@@ -93,7 +98,7 @@ class Deviation(AbstractMean):
 class Sampled:
     """Seen at `SAMPLES` instants a turn; how samples, and then n equal pieces, reduce to one."""
 
-    of_samples: Callable[[Float[Array, " n"]], Scalar]
+    of_samples: Callable[[Float[Array, "n ..."]], Scalar]
     of_pieces: Callable[[Float[Array, " n"]], Scalar]
 
 
@@ -107,7 +112,7 @@ class Statistic:
 
     unit: str
     meaning: str
-    quantity: Callable[[Snapshot, Scene], Scalar]
+    quantity: Callable[[Snapshot, Scene], Array]
     reduction: AbstractMean | Sampled
 
 
@@ -145,7 +150,18 @@ def _sliding_power(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     return contact.normal_force * jnp.abs(contact.surface_speed)
 
 
+def _largest_excursion(samples: Float[Array, "n 2"]) -> Scalar:
+    """Return how far a point comes from its mean place."""
+    x, y = (samples[:, i] - jnp.mean(samples[:, i]) for i in (0, 1))
+    return top(jnp.sqrt(x**2 + y**2))
+
+
+def _place_of_frame(s: Snapshot, scene: Scene) -> Float[Array, "2"]:
+    return frame_displacement(s, scene).array()
+
+
 _PEAK, _LARGEST = Sampled(top, jnp.max), Sampled(jnp.max, jnp.max)
+_EXCURSION = Sampled(_largest_excursion, jnp.max)
 _CONTACT = Sampled(_share_above_zero, jnp.mean)
 
 
@@ -201,6 +217,23 @@ _FURTHER = {
     **_further_at("main"),
     "drive_power": Statistic("W", "mean power of the drive", drive_power, PowerMean()),
 }
+# Of a frame on supports, when asked. The moving part of a force is what it has beside all weight,
+# its mean over a period; a support carries its whole force.
+_OF_SUPPORTS = {
+    "transmitted_rms": Statistic(
+        "N", "RMS of what moves of the force on the ground", transmitted_size, PowerMean(2)
+    ),
+    "transmitted_peak": Statistic(
+        "N", "peak of what moves of the force on the ground", transmitted_size, _PEAK
+    ),
+    "left_peak": Statistic("N", "largest force of the left support", left_size, _PEAK),
+    "right_peak": Statistic("N", "largest force of the right support", right_size, _PEAK),
+    "frame_displacement_peak": Statistic(
+        "m", "how far the frame's G comes from its mean place", _place_of_frame, _EXCURSION
+    ),
+    "frame_velocity_rms": Statistic("m/s", "RMS of the speed of G", frame_speed, PowerMean(2)),
+}
+_FURTHER |= _OF_SUPPORTS
 # Of each joint, what is computed without being asked, and what when asked.
 _BY_JOINT = {joint: (_always_at(joint), _further_at(joint)) for joint in JOINTS}
 _OF_OTHERS = [of_joint for joint in JOINTS[1:] for of_joint in _BY_JOINT[joint]]
@@ -243,7 +276,9 @@ def always_of(scene: Scene) -> tuple[str, ...]:
 
 def statistics_of(scene: Scene) -> tuple[str, ...]:
     """The names of all that a scene has."""
-    loose, left_out = dict(scene.joints.present()), set()
+    loose, left_out = dict(scene.joints.present()), set[str]()
+    if scene.supports is None:
+        left_out |= set(_OF_SUPPORTS)
     for joint, (always, further) in _BY_JOINT.items():
         if joint not in (JOINTS[0], *loose):
             left_out |= {*always, *further}

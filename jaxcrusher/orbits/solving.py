@@ -19,7 +19,7 @@ from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import AbstractMean, Chosen, chosen, statistics_of
 from jaxcrusher.orbits import forced, newton
 from jaxcrusher.orbits.collocation import System, Unfactored, attached, collocate, one_by_one
-from jaxcrusher.orbits.multipliers import LOOKS, Multipliers, of_slopes
+from jaxcrusher.orbits.multipliers import LOOKS, STEPS, Multipliers, of_slopes
 from jaxcrusher.orbits.newton import Factors
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, built
 from jaxcrusher.orbits.trigonometric import resample
@@ -31,6 +31,8 @@ NODES, MOST_NODES = 96, 384
 SETTLED = 1e-8
 # An orbit whose RMS is known no better, as a share of it, is none.
 UNRESOLVED = 1e-3
+# Multipliers of a frame on supports with a larger error are computed again in shorter steps.
+BLURRED, FASTER = 1e-7, 8
 # Instants a turn at which forces are looked at: the length of a reaction that passes near zero
 # bends more sharply than the motion does.
 INSTANTS = 1024
@@ -53,7 +55,15 @@ def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -
     """Return what is known of the orbit through `x`."""
     slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
     error = forced.residual_error(system, x, root.factors, accelerations)
-    return Nodes(x, root.result, root.steps, error, of_slopes(slopes, system.period))
+    found = of_slopes(slopes, system.period)
+    if system.args.supports is not None:
+        # A frame on stiff springs swings faster than a contact.
+        found = jax.lax.cond(
+            found.error <= BLURRED,
+            lambda: found,
+            lambda: of_slopes(slopes, system.period, FASTER * STEPS),
+        )
+    return Nodes(x, root.result, root.steps, error, found)
 
 
 @eqx.filter_jit
@@ -165,10 +175,11 @@ def described(
 
 @eqx.filter_jit
 def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
-    """Return the orbit of ideal joints: a sum over turns."""
+    """Return the orbit of ideal joints in a clamped frame: a sum over turns."""
+    still = scene.formulation.initial(scene)
     angles = 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS
     values, error, _ = _statistics(
-        lambda time, scene: scene.formulation.snapshot(time, None, scene),
+        lambda time, scene: scene.formulation.snapshot(time, still, scene),
         (angles / scene.drive.speed,),
         scene,
         outputs,
@@ -219,5 +230,5 @@ def _statistics(
     return values, jax.lax.stop_gradient(error), least
 
 
-def _finer(samples: Float[Array, " n"]) -> Float[Array, " m"]:
+def _finer(samples: Float[Array, "n ..."]) -> Float[Array, "m ..."]:
     return resample(samples, FINER * len(samples))

@@ -17,7 +17,7 @@ from jaxcrusher.crusher.formulations import (
     EccentricityFormulation,
     MultiplierFormulation,
 )
-from jaxcrusher.crusher.foundation import AbstractFoundation, Clamped
+from jaxcrusher.crusher.foundation import AbstractFoundation, Clamped, OnSupports
 from jaxcrusher.crusher.loads import AlongJaw, ClosingStroke, NormalToJaw
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
 from jaxcrusher.crusher.scene import Scene, require_clearance
@@ -34,6 +34,7 @@ from jaxcrusher.joint.normal import (
 )
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
+    PARAMETERS,
     PE250X400,
     WORN_JOINTS,
     Value,
@@ -79,6 +80,7 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     `jax.jit` knows and that lies outside its limits becomes NaN, and the motion a failure. A
     friction of exactly 0 that is not traced leaves friction out. With an `elbow.clearance` B is
     loose, with a `pivot.clearance` C; their other numbers and choices stand by the same prefix.
+    With a `foundation.mass` the frame stands on supports, without it is clamped.
 
     Raises ValueError as `check_description` and `complete` do, and as `Scene` and `Machine` do.
     """
@@ -151,7 +153,13 @@ def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:
     """Return what the frame stands on; None: clamped, with moments about C."""
     if "foundation.x" not in values:
         return None
-    return Clamped(Vector(values["foundation.x"], values["foundation.y"]))
+    point = Vector(values["foundation.x"], values["foundation.y"])
+    if "foundation.mass" not in values:
+        return Clamped(point)
+    names = [name for name in PARAMETERS if name.startswith("foundation.")]
+    numbers = {name.removeprefix("foundation."): values[name] for name in names}
+    del numbers["x"], numbers["y"]
+    return OnSupports(point=point, **numbers)
 
 
 def _joint(values: Mapping[str, Any], prefix: str) -> ClearanceJoint:

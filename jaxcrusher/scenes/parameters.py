@@ -103,9 +103,20 @@ PARAMETERS |= {
 }
 
 # What the frame stands on. A scene has these names only where one of `_openers` is given.
+# Defaults of a frame on supports are judged: 6 t with a block's soil under each side.
+_PLACE = (-100.0, 100.0)
 PARAMETERS |= {
-    "foundation.x": Parameter(0.0, "m", "point of the moment on the ground", (-100, 100), 1.0),
-    "foundation.y": Parameter(0.0, "m", "likewise, above C", (-100, 100), 1.0),
+    "foundation.x": Parameter(0.0, "m", "frame's G, or point of its moment", _PLACE, 1.0),
+    "foundation.y": Parameter(0.0, "m", "likewise, above C", _PLACE, 1.0),
+    "foundation.mass": Parameter(6000.0, "kg", "of frame and block on supports; none: clamped"),
+    "foundation.inertia": Parameter(2500.0, "kg m2", "of frame and block about G"),
+    "foundation.left": Parameter(-0.7, "m", "left support, from C", _PLACE),
+    "foundation.right": Parameter(0.9, "m", "right support, from C", _PLACE),
+    "foundation.base": Parameter(-0.6, "m", "height of both supports above C", _PLACE),
+    "foundation.horizontal_stiffness": Parameter(1e8, "N/m", "of each support"),
+    "foundation.vertical_stiffness": Parameter(1.5e8, "N/m", "of each support"),
+    "foundation.horizontal_damping": Parameter(1.5e5, "N s/m", "of each support", (0, 1e12)),
+    "foundation.vertical_damping": Parameter(2.5e5, "N s/m", "of each support", (0, 1e12)),
 }
 
 # The crushing chamber: of the capacity, not of the motion. The paper gives its length, height and
@@ -161,7 +172,11 @@ def openers(name: str) -> tuple[str, ...]:
     joint = joint_of(name)
     if joint is not None:
         return (f"{joint}.clearance",)
-    return ("foundation.x", "foundation.y") if name.startswith("foundation.") else ()
+    if not name.startswith("foundation."):
+        return ()
+    # A clamped frame has a point of its moment alone.
+    point = ("foundation.x", "foundation.y")
+    return ("foundation.mass", *point) if name in point else ("foundation.mass",)
 
 
 # The paper's crusher: every number and every choice of its motion by name.
