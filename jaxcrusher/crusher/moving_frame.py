@@ -34,6 +34,9 @@ from jaxcrusher.crusher.snapshot import (
     moment_on_frame,
 )
 
+# Unit of a displacement on springs that do not give way, in eccentricities.
+LEAST = 1e-6
+
 
 class FrameState(eqx.Module):
     """State of a frame on supports, scaled to order one by `FrameUnits`."""
@@ -69,8 +72,9 @@ class FrameUnits(eqx.Module):
 def frame_units(scene: AbstractScene) -> FrameUnits:
     """Return units in which a frame moves by numbers of order one, stiff or soft, light or heavy.
 
-    The unit of a displacement is the eccentricity over 1 + (natural / running frequency)^2. Units
-    are no part of the model and have no slopes.
+    The unit of a displacement is the eccentricity over 1 + (natural / running frequency)^2, and a
+    millionth of it more: so that the tolerance of an orbit stays above rounding where springs are
+    stiffer still. Units are no part of the model and have no slopes.
     """
     foundation, speed = scene.supports, scene.drive.speed
     assert foundation is not None
@@ -80,7 +84,7 @@ def frame_units(scene: AbstractScene) -> FrameUnits:
     turning = horizontal * (left.y**2 + right.y**2) + vertical * (left.x**2 + right.x**2)
 
     def unit(stiffness: Scalar, inertia: Scalar) -> Scalar:
-        return throw / (1 + stiffness / (inertia * speed**2))
+        return throw * (LEAST + 1 / (1 + stiffness / (inertia * speed**2)))
 
     radius = jnp.sqrt(foundation.inertia / foundation.mass)
     units = FrameUnits(

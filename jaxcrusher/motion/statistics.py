@@ -219,7 +219,7 @@ def statistics_problem(outputs: Chosen, share: float = 1.0) -> Problem:
     means = {n: one.reduction for n, one in outputs if isinstance(one.reduction, AbstractMean)}
     samples = {n: one.reduction for n, one in outputs if isinstance(one.reduction, Sampled)}
 
-    def quantities(names: Iterable[str], snapshot: Snapshot, flow: Flow) -> dict[str, Scalar]:
+    def quantities(names: Iterable[str], snapshot: Snapshot, flow: Flow) -> dict[str, Array]:
         """Return the quantity of each statistic; one that several share is computed once."""
         once = dict.fromkeys(looks[name] for name in names)
         found = {quantity: quantity(snapshot, flow.scene) for quantity in once}
@@ -235,7 +235,7 @@ def statistics_problem(outputs: Chosen, share: float = 1.0) -> Problem:
         rates = {name: mean.integrands(now[name]) for name, mean in means.items()}
         return Carried(rate, jax.tree.map(lambda one: one / (2 * jnp.pi), rates))
 
-    def observe(angle: Scalar, y: Carried, flow: Flow) -> dict[str, Scalar]:
+    def observe(angle: Scalar, y: Carried, flow: Flow) -> dict[str, Array]:
         _, snapshot = by_angle(flow.angle + angle, y.motion, flow.scene)
         return quantities(samples, snapshot, flow)
 
