@@ -64,7 +64,7 @@ def natural_modes(scene: Scene) -> xr.Dataset:
             "frequency": ("mode", sizes / turns, {"units": "Hz", "long_name": "frequency"}),
             "damped_frequency": (
                 "mode",
-                np.array([abs(values[k].imag) for _, _, k in modes]) / turns,
+                np.array([abs(np.imag(values)[k]) for _, _, k in modes]) / turns,
                 {"units": "Hz", "long_name": "frequency of free vibration"},
             ),
             "damping_ratio": (
@@ -84,8 +84,8 @@ def natural_modes(scene: Scene) -> xr.Dataset:
 
 def _pairs(values: np.ndarray) -> list[tuple[complex, complex, int]]:
     """Return eigenvalues two by two with the place of one: conjugates, and real ones in order."""
-    found = [(values[k], np.conj(values[k]), int(k)) for k in np.flatnonzero(values.imag > 0)]
-    real = np.flatnonzero(values.imag == 0)
+    found = [(values[k], np.conj(values[k]), int(k)) for k in np.flatnonzero(np.imag(values) > 0)]
+    real = np.flatnonzero(np.imag(values) == 0)
     real = real[np.argsort(np.abs(values[real]))]
     # The slowest of overdamped motions goes with the fastest.
     for slow, fast in zip(real[: len(real) // 2], real[::-1], strict=False):
