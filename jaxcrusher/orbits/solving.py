@@ -54,7 +54,7 @@ class Nodes(eqx.Module):
 def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -> Nodes:
     """Return what is known of the orbit through `x`."""
     slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
-    error = forced.residual_error(system, x, root.factors, accelerations)
+    left = forced.residual_error(system, x, root.factors, accelerations)
     found = of_slopes(slopes, system.period)
     if system.args.supports is not None:
         # A frame on stiff springs swings faster than a contact.
@@ -63,7 +63,10 @@ def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -
             lambda: found,
             lambda: of_slopes(slopes, system.period, FASTER * STEPS),
         )
-    return Nodes(x, root.result, root.steps, error, found)
+        # Where even these steps overflow the multipliers are not known.
+        error = jnp.where(jnp.isnan(found.error), jnp.inf, found.error)
+        found = dataclasses.replace(found, error=error)
+    return Nodes(x, root.result, root.steps, left, found)
 
 
 @eqx.filter_jit
@@ -210,7 +213,7 @@ def _statistics(
     statistics = dict(outputs)
     quantities = dict.fromkeys(statistic.quantity for statistic in statistics.values())
 
-    def look(*instant) -> list[Scalar]:
+    def look(*instant) -> list[Array]:
         seen = snapshot(*instant)
         return [quantity(seen, scene) for quantity in quantities]
 

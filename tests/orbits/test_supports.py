@@ -156,6 +156,16 @@ def test_multipliers_against_the_section():
     assert orbit.multipliers.shape == (10,) and orbit.stable
 
 
+def test_multipliers_that_overflow_are_not_trusted():
+    """Springs of 1e14 N/m swing at 1.8e5 rad/s: the orbit is right, its stability unknown."""
+    orbit = orbit_of(joint="ideal", **springs(1e14, 1e5))
+    clamped = jc.periodic_orbit(jc.ideal_scene(30.0))
+    # (30 / 1.8e5)^2
+    assert float(orbit.transmitted_rms) == pytest.approx(float(clamped.shaking_rms), rel=1e-7)
+    assert not orbit.multipliers_error < 1 and not orbit.stable
+
+
+@pytest.mark.slow
 def test_power_over_a_period():
     """The drive gives what load, contact and dampers take: energies come back to themselves."""
     works = []
@@ -172,10 +182,11 @@ def test_power_over_a_period():
         assert work == pytest.approx(float(ledger.drive_work[1]), rel=2e-6)
         works.append(ledger)
     ideal, sliding = works
-    assert float(ideal.support_loss[1]) > 0.5 and abs(float(ideal.load_work[1])) > 10
+    assert float(ideal.support_loss[1]) > 0.1 and abs(float(ideal.load_work[1])) > 10
     assert float(sliding.friction_loss[1]) > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", ["ideal", "clearance"])
 def test_slopes(joint):
     """By numbers of frame, springs and machine, against central differences of orbits."""
