@@ -20,7 +20,7 @@ POINTS = 9
 # A gain in the second number of less than this share is none.
 NO_GAIN = 1e-6
 # Objective -> the force that it is traded against; the peak where there is none.
-RIVALS = dict.fromkeys(("peak", "shaking_rms", "shaking_peak"), "rms")
+RIVALS = dict.fromkeys(("peak", "shaking_rms", "shaking_peak", "shaking_moment_rms"), "rms")
 
 
 def fronts(

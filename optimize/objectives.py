@@ -52,6 +52,7 @@ OBJECTIVES = {
     "mean": _plain("foundation_mean"),
     "shaking_rms": _plain("shaking_rms"),
     "shaking_peak": _plain("shaking_peak"),
+    "shaking_moment_rms": _plain("shaking_moment_rms"),
     "excess": Objective("N", "RMS less that of the ideal joint", ("foundation_rms",), _excess),
     "joint_peak": _plain("joint_peak"),
     "wear": Objective(

@@ -50,6 +50,7 @@ class Options(Effort):
         "mean",
         "shaking_rms",
         "shaking_peak",
+        "shaking_moment_rms",
         "excess",
         "joint_peak",
         "wear",
@@ -57,8 +58,8 @@ class Options(Effort):
     ] = "rms"
     """What to make small: RMS, peak, smooth peak or mean of the foundation force |R_O| + |R_C|, RMS
     or peak of the shaking force (what moves of the force on the ground), the RMS's excess over the
-    ideal joint, the peak force in the bearing (all N), sliding work or drive energy per volume
-    crushed (J/m3)."""
+    ideal joint, the peak force in the bearing (all N), RMS of what moves of the moment on the
+    ground (N m), sliding work or drive energy per volume crushed (J/m3)."""
     speed: Range = ("25", "40rad/s")
     """Lowest and highest driving speed, the first in the unit of the second."""
     clearance: Range = ("0.03", "0.12mm")

@@ -14,7 +14,7 @@ from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion import statistic
 from jaxcrusher.motion.statistic import STATISTICS
-from jaxcrusher.orbits.forced import refusal
+from jaxcrusher.orbits.forced import refusal, unknowns
 from optimize.answer import Coexisting, Orbit
 from optimize.evaluate import Case, Progress, Rows, started
 from optimize.landscape import GRID_DIMENSIONS, labelled
@@ -74,8 +74,8 @@ def solve(
 @functools.lru_cache(maxsize=8)
 def _problem(case: Case) -> Problem:
     middle = case.design.scene(np.full(len(case.design.names), 0.5))
-    dims = 2 * len(list(middle.joints.present()))
-    return Problem(eqx.Partial(_scene, case=case), eqx.Partial(_objective, case=case), 1, dims)
+    parts = eqx.Partial(_scene, case=case), eqx.Partial(_objective, case=case)
+    return Problem(*parts, 1, unknowns(middle))
 
 
 def _scene(unit: Array, _: PyTree, case: Case) -> jc.Scene:

@@ -53,6 +53,10 @@ class Vector(eqx.Module):
         """Body coordinates `self` in the plane, for a body whose x axis is `axis` (unit)."""
         return Vector(self.x * axis.x - self.y * axis.y, self.x * axis.y + self.y * axis.x)
 
+    def seen_from(self, axis: "Vector") -> "Vector":
+        """Return the components along the axes of a body whose x axis is `axis`, as of `along`."""
+        return Vector(self.dot(axis), axis.cross(self))
+
     def array(self) -> Float[Array, "2"]:
         """The components as one array of shape (2,)."""
         return jnp.stack([self.x, self.y])

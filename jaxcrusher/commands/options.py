@@ -184,10 +184,30 @@ class Orbit:
     results: Results = field(default_factory=lambda: Results("orbit"))
 
 
+@dataclass(frozen=True)
+class Foundation:
+    """The load sheet of a crusher for whoever lays out its foundation.
+
+    Writes OUT/NAME/sheet.html (a page of A4), sheet.csv (the same numbers), and run_up.png (what
+    shakes the ground over the speed). About half a minute, most of it compilation.
+    """
+
+    crusher: Crusher = field(default_factory=Crusher)
+    orders: int = 4
+    """Highest harmonic of the shaft's speed that the sheet has."""
+    speeds: tuple[str, str] | None = None
+    """Lowest and highest speed of the picture, as in --speeds 100 400rpm; by default from half of
+    the crusher's speed to twice that speed."""
+    points: int = 61
+    """Speeds of the picture."""
+    results: Results = field(default_factory=lambda: Results("foundation"))
+
+
 Command = (
     Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Regimes, tyro.conf.subcommand("regimes")]
     | Annotated[Gradient, tyro.conf.subcommand("gradient")]
     | Annotated[Orbit, tyro.conf.subcommand("orbit")]
+    | Annotated[Foundation, tyro.conf.subcommand("foundation")]
 )

@@ -14,7 +14,7 @@ from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.drives import AbstractDrive
 from jaxcrusher.crusher.joints import AtJoints
-from jaxcrusher.crusher.linkage import Chain, ChainAcceleration
+from jaxcrusher.crusher.linkage import Chain, ChainAcceleration, InertialForces
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.crusher.snapshot import ShaftMotion, moment_on_shaft, shaft_inertia
 from jaxcrusher.joint.clearance import Contact
@@ -79,6 +79,7 @@ def accelerations(
     chain: Chain,
     load: Vector | None,
     contacts: AtJoints[Contact],
+    inertial: InertialForces | None = None,
 ) -> tuple[ShaftMotion, ChainAcceleration, Vector]:
     """Return the accelerations of shaft and chain, and the force on the jaw at A (N).
 
@@ -91,8 +92,12 @@ def accelerations(
     forces += [none, -machine.toggle.mass * machine.gravity, none]
     if load is not None:
         forces[JAW], forces[JAW + 1] = forces[JAW] + load.x, forces[JAW + 1] + load.y
+    if inertial is not None:
+        for first, added in ((JAW, inertial.jaw), (TOGGLE, inertial.toggle)):
+            for i, one in enumerate((added.force.x, added.force.y, added.moment), first):
+                forces[i] = forces[i] + one
     # acceleration(moment, 1) is torque + moment, or None where the speed is prescribed.
-    weight = moment_on_shaft(machine, shaft.crank, Vector(0.0, 0.0), None)
+    weight = moment_on_shaft(machine, shaft.crank, Vector(0.0, 0.0), None, inertial)
     turning = drive.acceleration(weight, scalar(1.0))
     if turning is not None:
         masses.append(shaft_inertia(machine))

@@ -7,6 +7,7 @@ from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.drives import AbstractDrive
+from jaxcrusher.crusher.foundation import AbstractFoundation, OnSupports
 from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.crusher.machine import Machine
@@ -25,11 +26,17 @@ class AbstractScene(eqx.Module):
     start: eqx.AbstractVar["AbstractStart | None"]
     elbow: eqx.AbstractVar[ClearanceJoint | None]
     pivot: eqx.AbstractVar[ClearanceJoint | None]
+    foundation: eqx.AbstractVar[AbstractFoundation | None]
 
     @property
     def joints(self) -> AtJoints[ClearanceJoint]:
         """Return the joints with clearance."""
         return AtJoints(self.joint, self.elbow, self.pivot)
+
+    @property
+    def supports(self) -> OnSupports | None:
+        """Return what the frame moves on, or None where it is clamped."""
+        return self.foundation if isinstance(self.foundation, OnSupports) else None
 
 
 class AbstractStart(eqx.Module):

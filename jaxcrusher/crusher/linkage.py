@@ -19,6 +19,28 @@ Play = AtJoints[Vector]
 NO_PLAY: Play = AtJoints()
 
 
+class Wrench(eqx.Module):
+    """What acts at the mass centre of a body."""
+
+    force: Vector  # N
+    moment: Scalar  # N m
+
+
+class InertialForces(eqx.Module):
+    """What the motion of the frame adds to the bodies, in the frame's axes.
+
+    It holds inertial forces, and by how much the weight differs from that in an upright frame.
+    """
+
+    shaft: Wrench
+    jaw: Wrench
+    toggle: Wrench
+
+    def all(self) -> tuple[Wrench, Wrench, Wrench]:
+        """Return those of shaft, jaw and toggle."""
+        return self.shaft, self.jaw, self.toggle
+
+
 class Chain(eqx.Module):
     """Position and velocity of the chain, as unit vectors and spins, and what is loose in it."""
 
@@ -176,29 +198,45 @@ class _Equations(eqx.Module):
     jaw_moment: Scalar
 
 
-def _equations(machine: Machine, chain: Chain, load: Vector | None) -> _Equations:
+def _equations(
+    machine: Machine, chain: Chain, load: Vector | None, inertial: InertialForces | None
+) -> _Equations:
     """Lagrange's equations of the chain under gravity, load and centrifugal terms."""
     jaw, toggle = machine.jaw, machine.toggle
     arm = mass_centre_arm(machine, chain)
     weight = Vector(0.0, -jaw.mass * machine.gravity)
     at_s2 = weight if load is None else weight + load
+    at_s2 = at_s2 if inertial is None else at_s2 + inertial.jaw.force
     swing = jaw.mass * toggle.length * chain.toggle.cross(arm)
+    on_toggle = (
+        swing * chain.jaw_spin**2
+        + toggle.length * chain.toggle.cross(at_s2)
+        - toggle.mass * machine.gravity * toggle.length / 2 * chain.toggle.x
+    )
+    on_jaw = -swing * chain.toggle_spin**2 + arm.cross(at_s2)
+    if inertial is not None:
+        at_s3 = inertial.toggle
+        on_toggle += toggle.length / 2 * chain.toggle.cross(at_s3.force) + at_s3.moment
+        on_jaw += inertial.jaw.moment
     return _Equations(
         toggle.inertia + (toggle.mass / 4 + jaw.mass) * toggle.length**2,
         jaw.mass * toggle.length * chain.toggle.dot(arm),
         jaw.inertia + jaw.mass * arm.dot(arm),
-        swing * chain.jaw_spin**2
-        + toggle.length * chain.toggle.cross(at_s2)
-        - toggle.mass * machine.gravity * toggle.length / 2 * chain.toggle.x,
-        -swing * chain.toggle_spin**2 + arm.cross(at_s2),
+        on_toggle,
+        on_jaw,
     )
 
 
 def chain_acceleration(
-    machine: Machine, chain: Chain, load: Vector | None, force: Vector, moment: Scalar | None
+    machine: Machine,
+    chain: Chain,
+    load: Vector | None,
+    force: Vector,
+    moment: Scalar | None,
+    inertial: InertialForces | None = None,
 ) -> ChainAcceleration:
     """Forward dynamics without play: force (N) and moment (N m) on the jaw at A, load at S2."""
-    equations = _equations(machine, chain, load)
+    equations = _equations(machine, chain, load, inertial)
     on_toggle = equations.toggle_moment + machine.toggle.length * chain.toggle.cross(force)
     on_jaw = equations.jaw_moment + machine.jaw.length * chain.jaw.cross(force)
     if moment is not None:
@@ -212,10 +250,14 @@ def chain_acceleration(
 
 
 def joint_force_for(
-    machine: Machine, chain: Chain, load: Vector | None, acceleration: ChainAcceleration
+    machine: Machine,
+    chain: Chain,
+    load: Vector | None,
+    acceleration: ChainAcceleration,
+    inertial: InertialForces | None = None,
 ) -> Vector:
     """Inverse dynamics: the force (N) on the jaw at A that gives `acceleration`."""
-    equations = _equations(machine, chain, load)
+    equations = _equations(machine, chain, load, inertial)
     on_toggle = (
         equations.toggle_inertia * acceleration.toggle
         + equations.coupling * acceleration.jaw

@@ -10,11 +10,19 @@ from jaxtyping import Array, Scalar
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.foundation import OnSupports
 from jaxcrusher.crusher.joints import JOINTS, LETTERS, before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import (
+    FrameMotion,
     Snapshot,
+    bodies_of,
+    forces_on_frame,
+    mass_centre_velocities,
+    mass_centres,
+    moment_on_frame,
     moment_on_shaft,
+    momentum_rates,
     pin_position,
     shaft_inertia,
 )
@@ -22,36 +30,33 @@ from jaxcrusher.joint.clearance import ClearanceJoint, Contact
 
 # Smooths the length of a reaction (N) where it vanishes.
 FORCE_WIDTH = 1e-6
+# Smooths the speed of a frame (m/s) where it stands still.
+SPEED_WIDTH = 1e-12
 
 
-def _momentum_rates(s: Snapshot, scene: Scene) -> tuple[Vector, Vector, Vector]:
-    """Mass times acceleration of shaft, jaw and toggle, N."""
+def _acting(s: Snapshot, scene: Scene) -> list[Vector]:
+    """Return weight and inertial force of shaft, jaw and toggle, N."""
     machine = scene.machine
-    centre = machine.shaft.mass_centre.along(s.shaft.crank)
-    shaft = linkage.turning(centre, s.shaft.speed, s.shaft.acceleration)
-    jaw = linkage.mass_centre_acceleration(machine, s.chain, s.chain_acceleration)
-    toggle = linkage.toggle_centre_acceleration(machine, s.chain, s.chain_acceleration)
-    return machine.shaft.mass * shaft, machine.jaw.mass * jaw, machine.toggle.mass * toggle
-
-
-def _weight(mass: Scalar, scene: Scene) -> Vector:
-    return Vector(0.0, -mass * scene.machine.gravity)
+    weights = [Vector(0.0, -body.mass * machine.gravity) for body in bodies_of(machine)]
+    if s.inertial is None:
+        return weights
+    return [one + added.force for one, added in zip(weights, s.inertial.all(), strict=True)]
 
 
 def bearing_reaction(s: Snapshot, scene: Scene) -> Vector:
     """R_O, the frame's force on the shaft at the main bearing, N."""
     if s.multipliers is not None:
         return -s.multipliers.bearing
-    rate, _, _ = _momentum_rates(s, scene)
-    return rate - _weight(scene.machine.shaft.mass, scene) + s.joint_force
+    (rate, _, _), (acting, _, _) = momentum_rates(scene.machine, s), _acting(s, scene)
+    return rate - acting + s.joint_force
 
 
 def elbow_reaction(s: Snapshot, scene: Scene) -> Vector:
     """R_B, the toggle's force on the jaw, N."""
     if s.multipliers is not None and s.multipliers.elbow is not None:
         return -s.multipliers.elbow
-    _, rate, _ = _momentum_rates(s, scene)
-    reaction = rate - _weight(scene.machine.jaw.mass, scene) - s.joint_force
+    (_, rate, _), (_, acting, _) = momentum_rates(scene.machine, s), _acting(s, scene)
+    reaction = rate - acting - s.joint_force
     return reaction if s.load is None else reaction - s.load
 
 
@@ -64,8 +69,8 @@ def toggle_reaction(s: Snapshot, scene: Scene) -> Vector:
     if s.multipliers is not None and s.multipliers.toggle_pivot is not None:
         pivot = -s.multipliers.toggle_pivot
         return pivot if s.multipliers.elbow is None else pivot - s.multipliers.elbow
-    _, _, rate = _momentum_rates(s, scene)
-    return rate - _weight(scene.machine.toggle.mass, scene) + elbow_reaction(s, scene)
+    (_, _, rate), (_, _, acting) = momentum_rates(scene.machine, s), _acting(s, scene)
+    return rate - acting + elbow_reaction(s, scene)
 
 
 def foundation_force(s: Snapshot, scene: Scene) -> Scalar:
@@ -79,13 +84,22 @@ def net_foundation_force(s: Snapshot, scene: Scene) -> Scalar:
     return norm(bearing_reaction(s, scene) + toggle_reaction(s, scene), FORCE_WIDTH)
 
 
+def _total_weight(scene: Scene) -> Vector:
+    """Return the weight of the three bodies, N."""
+    machine = scene.machine
+    mass = machine.shaft.mass + machine.jaw.mass + machine.toggle.mass
+    return Vector(0.0, -mass * machine.gravity)
+
+
 def shaking_force(s: Snapshot, scene: Scene) -> Vector:
-    """Return -sum of m a, N: the moving part of the force on the ground.
+    """Return -sum of m a, N: the moving part of what shaft, jaw and toggle pass to the frame.
 
     The machine stands on the ground by bearing, pivot and fixed jaw. The crushing load closes
     between jaw and fixed jaw, inside the machine, and the weight stands still: neither shakes.
     """
-    shaft, jaw, toggle = _momentum_rates(s, scene)
+    if s.frame is not None:
+        return ground_force(s, scene) - _total_weight(scene)
+    shaft, jaw, toggle = momentum_rates(scene.machine, s)
     return -(shaft + jaw + toggle)
 
 
@@ -94,11 +108,36 @@ def shaking_size(s: Snapshot, scene: Scene) -> Scalar:
     return norm(shaking_force(s, scene), FORCE_WIDTH)
 
 
+def ground_force(s: Snapshot, scene: Scene) -> Vector:
+    """Return the force of shaft, jaw and toggle on the frame, N: their weight less sum of m a.
+
+    A clamped frame passes it to the ground. It equals -(R_O + R_C) less the load on the jaw, whose
+    reaction the fixed jaw carries.
+    """
+    if s.frame is None:
+        return shaking_force(s, scene) + _total_weight(scene)
+    shaft, jaw, toggle = forces_on_frame(scene.machine, s)
+    return (shaft + jaw + toggle).along(s.frame.axis)
+
+
+def ground_moment(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the moment of shaft, jaw and toggle on the frame, N m, about the foundation's point.
+
+    Each body adds (r - p) x m (g - a) - J alpha; without a foundation p is C. The load and its
+    reaction on the fixed jaw lie in one line and add nothing, nor does a drive that stands on the
+    frame.
+    """
+    point = Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
+    return moment_on_frame(scene.machine, s, point)
+
+
 def drive_torque(s: Snapshot, scene: Scene) -> Scalar:
     """M0, counterclockwise on the shaft, N m."""
     if s.multipliers is not None and s.multipliers.drive is not None:
         return -s.multipliers.drive
-    others = moment_on_shaft(scene.machine, s.shaft.crank, s.joint_force, s.shaft_moment)
+    others = moment_on_shaft(
+        scene.machine, s.shaft.crank, s.joint_force, s.shaft_moment, s.inertial
+    )
     if s.shaft.acceleration is None:
         return -others
     return shaft_inertia(scene.machine) * s.shaft.acceleration - others
@@ -137,8 +176,10 @@ def jaw_mass_centre(s: Snapshot, scene: Scene) -> Vector:
 
 
 def kinetic_energy(s: Snapshot, scene: Scene) -> Scalar:
-    """Return the kinetic energy of the three bodies, J."""
+    """Return the kinetic energy of the three bodies, and of a frame on supports, J."""
     machine = scene.machine
+    if s.frame is not None:
+        return _energy_on_supports(s, scene)
     jaw_velocity = linkage.mass_centre_velocity(machine, s.chain)
     toggle_velocity = linkage.toggle_centre_velocity(machine, s.chain)
     return 0.5 * (
@@ -150,20 +191,112 @@ def kinetic_energy(s: Snapshot, scene: Scene) -> Scalar:
     )
 
 
+def _energy_on_supports(s: Snapshot, scene: Scene) -> Scalar:
+    frame, foundation, machine = s.frame, scene.supports, scene.machine
+    assert frame is not None and foundation is not None
+    drift = frame.velocity.seen_from(frame.axis)
+    total = foundation.mass * drift.dot(drift) + foundation.inertia * frame.spin**2
+    spins = s.shaft.speed, s.chain.jaw_spin, s.chain.toggle_spin
+    places = mass_centres(machine, s.shaft, s.chain)
+    rates = mass_centre_velocities(machine, s.shaft, s.chain)
+    for body, place, rate, spin in zip(bodies_of(machine), places, rates, spins, strict=True):
+        velocity = drift + frame.spin * (place - foundation.point).perp() + rate
+        total = total + body.mass * velocity.dot(velocity) + body.inertia * (spin + frame.spin) ** 2
+    return 0.5 * total
+
+
 def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
-    """Return the potential energy of weight, zero at C's height, J."""
-    machine = scene.machine
-    shaft = machine.bearing + machine.shaft.mass_centre.along(s.shaft.crank)
-    toggle = linkage.toggle_centre(machine, s.chain)
-    jaw = jaw_mass_centre(s, scene)
-    return machine.gravity * (
-        machine.shaft.mass * shaft.y + machine.jaw.mass * jaw.y + machine.toggle.mass * toggle.y
-    )
+    """Return the potential energy of weight, zero at C's height as drawn, J."""
+    machine, frame, foundation = scene.machine, s.frame, scene.supports
+    shaft, jaw, toggle = mass_centres(machine, s.shaft, s.chain)
+    if frame is None or foundation is None:
+        return machine.gravity * (
+            machine.shaft.mass * shaft.y + machine.jaw.mass * jaw.y + machine.toggle.mass * toggle.y
+        )
+    centre = foundation.point + frame.displacement
+    total = foundation.mass * centre.y
+    for body, place in zip(bodies_of(machine), (shaft, jaw, toggle), strict=True):
+        total = total + body.mass * (centre + (place - foundation.point).along(frame.axis)).y
+    return machine.gravity * total
 
 
 def elastic_energy(s: Snapshot, scene: Scene) -> Scalar:
-    """Stored in the contacts, J."""
-    return _over_joints(ClearanceJoint.elastic_energy, s, scene)
+    """Stored in the contacts, and in the springs of the supports, J."""
+    stored = _over_joints(ClearanceJoint.elastic_energy, s, scene)
+    if s.frame is None or scene.supports is None:
+        return stored
+    return stored + scene.supports.elastic_energy(s.frame)
+
+
+def support_loss(s: Snapshot, scene: Scene) -> Scalar:
+    """Power that the dampers of the supports take, W; ValueError for a clamped frame."""
+    frame, foundation = _on_supports(s, scene, "support_loss")
+    return foundation.loss(frame)
+
+
+def _on_supports(s: Snapshot, scene: Scene, name: str) -> tuple[FrameMotion, OnSupports]:
+    """Return the frame's motion and its supports."""
+    if s.frame is None or scene.supports is None:
+        raise ValueError(
+            f"Argument `outputs` must not ask for {name} of a clamped frame, but does."
+        )
+    return s.frame, scene.supports
+
+
+def left_force(s: Snapshot, scene: Scene) -> Vector:
+    """Return the force of the left support on the ground, N."""
+    frame, foundation = _on_supports(s, scene, "left_force")
+    return foundation.support_forces(frame)[0]
+
+
+def right_force(s: Snapshot, scene: Scene) -> Vector:
+    """Return the force of the right support on the ground, N."""
+    frame, foundation = _on_supports(s, scene, "right_force")
+    return foundation.support_forces(frame)[1]
+
+
+def transmitted_force(s: Snapshot, scene: Scene) -> Vector:
+    """Return the force of both supports on the ground, N."""
+    frame, foundation = _on_supports(s, scene, "transmitted_force")
+    left, right = foundation.support_forces(frame)
+    return left + right
+
+
+def frame_displacement(s: Snapshot, scene: Scene) -> Vector:
+    """Return the displacement of G from where the frame is drawn, m."""
+    return _on_supports(s, scene, "frame_displacement")[0].displacement
+
+
+def frame_velocity(s: Snapshot, scene: Scene) -> Vector:
+    """Return the velocity of G, m/s."""
+    return _on_supports(s, scene, "frame_velocity")[0].velocity
+
+
+def transmitted_size(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the length of what moves of the force on the ground, N: all but the weight."""
+    _, foundation = _on_supports(s, scene, "transmitted_force")
+    weight = Vector(0.0, -foundation.mass * scene.machine.gravity) + _total_weight(scene)
+    return norm(transmitted_force(s, scene) - weight, FORCE_WIDTH)
+
+
+def left_size(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the length of the force of the left support, N."""
+    return norm(left_force(s, scene), FORCE_WIDTH)
+
+
+def right_size(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the length of the force of the right support, N."""
+    return norm(right_force(s, scene), FORCE_WIDTH)
+
+
+def frame_speed(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the speed of G, m/s."""
+    return norm(frame_velocity(s, scene), SPEED_WIDTH)
+
+
+def frame_rotation(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the rotation of the frame, rad."""
+    return _on_supports(s, scene, "frame_rotation")[0].rotation
 
 
 def _over_joints(
@@ -267,12 +400,24 @@ def _at(joint: str) -> dict[str, Observable]:
     }
 
 
+# What only a frame on supports has; x to the right and y up, in the ground's axes.
+OF_SUPPORTS = {
+    "left_force": Observable(left_force, "N", "force of the left support on the ground"),
+    "right_force": Observable(right_force, "N", "force of the right support on the ground"),
+    "transmitted_force": Observable(transmitted_force, "N", "force of the supports on the ground"),
+    "frame_displacement": Observable(frame_displacement, "m", "displacement of the frame's G"),
+    "frame_velocity": Observable(frame_velocity, "m/s", "velocity of the frame's G"),
+    "frame_rotation": Observable(frame_rotation, "rad", "rotation of the frame"),
+}
+
 # Name -> function, unit and meaning of what can be observed of an instant.
 OBSERVABLES = {
     **_at("main"),
     "foundation_force": Observable(foundation_force, "N", "|R_O| + |R_C|"),
     "net_foundation_force": Observable(net_foundation_force, "N", "|R_O + R_C|"),
     "shaking_force": Observable(shaking_force, "N", "shaking force"),
+    "ground_force": Observable(ground_force, "N", "force on the ground"),
+    "ground_moment": Observable(ground_moment, "N m", "moment on the ground"),
     "joint_force": Observable(lambda s, _: s.joint_force, "N", "force on the jaw at A"),
     "bearing_reaction": Observable(bearing_reaction, "N", "reaction R_O"),
     "elbow_reaction": Observable(elbow_reaction, "N", "reaction R_B"),
@@ -292,11 +437,13 @@ OBSERVABLES = {
     "constraint_residual": Observable(_constraint_residual, "m", "largest constraint residual"),
     **_at("elbow"),
     **_at("pivot"),
+    **OF_SUPPORTS,
 }
 
 
 def observables_of(scene: Scene) -> tuple[str, ...]:
-    """All but those of an elbow and a pivot that are ideal."""
+    """All but those of an elbow and a pivot that are ideal, and of supports that are not there."""
     absent = [joint for joint in JOINTS[1:] if scene.joints[joint] is None]
     left_out = {before(joint) + name for joint in absent for name in _at("main")}
+    left_out |= set() if scene.supports else set(OF_SUPPORTS)
     return tuple(name for name in OBSERVABLES if name not in left_out)

@@ -15,6 +15,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.crusher.drives import AbstractDrive
 from jaxcrusher.crusher.formulations import ClosedLinkage
+from jaxcrusher.crusher.foundation import AbstractFoundation
 from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene, AbstractStart
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.loads import AbstractLoad
@@ -25,7 +26,8 @@ from jaxcrusher.joint.clearance import ClearanceJoint
 class Scene(AbstractScene):
     """A machine, what drives and loads it, its joints (None: ideal) and how to solve it.
 
-    `joint` is the main one, A; `elbow` is B, `pivot` C.
+    `joint` is the main one, A; `elbow` is B, `pivot` C. With no `foundation` the frame is clamped,
+    and moments on the ground are counted about C.
 
     Raises ValueError (concrete values only) if 64-bit floats are off, if a clearance is not
     inside (0, R_i), or if the clearances let the linkage reach a dead point.
@@ -39,6 +41,7 @@ class Scene(AbstractScene):
     start: AbstractStart | None
     elbow: ClearanceJoint | None = None
     pivot: ClearanceJoint | None = None
+    foundation: AbstractFoundation | None = None
 
     def __check_init__(self):
         require_x64()
@@ -56,7 +59,15 @@ class Scene(AbstractScene):
 
     def ideal(self) -> "Scene":
         """The same machine, drive and load with ideal joints: what a clearance adds to."""
-        return Scene(self.machine, self.drive, None, self.load, ClosedLinkage(), None)
+        return Scene(
+            self.machine,
+            self.drive,
+            None,
+            self.load,
+            ClosedLinkage(),
+            None,
+            foundation=self.foundation,
+        )
 
 
 def require_scene(scene: Any) -> None:

@@ -1,13 +1,14 @@
 """Everything known of one instant of the motion: positions, velocities, accelerations, forces."""
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.joints import AtJoints
-from jaxcrusher.crusher.linkage import Chain, ChainAcceleration, Play
-from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.linkage import Chain, ChainAcceleration, InertialForces, Play
+from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle
 from jaxcrusher.joint.clearance import Contact
 
 
@@ -17,6 +18,18 @@ class ShaftMotion(eqx.Module):
     crank: Vector
     speed: Scalar
     acceleration: Scalar | None
+
+
+class FrameMotion(eqx.Module):
+    """A frame on supports: motion of its mass centre in the ground's axes, and of its angle."""
+
+    displacement: Vector  # from where it is drawn, m
+    rotation: Scalar  # rad
+    axis: Vector  # unit vector of its x axis
+    velocity: Vector  # m/s
+    spin: Scalar  # rad/s
+    acceleration: Vector | None = None  # m/s2; None: not known yet
+    spin_up: Scalar | None = None  # rad/s2
 
 
 class Multipliers(eqx.Module):
@@ -33,7 +46,8 @@ class Multipliers(eqx.Module):
 class Snapshot(eqx.Module):
     """One instant; `joint_force` (N) and the moments (N m) act at the main joint A.
 
-    What is at a joint is None where that is ideal.
+    What is at a joint is None where that is ideal. All is relative to the frame and in its axes,
+    except `frame` itself, which is None where the frame is clamped.
     """
 
     shaft: ShaftMotion
@@ -46,6 +60,8 @@ class Snapshot(eqx.Module):
     shaft_moment: Scalar | None
     load: Vector | None  # on the jaw, at S2
     multipliers: Multipliers | None
+    frame: FrameMotion | None = None
+    inertial: InertialForces | None = None
 
 
 def pin_position(machine: Machine, crank: Vector) -> Vector:
@@ -85,10 +101,78 @@ def shaft_inertia(machine: Machine) -> Scalar:
 
 
 def moment_on_shaft(
-    machine: Machine, crank: Vector, joint_force: Vector, shaft_moment: Scalar | None
+    machine: Machine,
+    crank: Vector,
+    joint_force: Vector,
+    shaft_moment: Scalar | None,
+    inertial: InertialForces | None = None,
 ) -> Scalar:
     """The moment about O of gravity and of the joint's reaction, without the drive, N m."""
     reaction = -(machine.shaft.eccentricity * crank).cross(joint_force)
     centre = machine.shaft.mass_centre.along(crank)
     total = reaction - machine.shaft.mass * machine.gravity * centre.x
+    if inertial is not None:
+        total = total + centre.cross(inertial.shaft.force) + inertial.shaft.moment
     return total if shaft_moment is None else total + shaft_moment
+
+
+def bodies_of(machine: Machine) -> tuple[Shaft, Jaw, Toggle]:
+    """Shaft, jaw and toggle, in the order of the functions below."""
+    return machine.shaft, machine.jaw, machine.toggle
+
+
+def mass_centres(machine: Machine, shaft: ShaftMotion, chain: Chain) -> tuple[Vector, ...]:
+    """S1, S2 and S3, m."""
+    return (
+        machine.bearing + machine.shaft.mass_centre.along(shaft.crank),
+        linkage.elbow_position(machine, chain) + linkage.mass_centre_arm(machine, chain),
+        linkage.toggle_centre(machine, chain),
+    )
+
+
+def mass_centre_velocities(
+    machine: Machine, shaft: ShaftMotion, chain: Chain
+) -> tuple[Vector, ...]:
+    """The velocities of S1, S2 and S3, m/s."""
+    return (
+        shaft.speed * machine.shaft.mass_centre.along(shaft.crank).perp(),
+        linkage.mass_centre_velocity(machine, chain),
+        linkage.toggle_centre_velocity(machine, chain),
+    )
+
+
+def momentum_rates(machine: Machine, s: Snapshot) -> tuple[Vector, ...]:
+    """Mass times acceleration of shaft, jaw and toggle, N."""
+    centre = machine.shaft.mass_centre.along(s.shaft.crank)
+    shaft = linkage.turning(centre, s.shaft.speed, s.shaft.acceleration)
+    jaw = linkage.mass_centre_acceleration(machine, s.chain, s.chain_acceleration)
+    toggle = linkage.toggle_centre_acceleration(machine, s.chain, s.chain_acceleration)
+    return machine.shaft.mass * shaft, machine.jaw.mass * jaw, machine.toggle.mass * toggle
+
+
+def forces_on_frame(machine: Machine, s: Snapshot) -> tuple[Vector, ...]:
+    """What shaft, jaw and toggle pass to the frame, each as if alone, N: what acts less m a.
+
+    The load and its reaction are inside, whatever it is. All three act at the mass centres.
+    """
+    found = []
+    for body, rate in zip(bodies_of(machine), momentum_rates(machine, s), strict=True):
+        found.append(Vector(0.0, -body.mass * machine.gravity) - rate)
+    if s.inertial is None:
+        return tuple(found)
+    return tuple(one + added.force for one, added in zip(found, s.inertial.all(), strict=True))
+
+
+def moment_on_frame(machine: Machine, s: Snapshot, point: Vector) -> Scalar:
+    """The moment about a point (m) of what the three bodies pass to the frame, N m.
+
+    A drive that stands on the frame adds nothing, as its reaction is the frame's too.
+    """
+    places, forces = mass_centres(machine, s.shaft, s.chain), forces_on_frame(machine, s)
+    turning = s.shaft.acceleration, s.chain_acceleration.jaw, s.chain_acceleration.toggle
+    total = jnp.zeros_like(s.shaft.speed)
+    for place, force in zip(places, forces, strict=True):
+        total = total + (place - point).cross(force)
+    for body, spin_up in zip(bodies_of(machine), turning, strict=True):
+        total = total if spin_up is None else total - body.inertia * spin_up
+    return total if s.inertial is None else total + sum(one.moment for one in s.inertial.all())

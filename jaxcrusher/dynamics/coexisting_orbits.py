@@ -140,7 +140,9 @@ def _shifted(
     offsets = radii * np.exp(2j * np.pi * angles)
     still = np.zeros(count)
     shift = np.stack([offsets.real, offsets.imag, still, still], axis=2)
-    return start + shift.transpose(1, 0, 2).reshape(starts, -1)
+    shift = shift.transpose(1, 0, 2).reshape(starts, -1)
+    # What stands behind the joints' states, such as a frame's, stays.
+    return start + np.pad(shift, ((0, 0), (0, start.size - shift.shape[1])))
 
 
 def _repeated(scene: Scene, count: int) -> Scene:

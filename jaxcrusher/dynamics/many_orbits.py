@@ -20,7 +20,7 @@ from jaxcrusher.batch.engines import Engine, run_all, without_lanes
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.lanes.code import LANES
-from jaxcrusher.orbits.forced import from_rest_unless
+from jaxcrusher.orbits.forced import from_rest_unless, unknowns
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, reason
 from jaxcrusher.orbits.transient import one_period, resting_start, section_mean
@@ -59,7 +59,7 @@ class Problem:
     scene: Callable[[Array, PyTree], Scene]
     number: Callable[[PeriodicOrbit, Scene, Array, PyTree], Scalar]
     period: int
-    dims: int  # of an orbit: two a loose joint
+    dims: int  # of an orbit: two a loose joint, three a frame on supports
 
 
 def solve_orbits(
@@ -246,7 +246,7 @@ def _solved(
     def solved(free: Array) -> tuple[Scalar, PeriodicOrbit]:
         made = scene(free, rest)
         first = None
-        if not made.is_ideal:
+        if unknowns(made):
             first = from_rest_unless(resample(guess, nodes * period), made, period)
         orbit = periodic_orbit(made, period=period, nodes=nodes, guess=first)
         return number(orbit, made, free, rest), orbit
@@ -280,13 +280,16 @@ def waited(
     """
     count = len(cases[0])
     states, scenes = jax.vmap(lambda case: resting_start(problem.scene(*case)))(cases)
+    loose = len(list(scenes.joints.present()))
     settings = {"engine": engine, "whole": LANES, "journal": journal, "job": "waiting"}
     mean, seen = (eqx.Partial(look, period=problem.period) for look in (_mean, _one_period))
     ended = run_all(mean, (states, scenes), count, **settings)
     found = run_all(seen, (ended["mean"], scenes), count, **settings)
     orbits = found["orbit"]
-    apart = np.linalg.norm(orbits.reshape(*orbits.shape[:2], -1, 2), axis=3)
-    kept = ended["success"] & found["success"] & np.all(apart > 1, axis=(1, 2))
+    kept = ended["success"] & found["success"]
+    for i in range(loose):
+        apart = np.linalg.norm(orbits[..., 2 * i : 2 * i + 2], axis=2)
+        kept &= np.all(apart > 1, axis=1)
     return np.where(kept[:, None, None], orbits, np.nan)
 
 

@@ -21,7 +21,7 @@ from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion import statistic
 from jaxcrusher.motion.statistic import STATISTIC, statistics_of
-from jaxcrusher.orbits.forced import refusal
+from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES, SETTLED
 
@@ -102,7 +102,7 @@ def orbit_map(
                     eqx.Partial(_scene, slopes=slopes, make=grid.function, choices=choices),
                     eqx.Partial(_metric, name=metric),
                     period,
-                    2 * len(list(one.joints.present())),
+                    unknowns(one),
                 )
                 found[tuple(designs)] = _solved(
                     grid, designs, problem, slopes, levels, engine, kept.journal,
@@ -169,10 +169,10 @@ def _layout(grid: Grid, scenes: list[Scene], slopes: tuple[str, ...], metric: st
         meaning = f"slope of {metric} by the parameter, per its unit"
         columns["slope"] = Column(STATISTIC[metric].unit, meaning, dims=("parameter",))
         further["parameter"] = np.array(slopes, object)
-    joints = {len(list(scene.joints.present())) for scene in scenes}
-    if len(joints) == 1 and (loose := joints.pop()):
+    counts = {unknowns(scene) for scene in scenes}
+    if len(counts) == 1 and (count := counts.pop()):
         columns |= {name: COLUMNS[name] for name in ("multiplier_real", "multiplier_imag")}
-        further["multiplier"] = 4 * loose
+        further["multiplier"] = 2 * count
     return Layout(grid, columns, grid.shape, further)
 
 

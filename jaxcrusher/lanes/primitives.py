@@ -252,6 +252,7 @@ STRUCTURAL: dict[str, Operation] = {
         lambda *arrays, dimension: np.concatenate(arrays, dimension), "fib", ("dimension",)
     ),
     "copy": Operation(lambda x: x, "fib"),
+    "stop_gradient": Operation(lambda x: x, "fib"),
     "reshape": Operation(lambda x, new_sizes: x.reshape(new_sizes), "fib", ("new_sizes",)),
     "slice": Operation(
         lambda x, **where_: x[parts(**where_)],

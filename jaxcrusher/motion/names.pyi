@@ -13,9 +13,16 @@ class StatisticNames:
     winding: Array
     foundation_smooth_peak: Array
     shaking_peak: Array
+    shaking_moment_rms: Array
     joint_peak: Array
     sliding_power: Array
     drive_power: Array
+    transmitted_rms: Array
+    transmitted_peak: Array
+    left_peak: Array
+    right_peak: Array
+    frame_displacement_peak: Array
+    frame_velocity_rms: Array
     elbow_contact_fraction: Array
     elbow_penetration_ratio: Array
     elbow_impact_speed: Array
@@ -38,6 +45,8 @@ class ObservableNames:
     foundation_force: Array
     net_foundation_force: Array
     shaking_force: Array
+    ground_force: Array
+    ground_moment: Array
     joint_force: Array
     bearing_reaction: Array
     elbow_reaction: Array
@@ -61,3 +70,9 @@ class ObservableNames:
     pivot_eccentricity: Array
     pivot_penetration_ratio: Array
     pivot_penetration_rate: Array
+    left_force: Array
+    right_force: Array
+    transmitted_force: Array
+    frame_displacement: Array
+    frame_velocity: Array
+    frame_rotation: Array

@@ -1,7 +1,7 @@
 """Simulate a scene and look at it at given times."""
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import equinox as eqx
 import jax
@@ -45,8 +45,17 @@ ENERGIES = {
 OUTPUTS = (*OBSERVABLES, "energy")
 
 
+def _works(scene: Scene) -> dict[str, Callable]:
+    """Return the powers of a scene's ledger: dampers are those of supports."""
+    return WORKS if scene.supports is None else WORKS | {"support_loss": observables.support_loss}
+
+
 class Energy(eqx.Module):
-    """The energy ledger: energies, and work since time zero, J; shape (times,) or one instant."""
+    """The energy ledger: energies, and work since time zero, J; shape (times,) or one instant.
+
+    Springs of supports count as elastic; `support_loss` is what their dampers took, None where the
+    frame is clamped.
+    """
 
     kinetic: Float[Array, "*times"]
     potential: Float[Array, "*times"]
@@ -55,6 +64,7 @@ class Energy(eqx.Module):
     load_work: Float[Array, "*times"]
     contact_loss: Float[Array, "*times"]
     friction_loss: Float[Array, "*times"]
+    support_loss: Float[Array, "*times"] | None = None
 
     @property
     def imbalance(self) -> Float[Array, "*times"]:
@@ -62,6 +72,7 @@ class Energy(eqx.Module):
         stored = self.kinetic + self.potential + self.elastic
         balance = stored - self.drive_work - self.load_work
         balance = balance + self.contact_loss + self.friction_loss
+        balance = balance if self.support_loss is None else balance + self.support_loss
         return balance - balance[0]
 
 
@@ -171,15 +182,17 @@ def _simulate(
 @functools.cache  # so that programs of other counts share its trace
 def _problem(outputs: tuple[str, ...]) -> Problem:
     """Observe the named outputs, in real time."""
-    works = WORKS if "energy" in outputs else {}
+
+    def works(scene: Scene) -> dict[str, Callable]:
+        return _works(scene) if "energy" in outputs else {}
 
     def initial(flow: Flow) -> Carried:
-        return Carried(flow.initial(), dict.fromkeys(works, jnp.zeros(())))
+        return Carried(flow.initial(), dict.fromkeys(works(flow.scene), jnp.zeros(())))
 
     def field(time: Scalar, y: Carried, flow: Flow) -> Carried:
         formulation, scene = flow.scene.formulation, flow.scene
         snapshot = formulation.snapshot(time, y.motion, scene)
-        powers = {name: power(snapshot, scene) for name, power in works.items()}
+        powers = {name: power(snapshot, scene) for name, power in works(scene).items()}
         return Carried(formulation.rate(snapshot, y.motion, scene), powers)
 
     def observe(time: Scalar, y: Carried, flow: Flow) -> dict[str, PyTree]:

@@ -1,5 +1,6 @@
 """Statistics and their table: a new statistic takes an entry here and nothing else."""
 
+import abc
 import functools
 import operator
 from collections.abc import Callable, Iterable
@@ -15,7 +16,13 @@ from jaxcrusher.crusher.observables import (
     drive_power,
     force_at,
     foundation_force,
+    frame_displacement,
+    frame_speed,
+    ground_moment,
+    left_size,
+    right_size,
     shaking_size,
+    transmitted_size,
 )
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
@@ -25,28 +32,74 @@ from jaxcrusher.files.table import Column
 SAMPLES = 1024
 
 
+# Smooths a deviation (in the unit of its quantity) where it vanishes.
+DEVIATION_WIDTH = 1e-6
+
+
+class AbstractMean(abc.ABC):
+    """A number that follows from means over time, which are integrated with the motion."""
+
+    @abc.abstractmethod
+    def integrands(self, q: Array) -> tuple[Array, ...]:
+        """Return the functions of the quantity whose means are taken."""
+
+    @abc.abstractmethod
+    def of_means(self, *means: Scalar) -> Scalar:
+        """Return the number from the means."""
+
+    @abc.abstractmethod
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the number over n equal pieces of a motion, from that of each."""
+
+
 @dataclass(frozen=True)
-class PowerMean:
-    """(mean of q^power)^(1/power) over time: integrated with the motion."""
+class PowerMean(AbstractMean):
+    """(mean of q^power)^(1/power) over time."""
 
     power: int = 1
 
-    def root(self, mean: Scalar) -> Scalar:
-        """From the mean of the power."""
+    def integrands(self, q: Array) -> tuple[Array, ...]:
+        """Return the power of the quantity."""
+        return (q**self.power,)
+
+    def of_means(self, *means: Scalar) -> Scalar:
+        """Return the root of the mean."""
+        (mean,) = means
         if self.power == 1:
             return mean
         return jnp.sqrt(mean) if self.power == 2 else mean ** (1 / self.power)
 
     def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
-        """Over n equal pieces of a motion, from that of each."""
-        return self.root(jnp.mean(values**self.power))
+        """Return the number over n equal pieces of a motion, from that of each."""
+        return self.of_means(jnp.mean(values**self.power))
+
+
+@dataclass(frozen=True)
+class Deviation(AbstractMean):
+    """RMS of q less its mean; over several turns each turn has a mean of its own.
+
+    It is sqrt(mean of q^2 - (mean of q)^2), known to some 1e-8 of the mean.
+    """
+
+    def integrands(self, q: Array) -> tuple[Array, ...]:
+        """Return the quantity and its square."""
+        return q, q**2
+
+    def of_means(self, *means: Scalar) -> Scalar:
+        """Return the root of the variance."""
+        mean, square = means
+        return jnp.sqrt(jnp.maximum(square - mean**2, 0) + DEVIATION_WIDTH**2)
+
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the root mean square of the pieces."""
+        return jnp.sqrt(jnp.mean(values**2))
 
 
 @dataclass(frozen=True)
 class Sampled:
     """Seen at `SAMPLES` instants a turn; how samples, and then n equal pieces, reduce to one."""
 
-    of_samples: Callable[[Float[Array, " n"]], Scalar]
+    of_samples: Callable[[Float[Array, "n ..."]], Scalar]
     of_pieces: Callable[[Float[Array, " n"]], Scalar]
 
 
@@ -60,8 +113,8 @@ class Statistic:
 
     unit: str
     meaning: str
-    quantity: Callable[[Snapshot, Scene], Scalar]
-    reduction: PowerMean | Sampled
+    quantity: Callable[[Snapshot, Scene], Array]
+    reduction: AbstractMean | Sampled
 
 
 def top(samples: Float[Array, " n"]) -> Scalar:
@@ -98,7 +151,18 @@ def _sliding_power(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     return contact.normal_force * jnp.abs(contact.surface_speed)
 
 
+def _largest_excursion(samples: Float[Array, "n 2"]) -> Scalar:
+    """Return how far a point comes from its mean place."""
+    x, y = (samples[:, i] - jnp.mean(samples[:, i]) for i in (0, 1))
+    return top(jnp.sqrt(x**2 + y**2))
+
+
+def _place_of_frame(s: Snapshot, scene: Scene) -> Float[Array, "2"]:
+    return frame_displacement(s, scene).array()
+
+
 _PEAK, _LARGEST = Sampled(top, jnp.max), Sampled(jnp.max, jnp.max)
+_EXCURSION = Sampled(_largest_excursion, jnp.max)
 _CONTACT = Sampled(_share_above_zero, jnp.mean)
 
 
@@ -147,9 +211,30 @@ _FURTHER = {
         "N", "(mean of (|R_O| + |R_C|)^16)^(1/16)", foundation_force, PowerMean(16)
     ),
     "shaking_peak": Statistic("N", "peak of the shaking force", shaking_size, _PEAK),
+    # About the point of the foundation, and about its mean: a moment of weight stays.
+    "shaking_moment_rms": Statistic(
+        "N m", "RMS of what moves of the moment on the ground", ground_moment, Deviation()
+    ),
     **_further_at("main"),
     "drive_power": Statistic("W", "mean power of the drive", drive_power, PowerMean()),
 }
+# Of a frame on supports, when asked. The moving part of a force is what it has beside all weight,
+# its mean over a period; a support carries its whole force.
+_OF_SUPPORTS = {
+    "transmitted_rms": Statistic(
+        "N", "RMS of what moves of the force on the ground", transmitted_size, PowerMean(2)
+    ),
+    "transmitted_peak": Statistic(
+        "N", "peak of what moves of the force on the ground", transmitted_size, _PEAK
+    ),
+    "left_peak": Statistic("N", "largest force of the left support", left_size, _PEAK),
+    "right_peak": Statistic("N", "largest force of the right support", right_size, _PEAK),
+    "frame_displacement_peak": Statistic(
+        "m", "how far the frame's G comes from its mean place", _place_of_frame, _EXCURSION
+    ),
+    "frame_velocity_rms": Statistic("m/s", "RMS of the speed of G", frame_speed, PowerMean(2)),
+}
+_FURTHER |= _OF_SUPPORTS
 # Of each joint, what is computed without being asked, and what when asked.
 _BY_JOINT = {joint: (_always_at(joint), _further_at(joint)) for joint in JOINTS}
 _OF_OTHERS = [of_joint for joint in JOINTS[1:] for of_joint in _BY_JOINT[joint]]
@@ -197,7 +282,9 @@ def always_of(scene: Scene) -> tuple[str, ...]:
 
 def statistics_of(scene: Scene) -> tuple[str, ...]:
     """The names of all that a scene has."""
-    loose, left_out = dict(scene.joints.present()), set()
+    loose, left_out = dict(scene.joints.present()), set[str]()
+    if scene.supports is None:
+        left_out |= set(_OF_SUPPORTS)
     for joint, (always, further) in _BY_JOINT.items():
         if joint not in (JOINTS[0], *loose):
             left_out |= {*always, *further}

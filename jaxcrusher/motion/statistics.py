@@ -31,8 +31,8 @@ from jaxcrusher.motion.names import StatisticNames
 from jaxcrusher.motion.statistic import (
     SAMPLES,
     STATISTIC,
+    AbstractMean,
     Chosen,
-    PowerMean,
     Sampled,
     always_of,
     chosen,
@@ -217,30 +217,34 @@ def statistics_problem(outputs: Chosen, share: float = 1.0) -> Problem:
     Totals and samples by shaft angle, in radians.
     """
     looks = {name: one.quantity for name, one in outputs}
-    means = {n: one.reduction for n, one in outputs if isinstance(one.reduction, PowerMean)}
+    means = {n: one.reduction for n, one in outputs if isinstance(one.reduction, AbstractMean)}
     samples = {n: one.reduction for n, one in outputs if isinstance(one.reduction, Sampled)}
 
-    def quantities(names: Iterable[str], snapshot: Snapshot, flow: Flow) -> dict[str, Scalar]:
+    def quantities(names: Iterable[str], snapshot: Snapshot, flow: Flow) -> dict[str, Array]:
         """Return the quantity of each statistic; one that several share is computed once."""
         once = dict.fromkeys(looks[name] for name in names)
         found = {quantity: quantity(snapshot, flow.scene) for quantity in once}
         return {name: found[looks[name]] for name in names}
 
     def initial(flow: Flow) -> Carried:
-        return Carried(flow.initial(), dict.fromkeys(means, jnp.zeros(())))
+        totals = {name: mean.integrands(jnp.zeros(())) for name, mean in means.items()}
+        return Carried(flow.initial(), jax.tree.map(jnp.zeros_like, totals))
 
     def field(angle: Scalar, y: Carried, flow: Flow) -> Carried:
         rate, snapshot = by_angle(flow.angle + angle, y.motion, flow.scene)
         now = quantities(means, snapshot, flow)
-        rates = {name: now[name] ** mean.power / (2 * jnp.pi) for name, mean in means.items()}
-        return Carried(rate, rates)
+        rates = {name: mean.integrands(now[name]) for name, mean in means.items()}
+        return Carried(rate, jax.tree.map(lambda one: one / (2 * jnp.pi), rates))
 
-    def observe(angle: Scalar, y: Carried, flow: Flow) -> dict[str, Scalar]:
+    def observe(angle: Scalar, y: Carried, flow: Flow) -> dict[str, Array]:
         _, snapshot = by_angle(flow.angle + angle, y.motion, flow.scene)
         return quantities(samples, snapshot, flow)
 
     def summarise(seen: dict[str, Array], end: Carried) -> tuple[PyTree, dict[str, Scalar]]:
-        values = {name: mean.root(end.totals[name] / share) for name, mean in means.items()}
+        values = {
+            name: mean.of_means(*(total / share for total in end.totals[name]))
+            for name, mean in means.items()
+        }
         values |= {name: how.of_samples(seen[name]) for name, how in samples.items()}
         return end.motion, values
 

@@ -1,6 +1,7 @@
 """The crusher as a forced second-order system: eccentricities in clearances over shaft angle.
 
-The unknowns x are those of the main joint, of the elbow and of the pivot, of each that is loose.
+The unknowns x are those of the main joint, of the elbow and of the pivot, of each that is loose;
+behind them the three coordinates of a frame on supports, in the units of its state.
 """
 
 import jax
@@ -13,6 +14,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.formulations import ClosedLinkage, EccentricityFormulation
 from jaxcrusher.crusher.formulations.eccentricity import EccentricityState, JointState
 from jaxcrusher.crusher.joints import AtJoints
+from jaxcrusher.crusher.moving_frame import FrameState, frame_units, initial_frame
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
@@ -38,37 +40,60 @@ def refusal(scene: Scene) -> str:
     return "have a constant impact velocity, but tracks it: in contact any value repeats itself"
 
 
+def unknowns(scene: Scene) -> int:
+    """Count the unknowns of an orbit: two a joint with clearance, three a frame on supports."""
+    return 2 * len(list(scene.joints.present())) + (0 if scene.supports is None else 3)
+
+
 def pairs(x: Float[Array, " dims *nodes"], scene: Scene) -> AtJoints[Vector]:
     """Give two of the numbers to each joint with clearance."""
     names = [name for name, _ in scene.joints.present()]
     return AtJoints(**{n: Vector(x[2 * i], x[2 * i + 1]) for i, n in enumerate(names)})
 
 
-def numbers(e: AtJoints[Vector]) -> Float[Array, " dims *nodes"]:
-    """Invert `pairs`."""
-    return jnp.stack([part for _, one in e.present() for part in (one.x, one.y)])
+def numbers(e: AtJoints[Vector], frame: tuple[Array, ...] = ()) -> Float[Array, " dims *nodes"]:
+    """Invert `pairs`, with the coordinates of a frame behind them."""
+    return jnp.stack([*(part for _, one in e.present() for part in (one.x, one.y)), *frame])
 
 
 def state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
-    """Make a state from e / c and its derivative by the shaft angle."""
+    """Make a state from e / c, a frame's coordinates, and their derivatives by the shaft angle."""
+    speed = scene.drive.speed
 
     def one(joint: ClearanceJoint, at: Vector, change: Vector) -> JointState:
-        return JointState(at, scene.drive.speed * joint.clearance * change, None)
+        return JointState(at, speed * joint.clearance * change, None)
 
-    return EccentricityState(scene.joints.map(one, pairs(x, scene), pairs(rate, scene)), None)
+    frame = None
+    if scene.supports is not None:
+        units, (right, up, turned) = frame_units(scene), speed * rate[-3:]
+        velocity = Vector(units.x * right, units.y * up)
+        spin = units.radius * units.angle * turned
+        frame = FrameState(Vector(x[-3], x[-2]), x[-1], velocity, spin)
+    joints = scene.joints.map(one, pairs(x, scene), pairs(rate, scene))
+    return EccentricityState(joints, None, frame)
+
+
+def coordinates(state: EccentricityState) -> Float[Array, " dims"]:
+    """Return the unknowns of a state."""
+    at, frame = state.joints.map(lambda one: one.relative_eccentricity), state.frame
+    if frame is None:
+        return numbers(at)
+    return numbers(at, (frame.displacement.x, frame.displacement.y, frame.rotation))
 
 
 @jax.jit  # traced once for all that is asked of orbits
 def acceleration(
     angle: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
 ) -> Float[Array, " dims"]:
-    """Return the second derivative of e / c by the shaft angle."""
-    seen = snapshot(angle, x, rate, scene)
+    """Return the second derivative of e / c, and of a frame's coordinates, by the shaft angle."""
+    seen, square = snapshot(angle, x, rate, scene), scene.drive.speed**2
     change = scene.formulation.rate(seen, state(x, rate, scene), scene)
-    scaled = scene.joints.map(
-        lambda joint, at: at.rate / (joint.clearance * scene.drive.speed**2), change.joints
-    )
-    return numbers(scaled)
+    scaled = scene.joints.map(lambda joint, at: at.rate / (joint.clearance * square), change.joints)
+    if change.frame is None:
+        return numbers(scaled)
+    units, second = frame_units(scene), change.frame
+    moved = second.velocity.x / (units.x * square), second.velocity.y / (units.y * square)
+    return numbers(scaled, (*moved, second.spin / (units.radius * units.angle * square)))
 
 
 def system(scene: Scene, period: int) -> System:
@@ -77,7 +102,17 @@ def system(scene: Scene, period: int) -> System:
 
 
 def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count dims"]:
-    """Return the pins resting under the forces of a motion that their own depth corrects."""
+    """Return the pins resting under the forces of a motion that their own depth corrects.
+
+    A frame on supports stands under its weight and does not move yet.
+    """
+    frame = initial_frame(scene)
+    still = ()
+    if frame is not None:
+        at = frame.displacement.x, frame.displacement.y, frame.rotation
+        still = tuple(jnp.broadcast_to(one, (count,)) for one in at)
+    if scene.is_ideal:
+        return numbers(AtJoints(), still).T
     pace = scene.drive.speed / period
     first, second = (pace**k * matrix for k, matrix in enumerate(differentiation(count), start=1))
     times = 2 * jnp.pi * jnp.asarray(nodes(count)) / pace
@@ -89,7 +124,7 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count d
 
     e = jax.lax.fori_loop(0, 1 + REFINEMENTS, refined, e)
     relative = jax.vmap(lambda e: scene.joints.map(lambda joint, at: at / joint.clearance, e))(e)
-    return numbers(relative).T
+    return numbers(relative, still).T
 
 
 def from_rest_unless(

@@ -78,7 +78,7 @@ def periodic_orbit(
     alike = scene if scene.start is None else eqx.tree_at(lambda s: s.start, scene, Centred())
     still, first, begin = jax.lax.stop_gradient((alike, first, begin))
     known = all(primal(leaf) is not None for leaf in jax.tree.leaves((still, first, begin)))
-    if scene.is_ideal:
+    if forced.unknowns(scene) == 0:
         orbit = kinematic(alike, period, chosen(statistics_of(scene)))
     elif nodes is not None and not known:
         orbit = with_statistics(alike, *solved(still, first, period, nodes * period), period)
@@ -90,8 +90,8 @@ def periodic_orbit(
 
 
 def _guess(guess: ArrayLike | None, scene: Scene) -> Array:
-    """Check a guess: a row of x and y of each joint with clearance at each of some angles."""
-    dims, shape = 2 * len(list(scene.joints.present())), np.shape(guess)  # pyright: ignore
+    """Check a guess: a row of all unknowns at each of some angles."""
+    dims, shape = forced.unknowns(scene), np.shape(guess)  # pyright: ignore
     good = len(shape) == 2 and shape[1] == dims and shape[0] > 0
     is_text = np.asarray(guess).dtype.kind in "US" if concrete(guess) is not None else False
     given = repr(guess) if is_text else f"of shape {shape}"

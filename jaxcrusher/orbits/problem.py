@@ -200,5 +200,7 @@ def _described(problem: Collocation, u: Array, p: Scalar) -> PeriodicOrbit:
 @eqx.filter_jit
 def least_penetrations(x: Float[Array, "nodes dims"]) -> Float[Array, " joints"]:
     """Return the least penetration of each joint over the period, in clearances."""
-    by_joint = resample(x, INSTANTS).reshape(INSTANTS, -1, 2)
+    # A frame's three coordinates stand behind the pairs of the joints.
+    pairs = x[:, : x.shape[1] - x.shape[1] % 2 * 3]
+    by_joint = resample(pairs, INSTANTS).reshape(INSTANTS, -1, 2)
     return jnp.min(jnp.linalg.norm(by_joint, axis=2), axis=0) - 1

@@ -10,7 +10,7 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import concrete, require, require_names
 from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
-from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.motion.named import AbstractNamed
@@ -46,7 +46,8 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
     scene: Scene
     period: int = eqx.field(static=True)  # turns
-    # e / c at equal steps of shaft angle: x and y of each joint with clearance, A, B, C
+    # e / c at equal steps of shaft angle: x and y of each joint with clearance, A, B, C; behind
+    # them x, y and rotation of a frame on supports, in the units of its state. None: no state
     eccentricity: Float[Array, "nodes dims"] | None
     section: Float[Array, " states"]  # the state at shaft angle zero: a section point
     result: RESULTS
@@ -98,12 +99,14 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         return _state(self, jnp.asarray(angle, dtype=float))
 
     def motion(
-        self, angles: Float[ArrayLike, " n"], outputs: tuple[str, ...] = tuple(OBSERVABLES)
+        self, angles: Float[ArrayLike, " n"], outputs: tuple[str, ...] | None = None
     ) -> dict[str, Array]:
         """Return observables at any shaft angles (rad), by name, shape (n,) or (n, 2).
 
+        None is all but those of an elbow and a pivot that are ideal, and of supports that are none.
         Raises ValueError for a name that `jaxcrusher.crusher.observables.OBSERVABLES` lacks.
         """
+        outputs = observables_of(self.scene) if outputs is None else outputs
         require_names("outputs", outputs, tuple(OBSERVABLES))
         return _seen(self, jnp.asarray(angles, dtype=float), tuple(outputs))
 
@@ -143,7 +146,7 @@ def built(
 
 def missing(scene: Scene, period: int) -> PeriodicOrbit:
     """Return no orbit: NaN in every number."""
-    nan, dims = jnp.asarray(jnp.nan), 4 * len(list(scene.joints.present()))
+    nan, dims = jnp.asarray(jnp.nan), 2 * forced.unknowns(scene)
     return built(
         scene,
         period,
@@ -171,10 +174,11 @@ def _seen(
     orbit: PeriodicOrbit, angles: Float[Array, " n"], outputs: tuple[str, ...]
 ) -> dict[str, Array]:
     def look(angle: Scalar) -> dict[str, Array]:
-        state = None if orbit.eccentricity is None else _state(orbit, angle)
-        time = angle / orbit.scene.drive.speed
-        snapshot = orbit.scene.formulation.snapshot(time, state, orbit.scene)
-        return {name: OBSERVABLES[name](snapshot, orbit.scene) for name in outputs}
+        scene = orbit.scene
+        still = orbit.eccentricity is None
+        state = scene.formulation.initial(scene) if still else _state(orbit, angle)
+        snapshot = scene.formulation.snapshot(angle / scene.drive.speed, state, scene)
+        return {name: OBSERVABLES[name](snapshot, scene) for name in outputs}
 
     return jax.vmap(look)(angles)
 

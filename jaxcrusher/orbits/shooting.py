@@ -14,6 +14,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Scalar
 
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.moving_frame import frame_units
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.simulation import simulate
@@ -21,6 +22,7 @@ from jaxcrusher.motion.statistic import SAMPLES, statistics_of
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import Build, Tangents, chain, tangents
 from jaxcrusher.orbits import newton
+from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.newton import HostRoot, newton_on_host
 from jaxcrusher.orbits.problem import (
     MOST_CORRECTIONS,
@@ -148,16 +150,22 @@ class Shooting(AbstractPeriodicProblem):
 
 
 def _motion(scene: Scene, starts: list) -> tuple[Float[Array, "n half"], np.ndarray]:
-    """Return e / c of all joints over turns from section points, and each joint's least depth."""
+    """Return all unknowns over turns from section points, and each joint's least depth."""
     joints = dict(scene.joints.present())
     places = [before(name) + "eccentricity" for name in joints]
     depths = [before(name) + "penetration_ratio" for name in joints]
+    frame = () if scene.supports is None else ("frame_displacement", "frame_rotation")
     times = 2 * np.pi / scene.drive.speed * np.arange(SAMPLES) / SAMPLES
-    seen = [simulate(scene, times, state=state, outputs=(*places, *depths)) for state in starts]
+    outputs = (*places, *depths, *frame)
+    seen = [simulate(scene, times, state=state, outputs=outputs) for state in starts]
     relative = [
         jnp.concatenate([turn[place] for turn in seen]) / joint.clearance
         for place, joint in zip(places, joints.values(), strict=True)
     ]
+    if frame:
+        units = frame_units(scene)
+        moved, turned = (jnp.concatenate([turn[name] for turn in seen]) for name in frame)
+        relative += [moved / jnp.stack([units.x, units.y]), turned[:, None] / units.angle]
     least = [min(float(jnp.min(turn[depth])) for turn in seen) for depth in depths]
     return jnp.concatenate(relative, axis=1), np.array(least)
 
@@ -208,8 +216,8 @@ def _repeats(
     x, seen = np.asarray(guess, dtype=float), None
     # Traced: a neighbour of a parameter at its limit lies outside.
     scene = eqx.filter_eval_shape(problem.build, point)
-    joints = len(list(scene.joints.present()))
-    if not isinstance(scene.formulation, EccentricityFormulation) or x.size != 4 * joints:
+    states = 2 * unknowns(scene)
+    if not isinstance(scene.formulation, EccentricityFormulation) or x.size != states:
         return None
     for rtol, tolerance in ((COARSE_RTOL, NEAR), (problem.rtol, CLOSURE)):
         tried = dataclasses.replace(problem, rtol=rtol)

@@ -16,10 +16,10 @@ from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.motion.statistic import Chosen, PowerMean, chosen, statistics_of
+from jaxcrusher.motion.statistic import AbstractMean, Chosen, chosen, statistics_of
 from jaxcrusher.orbits import forced, newton
 from jaxcrusher.orbits.collocation import System, Unfactored, attached, collocate, one_by_one
-from jaxcrusher.orbits.multipliers import LOOKS, Multipliers, of_slopes
+from jaxcrusher.orbits.multipliers import LOOKS, STEPS, Multipliers, of_slopes
 from jaxcrusher.orbits.newton import Factors
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, built
 from jaxcrusher.orbits.trigonometric import resample
@@ -31,6 +31,8 @@ NODES, MOST_NODES = 96, 384
 SETTLED = 1e-8
 # An orbit whose RMS is known no better, as a share of it, is none.
 UNRESOLVED = 1e-3
+# Multipliers of a frame on supports with a larger error are computed again in shorter steps.
+BLURRED, FASTER = 1e-7, 8
 # Instants a turn at which forces are looked at: the length of a reaction that passes near zero
 # bends more sharply than the motion does.
 INSTANTS = 1024
@@ -52,8 +54,19 @@ class Nodes(eqx.Module):
 def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -> Nodes:
     """Return what is known of the orbit through `x`."""
     slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
-    error = forced.residual_error(system, x, root.factors, accelerations)
-    return Nodes(x, root.result, root.steps, error, of_slopes(slopes, system.period))
+    left = forced.residual_error(system, x, root.factors, accelerations)
+    found = of_slopes(slopes, system.period)
+    if system.args.supports is not None:
+        # A frame on stiff springs swings faster than a contact.
+        found = jax.lax.cond(
+            found.error <= BLURRED,
+            lambda: found,
+            lambda: of_slopes(slopes, system.period, FASTER * STEPS),
+        )
+        # Where even these steps overflow the multipliers are not known.
+        error = jnp.where(jnp.isnan(found.error), jnp.inf, found.error)
+        found = dataclasses.replace(found, error=error)
+    return Nodes(x, root.result, root.steps, left, found)
 
 
 @eqx.filter_jit
@@ -165,10 +178,11 @@ def described(
 
 @eqx.filter_jit
 def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
-    """Return the orbit of ideal joints: a sum over turns."""
+    """Return the orbit of ideal joints in a clamped frame: a sum over turns."""
+    still = scene.formulation.initial(scene)
     angles = 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS
     values, error, _ = _statistics(
-        lambda time, scene: scene.formulation.snapshot(time, None, scene),
+        lambda time, scene: scene.formulation.snapshot(time, still, scene),
         (angles / scene.drive.speed,),
         scene,
         outputs,
@@ -199,7 +213,7 @@ def _statistics(
     statistics = dict(outputs)
     quantities = dict.fromkeys(statistic.quantity for statistic in statistics.values())
 
-    def look(*instant) -> list[Scalar]:
+    def look(*instant) -> list[Array]:
         seen = snapshot(*instant)
         return [quantity(seen, scene) for quantity in quantities]
 
@@ -207,8 +221,8 @@ def _statistics(
 
     def reduce(name: str, step: int = 1) -> Scalar:
         how, q = statistics[name].reduction, samples[statistics[name].quantity][::step]
-        if isinstance(how, PowerMean):
-            return how.root(jnp.mean(q**how.power))
+        if isinstance(how, AbstractMean):
+            return how.of_means(*map(jnp.mean, how.integrands(q)))
         return how.of_samples(_finer(q))
 
     values = {name: reduce(name) for name in statistics}
@@ -219,5 +233,5 @@ def _statistics(
     return values, jax.lax.stop_gradient(error), least
 
 
-def _finer(samples: Float[Array, " n"]) -> Float[Array, " m"]:
+def _finer(samples: Float[Array, "n ..."]) -> Float[Array, "m ..."]:
     return resample(samples, FINER * len(samples))

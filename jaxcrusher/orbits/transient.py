@@ -18,6 +18,7 @@ from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.integrate import integrate
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.statistics import statistics_problem
+from jaxcrusher.orbits.forced import coordinates
 
 # Turns that pass before each mean, turns of a mean, and means that are tried. Turns of a mean are a
 # multiple of all periods up to six.
@@ -55,7 +56,8 @@ def _states(
 
 def resting_start(scene: Scene) -> Case:
     """Return the scene with its pins resting in their bores, whatever its own start."""
-    scene = eqx.tree_at(lambda s: s.start, scene, InContact())
+    if not scene.is_ideal:
+        scene = eqx.tree_at(lambda s: s.start, scene, InContact())
     return initial_state(scene), scene
 
 
@@ -77,9 +79,14 @@ def one_period(case: Case, *, period: int) -> tuple[Float[Array, "angles half"],
     """
     steps = 2 * np.pi * np.arange(1, ANGLES * period) / ANGLES
     states, success = _states(case, steps, RTOL)
-    states = jnp.concatenate([case[0][None], states])
-    # A state holds four numbers a joint: e / c in x and y, and their rates.
-    return states.reshape(len(states), -1, 4)[:, :, :2].reshape(len(states), -1), success
+    states, scene = jnp.concatenate([case[0][None], states]), case[1]
+    return jax.vmap(lambda one: _coordinates(one, scene))(states), success
+
+
+def _coordinates(section: Float[Array, " dims"], scene: Scene) -> Float[Array, " half"]:
+    state = unflattened(section, scene)
+    assert state is not None
+    return coordinates(state)
 
 
 _mean, _period = eqx.filter_jit(section_mean), eqx.filter_jit(one_period)

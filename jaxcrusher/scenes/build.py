@@ -17,6 +17,7 @@ from jaxcrusher.crusher.formulations import (
     EccentricityFormulation,
     MultiplierFormulation,
 )
+from jaxcrusher.crusher.foundation import AbstractFoundation, Clamped, OnSupports
 from jaxcrusher.crusher.loads import AlongJaw, ClosingStroke, NormalToJaw
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
 from jaxcrusher.crusher.scene import Scene, require_clearance
@@ -33,6 +34,7 @@ from jaxcrusher.joint.normal import (
 )
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
+    PARAMETERS,
     PE250X400,
     WORN_JOINTS,
     Value,
@@ -78,6 +80,7 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     `jax.jit` knows and that lies outside its limits becomes NaN, and the motion a failure. A
     friction of exactly 0 that is not traced leaves friction out. With an `elbow.clearance` B is
     loose, with a `pivot.clearance` C; their other numbers and choices stand by the same prefix.
+    With a `foundation.mass` the frame stands on supports, without it is clamped.
 
     Raises ValueError as `check_description` and `complete` do, and as `Scene` and `Machine` do.
     """
@@ -86,14 +89,15 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     v = within_limits(complete(values))
     law = None if v["load_law"] == "none" else _LOADS[v["load_law"]](v["load"])
     machine, drive = build_machine(v), ConstantSpeed(v["speed"])
+    foundation = _foundation(v)
     main = None if v["joint"] == "ideal" else _joint(v, "")
     others = [
         _joint(v, f"{joint}.") if f"{joint}.clearance" in v else None for joint in WORN_JOINTS
     ]
     if main is None and others == [None, None]:
-        return Scene(machine, drive, None, law, ClosedLinkage(), None)
+        return Scene(machine, drive, None, law, ClosedLinkage(), None, foundation=foundation)
     formulation, start = _FORMULATIONS[v["formulation"]](), _STARTS[v["start"]]()
-    return Scene(machine, drive, main, law, formulation, start, *others)
+    return Scene(machine, drive, main, law, formulation, start, *others, foundation=foundation)
 
 
 def build_machine(values: Mapping[str, Any]) -> Machine:
@@ -143,6 +147,19 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
 def _differs(value: Any, other: Any) -> bool:
     known = concrete(value)
     return known is None or bool(np.any(known != other))
+
+
+def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:
+    """Return what the frame stands on; None: clamped, with moments about C."""
+    if "foundation.x" not in values:
+        return None
+    point = Vector(values["foundation.x"], values["foundation.y"])
+    if "foundation.mass" not in values:
+        return Clamped(point)
+    names = [name for name in PARAMETERS if name.startswith("foundation.")]
+    numbers = {name.removeprefix("foundation."): values[name] for name in names}
+    del numbers["x"], numbers["y"]
+    return OnSupports(point=point, **numbers)
 
 
 def _joint(values: Mapping[str, Any], prefix: str) -> ClearanceJoint:

@@ -102,6 +102,23 @@ PARAMETERS |= {
     for name in (*_OF_A_JOINT, "young", "poisson")
 }
 
+# What the frame stands on. A scene has these names only where one of `_openers` is given.
+# Defaults of a frame on supports are judged: 6 t with a block's soil under each side.
+_PLACE = (-100.0, 100.0)
+PARAMETERS |= {
+    "foundation.x": Parameter(0.0, "m", "frame's G, or point of its moment", _PLACE, 1.0),
+    "foundation.y": Parameter(0.0, "m", "likewise, above C", _PLACE, 1.0),
+    "foundation.mass": Parameter(6000.0, "kg", "of frame and block on supports; none: clamped"),
+    "foundation.inertia": Parameter(2500.0, "kg m2", "of frame and block about G"),
+    "foundation.left": Parameter(-0.7, "m", "left support, from C", _PLACE),
+    "foundation.right": Parameter(0.9, "m", "right support, from C", _PLACE),
+    "foundation.base": Parameter(-0.6, "m", "height of both supports above C", _PLACE),
+    "foundation.horizontal_stiffness": Parameter(1e8, "N/m", "of each support"),
+    "foundation.vertical_stiffness": Parameter(1.5e8, "N/m", "of each support"),
+    "foundation.horizontal_damping": Parameter(1.5e5, "N s/m", "of each support", (0, 1e12)),
+    "foundation.vertical_damping": Parameter(2.5e5, "N s/m", "of each support", (0, 1e12)),
+}
+
 # The crushing chamber: of the capacity, not of the motion. The paper gives its length, height and
 # loosening; its capacity of 9.41 m3/h at 25 rad/s implies 2b - s = 60.6 mm, and so this b with the
 # stroke s of its links. The nip angle makes the mouth the 250 mm of a PE250x400.
@@ -147,8 +164,23 @@ def joint_of(name: str) -> str | None:
     return joint if joint in WORN_JOINTS else None
 
 
+def openers(name: str) -> tuple[str, ...]:
+    """Return the names of which a description must have one to have this name; none: it always has.
+
+    The numbers of B and C come with their clearance.
+    """
+    joint = joint_of(name)
+    if joint is not None:
+        return (f"{joint}.clearance",)
+    if not name.startswith("foundation."):
+        return ()
+    # A clamped frame has a point of its moment alone.
+    point = ("foundation.x", "foundation.y")
+    return ("foundation.mass", *point) if name in point else ("foundation.mass",)
+
+
 # The paper's crusher: every number and every choice of its motion by name.
-PE250X400 = {name: value for name, value in _DEFAULTS.items() if joint_of(name) is None}
+PE250X400 = {name: value for name, value in _DEFAULTS.items() if not openers(name)}
 
 
 def loose_besides(names: Iterable[str]) -> tuple[str, ...]:
@@ -157,17 +189,17 @@ def loose_besides(names: Iterable[str]) -> tuple[str, ...]:
 
 
 def complete(values: Mapping[str, Any]) -> dict[str, Any]:
-    """A description with the default of every name that it lacks: of B and C if they are loose.
+    """A description with the default of every name that it lacks, if one of its `openers` is there.
 
-    Raises ValueError for a name of B or C without its clearance.
+    Raises ValueError for a name without any of its openers, as of B or C without its clearance.
     """
-    loose = loose_besides(values)
+
+    def belongs(name: str) -> bool:
+        return not openers(name) or any(opener in values for opener in openers(name))
+
     for name in values:
-        joint = joint_of(name)
-        if joint is not None and joint not in loose:
-            require(False, name, f"come with `{joint}.clearance`", "alone: without it is no joint")
-    there = {name: value for name, value in _DEFAULTS.items() if joint_of(name) in (None, *loose)}
-    return there | dict(values)
+        require(belongs(name), name, f"come with `{(*openers(name), '')[0]}`", "alone")
+    return {name: value for name, value in _DEFAULTS.items() if belongs(name)} | dict(values)
 
 
 def numbers_of(names: Iterable[str]) -> list[str]:

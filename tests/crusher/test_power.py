@@ -129,7 +129,7 @@ def test_contact_acts_at_one_point():
 
 def test_assembly_at_angle_zero():
     scene = jc.ideal_scene(30.0)
-    s = scene.formulation.snapshot(jnp.array(0.0), None, scene)
+    s = scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
     theta2 = np.degrees(np.arctan2(-s.chain.jaw.x, s.chain.jaw.y))
     theta3 = np.degrees(np.arctan2(-s.chain.toggle.y, s.chain.toggle.x))
     # Independent figures with two decimals.

@@ -468,6 +468,7 @@ def test_objectives_follow_from_their_statistics():
     chamber = jc.CrushingChamber()
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
     outputs = ("foundation_force", "shaking_force", "joint_force", "drive_power", "normal_force")
+    outputs = (*outputs, "ground_moment")
     # The last point is the first of the next turn.
     motion = jc.simulate(scene, np.linspace(0, 4 * np.pi / 30, 20001), outputs=outputs)
     force = np.asarray(motion.foundation_force)[:-1]
@@ -479,6 +480,7 @@ def test_objectives_follow_from_their_statistics():
         "peak": force.max(),
         "shaking_rms": np.sqrt((shaking**2).mean()),
         "shaking_peak": shaking.max(),
+        "shaking_moment_rms": np.std(np.asarray(motion.ground_moment)[:-1]),
         "smooth_peak": (force**16).mean() ** (1 / 16),
         "joint_peak": np.linalg.norm(np.asarray(motion.joint_force), axis=1).max(),
         "wear": 3600 * np.asarray(motion.normal_force)[:-1].mean() * slip / 7.843,
@@ -491,7 +493,8 @@ def test_objectives_follow_from_their_statistics():
     for name, objective in OBJECTIVES.items():
         values[name] = float(objective.formula(result, scene, chamber))
     # Sampling of a smooth periodic function; capacity to its four digits.
-    plain = ("rms", "mean", "peak", "smooth_peak", "joint_peak", "shaking_rms", "shaking_peak")
+    shaken = ("shaking_rms", "shaking_peak", "shaking_moment_rms")
+    plain = ("rms", "mean", "peak", "smooth_peak", "joint_peak", *shaken)
     for name in plain:
         assert values[name] == pytest.approx(expected[name], rel=1e-5), name
     # The jaw's own turning adds up to 1 % to the slip of the surfaces.

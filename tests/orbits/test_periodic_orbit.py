@@ -12,7 +12,7 @@ import jaxcrusher as jc
 from jaxcrusher.crusher.drives import GivenTorque
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistic import STATISTIC, PowerMean, statistics_of
+from jaxcrusher.motion.statistic import STATISTIC, AbstractMean, statistics_of
 from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
 
 
@@ -95,7 +95,7 @@ def test_statistics_of_the_motion(orbit):
     section = poincare_section(orbit.scene, 0, 1, state=state, outputs=names, rtol=1e-11)
     for name in names:
         # Samples stand 1 / 1024 of a turn apart, and a parabola is drawn through three of them.
-        allowed = 1e-9 if isinstance(STATISTIC[name].reduction, PowerMean) else 2e-4
+        allowed = 1e-9 if isinstance(STATISTIC[name].reduction, AbstractMean) else 2e-4
         # What cancels, the winding, is rounding of 1e-12.
         expected = section.values[name][0]
         np.testing.assert_allclose(orbit[name], expected, rtol=allowed, atol=1e-11)

@@ -32,10 +32,10 @@ def test_defaults_are_tables_1_and_2():
 
 def test_every_number_reaches_the_scene():
     """A name that is ignored would leave the scene as it is."""
-    loose = {f"{joint}.clearance": 1e-4 for joint in WORN_JOINTS}
+    loose = {f"{joint}.clearance": 1e-4 for joint in WORN_JOINTS} | {"foundation.mass": 6e3}
     plain = jax.tree.leaves(jc.build_scene(loose))
     for name, parameter in jc.PARAMETERS.items():
-        values = {name: 1.01 * parameter.default}
+        values = {name: parameter.default + 0.01 * parameter.scale}
         if name in ("counterweight.radius", "counterweight.angle"):
             plain_here = jax.tree.leaves(jc.build_scene(loose | {"counterweight.mass": 10.0}))
             values["counterweight.mass"] = 10.0

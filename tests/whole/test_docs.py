@@ -71,6 +71,7 @@ def test_every_module_is_documented(documented):
         "docs/lanes.md",
         "docs/orbits.md",
         "docs/design_search.md",
+        "docs/foundation.md",
     ],
 )
 @pytest.mark.usefixtures("unchecked")

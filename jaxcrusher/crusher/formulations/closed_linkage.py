@@ -5,9 +5,11 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import linkage
-from jaxcrusher.crusher.drives import ShaftState
+from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
 from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
 from jaxcrusher.crusher.joints import AtJoints
+from jaxcrusher.crusher.linkage import InertialForces
+from jaxcrusher.crusher.moving_frame import frame_rate, initial_frame, with_frame
 from jaxcrusher.crusher.snapshot import (
     ShaftMotion,
     Snapshot,
@@ -21,50 +23,57 @@ from jaxcrusher.crusher.snapshot import (
 
 
 class ClosedLinkage(AbstractFormulation):
-    """One degree of freedom or none: kinematics forwards, forces backwards."""
+    """Kinematics forwards, forces backwards; a free shaft and a frame on supports have states."""
 
-    def initial(self, scene: AbstractScene) -> ShaftState | None:
-        """The shaft's, or nothing."""
-        return scene.drive.initial()
+    def initial(self, scene: AbstractScene) -> EccentricityState:
+        """Those of shaft and frame, or nothing."""
+        return EccentricityState(AtJoints(), scene.drive.initial(), initial_frame(scene))
 
-    def snapshot(self, time: Scalar, state: ShaftState | None, scene: AbstractScene) -> Snapshot:
+    def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
         """Inverse dynamics; a free shaft is solved for its acceleration first."""
         machine = scene.machine
-        shaft = crank_motion(*scene.drive.motion(time, state))
+        shaft = crank_motion(*scene.drive.motion(time, state.shaft))
         pin = pin_position(machine, shaft.crank)
         chain = linkage.assemble(machine, pin, pin_velocity(machine, shaft))
         velocity = linkage.mass_centre_velocity(machine, chain)
         load = None if scene.load is None else scene.load.force(chain.jaw, velocity)
 
-        def joint_force(shaft: ShaftMotion) -> tuple[Vector, linkage.ChainAcceleration]:
-            acceleration = linkage.chain_acceleration_to_reach(
-                machine, chain, pin_acceleration(machine, shaft)
-            )
-            return linkage.joint_force_for(machine, chain, load, acceleration), acceleration
+        def mechanism(inertial: InertialForces | None) -> Snapshot:
+            def joint_force(shaft: ShaftMotion) -> tuple[Vector, linkage.ChainAcceleration]:
+                acceleration = linkage.chain_acceleration_to_reach(
+                    machine, chain, pin_acceleration(machine, shaft)
+                )
+                force = linkage.joint_force_for(machine, chain, load, acceleration, inertial)
+                return force, acceleration
 
-        force, acceleration = joint_force(shaft)
-        if state is not None:
-            # The force is linear in the shaft's acceleration: two points give the line.
-            unit = ShaftMotion(shaft.crank, shaft.speed, jnp.ones_like(shaft.speed))
-            slope = joint_force(unit)[0] - force
-            moment = moment_on_shaft(machine, shaft.crank, force, None)
-            arm = machine.shaft.eccentricity * shaft.crank
-            inertia = shaft_inertia(machine) + arm.cross(slope)
-            shaft = ShaftMotion(shaft.crank, shaft.speed, scene.drive.acceleration(moment, inertia))
-            force, acceleration = joint_force(shaft)
-        none = AtJoints()
-        return Snapshot(shaft, chain, acceleration, none, none, force, None, None, load, None)
+            moving = shaft
+            force, acceleration = joint_force(moving)
+            if state.shaft is not None:
+                # The force is linear in the shaft's acceleration: two points give the line.
+                unit = ShaftMotion(shaft.crank, shaft.speed, jnp.ones_like(shaft.speed))
+                slope = joint_force(unit)[0] - force
+                moment = moment_on_shaft(machine, shaft.crank, force, None, inertial)
+                arm = machine.shaft.eccentricity * shaft.crank
+                inertia = shaft_inertia(machine) + arm.cross(slope)
+                spin_up = scene.drive.acceleration(moment, inertia)
+                moving = ShaftMotion(shaft.crank, shaft.speed, spin_up)
+                force, acceleration = joint_force(moving)
+            none = AtJoints()
+            return Snapshot(moving, chain, acceleration, none, none, force, None, None, load, None)
+
+        return with_frame(scene, state.frame, shaft, chain, mechanism)
 
     def rate(
-        self, snapshot: Snapshot, state: ShaftState | None, scene: AbstractScene
-    ) -> ShaftState | None:
-        """The shaft's, or nothing."""
-        return scene.drive.rate(snapshot.shaft.speed, snapshot.shaft.acceleration)
+        self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene
+    ) -> EccentricityState:
+        """Those of shaft and frame, or nothing."""
+        shaft = scene.drive.rate(snapshot.shaft.speed, snapshot.shaft.acceleration)
+        return EccentricityState(AtJoints(), shaft, frame_rate(snapshot.frame, scene))
 
-    def unwound(self, state: ShaftState | None) -> ShaftState | None:
-        """The shaft's, or nothing."""
-        return None if state is None else state.unwound()
+    def unwound(self, state: EccentricityState) -> EccentricityState:
+        """Only a free shaft's angle is part of the state."""
+        return state.unwound()
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
-        """Angles and speeds of order one."""
+        """Angles, speeds and the frame's coordinates are of order one."""
         return rtol

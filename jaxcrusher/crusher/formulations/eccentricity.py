@@ -14,6 +14,8 @@ from jaxcrusher.crusher import free_bodies, linkage
 from jaxcrusher.crusher.drives import ShaftState
 from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene, AbstractStart
 from jaxcrusher.crusher.joints import AtJoints
+from jaxcrusher.crusher.linkage import InertialForces
+from jaxcrusher.crusher.moving_frame import FrameState, frame_rate, initial_frame, with_frame
 from jaxcrusher.crusher.snapshot import (
     ShaftMotion,
     Snapshot,
@@ -35,10 +37,17 @@ class JointState(eqx.Module):
 
 
 class EccentricityState(eqx.Module):
-    """State of the joints with clearance, and of a free shaft."""
+    """State of the joints with clearance, of a free shaft, and of a frame on supports."""
 
     joints: AtJoints[JointState]
     shaft: ShaftState | None
+    frame: FrameState | None = None
+
+    def unwound(self) -> "EccentricityState":
+        """Return the state with the angle of a free shaft counted from the nearest whole turn."""
+        if self.shaft is None:
+            return self
+        return EccentricityState(self.joints, self.shaft.unwound(), self.frame)
 
 
 class EccentricityFormulation(AbstractFormulation):
@@ -51,7 +60,9 @@ class EccentricityFormulation(AbstractFormulation):
         """As the scene's start says."""
         start = start_of(scene)
         return EccentricityState(
-            scene.joints.map(joint_state, *start.eccentricities(scene)), scene.drive.initial()
+            scene.joints.map(joint_state, *start.eccentricities(scene)),
+            scene.drive.initial(),
+            initial_frame(scene),
         )
 
     def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
@@ -71,22 +82,28 @@ class EccentricityFormulation(AbstractFormulation):
         main, moments = contacts.main, (None, None)
         if main is not None:
             moments = main.bearing_moment, main.journal_moment
-        if scene.joints.only_main:
-            assert main is not None
-            force = main.force
-            acceleration = linkage.chain_acceleration(machine, chain, load, force, moments[0])
-            # The moment arm of the joint's force is counted from O to A_shaft, that of the
-            # contact point from there.
-            moment = moment_on_shaft(machine, shaft.crank, force, moments[1])
-            spin_up = scene.drive.acceleration(moment, shaft_inertia(machine))
-            shaft = ShaftMotion(shaft.crank, shaft.speed, spin_up)
-        else:
-            shaft, acceleration, force = free_bodies.accelerations(
-                machine, shaft, scene.drive, chain, load, contacts
+
+        def mechanism(inertial: InertialForces | None) -> Snapshot:
+            if scene.joints.only_main:
+                assert main is not None
+                force = main.force
+                acceleration = linkage.chain_acceleration(
+                    machine, chain, load, force, moments[0], inertial
+                )
+                # The moment arm of the joint's force is counted from O to A_shaft, that of the
+                # contact point from there.
+                moment = moment_on_shaft(machine, shaft.crank, force, moments[1], inertial)
+                spin_up = scene.drive.acceleration(moment, shaft_inertia(machine))
+                moving = ShaftMotion(shaft.crank, shaft.speed, spin_up)
+            else:
+                moving, acceleration, force = free_bodies.accelerations(
+                    machine, shaft, scene.drive, chain, load, contacts, inertial
+                )
+            return Snapshot(
+                moving, chain, acceleration, contacts, eccentricities, force, *moments, load, None
             )
-        return Snapshot(
-            shaft, chain, acceleration, contacts, eccentricities, force, *moments, load, None
-        )
+
+        return with_frame(scene, state.frame, shaft, chain, mechanism)
 
     def rate(
         self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene
@@ -108,13 +125,12 @@ class EccentricityFormulation(AbstractFormulation):
         return EccentricityState(
             scene.joints.map(one, state.joints, snapshot.contacts, second),
             scene.drive.rate(snapshot.shaft.speed, snapshot.shaft.acceleration),
+            frame_rate(snapshot.frame, scene),
         )
 
     def unwound(self, state: EccentricityState) -> EccentricityState:
         """Only a free shaft's angle is part of the state."""
-        if state.shaft is None:
-            return state
-        return eqx.tree_at(lambda s: s.shaft, state, state.shaft.unwound())
+        return state.unwound()
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """The state is e / c itself."""

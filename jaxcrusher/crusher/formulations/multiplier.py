@@ -20,8 +20,9 @@ from jaxcrusher.crusher.formulations.coordinates import Body, Coordinates, arms_
 from jaxcrusher.crusher.formulations.eccentricity import contacts_of, start_of
 from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
 from jaxcrusher.crusher.joints import AtJoints
-from jaxcrusher.crusher.linkage import Chain, ChainAcceleration
+from jaxcrusher.crusher.linkage import Chain, ChainAcceleration, InertialForces
 from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.moving_frame import FrameState, frame_rate, initial_frame, with_frame
 from jaxcrusher.crusher.snapshot import Multipliers, ShaftMotion, Snapshot, chain_of
 from jaxcrusher.joint.clearance import Contact
 
@@ -36,6 +37,7 @@ class MultiplierState(eqx.Module):
     position: Coordinates
     velocity: Coordinates
     impact_velocities: AtJoints[Scalar]  # the normal laws' memories, m/s
+    frame: FrameState | None = None
 
 
 class MultiplierFormulation(AbstractFormulation):
@@ -65,7 +67,7 @@ class MultiplierFormulation(AbstractFormulation):
             Body(linkage.toggle_centre_velocity(machine, chain), -chain.toggle_spin),
         )
         memories = scene.joints.map(lambda joint: joint.normal.impact_velocity.initial())
-        return MultiplierState(position, velocity * CONTACT_TIME, memories)
+        return MultiplierState(position, velocity * CONTACT_TIME, memories, initial_frame(scene))
 
     def snapshot(self, time: Scalar, state: MultiplierState, scene: AbstractScene) -> Snapshot:
         """Solve (20) for the accelerations and the multipliers."""
@@ -86,43 +88,48 @@ class MultiplierFormulation(AbstractFormulation):
             one.gamma - 2 * self.alpha * one.rate - self.beta**2 * one.violation
             for one in constraints
         ]
-        accelerations, found = solve_constrained(
-            _masses(machine),
-            [one.row for one in constraints],
-            _applied_forces(scene, contacts, load, gaps),
-            stabilised,
-        )
-        held = _by_name(constraints, found)
-        acceleration, drive = from_entries(accelerations), held.get("drive")
-        multipliers = Multipliers(
-            Vector(*held["bearing"]),
-            Vector(*held["elbow"]) if "elbow" in held else None,
-            Vector(*held["pivot"]) if "pivot" in held else None,
-            None if drive is None else drive[0],
-            functools.reduce(jnp.maximum, [jnp.abs(one.violation) for one in constraints]),
-            acceleration,
-        )
-        main, further = contacts.main, AtJoints(None, gaps.elbow, gaps.pivot)
-        return Snapshot(
-            ShaftMotion(
-                arms.crank,
-                velocity.shaft.angle,
-                acceleration.shaft.angle if drive is None else None,
-            ),
-            chain,
-            ChainAcceleration(
-                -acceleration.toggle.angle,
-                acceleration.jaw.angle,
-                further.map(lambda gap: gap.acceleration(accelerations)),
-            ),
-            contacts,
-            e,
-            Vector(*held["main"]) if main is None else main.force,
-            None if main is None else main.bearing_moment,
-            None if main is None else main.journal_moment,
-            load,
-            multipliers,
-        )
+
+        def mechanism(inertial: InertialForces | None) -> Snapshot:
+            accelerations, found = solve_constrained(
+                _masses(machine),
+                [one.row for one in constraints],
+                _applied_forces(scene, contacts, load, gaps, inertial),
+                stabilised,
+            )
+            held = _by_name(constraints, found)
+            acceleration, drive = from_entries(accelerations), held.get("drive")
+            multipliers = Multipliers(
+                Vector(*held["bearing"]),
+                Vector(*held["elbow"]) if "elbow" in held else None,
+                Vector(*held["pivot"]) if "pivot" in held else None,
+                None if drive is None else drive[0],
+                functools.reduce(jnp.maximum, [jnp.abs(one.violation) for one in constraints]),
+                acceleration,
+            )
+            main, further = contacts.main, AtJoints(None, gaps.elbow, gaps.pivot)
+            return Snapshot(
+                ShaftMotion(
+                    arms.crank,
+                    velocity.shaft.angle,
+                    acceleration.shaft.angle if drive is None else None,
+                ),
+                chain,
+                ChainAcceleration(
+                    -acceleration.toggle.angle,
+                    acceleration.jaw.angle,
+                    further.map(lambda gap: gap.acceleration(accelerations)),
+                ),
+                contacts,
+                e,
+                Vector(*held["main"]) if main is None else main.force,
+                None if main is None else main.bearing_moment,
+                None if main is None else main.journal_moment,
+                load,
+                multipliers,
+            )
+
+        shaft = ShaftMotion(arms.crank, velocity.shaft.angle, None)
+        return with_frame(scene, state.frame, shaft, chain, mechanism)
 
     def rate(
         self, snapshot: Snapshot, state: MultiplierState, scene: AbstractScene
@@ -138,6 +145,7 @@ class MultiplierFormulation(AbstractFormulation):
             state.velocity * (1 / CONTACT_TIME),
             snapshot.multipliers.acceleration * CONTACT_TIME,
             memories,
+            frame_rate(snapshot.frame, scene),
         )
 
     def unwound(self, state: MultiplierState) -> MultiplierState:
@@ -174,6 +182,7 @@ def _applied_forces(
     contacts: AtJoints[Contact],
     load: Vector | None,
     gaps: AtJoints[Gap],
+    inertial: InertialForces | None,
 ) -> list[Scalar]:
     """Q of (18) and the contacts' forces with their moments, for the nine coordinates.
 
@@ -198,6 +207,12 @@ def _applied_forces(
             if angle is not None and moment is not None:
                 i, sense = angle
                 forces[i] = forces[i] + sense * moment
+    if inertial is not None:
+        for first, added in zip((0, 3, 6), inertial.all(), strict=True):
+            # theta3 counts clockwise.
+            moment = -added.moment if first == 6 else added.moment
+            for i, one in enumerate((added.force.x, added.force.y, moment), first):
+                forces[i] = forces[i] + one
     # acceleration(moment, 1) is torque + moment, or None where the speed is prescribed.
     driven = scene.drive.acceleration(forces[2], scalar(1.0))
     forces[2] = forces[2] if driven is None else driven

@@ -1,0 +1,100 @@
+"""What the frame stands on: the ground itself, or two supports with springs and dampers."""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.basics.checks import concrete, require, require_positive
+from jaxcrusher.basics.plane import Vector, direction, scalar
+from jaxcrusher.crusher.snapshot import FrameMotion
+
+
+class AbstractFoundation(eqx.Module):
+    """Ground under the frame; a scene without a foundation has a clamped frame and counts about C.
+
+    `point` (m, C is the origin) is what moments on the ground are counted about.
+    """
+
+    point: eqx.AbstractVar[Vector]
+
+
+class Clamped(AbstractFoundation):
+    """A frame that does not move."""
+
+    point: Vector  # m
+
+
+class OnSupports(AbstractFoundation):
+    """A frame that moves in the plane on a left and a right support, with any rotation.
+
+    Frame, fixed jaw and block are one rigid body with its mass centre G at `point`. Each support
+    is a horizontal and a vertical spring and damper, fixed to the frame at (`left`, `base`) and
+    (`right`, `base`) and unstrained where the frame stands as drawn. Stiffness and damping are of
+    one support. Raises ValueError (concrete values only) for a mass, an inertia or a stiffness that
+    is not positive, and for a left support that is not left of the right one.
+    """
+
+    mass: Scalar = eqx.field(converter=scalar)  # M, kg
+    inertia: Scalar = eqx.field(converter=scalar)  # J about G, kg m2
+    point: Vector  # G as drawn, m
+    left: Scalar = eqx.field(converter=scalar)  # m
+    right: Scalar = eqx.field(converter=scalar)  # m
+    base: Scalar = eqx.field(converter=scalar)  # m
+    horizontal_stiffness: Scalar = eqx.field(converter=scalar)  # N/m
+    vertical_stiffness: Scalar = eqx.field(converter=scalar)  # N/m
+    horizontal_damping: Scalar = eqx.field(converter=scalar)  # N s/m
+    vertical_damping: Scalar = eqx.field(converter=scalar)  # N s/m
+
+    def __check_init__(self):
+        require_positive("foundation.mass", self.mass, "kg")
+        require_positive("foundation.inertia", self.inertia, "kg m2")
+        for name in ("horizontal_stiffness", "vertical_stiffness"):
+            require_positive(f"foundation.{name}", getattr(self, name), "N/m")
+        left, right = concrete(self.left), concrete(self.right)
+        if left is not None and right is not None:
+            good = bool((left < right).all())
+            require(good, "foundation.left", f"be less than foundation.right {right} m", left)
+
+    def arms(self) -> tuple[Vector, Vector]:
+        """Return where the supports are, from G and as drawn, m."""
+        height = self.base - self.point.y
+        return Vector(self.left - self.point.x, height), Vector(self.right - self.point.x, height)
+
+    def stretches(self, frame: FrameMotion) -> tuple[tuple[Vector, Vector], ...]:
+        """Return displacement (m) and velocity (m/s) of the frame at either support."""
+        # By how much the axis has moved: 1 - cos as a square, since stiff springs feel 1e-16 m.
+        turn = Vector(-2 * jnp.sin(frame.rotation / 2) ** 2, jnp.sin(frame.rotation))
+        found = []
+        for arm in self.arms():
+            spun = frame.spin * arm.along(frame.axis).perp()
+            found.append((frame.displacement + arm.along(turn), frame.velocity + spun))
+        return tuple(found)
+
+    def support_forces(self, frame: FrameMotion) -> tuple[Vector, Vector]:
+        """Return the forces of the left and the right support on the ground, N."""
+        left, right = (
+            Vector(
+                self.horizontal_stiffness * moved.x + self.horizontal_damping * rate.x,
+                self.vertical_stiffness * moved.y + self.vertical_damping * rate.y,
+            )
+            for moved, rate in self.stretches(frame)
+        )
+        return left, right
+
+    def elastic_energy(self, frame: FrameMotion) -> Scalar:
+        """Return the energy in the springs, J."""
+        squares = [(moved.x**2, moved.y**2) for moved, _ in self.stretches(frame)]
+        (x, y), (also_x, also_y) = squares
+        horizontal, vertical = self.horizontal_stiffness, self.vertical_stiffness
+        return 0.5 * (horizontal * (x + also_x) + vertical * (y + also_y))
+
+    def loss(self, frame: FrameMotion) -> Scalar:
+        """Return the power that the dampers take, W."""
+        squares = [(rate.x**2, rate.y**2) for _, rate in self.stretches(frame)]
+        (x, y), (also_x, also_y) = squares
+        return self.horizontal_damping * (x + also_x) + self.vertical_damping * (y + also_y)
+
+
+def frame_at(displacement: Vector, rotation: Scalar, velocity: Vector, spin: Scalar) -> FrameMotion:
+    """Return a frame whose acceleration is not known yet."""
+    return FrameMotion(displacement, rotation, direction(rotation), velocity, spin)

@@ -1,0 +1,78 @@
+"""Harmonics of what can be observed along a periodic orbit."""
+
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from jaxcrusher.basics.checks import (
+    require,
+    require_kind,
+    require_names,
+    require_untraced,
+    require_whole,
+)
+from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.solving import INSTANTS
+
+# What a foundation is laid out for.
+OUTPUTS = ("ground_force", "ground_moment")
+
+
+def harmonics(
+    orbit: PeriodicOrbit, orders: int = 6, *, outputs: tuple[str, ...] | None = None
+) -> xr.Dataset:
+    """Return amplitudes and phases of observables of an orbit, by harmonics of the shaft's turn.
+
+    A quantity is a(theta) = mean + sum of A_k cos(k theta + phi_k) of the shaft angle theta.
+
+    **Arguments:**
+
+    - `orbit`: one that was found, with concrete values.
+    - `orders`: the highest order k, a whole number from 1 to 511. An orbit of p turns has the
+      orders 1/p, 2/p and so on up to it.
+    - `outputs`: names of `jaxcrusher.crusher.observables.OBSERVABLES`. None is the force and the
+      moment on the ground.
+
+    **Returns:** an `xarray.Dataset` with `amplitude` (in `unit`) and `phase` (rad), both of the
+    dimensions `quantity` and `order`. A vector has two quantities, such as `ground_force_x` and
+    `ground_force_y`. Of order 0 the amplitude is the mean, with its sign, and the phase is zero.
+    Sums over 1024 instants a turn determine them.
+
+    Raises ValueError for an orbit that was not found, for orders out of range, for unknown outputs,
+    and under `jax.jit`.
+    """
+    require_kind("orbit", orbit, PeriodicOrbit, "jaxcrusher.periodic_orbit(scene)")
+    require_untraced("orbit", orbit.values, "harmonics", "PeriodicOrbit.motion")
+    require(orbit.success.ndim == 0, "orbit", "be one orbit", f"a batch {orbit.success.shape}")
+    require(bool(orbit.success), "orbit", "be one that was found", orbit.failure)
+    require_whole("orders", orders, 1)
+    require(orders < INSTANTS // 2, "orders", f"be less than {INSTANTS // 2}", orders)
+    outputs = OUTPUTS if outputs is None else outputs
+    require_names("outputs", outputs, tuple(OBSERVABLES))
+    turns, count = orbit.period, INSTANTS * orbit.period
+    seen = orbit.motion(2 * np.pi / INSTANTS * jnp.arange(count), tuple(outputs))
+    names, units, columns = [], [], []
+    for name in outputs:
+        values = np.asarray(seen[name])
+        axes = ("",) if values.ndim == 1 else ("_x", "_y")
+        names += [name + axis for axis in axes]
+        units += [OBSERVABLES[name].unit] * len(axes)
+        columns += list(values.reshape(count, -1).T)
+    # numpy.fft sums a exp(-i k theta): its angle is the phase of the cosine.
+    spectrum = np.fft.rfft(np.array(columns), axis=1)[:, : orders * turns + 1] / count
+    amplitude, phase = 2 * np.abs(spectrum), np.angle(spectrum)
+    amplitude[:, 0], phase[:, 0] = spectrum[:, 0].real, 0.0
+    axes = ("quantity", "order")
+    return xr.Dataset(
+        {
+            "amplitude": (axes, amplitude, {"long_name": "amplitude; of order 0 the mean"}),
+            "phase": (axes, phase, {"units": "rad", "long_name": "phase of the cosine"}),
+        },
+        {
+            "quantity": names,
+            "order": np.arange(orders * turns + 1) / turns,
+            "unit": ("quantity", units),
+        },
+        {"period": turns, "speed": float(orbit.scene.drive.speed)},
+    )

@@ -1,0 +1,213 @@
+"""Force and moment on the ground under a clamped frame, and their harmonics."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher import observables as ob
+from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
+from jaxcrusher.crusher.starts import Given
+
+LAWS = ("along_jaw", "normal_to_jaw", "closing_stroke", "none")
+FORMULATIONS = {"eccentricity": EccentricityFormulation(), "multiplier": MultiplierFormulation()}
+ANGLES = 2 * np.pi * np.arange(1024) / 1024
+# Away from bearing and pivot, so that every arm counts.
+POINT = (0.5, -0.4)
+
+
+def at_point(**values):
+    return jc.build_scene({"foundation.x": POINT[0], "foundation.y": POINT[1], **values})
+
+
+def by_hand(point, count=1024):
+    """Force and moment on the ground at 30 rad/s, in NumPy from Tables 1 and 2.
+
+    Momentum and moment of momentum about the point are differentiated as trigonometric
+    polynomials. The elbow is where circles about C and A meet.
+    """
+    angle = 2 * np.pi * np.arange(count) / count
+
+    def place(length, angle):
+        return length * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+    def change(x):
+        orders = np.fft.rfftfreq(count, 1 / count)
+        spectrum = 30.0 * 1j * orders.reshape(-1, *[1] * (x.ndim - 1)) * np.fft.rfft(x, axis=0)
+        # Harmonics past the 40th are rounding.
+        spectrum[40:] = 0
+        return np.fft.irfft(spectrum, count, axis=0)
+
+    bearing = 0.64 * np.array([np.sin(np.radians(22.5)), np.cos(np.radians(22.5))])
+    pin = bearing + place(0.01, angle)
+    apart = np.linalg.norm(pin, axis=1)
+    inside = np.arccos((apart**2 + 0.3**2 - 0.695**2) / (2 * apart * 0.3))
+    slope = np.arctan2(pin[:, 1], pin[:, 0]) - inside
+    elbow = place(0.3, slope)
+    tilt = np.arctan2(-(pin - elbow)[:, 0], (pin - elbow)[:, 1])
+    jaw = pin + place(0.3, tilt + np.radians(15) - np.pi / 2)
+    bodies = (
+        (95.0, bearing + place(0.006, angle + np.radians(30)), 0.2, None),
+        (524.0, jaw, 128.48, tilt),
+        (22.0, elbow / 2, 0.7154, slope),
+    )
+    momentum, spin, weight = 0.0, 0.0, 0.0
+    for mass, at, inertia, turned in bodies:
+        arm, velocity = at - point, change(at)
+        momentum = momentum + mass * velocity
+        # The shaft's own turns at constant speed.
+        own = 30.0 if turned is None else change(turned)
+        spin = (
+            spin + inertia * own + mass * (arm[:, 0] * velocity[:, 1] - arm[:, 1] * velocity[:, 0])
+        )
+        weight = weight - mass * 9.81 * arm[:, 0]
+    force = np.array([0.0, -9.81 * 641.0]) - change(momentum)
+    return force, weight - change(spin)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_force_and_moment_of_ideal_joints(law):
+    """The bodies' momentum, whatever the load."""
+    orbit = jc.periodic_orbit(at_point(joint="ideal", load_law=law))
+    seen = orbit.motion(ANGLES, ("ground_force", "ground_moment"))
+    force, moment = by_hand(np.array(POINT))
+    # Spectral derivatives of places lose some 1e-11 twice, of forces of 1e4 N.
+    np.testing.assert_allclose(seen["ground_force"], force, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(seen["ground_moment"], moment, rtol=0, atol=1e-5)
+    assert float(orbit.shaking_moment_rms) == pytest.approx(np.std(moment), rel=1e-8)
+    moving = force - force.mean(axis=0)
+    # 4513.63 N by another program too, to its two decimals.
+    assert float(orbit.shaking_rms) == pytest.approx(4513.63, abs=5e-3)
+    rms = np.sqrt(np.mean(np.sum(moving**2, axis=1)))
+    assert float(orbit.shaking_rms) == pytest.approx(rms, rel=1e-9)
+
+
+def test_without_a_foundation_moments_count_about_the_pivot():
+    _, moment = by_hand(np.zeros(2))
+    plain = jc.periodic_orbit(jc.ideal_scene(30.0)).motion(ANGLES, ("ground_moment",))
+    np.testing.assert_allclose(plain["ground_moment"], moment, rtol=0, atol=1e-5)
+    scene = jc.build_scene({"joint": "ideal", "foundation.x": 0.0})
+    zero = jc.periodic_orbit(scene).motion(ANGLES, ("ground_moment",))
+    np.testing.assert_array_equal(zero["ground_moment"], plain["ground_moment"])
+    with pytest.raises(ValueError, match=r"`foundation\.x` must lie"):
+        jc.build_scene({"foundation.x": 1000.0})
+
+
+@pytest.mark.parametrize("name", ["eccentricity", "multiplier", "ideal"])
+@pytest.mark.parametrize("law", LAWS)
+def test_ground_carries_what_the_frame_is_pushed_with(law, name):
+    """Bearing, pivot, fixed jaw and the drive's reaction push the frame, in hard contact too."""
+    scene = at_point(slip="surface", load_law=law)
+    if name == "ideal":
+        scene = scene.ideal()
+    else:
+        start = Given(Vector(-0.9, -0.6), Vector(0.5, 0.9))
+        parts = FORMULATIONS[name], start
+        scene = eqx.tree_at(lambda s: (s.formulation, s.start), scene, parts)
+
+    @eqx.filter_jit
+    def found(scene):
+        s = scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
+        at_bearing, at_pivot = ob.bearing_reaction(s, scene), ob.toggle_reaction(s, scene)
+        point = scene.foundation.point
+        force = -(at_bearing + at_pivot)
+        moment = point.cross(at_pivot) - (scene.machine.bearing - point).cross(at_bearing)
+        moment -= ob.drive_torque(s, scene)
+        if s.load is not None:
+            force -= s.load
+            moment -= (ob.jaw_mass_centre(s, scene) - point).cross(s.load)
+        size = ob.foundation_force(s, scene)
+        ground = ob.ground_force(s, scene), ob.ground_moment(s, scene)
+        return force.array() - ground[0].array(), moment - ground[1], size
+
+    apart, turning, size = found(scene)
+    # Rounding of forces and of their moments at arms of half a metre; q'' of the multipliers is
+    # known to 1e-10 of them.
+    allowed = (1e-9 if name == "multiplier" else 1e-11) * float(size)
+    np.testing.assert_allclose(apart, 0, atol=allowed)
+    assert abs(float(turning)) < allowed
+
+
+def light(**values):
+    """The shaft alone: its links weigh 1e-9 kg."""
+    bodies = {f"{body}.{part}": 1e-9 for body in ("jaw", "toggle") for part in ("mass", "inertia")}
+    return at_point(joint="ideal", load_law="none", **bodies, **values)
+
+
+def test_harmonics_of_a_rotating_unbalance():
+    """The force is m r omega^2, ahead in x by a quarter; its moment is that at arms O - p."""
+    orbit = jc.periodic_orbit(light(speed=20.0))
+    found = jc.harmonics(orbit, 3)
+    assert list(found["order"].values) == [0, 1, 2, 3]
+    assert list(found["unit"].values) == ["N", "N", "N m"]
+    size, ahead, weight = 95 * 0.006 * 20.0**2, np.radians(30), 95 * 9.81
+    amplitude, phase = found["amplitude"], found["phase"]
+    x, y = (amplitude.sel(quantity=f"ground_force_{axis}") for axis in "xy")
+    # Links of 1e-9 kg at some m/s2, and rounding.
+    np.testing.assert_allclose(x, [0, size, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(y, [-weight, size, 0, 0], atol=1e-6)
+    seen = phase.sel(order=1).values
+    np.testing.assert_allclose(seen[:2], [ahead, ahead - np.pi / 2], atol=1e-9)
+    arm = 0.64 * np.array([np.sin(np.pi / 8), np.cos(np.pi / 8)]) - POINT
+    # (arm + r e) x (F e - W): the force passes through O, the weight through the mass centre.
+    turning = size * (arm[0] * -1j - arm[1]) - weight * 0.006
+    moment = amplitude.sel(quantity="ground_moment")
+    np.testing.assert_allclose(moment, [-weight * arm[0], abs(turning), 0, 0], atol=1e-6)
+    assert seen[2] == pytest.approx(np.angle(turning * np.exp(1j * ahead)), abs=1e-9)
+    # Half of the squares of the harmonics.
+    assert float(orbit.shaking_moment_rms) == pytest.approx(abs(turning) / np.sqrt(2), rel=1e-9)
+
+
+def test_harmonics_make_the_motion():
+    """Any observable, of two turns in orders of a half, and what is refused."""
+    orbit = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3), period=2, nodes=96)
+    names = ("ground_force", "drive_power")
+    found = jc.harmonics(orbit, 200, outputs=names)
+    assert found.sizes == {"quantity": 3, "order": 401} and found["order"].values[1] == 0.5
+    angles = np.array([0.3, 4.0, 9.0])
+    turned = angles[:, None] * found["order"].values + found["phase"].values[:, None]
+    sums = np.sum(found["amplitude"].values[:, None] * np.cos(turned), axis=2)
+    seen = orbit.motion(angles, names)
+    # 200 harmonics hold all of a motion in contact: the pin's swing is at the 28th.
+    np.testing.assert_allclose(sums[:2].T, seen["ground_force"], rtol=0, atol=1e-4)
+    np.testing.assert_allclose(sums[2], seen["drive_power"], rtol=0, atol=1e-4)
+    # The motion repeats after one turn: nothing has a half order.
+    assert float(found["amplitude"].values[:, 1::2].max()) < 1e-5
+    for bad, message in (
+        ({"orders": 0}, "`orders` must be a whole number >= 1"),
+        ({"orders": 512}, "`orders` must be less than 512"),
+        ({"outputs": ("energy",)}, "`outputs` must"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            jc.harmonics(orbit, **bad)
+    with pytest.raises(ValueError, match="one that was found"):
+        lost = jc.periodic_orbit(jc.paper_scene(25.0, 0.12e-3, young=1e7), nodes=4)
+        jc.harmonics(lost)
+
+
+def test_the_moment_of_a_motion_with_clearance():
+    """Integrated over turns it is the deviation of samples, and orbits have its slopes."""
+    scene = at_point(clearance=5e-5, start="contact")
+    found = jc.statistics(scene, 0, 2, outputs=("shaking_moment_rms",))
+    times = 2 * np.pi / 30 * np.linspace(0, 2, 2 * 2048 + 1)
+    moment = np.asarray(jc.simulate(scene, times, outputs=("ground_moment",)).ground_moment)
+    turns = np.stack([moment[:2049], moment[2048:]])
+    mean = np.trapezoid(turns, axis=1) / 2048
+    squares = np.trapezoid((turns - mean[:, None]) ** 2, axis=1) / 2048
+    # The trapezium rule of 2048 points a turn of a 130 Hz swing.
+    np.testing.assert_allclose(found.by_turn["shaking_moment_rms"], np.sqrt(squares), rtol=1e-6)
+    rms = np.sqrt(squares.mean())
+    assert float(found.shaking_moment_rms) == pytest.approx(rms, rel=1e-6)
+
+    def shaking(speed, x):
+        values = {"speed": speed, "clearance": 5e-5, "foundation.x": x}
+        return jc.periodic_orbit(jc.build_scene(values), nodes=96).shaking_moment_rms
+
+    slopes = jax.grad(shaking, argnums=(0, 1))(30.0, 0.5)
+    for slope, step in zip(slopes, ((1e-3, 0.0), (0.0, 1e-3)), strict=True):
+        high, low = (shaking(30.0 + k * step[0], 0.5 + k * step[1]) for k in (1, -1))
+        # Central differences over 1e-3 m are 2e-6 off, a hundredth of those over 1e-2 m.
+        assert float(slope) == pytest.approx(float(high - low) / 2e-3, rel=1e-5)

@@ -1,0 +1,63 @@
+"""The load sheet of a foundation, from the command line to its files."""
+
+import csv
+import re
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import jaxcrusher as jc
+from jaxcrusher.commands import foundation
+from jaxcrusher.commands.load_sheet import ZONES, sheet, zone
+from jaxcrusher.commands.options import Crusher, Foundation, Results
+
+BLOCK = (("foundation.mass", "6 t"), ("foundation.x", "0.3 m"), ("joint", "ideal"))
+
+
+def test_files_of_a_sheet(tmp_path):
+    console = Console(record=True, width=100)
+    options = Foundation(
+        Crusher(overrides=BLOCK),
+        orders=2,
+        speeds=("200", "400 rpm"),
+        points=3,
+        results=Results("block", tmp_path),
+    )
+    assert foundation.run(options, console) == 0
+    folder = tmp_path / "block"
+    with (folder / "sheet.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    scene = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3, "foundation.x": 0.3})
+    orbit = jc.periodic_orbit(scene)
+    found = jc.harmonics(orbit, 2, outputs=("left_force",))
+    (row,) = [r for r in rows if (r["name"], r["order"]) == ("left force, vertically", "2.0")]
+    expected = found.sel(quantity="left_force_y", order=2)
+    assert float(row["value"]) == pytest.approx(float(expected.amplitude), rel=1e-9)
+    assert float(row["phase"]) == pytest.approx(float(expected.phase), rel=1e-9)
+    weights = [float(r["value"]) for r in rows if r["part"] == "static loads"]
+    # Left and right, horizontally and vertically, and a moment: all weight is carried.
+    assert weights[1] + weights[3] == pytest.approx(-9.81 * 6641, rel=1e-9)
+    (velocity,) = [float(r["value"]) for r in rows if "velocity of G, vert" in r["name"]]
+    seen = orbit.motion(2 * np.pi * np.arange(512) / 512, ("frame_velocity",))["frame_velocity"]
+    rms = 1e3 * np.sqrt(np.mean(np.asarray(seen)[:, 1] ** 2))
+    assert velocity == pytest.approx(rms, rel=1e-6)
+    text, html = console.export_text(), (folder / "sheet.html").read_text()
+    for said in ("ISO 20816-3", "left force, vertically", "natural modes"):
+        assert said in text and said in html
+    assert re.search(r"foundation\.mass 6000 kg|foundation\.mass 6 t", html)
+    assert (folder / "run_up.png").stat().st_size > 10_000
+
+
+def test_a_clamped_frame_has_a_shorter_sheet():
+    rows = sheet(jc.periodic_orbit(jc.ideal_scene(30.0)), 1)
+    assert {row.part for row in rows} == {"static loads", "harmonics", "peaks"}
+    named = {row.name for row in rows}
+    assert "ground force, vertically" in named and not any("support" in name for name in named)
+
+
+def test_zones_are_those_of_the_standard():
+    assert [zone("rigid", "velocity", v) for v in (1.0, 2.0, 3.0, 5.0)] == list("ABCD")
+    assert [zone("flexible", "displacement", v) for v in (36, 38, 72, 114)] == list("ABCD")
+    for kind in ZONES.values():
+        assert all(list(edges) == sorted(edges) for edges in kind.values())
