@@ -4,6 +4,8 @@ JAX reads all of this when it starts its backend, so it cannot be changed afterw
 imports JAX before it has to: Equinox reads its own setting when it is imported.
 """
 
+import contextlib
+import ctypes
 import gc
 import hashlib
 import os
@@ -43,9 +45,10 @@ def set_up() -> None:
       `JAX_PLATFORMS`, or by JAX's settings `jax_platforms` and `jax_default_device`.
     - Each core is a device of JAX, and XLA compiles a loop to one kernel, by the emitters that
       compile fastest. What `XLA_FLAGS` holds of this already stays as it is.
-    - OpenBLAS, in which JAX solves linear systems, takes one thread (unless `OPENBLAS_NUM_THREADS`
-      says otherwise, or SciPy is loaded already): its threads wait for each other where every
-      core has work, and a system of 200 unknowns then takes 100 ms in place of half of one.
+    - SciPy's OpenBLAS, in which JAX solves linear systems, takes one thread unless
+      `OPENBLAS_NUM_THREADS` says otherwise: its threads wait for each other where every core has
+      work, and a system of 200 unknowns then takes 100 ms in place of half of one. The first
+      computation sees to that without this call too.
     - Compiled programs are kept in the user's cache folder (or `JAX_COMPILATION_CACHE_DIR`), for
       this version of the package, of XLA and of the processor; a folder that cannot be written is
       only read, or not used. `JAX_ENABLE_COMPILATION_CACHE=0` turns that off.
@@ -61,9 +64,11 @@ def set_up() -> None:
         gc.set_threshold(_OBJECTS)
     if "equinox" not in sys.modules:
         os.environ.setdefault("EQX_ON_ERROR", "nan")
-    # Read when SciPy's OpenBLAS is loaded, which JAX does at its first linear system.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    _one_thread()
     import jax
+
+    # Made before a program is traced, which would be compiled again otherwise.
+    import jaxcrusher.basics.integrator  # noqa: F401
 
     jax.config.update("jax_enable_x64", True)
     prefer_processor()
@@ -92,11 +97,28 @@ def set_up() -> None:
 use_all_cores = set_up
 
 
+def _one_thread() -> None:
+    """Let SciPy's OpenBLAS, in which JAX solves linear systems, take one thread.
+
+    It reads the environment when it is loaded; from then on it must be told.
+    """
+    if "OPENBLAS_NUM_THREADS" in os.environ:
+        return
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    if "scipy.linalg" not in sys.modules:
+        return
+    folder = Path(sys.modules["scipy"].__path__[0])
+    for file in (*folder.parent.glob("scipy.libs/*openblas*"), *folder.glob(".dylibs/*openblas*")):
+        with contextlib.suppress(OSError, AttributeError):  # another library than SciPy's wheels'
+            ctypes.CDLL(str(file)).scipy_openblas_set_num_threads(1)
+
+
 def require_set_up() -> None:
     """Check that JAX computes in 64-bit floats; remind of `set_up` at the first computation."""
     from jaxcrusher.basics.checks import require_x64
 
     require_x64()
+    _one_thread()
     remind_of_set_up()
 
 

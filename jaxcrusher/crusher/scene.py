@@ -5,6 +5,8 @@ from typing import Any
 
 import jax.numpy as jnp
 
+# Made with the first scene, before a program of it is traced.
+import jaxcrusher.basics.integrator  # noqa: F401
 from jaxcrusher.basics.checks import (
     concrete,
     require,

@@ -19,6 +19,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree, Scalar
 
+from jaxcrusher.basics.integrator import integrator
 from jaxcrusher.motion.last_step import floats_counted_at_once
 
 # What an error of a second derivative weighs against one of the motion. The second derivative of
@@ -72,11 +73,6 @@ class Integration(eqx.Module):
     max_steps: int = eqx.field(static=True)
     dt0: float = eqx.field(static=True)
     adjoint: diffrax.AbstractAdjoint | None
-
-
-# What integrates in place of diffrax while a function is traced: None, or a function of args,
-# times, the state at the start, problem and method.
-integrator = jax.make_user_context(None)
 
 
 class RESULTS(diffrax.RESULTS):  # pyright: ignore

@@ -15,14 +15,12 @@ from jaxtyping import Array
 from jaxcrusher.basics.checks import concrete
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.orbits.newton import Factors
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, without_slopes
 from jaxcrusher.orbits.shooting import shoot
 from jaxcrusher.orbits.solving import (
     MOST_NODES,
     NODES,
     SETTLED,
-    Nodes,
     solved,
     with_statistics,
 )
@@ -30,8 +28,6 @@ from jaxcrusher.orbits.transient import guesses
 
 # Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
 CLOSURE, RTOL = 1e-6, 1e-11
-
-_Found = tuple[Nodes, Factors]
 
 
 def refined(
@@ -47,44 +43,50 @@ def refined(
     `section` is the section point of a guess, which may lose contact. Where all tries fail, the
     first one says why.
     """
-    first = _collocated(still, guess, period, nodes)
-    further = () if nodes else _further(still, first[1], section, period)
+    first = _collocated(scene, still, guess, period, nodes)
+    further = () if nodes else _further(scene, still, first[1], section, period)
     tries = itertools.chain([first], further)
-    found, orbit = next((one for one in tries if bool(one[1].success)), first)
+    sloped, orbit = next((one for one in tries if bool(one[1].success)), first)
     if not any(concrete(leaf) is None for leaf in jax.tree.leaves(scene)):
         return orbit
-    if found is None or not bool(orbit.success):
+    if sloped is None or not bool(orbit.success):
         return without_slopes(orbit, scene)
-    return with_statistics(scene, *found, period)
+    return sloped
 
 
 def _further(
-    scene: Scene, failed: PeriodicOrbit, section: Array | None, period: int
-) -> Iterator[tuple[_Found | None, PeriodicOrbit]]:
+    scene: Scene, still: Scene, failed: PeriodicOrbit, section: Array | None, period: int
+) -> Iterator[tuple[PeriodicOrbit | None, PeriodicOrbit]]:
     """Try what is left where collocation fails: shooting, and a motion that is waited for."""
     if section is not None:
-        yield None, shoot(scene, section, period)
+        yield None, shoot(still, section, period)
     if _is_unresolved(failed):
         # What Newton's method converged to is near the orbit that loses contact.
-        yield None, shoot(scene, failed.section, period)
-    for mean, seen in guesses(scene, period):
-        yield _collocated(scene, seen, period, None)
-        yield None, shoot(scene, mean, period)
+        yield None, shoot(still, failed.section, period)
+    for mean, seen in guesses(still, period):
+        yield _collocated(scene, still, seen, period, None)
+        yield None, shoot(still, mean, period)
 
 
 def _collocated(
-    scene: Scene, guess: Array | None, period: int, nodes: int | None
-) -> tuple[_Found, PeriodicOrbit]:
-    """Return the orbit with as many nodes as it needs, or with as many as are given."""
+    scene: Scene, still: Scene, guess: Array | None, period: int, nodes: int | None
+) -> tuple[PeriodicOrbit, PeriodicOrbit]:
+    """Return the orbit with as many nodes as it needs, or with as many as are given.
+
+    Once with the slopes of `scene`, and once with the values of `still` that tell how good it is.
+    """
     count = nodes or NODES
     while True:
-        found = solved(scene, guess, period, count * period)
-        orbit = with_statistics(scene, *found, period)
+        found = solved(still, guess, period, count * period)
+        sloped = with_statistics(scene, *found, period)
+        orbit = jax.lax.stop_gradient(sloped)
+        if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
+            orbit = with_statistics(still, *found, period)
         closed = not bool(orbit.success) or _is_closed(orbit)
         if nodes is not None or count >= MOST_NODES or (closed and not _wants_nodes(orbit)):
             break
         guess, count = orbit.eccentricity, 2 * count
-    return found, orbit if closed else dataclasses.replace(orbit, result=RESULTS.not_closed)
+    return sloped, orbit if closed else dataclasses.replace(orbit, result=RESULTS.not_closed)
 
 
 def _is_unresolved(orbit: PeriodicOrbit) -> bool:

@@ -201,3 +201,31 @@ def test_platform_is_that_of_the_device_chosen():
     # Where JAX sees no GPU the engine on one changes nothing of it.
     with devices.on_a_gpu():
         assert devices.computes_on() == "cpu"
+
+
+THREADS = """
+import ctypes, pathlib, warnings
+import scipy.linalg, jax
+import jaxcrusher as jc
+
+warnings.simplefilter("ignore")
+jax.config.update("jax_enable_x64", True)
+jc.statistics(jc.ideal_scene(30.0), 0, 1, outputs=("foundation_rms",))
+found = pathlib.Path(scipy.__path__[0]).parent.glob("scipy.libs/*openblas*")
+print([ctypes.CDLL(str(file)).scipy_openblas_get_num_threads() for file in found])
+"""
+
+
+def test_linear_systems_take_one_thread_without_set_up():
+    """Also where SciPy, whose library JAX calls, was loaded before the package."""
+    environment = {name: v for name, v in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    done = subprocess.run(
+        [sys.executable, "-c", THREADS],
+        capture_output=True,
+        text=True,
+        timeout=900,
+        check=False,
+        env=environment,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[1]"
