@@ -165,7 +165,9 @@ def _motion(scene: Scene, starts: list) -> tuple[Float[Array, "n half"], np.ndar
     if frame:
         units = frame_units(scene)
         moved, turned = (jnp.concatenate([turn[name] for turn in seen]) for name in frame)
-        relative += [moved / jnp.stack([units.x, units.y]), turned[:, None] / units.angle]
+        shift = jnp.stack([jnp.zeros(()), units.sag])
+        relative += [(moved + shift) / jnp.stack([units.x, units.y])]
+        relative += [turned[:, None] / units.angle]
     least = [min(float(jnp.min(turn[depth])) for turn in seen) for depth in depths]
     return jnp.concatenate(relative, axis=1), np.array(least)
 

@@ -7,6 +7,8 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.motion.flow import flat
+from jaxcrusher.orbits.shooting import shoot
+from jaxcrusher.orbits.trigonometric import resample
 
 BLOCK = {"foundation.mass": 6000.0, "foundation.x": 0.3, "foundation.y": 0.2}
 ANGLES = 2 * np.pi * np.arange(1024) / 1024
@@ -223,6 +225,18 @@ def test_slopes(joint):
         np.testing.assert_allclose(
             forward[:, i], differences, rtol=1e-5, atol=1e-3, err_msg=names[i]
         )
+
+
+@pytest.mark.slow
+def test_an_orbit_that_is_shot_for_is_the_same():
+    orbit = orbit_of(**springs(5e7, 1e5))
+    found = shoot(orbit.scene, orbit.section, 1)
+    assert bool(found.success), found.failure
+    count = len(orbit.eccentricity)
+    # Newton's last step is 1e-7; a frame's displacement counts from its sag in both.
+    apart = np.abs(resample(found.eccentricity, count) - orbit.eccentricity).max()
+    assert float(apart) < 1e-6
+    assert float(found.transmitted_rms) == pytest.approx(float(orbit.transmitted_rms), rel=1e-7)
 
 
 def test_a_state_of_the_orbit_and_harmonics_of_supports():
