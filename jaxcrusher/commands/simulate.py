@@ -122,7 +122,8 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
         dims = ("time", "direction")[: array.ndim]
         labels = {"units": observable.unit, "long_name": observable.meaning}
         variables[name] = (dims, array, labels)
-    for name, meaning in LEDGER.items():
+    lost = {} if motion.energy.support_loss is None else {"support_loss": "taken by the supports"}
+    for name, meaning in (LEDGER | lost).items():
         labels = {"units": "J", "long_name": meaning}
         variables[name] = ("time", np.asarray(getattr(motion.energy, name)), labels)
     coordinates = {
