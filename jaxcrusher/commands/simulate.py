@@ -125,8 +125,10 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
     """Return the motion with units, long names and provenance."""
     seen = [name for name in OBSERVABLES if name in motion.values]
     arrays = {name: np.asarray(motion[name]) for name in seen}
-    arrays |= {name: np.asarray(getattr(motion.energy, name)) for name in LEDGER}
-    columns = {name: Column("J", meaning) for name, meaning in LEDGER.items()}
+    lost = {} if motion.energy.support_loss is None else {"support_loss": "taken by the supports"}
+    ledger = LEDGER | lost
+    arrays |= {name: np.asarray(getattr(motion.energy, name)) for name in ledger}
+    columns = {name: Column("J", meaning) for name, meaning in ledger.items()}
     for name in seen:
         dims = ("direction",)[: arrays[name].ndim - 1]
         columns[name] = Column(OBSERVABLES[name].unit, OBSERVABLES[name].meaning, dims=dims)

@@ -1,4 +1,4 @@
-"""What the frame stands on: the ground itself, or two supports with springs and dampers."""
+"""Foundations of the frame: the ground itself, or two supports with springs and dampers."""
 
 import equinox as eqx
 import jax.numpy as jnp

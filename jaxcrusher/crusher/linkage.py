@@ -20,14 +20,14 @@ NO_PLAY: Play = AtJoints()
 
 
 class Wrench(eqx.Module):
-    """What acts at the mass centre of a body."""
+    """A force and a moment at the mass centre of a body."""
 
     force: Vector  # N
     moment: Scalar  # N m
 
 
 class InertialForces(eqx.Module):
-    """What the motion of the frame adds to the bodies, in the frame's axes.
+    """Inertial forces of a moving frame on the bodies, in the frame's axes.
 
     It holds inertial forces, and by how much the weight differs from that in an upright frame.
     """

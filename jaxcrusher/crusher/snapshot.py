@@ -151,7 +151,7 @@ def momentum_rates(machine: Machine, s: Snapshot) -> tuple[Vector, ...]:
 
 
 def forces_on_frame(machine: Machine, s: Snapshot) -> tuple[Vector, ...]:
-    """What shaft, jaw and toggle pass to the frame, each as if alone, N: what acts less m a.
+    """Return the forces of shaft, jaw and toggle on the frame, each as if alone, N.
 
     The load and its reaction are inside, whatever it is. All three act at the mass centres.
     """

@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 from jaxcrusher.basics.checks import concrete, require, require_names
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher import observables
-from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
+from jaxcrusher.crusher.observables import OBSERVABLES, OF_SUPPORTS, observables_of
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import Flow, unflattened
 from jaxcrusher.motion.integrate import (
@@ -41,8 +41,9 @@ ENERGIES = {
     "potential": observables.potential_energy,
     "elastic": observables.elastic_energy,
 }
-# What `simulate` can report; units stand in `jaxcrusher.crusher.observables.OBSERVABLES`.
-OUTPUTS = (*OBSERVABLES, "energy")
+# What `simulate` can report of any scene; units stand in
+# `jaxcrusher.crusher.observables.OBSERVABLES`. A frame on supports has `OF_SUPPORTS` besides.
+OUTPUTS = (*(name for name in OBSERVABLES if name not in OF_SUPPORTS), "energy")
 
 
 def _works(scene: Scene) -> dict[str, Callable]:
@@ -132,8 +133,9 @@ def simulate(
 
     - `scene`: what to simulate; its numbers may be traced.
     - `times`: shape (times,), in s, increasing, not negative.
-    - `outputs`: the names of what to compute, any of `jaxcrusher.OUTPUTS`; the rest is
-      neither computed nor traced. None is all but those of an elbow and a pivot that are ideal.
+    - `outputs`: the names of what to compute, any of `jaxcrusher.OUTPUTS` and, of a frame on
+      supports, of `jaxcrusher.crusher.observables.OF_SUPPORTS`; the rest is neither computed nor
+      traced. None is all that the scene has.
     - `state`: at time zero, in place of the scene's start: shape (dims,), with the shaft at angle
       zero, as `Statistics.state` and `Section.state` have it.
     - `rtol`: tolerance of a step, in clearances and m/s. Forces over the first 20 ms of impacts
@@ -143,14 +145,15 @@ def simulate(
 
     **Returns:** a `Trajectory`.
 
-    Raises ValueError for unordered, negative or not finite times, unknown outputs and a state of
-    another shape. A failed integration does not raise: see `Trajectory.success` and `.failure`.
+    Raises ValueError for unordered, negative or not finite times, unknown outputs, outputs of
+    supports asked of a clamped frame, and a state of another shape. A failed integration does not
+    raise: see `Trajectory.success` and `.failure`.
     """
     require_set_up()
     require_times(times)
     how = resolve(scene, rtol, method, FIRST_STEP)
     outputs = (*observables_of(scene), "energy") if outputs is None else outputs
-    require_names("outputs", outputs, OUTPUTS)
+    require_names("outputs", outputs, (*OUTPUTS, *OF_SUPPORTS))
     return _simulate(scene, jnp.asarray(times, dtype=float), state, how, tuple(outputs))
 
 

@@ -26,7 +26,7 @@ class ClosedLinkage(AbstractFormulation):
     """Kinematics forwards, forces backwards; a free shaft and a frame on supports have states."""
 
     def initial(self, scene: AbstractScene) -> EccentricityState:
-        """Those of shaft and frame, or nothing."""
+        """Return the initial state of shaft and frame, or nothing."""
         return EccentricityState(AtJoints(), scene.drive.initial(), initial_frame(scene))
 
     def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
@@ -66,7 +66,7 @@ class ClosedLinkage(AbstractFormulation):
     def rate(
         self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene
     ) -> EccentricityState:
-        """Those of shaft and frame, or nothing."""
+        """Return the rates of shaft and frame, or nothing."""
         shaft = scene.drive.rate(snapshot.shaft.speed, snapshot.shaft.acceleration)
         return EccentricityState(AtJoints(), shaft, frame_rate(snapshot.frame, scene))
 
