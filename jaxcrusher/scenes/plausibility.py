@@ -65,6 +65,15 @@ RATIOS = (
         "the paper's box has 0.003 to 0.012; at 1 the play swallows the throw",
     ),
     Ratio(
+        "jaw.mass_centre_distance / jaw.length",
+        "",
+        ("jaw.mass_centre_distance", "jaw.length"),
+        lambda distance, length: distance / length,
+        (0.2, 0.7),
+        (-1.0, 1.0),
+        "the PE250x400 has 0.43; at 1 the jaw's mass centre is beyond its end",
+    ),
+    Ratio(
         "shaft.eccentricity / jaw.length",
         "",
         ("shaft.eccentricity", "jaw.length"),

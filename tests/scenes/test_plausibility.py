@@ -29,6 +29,7 @@ def test_the_paper_s_box_is_plausible():
         ({"jaw.mass": 52.4}, "mass of the jaw over its cubed length is 156 kg/m3, usually 300 kg"),
         ({"young": 20.7e9}, "young is 20.7 GPa, usually 40 GPa to 700 GPa"),
         ({"gravity": 1.62}, "gravity is 1.62 m/s2"),
+        ({"jaw.mass_centre_distance": 0.6}, "jaw.length is 0.863, usually 0.2 to 0.7"),
         ({"chamber.nip_angle": 0.6}, "chamber.nip_angle is 34.4 deg"),
     ],
 )
@@ -49,6 +50,7 @@ def test_what_is_unusual_is_told(values, words):
         ({"speed": 3000.0}, "speed"),
         ({"clearance": 0.02, "bore_radius": 1.0, "jaw.length": 7.0}, "clearance"),
         ({"load": 8.8e9}, "load"),
+        ({"jaw.mass_centre_distance": 0.8}, "jaw.mass_centre_distance"),
     ],
 )
 def test_what_cannot_be_is_refused(values, name):
