@@ -185,11 +185,11 @@ def test_computations_stay_on_the_processor(first, last, on_processor):
     assert said[:4] == [str(on_processor)] * 4 and int(said[4]) >= 1
 
 
-@pytest.mark.parametrize("platform, engine", [("cpu", "in_lanes"), ("gpu", "side_by_side")])
+@pytest.mark.parametrize("platform, engine", [("cpu", "lanes"), ("gpu", "vmap")])
 def test_engines_follow_what_jax_computes_on(platform, engine, monkeypatch):
     """Not what JAX sees: beside a GPU that it does not compute on lanes are chosen."""
     monkeypatch.setattr(engines, "computes_on", lambda: platform)
-    monkeypatch.setattr(engines, engine, lambda function, scenes: scenes + 10.0)
+    monkeypatch.setitem(engines.ENGINES, engine, lambda function, scenes: scenes + 10.0)
     assert engines.map_all(abs, np.ones(3)).tolist() == [11.0, 11.0, 11.0]
 
 

@@ -308,7 +308,7 @@ def test_a_design_that_shakes_the_ground_more_says_so_first():
         "shaking force, which the ground feels, rises by 25 %, from 4 kN to 5 kN. RMS force on"
     )
     assert worse.endswith("RMS shaking force: 4 kN before, 5 kN after.")
-    assert told(foundation_rms=15.2e3, shaking_rms=1e3).startswith("RMS of |R_O| + |R_C|: 19000 N")
+    assert told(foundation_rms=15.2e3, shaking_rms=1e3).startswith("RMS force on the")
 
 
 def test_missing_packages_are_named(monkeypatch, tmp_path):

@@ -413,12 +413,12 @@ def test_documented_commands_are_understood():
     texts = [root / "docs" / "command_line.md", *(root / "examples").glob("*.toml")]
     command = re.compile(r"python -m jaxcrusher (\w+ --?.*|gradient .*)")
     lines = [line for text in texts for line in command.findall(text.read_text())]
-    assert len(lines) == 7
+    assert len(lines) == 8
     for line in lines:
         parse(__main__.run, shlex.split(line))
 
 
-@pytest.mark.parametrize("command", ["simulate", "sweep", "regimes", "gradient"])
+@pytest.mark.parametrize("command", ["simulate", "sweep", "regimes", "gradient", "foundation"])
 def test_help_explains_every_option(command, capsys):
     with pytest.raises(SystemExit) as stop:
         parse(__main__.run, [command, "--help"])
