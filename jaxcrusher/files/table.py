@@ -1,10 +1,12 @@
 """Tables of results: the unit and meaning of every column, the dataset they stand in, and CSV."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 class Column(NamedTuple):
@@ -65,11 +67,14 @@ def dataset(
     columns: Mapping[str, Column],
     coordinates: Mapping[str, Any],
     attributes: Mapping[str, Any] | None = None,
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """Return the table of `values`, of shape (*sizes of dims, *sizes of the column's own dims).
 
     Columns without a value are left out. `coordinates` as in `xarray.Dataset`.
     """
+    # A second that an orbit, which knows the columns, need not wait for.
+    import xarray as xr
+
     data = {
         name: ((*dims, *column.dims), values[name], column.labels)
         for name, column in columns.items()
@@ -78,11 +83,13 @@ def dataset(
     return xr.Dataset(data, coordinates, attributes)
 
 
-def as_csv(table: xr.Dataset) -> str:
+def as_csv(table: "xr.Dataset") -> str:
     """Return a table as CSV: a row a cell of its grid, and a unit behind each heading.
 
     The components of a vector along `direction` become columns of their own.
     """
+    import xarray as xr
+
     if "direction" in table.dims:
         parts = {}
         for name, values in table.items():
