@@ -134,8 +134,7 @@ def evaluate(
     points = jnp.asarray(units)
     batch = stacked_scenes(case, points, jnp.asarray(moves)), np.tile(points, (len(STARTS), 1))
     function = eqx.Partial(_row, case=case, window=window)
-    job = f"{case.objective.meaning} {window}"
-    found = run_all(function, batch, chunk, progress=progress, journal=journal, job=job)
+    found = run_all(function, batch, chunk, progress=progress, journal=journal)
     rows = {
         name: column.reshape(len(STARTS), len(units), *column.shape[1:])
         for name, column in found.items()

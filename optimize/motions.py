@@ -73,7 +73,7 @@ def cell_motions(
     states = landscape.state.to_numpy().reshape(-1, landscape.sizes["coordinate"])
     function = eqx.Partial(_motion, angles=angles, rtol=rtol)
     batch = (stacked_scenes(case, points), states)
-    found = run_all(function, batch, CHUNK, progress=progress, journal=journal, job="motions")
+    found = run_all(function, batch, CHUNK, progress=progress, journal=journal)
     steps = int(found.pop("steps").sum())
     *dims, _ = landscape.state.dims
     *shape, _ = landscape.state.shape

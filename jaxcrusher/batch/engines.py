@@ -23,7 +23,7 @@ from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.basics.devices import computes_on, devices, on_a_gpu
 from jaxcrusher.basics.setup import remind_of_set_up
 from jaxcrusher.basics.traced import traced
-from jaxcrusher.files.journal import Journal
+from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.lanes.machine import GPU, PROCESSOR, Target
 from jaxcrusher.lanes.program import NoIntegration, program
 from jaxcrusher.lanes.verify import Unsupported
@@ -96,14 +96,13 @@ def run_chunks(
     *,
     whole: int = 1,
     journal: Journal | None = None,
-    job: str = "",
 ) -> Iterator[tuple[slice, PyTree]]:
     """Do as `map_chunks` for a function that always does the same, which is not traced again.
 
     It is an `equinox.Partial` of a module-level function of this package. Only the table of
     statistics may change. A chunk is filled up to a multiple of `whole` designs, so that few sizes
-    are compiled. With a `journal` finished chunks of a `job`, whose results are named arrays, are
-    not computed again.
+    are compiled. With a `journal` finished chunks, whose results are named arrays, are not
+    computed again.
     """
     _require_stacked(function, scenes)
     function = eqx.Partial(_with_statistics, function=function, statistics=chosen(STATISTIC))
@@ -133,8 +132,9 @@ def run_chunks(
         if journal is None:
             yield rows, compute()
         else:
-            inputs = jax.tree.leaves((eqx.filter(function, eqx.is_array), part))
-            yield rows, journal.kept(job, inputs, compute)
+            numbers, rest = eqx.partition(function, eqx.is_array)
+            inputs = jax.tree.leaves((numbers, part))
+            yield rows, journal.kept(text_of(jax.tree.flatten(rest)), inputs, compute)
 
 
 def _with_statistics(scene: Any, function: Callable[[Any], PyTree], statistics: Chosen) -> PyTree:

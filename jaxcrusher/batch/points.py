@@ -3,7 +3,6 @@
 import hashlib
 import itertools
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 
 from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.crusher.scene import Scene, require_scene
+from jaxcrusher.files.journal import text_of
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, complete
 
@@ -134,8 +134,7 @@ class Grid:
         for design in (0, self.size - 1):
             numbers = {name: column[0] for name, column in self.numbers([design]).items()}
             leaves, tree = jax.tree.flatten(self.scene(numbers, self.choices(design)))
-            # The addresses of functions differ from process to process.
-            digest.update(re.sub(" at 0x[0-9a-f]+", "", str(tree)).encode())
+            digest.update(text_of(tree).encode())
             digest.update(b"".join(np.asarray(leaf).tobytes() for leaf in leaves))
         return digest.hexdigest()[:16]
 

@@ -7,7 +7,6 @@ lanes have integrated until the transient is averaged out.
 
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
@@ -48,8 +47,7 @@ CHUNK = 16
 REACH = 4
 
 
-@dataclass(frozen=True)
-class Problem:
+class Problem(eqx.Module):
     """The scene of a case, and the number of its orbit that is differentiated by what is free.
 
     Both are functions that stand in a module, or `equinox.Partial`s of these: a program is compiled
@@ -58,8 +56,8 @@ class Problem:
 
     scene: Callable[[Array, PyTree], Scene]
     number: Callable[[PeriodicOrbit, Scene, Array, PyTree], Scalar]
-    period: int
-    dims: int  # of an orbit: two a loose joint, three a frame on supports
+    period: int = eqx.field(static=True)
+    dims: int = eqx.field(static=True)  # of an orbit: two a loose joint, three a frame on supports
 
 
 def solve_orbits(
@@ -126,7 +124,7 @@ class _Search:
         journal: Journal | None,
     ) -> None:
         self._problem, self._cases, self._chunk = problem, cases, chunk
-        self._settings = {"engine": engine or without_lanes(), "journal": journal, "job": "orbits"}
+        self._settings = {"engine": engine or without_lanes(), "journal": journal}
         self.points, self.rows = points, Rows()
         # NaN stands for the pin at rest.
         self.orbits = np.full((len(cases[0]), points, problem.dims), np.nan)
@@ -172,9 +170,7 @@ class _Search:
             jax.tree.map(lambda leaf: np.asarray(leaf)[chosen[:, 0]], self._cases),
             self.orbits[chosen[:, 1]],
         )
-        function = eqx.Partial(
-            _row, scene=problem.scene, number=problem.number, period=problem.period, nodes=nodes
-        )
+        function = eqx.Partial(_row, problem=problem, nodes=nodes)
         total, first = len(self.orbits), not self.rows
 
         def tell(done: int, _: int) -> None:
@@ -216,16 +212,12 @@ def _words(code: int) -> str:
 
 
 def _row(
-    given: tuple[Case, Float[Array, "points dims"]],
-    scene: Callable[[Array, PyTree], Scene],
-    number: Callable[[PeriodicOrbit, Scene, Array, PyTree], Scalar],
-    period: int,
-    nodes: int,
+    given: tuple[Case, Float[Array, "points dims"]], problem: Problem, nodes: int
 ) -> dict[str, Array]:
     """Solve one case from a guess; a case of NaN, which only fills a chunk, is skipped."""
 
     def found(given: tuple[Case, Array]) -> dict[str, Array]:
-        return _solved(given, scene, number, period, nodes)
+        return _solved(given, problem, nodes)
 
     like = jax.eval_shape(found, given)
     nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
@@ -235,21 +227,18 @@ def _row(
 
 @eqx.filter_jit
 def _solved(
-    given: tuple[Case, Float[Array, "points dims"]],
-    scene: Callable[[Array, PyTree], Scene],
-    number: Callable[[PeriodicOrbit, Scene, Array, PyTree], Scalar],
-    period: int,
-    nodes: int,
+    given: tuple[Case, Float[Array, "points dims"]], problem: Problem, nodes: int
 ) -> dict[str, Array]:
     (free, rest), guess = given
+    period = problem.period
 
     def solved(free: Array) -> tuple[Scalar, PeriodicOrbit]:
-        made = scene(free, rest)
+        made = problem.scene(free, rest)
         first = None
         if unknowns(made):
             first = from_rest_unless(resample(guess, nodes * period), made, period)
         orbit = periodic_orbit(made, period=period, nodes=nodes, guess=first)
-        return number(orbit, made, free, rest), orbit
+        return problem.number(orbit, made, free, rest), orbit
 
     if free.size:
         (value, orbit), slope = jax.value_and_grad(solved, has_aux=True)(free)
@@ -281,7 +270,7 @@ def waited(
     count = len(cases[0])
     states, scenes = jax.vmap(lambda case: resting_start(problem.scene(*case)))(cases)
     loose = len(list(scenes.joints.present()))
-    settings = {"engine": engine, "whole": LANES, "journal": journal, "job": "waiting"}
+    settings = {"engine": engine, "whole": LANES, "journal": journal}
     mean, seen = (eqx.Partial(look, period=problem.period) for look in (_mean, _one_period))
     ended = run_all(mean, (states, scenes), count, **settings)
     found = run_all(seen, (ended["mean"], scenes), count, **settings)

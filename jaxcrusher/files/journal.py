@@ -1,6 +1,7 @@
 """Results of finished chunks of work, so that a run that was killed goes on where it was."""
 
 import hashlib
+import re
 import shutil
 import zipfile
 from collections.abc import Callable, Iterable
@@ -19,19 +20,20 @@ Arrays = dict[str, np.ndarray]
 class Journal:
     """A folder with the arrays of each finished chunk, found again by what went into it.
 
-    The name of a chunk's file is the digest of its input, of the job's name, and of the programs
-    that compute it: sources of this package and versions of the others. Other inputs never meet.
+    The name of a chunk's file is the digest of its input, of the function that computes it, of the
+    sources of this package, and of the versions of the others. Other chunks never meet.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
 
-    def kept(self, job: str, inputs: Iterable[Any], compute: Callable[[], Arrays]) -> Arrays:
+    def kept(self, function: str, inputs: Iterable[Any], compute: Callable[[], Arrays]) -> Arrays:
         """Return the arrays of a chunk, computed now unless an earlier run has finished it.
 
-        A file that cannot be read is made anew.
+        `function` tells what is computed of the inputs, as `text_of` does. A file that cannot be
+        read is made anew.
         """
-        digest = hashlib.sha256(f"{job}\n{_programs()}".encode())
+        digest = hashlib.sha256(f"{function}\n{_programs()}".encode())
         for value in inputs:
             array = np.ascontiguousarray(value)
             digest.update(f"{array.dtype} {array.shape}\n".encode() + array.tobytes())
@@ -47,6 +49,11 @@ class Journal:
     def discard(self) -> None:
         """Delete all that is kept: the work is finished and its result written."""
         shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def text_of(value: Any) -> str:
+    """Return an object as text without addresses, which differ from process to process."""
+    return re.sub(" at 0x[0-9a-f]+", "", str(value))
 
 
 def _read(path: Path) -> Arrays | None:

@@ -163,3 +163,14 @@ def test_refusals(arguments, message):
 
 def test_public_name():
     assert jc.orbit_map is orbit_map
+
+
+def test_a_store_keeps_other_programs_of_the_same_numbers_apart(tmp_path):
+    """Choices are in the program of a cell and not among its numbers."""
+    axes, settings = {"slip": ["centre", "surface"], "speed": [27.0]}, {"nodes": 96}
+    whole = orbit_map(axes, base={"clearance": 5e-5}, **settings)
+    kept = orbit_map(axes, base={"clearance": 5e-5}, **settings, store=tmp_path / "map")
+    centre, surface = whole.foundation_rms.values[:, 0]
+    # Friction between the surfaces takes some 400 N off.
+    assert centre - surface > 100
+    np.testing.assert_array_equal(kept.foundation_rms, whole.foundation_rms)

@@ -606,8 +606,8 @@ def test_an_interrupted_search_goes_on_with_the_same_bits(finished, tmp_path, mo
     options = Options(out=tmp_path, name="small", **(SMALL | {"settle": 10}))
     computed, kept = [], Journal.kept
 
-    def counted(journal, job, inputs, compute):
-        return kept(journal, job, inputs, lambda: (computed.append(job), compute())[1])
+    def counted(journal, function, inputs, compute):
+        return kept(journal, function, inputs, lambda: (computed.append(function), compute())[1])
 
     def interrupt(*_):
         raise KeyboardInterrupt
@@ -619,7 +619,9 @@ def test_an_interrupted_search_goes_on_with_the_same_bits(finished, tmp_path, mo
         with pytest.raises(KeyboardInterrupt):
             run(options, Console(quiet=True))
     maps = list(computed)
-    assert "orbits" in maps and "motions" in maps and any((tmp_path / "small/chunks").iterdir())
+    for name in ("_scene", "_motion"):  # of the orbits and of the motions
+        assert any(f"<function {name}>" in function for function in maps)
+    assert any((tmp_path / "small/chunks").iterdir())
     computed.clear()
     answer = run(options, Console(quiet=True))
     # Maps are read, and the confirmation, which had not begun, is computed.
