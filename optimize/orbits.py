@@ -9,7 +9,7 @@ import xarray as xr
 from jaxtyping import Array, Float, PyTree, Scalar
 
 import jaxcrusher as jc
-from jaxcrusher.dynamics.many_orbits import Problem, beside, solve_orbits
+from jaxcrusher.dynamics.many_orbits import Problem, alone, beside, solve_orbits
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion import statistic
@@ -97,7 +97,8 @@ def solve_map(
 ) -> xr.Dataset:
     """Return the map of the periodic orbits of a grid's points, or of a sequence's."""
     count = len(case.design.names)
-    near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else _alone
+    # The points of a sequence lie too far apart to help each other.
+    near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
     rows = solve(case, units, near, journal=journal, progress=progress)
     of = case.objective
     columns = statistic.columns(STATISTICS)
@@ -108,11 +109,6 @@ def solve_map(
     meaning = "may be chosen: a stable motion inside the constraints"
     columns["counts"] = Column("1", meaning, bool)
     return labelled(case.design, units, cells, rows, columns)
-
-
-def _alone(_: int) -> list[int]:
-    """Return no point: a sequence's points lie too far apart."""
-    return []
 
 
 def widths(case: Case) -> Float[np.ndarray, " n"]:

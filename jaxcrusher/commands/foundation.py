@@ -22,7 +22,7 @@ from jaxcrusher.commands.load_sheet import SOURCE, Row, running_frequency, sheet
 from jaxcrusher.commands.options import Foundation
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_json, write_table, write_text
-from jaxcrusher.files.resume import begin
+from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.scene_file import read_range
@@ -44,7 +44,7 @@ def run(options: Foundation, console: Console) -> int:
     low, high = _speeds(options, float(values["speed"]))
     settings = {"command": "foundation", "scene": values, "orders": options.orders}
     settings |= {"speeds": [low, high], "points": options.points}
-    folder = begin(options.results.folder, settings, *FILES)
+    folder = begin_beside(options.results.folder, settings, *FILES)
     with console.status("solving"):
         orbit = jc.periodic_orbit(scene)
     if not bool(orbit.success):
@@ -125,7 +125,6 @@ def draw(
     ax.legend(fontsize=8)
     fig.tight_layout()
     write_figure(path, fig, dpi=150)
-    plt.close(fig)
 
 
 def _number(value: float | str) -> str:

@@ -41,13 +41,14 @@ def zone(kind: str, quantity: str, value: float) -> str:
 
 def sheet(orbit: jc.PeriodicOrbit, orders: int) -> list[Row]:
     """Return the rows of the sheet of an orbit, part by part."""
+    loads = jc.harmonics(orbit, orders, outputs=(*_carried(orbit), "ground_moment"))
     if orbit.scene.supports is None:
-        return [*_static(orbit), *_harmonics(orbit, orders), *_peaks(orbit)]
+        return [*_static(loads), *_harmonics(loads), *_peaks(orbit)]
     modes = jc.natural_modes(orbit.scene)
     return [
         *_modes(orbit, modes),
-        *_static(orbit),
-        *_harmonics(orbit, orders),
+        *_static(loads),
+        *_harmonics(loads),
         *_peaks(orbit),
         *_severity(orbit, modes),
     ]
@@ -74,8 +75,7 @@ def _carried(orbit: jc.PeriodicOrbit) -> tuple[str, ...]:
     return ("ground_force",) if orbit.scene.supports is None else ("left_force", "right_force")
 
 
-def _static(orbit: jc.PeriodicOrbit) -> list[Row]:
-    found = jc.harmonics(orbit, 1, outputs=(*_carried(orbit), "ground_moment"))
+def _static(found: xr.Dataset) -> list[Row]:
     return [
         Row("static loads", _words(name), "", float(one.amplitude), str(one.unit.values))
         for name in found["quantity"].values
@@ -83,8 +83,7 @@ def _static(orbit: jc.PeriodicOrbit) -> list[Row]:
     ]
 
 
-def _harmonics(orbit: jc.PeriodicOrbit, orders: int) -> list[Row]:
-    found = jc.harmonics(orbit, orders, outputs=(*_carried(orbit), "ground_moment"))
+def _harmonics(found: xr.Dataset) -> list[Row]:
     return [
         Row(
             "harmonics",

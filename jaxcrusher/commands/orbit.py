@@ -18,12 +18,12 @@ import jaxcrusher as jc
 from jaxcrusher.commands.crushers import read_crusher, units_given
 from jaxcrusher.commands.options import Orbit
 from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
+from jaxcrusher.crusher.observables import columns, observables_of
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_json, write_text
-from jaxcrusher.files.resume import SETTINGS, begin, keep_beside
-from jaxcrusher.files.table import Column, as_csv
+from jaxcrusher.files.resume import begin_beside
+from jaxcrusher.files.table import as_csv
 from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.parameters import numbers_of
 
@@ -43,8 +43,7 @@ def run(options: Orbit, console: Console) -> int:
     values, _ = read_crusher(options.crusher)
     settings = {"command": "orbit", "scene": values, "period": options.period}
     written = "orbit.json", "orbit.csv", "orbit.png"
-    keep_beside(options.results.folder / SETTINGS, settings, *written)
-    folder = begin(options.results.folder, settings, *written)
+    folder = begin_beside(options.results.folder, settings, *written)
     numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values)}
 
     @eqx.filter_jit
@@ -98,15 +97,10 @@ def history(orbit: jc.PeriodicOrbit) -> xr.Dataset:
     """Return all observables over the angle of the shaft."""
     degrees = np.arange(360 * orbit.period + 1)
     seen = orbit.motion(np.radians(degrees), observables_of(orbit.scene))
-    columns = {
-        name: Column(of.unit, of.meaning, dims=("direction",)[: seen[name].ndim - 1])
-        for name, of in OBSERVABLES.items()
-        if name in seen
-    }
     values = {name: np.asarray(column) for name, column in seen.items()}
     angle = ("angle", degrees, {"units": "deg", "long_name": "shaft angle"})
     coordinates = {"angle": angle, "direction": ["x", "y"]}
-    return table_of.dataset(("angle",), values, columns, coordinates)
+    return table_of.dataset(("angle",), values, columns(values), coordinates)
 
 
 def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:

@@ -18,12 +18,12 @@ from jaxcrusher.batch.engines import stack
 from jaxcrusher.commands.crushers import read_crusher
 from jaxcrusher.commands.options import Simulate
 from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.observables import OBSERVABLES, columns
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_netcdf, write_text
-from jaxcrusher.files.resume import SETTINGS, begin, keep_beside
+from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import Column, as_csv
 from jaxcrusher.pictures import plots
 from jaxcrusher.scenes.parameters import loose_besides
@@ -64,8 +64,7 @@ def run(options: Simulate, console: Console) -> int:
         "rtol": options.rtol,
     }
     written = "motion.nc", "motion.csv", "motion.png"
-    keep_beside(options.results.folder / SETTINGS, settings, *written)
-    folder = begin(options.results.folder, settings, *written)
+    folder = begin_beside(options.results.folder, settings, *written)
     turn = 2 * np.pi / values["speed"]
     times = np.linspace(0, span * turn, options.samples)
     whole = int(span) - settle
@@ -128,10 +127,7 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
     lost = {} if motion.energy.support_loss is None else {"support_loss": "taken by the supports"}
     ledger = LEDGER | lost
     arrays |= {name: np.asarray(getattr(motion.energy, name)) for name in ledger}
-    columns = {name: Column("J", meaning) for name, meaning in ledger.items()}
-    for name in seen:
-        dims = ("direction",)[: arrays[name].ndim - 1]
-        columns[name] = Column(OBSERVABLES[name].unit, OBSERVABLES[name].meaning, dims=dims)
+    kept = columns(arrays) | {name: Column("J", meaning) for name, meaning in ledger.items()}
     coordinates = {
         "time": ("time", np.asarray(motion.time), {"units": "s", "long_name": "time"}),
         "angle": ("time", values["speed"] * np.asarray(motion.time), ANGLE),
@@ -139,7 +135,7 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
     }
     failure = motion.failure or "none"
     attributes = provenance("Motion of a jaw crusher", scene=values, failure=failure)
-    return table.dataset(("time",), arrays, columns, coordinates, attributes)
+    return table.dataset(("time",), arrays, kept, coordinates, attributes)
 
 
 def draw(motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) -> Figure:

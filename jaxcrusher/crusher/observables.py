@@ -1,10 +1,11 @@
 """Observables of an instant: forces, powers, energies, as functions of a snapshot."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Scalar
 
 from jaxcrusher.basics.plane import Vector
@@ -26,6 +27,7 @@ from jaxcrusher.crusher.snapshot import (
     pin_position,
     shaft_inertia,
 )
+from jaxcrusher.files.table import Column
 from jaxcrusher.joint.clearance import ClearanceJoint, Contact
 
 # Smooths the length of a reaction (N) where it vanishes.
@@ -439,6 +441,15 @@ OBSERVABLES = {
     **_at("pivot"),
     **OF_SUPPORTS,
 }
+
+
+def columns(values: Mapping[str, Any]) -> dict[str, Column]:
+    """Return the columns of observables in a table; vectors have the dim `direction`."""
+    return {
+        name: Column(of.unit, of.meaning, dims=("direction",)[: np.ndim(values[name]) - 1])
+        for name, of in OBSERVABLES.items()
+        if name in values
+    }
 
 
 def observables_of(scene: Scene) -> tuple[str, ...]:

@@ -91,7 +91,7 @@ def solve_orbits(
     search = _Search(problem, cases, levels[-1] * problem.period, chunk, engine, journal)
     report = progress or (lambda finished, of: None)
     for nodes in levels:
-        search.fill(search.unsolved(enough), nodes, neighbours or _none, report)
+        search.fill(search.unsolved(enough), nodes, neighbours or alone, report)
     # What no neighbour leads to is waited for.
     left = search.unsolved(np.inf)
     if neighbours is not None and len(left):
@@ -107,7 +107,8 @@ def solve_orbits(
     return rows | {"failure": np.array([_words(code) for code in codes.tolist()], object)[which]}
 
 
-def _none(_: int) -> list[int]:
+def alone(_: int) -> list[int]:
+    """Return no neighbour: what fails from the pin at rest may still be waited for."""
     return []
 
 

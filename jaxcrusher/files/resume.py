@@ -32,6 +32,12 @@ def begin(folder: Path, settings: Mapping[str, Any], *written: str) -> Path:
     return folder
 
 
+def begin_beside(folder: Path, settings: Mapping[str, Any], *written: str) -> Path:
+    """Do as `begin`, and keep the results of a run with other settings beside the new ones."""
+    keep_beside(folder / SETTINGS, settings, *written)
+    return begin(folder, settings, *written)
+
+
 def keep_beside(path: Path, settings: Mapping[str, Any], *written: str) -> None:
     """Move the results of a run with other settings to a folder `earlier/N` beside them.
 

@@ -13,8 +13,15 @@ from jaxcrusher.crusher.foundation import frame_at
 from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.crusher.snapshot import bodies_of, chain_of, crank_motion, mass_centres
+from jaxcrusher.files.table import Column, dataset
 
 COORDINATES = ("x", "y", "rotation")
+COLUMNS = {
+    "frequency": Column("Hz", "frequency"),
+    "damped_frequency": Column("Hz", "frequency of free vibration"),
+    "damping_ratio": Column("1", "damping ratio"),
+    "share": Column("1", "share of the kinetic energy", dims=("coordinate",)),
+}
 # Newton's steps to where the machine stands; its last one, as a share of the sag.
 STEPS, STANDING = 50, 1e-12
 
@@ -59,27 +66,13 @@ def natural_modes(scene: Scene) -> xr.Dataset:
     sums = np.array([(one + other).real for one, other, _ in modes])
     energies = [np.diag(mass) * np.abs(vectors[:3, k]) ** 2 for _, _, k in modes]
     turns = 2 * np.pi
-    return xr.Dataset(
-        {
-            "frequency": ("mode", sizes / turns, {"units": "Hz", "long_name": "frequency"}),
-            "damped_frequency": (
-                "mode",
-                np.array([abs(np.imag(values)[k]) for _, _, k in modes]) / turns,
-                {"units": "Hz", "long_name": "frequency of free vibration"},
-            ),
-            "damping_ratio": (
-                "mode",
-                -sums / (2 * sizes),
-                {"units": "1", "long_name": "damping ratio"},
-            ),
-            "share": (
-                ("mode", "coordinate"),
-                np.array([one / one.sum() for one in energies]),
-                {"units": "1", "long_name": "share of the kinetic energy"},
-            ),
-        },
-        {"coordinate": list(COORDINATES)},
-    )
+    told = {
+        "frequency": sizes / turns,
+        "damped_frequency": np.array([abs(np.imag(values)[k]) for _, _, k in modes]) / turns,
+        "damping_ratio": -sums / (2 * sizes),
+        "share": np.array([one / one.sum() for one in energies]),
+    }
+    return dataset(("mode",), told, COLUMNS, {"coordinate": list(COORDINATES)})
 
 
 def _pairs(values: np.ndarray) -> list[tuple[complex, complex, int]]:
