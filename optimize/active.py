@@ -1,9 +1,13 @@
 """The active constraints at an optimum, by the conditions of Karush, Kuhn and Tucker."""
 
 import numpy as np
+import scipy.optimize
+from jaxtyping import Float
 
+from optimize import smooth
 from optimize.answer import Active, Confirmed
 from optimize.evaluate import Case
+from optimize.limits import OF_ORBIT
 from optimize.orbits import widths
 
 # A coordinate of the unit box this near its end is at it: rounding.
@@ -16,22 +20,29 @@ def active_constraints(case: Case, best: Confirmed) -> tuple[tuple[Active, ...],
     """Return the active constraints with their multipliers, and the slopes that remain.
 
     A multiplier is by how much the objective would fall per unit. The slopes, per unit of each
-    free parameter, are those left after the constraint on the capacity has taken its part. At a
-    minimum they vanish.
+    free parameter, are those left after the constraints on the capacity and on statistics have
+    taken their parts. At a minimum they vanish.
     """
     if best.orbit is None:
         return (), {}
     at, names = case.design.unit(best.values), case.design.names
-    slopes = np.array([best.orbit.slopes[name] for name in names])
+    width = widths(case)
+    slopes = np.array([best.orbit.slopes[name] for name in names]) * width
     lowest, highest = at <= AT_LIMIT, at >= case.upper - AT_LIMIT
     free, found = ~(lowest | highest), []
-    if case.links_free and best.capacity <= case.capacity_floor * (1 + AT_FLOOR):
-        by_capacity = case.capacity_slope(at) / widths(case)
-        # The least multiplier of the floor that leaves the free slopes nearest to zero.
-        norm = by_capacity[free] @ by_capacity[free]
-        multiplier = max(0.0, float(slopes[free] @ by_capacity[free] / norm)) if norm > 0 else 0.0
-        slopes = slopes - multiplier * by_capacity
-        found.append(Active("capacity", "lowest", multiplier))
+    standing = _standing(case, best, at)
+    if standing:
+        # The multipliers that leave the free slopes nearest to zero, none of them negative.
+        normals = np.stack([normal for _, _, normal in standing], axis=1)
+        sizes = np.linalg.norm(normals[free], axis=0)
+        sizes = np.where(sizes > 0, sizes, np.inf)
+        multipliers = scipy.optimize.nnls(normals[free] / sizes, slopes[free])[0] / sizes
+        slopes = slopes - normals @ multipliers
+        found += [
+            Active(name, end, float(multiplier))
+            for (name, end, _), multiplier in zip(standing, multipliers, strict=True)
+        ]
+    slopes = slopes / width
     for i, (name, top) in enumerate(zip(names, case.upper, strict=True)):
         if lowest[i] and slopes[i] > 0:
             found.append(Active(name, "lowest", float(slopes[i])))
@@ -40,3 +51,20 @@ def active_constraints(case: Case, best: Confirmed) -> tuple[tuple[Active, ...],
     limits = {one.parameter for one in found}
     left = {n: float(s) for n, s in zip(names, slopes, strict=True) if n not in limits}
     return tuple(found), left
+
+
+def _standing(
+    case: Case, best: Confirmed, at: Float[np.ndarray, " n"]
+) -> list[tuple[str, str, Float[np.ndarray, " n"]]]:
+    """Return what stands at its floor or limit, at which end, and its slope inwards.
+
+    Slopes are by the axes of the unit box.
+    """
+    found = []
+    if case.links_free and best.capacity <= case.capacity_floor * (1 + AT_FLOOR):
+        found.append(("capacity", "lowest", case.capacity_slope(at)))
+    for limit in case.limits:
+        value, slope = smooth.limited(case, limit)(at)
+        if value >= limit.most * (1 - OF_ORBIT):
+            found.append((limit.statistic, "highest", -slope))
+    return found

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import jaxcrusher as jc
+from optimize.limits import Limit
 
 
 @dataclass(frozen=True)
@@ -129,9 +130,9 @@ class Refinement:
 class Active:
     """An active constraint at the optimum: without it the objective would fall."""
 
-    parameter: str  # or "capacity" itself, where the links are free
+    parameter: str  # or what is constrained itself: "capacity", a statistic of a limit
     limit: str  # "lowest", "highest" or "capacity"
-    multiplier: float  # by how much the objective would fall per unit of the parameter
+    multiplier: float  # by how much the objective would fall per unit
 
 
 @dataclass(frozen=True)
@@ -191,6 +192,7 @@ class Box:
     capacity_floor: float  # m3/h
     derived_speed: tuple[float, float]  # rad/s, by the equations of capacity
     units: dict[str, str] = field(default_factory=dict)  # that numbers were given in, where known
+    limits: tuple[Limit, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from jaxcrusher.motion.statistics import limits_of
 from optimize.answer import Confirmed, Orbit, Runs
 from optimize.evaluate import STARTS, Case, Progress, Rows, Window, evaluate
 from optimize.forces import FORCES
+from optimize.limits import OF_ORBIT
 
 CONFIDENCE = 0.95
 # Starts of independent runs are shifted at random by up to this many clearances: a swing or a
@@ -80,11 +81,13 @@ def confirmed(
     objective, half_width = judged[worse]
     worst = runs[STARTS[worse]]
     forces = {name: float(worst.by_run[name].mean()) for name in FORCES}
+    counts = bool(rows["counts"].all())
     if orbit is not None and worst.settles:
         forces = {name: float(orbit.solution[name]) for name in FORCES}
+        counts &= all(limit.kept(orbit.solution, OF_ORBIT) for limit in case.limits)
     return Confirmed(
         values,
-        objective if rows["counts"].all() else float("nan"),
+        objective if counts else float("nan"),
         half_width,
         STARTS[worse],
         float(described["speed"]),

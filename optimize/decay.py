@@ -52,9 +52,10 @@ def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
     for (i, start), states, good in zip(dying, *pairs, strict=True):
         if good.all():
             runs = found[i].transient[start]
-            section = _orbit(found[i]).solution.eccentricity
-            assert section is not None
-            apart, left = places(states) - np.asarray(section)[0]
+            solution = _orbit(found[i]).solution
+            joints = solution.scene.joints.count
+            section = places(np.asarray(solution.section), joints)
+            apart, left = places(states, joints) - section
             decay = measured(apart, float(_oscillations(left).max()))
             transient = found[i].transient | {start: replace(runs, decay=decay)}
             found[i] = replace(found[i], transient=transient)

@@ -20,6 +20,7 @@ from jaxcrusher.files.journal import Journal
 from jaxcrusher.motion.statistic import always_of
 from jaxcrusher.scenes.build import LINKS, build_chamber
 from optimize.design import Design
+from optimize.limits import OF_RUN, Limit
 from optimize.objectives import Objective
 
 # A machine may start either way: with its pin centred in the bore (hard impacts), and resting in
@@ -42,6 +43,7 @@ class Case:
     chamber: CrushingChamber
     capacity_floor: float = 0.0  # m3/h
     inside_model: bool = False  # also refuse motions outside the contact model
+    limits: tuple[Limit, ...] = ()
 
     def capacity(self, units: Float[np.ndarray, "*batch n"]) -> np.ndarray:
         """Crushing capacity of points of the unit box, m3/h."""
@@ -150,6 +152,8 @@ def may_count(rows: Mapping[str, Any], case: Case, capacity) -> np.ndarray:
     good = rows["success"].astype(bool) & ~rows["whirl"].astype(bool)
     if case.inside_model:
         good = good & rows["inside_model"].astype(bool)
+    for limit in case.limits:
+        good = good & limit.kept(rows, OF_RUN)
     return good & (np.asarray(capacity) >= case.capacity_floor * (1 - 1e-12))
 
 
@@ -160,7 +164,8 @@ def losses(
 
     Rows have the shape (starts, designs, ...), as those of `evaluate` or of long runs.
     """
-    columns = ("success", "whirl", "inside_model", "objective")
+    limited = (limit.statistic for limit in case.limits)
+    columns = ("success", "whirl", "inside_model", "objective", *limited)
     seen = {
         name: np.asarray(rows[name]).reshape(len(STARTS), len(capacity), -1) for name in columns
     }
@@ -168,6 +173,9 @@ def losses(
     lost = {"failed to integrate": failed, "come to a friction whirl": seen["whirl"].astype(bool)}
     if case.inside_model:
         lost["leave the contact model"] = ~failed & ~seen["inside_model"].astype(bool)
+    for limit in case.limits:
+        beyond = f"have a {limit.statistic} above {limit.most:.4g} {limit.unit}"
+        lost[beyond] = ~failed & ~limit.kept(seen, OF_RUN)
     lost["have no number of the objective"] = ~failed & np.isnan(seen["objective"])
     counts = {why: int(each.any(axis=(0, 2)).sum()) for why, each in lost.items()}
     short = f"are below the capacity of {case.capacity_floor:.4g} m3/h"
@@ -211,7 +219,8 @@ def stacked_scenes(
 def _row(batch: tuple[jc.Scene, Array], case: Case, window: Window) -> dict[str, Array]:
     """Return the row of a scene at a point of the unit box."""
     scene, unit = batch
-    always = always_of(scene)
+    limited = (limit.statistic for limit in case.limits)
+    always = tuple(dict.fromkeys((*always_of(scene), *limited)))
     outputs = tuple(dict.fromkeys((*always, *case.objective.outputs)))
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
     chamber = case.chamber_of(case.design.description(unit))

@@ -46,7 +46,9 @@ def name_of(meaning: str) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """Return a number with four digits and its unit; thousands of newtons are kN."""
+    """Return a number with four digits and its unit; thousands of newtons are kN, lengths mm."""
+    if unit == "m":
+        return f"{1e3 * value:.4g} mm"
     if unit == "N" and abs(value) >= 1e3:
         return f"{value / 1e3:.4g} kN"
     return f"{value:.4g} {unit}"

@@ -6,6 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Active, Answer, Confirmed, Runs
@@ -61,7 +62,12 @@ def coexisting(design: Confirmed) -> str:
 
 def active(one: Active, unit: str, units: Mapping[str, str]) -> str:
     """Return an active constraint and its multiplier."""
-    of, factor = ("m3/h", 1.0) if one.parameter == "capacity" else unit_of(one.parameter, units)
+    if one.parameter == "capacity":
+        of, factor = "m3/h", 1.0
+    elif one.parameter in STATISTIC:
+        of, factor = STATISTIC[one.parameter].unit, 1.0
+    else:
+        of, factor = unit_of(one.parameter, units)
     by = "the floor of the capacity" if one.limit == "capacity" else f"its {one.limit} value"
     per = f" per {of}" if of else ""
     return f"{one.parameter} is at {by}, multiplier {number(one.multiplier * factor)} {unit}{per}"

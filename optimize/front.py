@@ -39,7 +39,7 @@ def fronts(
     (statistic,) = rival.outputs
     counts = orbits.counts.to_numpy().ravel()
     over_map = orbits[statistic].to_numpy().ravel()
-    value, spares, found = smooth.objective(case), smooth.floor(case), []
+    value, spares, found = smooth.objective(case), smooth.constraints(case), []
     for of, unit, sign, number, here, there in (
         ("capacity", "m3/h", -1, smooth.capacity(case), optimum.capacity, case.capacity(units)),
         (

@@ -13,6 +13,7 @@ from jaxcrusher.batch.sweep import columns_of
 from jaxcrusher.crusher.joints import JOINTS
 from jaxcrusher.files import table
 from jaxcrusher.files.table import COLUMNS, Column
+from jaxcrusher.motion import statistic
 from jaxcrusher.motion.statistic import always_with, chosen
 from optimize.design import Design
 from optimize.evaluate import STARTS, Case, Rows, judged
@@ -42,7 +43,8 @@ def dataset(
         "objective": Column(case.objective.unit, case.objective.meaning),
         "counts": Column("1", "may be chosen: succeeded, no whirl, inside the constraints", bool),
     }
-    kept = columns_of(JOINTS[1:], chosen(always_with(JOINTS)))
+    limited = (limit.statistic for limit in case.limits)
+    kept = columns_of(JOINTS[1:], chosen(always_with(JOINTS))) | statistic.columns(limited)
     kept |= {name: COLUMNS[name] for name in ("steps", "state")}
     return labelled(case.design, units, grid, rows, kept | own, {"start": list(STARTS)})
 

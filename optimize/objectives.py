@@ -25,8 +25,8 @@ class Objective:
     formula: Formula
 
 
-def _plain(name: str) -> Objective:
-    """A statistic as it is."""
+def plain(name: str) -> Objective:
+    """Return the objective that is a statistic as it is."""
     statistic = STATISTIC[name]
     return Objective(statistic.unit, statistic.meaning, (name,), lambda found, *_: found[name])
 
@@ -45,16 +45,24 @@ def _per_volume(name: str) -> Formula:
     return formula
 
 
+# Objectives of a frame on supports: what it passes to the ground, and how it moves.
+OF_SUPPORTS = (
+    "transmitted_rms",
+    "transmitted_peak",
+    "frame_displacement_peak",
+    "frame_velocity_rms",
+)
 OBJECTIVES = {
-    "rms": _plain("foundation_rms"),
-    "peak": _plain("foundation_peak"),
-    "smooth_peak": _plain("foundation_smooth_peak"),
-    "mean": _plain("foundation_mean"),
-    "shaking_rms": _plain("shaking_rms"),
-    "shaking_peak": _plain("shaking_peak"),
-    "shaking_moment_rms": _plain("shaking_moment_rms"),
+    "rms": plain("foundation_rms"),
+    "peak": plain("foundation_peak"),
+    "smooth_peak": plain("foundation_smooth_peak"),
+    "mean": plain("foundation_mean"),
+    "shaking_rms": plain("shaking_rms"),
+    "shaking_peak": plain("shaking_peak"),
+    "shaking_moment_rms": plain("shaking_moment_rms"),
+    **{name: plain(name) for name in OF_SUPPORTS},
     "excess": Objective("N", "RMS less that of the ideal joint", ("foundation_rms",), _excess),
-    "joint_peak": _plain("joint_peak"),
+    "joint_peak": plain("joint_peak"),
     "wear": Objective(
         "J/m3",
         "normal force times surface slip, per volume crushed",

@@ -51,6 +51,10 @@ class Options(Effort):
         "shaking_rms",
         "shaking_peak",
         "shaking_moment_rms",
+        "transmitted_rms",
+        "transmitted_peak",
+        "frame_displacement_peak",
+        "frame_velocity_rms",
         "excess",
         "joint_peak",
         "wear",
@@ -59,7 +63,9 @@ class Options(Effort):
     """What to make small: RMS, peak, smooth peak or mean of the foundation force |R_O| + |R_C|, RMS
     or peak of the shaking force (what moves of the force on the ground), the RMS's excess over the
     ideal joint, the peak force in the bearing (all N), RMS of what moves of the moment on the
-    ground (N m), sliding work or drive energy per volume crushed (J/m3)."""
+    ground (N m), sliding work or drive energy per volume crushed (J/m3). Of a frame on supports:
+    RMS or peak of what moves of the force that they pass to the ground (N), how far the frame
+    comes from its mean place (m), RMS of its speed (m/s)."""
     speed: Range = ("25", "40rad/s")
     """Lowest and highest driving speed, the first in the unit of the second."""
     clearance: Range = ("0.03", "0.12mm")
@@ -83,6 +89,13 @@ class Options(Effort):
     capacity_floor: float | None = None
     """Least crushing capacity, m3/h; by default that at the lowest speed over 1.67, as in the
     paper: 9.41 / 1.67."""
+    limit: Annotated[
+        tuple[tuple[str, str], ...],
+        tyro.conf.UseAppendAction,
+        tyro.conf.arg(metavar="STATISTIC MOST"),
+    ] = ()
+    """The most that a statistic of a design's motion may be, with its unit, as in
+    --limit frame_displacement_peak "0.2 mm". May be repeated."""
     inside_model: bool = False
     """Refuse designs whose motion leaves the contact model (wide contact, hard impacts)."""
     slip: Literal["centre", "surface"] | None = None

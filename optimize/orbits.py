@@ -18,6 +18,7 @@ from jaxcrusher.orbits.forced import refusal, unknowns
 from optimize.answer import Coexisting, Orbit
 from optimize.evaluate import Case, Progress, Rows, started
 from optimize.landscape import GRID_DIMENSIONS, labelled
+from optimize.limits import OF_ORBIT
 
 # What a map keeps of an orbit besides the statistics.
 KEPT = ("error", "largest_multiplier", "settling_turns", "least_penetration")
@@ -66,7 +67,8 @@ def solve(
     rows["slope"] = rows["slope"] / widths(case)
     capacity = case.capacity(units) >= case.capacity_floor * (1 - 1e-12)
     inside = rows["inside_model"] if case.inside_model else True
-    rows["counts"] = rows["stable"] & capacity & inside & np.isfinite(rows["objective"])
+    kept = np.all([limit.kept(rows, OF_ORBIT) for limit in case.limits], axis=0)
+    rows["counts"] = rows["stable"] & kept & capacity & inside & np.isfinite(rows["objective"])
     return rows
 
 
@@ -102,6 +104,7 @@ def solve_map(
     rows = solve(case, units, near, journal=journal, progress=progress)
     of = case.objective
     columns = statistic.columns(STATISTICS)
+    columns |= statistic.columns(limit.statistic for limit in case.limits)
     columns |= {name: COLUMNS[name] for name in (*KEPT, "stable", "inside_model", "failure")}
     columns["objective"] = Column(of.unit, of.meaning)
     meaning = f"slope of the {of.meaning}, per unit of the parameter"

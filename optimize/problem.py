@@ -23,7 +23,8 @@ from optimize.answer import Box, Sought
 from optimize.design import Design
 from optimize.evaluate import Case
 from optimize.landscape import GRID_DIMENSIONS
-from optimize.objectives import OBJECTIVES
+from optimize.limits import read_limits
+from optimize.objectives import OBJECTIVES, OF_SUPPORTS
 from optimize.options import Effort, Options
 
 # The paper's choice, Section 5.3.
@@ -31,7 +32,7 @@ SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
 # The paper's greatest capacity, to which its floor refers, is that at 25 rad/s.
 GREATEST_AT = 25.0
 # Options that do not decide the answer, or do by what they are read as.
-KEPT_APART = ("name", "out", "scene", "overrides", "speed", "clearance", "design")
+KEPT_APART = ("name", "out", "scene", "overrides", "speed", "clearance", "design", "limit")
 
 Bounds = dict[str, tuple[float, float]]
 
@@ -73,7 +74,10 @@ def resolve(options: Options) -> Problem:
         chamber,
         _floor(options, described, free),
         options.inside_model,
+        read_limits(options.limit, scene),
     )
+    stands = scene.supports is not None or options.objective not in OF_SUPPORTS
+    require(stands, "objective", "be another without foundation.mass", options.objective)
     if not case.links_free:
         reached = float(chamber.capacity(case.slowest))
         require(
@@ -90,14 +94,15 @@ def resolve(options: Options) -> Problem:
     written = (*options.overrides, *((name, high) for name, _, high in _free(options)))
     units = units_of_file(options.scene) | units_of(written)
     kept = {name: value for name, value in asdict(options).items() if name not in KEPT_APART}
+    limits = {limit.statistic: limit.most for limit in case.limits}
     reference, compared_with = _reference(options, described, free)
     return Problem(
         options.folder,
-        {"command": "search", **kept, "bounds": free, "scene": described},
+        {"command": "search", **kept, "bounds": free, "limits": limits, "scene": described},
         described,
         case,
         Sought(options.objective, case.objective.unit, case.objective.meaning),
-        Box(dict(free), case.capacity_floor, speeds, units),
+        Box(dict(free), case.capacity_floor, speeds, units, case.limits),
         reference,
         compared_with,
         options.objective == "rms" and options.scene is None,

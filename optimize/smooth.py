@@ -1,9 +1,13 @@
 """Numbers of a design with their exact slopes, as descents take them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from optimize.evaluate import Case
+from optimize.limits import Limit
 from optimize.local import Smooth
+from optimize.objectives import plain
 from optimize.orbits import solve, widths
 
 
@@ -24,11 +28,20 @@ def capacity(case: Case) -> Smooth:
     return lambda unit: (float(case.capacity(unit)), case.capacity_slope(unit))
 
 
-def floor(case: Case) -> tuple[Smooth, ...]:
-    """Return the constraint on the capacity; none where its floor is a corner of the box."""
-    if not case.links_free or case.capacity_floor <= 0:
-        return ()
-    return (above(capacity(case), case.capacity_floor),)
+def limited(case: Case, limit: Limit) -> Smooth:
+    """Return the statistic of the orbit that a limit is of."""
+    return objective(replace(case, objective=plain(limit.statistic), limits=()))
+
+
+def constraints(case: Case) -> tuple[Smooth, ...]:
+    """Return by how much a design is inside each constraint, as a share of it.
+
+    The floor of the capacity is none where it is a corner of the box.
+    """
+    found = [above(negative(limited(case, limit)), -limit.most) for limit in case.limits]
+    if case.links_free and case.capacity_floor > 0:
+        found.append(above(capacity(case), case.capacity_floor))
+    return tuple(found)
 
 
 def above(number: Smooth, least: float) -> Smooth:

@@ -155,7 +155,7 @@ def refine(
 
 
 def _by_gradients(case: Case, start: np.ndarray, steps: int) -> tuple[np.ndarray, Refinement]:
-    function, spares = smooth.objective(case), smooth.floor(case)
+    function, spares = smooth.objective(case), smooth.constraints(case)
     descent = local.descend(function, start, case.upper, steps, spares)
     slopes = descent.gradient / orbits.widths(case)
     return descent.path[-1], Refinement(

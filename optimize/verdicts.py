@@ -11,6 +11,7 @@ from optimize.answer import Answer, Check, Confirmed, Orbit
 from optimize.evaluate import Case
 from optimize.forces import quantity
 from optimize.formatting import active, coexisting, number, shown
+from optimize.limits import OF_ORBIT, OF_RUN
 from optimize.orbits import worse
 from optimize.problem import Problem
 from optimize.stages import CONFIRM_RTOL, LONGER
@@ -56,6 +57,7 @@ def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
             best.capacity >= case.capacity_floor * (1 - 1e-12),
             f"{best.capacity:.2f} >= {case.capacity_floor:.2f} m3/h",
         ),
+        *_limits(best, case),
         Check(
             "long runs from both starts succeed without whirl",
             best.counts,
@@ -81,6 +83,27 @@ def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
         ),
         _slopes(answer, best, case),
     )
+
+
+def _limits(best: Confirmed, case: Case) -> tuple[Check, ...]:
+    """Check each limit on all motions that the optimum comes to."""
+    found = []
+    for limit in case.limits:
+        of_runs = [float(runs.by_run[limit.statistic].mean()) for runs in best.transient.values()]
+        values, slack = of_runs, OF_RUN
+        if best.orbit is not None and best.settles:
+            values = [float(best.orbit.solution[limit.statistic])]
+            values += [float(one.solution[limit.statistic]) for one in best.coexisting]
+            slack = OF_ORBIT
+        highest = max(values)
+        found.append(
+            Check(
+                f"{limit.statistic} at most its limit",
+                highest <= limit.most * (1 + slack),
+                f"{highest:.6g} <= {limit.most:.6g} {limit.unit}",
+            )
+        )
+    return tuple(found)
 
 
 def _below_ideal(case: Case, best: Confirmed) -> float:

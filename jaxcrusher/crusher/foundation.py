@@ -60,6 +60,12 @@ class OnSupports(AbstractFoundation):
         height = self.base - self.point.y
         return Vector(self.left - self.point.x, height), Vector(self.right - self.point.x, height)
 
+    def rotational_stiffness(self) -> Scalar:
+        """Return the springs' moment about G by a small rotation, N m/rad."""
+        left, right = self.arms()
+        upright = self.horizontal_stiffness * (left.y**2 + right.y**2)
+        return upright + self.vertical_stiffness * (left.x**2 + right.x**2)
+
     def stretches(self, frame: FrameMotion) -> tuple[tuple[Vector, Vector], ...]:
         """Return displacement (m) and velocity (m/s) of the frame at either support."""
         # By how much the axis has moved: 1 - cos as a square, since stiff springs feel 1e-16 m.

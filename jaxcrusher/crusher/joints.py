@@ -45,6 +45,11 @@ class AtJoints(eqx.Module, Generic[T]):
         )
 
     @property
+    def count(self) -> int:
+        """How many joints there is something at."""
+        return sum(1 for _ in self.present())
+
+    @property
     def only_main(self) -> bool:
         """Whether nothing is at elbow and pivot."""
         return self.elbow is None and self.pivot is None

@@ -78,10 +78,8 @@ def frame_units(scene: AbstractScene) -> FrameUnits:
     """
     foundation, speed = scene.supports, scene.drive.speed
     assert foundation is not None
-    left, right = foundation.arms()
     throw = scene.machine.shaft.eccentricity
     horizontal, vertical = foundation.horizontal_stiffness, foundation.vertical_stiffness
-    turning = horizontal * (left.y**2 + right.y**2) + vertical * (left.x**2 + right.x**2)
 
     def unit(stiffness: Scalar, inertia: Scalar) -> Scalar:
         return throw * (LEAST + 1 / (1 + stiffness / (inertia * speed**2)))
@@ -90,7 +88,7 @@ def frame_units(scene: AbstractScene) -> FrameUnits:
     units = FrameUnits(
         unit(2 * horizontal, foundation.mass),
         unit(2 * vertical, foundation.mass),
-        unit(turning, foundation.inertia) / radius,
+        unit(foundation.rotational_stiffness(), foundation.inertia) / radius,
         radius,
         _weight(scene) / (2 * vertical),
     )
@@ -122,8 +120,7 @@ def initial_frame(scene: AbstractScene) -> FrameState | None:
     horizontal, vertical = foundation.horizontal_stiffness, foundation.vertical_stiffness
     rigid[0, 0], rigid[1, 1] = 2 * horizontal, 2 * vertical
     rigid[2, 0], rigid[2, 1] = -horizontal * (left.y + right.y), vertical * (left.x + right.x)
-    turning = horizontal * (left.y**2 + right.y**2) + vertical * (left.x**2 + right.x**2)
-    rigid[2, 2] = turning
+    rigid[2, 2] = foundation.rotational_stiffness()
     x, y, angle = solve_positive_definite(rigid, [still, -_weight(scene), moment])
     frame = frame_at(Vector(x, y), angle, Vector(still, still), still)
     return frame_units(scene).state(frame)

@@ -16,7 +16,6 @@ from jaxcrusher.dynamics.oscillation import (
     Oscillation,
     distance,
     oscillation_about,
-    places,
     section_of,
 )
 from jaxcrusher.lanes.code import LANES
@@ -105,7 +104,7 @@ def coexisting_orbits(
         state[going] = states[:, -1]
         failed += int(np.sum(~success))
         ended = zip(going, states, success, strict=True)
-        seen = {n: _oscillations(s) for n, s, good in ended if good}
+        seen = {n: _oscillations(s, scene.joints.count) for n, s, good in ended if good}
         looks.append(seen)
         # The narrowest first: it leads to an orbit best.
         going = []
@@ -135,7 +134,7 @@ def _shifted(
 ) -> Float[np.ndarray, "starts dims"]:
     """Return section points about the scene's start, evenly over a disc at each joint."""
     random, start = np.random.default_rng(seed), np.asarray(initial_state(scene))
-    count = len(list(scene.joints.present())), starts
+    count = scene.joints.count, starts
     radii, angles = spread * np.sqrt(random.uniform(size=count)), random.uniform(size=count)
     offsets = radii * np.exp(2j * np.pi * angles)
     still = np.zeros(count)
@@ -153,10 +152,10 @@ def _repeated(scene: Scene, count: int) -> Scene:
 _Oscillations = dict[int, Oscillation]
 
 
-def _oscillations(states: Float[np.ndarray, "turns dims"]) -> _Oscillations:
+def _oscillations(states: Float[np.ndarray, "turns dims"], joints: int) -> _Oscillations:
     """Return the oscillations about orbits of each of `PERIODS`, and of `CYCLE` turns."""
     whole = states[len(states) % CYCLE :]
-    return {period: oscillation_about(whole, period) for period in (*PERIODS, CYCLE)}
+    return {period: oscillation_about(whole, period, joints) for period in (*PERIODS, CYCLE)}
 
 
 def _shortest(oscillations: _Oscillations) -> Oscillation:
@@ -176,12 +175,12 @@ class _Known:
     def about(self, one: Oscillation, widest: float) -> int | None:
         """Return the orbit that a motion oscillates about; up to a spread it is solved for."""
         allowed = one.allowed
-        away = [distance(section, one.centre) for section in self._sections]
+        away = [distance(section, one.middle) for section in self._sections]
         if away and min(away) < allowed:
             return int(np.argmin(away))
         if len(one.centre) > PERIODS[-1] or one.spread > widest:
             return None
-        again = any(distance(tried, one.centre) < allowed for tried in self._failures)
+        again = any(distance(tried, one.middle) < allowed for tried in self._failures)
         if again or len(self._failures) >= MOST_FAILURES:
             return None
         # Where the section bends, another turn's mean may lead there.
@@ -190,7 +189,7 @@ class _Known:
             if bool(orbit.stable):
                 break
         else:
-            self._failures.append(places(one.centre))
+            self._failures.append(one.middle)
             return None
         alike = [i for i, other in enumerate(self.orbits) if _same(orbit, other)]
         if not alike:

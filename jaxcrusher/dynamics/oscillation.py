@@ -16,6 +16,7 @@ class Oscillation(NamedTuple):
     """A piece of motion: its mean section points, and its spread about them."""
 
     centre: Float[np.ndarray, "period dims"]  # entry i is the mean over every p-th turn from i on
+    middle: Float[np.ndarray, "period half"]  # the eccentricities of these, in clearances
     spread: float  # about these, RMS, in clearances
 
     @property
@@ -24,33 +25,39 @@ class Oscillation(NamedTuple):
         return max(ABOUT * self.spread, NEAR)
 
 
-def oscillation_about(states: Float[np.ndarray, "turns dims"], period: int) -> Oscillation:
-    """Return the oscillation of whole multiples of `period` turns about an orbit of that period."""
+def oscillation_about(
+    states: Float[np.ndarray, "turns dims"], period: int, joints: int
+) -> Oscillation:
+    """Return the oscillation of whole multiples of `period` turns about an orbit of that period.
+
+    The pins of the loose `joints` are looked at, and no frame that stands on springs.
+    """
     parts = states.reshape(-1, period, states.shape[1])
     centre = parts.mean(axis=0)
-    apart = places(parts - centre)
-    return Oscillation(centre, float(np.sqrt(np.mean(apart**2))))
+    apart = places(parts - centre, joints)
+    return Oscillation(centre, places(centre, joints), float(np.sqrt(np.mean(apart**2))))
 
 
-def places(states: Float[np.ndarray, "*turns dims"]) -> Float[np.ndarray, "*turns half"]:
-    """Return the eccentricities of section points, which hold four numbers a joint."""
-    of_joints = states.reshape(*states.shape[:-1], -1, 4)[..., :2]
-    return of_joints.reshape(*states.shape[:-1], -1)
+def places(
+    states: Float[np.ndarray, "*turns dims"], joints: int
+) -> Float[np.ndarray, "*turns half"]:
+    """Return the eccentricities of section points, which begin with four numbers a loose joint."""
+    of_joints = states[..., : 4 * joints].reshape(*states.shape[:-1], joints, 4)
+    return of_joints[..., :2].reshape(*states.shape[:-1], 2 * joints)
 
 
 def section_of(orbit: PeriodicOrbit) -> Float[np.ndarray, "period half"]:
     """Return the positions of the pins at the beginning of each turn, in clearances."""
     turns = [flat(orbit.state(2 * np.pi * turn), orbit.scene) for turn in range(orbit.period)]
-    return places(np.array(turns))
+    return places(np.array(turns), orbit.scene.joints.count)
 
 
-def distance(section: Float[np.ndarray, "p half"], centre: Float[np.ndarray, "n dims"]) -> float:
+def distance(section: Float[np.ndarray, "p half"], middle: Float[np.ndarray, "n half"]) -> float:
     """Return the distance between two orbits, RMS, in clearances; whichever turn comes first.
 
     It is infinite where the periods differ.
     """
-    if len(section) != len(centre):
+    if len(section) != len(middle):
         return np.inf
-    middle = places(centre)
     apart = [np.roll(section, -turn, axis=0) - middle for turn in range(len(section))]
     return min(float(np.sqrt(np.mean(shift**2))) for shift in apart)

@@ -151,8 +151,8 @@ def _orbit_in_contact(scene: Scene, record: Section) -> PeriodicOrbit | None:
     orbit = periodic_orbit(scene, nodes=NODES)
     if not bool(orbit.stable):
         return None
-    swing = oscillation_about(np.asarray(record.states), 1)
-    return orbit if distance(section_of(orbit), swing.centre) < swing.allowed else None
+    swing = oscillation_about(np.asarray(record.states), 1, scene.joints.count)
+    return orbit if distance(section_of(orbit), swing.middle) < swing.allowed else None
 
 
 def _record(scene: Scene, settle_turns: int, turns: int, rtol: float) -> Section:

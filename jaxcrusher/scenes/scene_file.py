@@ -210,10 +210,17 @@ def require_parameter(name: str) -> None:
 def to_si(name: str, text: str) -> float:
     """A quantity such as "0.06 mm" in the SI unit of the parameter `name`.
 
+    Raises ValueError as `quantity_in` does.
+    """
+    return quantity_in(NUMBERS[name].unit, name, text)
+
+
+def quantity_in(unit: str, name: str, text: str) -> float:
+    """A quantity such as "0.06 mm" in an SI unit; `name` is what messages call it.
+
     Raises ValueError for no unit, an unknown one, and one of another kind. Angles are a kind of
     their own: "5 Hz" may mean turns or radians.
     """
-    unit = NUMBERS[name].unit
     match = _QUANTITY.fullmatch(text)
     if match is None:
         why = "is none"

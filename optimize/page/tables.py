@@ -10,6 +10,7 @@ from jaxcrusher.batch.sweep import columns_of
 from jaxcrusher.crusher.joints import JOINTS, before
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
+from jaxcrusher.motion import statistic
 from jaxcrusher.motion.statistic import STATISTIC, always_with, chosen
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, in_words
@@ -276,7 +277,9 @@ def runs(design: Confirmed, unit: str) -> Table:
     """Return every variable of every run of a design."""
     first, *_ = design.transient.values()
     joints = [joint for joint in JOINTS[1:] if f"{before(joint)}contact_fraction" in first.by_run]
-    known = columns_of(joints, chosen(always_with(joints))) | {
+    known = columns_of(joints, chosen(always_with(joints)))
+    known |= statistic.columns(name for name in first.by_run if name in STATISTIC)
+    known |= {
         "objective": Column(unit, "objective"),
         "steps": COLUMNS["steps"],
         "counts": Column("1", "may be chosen"),
@@ -304,6 +307,10 @@ def box(found: Answer) -> Table:
     rows += [
         ("capacity, m³/h", f"{found.box.capacity_floor:.3g}", "none"),
         ("speed by capacity, rad/s", f"{low:.4g}", f"{high:.4g}"),
+    ]
+    rows += [
+        (f"{in_words(limit.statistic)}, {limit.unit}", "none", f"{limit.most:.5g}")
+        for limit in found.box.limits
     ]
     return Table(("", "lowest", "highest"), rows)
 

@@ -5,6 +5,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.dynamics import coexisting_orbits as module
+from jaxcrusher.dynamics.oscillation import places
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.orbits.shooting import shoot
 
@@ -62,7 +63,7 @@ def swinging(section, width, pace=3**0.5, turns=250):
 
 
 def oscillation_about(*arguments):
-    return module._shortest(module._oscillations(swinging(*arguments)))
+    return module._shortest(module._oscillations(swinging(*arguments), 1))
 
 
 def test_what_a_motion_swings_about():
@@ -119,10 +120,12 @@ def test_known_orbits_are_not_shot_for_again(monkeypatch):
     # What still swings belongs to the orbit that it swings about less than before, also where it
     # is in step with the shaft for a while; not what swings on.
     for pace in (np.sqrt(3), 1 / 3):
-        before, now = (module._oscillations(swinging(one, width, pace)) for width in (0.06, 0.05))
+        before, now = (
+            module._oscillations(swinging(one, width, pace), 1) for width in (0.06, 0.05)
+        )
         assert known.approached(before, now) == 0
         assert known.approached(now, now) is None
-    far = module._oscillations(swinging([[0.6, 0.4]], 0.05))
+    far = module._oscillations(swinging([[0.6, 0.4]], 0.05), 1)
     assert known.approached(before, far) is None
 
 
@@ -142,3 +145,16 @@ def test_what_was_found_can_be_handed_back(found):
     assert again.stable and again.period == 2
     # Both close to 1e-7 clearances.
     np.testing.assert_allclose(again.foundation_rms, loud.foundation_rms, rtol=1e-7)
+
+
+def test_a_frame_on_springs_is_no_joint():
+    """All starts of a quiet machine on its block come to the orbit that Newton's method finds."""
+    block = {"foundation.mass": 6000.0, "speed": 27.0, "clearance": 0.05e-3}
+    scene = jc.build_scene(block)
+    found = jc.coexisting_orbits(scene, starts=4, turns=96)
+    assert found.shares == (1.0,) and len(found.orbits) == 1
+    (orbit,) = found.orbits
+    # Four numbers of the joint, and six of the frame, of which none is a place of a pin.
+    assert orbit.section.shape == (10,)
+    assert places(np.arange(20.0).reshape(2, 10), 1).tolist() == [[0.0, 1.0], [10.0, 11.0]]
+    assert places(np.arange(14.0), 2).tolist() == [0.0, 1.0, 4.0, 5.0]

@@ -61,7 +61,7 @@ def a_case(floor: float, slope: tuple[float, float]) -> Case:
         bounds=bounds,
         unit=lambda values: np.array([values["a"] / 2, values["b"] / 5]),
     )
-    known = dict(design=design, upper=np.ones(2), links_free=True, capacity_floor=floor)
+    known = dict(design=design, upper=np.ones(2), links_free=True, capacity_floor=floor, limits=())
     by_unit = np.array(slope) * (2.0, 5.0)
     return cast(Any, SimpleNamespace(**known, capacity_slope=lambda unit: by_unit))
 
@@ -75,8 +75,10 @@ def test_the_floor_of_the_capacity_takes_its_part_of_the_slopes():
     """Slopes of 6 and 3 along a capacity that rises by 2 and 1: held by 3 a unit of it."""
     best = an_optimum(1.0, 2.0, {"a": 6.0, "b": 3.0}, 8.0)
     limits, left = active_constraints(a_case(8.0, (2.0, 1.0)), best)
-    assert [(one.parameter, one.multiplier) for one in limits] == [("capacity", 3.0)]
-    assert left == {"a": 0.0, "b": 0.0}
+    (one,) = limits
+    # But for rounding.
+    assert one.parameter == "capacity" and one.multiplier == pytest.approx(3.0, rel=1e-14)
+    assert left == pytest.approx({"a": 0.0, "b": 0.0}, abs=1e-14)
     # Above its floor the capacity holds nothing.
     limits, left = active_constraints(a_case(7.0, (2.0, 1.0)), best)
     assert not limits and left == {"a": 6.0, "b": 3.0}

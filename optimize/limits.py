@@ -1,0 +1,50 @@
+"""Limits of a search: the most that a statistic of a design's motion may be."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import jaxcrusher as jc
+from jaxcrusher.basics.checks import require, require_known
+from jaxcrusher.motion.statistic import STATISTIC, statistics_of
+from jaxcrusher.scenes.scene_file import quantity_in
+
+# A periodic orbit may exceed a limit by this share of it, which a descent leaves.
+OF_ORBIT = 1e-6
+# A time average may, since some of the transient is still in it.
+OF_RUN = 0.01
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The most that a statistic may be, in the statistic's unit."""
+
+    statistic: str
+    most: float
+
+    @property
+    def unit(self) -> str:
+        """Return the statistic's unit."""
+        return STATISTIC[self.statistic].unit
+
+    def kept(self, found: Mapping[str, Any] | jc.PeriodicOrbit, share: float) -> np.ndarray:
+        """Tell whether the statistics `found` exceed the limit by no more than a `share` of it."""
+        return np.asarray(found[self.statistic]) <= self.most * (1 + share)
+
+
+def read_limits(written: Iterable[tuple[str, str]], scene: jc.Scene) -> tuple[Limit, ...]:
+    """Return the limits of pairs of a statistic's name and its most, with the unit.
+
+    Raises ValueError for a name that the scene has no statistic of, for one given twice, and for a
+    value that is no positive number of the statistic's unit.
+    """
+    found: dict[str, Limit] = {}
+    for name, text in written:
+        require_known(name, statistics_of(scene))
+        require(name not in found, "limit", "name every statistic once", name)
+        most = quantity_in(STATISTIC[name].unit, name, text)
+        require(most > 0, f"limit of {name}", "be > 0", text)
+        found[name] = Limit(name, most)
+    return tuple(found.values())
