@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 import jaxcrusher as jc
+from jaxcrusher.orbits.load_sheet import Row
 from optimize.limits import Limit
 
 
@@ -219,6 +220,7 @@ class Answer:
     active: tuple[Active, ...] = ()  # constraints at the optimum
     free_slopes: dict[str, float] = field(default_factory=dict)  # that no constraint balances
     bound: Bound | None = None
+    load_sheets: Mapping[str, list[Row]] = field(default_factory=dict)  # of designs with an orbit
     fronts: tuple[Front, ...] = ()
     gradient_report: jc.GradientReport | None = None  # where the optimum has no orbit
     checks: tuple[Check, ...] = ()

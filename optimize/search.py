@@ -83,6 +83,7 @@ def run(options: Options, console: Console) -> Answer:
                     active=active,
                     free_slopes=free_slopes,
                 )
+                answer = replace(answer, load_sheets=stages.load_sheets(answer.designs))
                 answer = replace(answer, fronts=stages.trade(problem, work, best, points, mapped))
             remarks = (
                 verdicts.remark(best, problem),

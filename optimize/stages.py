@@ -1,7 +1,7 @@
 """The stages of a search: each takes the problem and earlier results, and returns results."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -16,6 +16,7 @@ import jaxcrusher as jc
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
+from jaxcrusher.orbits.load_sheet import Row, sheet
 from optimize import landscape, local, orbits, smooth
 from optimize.answer import Coexisting, Confirmed, Front, Refinement
 from optimize.concurrent import Stopped, run_concurrently
@@ -31,6 +32,8 @@ from optimize.problem import Problem
 MAP_RTOL, CONFIRM_RTOL = 1e-6, 1e-8
 # Confirmation runs last this many times longer than the landscape's.
 LONGER = 3
+# Harmonics of the shaft's speed in a load sheet.
+ORDERS = 4
 # Turns of the regime of the few designs that matter: settling, section points, exponents.
 REGIME = (60, 200, 20)
 
@@ -314,6 +317,15 @@ def _slopes(problem: Problem, best: Confirmed) -> jc.GradientReport:
 def _without_motion(regime: jc.Regime) -> jc.Regime:
     """Return the verdict with its indicators, without the motion that they were computed from."""
     return replace(regime, statistics=None, state=None)
+
+
+def load_sheets(designs: Mapping[str, Confirmed]) -> dict[str, list[Row]]:
+    """Return the load sheets of the foundation, by title, of designs that come to their orbit."""
+    return {
+        title: sheet(design.orbit.solution, ORDERS)
+        for title, design in designs.items()
+        if design.settles and design.orbit is not None
+    }
 
 
 def trade(

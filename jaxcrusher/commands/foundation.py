@@ -18,12 +18,12 @@ from rich.table import Table
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.commands.crushers import read_crusher, units_given
-from jaxcrusher.commands.load_sheet import SOURCE, Row, running_frequency, sheet
 from jaxcrusher.commands.options import Foundation
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.orbits.forced import refusal
+from jaxcrusher.orbits.load_sheet import SOURCE, Row, running_frequency, sheet
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.scene_file import read_range
 

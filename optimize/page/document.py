@@ -93,6 +93,7 @@ def _tables(answer: Answer) -> dict:
         "answer": tables.answer(answer) if answer.designs else None,
         "motions": tables.motions(answer) if answer.designs else None,
         "coexisting": tables.coexisting(answer),
+        "load_sheet": tables.load_sheet(answer),
         "checks": tables.checks(answer),
         "slopes": tables.slopes(answer),
         "fronts": tables.fronts(answer),

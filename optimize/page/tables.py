@@ -12,6 +12,7 @@ from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
 from jaxcrusher.motion import statistic
 from jaxcrusher.motion.statistic import STATISTIC, always_with, chosen
+from jaxcrusher.orbits.load_sheet import SOURCE, Row
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, in_words
 from optimize import formatting
@@ -104,6 +105,31 @@ def answer(found: Answer) -> Table:
         "turns to 1/e",
     )
     return Table(headings, rows, caption=f"{objective.meaning}, {unit}")
+
+
+def load_sheet(found: Answer) -> Table | None:
+    """Return the load sheets of the foundation side by side; None where no design has one."""
+    if not found.load_sheets:
+        return None
+    rows = []
+    for same in zip(*found.load_sheets.values(), strict=True):
+        first = same[0]
+        order = f", order {first.order:g}" if first.order else ""
+        rows.append((f"{first.name}{order}, {first.unit}", *map(_carried, same)))
+    sheets = found.load_sheets.values()
+    judged = any("zone" in row.remark for sheet in sheets for row in sheet)
+    zones = f" Zones of {SOURCE}." if judged else ""
+    about = (
+        "Forces on the ground: x to the right, y up. Harmonics of the shaft's speed have their "
+        f"phase, by the angle from the right.{zones}"
+    )
+    return Table(("", *found.load_sheets), rows, about=about)
+
+
+def _carried(row: Row) -> str:
+    phase = "" if isinstance(row.phase, str) else f" at {math.degrees(row.phase):.0f}°"
+    remark = f" ({row.remark})" if row.remark else ""
+    return f"{row.value:.4g}{phase}{remark}"
 
 
 def checks(found: Answer) -> Table:

@@ -6,6 +6,8 @@ import re
 import shutil
 from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
+from typing import Any, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +18,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.dynamics.slopes import Slope
+from jaxcrusher.orbits.load_sheet import Row
 from optimize import figures, formatting
 from optimize.answer import (
     Active,
@@ -36,6 +39,7 @@ from optimize.evaluate import STARTS, Case
 from optimize.motions import cell_motions
 from optimize.objectives import OBJECTIVES
 from optimize.page import data as page_data
+from optimize.page import tables
 from optimize.page.document import write_page
 from tests.optimize.by_hand import orbit_by_hand, solution_by_hand
 
@@ -647,3 +651,25 @@ def luminance(colour: str) -> float:
     parts = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_load_sheets_stand_side_by_side():
+    def sheet(value: float) -> list[Row]:
+        return [
+            Row("harmonics", "left force, vertically", 2.0, value, "N", np.pi / 2),
+            Row("motion", "RMS velocity of G", "", value, "mm/s", remark="zone A, rigid support"),
+        ]
+
+    found: Any = SimpleNamespace(load_sheets={"optimum": sheet(12.0), "scene file": sheet(34.0)})
+    table = tables.load_sheet(found)
+    assert table is not None and table.headings == ("", "optimum", "scene file")
+    assert table.rows == [
+        ("left force, vertically, order 2, N", "12 at 90°", "34 at 90°"),
+        (
+            "RMS velocity of G, mm/s",
+            "12 (zone A, rigid support)",
+            "34 (zone A, rigid support)",
+        ),
+    ]
+    assert "ISO 20816-3" in table.about
+    assert tables.load_sheet(cast(Any, SimpleNamespace(load_sheets={}))) is None

@@ -22,7 +22,7 @@ from optimize import confirm, decay, formatting, landscape, local, stages, verdi
 from optimize.answer import Check, Coexisting
 from optimize.bound import cell_bounds
 from optimize.evaluate import Window, evaluate, judged, started
-from optimize.objectives import OBJECTIVES
+from optimize.objectives import OBJECTIVES, OF_SUPPORTS
 from optimize.options import Options
 from optimize.pareto import nondominated
 from optimize.problem import resolve
@@ -488,9 +488,11 @@ def test_objectives_follow_from_their_statistics():
     }
     values = {}
     window = Window(0, 2, 1e-9)
-    outputs = tuple({name for o in OBJECTIVES.values() for name in o.outputs})
+    # Those of a frame on supports are statistics as they are, and this frame is clamped.
+    clamped = {name: one for name, one in OBJECTIVES.items() if name not in OF_SUPPORTS}
+    outputs = tuple({name for o in clamped.values() for name in o.outputs})
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
-    for name, objective in OBJECTIVES.items():
+    for name, objective in clamped.items():
         values[name] = float(objective.formula(result, scene, chamber))
     # Sampling of a smooth periodic function; capacity to its four digits.
     shaken = ("shaking_rms", "shaking_peak", "shaking_moment_rms")

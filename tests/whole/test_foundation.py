@@ -9,8 +9,8 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.commands import foundation
-from jaxcrusher.commands.load_sheet import ZONES, sheet, zone
 from jaxcrusher.commands.options import Crusher, Foundation, Results
+from jaxcrusher.orbits.load_sheet import ZONES, sheet, zone
 
 BLOCK = (("foundation.mass", "6 t"), ("foundation.x", "0.3 m"), ("joint", "ideal"))
 

@@ -6,7 +6,9 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-import jaxcrusher as jc
+from jaxcrusher.orbits.harmonics import harmonics
+from jaxcrusher.orbits.natural_modes import natural_modes
+from jaxcrusher.orbits.result import PeriodicOrbit
 
 # Zone boundaries of ISO 20816-3 for machines of 15 to 300 kW (group 2): RMS of the velocity, mm/s,
 # and of the displacement, um; A is that of new machines, D may damage. A support is rigid where the
@@ -39,12 +41,12 @@ def zone(kind: str, quantity: str, value: float) -> str:
     return "ABCD"[int(np.searchsorted(ZONES[kind][quantity], value))]
 
 
-def sheet(orbit: jc.PeriodicOrbit, orders: int) -> list[Row]:
+def sheet(orbit: PeriodicOrbit, orders: int) -> list[Row]:
     """Return the rows of the sheet of an orbit, part by part."""
-    loads = jc.harmonics(orbit, orders, outputs=(*_carried(orbit), "ground_moment"))
+    loads = harmonics(orbit, orders, outputs=(*_carried(orbit), "ground_moment"))
     if orbit.scene.supports is None:
         return [*_static(loads), *_harmonics(loads), *_peaks(orbit)]
-    modes = jc.natural_modes(orbit.scene)
+    modes = natural_modes(orbit.scene)
     return [
         *_modes(orbit, modes),
         *_static(loads),
@@ -54,12 +56,12 @@ def sheet(orbit: jc.PeriodicOrbit, orders: int) -> list[Row]:
     ]
 
 
-def running_frequency(orbit: jc.PeriodicOrbit) -> float:
+def running_frequency(orbit: PeriodicOrbit) -> float:
     """Return the shaft's frequency, Hz."""
     return float(orbit.scene.drive.speed) / (2 * np.pi)
 
 
-def _modes(orbit: jc.PeriodicOrbit, modes: xr.Dataset) -> list[Row]:
+def _modes(orbit: PeriodicOrbit, modes: xr.Dataset) -> list[Row]:
     part, running, rows = "natural modes", running_frequency(orbit), []
     for i in range(modes.sizes["mode"]):
         one = modes.isel(mode=i)
@@ -71,7 +73,7 @@ def _modes(orbit: jc.PeriodicOrbit, modes: xr.Dataset) -> list[Row]:
     return rows
 
 
-def _carried(orbit: jc.PeriodicOrbit) -> tuple[str, ...]:
+def _carried(orbit: PeriodicOrbit) -> tuple[str, ...]:
     return ("ground_force",) if orbit.scene.supports is None else ("left_force", "right_force")
 
 
@@ -107,7 +109,7 @@ def _words(quantity: str) -> str:
     )
 
 
-def _peaks(orbit: jc.PeriodicOrbit) -> list[Row]:
+def _peaks(orbit: PeriodicOrbit) -> list[Row]:
     names = {
         "shaking_rms": ("RMS of the shaking force", "N"),
         "shaking_peak": ("peak of the shaking force", "N"),
@@ -124,13 +126,13 @@ def _peaks(orbit: jc.PeriodicOrbit) -> list[Row]:
     ]
 
 
-def support_kind(orbit: jc.PeriodicOrbit, modes: xr.Dataset) -> str:
+def support_kind(orbit: PeriodicOrbit, modes: xr.Dataset) -> str:
     """Say whether the standard calls the supports rigid or flexible."""
     lowest = float(modes.frequency.min())
     return "rigid" if lowest >= RIGID * running_frequency(orbit) else "flexible"
 
 
-def _severity(orbit: jc.PeriodicOrbit, modes: xr.Dataset) -> list[Row]:
+def _severity(orbit: PeriodicOrbit, modes: xr.Dataset) -> list[Row]:
     """Return RMS of displacement and velocity at G and at the main bearing, with their zones."""
     kind, rows = support_kind(orbit, modes), []
     peak = float(orbit.frame_displacement_peak) * 1e6
@@ -155,7 +157,7 @@ def _severity(orbit: jc.PeriodicOrbit, modes: xr.Dataset) -> list[Row]:
     return rows
 
 
-def _paths(orbit: jc.PeriodicOrbit) -> dict[str, Float[np.ndarray, "n 2"]]:
+def _paths(orbit: PeriodicOrbit) -> dict[str, Float[np.ndarray, "n 2"]]:
     """Return displacements of G and of the main bearing over the period, m."""
     angles = 2 * np.pi * np.arange(SAMPLES * orbit.period) / SAMPLES
     seen = orbit.motion(angles, ("frame_displacement", "frame_rotation"))
