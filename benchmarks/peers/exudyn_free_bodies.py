@@ -8,6 +8,8 @@ a load written here.
 # EXUDYN's stubs take modules for types, and lack some settings.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
+from dataclasses import dataclass
+
 import exudyn as exu
 import numpy as np
 from exudyn import itemInterface as items
@@ -19,31 +21,65 @@ from benchmarks.peers.loose_joint import V0, V1, LooseJoint
 KINDS = exu.OutputVariableType
 
 
+@dataclass(frozen=True)
+class Stand:
+    """Where a frame on supports stands at the start, at rest; `centre` is G as drawn, m."""
+
+    centre: complex = 0j
+    displacement: complex = 0j  # of G, m
+    rotation: float = 0.0
+
+    @property
+    def axis(self) -> complex:
+        """The frame's x axis."""
+        return complex(np.exp(1j * self.rotation))
+
+    def place(self, point: complex) -> complex:
+        """Return where a point of the drawing is."""
+        return self.centre + self.displacement + self.axis * (point - self.centre)
+
+
 class Model:
     """The mechanism at the motion's start, and its sensors."""
 
-    def __init__(self, motion: FreeBodies):
-        """Take the motion's start, points of joints and numbers, and none of its equations."""
+    def __init__(self, motion: FreeBodies, stand: Stand | None = None):
+        """Take the motion's start, points of joints and numbers, and none of its equations.
+
+        With a `stand` the frame is a body on supports, of the numbers `foundation.*`. It feels the
+        opposite of the load on the jaw along the same line.
+        """
         of = motion.numbers
         self.motion = motion
         self.parts = parts = Parts(of["gravity"])
+        at, base, base_node = stand or Stand(), parts.ground, None
+        if stand is not None:
+            mass, inertia = of["foundation.mass"], of["foundation.inertia"]
+            start = at.place(at.centre), at.rotation, 0j, 0.0
+            base, base_node = parts.body(mass, inertia, *start)
+            self._supports(base, at.centre)
+            for name, kind in (("displacement", "Displacement"), ("rotation", "Rotation")):
+                seen = getattr(KINDS, kind)
+                sensor = items.SensorNode(nodeNumber=base_node, outputVariableType=seen)
+                parts.sensor(name, sensor)
         to_s1 = motion.unbalance / motion.shaft_mass
-        s1, velocity = motion.bearing + to_s1, 1j * of["speed"] * to_s1
-        inertia = of["shaft.inertia"]
-        shaft, node = parts.body(motion.shaft_mass, inertia, s1, 0.0, velocity, of["speed"])
-        bodies = {"frame": parts.ground, "shaft": shaft}
+        s1, velocity = motion.bearing + to_s1, 1j * of["speed"] * to_s1 * at.axis
+        turning = of["shaft.inertia"], at.place(s1), at.rotation, velocity, of["speed"]
+        shaft, node = parts.body(motion.shaft_mass, *turning)
+        bodies = {"frame": base, "shaft": shaft}
         for name, rows in ROWS.items():
             (x, y, angle), (u, v, spin) = motion.start[:6][rows], motion.start[6:12][rows]
+            moving = angle + at.rotation, complex(u, v) * at.axis, spin
             mass, inertia = of[f"{name}.mass"], of[f"{name}.inertia"]
-            bodies[name], _ = parts.body(mass, inertia, complex(x, y), angle, complex(u, v), spin)
-        # The ground's side first: forces come out in its axes.
-        parts.joint("O", parts.marker(parts.ground, motion.bearing), parts.marker(shaft, -to_s1))
-        parts.drive("drive", node, of["speed"])
+            bodies[name], _ = parts.body(mass, inertia, at.place(complex(x, y)), *moving)
+        # Points of shaft and frame are given from O and from C.
+        shifts = {"shaft": -to_s1, "frame": -at.centre if stand else 0j}
+        # The frame's side first: forces come out in its axes.
+        bearing = parts.marker(base, motion.bearing + shifts["frame"])
+        parts.joint("O", bearing, parts.marker(shaft, -to_s1))
+        parts.drive("drive", node, of["speed"], base_node)
         for joint, (bore_body, bore_point, pin_body, pin_point) in motion.joints.items():
-            # Points of the shaft are given from O.
-            shift = -to_s1 if pin_body == "shaft" else 0j
-            bore = parts.marker(bodies[bore_body], bore_point)
-            pin = parts.marker(bodies[pin_body], pin_point + shift)
+            bore = parts.marker(bodies[bore_body], bore_point + shifts.get(bore_body, 0j))
+            pin = parts.marker(bodies[pin_body], pin_point + shifts.get(pin_body, 0j))
             law = motion.laws[joint]
             if law is None:
                 parts.joint(joint, bore, pin)
@@ -61,6 +97,48 @@ class Model:
         parts.system.AddLoad(
             items.LoadForceVector(
                 markerNumber=parts.marker(bodies["jaw"], 0j), loadVector=load, bodyFixed=True
+            )
+        )
+        if stand is not None:
+            self._react(base, bodies["jaw"])
+
+    def _supports(self, base, centre: complex) -> None:
+        of, parts = self.motion.numbers, self.parts
+        stiffness, damping = (
+            complex(of[f"foundation.horizontal_{what}"], of[f"foundation.vertical_{what}"])
+            for what in ("stiffness", "damping")
+        )
+        for side in ("left", "right"):
+            foot = complex(of[f"foundation.{side}"], of["foundation.base"])
+            markers = parts.marker(parts.ground, foot), parts.marker(base, foot - centre)
+            parts.support(side, *markers, stiffness, damping)
+
+    def _react(self, base, jaw) -> None:
+        """Add the load's opposite on the frame."""
+        of, parts = self.motion.numbers, self.parts
+        centre, ahead, own = (
+            parts.marker(jaw, 0j),
+            parts.marker(jaw, 1 + 0j),
+            parts.marker(base, 0j),
+        )
+
+        def opposite(system) -> tuple[complex, float]:
+            """Return the force on the frame, and its moment about G."""
+            places = [
+                complex(*system.GetMarkerOutput(marker, KINDS.Position)[:2])
+                for marker in (centre, ahead, own)
+            ]
+            force = of["load"] * (places[1] - places[0])
+            return force, ((places[0] - places[2]).conjugate() * force).imag
+
+        parts.system.AddLoad(
+            items.LoadForceVector(
+                markerNumber=own, loadVectorUserFunction=lambda s, t, v: xyz(opposite(s)[0])
+            )
+        )
+        parts.system.AddLoad(
+            items.LoadTorqueVector(
+                markerNumber=own, loadVectorUserFunction=lambda s, t, v: [0.0, 0.0, opposite(s)[1]]
             )
         )
 

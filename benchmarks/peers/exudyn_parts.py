@@ -108,15 +108,33 @@ class Parts:
         force = exu.OutputVariableType.Force
         self.sensor(name, items.SensorObject(objectNumber=contact, outputVariableType=force))
 
+    def support(self, name: str, ground, body, stiffness: complex, damping: complex) -> None:
+        """Add springs and dampers between two markers; the force on the first one is kept.
+
+        Real parts are horizontal (N/m, N s/m), imaginary ones vertical. There is no force where
+        the markers are at one place.
+        """
+        support = self.system.AddObject(
+            items.ObjectConnectorCartesianSpringDamper(
+                markerNumbers=[ground, body], stiffness=xyz(stiffness), damping=xyz(damping)
+            )
+        )
+        force = exu.OutputVariableType.Force
+        self.sensor(name, items.SensorObject(objectNumber=support, outputVariableType=force))
+
     def coordinate(self, node, index: int):
         """Mark a node's coordinate."""
         return self.system.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=index))
 
-    def drive(self, name: str, node, speed: float) -> None:
-        """Turn a body's node at a constant speed (rad/s); the torque is kept."""
+    def drive(self, name: str, node, speed: float, base=None) -> None:
+        """Turn a node at a constant speed (rad/s), against the ground or the node `base`.
+
+        The torque is kept.
+        """
+        against = self.still if base is None else self.coordinate(base, 2)
         drive = self.system.AddObject(
             items.ObjectConnectorCoordinate(
-                markerNumbers=[self.still, self.coordinate(node, 2)],
+                markerNumbers=[against, self.coordinate(node, 2)],
                 velocityLevel=True,
                 offset=speed,
             )
