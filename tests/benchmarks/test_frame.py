@@ -46,9 +46,13 @@ def theirs(numbers: dict, known: dict, end: float, steps: int, kept: int, **star
 
 
 def apart(mine: dict, other: dict, name: str) -> float:
-    """Return the largest difference, as a share of what moves of the quantity."""
+    """Return the largest difference, as a share of what moves of the quantity.
+
+    Generalised-alpha begins without accelerations. The dampers feel that for some steps, so that
+    the first ten instants are left out.
+    """
     moves = np.abs(mine[name] - mine[name].mean(axis=0)).max()
-    return float(np.abs(other[name] - mine[name]).max() / moves)
+    return float(np.abs(other[name] - mine[name])[10:].max() / moves)
 
 
 @pytest.mark.parametrize("speed", [25.0, 30.0, 40.0])
@@ -66,9 +70,8 @@ def test_exudyn_agrees_to_second_order(kind, speed):
     for name in SEEN:
         without = {name: (4 * fine[name] - coarse[name]) / 3}
         assert apart(mine, coarse, name) < 1e-3, name
-        # Of fourth order: (1e-3)^2. The velocities of the first steps, which the dampers feel, are
-        # worse, because generalised-alpha begins without accelerations.
-        assert apart(mine, without, name) < (3e-6 if "force" in name else 1e-7), name
+        # Of fourth order: a step is 0.095 radians of the fastest mode, and 0.095^4 / 720 is 1e-7.
+        assert apart(mine, without, name) < 2e-7, name
 
 
 def test_exudyn_agrees_with_clearance():
