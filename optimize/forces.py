@@ -46,9 +46,9 @@ def name_of(meaning: str) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """Return a number with four digits and its unit; thousands of newtons are kN, lengths mm."""
+    """Return a number with four digits and its unit: newtons as kN, joules as kJ, lengths as mm."""
     if unit == "m":
         return f"{1e3 * value:.4g} mm"
-    if unit == "N" and abs(value) >= 1e3:
-        return f"{value / 1e3:.4g} kN"
+    if unit in ("N", "J/m3") and abs(value) >= 1e3:
+        return f"{value / 1e3:.4g} k{unit}"
     return f"{value:.4g} {unit}"

@@ -47,7 +47,7 @@ def descend(
     stays where it is. Where there are `spares`, each must end at least 0: SLSQP sees to that.
     """
     seen: dict[bytes, tuple[float, np.ndarray]] = {}
-    known = _once(function, seen)
+    known = once(function, seen)
     start = np.clip(start, 0, upper)
     first, slope = known(start)
     if not np.isfinite(first):
@@ -75,8 +75,8 @@ def descend(
     return Descent(np.stack([*path, found.x]), first, last, gradient, len(seen))
 
 
-def _once(number: Smooth, seen: dict[bytes, tuple[float, np.ndarray]]) -> Smooth:
-    """The number, computed once at each point and remembered in `seen`."""
+def once(number: Smooth, seen: dict[bytes, tuple[float, np.ndarray]]) -> Smooth:
+    """Return the number, computed once at each point and remembered in `seen`."""
 
     def known(point: np.ndarray) -> tuple[float, np.ndarray]:
         key = np.ascontiguousarray(point).tobytes()
@@ -88,7 +88,7 @@ def _once(number: Smooth, seen: dict[bytes, tuple[float, np.ndarray]]) -> Smooth
 
 
 def _constraint(spare: Smooth) -> dict[str, Any]:
-    known = _once(spare, {})  # value and gradient are asked for one by one
+    known = once(spare, {})  # value and gradient are asked for one by one
     return {
         "type": "ineq",
         "fun": lambda point: known(point)[0],

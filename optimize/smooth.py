@@ -1,5 +1,6 @@
 """Numbers of a design with their exact slopes, as descents take them."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +29,8 @@ def capacity(case: Case) -> Smooth:
     return lambda unit: (float(case.capacity(unit)), case.capacity_slope(unit))
 
 
+# Stages ask again, and a program belongs to its case.
+@functools.lru_cache(maxsize=8)
 def limited(case: Case, limit: Limit) -> Smooth:
     """Return the statistic of the orbit that a limit is of."""
     return objective(replace(case, objective=plain(limit.statistic), limits=()))

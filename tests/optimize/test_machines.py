@@ -1,0 +1,67 @@
+"""Machines of scene files side by side."""
+
+import csv
+import io
+import math
+
+import pytest
+from rich.console import Console
+
+import jaxcrusher as jc
+from optimize.machines import COMPARED, Machine, run, table_rows
+from optimize.objectives import OBJECTIVES
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """A quiet machine, and one whose load comes and goes; the screen, the csv, the folder."""
+    folder = tmp_path_factory.mktemp("compared")
+    (folder / "quiet.toml").write_text('speed = "27 rad/s"\nclearance = "0.05 mm"\n')
+    (folder / "loud.toml").write_text('load_law = "closing_stroke"\n')
+    written = io.StringIO()
+    console = Console(file=written, width=120)
+    run([folder / "quiet.toml", folder / "loud.toml"], 2, 3, "1.6 t/m3", folder, console)
+    rows = list(csv.DictReader((folder / "compare.csv").read_text().splitlines()))
+    return written.getvalue(), rows, folder
+
+
+def test_numbers_are_those_of_the_orbit(compared):
+    _, (quiet, _), _ = compared
+    orbit = jc.periodic_orbit(jc.paper_scene(27.0, 0.05e-3))
+    chamber = jc.CrushingChamber()
+    assert quiet["numbers of"] == "periodic orbit" and quiet["contact model"] == "inside"
+    for name in COMPARED:
+        # The same program; the capacity's width has four digits.
+        value = float(OBJECTIVES[name].formula(orbit, orbit.scene, chamber))
+        digits = 1e-4 if name in ("wear", "energy") else 1e-9
+        assert float(quiet[f"{name}, {OBJECTIVES[name].unit}"]) == pytest.approx(value, rel=digits)
+
+
+def test_a_motion_without_an_orbit_has_means_and_the_scatter_of_its_peaks(compared):
+    screen, (_, loud), folder = compared
+    assert loud["numbers of"] == "mean of turns 3 to 5"
+    scene = jc.paper_scene(30.0, 0.06e-3, load_law="closing_stroke")
+    result = jc.statistics(scene, 2, 3, outputs=("foundation_peak",))
+    # Both take the same steps: what else is computed does not choose them.
+    assert float(loud["peak, N"]) == pytest.approx(float(result.foundation_peak), rel=1e-9)
+    assert screen.count("median over turns") == 3
+    assert (folder / "compare.png").stat().st_size > 10_000
+
+
+def test_capacity_in_tonnes():
+    one = Machine("a", 30.0, math.nan, 7.5, dict.fromkeys(COMPARED, 1.0), {}, "x", "inside")
+    rows = dict((row[0] + row[1][-3:], row[1]) for row in table_rows([one], 1600.0))
+    assert rows["capacityt/h"] == "12 t/h" and rows["radial clearanceone"] == "none"
+
+
+@pytest.mark.parametrize(
+    ("names", "density", "told"),
+    [
+        ((), None, "`scenes` must name at least one file"),
+        (("a/x.toml", "b/x.toml"), None, "`scenes` must have names of their own"),
+        (("a/x.toml",), "1.6", "`bulk_density` must be a quoted quantity"),
+    ],
+)
+def test_bad_requests(tmp_path, names, density, told):
+    with pytest.raises(ValueError, match=told):
+        run([tmp_path / name for name in names], 1, 2, density, tmp_path, Console())
