@@ -13,6 +13,7 @@ from jaxcrusher.basics.smooth import norm
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.foundation import OnSupports
 from jaxcrusher.crusher.joints import JOINTS, LETTERS, before
+from jaxcrusher.crusher.loads import JawMotion
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import (
     FrameMotion,
@@ -59,7 +60,7 @@ def elbow_reaction(s: Snapshot, scene: Scene) -> Vector:
         return -s.multipliers.elbow
     (_, rate, _), (_, acting, _) = momentum_rates(scene.machine, s), _acting(s, scene)
     reaction = rate - acting - s.joint_force
-    return reaction if s.load is None else reaction - s.load
+    return reaction if s.applied.total is None else reaction - s.applied.total.force
 
 
 def toggle_reaction(s: Snapshot, scene: Scene) -> Vector:
@@ -152,9 +153,16 @@ def drive_power(s: Snapshot, scene: Scene) -> Scalar:
 
 def load_power(s: Snapshot, scene: Scene) -> Scalar:
     """The power of the crushing load, W."""
-    if s.load is None:
+    load = s.applied.load
+    if load is None:
         return jnp.zeros_like(s.shaft.speed)
-    return s.load.dot(linkage.mass_centre_velocity(scene.machine, s.chain))
+    return load.force.dot(JawMotion(scene.machine, s.shaft, s.chain).velocity(load.along))
+
+
+def load_position(s: Snapshot, scene: Scene) -> Vector:
+    """Where the crushing load acts on the jaw, m; S2 where there is none."""
+    along = None if s.applied.load is None else s.applied.load.along
+    return JawMotion(scene.machine, s.shaft, s.chain).position(along)
 
 
 def contact_loss(s: Snapshot, scene: Scene) -> Scalar:
@@ -173,7 +181,7 @@ def elbow_position(s: Snapshot, scene: Scene) -> Vector:
 
 
 def jaw_mass_centre(s: Snapshot, scene: Scene) -> Vector:
-    """S2, where the crushing load acts, m."""
+    """S2, m."""
     return elbow_position(s, scene) + linkage.mass_centre_arm(scene.machine, s.chain)
 
 
@@ -427,7 +435,8 @@ OBSERVABLES = {
     "drive_torque": Observable(drive_torque, "N m", "drive torque"),
     "drive_power": Observable(drive_power, "W", "drive power"),
     "shaft_speed": Observable(lambda s, _: s.shaft.speed, "rad/s", "shaft speed"),
-    "crushing_load": Observable(_crushing_load, "N", "load on the jaw at S2"),
+    "crushing_load": Observable(_crushing_load, "N", "crushing load on the jaw"),
+    "load_position": Observable(load_position, "m", "where the load acts on the jaw"),
     "pin_position": Observable(
         lambda s, scene: pin_position(scene.machine, s.shaft.crank), "m", "centre A of the pin"
     ),

@@ -55,6 +55,7 @@ class ObservableNames:
     drive_power: Array
     shaft_speed: Array
     crushing_load: Array
+    load_position: Array
     pin_position: Array
     jaw_position: Array
     jaw_mass_centre: Array

@@ -11,6 +11,7 @@ from jax.lax import stop_gradient
 from jaxcrusher.basics.checks import concrete, primal, require, require_x64
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.capacity import CrushingChamber, stroke
+from jaxcrusher.crusher.crushing_bed import crushing_bed
 from jaxcrusher.crusher.drives import ConstantSpeed
 from jaxcrusher.crusher.formulations import (
     ClosedLinkage,
@@ -18,7 +19,15 @@ from jaxcrusher.crusher.formulations import (
     MultiplierFormulation,
 )
 from jaxcrusher.crusher.foundation import AbstractFoundation, Clamped, OnSupports
-from jaxcrusher.crusher.loads import AlongJaw, ClosingStroke, NormalToJaw
+from jaxcrusher.crusher.loads import (
+    AbstractLoad,
+    AlongJaw,
+    ByAngle,
+    ClosingStroke,
+    NormalToJaw,
+    along_jaw,
+    normal_to_jaw,
+)
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
 from jaxcrusher.crusher.scene import Scene, require_clearance
 from jaxcrusher.crusher.starts import Centred, InContact
@@ -32,6 +41,7 @@ from jaxcrusher.joint.normal import (
     TrackedImpactVelocity,
     cylinder_stiffness,
 )
+from jaxcrusher.scenes.load_curve import load_curve
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
     PARAMETERS,
@@ -48,6 +58,7 @@ from jaxcrusher.scenes.parameters import (
 _STARTS = {"centred": Centred, "contact": InContact}
 _SLIPS = {"centre": CentreSlip, "surface": SurfaceSlip}
 _LOADS = {"along_jaw": AlongJaw, "normal_to_jaw": NormalToJaw, "closing_stroke": ClosingStroke}
+_DIRECTIONS = {"along_jaw": along_jaw, "normal_to_jaw": normal_to_jaw}
 _CONTACTS = {
     "lankarani_nikravesh": LankaraniNikravesh,
     "hunt_crossley": HuntCrossley,
@@ -80,15 +91,17 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     `jax.jit` knows and that lies outside its limits becomes NaN, and the motion a failure. A
     friction of exactly 0 that is not traced leaves friction out. With an `elbow.clearance` B is
     loose, with a `pivot.clearance` C; their other numbers and choices stand by the same prefix.
-    With a `foundation.mass` the frame stands on supports, without it is clamped.
+    With `load_law="by_angle"` a `load_curve` is a CSV file or an array of shape (n, 2) of angles
+    (rad) and forces (N). With a `foundation.mass` the frame stands on supports, without it is
+    clamped.
 
     Raises ValueError as `check_description` and `complete` do, and as `Scene` and `Machine` do.
     """
     require_x64()
     check_description(values)
     v = within_limits(complete(values))
-    law = None if v["load_law"] == "none" else _LOADS[v["load_law"]](v["load"])
     machine, drive = build_machine(v), ConstantSpeed(v["speed"])
+    law = _load(v, machine)
     foundation = _foundation(v)
     main = None if v["joint"] == "ideal" else _joint(v, "")
     others = [
@@ -147,6 +160,28 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
 def _differs(value: Any, other: Any) -> bool:
     known = concrete(value)
     return known is None or bool(np.any(known != other))
+
+
+def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
+    """Return the crushing load, None without."""
+    law, along = values["load_law"], values.get("load_point")
+    if along is not None:
+        length, at = primal(values["jaw.length"]), primal(along)
+        if length is not None and at is not None:
+            must = f"lie on the jaw, from 0 to its length {float(np.min(length)):g} m"
+            require(bool(np.all(at <= length)), "load_point", must, at)
+    if law == "none":
+        return None
+    if law == "chamber":
+        require(along is None, "load_point", "not come with `load_law=chamber`", "given")
+        v = {**_PAPER_CHAMBER, **values}
+        names = "width", "height", "discharge", "nip_angle", "bed_modulus", "bed_exponent"
+        return crushing_bed(machine, *(v[f"chamber.{name}"] for name in names))
+    if law != "by_angle":
+        return _LOADS[law](values["load"], along=along)
+    require("load_curve" in values, "load_curve", "come with `load_law=by_angle`", "missing")
+    direction = _DIRECTIONS[values["load_direction"]]
+    return ByAngle(load_curve(values["load_curve"]), direction, values["load_factor"], along)
 
 
 def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:

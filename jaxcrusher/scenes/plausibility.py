@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from jaxcrusher.files.messages import tell
-from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, WORN_JOINTS, complete, readable
+from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, WORN_JOINTS, complete, openers, readable
 
 STANDARD_GRAVITY = 9.80665  # m/s2
 
@@ -268,7 +268,7 @@ def tell_borrowed(given: Mapping[str, Any], path: Path | None) -> None:
     """Print on standard error which numbers of a machine a scene file leaves to the PE250x400."""
     if path is None:
         return
-    names = [name for name in NUMBERS if name.startswith(OF_A_MACHINE) and name not in given]
+    names = [n for n in NUMBERS if n.startswith(OF_A_MACHINE) and n not in given and not openers(n)]
     known = {name: NUMBERS[name].default for name in names}
     if names:
         listed = ", ".join(f"{name} {readable(name, value)}" for name, value in known.items())

@@ -30,9 +30,9 @@ import pint
 from jaxcrusher.basics.checks import require_choice
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, check_number
+from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS, check_number
 
-_KEYS = (*NUMBERS, *CHOICES)
+_KEYS = (*NUMBERS, *CHOICES, *FILES)
 # A diameter of a drawing -> the radius that it gives.
 _DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
 # A rotational speed as data sheets write it; elsewhere "1/min" may be another rate.
@@ -62,7 +62,7 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
             key = key_of(name)
             if key in values:
                 raise ValueError(f"Argument `{key}` must be given once, but is given twice.")
-            values[key] = read_value(name, value)
+            values[key] = read_value(name, value, path.parent)
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
     return values
@@ -125,16 +125,21 @@ def key_of(name: str) -> str:
     return key if key in NUMBERS else name
 
 
-def read_value(name: str, value: Any) -> float | str:
-    """Return a value by its dotted name, as TOML has it: a quantity, a number, a choice.
+def read_value(name: str, value: Any, folder: Path = Path()) -> float | str:
+    """Return a value by its dotted name, as TOML has it: a quantity, a number, a choice, a file.
 
-    A diameter is halved. Raises ValueError as `read_scene_file` does.
+    A diameter is halved; a file is looked for from `folder`. Raises ValueError as
+    `read_scene_file` does.
     """
     if key_of(name) != name:
         return float(read_value(key_of(name), value)) / 2
     if name in CHOICES:
         require_choice(name, value, CHOICES[name])
         return value
+    if name in FILES:
+        if not isinstance(value, str):
+            raise ValueError(f"Argument `{name}` must be a file's name, but is {value!r}.")
+        return str(folder / value)
     require_parameter(name)
     parameter = NUMBERS[name]
     if isinstance(value, str):
