@@ -125,6 +125,7 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
     seen = [name for name in OBSERVABLES if name in motion.values]
     arrays = {name: np.asarray(motion[name]) for name in seen}
     lost = {} if motion.energy.support_loss is None else {"support_loss": "taken by the supports"}
+    lost |= {} if motion.energy.rod_loss is None else {"rod_loss": "taken by the rod's damper"}
     ledger = LEDGER | lost
     arrays |= {name: np.asarray(getattr(motion.energy, name)) for name in ledger}
     kept = columns(arrays) | {name: Column("J", meaning) for name, meaning in ledger.items()}

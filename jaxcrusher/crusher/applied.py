@@ -10,11 +10,17 @@ from jaxcrusher.crusher.snapshot import Applied, JawForce, ShaftMotion
 
 def applied(scene: AbstractScene, shaft: ShaftMotion, chain: Chain) -> Applied:
     """Return what acts on the jaw of a scene that moves so."""
-    if scene.load is None:
-        return Applied(None, None)
     jaw = JawMotion(scene.machine, shaft, chain)
-    load = scene.load.force(jaw)
-    return Applied(load, AtJaw(load.force, _moment(jaw, load)))
+    load = None if scene.load is None else scene.load.force(jaw)
+    total = None if load is None else AtJaw(load.force, _moment(jaw, load))
+    if scene.rod is None:
+        return Applied(load, None, total)
+    rod = scene.rod.pull(jaw)
+    force, moment = rod.force, rod.arm.cross(rod.force)
+    if total is not None:
+        force = force + total.force
+        moment = moment if total.moment is None else moment + total.moment
+    return Applied(load, rod, AtJaw(force, moment))
 
 
 def _moment(jaw: JawMotion, one: JawForce) -> Scalar | None:

@@ -50,6 +50,11 @@ class JawMotion(eqx.Module):
         """Return the angular velocity of the jaw, counterclockwise, rad/s."""
         return self.chain.jaw_spin
 
+    @property
+    def end_velocity(self) -> Vector:
+        """Return the velocity of the jaw's lower end B, m/s."""
+        return linkage.elbow_velocity(self.machine, self.chain)
+
     def arm(self, along: Scalar | float | None) -> Vector:
         """Return a point of the jaw from B, m."""
         if along is None:
@@ -62,8 +67,7 @@ class JawMotion(eqx.Module):
 
     def velocity(self, along: Scalar | float | None = None) -> Vector:
         """Return the velocity of a point of the jaw, m/s."""
-        end = linkage.elbow_velocity(self.machine, self.chain)
-        return end + self.spin * self.arm(along).perp()
+        return self.end_velocity + self.spin * self.arm(along).perp()
 
 
 class AbstractLoad(eqx.Module):

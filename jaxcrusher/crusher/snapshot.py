@@ -50,10 +50,22 @@ class JawForce(eqx.Module):
     along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
 
 
+class RodPull(eqx.Module):
+    """What the tension rod does to the jaw; its other end pulls at the frame by the opposite."""
+
+    force: Vector  # on the jaw, N
+    arm: Vector  # of its end on the jaw, from S2, m
+    tension: Scalar  # N
+    wanted: Scalar  # N, negative where the rod is slack
+    stretch: Scalar  # L - L0, m
+    rate: Scalar  # m/s
+
+
 class Applied(eqx.Module):
     """Forces on the jaw by their source, None where there is none, and their sum at S2."""
 
     load: JawForce | None
+    rod: RodPull | None
     total: AtJaw | None
 
 

@@ -29,6 +29,7 @@ from jaxcrusher.crusher.loads import (
     normal_to_jaw,
 )
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
+from jaxcrusher.crusher.rod import Rod, rod_at
 from jaxcrusher.crusher.scene import Scene, require_clearance
 from jaxcrusher.crusher.starts import Centred, InContact
 from jaxcrusher.joint.clearance import ClearanceJoint
@@ -93,7 +94,7 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     loose, with a `pivot.clearance` C; their other numbers and choices stand by the same prefix.
     With `load_law="by_angle"` a `load_curve` is a CSV file or an array of shape (n, 2) of angles
     (rad) and forces (N). With a `foundation.mass` the frame stands on supports, without it is
-    clamped.
+    clamped. With a `rod.stiffness` or a `rod.preload` a tension rod pulls at the jaw.
 
     Raises ValueError as `check_description` and `complete` do, and as `Scene` and `Machine` do.
     """
@@ -102,15 +103,15 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     v = within_limits(complete(values))
     machine, drive = build_machine(v), ConstantSpeed(v["speed"])
     law = _load(v, machine)
-    foundation = _foundation(v)
+    whole = {"foundation": _foundation(v), "rod": _rod(v, machine)}
     main = None if v["joint"] == "ideal" else _joint(v, "")
     others = [
         _joint(v, f"{joint}.") if f"{joint}.clearance" in v else None for joint in WORN_JOINTS
     ]
     if main is None and others == [None, None]:
-        return Scene(machine, drive, None, law, ClosedLinkage(), None, foundation=foundation)
+        return Scene(machine, drive, None, law, ClosedLinkage(), None, **whole)
     formulation, start = _FORMULATIONS[v["formulation"]](), _STARTS[v["start"]]()
-    return Scene(machine, drive, main, law, formulation, start, *others, foundation=foundation)
+    return Scene(machine, drive, main, law, formulation, start, *others, **whole)
 
 
 def build_machine(values: Mapping[str, Any]) -> Machine:
@@ -195,6 +196,12 @@ def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:
     numbers = {name.removeprefix("foundation."): values[name] for name in names}
     del numbers["x"], numbers["y"]
     return OnSupports(point=point, **numbers)
+
+
+def _rod(values: Mapping[str, Any], machine: Machine) -> Rod | None:
+    """Return the tension rod, None without."""
+    numbers = {n.removeprefix("rod."): v for n, v in values.items() if n.startswith("rod.")}
+    return rod_at(machine, **numbers) if numbers else None
 
 
 def _joint(values: Mapping[str, Any], prefix: str) -> ClearanceJoint:

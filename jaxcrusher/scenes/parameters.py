@@ -119,6 +119,18 @@ PARAMETERS |= {
     "foundation.vertical_damping": Parameter(2.5e5, "N s/m", "of each support", (0, 1e12)),
 }
 
+# The tension rod; a scene has these names only where one of its `openers` is given. The places of
+# its ends are judged: below the toggle, behind it at the frame.
+PARAMETERS |= {
+    "rod.stiffness": Parameter(0.0, "N/m", "of the tension rod's spring", (0, 1e12), 1e5),
+    "rod.preload": Parameter(0.0, "N", "its tension at shaft angle 0", (0, 1e9), 1e4),
+    "rod.damping": Parameter(0.0, "N s/m", "of the tension rod", (0, 1e12), 1e3),
+    "rod.jaw_along": Parameter(0.65, "m", "its end on the jaw, from A towards B", (-10, 10)),
+    "rod.jaw_across": Parameter(-0.05, "m", "and from there towards the fixed jaw", (-10, 10)),
+    "rod.x": Parameter(-0.3, "m", "its end on the frame, from C", _PLACE),
+    "rod.y": Parameter(-0.15, "m", "likewise, above C", _PLACE),
+}
+
 # Of a crushing load; a scene has these names only where `openers` says so.
 PARAMETERS |= {
     "load_point": Parameter(0.3, "m", "from A towards B to where the load acts; none: S2", (0, 10)),
@@ -194,6 +206,8 @@ def openers(name: str) -> tuple[str, ...]:
     joint = joint_of(name)
     if joint is not None:
         return (f"{joint}.clearance",)
+    if name.startswith("rod."):
+        return "rod.stiffness", "rod.preload"
     if not name.startswith("foundation."):
         return ()
     # A clamped frame has a point of its moment alone.

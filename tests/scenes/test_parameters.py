@@ -23,6 +23,7 @@ CURVE = np.array([[0.0, 1e3], [2.0, 9e3], [4.0, 4e3], [5.0, 2e3]])
 OPENED = {
     ("load_point",): {"load_point": 0.3},
     ("load_law=by_angle",): {"load_law": "by_angle", "load_curve": CURVE},
+    ("rod.stiffness", "rod.preload"): {"rod.stiffness": 2e5, "rod.preload": 1e4},
     ("load_law=chamber",): {"load_law": "chamber"},
 }
 
@@ -50,7 +51,7 @@ def test_every_number_reaches_the_scene():
             values["counterweight.mass"] = 10.0
         elif (law := OPENED.get(openers(name))) is not None:
             plain_here = jax.tree.leaves(jc.build_scene(loose | law))
-            values |= law
+            values = law | values
         else:
             plain_here = plain
         if name == "counterweight.mass":
