@@ -14,6 +14,7 @@ from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.files.journal import text_of
 from jaxcrusher.scenes.build import build_scene
+from jaxcrusher.scenes.own_laws import make_known, with_digests
 from jaxcrusher.scenes.parameters import CHOICES, FILES, PARAMETERS, complete
 
 # Makes the scene of the numbers and choices of a design, given by name.
@@ -114,6 +115,7 @@ class Grid:
             "axes": {name: list(values) for name, values in self.axes.items()},
             "base": self.base,
         }
+        kept |= {"axes": with_digests(kept["axes"]), "base": with_digests(self.base)}
         if self.function is not None:
             kept["scene"] = f"{self.function.__qualname__} {self._digest()}"
         return kept
@@ -163,6 +165,8 @@ def make_grid(
     good = isinstance(axes, Mapping) and len(axes) > 0
     require(good, "axes", 'map names to values, as {"speed": [30.0, 32.0]}', repr(axes))
     base = {} if base is None else base
+    if function is None and isinstance(base, Mapping):
+        make_known([*base.items(), *axes.items()])
     mapping, given = isinstance(base, Mapping), f"a {type(base).__name__}"
     require(mapping, "base", 'map names to values, as {"start": "contact"}', given)
     good = function is None or callable(function)

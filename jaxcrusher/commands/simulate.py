@@ -26,6 +26,7 @@ from jaxcrusher.files.results import write_figure, write_netcdf, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import Column, as_csv
 from jaxcrusher.pictures import plots
+from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import loose_besides
 
 # Simulated unless told otherwise, and, of these, drawn: the last ones.
@@ -57,7 +58,7 @@ def run(options: Simulate, console: Console) -> int:
     require_positive("rtol", options.rtol, "")
     settings = {
         "command": "simulate",
-        "scene": values,
+        "scene": with_digests(values),
         "turns": span,
         "settle": settle,
         "samples": options.samples,

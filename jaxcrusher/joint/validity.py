@@ -63,8 +63,9 @@ class Validity(eqx.Module):
 
     @property
     def restitution_kept(self) -> Bool[Array, "*batch"]:
-        """Fastest impact rebounds as asked."""
-        return jnp.abs(self.delivered_restitution - self.asked_restitution) <= RESTITUTION_ERROR
+        """Fastest impact rebounds as asked, as far as that is known."""
+        error = jnp.abs(self.delivered_restitution - self.asked_restitution)
+        return jnp.isnan(error) | (error <= RESTITUTION_ERROR)
 
     @property
     def fitting(self) -> Bool[Array, "*batch"]:
@@ -120,6 +121,6 @@ def validity(
         half_width,
         impact_speed / ELASTIC_IMPACT_SPEED,
         joint.normal.delivered_restitution(impact_speed),
-        joint.normal.restitution,
+        joint.normal.asked_restitution(),
         jnp.broadcast_to(clearance_ratio, jnp.shape(impact_speed)),
     )

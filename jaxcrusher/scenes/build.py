@@ -33,8 +33,9 @@ from jaxcrusher.crusher.rod import Rod, rod_at
 from jaxcrusher.crusher.scene import Scene, require_clearance
 from jaxcrusher.crusher.starts import Centred, InContact
 from jaxcrusher.joint.clearance import ClearanceJoint
-from jaxcrusher.joint.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
+from jaxcrusher.joint.friction import AbstractFriction, AmbrosioFriction, CentreSlip, SurfaceSlip
 from jaxcrusher.joint.normal import (
+    AbstractNormalForce,
     ConstantImpactVelocity,
     Flores,
     HuntCrossley,
@@ -43,6 +44,7 @@ from jaxcrusher.joint.normal import (
     cylinder_stiffness,
 )
 from jaxcrusher.scenes.load_curve import load_curve
+from jaxcrusher.scenes.own_laws import built, is_own, make_known
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
     PARAMETERS,
@@ -90,7 +92,9 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     `values` maps names of `PARAMETERS` to scalars in SI units, which may be traced, and names of
     `CHOICES` to one of theirs; those of `CHAMBER` are `build_chamber`'s. A number that only
     `jax.jit` knows and that lies outside its limits becomes NaN, and the motion a failure. A
-    friction of exactly 0 that is not traced leaves friction out. With an `elbow.clearance` B is
+    friction of exactly 0 that is not traced leaves friction out. A law may be "module:Class", a
+    class of one's own, whose numbers are `contact.NAME`, `elbow.NAME`, `pivot.NAME`, or
+    `crushing.NAME` of a load. With an `elbow.clearance` B is
     loose, with a `pivot.clearance` C; their other numbers and choices stand by the same prefix.
     With `load_law="by_angle"` a `load_curve` is a CSV file or an array of shape (n, 2) of angles
     (rad) and forces (N). With a `foundation.mass` the frame stands on supports, without it is
@@ -99,7 +103,8 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     Raises ValueError as `check_description` and `complete` do, and as `Scene` and `Machine` do.
     """
     require_x64()
-    check_description(values)
+    make_known(values.items())
+    check_description({n: value for n, value in values.items() if not is_own(n, value)})
     v = within_limits(complete(values))
     machine, drive = build_machine(v), ConstantSpeed(v["speed"])
     law = _load(v, machine)
@@ -173,6 +178,10 @@ def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
             require(bool(np.all(at <= length)), "load_point", must, at)
     if law == "none":
         return None
+    if is_own("load_law", law):
+        own = built("load_law", law, values, magnitude=values["load"], along=along)
+        assert isinstance(own, AbstractLoad)
+        return own
     if law == "chamber":
         require(along is None, "load_point", "not come with `load_law=chamber`", "given")
         v = {**_PAPER_CHAMBER, **values}
@@ -204,8 +213,22 @@ def _rod(values: Mapping[str, Any], machine: Machine) -> Rod | None:
     return rod_at(machine, **numbers) if numbers else None
 
 
+def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
+    """Return the friction of a joint."""
+    name = f"{prefix}friction_law"
+    known = {
+        "slip": _SLIPS[values[f"{prefix}slip"]](),
+        "coefficient": values[f"{prefix}friction"],
+    }
+    law = values[name]
+    found = built(name, law, values, **known) if is_own(name, law) else AmbrosioFriction(**known)
+    assert isinstance(found, AbstractFriction)
+    return found
+
+
 def _joint(values: Mapping[str, Any], prefix: str) -> ClearanceJoint:
     """Return the joint whose names have the prefix."""
+    every = values
     v = {name.removeprefix(prefix): v for name, v in values.items() if name.startswith(prefix)}
     require_clearance(v["clearance"], v["bore_radius"], prefix)
     tracked = v["impact_law"] == "tracked"
@@ -213,9 +236,16 @@ def _joint(values: Mapping[str, Any], prefix: str) -> ClearanceJoint:
     stiffness = cylinder_stiffness(v["bore_radius"], v["clearance"], v["young"], v["poisson"])
     # No part of the model, so no derivative: each would be one more tangent to integrate.
     width = stop_gradient(jnp.minimum(_CORNER, (_CORNER_FORCE / stiffness) ** (2 / 3)))
-    normal = _CONTACTS[v["contact_law"]](stiffness, v["restitution"], velocity, width=width)
-    known = concrete(v["friction"])
-    left_out = known is not None and bool(np.all(known == 0))
-    friction = None if left_out else AmbrosioFriction(_SLIPS[v["slip"]](), v["friction"])
+    known = {"stiffness": stiffness, "restitution": v["restitution"], "width": width}
+    name, law = f"{prefix}contact_law", v["contact_law"]
+    normal = (
+        built(name, law, every, impact_velocity=velocity, **known)
+        if is_own(name, law)
+        else _CONTACTS[law](impact_velocity=velocity, **known)
+    )
+    assert isinstance(normal, AbstractNormalForce)
+    rubbing = concrete(v["friction"])
+    left_out = rubbing is not None and bool(np.all(rubbing == 0))
+    friction = None if left_out else _friction(every, prefix)
     norm_width = stop_gradient(jnp.minimum(_NORM, _NORM_SHARE * v["clearance"]))
     return ClearanceJoint(v["bore_radius"], v["clearance"], normal, friction, norm_width)

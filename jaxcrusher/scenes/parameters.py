@@ -159,11 +159,12 @@ CHOICES = {
     "load_law": ("along_jaw", "normal_to_jaw", "closing_stroke", "by_angle", "chamber", "none"),
     "load_direction": ("normal_to_jaw", "along_jaw"),
     "contact_law": ("lankarani_nikravesh", "hunt_crossley", "flores"),
+    "friction_law": ("ambrosio",),
     "impact_law": ("constant", "tracked"),
     "formulation": ("eccentricity", "multiplier"),
 }
 
-_CHOICES_OF_A_JOINT = ("slip", "contact_law", "impact_law")
+_CHOICES_OF_A_JOINT = ("slip", "contact_law", "friction_law", "impact_law")
 CHOICES |= {
     f"{joint}.{name}": CHOICES[name] for joint in WORN_JOINTS for name in _CHOICES_OF_A_JOINT
 }
