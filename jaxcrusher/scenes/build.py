@@ -38,9 +38,12 @@ from jaxcrusher.joint.normal import (
     AbstractNormalForce,
     ConstantImpactVelocity,
     Flores,
+    Gonthier,
+    HuGuo,
     HuntCrossley,
     LankaraniNikravesh,
     TrackedImpactVelocity,
+    ZhiyingQishao,
     cylinder_stiffness,
 )
 from jaxcrusher.scenes.load_curve import load_curve
@@ -66,6 +69,9 @@ _CONTACTS = {
     "lankarani_nikravesh": LankaraniNikravesh,
     "hunt_crossley": HuntCrossley,
     "flores": Flores,
+    "gonthier": Gonthier,
+    "zhiying_qishao": ZhiyingQishao,
+    "hu_guo": HuGuo,
 }
 _FORMULATIONS = {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation}
 
