@@ -90,7 +90,7 @@ def _check_friction(law: AbstractFriction) -> None:
     _never_negative(-found * slip, np.abs(found * slip), "take power", force, slip)
 
 
-def _never_negative(power: Array, size: Array, must: str, one: Any, other: Any) -> None:
+def _never_negative(power: np.ndarray, size: np.ndarray, must: str, one: Any, other: Any) -> None:
     for taken, scale, a, b in zip(power, size, one, other, strict=True):
         _must(taken >= -ROUNDING * (1 + scale), must, f"{a} and {b}")
 

@@ -89,8 +89,11 @@ class Options(Effort):
     """Reading of the slip speed in the friction law."""
     friction: float | None = None
     """Friction coefficient; 0 leaves friction out."""
-    load_law: Literal["along_jaw", "normal_to_jaw", "closing_stroke", "none"] | None = None
-    """Direction of the crushing load on the jaw."""
+    load_law: (
+        None
+        | Literal["along_jaw", "normal_to_jaw", "closing_stroke", "by_angle", "chamber", "none"]
+    ) = None
+    """Law of the crushing load on the jaw; by_angle comes with --set load_curve FILE."""
     impact_velocity: str | None = None
     """Impact velocity of the contact law, such as 0.5m/s, or tracked."""
 

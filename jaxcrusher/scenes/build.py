@@ -113,16 +113,15 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     check_description({n: value for n, value in values.items() if not is_own(n, value)})
     v = within_limits(complete(values))
     machine, drive = build_machine(v), ConstantSpeed(v["speed"])
-    law = _load(v, machine)
-    whole = {"foundation": _foundation(v), "rod": _rod(v, machine)}
+    law, foundation, rod = _load(v, machine), _foundation(v), _rod(v, machine)
     main = None if v["joint"] == "ideal" else _joint(v, "")
-    others = [
+    elbow, pivot = (
         _joint(v, f"{joint}.") if f"{joint}.clearance" in v else None for joint in WORN_JOINTS
-    ]
-    if main is None and others == [None, None]:
-        return Scene(machine, drive, None, law, ClosedLinkage(), None, **whole)
+    )
+    if main is None and elbow is None and pivot is None:
+        return Scene(machine, drive, None, law, ClosedLinkage(), None, None, None, foundation, rod)
     formulation, start = _FORMULATIONS[v["formulation"]](), _STARTS[v["start"]]()
-    return Scene(machine, drive, main, law, formulation, start, *others, **whole)
+    return Scene(machine, drive, main, law, formulation, start, elbow, pivot, foundation, rod)
 
 
 def build_machine(values: Mapping[str, Any]) -> Machine:

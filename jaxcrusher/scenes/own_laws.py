@@ -54,13 +54,11 @@ def law_class(name: str, text: str, folder: Path = Path()) -> type[eqx.Module]:
     module, _, of = text.partition(":")
     kind, section = OPEN[name]
     try:
-        found = getattr(_imported(module, folder), of, None)
+        found: Any = getattr(_imported(module, folder), of, None)
     except ImportError as error:
         raise ValueError(f"Argument `{name}` must name a module, but {text}: {error}.") from None
-    good = inspect.isclass(found) and issubclass(found, kind)
-    must = f"name a class of {kind.__name__} as module:Class"
-    require(good, name, must, f"{text}, a {type(found).__name__}" if not good else "")
-    assert found is not None
+    good = isinstance(found, type) and issubclass(found, kind)
+    require(good, name, f"name a class of {kind.__name__} as module:Class", text)
     for field in dataclasses.fields(found):
         if field.name not in _PARTS:
             _make_known(f"{section}.{field.name}", field, text)
