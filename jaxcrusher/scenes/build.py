@@ -194,7 +194,7 @@ def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
         return crushing_bed(machine, *(v[f"chamber.{name}"] for name in names))
     if law != "by_angle":
         return _LOADS[law](values["load"], along=along)
-    require("load_curve" in values, "load_curve", "come with `load_law=by_angle`", "missing")
+    require("load_curve" in values, "load_curve", "be given with `load_law=by_angle`", "missing")
     direction = _DIRECTIONS[values["load_direction"]]
     return ByAngle(load_curve(values["load_curve"]), direction, values["load_factor"], along)
 

@@ -81,7 +81,7 @@ def test_bad_files(tmp_path):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"load_law": "by_angle"}, "`load_curve` must come with `load_law=by_angle`"),
+        ({"load_law": "by_angle"}, "`load_curve` must be given with `load_law=by_angle`"),
         ({"load_curve": in_si(POINTS)}, "`load_curve` must come with `load_law=by_angle`"),
         ({"load_factor": 2.0}, "`load_factor` must come with `load_law=by_angle`"),
         ({"load_point": 0.7}, "`load_point` must lie on the jaw, from 0 to its length 0.695 m"),
