@@ -11,6 +11,9 @@ from jaxcrusher.files.results import run_folder
 Range = Annotated[tuple[str, str], tyro.conf.arg(metavar="LOW HIGH")]
 
 
+LoadLaw = Literal["along_jaw", "normal_to_jaw", "closing_stroke", "by_angle", "chamber", "none"]
+
+
 @dataclass(frozen=True)
 class Effort:
     """How hard to search."""
@@ -102,8 +105,8 @@ class Options(Effort):
     """Reading of the slip speed in the friction law."""
     friction: float | None = None
     """Friction coefficient; 0 leaves friction out."""
-    load_law: Literal["along_jaw", "normal_to_jaw", "closing_stroke", "none"] | None = None
-    """Direction of the crushing load on the jaw."""
+    load_law: LoadLaw | None = None
+    """Law of the crushing load on the jaw; by_angle comes with --set load_curve FILE."""
     impact_velocity: str | None = None
     """Impact velocity of the contact law, such as 0.5m/s, or tracked."""
 

@@ -9,6 +9,7 @@ from jaxcrusher.crusher.capacity import AFFLUENCE
 from jaxcrusher.crusher.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
+from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, PE250X400, in_words, readable
 from jaxcrusher.scenes.plausibility import require_possible
 from jaxcrusher.scenes.scene_file import (
@@ -98,7 +99,13 @@ def resolve(options: Options) -> Problem:
     reference, compared_with = _reference(options, described, free)
     return Problem(
         options.folder,
-        {"command": "search", **kept, "bounds": free, "limits": limits, "scene": described},
+        {
+            "command": "search",
+            **kept,
+            "bounds": free,
+            "limits": limits,
+            "scene": with_digests(described),
+        },
         described,
         case,
         Sought(options.objective, case.objective.unit, case.objective.meaning),

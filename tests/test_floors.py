@@ -16,13 +16,13 @@ FLOORS = (
     ("jaxcrusher.orbits", "jaxcrusher.batch"),
     ("jaxcrusher.dynamics", "jaxcrusher.pictures"),
     ("jaxcrusher",),  # the public names
-    ("jaxcrusher.commands", "optimize"),
+    ("jaxcrusher.commands", "jaxcrusher.testing", "optimize"),
     ("jaxcrusher.__main__",),
     ("benchmarks",),
 )
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}
 # What may stand beside the rooms.
-GROUND = {"__init__.py", "__init__.pyi", "__main__.py", "version.py"}
+GROUND = {"__init__.py", "__init__.pyi", "__main__.py", "testing.py", "version.py"}
 
 
 def room(module: str) -> str:

@@ -10,6 +10,11 @@ def scalar(value) -> Scalar:
     return jnp.asarray(value, dtype=float)
 
 
+def optional_scalar(value) -> Scalar | None:
+    """The value as `scalar` makes it, or None."""
+    return None if value is None else scalar(value)
+
+
 class Vector(eqx.Module):
     """A vector of the plane, x to the right and y up.
 

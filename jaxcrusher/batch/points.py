@@ -14,7 +14,8 @@ from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.files.journal import text_of
 from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.parameters import CHOICES, PARAMETERS, complete
+from jaxcrusher.scenes.own_laws import make_known, with_digests
+from jaxcrusher.scenes.parameters import CHOICES, FILES, PARAMETERS, complete
 
 # Makes the scene of the numbers and choices of a design, given by name.
 SceneFunction = Callable[..., Scene]
@@ -114,6 +115,7 @@ class Grid:
             "axes": {name: list(values) for name, values in self.axes.items()},
             "base": self.base,
         }
+        kept |= {"axes": with_digests(kept["axes"]), "base": with_digests(self.base)}
         if self.function is not None:
             kept["scene"] = f"{self.function.__qualname__} {self._digest()}"
         return kept
@@ -163,17 +165,19 @@ def make_grid(
     good = isinstance(axes, Mapping) and len(axes) > 0
     require(good, "axes", 'map names to values, as {"speed": [30.0, 32.0]}', repr(axes))
     base = {} if base is None else base
+    if function is None and isinstance(base, Mapping):
+        make_known([*base.items(), *axes.items()])
     mapping, given = isinstance(base, Mapping), f"a {type(base).__name__}"
     require(mapping, "base", 'map names to values, as {"start": "contact"}', given)
     good = function is None or callable(function)
     require(good, "scene", "be a function that makes a scene", repr(function))
-    known = (*PARAMETERS, *CHOICES) if function is None else None
+    known = (*PARAMETERS, *CHOICES, *FILES) if function is None else None
     varied = {name: _axis(name, values, known) for name, values in axes.items()}
     fixed = {}
     for name, value in base.items():
         _require_name(name, known)
         require(name not in varied, "base", "name none of the axes", repr(name))
-        text = name in CHOICES if function is None else isinstance(value, str)
+        text = name in CHOICES or name in FILES if function is None else isinstance(value, str)
         fixed[name] = value if text else float(_numbers(f"base[{name!r}]", value, 0))
     if function is None:
         lowest = {name: values[0] for name, values in varied.items()}
@@ -200,7 +204,11 @@ def _require_name(name: str, known: tuple[str, ...] | None) -> None:
 def _axis(name: str, values: Any, known: tuple[str, ...] | None) -> tuple:
     _require_name(name, known)
     called = f"axes[{name!r}]"
-    text = name in CHOICES if known is not None else np.asarray(values).dtype.kind in "US"
+    text = (
+        name in CHOICES or name in FILES
+        if known is not None
+        else np.asarray(values).dtype.kind in "US"
+    )
     array = np.asarray(values, object) if text else _numbers(called, values, 1)
     good = array.ndim == 1 and array.size > 0
     require(good, called, "have shape (n,), n > 0", f"of shape {array.shape}")

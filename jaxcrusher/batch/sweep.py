@@ -18,6 +18,7 @@ from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.table import COLUMNS, Column
+from jaxcrusher.joint.validity import Validity
 from jaxcrusher.motion.method import require_tolerance, resolve
 from jaxcrusher.motion.statistic import ALWAYS, STATISTIC, STATISTICS, Chosen, always_of, chosen
 from jaxcrusher.motion.statistics import Statistics, over_turns
@@ -144,6 +145,7 @@ def columns_of(joints: Sequence[str], statistics: Chosen) -> dict[str, Column]:
 def row_of(result: Statistics, statistics: Iterable[str]) -> dict[str, jax.Array]:
     """Return the values of one design; an ideal joint is inside the limits of contact."""
     limits = {"main": result.validity, **result.validity.others}
+    limits = {joint: one for joint, one in limits.items() if isinstance(one, Validity)}
     row = {name: result[name] for name in statistics}
     row |= {name: getattr(result, name) for name in ("foundation_rms_error", "whirl", "success")}
     row |= {

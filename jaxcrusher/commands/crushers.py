@@ -10,6 +10,7 @@ from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
+from jaxcrusher.scenes.own_laws import is_own
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, complete
 from jaxcrusher.scenes.plausibility import tell_borrowed, tell_unusual
 from jaxcrusher.scenes.scene_file import (
@@ -72,7 +73,8 @@ def read_axes(over: Ranges) -> dict[str, list]:
         require(name not in axes, "over", "name a parameter once", f"given twice for {name}")
         if name in CHOICES:
             for choice in rest:
-                require_choice(name, choice, CHOICES[name])
+                if not is_own(name, choice):
+                    require_choice(name, choice, CHOICES[name])
             require(len(rest) > 0, "over", f"name choices of {name}", "empty")
             axes[name] = rest
             continue

@@ -25,6 +25,7 @@ from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.orbits.load_sheet import SOURCE, Row, running_frequency, sheet
 from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.scene_file import read_range
 
 FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")
@@ -42,7 +43,7 @@ def run(options: Foundation, console: Console) -> int:
     if refused := refusal(scene):
         raise ValueError(f"The crusher must {refused}.")
     low, high = _speeds(options, float(values["speed"]))
-    settings = {"command": "foundation", "scene": values, "orders": options.orders}
+    settings = {"command": "foundation", "scene": with_digests(values), "orders": options.orders}
     settings |= {"speeds": [low, high], "points": options.points}
     folder = begin_beside(options.results.folder, settings, *FILES)
     with console.status("solving"):

@@ -18,6 +18,7 @@ from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import SETTINGS, begin, earlier, keep_beside
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.echo import per, unit_of
+from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import PARAMETERS
 
 
@@ -25,7 +26,7 @@ def run(options: Gradient, console: Console) -> int:
     """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
     values = read_moving(options.crusher)
     _check(options, values)
-    settings = {"command": "gradient", "scene": values}
+    settings = {"command": "gradient", "scene": with_digests(values)}
     for name in ("metric", "by", "settle", "turns", "radius", "pairs", "seed", "rtol"):
         settings[name] = getattr(options, name)
     path, given = options.results.folder / "gradient.json", units_given(options.crusher)

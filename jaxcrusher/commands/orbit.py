@@ -25,6 +25,7 @@ from jaxcrusher.files.results import write_figure, write_json, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.scenes.echo import per, unit_of
+from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import numbers_of
 
 ANGLES = 720  # of the picture, a turn
@@ -41,7 +42,7 @@ REMEDY = (
 def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     values, _ = read_crusher(options.crusher)
-    settings = {"command": "orbit", "scene": values, "period": options.period}
+    settings = {"command": "orbit", "scene": with_digests(values), "period": options.period}
     written = "orbit.json", "orbit.csv", "orbit.png"
     folder = begin_beside(options.results.folder, settings, *written)
     numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values)}

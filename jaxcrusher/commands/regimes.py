@@ -23,6 +23,7 @@ from jaxcrusher.files.resume import earlier, keep_beside
 from jaxcrusher.files.table import Column
 from jaxcrusher.motion.statistic import columns
 from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHAMBER, PARAMETERS
 from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import key_of, read_text
@@ -112,7 +113,7 @@ def _settings(options: Regimes, values: dict[str, Any], varied: list[str]) -> di
     """Everything that decides the rows besides their designs."""
     return {
         "varied": varied,
-        "scene": {name: value for name, value in values.items() if name not in varied},
+        "scene": with_digests({n: value for n, value in values.items() if n not in varied}),
         "settle": options.settle,
         "turns": options.turns,
         "tangent_turns": options.tangent_turns,

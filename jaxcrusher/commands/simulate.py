@@ -26,6 +26,7 @@ from jaxcrusher.files.results import write_figure, write_netcdf, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import Column, as_csv
 from jaxcrusher.pictures import plots
+from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import loose_besides
 
 # Simulated unless told otherwise, and, of these, drawn: the last ones.
@@ -57,7 +58,7 @@ def run(options: Simulate, console: Console) -> int:
     require_positive("rtol", options.rtol, "")
     settings = {
         "command": "simulate",
-        "scene": values,
+        "scene": with_digests(values),
         "turns": span,
         "settle": settle,
         "samples": options.samples,
@@ -125,6 +126,7 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
     seen = [name for name in OBSERVABLES if name in motion.values]
     arrays = {name: np.asarray(motion[name]) for name in seen}
     lost = {} if motion.energy.support_loss is None else {"support_loss": "taken by the supports"}
+    lost |= {} if motion.energy.rod_loss is None else {"rod_loss": "taken by the rod's damper"}
     ledger = LEDGER | lost
     arrays |= {name: np.asarray(getattr(motion.energy, name)) for name in ledger}
     kept = columns(arrays) | {name: Column("J", meaning) for name, meaning in ledger.items()}

@@ -1,5 +1,7 @@
 """Crushing capacity by laminating crushing theory (paper, (21)-(25)), and the box it allows."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -56,6 +58,13 @@ def lower_end(angle: Scalar, machine: Machine) -> Scalar:
     return machine.toggle.length * chain.toggle.x
 
 
+def stationary(travel: Callable[[Scalar], Scalar], angle: Scalar) -> Scalar:
+    """Return the angle near a given one (rad) at which a travel (m) is least or greatest."""
+    rate = jax.grad(travel)
+    bend = jax.grad(rate)
+    return jax.lax.fori_loop(0, POLISH, lambda _, a: a - rate(a) / bend(a), angle)
+
+
 def stroke(machine: Machine) -> Scalar:
     """s, the horizontal travel of the jaw's lower end B over a turn (m); ideal joint.
 
@@ -63,16 +72,10 @@ def stroke(machine: Machine) -> Scalar:
     the angle held.
     """
     held = jax.lax.stop_gradient(machine)
-    rate = jax.grad(lower_end)
     angles = jnp.linspace(0, 2 * jnp.pi, ANGLES, endpoint=False)
     travel = jax.vmap(lower_end, (0, None))(angles, held)
     ends = angles[jnp.stack([jnp.argmax(travel), jnp.argmin(travel)])]
-
-    def newton(_, ends):
-        bend = jax.vmap(jax.grad(rate), (0, None))(ends, held)
-        return ends - jax.vmap(rate, (0, None))(ends, held) / bend
-
-    ends = jax.lax.fori_loop(0, POLISH, newton, ends)
+    ends = jax.vmap(lambda end: stationary(lambda a: lower_end(a, held), end))(ends)
     right, left = jax.vmap(lower_end, (0, None))(jax.lax.stop_gradient(ends), machine)
     return right - left
 

@@ -14,7 +14,7 @@ from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.drives import AbstractDrive
 from jaxcrusher.crusher.joints import AtJoints
-from jaxcrusher.crusher.linkage import Chain, ChainAcceleration, InertialForces
+from jaxcrusher.crusher.linkage import AtJaw, Chain, ChainAcceleration, InertialForces
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.crusher.snapshot import ShaftMotion, moment_on_shaft, shaft_inertia
 from jaxcrusher.joint.clearance import Contact
@@ -77,21 +77,23 @@ def accelerations(
     shaft: ShaftMotion,
     drive: AbstractDrive,
     chain: Chain,
-    load: Vector | None,
+    applied: AtJaw | None,
     contacts: AtJoints[Contact],
     inertial: InertialForces | None = None,
 ) -> tuple[ShaftMotion, ChainAcceleration, Vector]:
     """Return the accelerations of shaft and chain, and the force on the jaw at A (N).
 
-    `load` (N) acts on the jaw at S2.
+    `applied` acts on the jaw at S2.
     """
     none = jnp.zeros_like(chain.jaw_spin)
     bodies = machine.jaw, machine.toggle
     masses = [entry for body in bodies for entry in (body.mass, body.mass, body.inertia)]
     forces = [none, -machine.jaw.mass * machine.gravity, none]
     forces += [none, -machine.toggle.mass * machine.gravity, none]
-    if load is not None:
-        forces[JAW], forces[JAW + 1] = forces[JAW] + load.x, forces[JAW + 1] + load.y
+    if applied is not None:
+        at_s2 = applied.force
+        forces[JAW], forces[JAW + 1] = forces[JAW] + at_s2.x, forces[JAW + 1] + at_s2.y
+        forces[JAW + 2] = none if applied.moment is None else applied.moment
     if inertial is not None:
         for first, added in ((JAW, inertial.jaw), (TOGGLE, inertial.toggle)):
             for i, one in enumerate((added.force.x, added.force.y, added.moment), first):
@@ -126,20 +128,22 @@ def accelerations(
 
 
 def forces_for(
-    machine: Machine, chain: Chain, load: Vector | None, acceleration: ChainAcceleration
+    machine: Machine, chain: Chain, applied: AtJaw | None, acceleration: ChainAcceleration
 ) -> AtJoints[Vector]:
     """Inverse dynamics without friction: the forces on the bores (N) that give `acceleration`."""
     jaw, toggle = machine.jaw, machine.toggle
     arm = linkage.mass_centre_arm(machine, chain)
     fall = Vector(0.0, -machine.gravity)
     on_jaw = jaw.mass * (linkage.mass_centre_acceleration(machine, chain, acceleration) - fall)
-    on_jaw = on_jaw if load is None else on_jaw - load
+    on_jaw = on_jaw if applied is None else on_jaw - applied.force
     on_toggle = toggle.mass * (
         linkage.toggle_centre_acceleration(machine, chain, acceleration) - fall
     )
     # Moments of the jaw about A and of the toggle about its foot: of the force at B alone.
     from_a = arm - jaw.length * chain.jaw
     at_jaw = from_a.cross(on_jaw) + jaw.inertia * acceleration.jaw
+    if applied is not None and applied.moment is not None:
+        at_jaw = at_jaw - applied.moment
     at_toggle = toggle.length / 2 * chain.toggle.cross(on_toggle)
     at_toggle = at_toggle + toggle.inertia * acceleration.toggle
     # -l2 jaw x elbow = at_jaw, -l3 toggle x elbow = at_toggle

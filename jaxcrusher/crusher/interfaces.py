@@ -11,6 +11,7 @@ from jaxcrusher.crusher.foundation import AbstractFoundation, OnSupports
 from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.rod import Rod
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.joint.clearance import ClearanceJoint
 
@@ -27,6 +28,7 @@ class AbstractScene(eqx.Module):
     elbow: eqx.AbstractVar[ClearanceJoint | None]
     pivot: eqx.AbstractVar[ClearanceJoint | None]
     foundation: eqx.AbstractVar[AbstractFoundation | None]
+    rod: eqx.AbstractVar[Rod | None]
 
     @property
     def joints(self) -> AtJoints[ClearanceJoint]:

@@ -26,6 +26,13 @@ class Wrench(eqx.Module):
     moment: Scalar  # N m
 
 
+class AtJaw(eqx.Module):
+    """A force on the jaw at its mass centre S2, and a moment about it."""
+
+    force: Vector  # N
+    moment: Scalar | None  # N m; None: none
+
+
 class InertialForces(eqx.Module):
     """Inertial forces of a moving frame on the bodies, in the frame's axes.
 
@@ -199,13 +206,13 @@ class _Equations(eqx.Module):
 
 
 def _equations(
-    machine: Machine, chain: Chain, load: Vector | None, inertial: InertialForces | None
+    machine: Machine, chain: Chain, applied: AtJaw | None, inertial: InertialForces | None
 ) -> _Equations:
-    """Lagrange's equations of the chain under gravity, load and centrifugal terms."""
+    """Lagrange's equations of the chain under gravity, what is applied and centrifugal terms."""
     jaw, toggle = machine.jaw, machine.toggle
     arm = mass_centre_arm(machine, chain)
     weight = Vector(0.0, -jaw.mass * machine.gravity)
-    at_s2 = weight if load is None else weight + load
+    at_s2 = weight if applied is None else weight + applied.force
     at_s2 = at_s2 if inertial is None else at_s2 + inertial.jaw.force
     swing = jaw.mass * toggle.length * chain.toggle.cross(arm)
     on_toggle = (
@@ -214,6 +221,8 @@ def _equations(
         - toggle.mass * machine.gravity * toggle.length / 2 * chain.toggle.x
     )
     on_jaw = -swing * chain.toggle_spin**2 + arm.cross(at_s2)
+    if applied is not None and applied.moment is not None:
+        on_jaw += applied.moment
     if inertial is not None:
         at_s3 = inertial.toggle
         on_toggle += toggle.length / 2 * chain.toggle.cross(at_s3.force) + at_s3.moment
@@ -230,13 +239,13 @@ def _equations(
 def chain_acceleration(
     machine: Machine,
     chain: Chain,
-    load: Vector | None,
+    applied: AtJaw | None,
     force: Vector,
     moment: Scalar | None,
     inertial: InertialForces | None = None,
 ) -> ChainAcceleration:
-    """Forward dynamics without play: force (N) and moment (N m) on the jaw at A, load at S2."""
-    equations = _equations(machine, chain, load, inertial)
+    """Forward dynamics without play: force (N) and moment (N m) act at A, `applied` at S2."""
+    equations = _equations(machine, chain, applied, inertial)
     on_toggle = equations.toggle_moment + machine.toggle.length * chain.toggle.cross(force)
     on_jaw = equations.jaw_moment + machine.jaw.length * chain.jaw.cross(force)
     if moment is not None:
@@ -252,12 +261,12 @@ def chain_acceleration(
 def joint_force_for(
     machine: Machine,
     chain: Chain,
-    load: Vector | None,
+    applied: AtJaw | None,
     acceleration: ChainAcceleration,
     inertial: InertialForces | None = None,
 ) -> Vector:
     """Inverse dynamics: the force (N) on the jaw at A that gives `acceleration`."""
-    equations = _equations(machine, chain, load, inertial)
+    equations = _equations(machine, chain, applied, inertial)
     on_toggle = (
         equations.toggle_inertia * acceleration.toggle
         + equations.coupling * acceleration.jaw

@@ -1,53 +1,140 @@
-"""The crushing load on the jaw, acting at its mass centre S2 without a moment."""
+"""Crushing loads on the jaw; the reaction of each acts on the fixed jaw along the same line.
+
+A load is a function of the shaft's angle, and of pose and velocity of the jaw. It says the force
+and where on the line A-B it acts; a frame on supports carries all of it along.
+"""
 
 import abc
+from collections.abc import Callable
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
-from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.basics.periodic_spline import PeriodicSpline
+from jaxcrusher.basics.plane import Vector, optional_scalar, scalar
+from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.linkage import Chain
+from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.snapshot import JawForce, ShaftMotion
+
+
+class JawMotion(eqx.Module):
+    """What a load sees of an instant, in the frame's axes; only what it asks for is computed.
+
+    A point of the jaw is so many metres from A towards B, and None is its mass centre S2.
+    """
+
+    machine: Machine
+    shaft: ShaftMotion
+    chain: Chain
+
+    @property
+    def angle(self) -> Scalar:
+        """Return the shaft's angle theta1, from -pi to pi; 0 where A lies to the right of O."""
+        return jnp.arctan2(self.shaft.crank.y, self.shaft.crank.x)
+
+    @property
+    def axis(self) -> Vector:
+        """Return the unit vector along B-A."""
+        return self.chain.jaw
+
+    @property
+    def away(self) -> Vector:
+        """Return the unit vector across the jaw, away from the fixed jaw."""
+        return self.axis.perp()
+
+    @property
+    def spin(self) -> Scalar:
+        """Return the angular velocity of the jaw, counterclockwise, rad/s."""
+        return self.chain.jaw_spin
+
+    @property
+    def end_velocity(self) -> Vector:
+        """Return the velocity of the jaw's lower end B, m/s."""
+        return linkage.elbow_velocity(self.machine, self.chain)
+
+    def arm(self, along: Scalar | float | None) -> Vector:
+        """Return a point of the jaw from B, m."""
+        if along is None:
+            return linkage.mass_centre_arm(self.machine, self.chain)
+        return (self.machine.jaw.length - along) * self.axis
+
+    def position(self, along: Scalar | float | None = None) -> Vector:
+        """Return a point of the jaw, m; C is the origin."""
+        return linkage.elbow_position(self.machine, self.chain) + self.arm(along)
+
+    def velocity(self, along: Scalar | float | None = None) -> Vector:
+        """Return the velocity of a point of the jaw, m/s."""
+        return self.end_velocity + self.spin * self.arm(along).perp()
 
 
 class AbstractLoad(eqx.Module):
     """A force on the jaw."""
 
     @abc.abstractmethod
-    def force(self, jaw_direction: Vector, velocity: Vector) -> Vector:
-        """The force (N) on a jaw whose axis B-A is `jaw_direction`, S2 moving at `velocity`."""
+    def force(self, jaw: JawMotion) -> JawForce:
+        """Return the force (N) on a jaw that moves so, and where it acts."""
+
+
+def along_jaw(jaw: JawMotion) -> Vector:
+    """Return the direction from A to B."""
+    return -jaw.axis
+
+
+def normal_to_jaw(jaw: JawMotion) -> Vector:
+    """Return the direction across the jaw, away from the fixed jaw."""
+    return jaw.away
 
 
 class AlongJaw(AbstractLoad):
     """Constant, along the jaw towards B: (18) of the paper, taken literally."""
 
     magnitude: Scalar = eqx.field(converter=scalar)  # N
+    along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
 
-    def force(self, jaw_direction: Vector, velocity: Vector) -> Vector:
+    def force(self, jaw: JawMotion) -> JawForce:
         """-F (B-A axis)."""
-        return -self.magnitude * jaw_direction
+        return JawForce(self.magnitude * along_jaw(jaw), self.along)
 
 
 class NormalToJaw(AbstractLoad):
     """Constant, normal to the jaw's face, away from the fixed jaw."""
 
     magnitude: Scalar = eqx.field(converter=scalar)  # N
+    along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
 
-    def force(self, jaw_direction: Vector, velocity: Vector) -> Vector:
+    def force(self, jaw: JawMotion) -> JawForce:
         """F times the axis turned by 90 degrees."""
-        return self.magnitude * jaw_direction.perp()
+        return JawForce(self.magnitude * normal_to_jaw(jaw), self.along)
 
 
 class ClosingStroke(AbstractLoad):
-    """Normal to the jaw's face, only while S2 moves towards the fixed jaw.
+    """Normal to the jaw's face, only while its point moves towards the fixed jaw.
 
     The switch at rest is smoothed over `width` (m/s) of the closing speed.
     """
 
     magnitude: Scalar = eqx.field(converter=scalar)  # N
     width: Scalar = eqx.field(converter=scalar, default=0.01)  # m/s
+    along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
 
-    def force(self, jaw_direction: Vector, velocity: Vector) -> Vector:
+    def force(self, jaw: JawMotion) -> JawForce:
         """F times the axis turned by 90 degrees, or nothing."""
-        away = jaw_direction.perp()
-        closing = smooth.step(-velocity.dot(away), self.width)
-        return self.magnitude * closing * away
+        closing = smooth.step(-jaw.velocity(self.along).dot(jaw.away), self.width)
+        return JawForce(self.magnitude * closing * jaw.away, self.along)
+
+
+class ByAngle(AbstractLoad):
+    """A curve over the shaft's angle, as loads are measured and published, times a factor."""
+
+    curve: PeriodicSpline  # N, of rad
+    direction: Callable[[JawMotion], Vector] = eqx.field(static=True)
+    factor: Scalar = eqx.field(converter=scalar, default=1.0)
+    along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
+
+    def force(self, jaw: JawMotion) -> JawForce:
+        """The curve at the shaft's angle, along the direction."""
+        size = self.factor * self.curve(jaw.angle)
+        return JawForce(size * self.direction(jaw), self.along)

@@ -13,9 +13,12 @@ from jaxcrusher.basics.smooth import norm
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.foundation import OnSupports
 from jaxcrusher.crusher.joints import JOINTS, LETTERS, before
+from jaxcrusher.crusher.loads import JawMotion
+from jaxcrusher.crusher.rod import Rod
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import (
     FrameMotion,
+    RodPull,
     Snapshot,
     bodies_of,
     forces_on_frame,
@@ -59,7 +62,7 @@ def elbow_reaction(s: Snapshot, scene: Scene) -> Vector:
         return -s.multipliers.elbow
     (_, rate, _), (_, acting, _) = momentum_rates(scene.machine, s), _acting(s, scene)
     reaction = rate - acting - s.joint_force
-    return reaction if s.load is None else reaction - s.load
+    return reaction if s.applied.total is None else reaction - s.applied.total.force
 
 
 def toggle_reaction(s: Snapshot, scene: Scene) -> Vector:
@@ -152,9 +155,16 @@ def drive_power(s: Snapshot, scene: Scene) -> Scalar:
 
 def load_power(s: Snapshot, scene: Scene) -> Scalar:
     """The power of the crushing load, W."""
-    if s.load is None:
+    load = s.applied.load
+    if load is None:
         return jnp.zeros_like(s.shaft.speed)
-    return s.load.dot(linkage.mass_centre_velocity(scene.machine, s.chain))
+    return load.force.dot(JawMotion(scene.machine, s.shaft, s.chain).velocity(load.along))
+
+
+def load_position(s: Snapshot, scene: Scene) -> Vector:
+    """Where the crushing load acts on the jaw, m; S2 where there is none."""
+    along = None if s.applied.load is None else s.applied.load.along
+    return JawMotion(scene.machine, s.shaft, s.chain).position(along)
 
 
 def contact_loss(s: Snapshot, scene: Scene) -> Scalar:
@@ -173,7 +183,7 @@ def elbow_position(s: Snapshot, scene: Scene) -> Vector:
 
 
 def jaw_mass_centre(s: Snapshot, scene: Scene) -> Vector:
-    """S2, where the crushing load acts, m."""
+    """S2, m."""
     return elbow_position(s, scene) + linkage.mass_centre_arm(scene.machine, s.chain)
 
 
@@ -223,8 +233,10 @@ def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
 
 
 def elastic_energy(s: Snapshot, scene: Scene) -> Scalar:
-    """Stored in the contacts, and in the springs of the supports, J."""
+    """Stored in the contacts, in the rod and in the springs of the supports, J."""
     stored = _over_joints(ClearanceJoint.elastic_energy, s, scene)
+    if s.applied.rod is not None and scene.rod is not None:
+        stored = stored + scene.rod.elastic_energy(s.applied.rod)
     if s.frame is None or scene.supports is None:
         return stored
     return stored + scene.supports.elastic_energy(s.frame)
@@ -234,6 +246,29 @@ def support_loss(s: Snapshot, scene: Scene) -> Scalar:
     """Power that the dampers of the supports take, W; ValueError for a clamped frame."""
     frame, foundation = _on_supports(s, scene, "support_loss")
     return foundation.loss(frame)
+
+
+def _pull(s: Snapshot, scene: Scene, name: str) -> tuple[RodPull, Rod]:
+    """Return what the tension rod does, and the rod."""
+    if s.applied.rod is None or scene.rod is None:
+        raise ValueError(f"Argument `outputs` must not ask for {name} without a rod, but does.")
+    return s.applied.rod, scene.rod
+
+
+def rod_tension(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the tension of the rod, N; ValueError without one."""
+    return _pull(s, scene, "rod_tension")[0].tension
+
+
+def rod_margin(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the tension that a rod would have that can push, N: it is slack where negative."""
+    return _pull(s, scene, "rod_margin")[0].wanted
+
+
+def rod_loss(s: Snapshot, scene: Scene) -> Scalar:
+    """Power that the damper of the rod takes, W; ValueError without one."""
+    pull, rod = _pull(s, scene, "rod_loss")
+    return rod.loss(pull)
 
 
 def _on_supports(s: Snapshot, scene: Scene, name: str) -> tuple[FrameMotion, OnSupports]:
@@ -412,6 +447,8 @@ OF_SUPPORTS = {
     "frame_rotation": Observable(frame_rotation, "rad", "rotation of the frame"),
 }
 
+OF_ROD = {"rod_tension": Observable(rod_tension, "N", "tension of the rod")}
+
 # Name -> function, unit and meaning of what can be observed of an instant.
 OBSERVABLES = {
     **_at("main"),
@@ -427,7 +464,8 @@ OBSERVABLES = {
     "drive_torque": Observable(drive_torque, "N m", "drive torque"),
     "drive_power": Observable(drive_power, "W", "drive power"),
     "shaft_speed": Observable(lambda s, _: s.shaft.speed, "rad/s", "shaft speed"),
-    "crushing_load": Observable(_crushing_load, "N", "load on the jaw at S2"),
+    "crushing_load": Observable(_crushing_load, "N", "crushing load on the jaw"),
+    "load_position": Observable(load_position, "m", "where the load acts on the jaw"),
     "pin_position": Observable(
         lambda s, scene: pin_position(scene.machine, s.shaft.crank), "m", "centre A of the pin"
     ),
@@ -440,6 +478,7 @@ OBSERVABLES = {
     **_at("elbow"),
     **_at("pivot"),
     **OF_SUPPORTS,
+    **OF_ROD,
 }
 
 
@@ -453,8 +492,9 @@ def columns(values: Mapping[str, Any]) -> dict[str, Column]:
 
 
 def observables_of(scene: Scene) -> tuple[str, ...]:
-    """All but those of an elbow and a pivot that are ideal, and of supports that are not there."""
+    """All but those of ideal elbow and pivot, and of supports and a rod that are not there."""
     absent = [joint for joint in JOINTS[1:] if scene.joints[joint] is None]
     left_out = {before(joint) + name for joint in absent for name in _at("main")}
     left_out |= set() if scene.supports else set(OF_SUPPORTS)
+    left_out |= set() if scene.rod else set(OF_ROD)
     return tuple(name for name in OBSERVABLES if name not in left_out)

@@ -22,6 +22,7 @@ from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene, Ab
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.rod import Rod
 from jaxcrusher.joint.clearance import ClearanceJoint
 
 
@@ -29,7 +30,7 @@ class Scene(AbstractScene):
     """A machine, what drives and loads it, its joints (None: ideal) and how to solve it.
 
     `joint` is the main one, A; `elbow` is B, `pivot` C. With no `foundation` the frame is clamped,
-    and moments on the ground are counted about C.
+    and moments on the ground are counted about C. A `rod` pulls the jaw onto its toggle.
 
     Raises ValueError (concrete values only) if 64-bit floats are off, if a clearance is not
     inside (0, R_i), or if the clearances let the linkage reach a dead point.
@@ -44,6 +45,7 @@ class Scene(AbstractScene):
     elbow: ClearanceJoint | None = None
     pivot: ClearanceJoint | None = None
     foundation: AbstractFoundation | None = None
+    rod: Rod | None = None
 
     def __check_init__(self):
         require_x64()
@@ -69,6 +71,7 @@ class Scene(AbstractScene):
             ClosedLinkage(),
             None,
             foundation=self.foundation,
+            rod=self.rod,
         )
 
 

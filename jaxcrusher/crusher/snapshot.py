@@ -4,10 +4,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import PyTree, Scalar
 
-from jaxcrusher.basics.plane import Vector, direction
+from jaxcrusher.basics.plane import Vector, direction, optional_scalar
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.joints import AtJoints
-from jaxcrusher.crusher.linkage import Chain, ChainAcceleration, InertialForces, Play
+from jaxcrusher.crusher.linkage import AtJaw, Chain, ChainAcceleration, InertialForces, Play
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle
 from jaxcrusher.joint.clearance import Contact
 
@@ -43,6 +43,32 @@ class Multipliers(eqx.Module):
     acceleration: PyTree[Scalar]  # q'' of the formulation's coordinates
 
 
+class JawForce(eqx.Module):
+    """A force on the jaw, and how far from A towards B its line meets the jaw's axis."""
+
+    force: Vector  # N
+    along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
+
+
+class RodPull(eqx.Module):
+    """What the tension rod does to the jaw; its other end pulls at the frame by the opposite."""
+
+    force: Vector  # on the jaw, N
+    arm: Vector  # of its end on the jaw, from S2, m
+    tension: Scalar  # N
+    wanted: Scalar  # N, negative where the rod is slack
+    stretch: Scalar  # L - L0, m
+    rate: Scalar  # m/s
+
+
+class Applied(eqx.Module):
+    """Forces on the jaw by their source, None where there is none, and their sum at S2."""
+
+    load: JawForce | None
+    rod: RodPull | None
+    total: AtJaw | None
+
+
 class Snapshot(eqx.Module):
     """One instant; `joint_force` (N) and the moments (N m) act at the main joint A.
 
@@ -58,10 +84,15 @@ class Snapshot(eqx.Module):
     joint_force: Vector  # on the jaw, at A
     jaw_moment: Scalar | None
     shaft_moment: Scalar | None
-    load: Vector | None  # on the jaw, at S2
+    applied: Applied  # on the jaw
     multipliers: Multipliers | None
     frame: FrameMotion | None = None
     inertial: InertialForces | None = None
+
+    @property
+    def load(self) -> Vector | None:
+        """Return the crushing load on the jaw, N."""
+        return None if self.applied.load is None else self.applied.load.force
 
 
 def pin_position(machine: Machine, crank: Vector) -> Vector:

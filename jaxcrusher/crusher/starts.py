@@ -8,6 +8,7 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.crusher import free_bodies, linkage
+from jaxcrusher.crusher.applied import applied
 from jaxcrusher.crusher.interfaces import AbstractScene, AbstractStart
 from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.linkage import Play
@@ -71,14 +72,13 @@ def resting(time: Scalar, e: Play, rate: Play, curvature: Play, scene: AbstractS
     machine = scene.machine
     shaft = crank_motion(scene.drive.speed * time, scene.drive.speed)
     chain = chain_of(machine, shaft, e, rate)
-    velocity = linkage.mass_centre_velocity(machine, chain)
-    load = None if scene.load is None else scene.load.force(chain.jaw, velocity)
+    on_jaw = applied(scene, shaft, chain).total
     reached = pin_acceleration(machine, shaft)
     reached = reached if curvature.main is None else reached - curvature.main
     acceleration = linkage.chain_acceleration_to_reach(machine, chain, reached, curvature)
-    forces = AtJoints(main=linkage.joint_force_for(machine, chain, load, acceleration))
+    forces = AtJoints(main=linkage.joint_force_for(machine, chain, on_jaw, acceleration))
     if not scene.joints.only_main:
-        forces = free_bodies.forces_for(machine, chain, load, acceleration)
+        forces = free_bodies.forces_for(machine, chain, on_jaw, acceleration)
 
     def depth(joint: ClearanceJoint, force: Vector) -> Vector:
         size = norm(force, 0.0)

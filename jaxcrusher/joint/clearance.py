@@ -10,7 +10,7 @@ from jaxtyping import Scalar
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.joint.friction import AbstractFriction
-from jaxcrusher.joint.normal import AbstractNormalLaw
+from jaxcrusher.joint.normal import AbstractNormalForce
 
 
 class Contact(eqx.Module):
@@ -41,7 +41,7 @@ class ClearanceJoint(eqx.Module):
 
     bore_radius: Scalar = eqx.field(converter=scalar)  # R_i, m
     clearance: Scalar = eqx.field(converter=scalar)  # c = R_i - R_j, m
-    normal: AbstractNormalLaw
+    normal: AbstractNormalForce
     friction: AbstractFriction | None
     norm_width: Scalar = eqx.field(converter=scalar, default=1e-9)
 

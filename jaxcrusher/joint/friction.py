@@ -3,6 +3,7 @@
 import abc
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
@@ -72,3 +73,74 @@ class AmbrosioFriction(AbstractFriction):
         above_static = smooth.positive_part(speed - self.static_speed, self.width)
         above_full = smooth.positive_part(speed - self.full_speed, self.width)
         return (above_static - above_full) / (self.full_speed - self.static_speed)
+
+
+class Threlfall(AbstractFriction):
+    """F_t = -c_f F_n (1 - exp(-3 |v| / v1)) sign(v), constant above v1: Threlfall 1978.
+
+    Above v1 it is 0.95 c_f F_n. Its slope jumps there, and is 3 c_f F_n / v1 on both sides of rest.
+    """
+
+    slip: AbstractSlip
+    coefficient: Scalar = eqx.field(converter=scalar, default=0.1)  # c_f
+    full_speed: Scalar = eqx.field(  # v1, m/s
+        converter=scalar, default=1.0, metadata={"unit": "m/s"}
+    )
+
+    def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:
+        """F_t, N: odd in the slip speed."""
+        share = jnp.clip(jnp.abs(slip_speed) / self.full_speed, 0.0, 1.0)
+        # From expm1(-3 x) / x, which has a value at rest.
+        rest = share < 1e-8
+        size = -jnp.expm1(-3 * share) / jnp.where(rest, 1.0, share)
+        size = jnp.where(rest, 3.0, size)
+        along = jnp.clip(slip_speed / self.full_speed, -1.0, 1.0)
+        return -self.coefficient * normal_force * size * along
+
+
+class BengisuAkay(AbstractFriction):
+    """A parabola from rest to stiction at v0, then a decay to sliding: Bengisu and Akay 1994.
+
+    |F_t| = F_s (1 - (|v| - v0)^2 / v0^2) below v0, F_c + (F_s - F_c) exp(-xi (|v| - v0)) above,
+    with F_c = c_f F_n and F_s = r F_c. Its slope jumps at v0 by xi (F_s - F_c).
+    """
+
+    slip: AbstractSlip
+    coefficient: Scalar = eqx.field(converter=scalar, default=0.1)  # c_f
+    static_ratio: Scalar = eqx.field(converter=scalar, default=1.5)  # r, >= 1
+    static_speed: Scalar = eqx.field(  # v0, m/s
+        converter=scalar, default=0.1, metadata={"unit": "m/s"}
+    )
+    decay: Scalar = eqx.field(converter=scalar, default=10.0, metadata={"unit": "s/m"})  # xi
+
+    def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:
+        """F_t, N: odd in the slip speed."""
+        v0, speed = self.static_speed, jnp.abs(slip_speed)
+        # v (2 v0 - |v|) / v0^2 is the parabola with its sign.
+        below = self.static_ratio * slip_speed * (2 * v0 - speed) / v0**2
+        over = jnp.maximum(speed - v0, 0.0)
+        above = 1 + (self.static_ratio - 1) * jnp.exp(-self.decay * over)
+        found = jnp.where(speed < v0, below, above * jnp.sign(slip_speed))
+        return -self.coefficient * normal_force * found
+
+
+class Stribeck(AbstractFriction):
+    """F_t = -(F_c + (F_s - F_c) exp(-(v / v_s)^2)) tanh(v / v_t), Stribeck's curve.
+
+    After Bo and Pavelescu 1982 with the exponent 2, F_c = c_f F_n and F_s = r F_c. The jump at
+    rest is smoothed over v_t, so that stiction is reached to 1 - exp(-2 v / v_t) of it.
+    """
+
+    slip: AbstractSlip
+    coefficient: Scalar = eqx.field(converter=scalar, default=0.1)  # c_f
+    static_ratio: Scalar = eqx.field(converter=scalar, default=1.5)  # r, >= 1
+    stribeck_speed: Scalar = eqx.field(  # v_s, m/s
+        converter=scalar, default=0.3, metadata={"unit": "m/s"}
+    )
+    width: Scalar = eqx.field(converter=scalar, default=0.01, metadata={"unit": "m/s"})  # v_t
+
+    def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:
+        """F_t, N: odd in the slip speed."""
+        fall = jnp.exp(-((slip_speed / self.stribeck_speed) ** 2))
+        size = 1 + (self.static_ratio - 1) * fall
+        return -self.coefficient * normal_force * size * jnp.tanh(slip_speed / self.width)

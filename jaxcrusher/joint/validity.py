@@ -24,6 +24,22 @@ RESTITUTION_ERROR = 0.05
 WIDEST_CLEARANCE = 0.01
 
 
+class Tautness(eqx.Module):
+    """A tension rod against the limit of its law: it holds nothing where it is slack."""
+
+    least_tension: Scalar  # N; what a rod would pull that can push
+
+    @property
+    def inside(self) -> Bool[Array, "*batch"]:
+        """Taut at every instant."""
+        return self.least_tension >= 0
+
+    def remarks(self) -> list[str]:
+        """Say that the rod is slack (concrete values only)."""
+        slack = -float(self.least_tension)
+        return [] if bool(self.inside) else [f"slack, short of tension by {slack:.3g} N"]
+
+
 class Validity(eqx.Module):
     """A motion against the limits of its contact model; all without unit."""
 
@@ -32,7 +48,8 @@ class Validity(eqx.Module):
     delivered_restitution: Scalar  # of the fastest impact, by the law's closed form
     asked_restitution: Scalar
     clearance_ratio: Scalar  # radial clearance over the bore radius
-    others: "Mapping[str, Validity]" = eqx.field(default_factory=dict)  # of further joints, by name
+    # Of further joints, by name, and of a tension rod.
+    others: "Mapping[str, Validity | Tautness]" = eqx.field(default_factory=dict)
 
     @property
     def hertzian(self) -> Bool[Array, "*batch"]:
@@ -46,8 +63,9 @@ class Validity(eqx.Module):
 
     @property
     def restitution_kept(self) -> Bool[Array, "*batch"]:
-        """Fastest impact rebounds as asked."""
-        return jnp.abs(self.delivered_restitution - self.asked_restitution) <= RESTITUTION_ERROR
+        """Fastest impact rebounds as asked, as far as that is known."""
+        error = jnp.abs(self.delivered_restitution - self.asked_restitution)
+        return jnp.isnan(error) | (error <= RESTITUTION_ERROR)
 
     @property
     def fitting(self) -> Bool[Array, "*batch"]:
@@ -103,6 +121,6 @@ def validity(
         half_width,
         impact_speed / ELASTIC_IMPACT_SPEED,
         joint.normal.delivered_restitution(impact_speed),
-        joint.normal.restitution,
+        joint.normal.asked_restitution(),
         jnp.broadcast_to(clearance_ratio, jnp.shape(impact_speed)),
     )

@@ -3,8 +3,9 @@
 Solvers and step-size controllers are those of diffrax; lanes take their numbers.
 """
 
+import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
@@ -92,9 +93,14 @@ def record(
     control, tolerances = _control(method, norm)
     states, state_tree = jax.tree.flatten(state)
     numbers, args_tree = jax.tree.flatten(args)
-    if any(jnp.shape(leaf) != () for leaf in states + numbers):
-        raise Unsupported("states or numbers that are arrays")
+    if any(jnp.shape(leaf) != () for leaf in states):
+        raise Unsupported("states that are arrays")
     count = len(states)
+    # Of a number that is an array, such as a curve, each entry is a number.
+    arrays = [jnp.shape(leaf) for leaf in numbers]
+    numbers = [
+        entry for leaf in numbers for entry in (jnp.ravel(leaf) if jnp.ndim(leaf) else [leaf])
+    ]
     for leaf in states:
         if (kind := str(jnp.result_type(leaf))) != REAL:
             raise Unsupported(f"the type `{kind}` of a state")
@@ -104,7 +110,8 @@ def record(
     def of_scalars(function: Callable) -> Any:
         def flat(time, *scalars):
             state = jax.tree.unflatten(state_tree, scalars[:count])
-            return function(time, state, jax.tree.unflatten(args_tree, scalars[count:]))
+            args = jax.tree.unflatten(args_tree, _joined(scalars[count:], arrays))
+            return function(time, state, args)
 
         return jax.make_jaxpr(flat, return_shape=True)(*types)
 
@@ -135,6 +142,17 @@ def record(
         times, *tolerances, *map(jnp.asarray, states + numbers), what=what
     )
     return jax.tree.unflatten(tree, found), (code, reached, steps)
+
+
+def _joined(entries: Sequence[Array], shapes: list[tuple[int, ...]]) -> list[Array]:
+    """Make arrays of these shapes of their entries; a scalar is an entry itself."""
+    rest = iter(entries)
+    return [
+        jnp.stack([next(rest) for _ in range(math.prod(shape))]).reshape(shape)
+        if shape
+        else next(rest)
+        for shape in shapes
+    ]
 
 
 def _type(leaf: Any) -> jax.ShapeDtypeStruct:

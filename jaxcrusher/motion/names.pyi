@@ -23,6 +23,7 @@ class StatisticNames:
     right_peak: Array
     frame_displacement_peak: Array
     frame_velocity_rms: Array
+    rod_tension_least: Array
     elbow_contact_fraction: Array
     elbow_penetration_ratio: Array
     elbow_impact_speed: Array
@@ -55,6 +56,7 @@ class ObservableNames:
     drive_power: Array
     shaft_speed: Array
     crushing_load: Array
+    load_position: Array
     pin_position: Array
     jaw_position: Array
     jaw_mass_centre: Array
@@ -76,3 +78,4 @@ class ObservableNames:
     frame_displacement: Array
     frame_velocity: Array
     frame_rotation: Array
+    rod_tension: Array

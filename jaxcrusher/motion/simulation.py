@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 from jaxcrusher.basics.checks import concrete, require, require_names
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher import observables
-from jaxcrusher.crusher.observables import OBSERVABLES, OF_SUPPORTS, observables_of
+from jaxcrusher.crusher.observables import OBSERVABLES, OF_ROD, OF_SUPPORTS, observables_of
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import Flow, unflattened
 from jaxcrusher.motion.integrate import (
@@ -42,20 +42,23 @@ ENERGIES = {
     "elastic": observables.elastic_energy,
 }
 # What `simulate` can report of any scene; units stand in
-# `jaxcrusher.crusher.observables.OBSERVABLES`. A frame on supports has `OF_SUPPORTS` besides.
-OUTPUTS = (*(name for name in OBSERVABLES if name not in OF_SUPPORTS), "energy")
+# `jaxcrusher.crusher.observables.OBSERVABLES`. A frame on supports has `OF_SUPPORTS` besides, and a
+# tension rod `OF_ROD`.
+OUTPUTS = (*(name for name in OBSERVABLES if name not in OF_SUPPORTS | OF_ROD), "energy")
 
 
 def _works(scene: Scene) -> dict[str, Callable]:
-    """Return the powers of a scene's ledger: dampers are those of supports."""
-    return WORKS if scene.supports is None else WORKS | {"support_loss": observables.support_loss}
+    """Return the powers of a scene's ledger: dampers are those of supports and rod."""
+    found = dict(WORKS)
+    found |= {} if scene.supports is None else {"support_loss": observables.support_loss}
+    return found if scene.rod is None else found | {"rod_loss": observables.rod_loss}
 
 
 class Energy(eqx.Module):
     """The energy ledger: energies, and work since time zero, J; shape (times,) or one instant.
 
-    Springs of supports count as elastic; `support_loss` is what their dampers took, None where the
-    frame is clamped.
+    Springs of supports and rod count as elastic; `support_loss` is what dampers of supports took,
+    None where the frame is clamped, and `rod_loss` what that of the rod took, None without one.
     """
 
     kinetic: Float[Array, "*times"]
@@ -66,6 +69,7 @@ class Energy(eqx.Module):
     contact_loss: Float[Array, "*times"]
     friction_loss: Float[Array, "*times"]
     support_loss: Float[Array, "*times"] | None = None
+    rod_loss: Float[Array, "*times"] | None = None
 
     @property
     def imbalance(self) -> Float[Array, "*times"]:
@@ -74,6 +78,7 @@ class Energy(eqx.Module):
         balance = stored - self.drive_work - self.load_work
         balance = balance + self.contact_loss + self.friction_loss
         balance = balance if self.support_loss is None else balance + self.support_loss
+        balance = balance if self.rod_loss is None else balance + self.rod_loss
         return balance - balance[0]
 
 
@@ -134,7 +139,8 @@ def simulate(
     - `scene`: what to simulate; its numbers may be traced.
     - `times`: shape (times,), in s, increasing, not negative.
     - `outputs`: the names of what to compute, any of `jaxcrusher.OUTPUTS` and, of a frame on
-      supports, of `jaxcrusher.crusher.observables.OF_SUPPORTS`; the rest is neither computed nor
+      supports or with a rod, of `OF_SUPPORTS` and `OF_ROD` of
+      `jaxcrusher.crusher.observables`; the rest is neither computed nor
       traced. None is all that the scene has.
     - `state`: at time zero, in place of the scene's start: shape (dims,), with the shaft at angle
       zero, as `Statistics.state` and `Section.state` have it.
@@ -153,7 +159,7 @@ def simulate(
     require_times(times)
     how = resolve(scene, rtol, method, FIRST_STEP)
     outputs = (*observables_of(scene), "energy") if outputs is None else outputs
-    require_names("outputs", outputs, (*OUTPUTS, *OF_SUPPORTS))
+    require_names("outputs", outputs, (*OUTPUTS, *OF_SUPPORTS, *OF_ROD))
     return _simulate(scene, jnp.asarray(times, dtype=float), state, how, tuple(outputs))
 
 

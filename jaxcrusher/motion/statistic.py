@@ -21,6 +21,7 @@ from jaxcrusher.crusher.observables import (
     ground_moment,
     left_size,
     right_size,
+    rod_margin,
     shaking_size,
     transmitted_size,
 )
@@ -162,6 +163,7 @@ def _place_of_frame(s: Snapshot, scene: Scene) -> Float[Array, "2"]:
 
 
 _PEAK, _LARGEST = Sampled(top, jnp.max), Sampled(jnp.max, jnp.max)
+_LEAST = Sampled(jnp.min, jnp.min)
 _EXCURSION = Sampled(_largest_excursion, jnp.max)
 _CONTACT = Sampled(_share_above_zero, jnp.mean)
 
@@ -234,7 +236,13 @@ _OF_SUPPORTS = {
     ),
     "frame_velocity_rms": Statistic("m/s", "RMS of the speed of G", frame_speed, PowerMean(2)),
 }
-_FURTHER |= _OF_SUPPORTS
+# Of a tension rod, when asked.
+_OF_ROD = {
+    "rod_tension_least": Statistic(
+        "N", "least tension of the rod; where it is negative the rod is slack", rod_margin, _LEAST
+    ),
+}
+_FURTHER |= _OF_SUPPORTS | _OF_ROD
 # Of each joint, what is computed without being asked, and what when asked.
 _BY_JOINT = {joint: (_always_at(joint), _further_at(joint)) for joint in JOINTS}
 _OF_OTHERS = [of_joint for joint in JOINTS[1:] for of_joint in _BY_JOINT[joint]]
@@ -277,7 +285,8 @@ def always_with(loose: Iterable[str]) -> tuple[str, ...]:
 
 def always_of(scene: Scene) -> tuple[str, ...]:
     """The names of what `statistics` computes of a scene without being asked."""
-    return always_with(joint for joint, _ in scene.joints.present())
+    of_joints = always_with(joint for joint, _ in scene.joints.present())
+    return of_joints if scene.rod is None else (*of_joints, *_OF_ROD)
 
 
 def statistics_of(scene: Scene) -> tuple[str, ...]:
@@ -285,6 +294,8 @@ def statistics_of(scene: Scene) -> tuple[str, ...]:
     loose, left_out = dict(scene.joints.present()), set[str]()
     if scene.supports is None:
         left_out |= set(_OF_SUPPORTS)
+    if scene.rod is None:
+        left_out |= set(_OF_ROD)
     for joint, (always, further) in _BY_JOINT.items():
         if joint not in (JOINTS[0], *loose):
             left_out |= {*always, *further}

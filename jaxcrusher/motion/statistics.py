@@ -15,7 +15,7 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
-from jaxcrusher.joint.validity import Validity, validity
+from jaxcrusher.joint.validity import Tautness, Validity, validity
 from jaxcrusher.motion.flow import Flow, by_angle, flat, unflattened
 from jaxcrusher.motion.integrate import (
     Carried,
@@ -187,7 +187,7 @@ def over_turns(
 def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity | None:
     """Return the limits of the contact model; None if the statistics that tell them are missing.
 
-    They are those of the main joint, and in `others` those of the other loose joints.
+    They are those of the main joint, and in `others` those of the other loose joints and of a rod.
     """
     found = {}
     for joint in ("main", *(name for name, _ in scene.joints.present())):
@@ -195,7 +195,11 @@ def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity | None:
         if depth not in values or speed not in values:
             return None
         found[joint] = validity(scene.joints[joint], values[depth], values[speed])
-    return dataclasses.replace(found.pop("main"), others=found)
+    others = dict(found)
+    main = others.pop("main")
+    if scene.rod is not None and "rod_tension_least" in values:
+        others["rod"] = Tautness(values["rod_tension_least"])
+    return dataclasses.replace(main, others=others)
 
 
 def over_pieces(name: str, values: Float[Array, " n"]) -> Scalar:

@@ -23,6 +23,7 @@ DRAWN = (
     "toggle_reaction",
     "joint_force",
     "crushing_load",
+    "load_position",
 )
 # Force -> symbol, colour, where it acts, and which end of the arrow is there: the frame pushes,
 # so that R_O and F_A, almost equal, do not cover each other.
@@ -30,7 +31,7 @@ FORCES = {
     "bearing_reaction": ("$R_O$", BLUE, "bearing", "tip"),
     "toggle_reaction": ("$R_C$", GREEN, "toggle_pivot", "tip"),
     "joint_force": ("$F_A$", ORANGE, "pin_position", "tail"),
-    "crushing_load": ("$F_{load}$", PURPLE, "jaw_mass_centre", "tail"),
+    "crushing_load": ("$F_{load}$", PURPLE, "load_position", "tail"),
 }
 # Of a joint: the force on the bore and its sign, and where its inset lies.
 INSETS = {

@@ -11,6 +11,7 @@ from jax.lax import stop_gradient
 from jaxcrusher.basics.checks import concrete, primal, require, require_x64
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.capacity import CrushingChamber, stroke
+from jaxcrusher.crusher.crushing_bed import crushing_bed
 from jaxcrusher.crusher.drives import ConstantSpeed
 from jaxcrusher.crusher.formulations import (
     ClosedLinkage,
@@ -18,20 +19,35 @@ from jaxcrusher.crusher.formulations import (
     MultiplierFormulation,
 )
 from jaxcrusher.crusher.foundation import AbstractFoundation, Clamped, OnSupports
-from jaxcrusher.crusher.loads import AlongJaw, ClosingStroke, NormalToJaw
+from jaxcrusher.crusher.loads import (
+    AbstractLoad,
+    AlongJaw,
+    ByAngle,
+    ClosingStroke,
+    NormalToJaw,
+    along_jaw,
+    normal_to_jaw,
+)
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
+from jaxcrusher.crusher.rod import Rod, rod_at
 from jaxcrusher.crusher.scene import Scene, require_clearance
 from jaxcrusher.crusher.starts import Centred, InContact
 from jaxcrusher.joint.clearance import ClearanceJoint
-from jaxcrusher.joint.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
+from jaxcrusher.joint.friction import AbstractFriction, AmbrosioFriction, CentreSlip, SurfaceSlip
 from jaxcrusher.joint.normal import (
+    AbstractNormalForce,
     ConstantImpactVelocity,
     Flores,
+    Gonthier,
+    HuGuo,
     HuntCrossley,
     LankaraniNikravesh,
     TrackedImpactVelocity,
+    ZhiyingQishao,
     cylinder_stiffness,
 )
+from jaxcrusher.scenes.load_curve import load_curve
+from jaxcrusher.scenes.own_laws import built, is_own, make_known
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
     PARAMETERS,
@@ -48,10 +64,14 @@ from jaxcrusher.scenes.parameters import (
 _STARTS = {"centred": Centred, "contact": InContact}
 _SLIPS = {"centre": CentreSlip, "surface": SurfaceSlip}
 _LOADS = {"along_jaw": AlongJaw, "normal_to_jaw": NormalToJaw, "closing_stroke": ClosingStroke}
+_DIRECTIONS = {"along_jaw": along_jaw, "normal_to_jaw": normal_to_jaw}
 _CONTACTS = {
     "lankarani_nikravesh": LankaraniNikravesh,
     "hunt_crossley": HuntCrossley,
     "flores": Flores,
+    "gonthier": Gonthier,
+    "zhiying_qishao": ZhiyingQishao,
+    "hu_guo": HuGuo,
 }
 _FORMULATIONS = {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation}
 
@@ -78,26 +98,30 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     `values` maps names of `PARAMETERS` to scalars in SI units, which may be traced, and names of
     `CHOICES` to one of theirs; those of `CHAMBER` are `build_chamber`'s. A number that only
     `jax.jit` knows and that lies outside its limits becomes NaN, and the motion a failure. A
-    friction of exactly 0 that is not traced leaves friction out. With an `elbow.clearance` B is
+    friction of exactly 0 that is not traced leaves friction out. A law may be "module:Class", a
+    class of one's own, whose numbers are `contact.NAME`, `elbow.NAME`, `pivot.NAME`, or
+    `crushing.NAME` of a load. With an `elbow.clearance` B is
     loose, with a `pivot.clearance` C; their other numbers and choices stand by the same prefix.
-    With a `foundation.mass` the frame stands on supports, without it is clamped.
+    With `load_law="by_angle"` a `load_curve` is a CSV file or an array of shape (n, 2) of angles
+    (rad) and forces (N). With a `foundation.mass` the frame stands on supports, without it is
+    clamped. With a `rod.stiffness` or a `rod.preload` a tension rod pulls at the jaw.
 
     Raises ValueError as `check_description` and `complete` do, and as `Scene` and `Machine` do.
     """
     require_x64()
-    check_description(values)
+    make_known(values.items())
+    check_description({n: value for n, value in values.items() if not is_own(n, value)})
     v = within_limits(complete(values))
-    law = None if v["load_law"] == "none" else _LOADS[v["load_law"]](v["load"])
     machine, drive = build_machine(v), ConstantSpeed(v["speed"])
-    foundation = _foundation(v)
+    law, foundation, rod = _load(v, machine), _foundation(v), _rod(v, machine)
     main = None if v["joint"] == "ideal" else _joint(v, "")
-    others = [
+    elbow, pivot = (
         _joint(v, f"{joint}.") if f"{joint}.clearance" in v else None for joint in WORN_JOINTS
-    ]
-    if main is None and others == [None, None]:
-        return Scene(machine, drive, None, law, ClosedLinkage(), None, foundation=foundation)
+    )
+    if main is None and elbow is None and pivot is None:
+        return Scene(machine, drive, None, law, ClosedLinkage(), None, None, None, foundation, rod)
     formulation, start = _FORMULATIONS[v["formulation"]](), _STARTS[v["start"]]()
-    return Scene(machine, drive, main, law, formulation, start, *others, foundation=foundation)
+    return Scene(machine, drive, main, law, formulation, start, elbow, pivot, foundation, rod)
 
 
 def build_machine(values: Mapping[str, Any]) -> Machine:
@@ -149,6 +173,32 @@ def _differs(value: Any, other: Any) -> bool:
     return known is None or bool(np.any(known != other))
 
 
+def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
+    """Return the crushing load, None without."""
+    law, along = values["load_law"], values.get("load_point")
+    if along is not None:
+        length, at = primal(values["jaw.length"]), primal(along)
+        if length is not None and at is not None:
+            must = f"lie on the jaw, from 0 to its length {float(np.min(length)):g} m"
+            require(bool(np.all(at <= length)), "load_point", must, at)
+    if law == "none":
+        return None
+    if is_own("load_law", law):
+        own = built("load_law", law, values, magnitude=values["load"], along=along)
+        assert isinstance(own, AbstractLoad)
+        return own
+    if law == "chamber":
+        require(along is None, "load_point", "not come with `load_law=chamber`", "given")
+        v = {**_PAPER_CHAMBER, **values}
+        names = "width", "height", "discharge", "nip_angle", "bed_modulus", "bed_exponent"
+        return crushing_bed(machine, *(v[f"chamber.{name}"] for name in names))
+    if law != "by_angle":
+        return _LOADS[law](values["load"], along=along)
+    require("load_curve" in values, "load_curve", "be given with `load_law=by_angle`", "missing")
+    direction = _DIRECTIONS[values["load_direction"]]
+    return ByAngle(load_curve(values["load_curve"]), direction, values["load_factor"], along)
+
+
 def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:
     """Return what the frame stands on; None: clamped, with moments about C."""
     if "foundation.x" not in values:
@@ -162,8 +212,28 @@ def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:
     return OnSupports(point=point, **numbers)
 
 
+def _rod(values: Mapping[str, Any], machine: Machine) -> Rod | None:
+    """Return the tension rod, None without."""
+    numbers = {n.removeprefix("rod."): v for n, v in values.items() if n.startswith("rod.")}
+    return rod_at(machine, **numbers) if numbers else None
+
+
+def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
+    """Return the friction of a joint."""
+    name = f"{prefix}friction_law"
+    known = {
+        "slip": _SLIPS[values[f"{prefix}slip"]](),
+        "coefficient": values[f"{prefix}friction"],
+    }
+    law = values[name]
+    found = built(name, law, values, **known) if is_own(name, law) else AmbrosioFriction(**known)
+    assert isinstance(found, AbstractFriction)
+    return found
+
+
 def _joint(values: Mapping[str, Any], prefix: str) -> ClearanceJoint:
     """Return the joint whose names have the prefix."""
+    every = values
     v = {name.removeprefix(prefix): v for name, v in values.items() if name.startswith(prefix)}
     require_clearance(v["clearance"], v["bore_radius"], prefix)
     tracked = v["impact_law"] == "tracked"
@@ -171,9 +241,16 @@ def _joint(values: Mapping[str, Any], prefix: str) -> ClearanceJoint:
     stiffness = cylinder_stiffness(v["bore_radius"], v["clearance"], v["young"], v["poisson"])
     # No part of the model, so no derivative: each would be one more tangent to integrate.
     width = stop_gradient(jnp.minimum(_CORNER, (_CORNER_FORCE / stiffness) ** (2 / 3)))
-    normal = _CONTACTS[v["contact_law"]](stiffness, v["restitution"], velocity, width=width)
-    known = concrete(v["friction"])
-    left_out = known is not None and bool(np.all(known == 0))
-    friction = None if left_out else AmbrosioFriction(_SLIPS[v["slip"]](), v["friction"])
+    known = {"stiffness": stiffness, "restitution": v["restitution"], "width": width}
+    name, law = f"{prefix}contact_law", v["contact_law"]
+    normal = (
+        built(name, law, every, impact_velocity=velocity, **known)
+        if is_own(name, law)
+        else _CONTACTS[law](impact_velocity=velocity, **known)
+    )
+    assert isinstance(normal, AbstractNormalForce)
+    rubbing = concrete(v["friction"])
+    left_out = rubbing is not None and bool(np.all(rubbing == 0))
+    friction = None if left_out else _friction(every, prefix)
     norm_width = stop_gradient(jnp.minimum(_NORM, _NORM_SHARE * v["clearance"]))
     return ClearanceJoint(v["bore_radius"], v["clearance"], normal, friction, norm_width)

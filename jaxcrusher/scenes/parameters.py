@@ -119,6 +119,27 @@ PARAMETERS |= {
     "foundation.vertical_damping": Parameter(2.5e5, "N s/m", "of each support", (0, 1e12)),
 }
 
+# The tension rod; a scene has these names only where one of its `openers` is given. The places of
+# its ends are judged: below the toggle, behind it at the frame.
+PARAMETERS |= {
+    "rod.stiffness": Parameter(0.0, "N/m", "of the tension rod's spring", (0, 1e12), 1e5),
+    "rod.preload": Parameter(0.0, "N", "its tension at shaft angle 0", (0, 1e9), 1e4),
+    "rod.damping": Parameter(0.0, "N s/m", "of the tension rod", (0, 1e12), 1e3),
+    "rod.jaw_along": Parameter(0.65, "m", "its end on the jaw, from A towards B", (-10, 10)),
+    "rod.jaw_across": Parameter(-0.05, "m", "and from there towards the fixed jaw", (-10, 10)),
+    "rod.x": Parameter(-0.3, "m", "its end on the frame, from C", _PLACE),
+    "rod.y": Parameter(-0.15, "m", "likewise, above C", _PLACE),
+}
+
+# Of a crushing load; a scene has these names only where `openers` says so.
+PARAMETERS |= {
+    "load_point": Parameter(0.3, "m", "from A towards B to where the load acts; none: S2", (0, 10)),
+    "load_factor": Parameter(1.0, "1", "by which load_curve is multiplied", (0, 1e6)),
+    # Judged: the mean of the resultant is then near the paper's 8.8 kN.
+    "chamber.bed_modulus": Parameter(2e7, "Pa", "pressure of a bed pressed to nothing", (0, 1e12)),
+    "chamber.bed_exponent": Parameter(2.0, "1", "of its compression ratio", (1, 10)),
+}
+
 # The crushing chamber: of the capacity, not of the motion. The paper gives its length, height and
 # loosening; its capacity of 9.41 m3/h at 25 rad/s implies 2b - s = 60.6 mm, and so this b with the
 # stroke s of its links. The nip angle makes the mouth the 250 mm of a PE250x400.
@@ -135,19 +156,37 @@ CHOICES = {
     "joint": ("clearance", "ideal"),
     "start": ("centred", "contact"),
     "slip": ("centre", "surface"),
-    "load_law": ("along_jaw", "normal_to_jaw", "closing_stroke", "none"),
-    "contact_law": ("lankarani_nikravesh", "hunt_crossley", "flores"),
+    "load_law": ("along_jaw", "normal_to_jaw", "closing_stroke", "by_angle", "chamber", "none"),
+    "load_direction": ("normal_to_jaw", "along_jaw"),
+    "contact_law": (
+        "lankarani_nikravesh",
+        "hunt_crossley",
+        "flores",
+        "gonthier",
+        "zhiying_qishao",
+        "hu_guo",
+    ),
+    "friction_law": ("ambrosio",),
     "impact_law": ("constant", "tracked"),
     "formulation": ("eccentricity", "multiplier"),
 }
 
-_CHOICES_OF_A_JOINT = ("slip", "contact_law", "impact_law")
+_CHOICES_OF_A_JOINT = ("slip", "contact_law", "friction_law", "impact_law")
 CHOICES |= {
     f"{joint}.{name}": CHOICES[name] for joint in WORN_JOINTS for name in _CHOICES_OF_A_JOINT
 }
 
+# Names whose value is a file, or in Python the array that it would hold.
+FILES = {"load_curve": "force over the shaft's angle: angle_deg, force_kN"}
+
 # Every number that a scene file may have.
 NUMBERS = PARAMETERS | CHAMBER
+
+_OPENERS = {
+    "load_point": "load_point",
+    **dict.fromkeys(("load_curve", "load_factor", "load_direction"), "load_law=by_angle"),
+    **dict.fromkeys(("chamber.bed_modulus", "chamber.bed_exponent"), "load_law=chamber"),
+}
 
 # Numbers whose law is a choice of its own.
 _LAWS = {"load": "load_law", "impact_velocity": "impact_law"}
@@ -165,13 +204,18 @@ def joint_of(name: str) -> str | None:
 
 
 def openers(name: str) -> tuple[str, ...]:
-    """Return the names of which a description must have one to have this name; none: it always has.
+    """Return what a description must have one of to have this name; none: it always has.
 
-    The numbers of B and C come with their clearance.
+    It is a name, or the choice of a law as "load_law=by_angle". The numbers of B and C come with
+    their clearance.
     """
+    if name in _OPENERS:
+        return (_OPENERS[name],)
     joint = joint_of(name)
     if joint is not None:
         return (f"{joint}.clearance",)
+    if name.startswith("rod."):
+        return "rod.stiffness", "rod.preload"
     if not name.startswith("foundation."):
         return ()
     # A clamped frame has a point of its moment alone.
@@ -193,9 +237,10 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises ValueError for a name without any of its openers, as of B or C without its clearance.
     """
+    there = {*values, *(f"{name}={v}" for name, v in values.items() if isinstance(v, str))}
 
     def belongs(name: str) -> bool:
-        return not openers(name) or any(opener in values for opener in openers(name))
+        return not openers(name) or any(opener in there for opener in openers(name))
 
     for name in values:
         require(belongs(name), name, f"come with `{(*openers(name), '')[0]}`", "alone")
@@ -216,12 +261,15 @@ def check_description(values: Mapping[str, Any]) -> None:
     """ValueError for an unknown name, a number outside its limits, or an unknown choice.
 
     Numbers are scalars or arrays; what is known only to `jax.jit` passes (see `within_limits`).
+    What a file holds is checked when it is read.
     """
     for name, value in values.items():
+        if name in FILES:
+            continue
         if name in CHOICES:
             require_choice(name, value, CHOICES[name])
             continue
-        require_known(name, (*PARAMETERS, *CHAMBER, *CHOICES))
+        require_known(name, (*PARAMETERS, *CHAMBER, *CHOICES, *FILES))
         check_number(name, value)
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from jaxcrusher.files.messages import tell
-from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, WORN_JOINTS, complete, readable
+from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, WORN_JOINTS, complete, openers, readable
 
 STANDARD_GRAVITY = 9.80665  # m/s2
 
@@ -167,6 +167,24 @@ RATIOS = (
         "the PE250x400 has 0.04 in the paper; jaw crushers are built for some 2.7",
     ),
     Ratio(
+        "preload of the rod / weight of the jaw",
+        "",
+        ("rod.preload", "jaw.mass", "gravity"),
+        lambda preload, mass, gravity: preload / (mass * max(gravity, 1e-3)),
+        (0.0, 10.0),
+        (0.0, 1e4),
+        "judged: 0.6 keeps the PE250x400's toggle in its seats at idle",
+    ),
+    Ratio(
+        "chamber.bed_modulus",
+        "MPa",
+        ("chamber.bed_modulus",),
+        lambda modulus: 1e-6 * modulus,
+        (0.5, 1000.0),
+        (0.0, 1e6),
+        "judged: 20 makes a mean of the paper's load, 500 the power of a motor of 15 kW",
+    ),
+    Ratio(
         "gravity",
         "m/s2",
         ("gravity",),
@@ -268,7 +286,7 @@ def tell_borrowed(given: Mapping[str, Any], path: Path | None) -> None:
     """Print on standard error which numbers of a machine a scene file leaves to the PE250x400."""
     if path is None:
         return
-    names = [name for name in NUMBERS if name.startswith(OF_A_MACHINE) and name not in given]
+    names = [n for n in NUMBERS if n.startswith(OF_A_MACHINE) and n not in given and not openers(n)]
     known = {name: NUMBERS[name].default for name in names}
     if names:
         listed = ", ".join(f"{name} {readable(name, value)}" for name, value in known.items())

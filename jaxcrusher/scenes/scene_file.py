@@ -30,14 +30,13 @@ import pint
 from jaxcrusher.basics.checks import require_choice
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, check_number
+from jaxcrusher.scenes.own_laws import is_own, law_class, make_known
+from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS, check_number
 
-_KEYS = (*NUMBERS, *CHOICES)
 # A diameter of a drawing -> the radius that it gives.
 _DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
 # A rotational speed as data sheets write it; elsewhere "1/min" may be another rate.
 _TURNS_A_MINUTE = ("1/min", "U/min", "min-1", "min^-1", "min**-1")
-_TABLES = tuple(dict.fromkeys(name.partition(".")[0] for name in NUMBERS if "." in name))
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _QUANTITY = re.compile(rf"\s*((?>{_NUMBER}))\s*([^,].*)")
@@ -45,6 +44,16 @@ _QUANTITY = re.compile(rf"\s*((?>{_NUMBER}))\s*([^,].*)")
 _FACTOR = r"(?:[^\W\d_]+|%|°)(?:(?:\^|\*\*)?-?\d)?"
 _UNIT = re.compile(rf"(?:1\s*/\s*)?{_FACTOR}(?:\s*[\s*/·]\s*{_FACTOR})*")
 _EXPONENT = re.compile(r"(?<=[^\W\d_])(-?\d)")
+
+
+def _keys() -> tuple[str, ...]:
+    """Return every name that a file may have now: laws of one's own add to them."""
+    return (*NUMBERS, *CHOICES, *FILES)
+
+
+def _tables() -> tuple[str, ...]:
+    """Return the names of tables."""
+    return tuple(dict.fromkeys(name.partition(".")[0] for name in NUMBERS if "." in name))
 
 
 def read_scene_file(path: Path | str) -> dict[str, float | str]:
@@ -58,11 +67,12 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
     values: dict[str, float | str] = {}
     entries = read_entries(path)
     try:
+        make_known(entries, path.parent)
         for name, value in entries:
             key = key_of(name)
             if key in values:
                 raise ValueError(f"Argument `{key}` must be given once, but is given twice.")
-            values[key] = read_value(name, value)
+            values[key] = read_value(name, value, path.parent)
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
     return values
@@ -125,16 +135,24 @@ def key_of(name: str) -> str:
     return key if key in NUMBERS else name
 
 
-def read_value(name: str, value: Any) -> float | str:
-    """Return a value by its dotted name, as TOML has it: a quantity, a number, a choice.
+def read_value(name: str, value: Any, folder: Path = Path()) -> float | str:
+    """Return a value by its dotted name, as TOML has it: a quantity, a number, a choice, a file.
 
-    A diameter is halved. Raises ValueError as `read_scene_file` does.
+    A diameter is halved; a file is looked for from `folder`. Raises ValueError as
+    `read_scene_file` does.
     """
     if key_of(name) != name:
         return float(read_value(key_of(name), value)) / 2
+    if is_own(name, value):
+        law_class(name, value)
+        return value
     if name in CHOICES:
         require_choice(name, value, CHOICES[name])
         return value
+    if name in FILES:
+        if not isinstance(value, str):
+            raise ValueError(f"Argument `{name}` must be a file's name, but is {value!r}.")
+        return str(folder / value)
     require_parameter(name)
     parameter = NUMBERS[name]
     if isinstance(value, str):
@@ -168,6 +186,8 @@ def read_overrides(pairs: Iterable[tuple[str, str]]) -> dict[str, float | str]:
 
     Raises ValueError as `read_scene_file` does.
     """
+    pairs = list(pairs)
+    make_known(pairs)
     return {key_of(name): read_text(name, text) for name, text in pairs}
 
 
@@ -274,9 +294,9 @@ def _flatten(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
     """Dotted names and values."""
     for key, value in table.items():
         name = prefix + key
-        if isinstance(value, dict) and value and name not in _KEYS:
+        if isinstance(value, dict) and value and name not in _keys():
             yield from _flatten(value, f"{name}.")
-        elif name not in _TABLES:
+        elif name not in _tables():
             yield name, value
         elif value != {}:
             raise ValueError(f"Argument `{name}` must be a table [{name}], but is {value!r}.")
@@ -285,19 +305,19 @@ def _flatten(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 def _suggestion(name: str) -> str:
     """Near misses, or what there is."""
     head, _, tail = name.rpartition(".")
-    known = dict.fromkeys([*(key for key in _KEYS if "." not in key), *_TABLES])
-    if head not in ("", *_TABLES):  # a table's name is wrong
-        tables = get_close_matches(head, _TABLES, n=1)
+    known = dict.fromkeys([*(key for key in _keys() if "." not in key), *_tables()])
+    if head not in ("", *_tables()):  # a table's name is wrong
+        tables = get_close_matches(head, _tables(), n=1)
         near = [f"[{table}]" for table in tables]
         return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(known)}."
-    inside = [key for key in _KEYS if head and key.startswith(f"{head}.")]
+    inside = [key for key in _keys() if head and key.startswith(f"{head}.")]
     if inside:
         short = {key.rpartition(".")[2]: key for key in inside}
         near = [short[each] for each in get_close_matches(tail, short, n=1)]
     else:
-        near = [key for key in _KEYS if key.rpartition(".")[2] == tail]
-        near = near or get_close_matches(name, (*_KEYS, *_TABLES), n=1)
-    near = near or [key for key in _KEYS if key.rpartition(".")[2] == tail]
+        near = [key for key in _keys() if key.rpartition(".")[2] == tail]
+        near = near or get_close_matches(name, (*_keys(), *_tables()), n=1)
+    near = near or [key for key in _keys() if key.rpartition(".")[2] == tail]
     if near:
         return f"; did you mean {' or '.join(near)}?"
     return f"; there are {', '.join(inside or known)}."

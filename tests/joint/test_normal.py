@@ -14,9 +14,12 @@ from scipy.optimize import brentq
 from jaxcrusher.joint.normal import (
     ConstantImpactVelocity,
     Flores,
+    Gonthier,
+    HuGuo,
     HuntCrossley,
     LankaraniNikravesh,
     TrackedImpactVelocity,
+    ZhiyingQishao,
     cylinder_stiffness,
 )
 
@@ -25,6 +28,9 @@ DELIVERED = {
     LankaraniNikravesh: {0.9: 0.91318, 0.7: 0.79597, 0.5: 0.72524},
     HuntCrossley: {0.9: 0.90902, 0.7: 0.76800, 0.5: 0.66296},
     Flores: {0.9: 0.89392, 0.7: 0.68318, 0.5: 0.47044},
+    Gonthier: {0.9: 0.87644, 0.7: 0.66958, 0.5: 0.48774},
+    ZhiyingQishao: {0.9: 0.89592, 0.7: 0.67957, 0.5: 0.48261},
+    HuGuo: {0.9: 0.8999, 0.7: 0.6973, 0.5: 0.48774},
 }
 CASES = [(law, e, delivered) for law, row in DELIVERED.items() for e, delivered in row.items()]
 

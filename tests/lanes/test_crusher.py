@@ -9,7 +9,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all, stack
 from jaxcrusher.crusher.drives import GivenTorque
-from jaxcrusher.crusher.loads import AbstractLoad
+from jaxcrusher.crusher.loads import AbstractLoad, JawForce
 from jaxcrusher.lanes import machine
 
 COUNT = 37  # no multiple of the lanes
@@ -130,10 +130,11 @@ class Stepped(AbstractLoad):
     magnitude: jax.Array
     levels: jax.Array  # a whole number
 
-    def force(self, jaw_direction, velocity):
+    def force(self, jaw):
+        velocity = jaw.velocity()
         steps = 0.1 * (self.levels * velocity.y).astype(int)
         sideways = 0.1 * jnp.tanh(10 * velocity.x) / jax.lax.div(self.levels, 4)
-        return -self.magnitude * (1 + steps + sideways) * jaw_direction
+        return JawForce(-self.magnitude * (1 + steps + sideways) * jaw.axis)
 
 
 def _rms(scene):

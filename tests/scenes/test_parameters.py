@@ -15,7 +15,17 @@ from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.machine import with_counterweight
 from jaxcrusher.crusher.snapshot import shaft_inertia
 from jaxcrusher.scenes.build import build_machine
-from jaxcrusher.scenes.parameters import CHOICES, WORN_JOINTS, check_description
+from jaxcrusher.scenes.parameters import CHOICES, WORN_JOINTS, check_description, openers
+
+# Of angle (rad) and force (N).
+CURVE = np.array([[0.0, 1e3], [2.0, 9e3], [4.0, 4e3], [5.0, 2e3]])
+# What opens names -> what a description then has.
+OPENED = {
+    ("load_point",): {"load_point": 0.3},
+    ("load_law=by_angle",): {"load_law": "by_angle", "load_curve": CURVE},
+    ("rod.stiffness", "rod.preload"): {"rod.stiffness": 2e5, "rod.preload": 1e4},
+    ("load_law=chamber",): {"load_law": "chamber"},
+}
 
 
 def test_defaults_are_tables_1_and_2():
@@ -39,6 +49,9 @@ def test_every_number_reaches_the_scene():
         if name in ("counterweight.radius", "counterweight.angle"):
             plain_here = jax.tree.leaves(jc.build_scene(loose | {"counterweight.mass": 10.0}))
             values["counterweight.mass"] = 10.0
+        elif (law := OPENED.get(openers(name))) is not None:
+            plain_here = jax.tree.leaves(jc.build_scene(loose | law))
+            values = law | values
         else:
             plain_here = plain
         if name == "counterweight.mass":
@@ -49,10 +62,11 @@ def test_every_number_reaches_the_scene():
 
 def test_every_choice_makes_another_scene():
     loose = {f"{joint}.clearance": 1e-4 for joint in WORN_JOINTS}
-    plain = jc.build_scene(loose)
     for name, choices in CHOICES.items():
+        plain = loose | OPENED.get(openers(name), {})
         for choice in choices[1:]:
-            assert not eqx.tree_equal(plain, jc.build_scene(loose | {name: choice})), (name, choice)
+            given = plain | OPENED.get((f"{name}={choice}",), {name: choice})
+            assert not eqx.tree_equal(jc.build_scene(plain), jc.build_scene(given)), (name, choice)
 
 
 @pytest.mark.parametrize("formulation", CHOICES["formulation"])

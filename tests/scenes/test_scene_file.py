@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, NUMBERS
+from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS
 from jaxcrusher.scenes.scene_file import read_scene_file, read_text, read_value
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -88,7 +88,7 @@ def test_template_offers_every_number(tmp_path):
     assert set(read_scene_file(EXAMPLES / "template.toml")) == {"speed", "clearance"}
     file = tmp_path / "all.toml"
     file.write_text(re.sub(r"^# (\w+ = )", r"\1", template, flags=re.MULTILINE))
-    assert set(read_scene_file(file)) == {*NUMBERS, *CHOICES}
+    assert set(read_scene_file(file)) == {*NUMBERS, *CHOICES, *FILES}
 
 
 @pytest.mark.parametrize(

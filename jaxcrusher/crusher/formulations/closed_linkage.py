@@ -5,6 +5,7 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.applied import applied
 from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
 from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
 from jaxcrusher.crusher.joints import AtJoints
@@ -35,15 +36,16 @@ class ClosedLinkage(AbstractFormulation):
         shaft = crank_motion(*scene.drive.motion(time, state.shaft))
         pin = pin_position(machine, shaft.crank)
         chain = linkage.assemble(machine, pin, pin_velocity(machine, shaft))
-        velocity = linkage.mass_centre_velocity(machine, chain)
-        load = None if scene.load is None else scene.load.force(chain.jaw, velocity)
+        on_jaw = applied(scene, shaft, chain)
 
         def mechanism(inertial: InertialForces | None) -> Snapshot:
             def joint_force(shaft: ShaftMotion) -> tuple[Vector, linkage.ChainAcceleration]:
                 acceleration = linkage.chain_acceleration_to_reach(
                     machine, chain, pin_acceleration(machine, shaft)
                 )
-                force = linkage.joint_force_for(machine, chain, load, acceleration, inertial)
+                force = linkage.joint_force_for(
+                    machine, chain, on_jaw.total, acceleration, inertial
+                )
                 return force, acceleration
 
             moving = shaft
@@ -59,7 +61,9 @@ class ClosedLinkage(AbstractFormulation):
                 moving = ShaftMotion(shaft.crank, shaft.speed, spin_up)
                 force, acceleration = joint_force(moving)
             none = AtJoints()
-            return Snapshot(moving, chain, acceleration, none, none, force, None, None, load, None)
+            return Snapshot(
+                moving, chain, acceleration, none, none, force, None, None, on_jaw, None
+            )
 
         return with_frame(scene, state.frame, shaft, chain, mechanism)
 

@@ -11,6 +11,7 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import free_bodies, linkage
+from jaxcrusher.crusher.applied import applied
 from jaxcrusher.crusher.drives import ShaftState
 from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene, AbstractStart
 from jaxcrusher.crusher.joints import AtJoints
@@ -76,9 +77,7 @@ class EccentricityFormulation(AbstractFormulation):
         chain = chain_of(machine, shaft, eccentricities, rates)
         memories = state.joints.map(lambda at: at.impact_velocity)
         contacts = contacts_of(scene, eccentricities, rates, chain, shaft.speed, memories)
-        load = None
-        if scene.load is not None:
-            load = scene.load.force(chain.jaw, linkage.mass_centre_velocity(machine, chain))
+        on_jaw = applied(scene, shaft, chain)
         main, moments = contacts.main, (None, None)
         if main is not None:
             moments = main.bearing_moment, main.journal_moment
@@ -88,7 +87,7 @@ class EccentricityFormulation(AbstractFormulation):
                 assert main is not None
                 force = main.force
                 acceleration = linkage.chain_acceleration(
-                    machine, chain, load, force, moments[0], inertial
+                    machine, chain, on_jaw.total, force, moments[0], inertial
                 )
                 # The moment arm of the joint's force is counted from O to A_shaft, that of the
                 # contact point from there.
@@ -97,10 +96,10 @@ class EccentricityFormulation(AbstractFormulation):
                 moving = ShaftMotion(shaft.crank, shaft.speed, spin_up)
             else:
                 moving, acceleration, force = free_bodies.accelerations(
-                    machine, shaft, scene.drive, chain, load, contacts, inertial
+                    machine, shaft, scene.drive, chain, on_jaw.total, contacts, inertial
                 )
             return Snapshot(
-                moving, chain, acceleration, contacts, eccentricities, force, *moments, load, None
+                moving, chain, acceleration, contacts, eccentricities, force, *moments, on_jaw, None
             )
 
         return with_frame(scene, state.frame, shaft, chain, mechanism)

@@ -14,13 +14,14 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.linear import solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, scalar
 from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.applied import applied
 from jaxcrusher.crusher.drives import from_nearest_turn
 from jaxcrusher.crusher.formulations.constraints import Constraint, Gap, constraints_of, gaps_of
 from jaxcrusher.crusher.formulations.coordinates import Body, Coordinates, arms_of, from_entries
 from jaxcrusher.crusher.formulations.eccentricity import contacts_of, start_of
 from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
 from jaxcrusher.crusher.joints import AtJoints
-from jaxcrusher.crusher.linkage import Chain, ChainAcceleration, InertialForces
+from jaxcrusher.crusher.linkage import AtJaw, Chain, ChainAcceleration, InertialForces
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.crusher.moving_frame import FrameState, frame_rate, initial_frame, with_frame
 from jaxcrusher.crusher.snapshot import Multipliers, ShaftMotion, Snapshot, chain_of
@@ -80,9 +81,8 @@ class MultiplierFormulation(AbstractFormulation):
         spins = -velocity.toggle.angle, velocity.jaw.angle
         chain = Chain(arms.toggle_axis, arms.jaw_axis, *spins, e, rate)
         contacts = contacts_of(scene, e, rate, chain, velocity.shaft.angle, state.impact_velocities)
-        load = None
-        if scene.load is not None:
-            load = scene.load.force(arms.jaw_axis, velocity.jaw.centre)
+        shaft = ShaftMotion(arms.crank, velocity.shaft.angle, None)
+        on_jaw = applied(scene, shaft, chain)
         constraints = constraints_of(scene, time, q, velocity, arms)
         stabilised = [
             one.gamma - 2 * self.alpha * one.rate - self.beta**2 * one.violation
@@ -93,7 +93,7 @@ class MultiplierFormulation(AbstractFormulation):
             accelerations, found = solve_constrained(
                 _masses(machine),
                 [one.row for one in constraints],
-                _applied_forces(scene, contacts, load, gaps, inertial),
+                _applied_forces(scene, contacts, on_jaw.total, gaps, inertial),
                 stabilised,
             )
             held = _by_name(constraints, found)
@@ -124,11 +124,10 @@ class MultiplierFormulation(AbstractFormulation):
                 Vector(*held["main"]) if main is None else main.force,
                 None if main is None else main.bearing_moment,
                 None if main is None else main.journal_moment,
-                load,
+                on_jaw,
                 multipliers,
             )
 
-        shaft = ShaftMotion(arms.crank, velocity.shaft.angle, None)
         return with_frame(scene, state.frame, shaft, chain, mechanism)
 
     def rate(
@@ -180,7 +179,7 @@ _ANGLES = {"main": ((2, 1), (5, 1)), "elbow": ((8, -1), (5, 1)), "pivot": ((8, -
 def _applied_forces(
     scene: AbstractScene,
     contacts: AtJoints[Contact],
-    load: Vector | None,
+    on_jaw: AtJaw | None,
     gaps: AtJoints[Gap],
     inertial: InertialForces | None,
 ) -> list[Scalar]:
@@ -193,8 +192,9 @@ def _applied_forces(
     forces = [none] * 9
     for y, body in zip((1, 4, 7), (machine.shaft, machine.jaw, machine.toggle), strict=True):
         forces[y] = -body.mass * machine.gravity
-    if load is not None:
-        forces[3], forces[4] = load.x, forces[4] + load.y
+    if on_jaw is not None:
+        forces[3], forces[4] = on_jaw.force.x, forces[4] + on_jaw.force.y
+        forces[5] = none if on_jaw.moment is None else on_jaw.moment
     for name, contact in contacts.present():
         gap = gaps[name]
         assert gap is not None

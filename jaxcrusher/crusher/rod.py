@@ -1,0 +1,77 @@
+"""The tension rod, which pulls the jaw back onto its toggle and the toggle into its seats.
+
+It is no crushing load: its other end pulls at the frame, and not at the fixed jaw.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.basics import smooth
+from jaxcrusher.basics.plane import Vector, direction, scalar
+from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.loads import JawMotion
+from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.snapshot import RodPull, ShaftMotion, pin_position
+
+
+class Rod(eqx.Module):
+    """A rod with a spring and a damper, which pulls and never pushes.
+
+    Tension = preload + stiffness (L - L0) + damping L', where that is positive. Where it would be
+    negative the rod is slack; the corner is off by `width` / 4 at most.
+    """
+
+    stiffness: Scalar = eqx.field(converter=scalar)  # N/m
+    preload: Scalar = eqx.field(converter=scalar)  # N
+    damping: Scalar = eqx.field(converter=scalar)  # N s/m
+    along: Scalar = eqx.field(converter=scalar)  # its end on the jaw, from A towards B, m
+    across: Scalar = eqx.field(converter=scalar)  # and from there towards the fixed jaw, m
+    on_frame: Vector  # its end on the frame, m
+    length: Scalar = eqx.field(converter=scalar)  # L0, m
+    width: Scalar = eqx.field(converter=scalar, default=1.0)  # N
+
+    def pull(self, jaw: JawMotion) -> RodPull:
+        """Return what the rod does to a jaw that moves so."""
+        apart = _end(jaw, self.along, self.across) - self.on_frame
+        length = smooth.norm(apart, 0.0)
+        axis = apart / length
+        arm = jaw.arm(self.along) - self.across * jaw.away
+        velocity = jaw.end_velocity + jaw.spin * arm.perp()
+        stretch, rate = length - self.length, velocity.dot(axis)
+        wanted = self.preload + self.stiffness * stretch + self.damping * rate
+        tension = smooth.positive_part(wanted, self.width)
+        return RodPull(-tension * axis, arm - jaw.arm(None), tension, wanted, stretch, rate)
+
+    def elastic_energy(self, pull: RodPull) -> Scalar:
+        """Return the work of the spring since the length L0, J."""
+        pulled = self.preload + self.stiffness * pull.stretch
+        stored = self._integral(pulled) - self._integral(self.preload)
+        elastic = self.stiffness > 0
+        work = stored / jnp.where(elastic, self.stiffness, 1.0)
+        constant = smooth.positive_part(self.preload, self.width) * pull.stretch
+        return jnp.where(elastic, work, constant)
+
+    def loss(self, pull: RodPull) -> Scalar:
+        """Return the power that the damper takes, W; not negative."""
+        spring = self.preload + self.stiffness * pull.stretch
+        return (pull.tension - smooth.positive_part(spring, self.width)) * pull.rate
+
+    def _integral(self, wanted: Scalar) -> Scalar:
+        return smooth.positive_power_integral(wanted, self.width, 1.0)
+
+
+def rod_at(machine: Machine, stiffness, preload, damping, jaw_along, jaw_across, x, y) -> Rod:
+    """Return a rod on a machine: its L0 is the length at theta1 = 0 with ideal joints."""
+    still = jnp.zeros_like(machine.gravity)
+    shaft = ShaftMotion(direction(still), still, None)
+    chain = linkage.assemble(machine, pin_position(machine, shaft.crank), Vector(still, still))
+    on_frame = Vector(x, y)
+    apart = _end(JawMotion(machine, shaft, chain), jaw_along, jaw_across) - on_frame
+    length = smooth.norm(apart, 0.0)
+    return Rod(stiffness, preload, damping, jaw_along, jaw_across, on_frame, length)
+
+
+def _end(jaw: JawMotion, along: Scalar | float, across: Scalar | float) -> Vector:
+    """Return the rod's end on the jaw, m."""
+    return jaw.position(along) - across * jaw.away

@@ -1,0 +1,94 @@
+"""The curve of a crushing load over the shaft's angle, from a file or an array.
+
+```text
+angle_deg, force_kN
+0, 2.1
+10, 4.8
+```
+
+Angles lie in [0, 360], in any order and at any spacing, and the curve closes by itself.
+"""
+
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import ArrayLike
+
+from jaxcrusher.basics.checks import primal, require
+from jaxcrusher.basics.periodic_spline import TURN, PeriodicSpline, spline_through
+
+HEADER = ["angle_deg", "force_kN"]
+# Of two points a periodic cubic spline knows only their difference.
+FEWEST = 3
+# A turn that was written in degrees or radians of a few digits, rad.
+ROUNDING = 1e-6
+
+
+def load_curve(given: ArrayLike | str) -> PeriodicSpline:
+    """Return the spline through a curve: a CSV file, or an array (n, 2) of rad and N.
+
+    The array may be traced. Raises ValueError for a file that cannot be read, and for too few
+    points, numbers that are not finite, angles outside a turn or repeated, and two forces where the
+    turn closes.
+    """
+    points = read_curve(given) if isinstance(given, str) else jnp.asarray(given, dtype=float)
+    shape = points.shape
+    good = len(shape) == 2 and shape[1] == 2
+    require(good, "load_curve", "have shape (n, 2), of angle and force", f"of shape {shape}")
+    known = primal(points)
+    if known is not None:
+        points = points[_through(known)]
+    points = jnp.asarray(points)
+    return spline_through(points[:, 0], points[:, 1])
+
+
+def read_curve(path: str) -> np.ndarray:
+    """Return the points of a CSV file, shape (n, 2), in rad and N; ValueError as `load_curve`."""
+
+    def fail(why: str) -> ValueError:
+        return ValueError(f"Argument `load_curve` must be a CSV file of a load, but {path} {why}.")
+
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    except OSError as error:
+        raise fail(f"cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise fail("is no UTF-8 text") from None
+    rows = [(i, [cell.strip() for cell in line.split(",")]) for i, line in enumerate(lines, 1)]
+    rows = [(i, cells) for i, cells in rows if cells != [""]]
+    if not rows or rows[0][1] != HEADER:
+        raise fail(f"does not begin with the line {', '.join(HEADER)}")
+    points = []
+    for i, cells in rows[1:]:
+        try:
+            angle, force = map(float, cells)
+        except ValueError:
+            raise fail(f"has no angle and force in line {i}") from None
+        points.append((np.radians(angle), 1e3 * force))
+    return np.array(points).reshape(-1, 2)
+
+
+def _through(points: np.ndarray) -> np.ndarray:
+    """Return which points the spline goes through: of the two ends of a turn the first."""
+
+    def check(good: bool | np.bool, must: str, but: str) -> None:
+        require(good, "load_curve", must, but)
+
+    check(np.isfinite(points).all(), "be finite", "not finite")
+    angle, force = points.T
+    outside = (angle < 0) | (angle > TURN + ROUNDING)
+    listed = ", ".join(f"{a:g}" for a in np.degrees(angle[outside][:3]))
+    check(not outside.any(), "have angles from 0 to 360 deg", f"at {listed} deg")
+    first, last = angle < ROUNDING, angle > TURN - ROUNDING
+    closed = first.any() and last.any()
+    if closed:
+        one, other = force[first][0], force[last][0]
+        same = abs(one - other) <= 1e-6 * np.abs(force).max()
+        check(same, "close at 360 deg", f"{one:g} N at 0 and {other:g} N at 360 deg")
+    kept = ~last if closed else np.ones(angle.size, bool)
+    inside = np.sort(angle[kept])
+    again = np.degrees(inside[1:][np.diff(inside) < ROUNDING])
+    check(again.size == 0, "have every angle once", f"twice at {again[:1]} deg")
+    check(inside.size >= FEWEST, f"have {FEWEST} points or more", f"of {inside.size}")
+    return kept

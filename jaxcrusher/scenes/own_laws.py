@@ -1,0 +1,142 @@
+"""Laws of one's own, named `module:Class` in a description.
+
+A law is an Equinox module in a file of the user's. Each of its fields is a number of the
+description, with the unit of the field's metadata:
+
+    stiffness: Scalar = eqx.field(converter=scalar, metadata={"unit": "N/m"})
+
+What a joint knows (`stiffness`, `restitution`, `impact_velocity` and `width` of a normal force,
+`slip` and `coefficient` of friction) it gives to fields of these names.
+"""
+
+import dataclasses
+import hashlib
+import importlib
+import inspect
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import numpy as np
+
+from jaxcrusher.basics.checks import require
+from jaxcrusher.crusher.loads import AbstractLoad
+from jaxcrusher.joint.friction import AbstractFriction
+from jaxcrusher.joint.normal import AbstractNormalForce
+from jaxcrusher.scenes.parameters import FILES, NUMBERS, PARAMETERS, WORN_JOINTS, Parameter
+
+# Choice -> what its class must be, and the section of its numbers.
+OPEN: dict[str, tuple[type[eqx.Module], str]] = {
+    "contact_law": (AbstractNormalForce, "contact"),
+    "friction_law": (AbstractFriction, "contact"),
+    "load_law": (AbstractLoad, "crushing"),
+    **{f"{joint}.contact_law": (AbstractNormalForce, joint) for joint in WORN_JOINTS},
+    **{f"{joint}.friction_law": (AbstractFriction, joint) for joint in WORN_JOINTS},
+}
+# Fields that are no numbers.
+_PARTS = ("impact_velocity", "slip")
+_ANY = (-1e300, 1e300)
+
+
+def is_own(name: str, value: Any) -> bool:
+    """Return whether a value names a class."""
+    return name in OPEN and isinstance(value, str) and ":" in value
+
+
+def law_class(name: str, text: str, folder: Path = Path()) -> type[eqx.Module]:
+    """Return the class of a law and make its numbers known by `NUMBERS`.
+
+    Its module is looked for where Python looks, and then in `folder`. Raises ValueError of one line
+    for a module or a class that is not there, and for a class of another kind.
+    """
+    module, _, of = text.partition(":")
+    kind, section = OPEN[name]
+    try:
+        found: Any = getattr(_imported(module, folder), of, None)
+    except ImportError as error:
+        raise ValueError(f"Argument `{name}` must name a module, but {text}: {error}.") from None
+    good = isinstance(found, type) and issubclass(found, kind)
+    require(good, name, f"name a class of {kind.__name__} as module:Class", text)
+    for field in dataclasses.fields(found):
+        if field.name not in _PARTS:
+            _make_known(f"{section}.{field.name}", field, text)
+    return found
+
+
+def _imported(module: str, folder: Path) -> Any:
+    """Import a module from where Python looks, and then from a folder."""
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        there = str(folder.absolute())
+        if error.name != module.partition(".")[0] or there in sys.path:
+            raise
+        sys.path.append(there)
+        importlib.invalidate_caches()
+        return importlib.import_module(module)
+
+
+def _make_known(name: str, field: dataclasses.Field, text: str) -> None:
+    """Put a number of a law into the tables of numbers."""
+    unit = field.metadata.get("unit", "1")
+    meaning = field.metadata.get("meaning", f"{field.name} of {text}")
+    default = field.default if isinstance(field.default, int | float) else np.nan
+    known = PARAMETERS.get(name)
+    own = known is None or known.limits is _ANY
+    if not own:
+        return  # one of the joint's own numbers, such as elbow.restitution
+    scale = None if default else 1.0
+    PARAMETERS[name] = Parameter(float(default), unit, meaning, _ANY, scale)
+    NUMBERS[name] = PARAMETERS[name]
+
+
+def make_known(entries: Iterable[tuple[str, Any]], folder: Path = Path()) -> None:
+    """Make the numbers of the laws known that a description names; as `law_class`."""
+    for name, value in entries:
+        for one in value if isinstance(value, tuple | list) else (value,):
+            if is_own(name, one):
+                law_class(name, one, folder)
+
+
+def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> eqx.Module:
+    """Return the law, of the description's numbers and of what the joint knows.
+
+    Raises ValueError for a field that has neither a number nor a default.
+    """
+    made, (_, section) = law_class(name, text), OPEN[name]
+    given = {}
+    for field in dataclasses.fields(made):
+        key = f"{section}.{field.name}"
+        if key in values:
+            given[field.name] = values[key]
+        elif field.name in known:
+            given[field.name] = known[field.name]
+        else:
+            bare = field.default is dataclasses.MISSING
+            bare = bare and field.default_factory is dataclasses.MISSING
+            require(not bare, key, f"be given for {text}", "missing")
+    return made(**given)
+
+
+def with_digests(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a description in which laws and files of one's own have a digest of their content.
+
+    Results are kept by it: a law or a curve that changed makes another description.
+    """
+    found = dict(values)
+    for name, value in values.items():
+        if isinstance(value, tuple | list):
+            found[name] = [with_digests({name: one})[name] for one in value]
+        elif is_own(name, value):
+            source = inspect.getsourcefile(law_class(name, value))
+            found[name] = f"{value} {_digest(source)}"
+        elif name in FILES and isinstance(value, str):
+            found[name] = f"{value} {_digest(value)}"
+    return found
+
+
+def _digest(path: str | None) -> str:
+    content = Path(path).read_bytes() if path is not None and Path(path).is_file() else b""
+    return hashlib.sha256(content).hexdigest()[:16]

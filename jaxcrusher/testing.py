@@ -1,0 +1,139 @@
+"""Checks of a law of one's own, to be run in one's own tests.
+
+```python
+from jaxcrusher.testing import check_law
+
+check_law(KelvinVoigt(...))
+```
+"""
+
+import dataclasses
+import warnings
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxcrusher.basics.checks import require
+from jaxcrusher.batch.engines import in_lanes, in_turn, side_by_side, stack
+from jaxcrusher.crusher.loads import AbstractLoad
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.joint.friction import AbstractFriction
+from jaxcrusher.joint.normal import AbstractNormalForce
+from jaxcrusher.motion.statistics import statistics
+from jaxcrusher.scenes.build import build_scene
+
+# Penetrations (m), rates (m/s), normal forces (N) and slips (m/s) where a law is looked at: at its
+# corners, close to them, and far off.
+DEPTHS = np.array([-1e-4, -2e-8, -1e-8, -1e-9, 0.0, 1e-9, 1e-8, 2e-8, 1e-6, 3e-6, 1e-4])
+RATES = np.array([-1.0, -0.01, -1e-6, 0.0, 1e-6, 0.01, 1.0])
+FORCES = np.array([0.0, 1.0, 1e4, 1e6])
+SLIPS = np.array([-4.0, -1.0, -0.1, -1e-4, -1e-9, 0.0, 1e-9, 1e-4, 0.1, 1.0, 4.0])
+# A smoothed corner may move a force of 10 kN by this share.
+CORNER = 1e-3
+# Power that rounding may seem to put in, of force times speed.
+ROUNDING = 1e-12
+
+
+def check_law(law: AbstractNormalForce | AbstractFriction | AbstractLoad) -> None:
+    """Check that a law can be computed with: its values, slopes, power, and the ways to run it.
+
+    Its force is finite and has finite slopes, at the corners too. Damping and friction take power
+    and put none in. One after the other, side by side and in lanes, a turn of the crusher with the
+    law is the same to 1e-6. Raises ValueError of one line for the first thing that does not hold.
+    """
+    if isinstance(law, AbstractNormalForce):
+        _check_normal(law)
+    elif isinstance(law, AbstractFriction):
+        _check_friction(law)
+    else:
+        good, kinds = isinstance(law, AbstractLoad), "a normal force, a friction or a load"
+        require(good, "law", f"be an instance of {kinds}", repr(type(law)))
+    _check_engines(law)
+
+
+def _must(condition: bool | np.bool, must: str, where: str) -> None:
+    require(bool(condition), "law", must, f"not at {where}")
+
+
+def _check_normal(law: AbstractNormalForce) -> None:
+    memory = law.impact_velocity.initial()
+    depth, rate = (grid.ravel() for grid in np.meshgrid(DEPTHS, RATES))
+
+    def force(depth: Array, rate: Array) -> Array:
+        return law.force(depth, rate, memory)
+
+    found = _finite(force, ("penetration", "rate"), depth, rate)
+    _finite(law.elastic_force, ("penetration",), DEPTHS)
+    _finite(law.elastic_energy, ("penetration",), DEPTHS)
+    elastic = np.asarray(jax.vmap(law.elastic_force)(jnp.asarray(depth)))
+    taken = (found - elastic) * rate
+    _never_negative(taken, np.abs(found * rate), "take power by its damping", depth, rate)
+    energy = jax.vmap(jax.grad(law.elastic_energy))(jnp.asarray(DEPTHS))
+    apart = np.abs(energy - jax.vmap(law.elastic_force)(jnp.asarray(DEPTHS)))
+    size = float(np.abs(energy).max())
+    for at, one in zip(DEPTHS, apart, strict=True):
+        _must(one <= 1e-9 * size, "have an energy whose slope is its elastic force", f"{at} m")
+    for under in FORCES[2:]:
+        at = law.penetration_under(jnp.asarray(under))
+        met = float(law.elastic_force(at))
+        _must(abs(met - under) <= CORNER * under, "meet its `penetration_under`", f"{under} N")
+
+
+def _check_friction(law: AbstractFriction) -> None:
+    force, slip = (grid.ravel() for grid in np.meshgrid(FORCES, SLIPS))
+    found = _finite(law.force, ("normal force", "slip"), force, slip)
+    _never_negative(-found * slip, np.abs(found * slip), "take power", force, slip)
+
+
+def _never_negative(power: np.ndarray, size: np.ndarray, must: str, one: Any, other: Any) -> None:
+    for taken, scale, a, b in zip(power, size, one, other, strict=True):
+        _must(taken >= -ROUNDING * (1 + scale), must, f"{a} and {b}")
+
+
+def _finite(function: Callable, names: tuple[str, ...], *places: np.ndarray) -> np.ndarray:
+    """Return the values at places, which are finite with all their slopes."""
+    at = tuple(map(jnp.asarray, places))
+    values = np.asarray(jax.vmap(function)(*at))
+    slopes = jax.vmap(jax.grad(function, tuple(range(len(at)))))(*at)
+    for name, column in (("values", values), *zip(names, slopes, strict=True)):
+        what = "values" if name == "values" else f"slopes by {name}"
+        for i, good in enumerate(np.isfinite(column)):
+            where = ", ".join(f"{one[i]}" for one in places)
+            _must(good, f"have finite {what}", where)
+    return values
+
+
+def _scenes(law: eqx.Module) -> Iterator[Scene]:
+    """Yield crushers with the law."""
+    for speed in (27.0, 31.0):
+        plain = build_scene({"speed": speed, "clearance": 6e-5, "start": "contact"})
+        assert plain.joint is not None
+        if isinstance(law, AbstractLoad):
+            yield dataclasses.replace(plain, load=law)
+            continue
+        part = "friction" if isinstance(law, AbstractFriction) else "normal"
+        yield dataclasses.replace(plain, joint=dataclasses.replace(plain.joint, **{part: law}))
+
+
+def _turn(scene: Scene) -> Array:
+    result = statistics(scene, 0, 1, outputs=("foundation_rms",))
+    return jnp.where(result.success, result.foundation_rms, jnp.nan)
+
+
+def _check_engines(law: eqx.Module) -> None:
+    scenes = stack(list(_scenes(law)))
+    plain = np.asarray(in_turn(_turn, scenes))
+    _must(np.isfinite(plain).all(), "let a turn of the crusher be integrated", "27 and 31 rad/s")
+    together = np.asarray(side_by_side(_turn, scenes))
+    _must(np.allclose(together, plain, rtol=1e-6), "be the same under jax.vmap", "27 or 31 rad/s")
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        lanes = np.asarray(in_lanes(_turn, scenes))
+    for one in told:
+        require("Lanes do not know" not in str(one.message), "law", "run in lanes", one.message)
+    _must(np.allclose(lanes, plain, rtol=1e-6), "be the same in lanes", "27 or 31 rad/s")

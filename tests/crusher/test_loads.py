@@ -1,0 +1,230 @@
+"""Loads: power, momentum and moments of each, wherever it acts; and their slopes."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import jaxcrusher as jc
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher import observables as ob
+from jaxcrusher.crusher.formulations import MultiplierFormulation
+from jaxcrusher.crusher.loads import AbstractLoad, JawForce
+from jaxcrusher.crusher.starts import Given
+
+ANGLES = np.radians(np.arange(0, 360, 30.0))
+# Of angle (rad) and force (N): it acts at every angle.
+CURVE = np.stack([ANGLES, 3e3 + 6e3 * np.cos(ANGLES - 2.0) ** 2], 1)
+LOADS = {
+    "along": {"load_point": 0.45},
+    "normal": {"load_law": "normal_to_jaw", "load_point": 0.1},
+    "closing": {"load_law": "closing_stroke", "load_point": 0.6},
+    "curve": {"load_law": "by_angle", "load_curve": CURVE, "load_factor": 1.5},
+    "curve along": {
+        "load_law": "by_angle",
+        "load_curve": CURVE,
+        "load_direction": "along_jaw",
+        "load_point": 0.5,
+    },
+    "bed": {"load_law": "chamber", "chamber.bed_exponent": 1.5},
+}
+LOOSE = {f"{joint}.clearance": 1e-4 for joint in ("elbow", "pivot")}
+KINDS = {
+    "ideal": {"joint": "ideal"},
+    "A": {},
+    "A by multipliers": {"formulation": "multiplier"},
+    "all": LOOSE,
+    "all by multipliers": {"formulation": "multiplier", **LOOSE},
+}
+
+
+def scene_of(load, kind, **values):
+    described = {"slip": "surface", "foundation.x": 0.2, "foundation.y": -0.1}
+    scene = jc.build_scene(described | LOADS[load] | KINDS[kind] | values)
+    if kind == "ideal":
+        return scene
+    # In hard contact, sliding.
+    at = Vector(-0.9, -0.6), Vector(0.5, 0.9)
+    start = Given(*at, scene.joints.map(lambda _: at))
+    return eqx.tree_at(lambda s: s.start, scene, start)
+
+
+def at_start(scene):
+    return scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("load", LOADS)
+def test_power(balance, load, kind):
+    """A load that acts off S2 turns the jaw too: its power is that of its point."""
+    scene = scene_of(load, kind)
+    difference, scale = balance(scene)
+    # Rounding of a dozen terms of the size of the powers.
+    assert abs(float(difference)) < 1e-10 * float(scale)
+    # At this instant the jaws of loose joints open.
+    power = float(ob.load_power(at_start(scene), scene))
+    opens = load in ("closing", "bed") and kind != "ideal"
+    assert power == 0 if opens else abs(power) > 1e-3
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("load", LOADS)
+def test_the_fixed_jaw_carries_the_reaction_in_the_same_line(load, kind):
+    """Bearing, pivot, drive and fixed jaw push the frame by what the bodies' momentum says."""
+    scene = scene_of(load, kind)
+
+    @eqx.filter_jit
+    def found(scene):
+        s = at_start(scene)
+        at_bearing, at_pivot = ob.bearing_reaction(s, scene), ob.toggle_reaction(s, scene)
+        point = scene.foundation.point
+        force = -(at_bearing + at_pivot) - s.load
+        moment = point.cross(at_pivot) - (scene.machine.bearing - point).cross(at_bearing)
+        moment -= ob.drive_torque(s, scene)
+        moment -= (ob.load_position(s, scene) - point).cross(s.load)
+        if s.contacts.pivot is not None:
+            moment += s.contacts.pivot.bearing_moment
+        apart = force - ob.ground_force(s, scene)
+        return apart.array(), moment - ob.ground_moment(s, scene), ob.foundation_force(s, scene)
+
+    apart, turning, size = found(scene)
+    # Rounding of forces and of their moments at arms of half a metre; q'' of the multipliers is
+    # known to 1e-10 of them.
+    allowed = (1e-9 if "multipliers" in kind else 1e-11) * float(size)
+    np.testing.assert_allclose(apart, 0, atol=allowed)
+    assert abs(float(turning)) < allowed
+
+
+def test_the_moment_of_a_load_off_the_mass_centre():
+    """By statics: of a machine that stands and weighs nothing, moments about B give the drive's.
+
+    A force F normal to the jaw at s from A needs F (l2 - s) / l2 normal at A and the rest at B.
+    """
+    scene = jc.build_scene(
+        {"joint": "ideal", "speed": 1e-6, "gravity": 0.0, "load_law": "normal_to_jaw"}
+        | {"load_point": 0.2, "load": 1000.0}
+    )
+    s = at_start(scene)
+    across = s.chain.jaw.perp()
+    share = (0.695 - 0.2) / 0.695
+    assert float(s.joint_force.dot(across)) == pytest.approx(-1000.0 * share, rel=1e-10)
+    at_elbow = ob.elbow_reaction(s, scene)
+    assert float(at_elbow.dot(across)) == pytest.approx(-1000.0 * (1 - share), rel=1e-10)
+
+
+def test_a_curve_acts_at_its_angle():
+    """Its points are met where the shaft is there, away from the fixed jaw."""
+    scene = scene_of("curve", "ideal")
+    motion = jc.simulate(scene, ANGLES / 30.0, outputs=("crushing_load", "load_position"))
+    size = np.linalg.norm(motion.crushing_load, axis=1)
+    np.testing.assert_allclose(size, 1.5 * CURVE[:, 1], rtol=1e-12)
+    assert (np.asarray(motion.crushing_load)[:, 0] < 0).all()
+    plain = jc.simulate(scene, ANGLES / 30.0, outputs=("jaw_mass_centre",))
+    np.testing.assert_array_equal(motion.load_position, plain.jaw_mass_centre)
+
+
+@pytest.mark.parametrize("joint", ["ideal", "clearance"])
+def test_slopes_by_curve_factor_and_point(joint):
+    """Of an orbit's RMS, against central differences."""
+    values = {"joint": joint, "load_law": "by_angle", "speed": 27.0, "clearance": 5e-5}
+    curve = np.stack([ANGLES, 6e3 + 3e3 * np.cos(ANGLES - 2.0)], 1)
+
+    def rms(forces, factor, point):
+        given = jnp.stack([jnp.asarray(curve[:, 0]), forces], 1)
+        described = values | {"load_curve": given, "load_factor": factor, "load_point": point}
+        return jc.periodic_orbit(jc.build_scene(described)).foundation_rms
+
+    at = jnp.asarray(curve[:, 1]), jnp.asarray(1.1), jnp.asarray(0.35)
+    slopes = jax.grad(rms, (0, 1, 2))(*at)
+    # The force is linear in values times factor: Euler's theorem.
+    assert float(slopes[0] @ at[0]) == pytest.approx(float(1.1 * slopes[1]), rel=1e-9)
+    for i, step in ((0, jnp.zeros(12).at[4].set(20.0)), (1, jnp.asarray(1e-3)), (2, 1e-3)):
+        one, other = (
+            float(rms(*(a + sign * step if i == k else a for k, a in enumerate(at))))
+            for sign in (-1, 1)
+        )
+        expected = float(jnp.sum(slopes[i] * step))
+        # Differences over a thousandth are right to its square.
+        assert (other - one) / 2 == pytest.approx(expected, rel=2e-5)
+
+
+def test_a_bed_is_pressed_as_the_jaw_moves():
+    """The resultant against SciPy's quadrature over the depth, of positions by hand.
+
+    At these instants every depth closes: no jump lies between the points.
+    """
+    values = {"joint": "ideal", "load_law": "chamber"}
+    scene, times = jc.build_scene(values), np.arange(64) / 64 * 2 * np.pi / 30.0
+    names = ("crushing_load", "load_position", "pin_position", "jaw_position")
+    motion = {name: np.asarray(jc.simulate(scene, times, outputs=(name,))[name]) for name in names}
+    pin, end = motion["pin_position"], motion["jaw_position"]
+    axis = (pin - end) / 0.695
+    towards = np.array([axis[0, 1], -axis[0, 0]])
+
+    fine = jc.simulate(scene, np.arange(4096) / 4096 * 2 * np.pi / 30.0, outputs=names[2:])
+    ends = [np.asarray(fine[name]) for name in names[2:]]
+
+    def pressure(s, i):
+        reach = (ends[0] + (ends[1] - ends[0]) * s / 0.695) @ towards
+        now = (pin + (end - pin) * s / 0.695) @ towards
+        closes = now[(i + 1) % 64] > now[i - 1]
+        width = 0.0340246 + (0.695 - s) * np.tan(np.radians(20))
+        return closes * 2e7 * 0.4 * ((now[i] - reach.min()) / width) ** 2
+
+    for i in (56, 59, 62):
+        total = quad(pressure, 0.095, 0.695, (i,))[0]
+        turned = quad(lambda s, i=i: s * pressure(s, i), 0.095, 0.695)[0]
+        # Eight of Gauss's points, and the least of 4096 instants for the furthest place.
+        assert np.linalg.norm(motion["crushing_load"][i]) == pytest.approx(total, rel=1e-3)
+        along = np.linalg.norm(pin[i] - motion["load_position"][i])
+        assert along == pytest.approx(turned / total, abs=1e-4)
+    assert np.linalg.norm(motion["crushing_load"][24]) == 0
+    plain = jax.jit(lambda load: jc.build_scene(values | {"load": load}).load)(1.0)
+    assert eqx.tree_equal(plain, scene.load, rtol=1e-12, atol=1e-15)
+
+
+def test_slopes_by_the_bed():
+    """Through the furthest place too, which the links move."""
+
+    def rms(modulus, length):
+        described = {"joint": "ideal", "load_law": "chamber", "jaw.length": length}
+        scene = jc.build_scene(described | {"chamber.bed_modulus": modulus})
+        return jc.statistics(scene, 0, 1, outputs=("foundation_rms",)).foundation_rms
+
+    at = jnp.asarray(2e7), jnp.asarray(0.695)
+    slopes = jax.grad(rms, (0, 1))(*at)
+    for i, step in ((0, 1e4), (1, 1e-6)):
+        one, other = (
+            float(rms(*(a + sign * step if i == k else a for k, a in enumerate(at))))
+            for sign in (-1, 1)
+        )
+        # Integrated to 1e-9 and differenced over 1e-6 to 1e-3 of a number.
+        assert (other - one) / 2 / step == pytest.approx(float(slopes[i]), rel=1e-3)
+
+
+class Drag(AbstractLoad):
+    """A load of one's own: against the velocity of a point, and turning with the shaft."""
+
+    damping: jax.Array
+
+    def force(self, jaw):
+        shaft = 100.0 * jaw.shaft.crank
+        return JawForce(shaft - self.damping * jaw.velocity(0.5), 0.5)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_load_of_one_s_own(balance, kind):
+    scene = eqx.tree_at(lambda s: s.load, scene_of("normal", kind), Drag(jnp.asarray(3e3)))
+    difference, scale = balance(scene)
+    assert abs(float(difference)) < 1e-10 * float(scale)
+
+
+def test_the_two_formulations_feel_the_same_moment():
+    for load in LOADS:
+        one = scene_of(load, "all")
+        other = eqx.tree_at(lambda s: s.formulation, one, MultiplierFormulation())
+        found = [at_start(scene).chain_acceleration.jaw for scene in (one, other)]
+        # q'' of the nine coordinates is known to 1e-10 of the contact's forces.
+        assert float(found[1]) == pytest.approx(float(found[0]), rel=1e-7)

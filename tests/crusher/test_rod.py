@@ -1,0 +1,178 @@
+"""The tension rod: energy, momentum, slackness, and what it is for."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher import observables as ob
+from jaxcrusher.crusher.moving_frame import frame_at, frame_units
+from jaxcrusher.crusher.starts import Given
+
+ROD = {"rod.stiffness": 3e5, "rod.preload": 2e4, "rod.damping": 2e3}
+LOOSE = {f"{joint}.clearance": 1e-4 for joint in ("elbow", "pivot")}
+KINDS = {
+    "ideal": {"joint": "ideal"},
+    "A": {},
+    "A by multipliers": {"formulation": "multiplier"},
+    "all": LOOSE,
+    "all by multipliers": {"formulation": "multiplier", **LOOSE},
+}
+
+
+def scene_of(kind, **values):
+    scene = jc.build_scene({"slip": "surface", **ROD, **KINDS[kind], **values})
+    if kind == "ideal":
+        return scene
+    # In hard contact, sliding.
+    at = Vector(-0.9, -0.6), Vector(0.5, 0.9)
+    start = Given(*at, scene.joints.map(lambda _: at))
+    return eqx.tree_at(lambda s: s.start, scene, start)
+
+
+def at_start(scene):
+    return scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
+
+
+@pytest.mark.parametrize("rod", [ROD, {"rod.stiffness": 0.0, "rod.preload": 5e3}])
+@pytest.mark.parametrize("kind", KINDS)
+def test_power(balance, kind, rod):
+    """What the spring stores and the damper takes is what the rod's force does."""
+    scene = scene_of(kind, **(dict.fromkeys(ROD, 0.0) | rod))
+    difference, scale = balance(scene)
+    s = at_start(scene)
+    lost = float(ob.rod_loss(s, scene))
+    assert abs(float(difference) + lost) < 1e-10 * float(scale)
+    assert lost > 1 if scene.rod.damping > 0 and kind != "ideal" else lost >= 0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_its_frame_end_is_part_of_the_force_on_the_ground(kind):
+    """Bearing, pivot, drive, fixed jaw and rod push the frame by what momentum says."""
+    scene = scene_of(kind, load_law="normal_to_jaw", load_point=0.3)
+
+    @eqx.filter_jit
+    def found(scene):
+        s = at_start(scene)
+        at_bearing, at_pivot = ob.bearing_reaction(s, scene), ob.toggle_reaction(s, scene)
+        pull = s.applied.rod
+        force = -(at_bearing + at_pivot) - s.load - pull.force
+        # About C.
+        moment = -scene.machine.bearing.cross(at_bearing) - ob.drive_torque(s, scene)
+        moment -= ob.load_position(s, scene).cross(s.load)
+        moment -= scene.rod.on_frame.cross(pull.force)
+        if s.contacts.pivot is not None:
+            moment += s.contacts.pivot.bearing_moment
+        apart = force - ob.ground_force(s, scene)
+        return apart.array(), moment - ob.ground_moment(s, scene), ob.foundation_force(s, scene)
+
+    apart, turning, size = found(scene)
+    # As for loads: rounding, and q'' of the multipliers to 1e-10.
+    allowed = (1e-9 if "multipliers" in kind else 1e-11) * float(size)
+    np.testing.assert_allclose(apart, 0, atol=allowed)
+    assert abs(float(turning)) < allowed
+
+
+@pytest.mark.parametrize("kind", ["A", "all"])
+def test_a_frame_on_supports_is_pulled_by_it(kind):
+    """The frame alone obeys Newton and Euler with the rod's force on it."""
+    foundation = {"foundation.mass": 2000.0, "foundation.x": 0.3, "foundation.y": 0.2}
+    scene = scene_of(kind, **foundation)
+    state = scene.formulation.initial(scene)
+    moving = frame_at(Vector(0.02, -0.03), jnp.array(0.1), Vector(0.4, -0.3), jnp.array(2.0))
+    state = eqx.tree_at(lambda s: s.frame, state, frame_units(scene).state(moving))
+    s = eqx.filter_jit(scene.formulation.snapshot)(jnp.array(0.0), state, scene)
+    point, frame = scene.supports.point, s.frame
+    pushes = [
+        (scene.machine.bearing, -ob.bearing_reaction(s, scene)),
+        (Vector(0.0, 0.0), -ob.toggle_reaction(s, scene)),
+        (ob.load_position(s, scene), -s.load),
+        (scene.rod.on_frame, -s.applied.rod.force),
+    ]
+    on_ground = scene.supports.support_forces(frame)
+    for arm, one in zip(scene.supports.arms(), on_ground, strict=True):
+        pushes.append((point + arm, -one.seen_from(frame.axis)))
+    force = Vector(0.0, -2000.0 * 9.81).seen_from(frame.axis)
+    moment = -ob.drive_torque(s, scene)
+    if s.contacts.pivot is not None:
+        moment += s.contacts.pivot.bearing_moment
+    for at, push in pushes:
+        force, moment = force + push, moment + (at - point).cross(push)
+    expected = 2000.0 * frame.acceleration.seen_from(frame.axis)
+    size = float(ob.foundation_force(s, scene)) + 1e7
+    np.testing.assert_allclose((force - expected).array(), 0, atol=1e-11 * size)
+    turned = scene.supports.inertia * frame.spin_up
+    assert float(moment) == pytest.approx(float(turned), abs=1e-11 * size)
+
+
+def test_tension_is_preload_where_it_was_set():
+    """At shaft angle 0 with ideal joints, whatever the stiffness; elsewhere by the length."""
+    scene = jc.build_scene({"joint": "ideal", **ROD, "rod.damping": 0.0})
+    times = np.array([0.0, 0.03, 0.11])
+    names = ("rod_tension", "pin_position", "jaw_position")
+    motion = jc.simulate(scene, times, outputs=names)
+    pin, end = (np.asarray(motion[name]) for name in names[1:])
+    axis = (pin - end) / 0.695
+    across = np.stack([axis[:, 1], -axis[:, 0]], 1)
+    at_jaw = pin - 0.65 * axis - 0.05 * across
+    length = np.linalg.norm(at_jaw - [-0.3, -0.15], axis=1)
+    expected = 2e4 + 3e5 * (length - length[0])
+    assert np.ptp(expected) > 500
+    # Sums of lengths of a metre, times the stiffness.
+    np.testing.assert_allclose(motion.rod_tension, expected, rtol=0, atol=1e-8)
+
+
+def test_a_slack_rod_is_told_and_pulls_no_more():
+    """Its spring's work over a turn is zero all the same."""
+    slack = {"rod.stiffness": 3e5, "rod.preload": 300.0, "joint": "ideal"}
+    scene = jc.build_scene(slack)
+    found = jc.statistics(scene, 0, 1)
+    assert float(found.rod_tension_least) < -100
+    assert "slack" in found.validity.verdict() and not bool(found.validity.inside)
+    times = np.linspace(0, 2 * np.pi / 30.0, 129)
+    motion = jc.simulate(scene, times, outputs=("rod_tension", "energy"))
+    assert float(motion.rod_tension.min()) == 0 < float(motion.rod_tension.max())
+    # Integrated to 1e-11 of energies of some 100 J.
+    assert float(jnp.abs(motion.energy.imbalance).max()) < 1e-6
+    taut = jc.periodic_orbit(jc.build_scene(slack | {"rod.preload": 5e3}))
+    assert bool(taut.validity.inside) and float(taut.rod_tension_least) > 0
+
+
+def test_without_stiffness_and_preload_nothing_is_traced():
+    def size(scene):
+        state = scene.formulation.initial(scene)
+
+        def field(time, state, scene):
+            s = scene.formulation.snapshot(time, state, scene)
+            return scene.formulation.rate(s, state, scene)
+
+        return str(jax.make_jaxpr(field)(0.0, state, scene)).count(" = ")
+
+    plain = jc.build_scene({})
+    assert plain.rod is None and "rod_tension" not in ob.observables_of(plain)
+    assert size(jc.build_scene(ROD)) > size(plain)
+    for name in ("rod.damping", "rod.x", "rod.jaw_along"):
+        with pytest.raises(ValueError, match=f"`{name}` must come with `rod.stiffness`"):
+            jc.build_scene({name: 0.1})
+    with pytest.raises(ValueError, match="rod_tension without a rod"):
+        jc.simulate(plain, [0.0, 0.1], outputs=("rod_tension",))
+
+
+def test_it_keeps_the_toggle_in_its_seats_and_its_slope_says_how():
+    """At idle B and C open without it; with it they stay closed, more by more preload."""
+    idle = {"load_law": "none", "start": "contact"}
+    seats = {f"{joint}.clearance": 5e-5 for joint in ("elbow", "pivot")}
+
+    def least(preload):
+        described = idle | seats | {"rod.preload": preload, "rod.stiffness": 1e5}
+        return jc.periodic_orbit(jc.build_scene(described)).least_penetration
+
+    at = jnp.asarray(1.5e4)
+    slope = float(jax.grad(least)(at))
+    one, other = float(least(at - 50.0)), float(least(at + 50.0))
+    assert float(least(at)) > 0 and slope > 0
+    # The least is one of samples: differences over 100 N see it move along the turn.
+    assert (other - one) / 100.0 == pytest.approx(slope, rel=1e-3)

@@ -1,0 +1,182 @@
+"""Laws of one's own by module and class: in files, sweeps, slopes and stores."""
+
+import sys
+import textwrap
+
+import jax
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.scenes.own_laws import with_digests
+from jaxcrusher.scenes.parameters import NUMBERS
+from jaxcrusher.scenes.scene_file import read_overrides, read_scene_file
+
+SOURCE = '''
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from jaxcrusher.basics import smooth
+from jaxcrusher.basics.plane import scalar
+from jaxcrusher.crusher.loads import AbstractLoad, JawForce
+from jaxcrusher.joint.friction import AbstractFriction, AbstractSlip
+from jaxcrusher.joint.normal import AbstractImpactVelocity, AbstractNormalForce
+
+
+class KelvinVoigt(AbstractNormalForce):
+    """A spring and a damper that never pull."""
+
+    impact_velocity: AbstractImpactVelocity
+    spring: jax.Array = eqx.field(converter=scalar, metadata={"unit": "N/m"})
+    damping: jax.Array = eqx.field(converter=scalar, metadata={"unit": "N s/m"})
+    width: jax.Array = eqx.field(converter=scalar, default=1e-8)
+
+    def elastic_force(self, penetration):
+        return self.spring * smooth.positive_part(penetration, self.width)
+
+    def force(self, penetration, rate, memory):
+        touching = smooth.step(penetration, self.width)
+        whole = self.elastic_force(penetration) + self.damping * rate * touching
+        return smooth.positive_part(whole - 1e-3, 1e-3)
+
+    def elastic_energy(self, penetration):
+        return self.spring * smooth.positive_power_integral(penetration, self.width, 1.0)
+
+    def penetration_under(self, force):
+        return force / self.spring
+
+
+class Tanh(AbstractFriction):
+    """Coulomb's law with a smooth sign."""
+
+    slip: AbstractSlip
+    coefficient: jax.Array = eqx.field(converter=scalar)
+    speed: jax.Array = eqx.field(converter=scalar, default=0.1, metadata={"unit": "m/s"})
+
+    def force(self, normal_force, slip_speed):
+        return -self.coefficient * normal_force * jnp.tanh(slip_speed / self.speed)
+
+
+class Push(AbstractLoad):
+    """A constant push."""
+
+    size: jax.Array = eqx.field(converter=scalar, metadata={"unit": "N"})
+
+    def force(self, jaw):
+        return JawForce(self.size * jaw.away, 0.3)
+'''
+SCENE = """
+    start = "contact"
+    contact_law = "{0}:KelvinVoigt"
+    friction_law = "{0}:Tanh"
+    load_law = "{0}:Push"
+    [contact]
+    spring = "5 GN/m"
+    damping = "20 kN s/m"
+    speed = "0.2 m/s"
+    [crushing]
+    size = "9 kN"
+"""
+
+
+@pytest.fixture
+def laws(tmp_path):
+    """A module of this test alone, beside a scene file; numbers that it adds are taken away."""
+    name, known, tables = f"laws_{tmp_path.name}", list(sys.path), dict(NUMBERS)
+    (tmp_path / f"{name}.py").write_text(SOURCE)
+    (tmp_path / "scene.toml").write_text(textwrap.dedent(SCENE.format(name)))
+    yield name
+    sys.path[:] = known
+    sys.modules.pop(name, None)
+    for table in (NUMBERS, jc.PARAMETERS):
+        for added in table.keys() - tables.keys():
+            del table[added]
+
+
+def test_a_scene_file_names_laws_and_their_numbers(laws, tmp_path):
+    values = read_scene_file(tmp_path / "scene.toml")
+    numbers = {"contact.spring": 5e9, "contact.damping": 2e4, "crushing.size": 9e3}
+    assert numbers.items() <= values.items()
+    scene = jc.build_scene(values)
+    assert type(scene.joint.normal).__name__ == "KelvinVoigt"
+    assert float(scene.joint.normal.spring) == 5e9 and float(scene.joint.friction.speed) == 0.2
+    # What the joint knows is given: friction's coefficient and the corner's width.
+    assert float(scene.joint.friction.coefficient) == 0.1
+    plain = jc.build_scene({"start": "contact"}).joint.normal
+    assert float(scene.joint.normal.width) == float(plain.width)
+    motion = jc.simulate(scene, [0.0], outputs=("crushing_load",))
+    assert np.linalg.norm(motion.crushing_load[0]) == pytest.approx(9e3)
+    # A command line changes a number, in its unit.
+    assert read_overrides([("contact.damping", "30 kN s/m")]) == {"contact.damping": 3e4}
+    with pytest.raises(ValueError, match=r"`contact\.spring` must have a unit of the kind N/m"):
+        read_overrides([("contact.spring", "5 kN")])
+
+
+def test_slopes_sweeps_and_lanes(laws, tmp_path):
+    values = read_scene_file(tmp_path / "scene.toml")
+
+    def rms(spring):
+        orbit = jc.periodic_orbit(jc.build_scene(values | {"contact.spring": spring}))
+        return orbit.foundation_rms
+
+    slope = float(jax.grad(rms)(5e9))
+    difference = float(rms(5.05e9) - rms(4.95e9)) / 1e8
+    # Differences over a hundredth of a force that is nearly linear in it.
+    assert slope == pytest.approx(difference, rel=1e-3)
+    base = {name: value for name, value in values.items() if name != "contact.spring"}
+    axes = {"contact.spring": [4e9, 5e9]}
+    lanes, loop = (
+        jc.sweep(axes, 0, 1, base=base, engine=engine).foundation_rms.values
+        for engine in ("lanes", "loop")
+    )
+    # Steps of 1e-9, other roundings.
+    np.testing.assert_allclose(lanes, loop, rtol=1e-7)
+    assert lanes[0] != lanes[1]
+
+
+def test_a_store_knows_the_source(laws, tmp_path):
+    """A law that changed is refused, before anything is mixed."""
+    values = read_scene_file(tmp_path / "scene.toml")
+    asked = {"speed": [30.0, 31.0]}, 0, 1
+    jc.sweep(*asked, base=values, store=tmp_path / "store.zarr", engine="loop")
+    before = with_digests(values)
+    jc.sweep(*asked, base=values, store=tmp_path / "store.zarr", engine="loop")
+    source = tmp_path / f"{laws}.py"
+    source.write_text(source.read_text().replace("jnp.tanh", "jnp.sin"))
+    after = with_digests(values)
+    assert before["contact_law"] != after["contact_law"]
+    with pytest.raises(ValueError, match="store"):
+        jc.sweep(*asked, base=values, store=tmp_path / "store.zarr", engine="loop")
+
+
+def test_a_curve_is_kept_by_its_content(tmp_path):
+    file = tmp_path / "curve.csv"
+    file.write_text("angle_deg, force_kN\n0, 1\n120, 2\n240, 3\n")
+    values = {"load_law": "by_angle", "load_curve": str(file)}
+    before = with_digests(values)
+    file.write_text("angle_deg, force_kN\n0, 1\n120, 2\n240, 4\n")
+    assert with_digests(values)["load_curve"] != before["load_curve"]
+    assert with_digests({"speed": 30.0}) == {"speed": 30.0}
+
+
+def test_what_is_refused(laws, tmp_path):
+    jc.build_scene(read_scene_file(tmp_path / "scene.toml"))
+    for values, words in (
+        ({"contact_law": "no_such_module:Law"}, "`contact_law` must name a module"),
+        ({"contact_law": f"{laws}:Nothing"}, "a class of AbstractNormalForce as module:Class"),
+        ({"contact_law": f"{laws}:Tanh"}, "a class of AbstractNormalForce as module:Class"),
+        ({"contact_law": f"{laws}:KelvinVoigt"}, "`contact.spring` must be given"),
+        ({"load_law": f"{laws}:Push", "crushing.weight": 1.0}, "must be a known name"),
+    ):
+        with pytest.raises(ValueError, match=words) as error:
+            jc.build_scene(values)
+        assert "\n" not in str(error.value)
+
+
+def test_an_elbow_has_a_law_of_its_own(laws, tmp_path):
+    read_scene_file(tmp_path / "scene.toml")
+    values = {"elbow.contact_law": f"{laws}:KelvinVoigt", "elbow.clearance": 1e-4}
+    scene = jc.build_scene(values | {"elbow.spring": 1e9, "elbow.damping": 1e3})
+    assert float(scene.elbow.normal.spring) == 1e9
+    assert type(scene.joint.normal).__name__ == "LankaraniNikravesh"

@@ -1,0 +1,67 @@
+"""What `check_law` accepts and what it refuses."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.basics.plane import scalar
+from jaxcrusher.crusher.loads import AbstractLoad, JawForce
+from jaxcrusher.joint.friction import AbstractFriction, AbstractSlip, SurfaceSlip
+from jaxcrusher.joint.normal import Flores
+from jaxcrusher.testing import check_law
+
+
+class Coulomb(AbstractFriction):
+    """A power of the slip over its size; the first is Coulomb's law."""
+
+    slip: AbstractSlip
+    coefficient: jax.Array = eqx.field(converter=scalar)
+    power: float = eqx.field(static=True, default=1.0)
+
+    def force(self, normal_force, slip_speed):
+        size = jnp.abs(slip_speed) ** self.power
+        return -self.coefficient * normal_force * jnp.sign(slip_speed) * size
+
+
+class Pulling(Flores):
+    """A law whose damping has the wrong sign."""
+
+    def damping_factor(self):
+        return -0.1 * self.restitution
+
+
+class Sorted(AbstractLoad):
+    """A load by an operation that lanes do not know."""
+
+    def force(self, jaw):
+        size = jnp.sort(jnp.stack([jaw.axis.x, 9e3 * jaw.axis.y]))[1]
+        return JawForce(-size * jaw.axis)
+
+
+def normal(kind):
+    made = jc.build_scene({}).joint.normal
+    return kind(made.stiffness, made.restitution, made.impact_velocity, width=made.width)
+
+
+@pytest.mark.parametrize("part", ["normal", "friction", "load"])
+def test_the_package_s_own_laws_pass(part):
+    scene = jc.build_scene({"slip": "surface", "load_law": "normal_to_jaw"})
+    check_law(scene.load if part == "load" else getattr(scene.joint, part))
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (lambda: Coulomb(SurfaceSlip(), 0.1, 0.5), "finite slopes by slip"),
+        (lambda: Coulomb(SurfaceSlip(), -0.1, 2.0), "must take power"),
+        (lambda: normal(Pulling), "must take power by its damping"),
+        (lambda: Sorted(), "must run in lanes"),
+        (lambda: 3, "must be an instance of"),
+    ],
+)
+def test_bad_laws_are_told(law, words):
+    with pytest.raises(ValueError, match=words) as error:
+        check_law(law())
+    assert str(error.value).startswith("Argument `law` must")
