@@ -74,7 +74,8 @@ def publish(
         with plt.rc_context(STYLE):
             write_figure(path.with_suffix(".png"), draw())
     tables = {"run": run_table(*packages, minutes=minutes), **tables}
-    write_text(path, filled(template, tables))
+    # First, so that a place that is missing in the page loses nothing.
     for title, text in tables.items():
         print(f"{title}:\n\n{text}")
+    write_text(path, filled(template, tables))
     print(path)
