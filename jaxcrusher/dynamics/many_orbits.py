@@ -19,9 +19,9 @@ from jaxcrusher.batch.engines import Engine, run_all, without_lanes
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.lanes.code import LANES
-from jaxcrusher.orbits.forced import from_rest_unless, unknowns
+from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
-from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, reason
+from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, words
 from jaxcrusher.orbits.transient import one_period, resting_start, section_mean
 from jaxcrusher.orbits.trigonometric import resample
 
@@ -209,7 +209,8 @@ def _resampled(orbits: np.ndarray, points: int) -> np.ndarray:
 
 def _words(code: int) -> str:
     """Return the reason that a result's code stands for, or nothing."""
-    return reason(jax.tree.unflatten(jax.tree.structure(RESULTS.successful), [jnp.asarray(code)]))
+    item = jax.tree.unflatten(jax.tree.structure(RESULTS.successful), [jnp.asarray(code)])
+    return words(RESULTS, item)
 
 
 def _row(
@@ -237,7 +238,7 @@ def _solved(
         made = problem.scene(free, rest)
         first = None
         if unknowns(made):
-            first = from_rest_unless(resample(guess, nodes * period), made, period)
+            first = guess
         orbit = periodic_orbit(made, period=period, nodes=nodes, guess=first)
         return problem.number(orbit, made, free, rest), orbit
 

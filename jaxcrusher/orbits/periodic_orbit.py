@@ -19,9 +19,9 @@ from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.crusher.starts import Centred
 from jaxcrusher.motion.statistic import chosen, statistics_of
 from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.refining import refined
 from jaxcrusher.orbits.result import PeriodicOrbit, finished
 from jaxcrusher.orbits.solving import kinematic, solved, solved_as_needed, with_statistics
+from jaxcrusher.orbits.tries import searched
 
 
 def periodic_orbit(
@@ -61,9 +61,10 @@ def periodic_orbit(
     """
     require_set_up()
     require_scene(scene)
-    if period is None:
-        period = guess.period if isinstance(guess, PeriodicOrbit) else 1
-    require_whole("period", period, 1)
+    if period is None and isinstance(guess, PeriodicOrbit):
+        period = guess.period
+    turns = 1 if period is None else period
+    require_whole("period", turns, 1)
     if nodes is not None:
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
@@ -79,13 +80,13 @@ def periodic_orbit(
     still, first, begin = jax.lax.stop_gradient((alike, first, begin))
     known = all(primal(leaf) is not None for leaf in jax.tree.leaves((still, first, begin)))
     if forced.unknowns(scene) == 0:
-        orbit = kinematic(alike, period, chosen(statistics_of(scene)))
+        orbit = kinematic(alike, turns, chosen(statistics_of(scene)))
     elif nodes is not None and not known:
-        orbit = with_statistics(alike, *solved(still, first, period, nodes * period), period)
+        orbit = with_statistics(alike, *solved(still, first, turns, nodes * turns), turns)
     elif not known:
-        orbit = solved_as_needed(alike, still, first, period)
+        orbit = solved_as_needed(alike, still, first, turns)
     else:
-        orbit = refined(alike, still, first, begin, period, nodes)
+        orbit = searched(alike, still, first, begin, period, nodes)
     return finished(dataclasses.replace(orbit, scene=scene))
 
 

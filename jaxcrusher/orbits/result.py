@@ -27,12 +27,29 @@ class RESULTS(newton.RESULTS):  # pyright: ignore
     contact_lost = "The motion loses contact, which these nodes do not resolve."
     unresolved = "The motion is not resolved by these nodes."
     not_closed = "The motion does not repeat when it is integrated over its period."
+    not_integrated = "The motion from rest cannot be integrated."
+    whirl = "The motion from rest is a friction whirl: the pin rolls round its bore."
+    repeats = "The motion from rest repeats after another number of turns, up to 4."
+    chaotic = "The motion from rest is chaotic: disturbances of it grow."
+    aperiodic = "The motion from rest does not repeat within 810 turns, and is not chaotic."
 
 
-def reason(result: RESULTS) -> str:
-    """Say in one line what a result means; nothing if it is a success (concrete values only)."""
+class WAYS(eqx.Enumeration):  # pyright: ignore
+    """How an orbit was found."""
+
+    sum = "as a sum over a turn: there is nothing to solve for"
+    rest = "from the pins at rest"
+    guess = "from the guess"
+    damping = "from the pins at rest, by a damping lowered to none"
+    waiting = "from the mean of turns that were waited for"
+    shooting = "by shooting"
+    branch = "along a branch"
+
+
+def words(kind: type[eqx.Enumeration], item: eqx.Enumeration) -> str:
+    """Say in one line what an entry of an enumeration means (concrete values only)."""
     # Equinox reads the codes of JAX's arrays only, not of NumPy's.
-    return " ".join(str(RESULTS[jax.tree.map(jnp.asarray, result)]).split())
+    return " ".join(str(kind[jax.tree.map(jnp.asarray, item)]).split())
 
 
 class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
@@ -58,6 +75,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     multipliers: Complex[Array, " n"]  # of a disturbance, in one period: 4 a loose joint
     multipliers_error: Scalar  # estimated; NaN where nothing is known of it
     validity: Validity
+    way: WAYS
 
     def units(self) -> dict[str, str]:
         """Return the unit of every statistic there is."""
@@ -71,7 +89,12 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     @property
     def failure(self) -> str:
         """Say why there is no orbit; nothing if there is (concrete values only)."""
-        return reason(self.result)
+        return words(RESULTS, self.result)
+
+    @property
+    def found(self) -> str:
+        """Say by which way the orbit was found (concrete values only)."""
+        return words(WAYS, self.way)
 
     @property
     def largest_multiplier(self) -> Float[Array, "*batch"]:
@@ -123,6 +146,7 @@ def built(
     least_penetration: Scalar,
     multipliers: ArrayLike,
     multipliers_error: ArrayLike,
+    way: WAYS,
     steps: ArrayLike = 0,
 ) -> PeriodicOrbit:
     """Return an orbit; its statistics tell the limits of the contact model."""
@@ -141,6 +165,7 @@ def built(
         jnp.asarray(multipliers, complex),
         jnp.asarray(multipliers_error, float),
         limits,
+        way,
     )
 
 
@@ -158,6 +183,7 @@ def missing(scene: Scene, period: int) -> PeriodicOrbit:
         least_penetration=nan,
         multipliers=jnp.full(dims, jnp.nan),
         multipliers_error=nan,
+        way=WAYS.shooting,
     )
 
 
