@@ -56,7 +56,7 @@ def solve(
     rows = solve_orbits(
         _problem(case),
         (units, {}),
-        (NODES,),
+        (NODES, 2 * NODES),
         neighbours,
         chunk=CHUNK,
         journal=journal,
@@ -102,7 +102,9 @@ def solve_map(
     rows = solve(case, units, near, journal=journal, progress=progress)
     of = case.objective
     columns = statistic.columns(STATISTICS)
-    columns |= {name: COLUMNS[name] for name in (*KEPT, "stable", "inside_model", "failure")}
+    columns |= {
+        name: COLUMNS[name] for name in (*KEPT, "stable", "inside_model", "failure", "found")
+    }
     columns["objective"] = Column(of.unit, of.meaning)
     meaning = f"slope of the {of.meaning}, per unit of the parameter"
     columns["slope"] = Column(of.unit, meaning, dims=("parameter",))

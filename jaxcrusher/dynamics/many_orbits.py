@@ -21,7 +21,7 @@ from jaxcrusher.files.journal import Journal
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
-from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, words
+from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, words
 from jaxcrusher.orbits.transient import one_period, resting_start, section_mean
 from jaxcrusher.orbits.trigonometric import resample
 
@@ -45,6 +45,8 @@ CHUNK = 16
 # that comes from further away may pass: in a tongue the shape of a motion matters more than how
 # near it is.
 REACH = 4
+# So many designs that are left are solved one by one. Where more are left they have no such motion.
+MOST_ALONE = 64
 
 
 class Problem(eqx.Module):
@@ -90,21 +92,26 @@ def solve_orbits(
     count = len(cases[0])
     search = _Search(problem, cases, levels[-1] * problem.period, chunk, engine, journal)
     report = progress or (lambda finished, of: None)
-    for nodes in levels:
-        search.fill(search.unsolved(enough), nodes, neighbours or alone, report)
-    # What no neighbour leads to is waited for.
+    search.fill(np.arange(count), levels[0], alone, report)
     left = search.unsolved(np.inf)
     if neighbours is not None and len(left):
         part = jax.tree.map(lambda leaf: np.asarray(leaf)[left], cases)
         guesses = waited(problem, part, engine, journal)
         known = np.isfinite(guesses).all(axis=(1, 2))
         search.orbits[left[known]] = _resampled(guesses[known], search.points)
-        search.fill(left[known], levels[-1], neighbours, report)
+    for nodes in levels[1:] or levels:
+        search.fill(search.unsolved(enough), nodes, neighbours or alone, report)
+    left = search.unsolved(np.inf)
+    if neighbours is not None and len(left) <= MOST_ALONE:
+        for case in left.tolist():
+            search.solve_alone(case)
     report(count, count)
     rows: dict[str, Any] = search.rows
     rows["eccentricity"] = search.orbits
-    codes, which = np.unique(rows.pop("code"), return_inverse=True)
-    return rows | {"failure": np.array([_words(code) for code in codes.tolist()], object)[which]}
+    failure = _in_words(rows.pop("code"), RESULTS, RESULTS.successful)
+    found = _in_words(rows.pop("way"), WAYS, WAYS.rest)
+    found[~np.asarray(rows["success"], bool)] = ""
+    return rows | {"failure": failure, "found": found}
 
 
 def alone(_: int) -> list[int]:
@@ -162,6 +169,14 @@ class _Search:
             ]
             tried.update(pairs)
 
+    def solve_alone(self, case: int) -> None:
+        """Solve a case by all tries that `periodic_orbit` makes."""
+        given = jax.tree.map(lambda leaf: jnp.asarray(leaf)[case], self._cases)
+        row = _described(given, jnp.asarray(self.orbits[case]), self._problem, None, None)
+        self.orbits[case] = row.pop("eccentricity")
+        for name, value in row.items():
+            self.rows[name][case] = value
+
     def _attempt(
         self, pairs: list[tuple[int, int]], nodes: int, report: Callable[[int, int], None]
     ) -> None:
@@ -207,10 +222,12 @@ def _resampled(orbits: np.ndarray, points: int) -> np.ndarray:
     return np.asarray(jax.vmap(lambda x: resample(x, points))(jnp.asarray(orbits)))
 
 
-def _words(code: int) -> str:
-    """Return the reason that a result's code stands for, or nothing."""
-    item = jax.tree.unflatten(jax.tree.structure(RESULTS.successful), [jnp.asarray(code)])
-    return words(RESULTS, item)
+def _in_words(codes: np.ndarray, kind: type[eqx.Enumeration], entry: PyTree) -> np.ndarray:
+    """Return what the codes of an enumeration stand for; `entry` is any of its entries."""
+    known, which = np.unique(codes, return_inverse=True)
+    like = jax.tree.structure(entry)
+    said = [words(kind, jax.tree.unflatten(like, [jnp.asarray(code)])) for code in known.tolist()]
+    return np.array(said, object)[which]
 
 
 def _row(
@@ -231,15 +248,24 @@ def _row(
 def _solved(
     given: tuple[Case, Float[Array, "points dims"]], problem: Problem, nodes: int
 ) -> dict[str, Array]:
-    (free, rest), guess = given
-    period = problem.period
+    case, guess = given
+    first = guess if unknowns(problem.scene(*case)) else None
+    return _described(case, guess, problem, nodes, first)
+
+
+def _described(
+    case: Case,
+    like: Float[Array, "points dims"],
+    problem: Problem,
+    nodes: int | None,
+    guess: Float[Array, "points dims"] | None,
+) -> dict[str, Array]:
+    """Return the row of one case, with its orbit at as many angles as `like`."""
+    free, rest = case
 
     def solved(free: Array) -> tuple[Scalar, PeriodicOrbit]:
         made = problem.scene(free, rest)
-        first = None
-        if unknowns(made):
-            first = guess
-        orbit = periodic_orbit(made, period=period, nodes=nodes, guess=first)
+        orbit = periodic_orbit(made, period=problem.period, nodes=nodes, guess=guess)
         return problem.number(orbit, made, free, rest), orbit
 
     if free.size:
@@ -252,12 +278,13 @@ def _solved(
         "slope": jnp.where(orbit.success, slope, jnp.nan),
         "inside_model": orbit.validity.inside,
         "code": jax.tree.leaves(orbit.result)[0],
-        "eccentricity": guess,
+        "way": jax.tree.leaves(orbit.way)[0],
+        "eccentricity": like,
     }
     if orbit.eccentricity is not None:
         parts = {"real": orbit.multipliers.real, "imag": orbit.multipliers.imag}
         row |= {f"multiplier_{part}": values for part, values in parts.items()}
-        row["eccentricity"] = resample(orbit.eccentricity, len(guess))
+        row["eccentricity"] = resample(orbit.eccentricity, len(like))
     return row
 
 

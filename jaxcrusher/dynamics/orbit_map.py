@@ -163,7 +163,7 @@ def _layout(grid: Grid, scenes: list[Scene], slopes: tuple[str, ...], metric: st
     """Return the columns that all designs have: of an ideal joint there are fewer."""
     held = set.intersection(*(set(statistics_of(scene)) for scene in scenes))
     columns = statistic.columns(name for name in STATISTIC if name in held)
-    columns |= {name: COLUMNS[name] for name in (*SEEN, "failure")}
+    columns |= {name: COLUMNS[name] for name in (*SEEN, "failure", "found")}
     further: dict[str, np.ndarray | int] = {}
     if slopes:
         meaning = f"slope of {metric} by the parameter, per its unit"

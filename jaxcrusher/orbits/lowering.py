@@ -20,14 +20,15 @@ from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.collocation import System, collocate
 from jaxcrusher.orbits.newton import RESULTS, Factors
 
-# The damping, per radian of the shaft, at which rest is as good as an orbit. A swing of 27 to a
-# turn is damped critically by 54. The least that is told from none keeps 1 - 3e-7 of it a turn.
-HIGHEST, LEAST = 100.0, 1e-7
+# The damping, per radian of the shaft, at which rest is as good as an orbit, where contact is kept:
+# a swing of 27 to a turn is damped critically by 54. The least that is told from none keeps
+# 1 - 3e-7 of a swing in a turn.
+HIGHEST, LEAST = 30.0, 1e-7
 # What a step leaves of the damping at first, and its power after a step that succeeds.
-FIRST, BOLDER = 0.1, 1.5
+FIRST, BOLDER = 0.2, 1.5
 # A step that would leave more than this share of the damping is given up; so is a search that has
 # cost so many of Newton's steps.
-SHORTEST, MOST_STEPS = 0.97, 400
+SHORTEST, MOST_STEPS = 0.97, 200
 
 
 class Lowered(eqx.Module):
@@ -44,7 +45,7 @@ class _Search(eqx.Module):
     x: Array  # the last orbit, or rest
     damping: Scalar  # at which it is one
     share: Scalar  # of this damping that the next step leaves
-    tried: Scalar  # the damping of the next step
+    tried: Scalar  # the damping of the next step; first that of the machine, then the highest
     last: Lowered
     done: Bool[Array, ""]
 
@@ -63,14 +64,16 @@ def lowered(
         good, before = root.success, search.last.steps
         # Of a step that failed, the half on a logarithmic scale.
         halved = jnp.sqrt(jnp.maximum(search.share, LEAST / search.damping))
-        share = jnp.where(good, search.share**BOLDER, halved)
+        begins, arrived = jnp.isinf(search.damping), good & (search.tried == 0)
+        share = jnp.where(good, search.share**BOLDER, jnp.where(begins, FIRST, halved))
         damping = jnp.where(good, search.tried, search.damping)
-        arrived = good & (search.tried == 0)
         result = RESULTS.where(good & ~arrived, RESULTS.too_many_steps, root.result)
         orbit = jnp.where(arrived, x, jnp.nan)
         last = Lowered(orbit, result, root.factors, before + root.steps, before > 0)
         given_up = ~at_rest | (share > SHORTEST) | (last.steps >= MOST_STEPS)
-        following = share * damping
+        # Without an orbit at the highest damping contact is lost, and nodes are of no use.
+        given_up |= ~good & begins & (before > 0)
+        following = jnp.minimum(share * damping, HIGHEST)
         return _Search(
             jnp.where(good, x, search.x),
             damping,
@@ -80,11 +83,10 @@ def lowered(
             arrived | given_up,
         )
 
-    # First the leap from rest to no damping at all.
     size, zero = start.size, jnp.zeros(())
     factors = jnp.eye(size), jnp.arange(size, dtype=jnp.int32)
     none = Lowered(start, RESULTS.too_many_steps, factors, jnp.array(0), jnp.array(False))
-    first = _Search(start, zero + HIGHEST, zero + FIRST, zero, none, jnp.array(False))
+    first = _Search(start, zero + jnp.inf, zero + FIRST, zero, none, jnp.array(False))
     return jax.lax.while_loop(lambda search: ~search.done, advance, first).last
 
 

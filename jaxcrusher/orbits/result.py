@@ -31,7 +31,7 @@ class RESULTS(newton.RESULTS):  # pyright: ignore
     whirl = "The motion from rest is a friction whirl: the pin rolls round its bore."
     repeats = "The motion from rest repeats after another number of turns, up to 4."
     chaotic = "The motion from rest is chaotic: disturbances of it grow."
-    aperiodic = "The motion from rest does not repeat within 810 turns, and is not chaotic."
+    aperiodic = "The motion from rest does not repeat within 1920 turns, and is not chaotic."
 
 
 class WAYS(eqx.Enumeration):  # pyright: ignore

@@ -25,9 +25,9 @@ from jaxcrusher.motion.tangents import same, tangents
 from jaxcrusher.orbits.forced import coordinates
 from jaxcrusher.orbits.result import RESULTS
 
-# Turns that pass before each mean, turns of a mean, and means that are tried. Turns of a mean are a
-# multiple of all periods up to six.
-SETTLE, TURNS, ROUNDS = 150, 120, 3
+# Turns of the first round, half of which make a mean: a multiple of all periods up to six. Each
+# round lasts as long as all before it, and 1920 turns take a second.
+TURNS, ROUNDS = 240, 4
 # The integration's tolerance: at 1e-6 the swing dies twice as fast as it should.
 RTOL = 1e-7
 # Shaft angles a turn at which the motion from a mean is looked at.
@@ -80,8 +80,8 @@ def section_mean(
 
     With them comes whether the integration succeeded.
     """
-    states, success = section_points(case, turns=SETTLE + TURNS, rtol=RTOL)
-    return jnp.mean(states[SETTLE + period - 1 :: period], axis=0), states[-1], success
+    states, success = section_points(case, turns=TURNS, rtol=RTOL)
+    return jnp.mean(states[TURNS // 2 + period - 1 :: period], axis=0), states[-1], success
 
 
 def one_period(case: Case, *, period: int) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
@@ -133,20 +133,30 @@ class Wait:
     def __init__(self, scene: Scene) -> None:
         self._state, self.scene = resting_start(scene)
         self._last: Round | None = None
-        self._failed = False
+        self._failed = self._chaotic = False
 
     def rounds(self) -> Iterator[Round]:
-        """Yield later and later turns; they end where the motion fails or whirls."""
-        for _ in range(ROUNDS):
+        """Yield the last half of more and more turns.
+
+        They end where the motion fails or whirls, and from the second round on where it is chaotic.
+        """
+        seen: list[np.ndarray] = []
+        for turn in range(2 ** (ROUNDS - 1)):
             if self._whirls():
                 return
             case = self._state, self.scene
-            states, success = _points(case, turns=SETTLE + TURNS, rtol=RTOL)
+            states, success = _points(case, turns=TURNS, rtol=RTOL)
             self._failed = not bool(success)
             if self._failed:
                 return
-            self._state, self._last = states[-1], Round(np.asarray(states[SETTLE:]))
-            yield self._last
+            seen.append(np.asarray(states))
+            self._state, count = states[-1], turn + 1
+            if count & turn == 0:  # a power of two
+                self._last = Round(np.concatenate(seen)[count * TURNS // 2 :])
+                yield self._last
+                self._chaotic = turn > 0 and self._growth() > CHAOS
+                if self._chaotic:
+                    return
 
     def regime(self, otherwise: RESULTS) -> RESULTS:
         """Name what the motion does that has no orbit."""
@@ -156,11 +166,11 @@ class Wait:
             return RESULTS.whirl
         if self._last is None:
             return otherwise
-        states = self._last.states
+        states = self._last.states[-TURNS // 2 :]
         for period in range(1, LONGEST + 1):
             if np.max(np.abs(states[period:] - states[:-period])) < REPEATED:
                 return RESULTS.repeats
-        return RESULTS.chaotic if self._growth() > CHAOS else RESULTS.aperiodic
+        return RESULTS.chaotic if self._chaotic else RESULTS.aperiodic
 
     def _whirls(self) -> bool:
         outputs = ("foundation_rms", "contact_fraction", "winding")
