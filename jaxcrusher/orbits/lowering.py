@@ -28,7 +28,7 @@ HIGHEST, LEAST = 30.0, 1e-7
 FIRST, BOLDER = 0.2, 1.5
 # A step that would leave more than this share of the damping is given up; so is a search that has
 # cost so many of Newton's steps.
-SHORTEST, MOST_STEPS = 0.97, 200
+SHORTEST, MOST_STEPS = 0.97, 300
 
 
 class Lowered(eqx.Module):

@@ -19,7 +19,8 @@ from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.crusher.starts import Centred
 from jaxcrusher.motion.statistic import chosen, statistics_of
 from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.result import PeriodicOrbit, finished
+from jaxcrusher.orbits.impact_velocities import held, settled_velocities, tracks
+from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, finished, missing
 from jaxcrusher.orbits.solving import kinematic, solved, solved_as_needed, with_statistics
 from jaxcrusher.orbits.tries import searched
 
@@ -68,6 +69,12 @@ def periodic_orbit(
     if nodes is not None:
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
+    velocities = None
+    if tracks(scene) and all(primal(leaf) is not None for leaf in jax.tree.leaves(scene)):
+        velocities = settled_velocities(jax.lax.stop_gradient(scene))
+        if velocities is None:
+            return finished(missing(scene, turns, RESULTS.impacts))
+        scene = held(scene, velocities)
     if refused := forced.refusal(scene):
         raise ValueError(f"Argument `scene` must {refused}.")
     first, begin = None, None
@@ -87,7 +94,7 @@ def periodic_orbit(
         orbit = solved_as_needed(alike, still, first, turns)
     else:
         orbit = searched(alike, still, first, begin, period, nodes)
-    return finished(dataclasses.replace(orbit, scene=scene))
+    return finished(dataclasses.replace(orbit, scene=scene, held_velocities=velocities))
 
 
 def _guess(guess: ArrayLike | None, scene: Scene) -> Array:

@@ -27,6 +27,7 @@ class RESULTS(newton.RESULTS):  # pyright: ignore
     contact_lost = "The motion loses contact, which these nodes do not resolve."
     unresolved = "The motion is not resolved by these nodes."
     not_closed = "The motion does not repeat when it is integrated over its period."
+    impacts = "The motion goes on losing contact, and each impact sets its tracked velocity anew."
     not_integrated = "The motion from rest cannot be integrated."
     whirl = "The motion from rest is a friction whirl: the pin rolls round its bore."
     repeats = "The motion from rest repeats after another number of turns, up to 4."
@@ -76,6 +77,8 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     multipliers_error: Scalar  # estimated; NaN where nothing is known of it
     validity: Validity
     way: WAYS
+    # m/s, by joint: what tracked impact velocities come to, and are held at; None: not tracked
+    held_velocities: Mapping[str, Scalar] | None = None
 
     def units(self) -> dict[str, str]:
         """Return the unit of every statistic there is."""
@@ -94,7 +97,10 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     @property
     def found(self) -> str:
         """Say by which way the orbit was found (concrete values only)."""
-        return words(WAYS, self.way)
+        held = self.held_velocities or {}
+        said = [f"{float(v):.4g} m/s at the {name} joint" for name, v in held.items()]
+        kept = f", with the tracked impact velocity held at {', '.join(said)}" if said else ""
+        return words(WAYS, self.way) + kept
 
     @property
     def largest_multiplier(self) -> Float[Array, "*batch"]:
@@ -169,8 +175,8 @@ def built(
     )
 
 
-def missing(scene: Scene, period: int) -> PeriodicOrbit:
-    """Return no orbit: NaN in every number."""
+def missing(scene: Scene, period: int, result: RESULTS) -> PeriodicOrbit:
+    """Return no orbit, for a reason: NaN in every number."""
     nan, dims = jnp.asarray(jnp.nan), 2 * forced.unknowns(scene)
     return built(
         scene,
@@ -178,7 +184,7 @@ def missing(scene: Scene, period: int) -> PeriodicOrbit:
         jnp.full((SAMPLES * period, dims // 2), jnp.nan),
         jnp.full(dims, jnp.nan),
         dict.fromkeys(statistics_of(scene), nan),
-        result=RESULTS.not_closed,
+        result=result,
         error=nan,
         least_penetration=nan,
         multipliers=jnp.full(dims, jnp.nan),

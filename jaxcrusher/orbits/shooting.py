@@ -183,7 +183,7 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> Period
     problem = Shooting(build=build, period=period, rtol=RTOL)
     found = _repeats(problem, none, guess)
     if found is None:
-        return missing(scene, period)
+        return missing(scene, period, RESULTS.not_closed)
     state, seen = found
     coarse = dataclasses.replace(problem, rtol=100 * RTOL).linearised(state, none).seen.matrix
     error = np.max(np.abs(coarse - seen.matrix)) / np.max(np.abs(seen.matrix))
