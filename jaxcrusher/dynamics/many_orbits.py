@@ -1,8 +1,9 @@
-"""Periodic orbits of many designs: from the pin at rest, from neighbours, and from waiting.
+"""Periodic orbits of many designs: from the pin at rest, from waiting, and from neighbours.
 
-Designs are given as stacked cases, and a function makes the scene of one. What Newton's method does
-not find from the pin at rest is tried from the orbits of neighbours, and then from the motion that
-lanes have integrated until the transient is averaged out.
+Designs are given as stacked cases, and a function makes the scene of one. What is not found from
+the pin at rest, or by a damping that is lowered, is tried from the motion that lanes have
+integrated until the transient is averaged out, and with more nodes; then from the orbits of
+neighbours. The last few are solved one by one, by all tries that `periodic_orbit` makes.
 """
 
 import itertools
@@ -79,7 +80,7 @@ def solve_orbits(
     **Arguments:**
 
     - `cases`: free numbers (cases, n), and a tree of all others.
-    - `levels`: nodes a turn; more of them are for cases that fewer do not solve, or leave with an
+    - `levels`: nodes a turn; more of them are for cases that are waited for, or left with an
       `error` above `enough`.
     - `neighbours`: the cases beside one, the nearest first. With None a case that fails from the
       pin at rest is left: it is tried from no other orbit, and not waited for.
@@ -87,7 +88,8 @@ def solve_orbits(
     - `journal`: of finished chunks.
 
     **Returns:** statistics, `SEEN`, `number`, `slope` (cases, n), `inside_model`, multipliers, the
-    orbits themselves and `failure` in words; NaN where there is no orbit.
+    orbits themselves, `failure` and the way by which each was `found` in words; NaN where there is
+    no orbit.
     """
     count = len(cases[0])
     search = _Search(problem, cases, levels[-1] * problem.period, chunk, engine, journal)
@@ -100,8 +102,8 @@ def solve_orbits(
         known = np.isfinite(guesses).all(axis=(1, 2))
         search.orbits[left[known]] = _resampled(guesses[known], search.points)
     for nodes in levels[1:] or levels:
-        search.fill(search.unsolved(enough), nodes, neighbours or alone, report)
-    left = search.unsolved(np.inf)
+        search.fill(search.begun(search.unsolved(enough)), nodes, neighbours or alone, report)
+    left = np.flatnonzero(~np.asarray(search.rows["stable"], bool))
     if neighbours is not None and len(left) <= MOST_ALONE:
         for case in left.tolist():
             search.solve_alone(case)
@@ -144,6 +146,10 @@ class _Search:
         good = np.logical_and(self.rows["success"], self.rows["error"] <= enough)
         return np.flatnonzero(~good)
 
+    def begun(self, cases: np.ndarray) -> np.ndarray:
+        """Return the cases of which an orbit or a guess is known: more nodes help no others."""
+        return cases[np.isfinite(self.orbits[cases]).all(axis=(1, 2))]
+
     def fill(
         self,
         cases: np.ndarray,
@@ -173,6 +179,8 @@ class _Search:
         """Solve a case by all tries that `periodic_orbit` makes."""
         given = jax.tree.map(lambda leaf: jnp.asarray(leaf)[case], self._cases)
         row = _described(given, jnp.asarray(self.orbits[case]), self._problem, None, None)
+        if self.rows["success"][case] and not row["stable"]:
+            return
         self.orbits[case] = row.pop("eccentricity")
         for name, value in row.items():
             self.rows[name][case] = value
@@ -206,6 +214,12 @@ class _Search:
                 taken[case] = i
             elif first:
                 taken.setdefault(case, i)
+        if not first:
+            # From a guess of its own: an orbit that is refined, or a motion that was waited for.
+            known = np.where(self.rows["success"], self.rows["way"], _code(WAYS.waiting))
+            for case, i in taken.items():
+                if pairs[i] == (case, case):
+                    found["way"][i] = known[case]
         into, out = list(taken), list(taken.values())
         self.orbits[into] = found.pop("eccentricity")[out]
         for name, column in found.items():
@@ -222,7 +236,12 @@ def _resampled(orbits: np.ndarray, points: int) -> np.ndarray:
     return np.asarray(jax.vmap(lambda x: resample(x, points))(jnp.asarray(orbits)))
 
 
-def _in_words(codes: np.ndarray, kind: type[eqx.Enumeration], entry: PyTree) -> np.ndarray:
+def _code(entry: PyTree) -> int:
+    """Return the number that an entry of an enumeration is kept as."""
+    return int(jax.tree.leaves(entry)[0])
+
+
+def _in_words(codes: np.ndarray, kind: Any, entry: PyTree) -> np.ndarray:
     """Return what the codes of an enumeration stand for; `entry` is any of its entries."""
     known, which = np.unique(codes, return_inverse=True)
     like = jax.tree.structure(entry)

@@ -34,28 +34,33 @@ def periodic_orbit(
 ) -> PeriodicOrbit:
     """Return the motion of `scene` that repeats after `period` turns.
 
-    By Fourier collocation. Where values are known, a motion that collocation does not find is
-    waited for over some hundred turns and solved for from there, by shooting if it loses contact.
+    By Fourier collocation, from the pins at rest or by a damping that is lowered to none. Where
+    values are known, further ways are tried until an orbit is stable (`jaxcrusher.orbits.tries`):
+    the motion is waited for over up to 1920 turns and solved for from there, by shooting if it
+    loses contact.
 
     **Arguments:**
 
-    - `scene`: by eccentricity or with an ideal joint, at constant speed, without a tracked impact
-      velocity. Its start does not matter. Its numbers may be traced: works under `jax.jit`,
-      `jax.vmap`, `jax.grad`, `jax.jacfwd` and `jax.jvp`; slopes by the implicit function theorem.
-    - `period`: turns of the shaft, >= 1; None is the guess's, or 1.
+    - `scene`: by eccentricity or with an ideal joint, at constant speed. Its start does not matter,
+      but for a tracked impact velocity, which is held at what it comes to from there; its values
+      must then be known. Its numbers may be traced: works under `jax.jit`, `jax.vmap`, `jax.grad`,
+      `jax.jacfwd` and `jax.jvp`; slopes by the implicit function theorem.
+    - `period`: turns of the shaft, >= 1. None is the guess's, or 1; or 2 to 4 where the motion that
+      is waited for repeats so.
     - `nodes`: even number of shaft angles a turn. None is 96, and more, up to 384, until the RMS
       stands to 1e-8 of itself. With a number given nothing is waited for.
-    - `guess`: a neighbour, or e / c at equally spaced angles of the whole period; None is the pin
-      resting in its bore under the ideal joint's force.
+    - `guess`: a neighbour, or e / c at equally spaced angles of the whole period; None, or NaN, is
+      the pin resting in its bore under the ideal joint's force.
 
-    **Returns:** a `PeriodicOrbit`, stable or not: look at `success` and `stable`. An orbit whose
-    RMS is not known to 1e-3 is a failure. One whose largest multiplier is 1 within its estimated
-    error is not called stable.
+    **Returns:** a `PeriodicOrbit`, stable or not: look at `success` and `stable`. `found` says by
+    which way it was found, and `failure` what the motion does if it has none. An orbit whose RMS is
+    not known to 1e-3 is a failure. One whose largest multiplier is 1 within its estimated error is
+    not called stable.
 
     Values are known outside of `jax.jit` and `jax.vmap`, and inside of `jax.grad` alone. The orbit
     has then been integrated once round its period and closes. Under `jax.jit` and `jax.vmap`
     nothing is integrated: collocation has 96 nodes a turn, or 384 where these do not settle the
-    RMS. Slopes of an orbit found by shooting are NaN, as are those of multipliers and of failures.
+    RMS. Slopes of an orbit that loses contact are NaN, as are those of multipliers and of failures.
 
     Raises ValueError for a period or nodes that are not such numbers, and in one line for a scene
     that is not one of these.

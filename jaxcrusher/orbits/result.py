@@ -1,6 +1,7 @@
 """A periodic orbit: what is known of it, however it was found, and the one way to make it."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -40,14 +41,14 @@ class WAYS(eqx.Enumeration):  # pyright: ignore
 
     sum = "as a sum over a turn: there is nothing to solve for"
     rest = "from the pins at rest"
-    guess = "from the guess"
+    guess = "from a guess"
     damping = "from the pins at rest, by a damping lowered to none"
     waiting = "from the mean of turns that were waited for"
     shooting = "by shooting"
     branch = "along a branch"
 
 
-def words(kind: type[eqx.Enumeration], item: eqx.Enumeration) -> str:
+def words(kind: Any, item: PyTree) -> str:
     """Say in one line what an entry of an enumeration means (concrete values only)."""
     # Equinox reads the codes of JAX's arrays only, not of NumPy's.
     return " ".join(str(kind[jax.tree.map(jnp.asarray, item)]).split())
