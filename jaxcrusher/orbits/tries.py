@@ -112,8 +112,8 @@ def _tries(
 
 def _found(one: Try, way: WAYS) -> Try:
     """Say by which way a guess came about."""
-    orbit, sloped = (dataclasses.replace(each, way=way) for each in (one.orbit, one.sloped))
-    return Try(sloped, orbit)
+    assert one.sloped is not None
+    return Try(dataclasses.replace(one.sloped, way=way), dataclasses.replace(one.orbit, way=way))
 
 
 def _by_nodes(

@@ -63,7 +63,7 @@ def test_the_first_stable_orbit_is_the_answer(monkeypatch):
     scene = jc.paper_scene(27.0, 0.05e-3)
     stable = jc.periodic_orbit(scene, nodes=96)
     unstable = dataclasses.replace(stable, multipliers=2 * stable.multipliers, way=WAYS.guess)
-    none = dataclasses.replace(stable, result=RESULTS.no_descent)
+    none = dataclasses.replace(stable, result=RESULTS.not_closed)
     made = {"stable": stable, "unstable": unstable, "none": none}
 
     def answer(*names):
@@ -100,12 +100,12 @@ def test_what_has_no_orbit_is_named():
 def test_a_motion_that_repeats_is_told_from_chaos(monkeypatch):
     wait = Wait(jc.paper_scene(27.0, 0.05e-3))
     monkeypatch.setattr(wait, "_whirls", lambda: False)
-    assert wait.regime(RESULTS.no_descent) == RESULTS.no_descent
+    assert wait.regime(RESULTS.not_closed) == RESULTS.not_closed
     wait._last = Round(np.tile([[0.1] * 4, [0.2] * 4], (120, 1)))
-    assert wait.regime(RESULTS.no_descent) == RESULTS.repeats
+    assert wait.regime(RESULTS.not_closed) == RESULTS.repeats
     wait._last = Round(np.random.default_rng(0).uniform(size=(240, 4)))
-    assert wait.regime(RESULTS.no_descent) == RESULTS.aperiodic
+    assert wait.regime(RESULTS.not_closed) == RESULTS.aperiodic
     wait._chaotic = True
-    assert wait.regime(RESULTS.no_descent) == RESULTS.chaotic
+    assert wait.regime(RESULTS.not_closed) == RESULTS.chaotic
     monkeypatch.setattr(wait, "_whirls", lambda: True)
-    assert wait.regime(RESULTS.no_descent) == RESULTS.whirl
+    assert wait.regime(RESULTS.not_closed) == RESULTS.whirl
