@@ -59,6 +59,7 @@ def solve(
         (NODES, 2 * NODES),
         neighbours,
         chunk=CHUNK,
+        most_alone=0,  # long runs speak for what is left
         journal=journal,
         progress=progress,
     )

@@ -71,6 +71,7 @@ def solve_orbits(
     *,
     chunk: int = CHUNK,
     enough: float = np.inf,
+    most_alone: int = MOST_ALONE,
     engine: Engine | None = None,
     journal: Journal | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -84,6 +85,8 @@ def solve_orbits(
       `error` above `enough`.
     - `neighbours`: the cases beside one, the nearest first. With None a case that fails from the
       pin at rest is left: it is tried from no other orbit, and not waited for.
+    - `most_alone`: if no more cases are left without a stable orbit, each is tried by all ways of
+      `periodic_orbit`, whose programs take a minute to compile.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
     - `journal`: of finished chunks.
 
@@ -104,7 +107,7 @@ def solve_orbits(
     for nodes in levels[1:] or levels:
         search.fill(search.begun(search.unsolved(enough)), nodes, neighbours or alone, report)
     left = np.flatnonzero(~np.asarray(search.rows["stable"], bool))
-    if neighbours is not None and len(left) <= MOST_ALONE:
+    if neighbours is not None and len(left) <= most_alone:
         for case in left.tolist():
             search.solve_alone(case)
     report(count, count)
