@@ -137,6 +137,15 @@ class Active:
 
 
 @dataclass(frozen=True)
+class OpenPoint:
+    """A point of the map without a stable orbit of one turn, and what runs say of it."""
+
+    values: dict[str, float]  # of the free parameters
+    motion: str  # why there is no such orbit
+    least: float  # objective of the runs of a start, less half of its 95 % interval
+
+
+@dataclass(frozen=True)
 class Bound:
     """A bound of how far below the optimum the least objective of the box may lie."""
 
@@ -145,6 +154,7 @@ class Bound:
     open_points: int  # of the map, without a stable orbit that counts: nothing is said of them
     gain: float  # of the descents, on the map's best point
     statement: str
+    by_runs: tuple[OpenPoint, ...] = ()  # points that long runs speak for
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
-from optimize.answer import Bound, Confirmed
+from optimize.answer import Bound, Confirmed, OpenPoint
 from optimize.evaluate import Case
 from optimize.landscape import GRID_DIMENSIONS
 
@@ -12,8 +12,16 @@ from optimize.landscape import GRID_DIMENSIONS
 ROUGHER = 2.0
 
 
-def optimality_bound(case: Case, orbits: xr.Dataset | None, best: Confirmed) -> Bound:
-    """Bound the objective between the map's points by the values and slopes there."""
+def optimality_bound(
+    case: Case,
+    orbits: xr.Dataset | None,
+    best: Confirmed,
+    by_runs: tuple[OpenPoint, ...] = (),
+) -> Bound:
+    """Bound the objective between the map's points by the values and slopes there.
+
+    Points without a stable orbit are spoken for `by_runs`, if they were run.
+    """
     unit = case.objective.unit
     if orbits is None or not best.settles or not orbits.counts.any():
         return Bound(
@@ -52,12 +60,20 @@ def optimality_bound(case: Case, orbits: xr.Dataset | None, best: Confirmed) -> 
         f"derivatives within a cell are at most {ROUGHER:g} times those between the map's points "
         f"around it ({curvature:.2g} {unit} of it)."
     )
+    if by_runs:
+        least = min(point.least for point in by_runs)
+        statement += (
+            f" At {len(by_runs)} of {values.size} points no stable orbit of one turn is known: "
+            f"long runs there come to {least:.6g} {unit} or more, {least - best.objective:.3g} "
+            f"{unit} above the optimum."
+        )
+    unsolved = max(0, unsolved - len(by_runs))
     if unsolved:
         statement += (
             f" Nothing is said of {unsolved} of {values.size} points. There, or at all points "
             "beside them, no stable orbit in contact was found or a constraint is broken."
         )
-    return Bound(within, curvature, unsolved, gain, statement)
+    return Bound(within, curvature, unsolved, gain, statement, by_runs)
 
 
 def cell_bounds(

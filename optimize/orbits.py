@@ -57,9 +57,10 @@ def solve(
     rows = solve_orbits(
         _problem(case),
         (units, {}),
-        (NODES,),
+        (NODES, 2 * NODES),
         neighbours,
         chunk=CHUNK,
+        most_alone=0,  # long runs speak for what is left
         journal=journal,
         progress=progress,
     )
@@ -105,7 +106,9 @@ def solve_map(
     of = case.objective
     columns = statistic.columns(STATISTICS)
     columns |= statistic.columns(limit.statistic for limit in case.limits)
-    columns |= {name: COLUMNS[name] for name in (*KEPT, "stable", "inside_model", "failure")}
+    columns |= {
+        name: COLUMNS[name] for name in (*KEPT, "stable", "inside_model", "failure", "found")
+    }
     columns["objective"] = Column(of.unit, of.meaning)
     meaning = f"slope of the {of.meaning}, per unit of the parameter"
     columns["slope"] = Column(of.unit, meaning, dims=("parameter",))

@@ -70,7 +70,8 @@ def run(options: Options, console: Console) -> Answer:
             )
             best = found.best
             if best is not None:
-                bound = optimality_bound(case, mapped, best)
+                runs = stages.run_open_points(problem, work, points, mapped)
+                bound = optimality_bound(case, mapped, best, runs)
                 answer = replace(answer, optimum=best, bound=bound)
                 designs = stages.with_coexisting_orbits(problem, work, (best, found.reference))
                 (best, reference), slopes = stages.with_regimes(problem, work, designs)

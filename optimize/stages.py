@@ -17,8 +17,8 @@ from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
 from jaxcrusher.orbits.load_sheet import Row, sheet
-from optimize import landscape, local, orbits, smooth
-from optimize.answer import Coexisting, Confirmed, Front, Refinement
+from optimize import landscape, local, open_points, orbits, smooth
+from optimize.answer import Coexisting, Confirmed, Front, OpenPoint, Refinement
 from optimize.concurrent import Stopped, run_concurrently
 from optimize.confirm import SHIFT, confirmed, long_runs
 from optimize.decay import with_decay
@@ -237,6 +237,21 @@ def confirm(problem: Problem, work: Work, candidates: np.ndarray) -> Confirmatio
 def _losses(case: Case, candidates: np.ndarray, runs: list[Rows]) -> str:
     rows = {name: np.stack([one[name] for one in runs], axis=1) for name in runs[0]}
     return losses(rows, case, case.capacity(candidates), "long-run ends of descents")
+
+
+def run_open_points(
+    problem: Problem, work: Work, points: np.ndarray, mapped: xr.Dataset | None
+) -> tuple[OpenPoint, ...]:
+    """Run the points of the map that have no stable orbit as long as candidates are run."""
+    count = len(open_points.unstable(mapped))
+    if mapped is None or not count:
+        return ()
+    case, effort = problem.case, problem.effort
+    window = Window(LONGER * effort.settle, LONGER * effort.turns, CONFIRM_RTOL)
+    with work.stage("open points", len(landscape.STARTS) * count * effort.runs) as progress:
+        return open_points.run_open_points(
+            case, points, mapped, effort.runs, window, effort.seed, progress, work.journal
+        )
 
 
 def with_coexisting_orbits(

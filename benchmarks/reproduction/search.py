@@ -20,6 +20,7 @@ from jaxcrusher.crusher.interfaces import AbstractFormulation
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.joint.friction import AmbrosioFriction
+from jaxcrusher.joint.normal import AbstractNormalLaw
 from jaxcrusher.motion.statistics import WHIRL_WINDING
 
 SPEED = 30.0  # rad/s
@@ -81,6 +82,7 @@ class Variant:
         formulation = self.way.formulation(**self.contact)
         assert scene.joint is not None
         normal = scene.joint.normal
+        assert isinstance(normal, AbstractNormalLaw)
         normal = eqx.tree_at(
             lambda n: (n.stiffness, n.restitution),
             normal,

@@ -63,7 +63,9 @@ class LiteralContact(AbstractFormulation):
         force = Vector(self.x_sign * push.x, self.y_sign * push.y)
         from_s2 = -scene.machine.jaw.mass_centre.along(s.chain.jaw)
         moment = self.torque * contact.bearing_moment - (1 - self.at_joint) * from_s2.cross(force)
-        acceleration = linkage.chain_acceleration(scene.machine, s.chain, s.load, force, moment)
+        acceleration = linkage.chain_acceleration(
+            scene.machine, s.chain, s.applied.total, force, moment
+        )
         return Snapshot(
             s.shaft,
             s.chain,
@@ -73,7 +75,7 @@ class LiteralContact(AbstractFormulation):
             force,
             moment,
             s.shaft_moment,
-            s.load,
+            s.applied,
             None,
         )
 

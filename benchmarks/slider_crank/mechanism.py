@@ -108,9 +108,8 @@ def flores(
     if clearance is not None:
         stiffness = cylinder_stiffness(0.01, clearance, poisson=0.3)
         tracked = TrackedImpactVelocity(relaxation_time=1e-7)
-        law = LankaraniNikravesh(
-            stiffness, 0.9, tracked if impact_velocity is None else impact_velocity
-        )
+        velocity = tracked if impact_velocity is None else impact_velocity
+        law = LankaraniNikravesh(stiffness=stiffness, restitution=0.9, impact_velocity=velocity)
         joint = ClearanceJoint(0.01, clearance, law, friction)
     return SliderCrank(
         crank=Link(0.30, 1e-4, 0.05),

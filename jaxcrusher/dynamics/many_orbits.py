@@ -1,8 +1,9 @@
-"""Periodic orbits of many designs: from the pin at rest, from neighbours, and from waiting.
+"""Periodic orbits of many designs: from the pin at rest, from waiting, and from neighbours.
 
-Designs are given as stacked cases, and a function makes the scene of one. What Newton's method does
-not find from the pin at rest is tried from the orbits of neighbours, and then from the motion that
-lanes have integrated until the transient is averaged out.
+Designs are given as stacked cases, and a function makes the scene of one. What is not found from
+the pin at rest, or by a damping that is lowered, is tried from the motion that lanes have
+integrated until the transient is averaged out, and with more nodes; then from the orbits of
+neighbours. The last few are solved one by one, by all tries that `periodic_orbit` makes.
 """
 
 import itertools
@@ -19,9 +20,9 @@ from jaxcrusher.batch.engines import Engine, run_all, without_lanes
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.lanes.code import LANES
-from jaxcrusher.orbits.forced import from_rest_unless, unknowns
+from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
-from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, reason
+from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, words
 from jaxcrusher.orbits.transient import one_period, resting_start, section_mean
 from jaxcrusher.orbits.trigonometric import resample
 
@@ -45,6 +46,8 @@ CHUNK = 16
 # that comes from further away may pass: in a tongue the shape of a motion matters more than how
 # near it is.
 REACH = 4
+# So many designs that are left are solved one by one. Where more are left they have no such motion.
+MOST_ALONE = 64
 
 
 class Problem(eqx.Module):
@@ -68,6 +71,7 @@ def solve_orbits(
     *,
     chunk: int = CHUNK,
     enough: float = np.inf,
+    most_alone: int = MOST_ALONE,
     engine: Engine | None = None,
     journal: Journal | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -77,34 +81,42 @@ def solve_orbits(
     **Arguments:**
 
     - `cases`: free numbers (cases, n), and a tree of all others.
-    - `levels`: nodes a turn; more of them are for cases that fewer do not solve, or leave with an
+    - `levels`: nodes a turn; more of them are for cases that are waited for, or left with an
       `error` above `enough`.
     - `neighbours`: the cases beside one, the nearest first. With None a case that fails from the
       pin at rest is left: it is tried from no other orbit, and not waited for.
+    - `most_alone`: if no more cases are left without a stable orbit, each is tried by all ways of
+      `periodic_orbit`, whose programs take a minute to compile.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
     - `journal`: of finished chunks.
 
     **Returns:** statistics, `SEEN`, `number`, `slope` (cases, n), `inside_model`, multipliers, the
-    orbits themselves and `failure` in words; NaN where there is no orbit.
+    orbits themselves, `failure` and the way by which each was `found` in words; NaN where there is
+    no orbit.
     """
     count = len(cases[0])
     search = _Search(problem, cases, levels[-1] * problem.period, chunk, engine, journal)
     report = progress or (lambda finished, of: None)
-    for nodes in levels:
-        search.fill(search.unsolved(enough), nodes, neighbours or alone, report)
-    # What no neighbour leads to is waited for.
+    search.fill(np.arange(count), levels[0], alone, report)
     left = search.unsolved(np.inf)
     if neighbours is not None and len(left):
         part = jax.tree.map(lambda leaf: np.asarray(leaf)[left], cases)
         guesses = waited(problem, part, engine, journal)
         known = np.isfinite(guesses).all(axis=(1, 2))
         search.orbits[left[known]] = _resampled(guesses[known], search.points)
-        search.fill(left[known], levels[-1], neighbours, report)
+    for nodes in levels[1:] or levels:
+        search.fill(search.begun(search.unsolved(enough)), nodes, neighbours or alone, report)
+    left = np.flatnonzero(~np.asarray(search.rows["stable"], bool))
+    if neighbours is not None and len(left) <= most_alone:
+        for case in left.tolist():
+            search.solve_alone(case)
     report(count, count)
     rows: dict[str, Any] = search.rows
     rows["eccentricity"] = search.orbits
-    codes, which = np.unique(rows.pop("code"), return_inverse=True)
-    return rows | {"failure": np.array([_words(code) for code in codes.tolist()], object)[which]}
+    failure = _in_words(rows.pop("code"), RESULTS, RESULTS.successful)
+    found = _in_words(rows.pop("way"), WAYS, WAYS.rest)
+    found[~np.asarray(rows["success"], bool)] = ""
+    return rows | {"failure": failure, "found": found}
 
 
 def alone(_: int) -> list[int]:
@@ -137,6 +149,10 @@ class _Search:
         good = np.logical_and(self.rows["success"], self.rows["error"] <= enough)
         return np.flatnonzero(~good)
 
+    def begun(self, cases: np.ndarray) -> np.ndarray:
+        """Return the cases of which an orbit or a guess is known: more nodes help no others."""
+        return cases[np.isfinite(self.orbits[cases]).all(axis=(1, 2))]
+
     def fill(
         self,
         cases: np.ndarray,
@@ -161,6 +177,16 @@ class _Search:
                 ][:most]
             ]
             tried.update(pairs)
+
+    def solve_alone(self, case: int) -> None:
+        """Solve a case by all tries that `periodic_orbit` makes."""
+        given = jax.tree.map(lambda leaf: jnp.asarray(leaf)[case], self._cases)
+        row = _described(given, jnp.asarray(self.orbits[case]), self._problem, None, None)
+        if self.rows["success"][case] and not row["stable"]:
+            return
+        self.orbits[case] = row.pop("eccentricity")
+        for name, value in row.items():
+            self.rows[name][case] = value
 
     def _attempt(
         self, pairs: list[tuple[int, int]], nodes: int, report: Callable[[int, int], None]
@@ -191,6 +217,12 @@ class _Search:
                 taken[case] = i
             elif first:
                 taken.setdefault(case, i)
+        if not first:
+            # From a guess of its own: an orbit that is refined, or a motion that was waited for.
+            known = np.where(self.rows["success"], self.rows["way"], _code(WAYS.waiting))
+            for case, i in taken.items():
+                if pairs[i] == (case, case):
+                    found["way"][i] = known[case]
         into, out = list(taken), list(taken.values())
         self.orbits[into] = found.pop("eccentricity")[out]
         for name, column in found.items():
@@ -207,9 +239,17 @@ def _resampled(orbits: np.ndarray, points: int) -> np.ndarray:
     return np.asarray(jax.vmap(lambda x: resample(x, points))(jnp.asarray(orbits)))
 
 
-def _words(code: int) -> str:
-    """Return the reason that a result's code stands for, or nothing."""
-    return reason(jax.tree.unflatten(jax.tree.structure(RESULTS.successful), [jnp.asarray(code)]))
+def _code(entry: PyTree) -> int:
+    """Return the number that an entry of an enumeration is kept as."""
+    return int(jax.tree.leaves(entry)[0])
+
+
+def _in_words(codes: np.ndarray, kind: Any, entry: PyTree) -> np.ndarray:
+    """Return what the codes of an enumeration stand for; `entry` is any of its entries."""
+    known, which = np.unique(codes, return_inverse=True)
+    like = jax.tree.structure(entry)
+    said = [words(kind, jax.tree.unflatten(like, [jnp.asarray(code)])) for code in known.tolist()]
+    return np.array(said, object)[which]
 
 
 def _row(
@@ -230,15 +270,24 @@ def _row(
 def _solved(
     given: tuple[Case, Float[Array, "points dims"]], problem: Problem, nodes: int
 ) -> dict[str, Array]:
-    (free, rest), guess = given
-    period = problem.period
+    case, guess = given
+    first = guess if unknowns(problem.scene(*case)) else None
+    return _described(case, guess, problem, nodes, first)
+
+
+def _described(
+    case: Case,
+    like: Float[Array, "points dims"],
+    problem: Problem,
+    nodes: int | None,
+    guess: Float[Array, "points dims"] | None,
+) -> dict[str, Array]:
+    """Return the row of one case, with its orbit at as many angles as `like`."""
+    free, rest = case
 
     def solved(free: Array) -> tuple[Scalar, PeriodicOrbit]:
         made = problem.scene(free, rest)
-        first = None
-        if unknowns(made):
-            first = from_rest_unless(resample(guess, nodes * period), made, period)
-        orbit = periodic_orbit(made, period=period, nodes=nodes, guess=first)
+        orbit = periodic_orbit(made, period=problem.period, nodes=nodes, guess=guess)
         return problem.number(orbit, made, free, rest), orbit
 
     if free.size:
@@ -251,12 +300,13 @@ def _solved(
         "slope": jnp.where(orbit.success, slope, jnp.nan),
         "inside_model": orbit.validity.inside,
         "code": jax.tree.leaves(orbit.result)[0],
-        "eccentricity": guess,
+        "way": jax.tree.leaves(orbit.way)[0],
+        "eccentricity": like,
     }
     if orbit.eccentricity is not None:
         parts = {"real": orbit.multipliers.real, "imag": orbit.multipliers.imag}
         row |= {f"multiplier_{part}": values for part, values in parts.items()}
-        row["eccentricity"] = resample(orbit.eccentricity, len(guess))
+        row["eccentricity"] = resample(orbit.eccentricity, len(like))
     return row
 
 

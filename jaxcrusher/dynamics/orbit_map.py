@@ -41,11 +41,12 @@ def orbit_map(
 ) -> xr.Dataset:
     """Solve for the periodic orbit of every design of a grid, as `jaxcrusher.periodic_orbit` does.
 
-    Every cell is solved from the pin resting in its bore, on all cores; a cell where that fails is
-    tried again from neighbours along the axes that are solved, up to four steps away and the
-    nearest first, for as long as that helps. What fails still is waited for over 270 turns, and
-    solved for from there if it keeps contact. What is found so may lie on another branch than the
-    next cell's.
+    Every cell is solved from the pin resting in its bore, on all cores, or by a damping that is
+    lowered to none. A cell where that fails is waited for over 240 turns, and solved for from there
+    if it keeps contact; then it is tried from neighbours along the axes, up to four steps away and
+    the nearest first, for as long as that helps. If no more than 64 cells are left without a stable
+    orbit, each is tried by all the ways of `periodic_orbit`. `found` says by which way a cell was
+    found. It may lie on another branch than the next cell's.
 
     **Arguments:**
 
@@ -69,8 +70,8 @@ def orbit_map(
     `error` of the RMS (a share of it), `least_penetration` (clearances), `largest_multiplier`,
     `multipliers_error`, `settling_turns`, `slope` (with a dimension `parameter`, in the unit of
     `metric` per unit of the parameter), and `multiplier_real`, `multiplier_imag` (with a dimension
-    `multiplier`, in no order). `success` and `stable` are logical. Where there is no success every
-    number is NaN, and `failure` says why.
+    `multiplier`, in no order). `success` and `stable` are logical, `found` is in words. Where
+    there is no success every number is NaN, and `failure` says why.
 
     Raises ValueError for bad arguments, and in one line for scenes that have no such orbit.
     """
@@ -163,7 +164,7 @@ def _layout(grid: Grid, scenes: list[Scene], slopes: tuple[str, ...], metric: st
     """Return the columns that all designs have: of an ideal joint there are fewer."""
     held = set.intersection(*(set(statistics_of(scene)) for scene in scenes))
     columns = statistic.columns(name for name in STATISTIC if name in held)
-    columns |= {name: COLUMNS[name] for name in (*SEEN, "failure")}
+    columns |= {name: COLUMNS[name] for name in (*SEEN, "failure", "found")}
     further: dict[str, np.ndarray | int] = {}
     if slopes:
         meaning = f"slope of {metric} by the parameter, per its unit"

@@ -49,6 +49,7 @@ COLUMNS = {
     "settling_turns": Column("1", "turns in which a disturbance falls to 1/e"),
     "stable": Column("1", "disturbances die", bool),
     "failure": Column("1", "why there is no orbit", str),
+    "found": Column("1", "the way by which the orbit was found", str),
     "multiplier_real": Column("1", "real: Floquet multipliers", dims=("multiplier",)),
     "multiplier_imag": Column("1", "imag: Floquet multipliers", dims=("multiplier",)),
     # of section points

@@ -25,6 +25,11 @@ Build = Callable[[Array], Scene]
 SLICES = 8
 
 
+def same(_: Array, scene: Scene) -> Scene:
+    """Build a scene that no parameter moves."""
+    return scene
+
+
 class Tangents(eqx.Module):
     """Consecutive slices: state x, parameters p, and m, the statistic of each slice alone.
 

@@ -127,14 +127,6 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count d
     return numbers(relative, still).T
 
 
-def from_rest_unless(
-    guess: Float[Array, "count dims"], scene: Scene, period: int
-) -> Float[Array, "count dims"]:
-    """Put the pins at rest in place of a guess that is NaN: one program serves both."""
-    rest = quasi_static(jax.lax.stop_gradient(scene), period, len(guess))
-    return jnp.where(jnp.isfinite(guess), guess, rest)
-
-
 @jax.jit  # as above
 def snapshot(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
     """Look at an instant of an orbit."""

@@ -19,9 +19,10 @@ from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.crusher.starts import Centred
 from jaxcrusher.motion.statistic import chosen, statistics_of
 from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.refining import refined
-from jaxcrusher.orbits.result import PeriodicOrbit, finished
+from jaxcrusher.orbits.impact_velocities import held, settled_velocities, tracks
+from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, finished, missing
 from jaxcrusher.orbits.solving import kinematic, solved, solved_as_needed, with_statistics
+from jaxcrusher.orbits.tries import searched
 
 
 def periodic_orbit(
@@ -33,40 +34,52 @@ def periodic_orbit(
 ) -> PeriodicOrbit:
     """Return the motion of `scene` that repeats after `period` turns.
 
-    By Fourier collocation. Where values are known, a motion that collocation does not find is
-    waited for over some hundred turns and solved for from there, by shooting if it loses contact.
+    By Fourier collocation, from the pins at rest or by a damping that is lowered to none. Where
+    values are known, further ways are tried until an orbit is stable (`jaxcrusher.orbits.tries`):
+    the motion is waited for over up to 1920 turns and solved for from there, by shooting if it
+    loses contact.
 
     **Arguments:**
 
-    - `scene`: by eccentricity or with an ideal joint, at constant speed, without a tracked impact
-      velocity. Its start does not matter. Its numbers may be traced: works under `jax.jit`,
-      `jax.vmap`, `jax.grad`, `jax.jacfwd` and `jax.jvp`; slopes by the implicit function theorem.
-    - `period`: turns of the shaft, >= 1; None is the guess's, or 1.
+    - `scene`: by eccentricity or with an ideal joint, at constant speed. Its start does not matter,
+      but for a tracked impact velocity, which is held at what it comes to from there; its values
+      must then be known. Its numbers may be traced: works under `jax.jit`, `jax.vmap`, `jax.grad`,
+      `jax.jacfwd` and `jax.jvp`; slopes by the implicit function theorem.
+    - `period`: turns of the shaft, >= 1. None is the guess's, or 1; or 2 to 4 where the motion that
+      is waited for repeats so.
     - `nodes`: even number of shaft angles a turn. None is 96, and more, up to 384, until the RMS
       stands to 1e-8 of itself. With a number given nothing is waited for.
-    - `guess`: a neighbour, or e / c at equally spaced angles of the whole period; None is the pin
-      resting in its bore under the ideal joint's force.
+    - `guess`: a neighbour, or e / c at equally spaced angles of the whole period; None, or NaN, is
+      the pin resting in its bore under the ideal joint's force.
 
-    **Returns:** a `PeriodicOrbit`, stable or not: look at `success` and `stable`. An orbit whose
-    RMS is not known to 1e-3 is a failure. One whose largest multiplier is 1 within its estimated
-    error is not called stable.
+    **Returns:** a `PeriodicOrbit`, stable or not: look at `success` and `stable`. `found` says by
+    which way it was found, and `failure` what the motion does if it has none. An orbit whose RMS is
+    not known to 1e-3 is a failure. One whose largest multiplier is 1 within its estimated error is
+    not called stable.
 
     Values are known outside of `jax.jit` and `jax.vmap`, and inside of `jax.grad` alone. The orbit
     has then been integrated once round its period and closes. Under `jax.jit` and `jax.vmap`
     nothing is integrated: collocation has 96 nodes a turn, or 384 where these do not settle the
-    RMS. Slopes of an orbit found by shooting are NaN, as are those of multipliers and of failures.
+    RMS. Slopes of an orbit that loses contact are NaN, as are those of multipliers and of failures.
 
     Raises ValueError for a period or nodes that are not such numbers, and in one line for a scene
     that is not one of these.
     """
     require_set_up()
     require_scene(scene)
-    if period is None:
-        period = guess.period if isinstance(guess, PeriodicOrbit) else 1
-    require_whole("period", period, 1)
+    if period is None and isinstance(guess, PeriodicOrbit):
+        period = guess.period
+    turns = 1 if period is None else period
+    require_whole("period", turns, 1)
     if nodes is not None:
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
+    velocities = None
+    if tracks(scene) and all(primal(leaf) is not None for leaf in jax.tree.leaves(scene)):
+        velocities = settled_velocities(jax.lax.stop_gradient(scene))
+        if velocities is None:
+            return finished(missing(scene, turns, RESULTS.impacts))
+        scene = held(scene, velocities)
     if refused := forced.refusal(scene):
         raise ValueError(f"Argument `scene` must {refused}.")
     first, begin = None, None
@@ -79,14 +92,14 @@ def periodic_orbit(
     still, first, begin = jax.lax.stop_gradient((alike, first, begin))
     known = all(primal(leaf) is not None for leaf in jax.tree.leaves((still, first, begin)))
     if forced.unknowns(scene) == 0:
-        orbit = kinematic(alike, period, chosen(statistics_of(scene)))
+        orbit = kinematic(alike, turns, chosen(statistics_of(scene)))
     elif nodes is not None and not known:
-        orbit = with_statistics(alike, *solved(still, first, period, nodes * period), period)
+        orbit = with_statistics(alike, *solved(still, first, turns, nodes * turns), turns)
     elif not known:
-        orbit = solved_as_needed(alike, still, first, period)
+        orbit = solved_as_needed(alike, still, first, turns)
     else:
-        orbit = refined(alike, still, first, begin, period, nodes)
-    return finished(dataclasses.replace(orbit, scene=scene))
+        orbit = searched(alike, still, first, begin, period, nodes)
+    return finished(dataclasses.replace(orbit, scene=scene, held_velocities=velocities))
 
 
 def _guess(guess: ArrayLike | None, scene: Scene) -> Array:

@@ -19,8 +19,8 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Scalar
 from jaxcrusher.motion.statistic import Chosen
 from jaxcrusher.orbits.collocation import TOLERANCE, System
 from jaxcrusher.orbits.multipliers import multipliers
-from jaxcrusher.orbits.newton import RESULTS, HostRoot, Root, newton
-from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.newton import HostRoot, newton
+from jaxcrusher.orbits.result import WAYS, PeriodicOrbit
 from jaxcrusher.orbits.solving import INSTANTS, described, of_nodes
 from jaxcrusher.orbits.trigonometric import resample
 
@@ -193,8 +193,8 @@ def _described(problem: Collocation, u: Array, p: Scalar) -> PeriodicOrbit:
     system = problem.family(p)
     matrix = system.linearised(u)[1].reshape(u.size, u.size)
     lower, rows = lu_factor(matrix)
-    root = Root(u.ravel(), (lower, rows), jnp.array(0), RESULTS.successful)
-    return described(system, of_nodes(system, u, root), u, problem.period, problem.outputs)
+    found = of_nodes(system, u, (lower, rows), WAYS.branch)
+    return described(system, found, u, problem.period, problem.outputs)
 
 
 @eqx.filter_jit

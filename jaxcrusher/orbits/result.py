@@ -1,6 +1,7 @@
 """A periodic orbit: what is known of it, however it was found, and the one way to make it."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -27,12 +28,30 @@ class RESULTS(newton.RESULTS):  # pyright: ignore
     contact_lost = "The motion loses contact, which these nodes do not resolve."
     unresolved = "The motion is not resolved by these nodes."
     not_closed = "The motion does not repeat when it is integrated over its period."
+    impacts = "The motion goes on losing contact, and each impact sets its tracked velocity anew."
+    not_integrated = "The motion from rest cannot be integrated."
+    whirl = "The motion from rest is a friction whirl: the pin rolls round its bore."
+    repeats = "The motion from rest repeats after another number of turns, up to 4."
+    chaotic = "The motion from rest is chaotic: disturbances of it grow."
+    aperiodic = "The motion from rest does not repeat within 1920 turns, and is not chaotic."
 
 
-def reason(result: RESULTS) -> str:
-    """Say in one line what a result means; nothing if it is a success (concrete values only)."""
+class WAYS(eqx.Enumeration):  # pyright: ignore
+    """How an orbit was found."""
+
+    sum = "as a sum over a turn: there is nothing to solve for"
+    rest = "from the pins at rest"
+    guess = "from a guess"
+    damping = "from the pins at rest, by a damping lowered to none"
+    waiting = "from the mean of turns that were waited for"
+    shooting = "by shooting"
+    branch = "along a branch"
+
+
+def words(kind: Any, item: PyTree) -> str:
+    """Say in one line what an entry of an enumeration means (concrete values only)."""
     # Equinox reads the codes of JAX's arrays only, not of NumPy's.
-    return " ".join(str(RESULTS[jax.tree.map(jnp.asarray, result)]).split())
+    return " ".join(str(kind[jax.tree.map(jnp.asarray, item)]).split())
 
 
 class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
@@ -58,6 +77,9 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     multipliers: Complex[Array, " n"]  # of a disturbance, in one period: 4 a loose joint
     multipliers_error: Scalar  # estimated; NaN where nothing is known of it
     validity: Validity
+    way: WAYS
+    # m/s, by joint: what tracked impact velocities come to, and are held at; None: not tracked
+    held_velocities: Mapping[str, Scalar] | None = None
 
     def units(self) -> dict[str, str]:
         """Return the unit of every statistic there is."""
@@ -71,7 +93,15 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     @property
     def failure(self) -> str:
         """Say why there is no orbit; nothing if there is (concrete values only)."""
-        return reason(self.result)
+        return words(RESULTS, self.result)
+
+    @property
+    def found(self) -> str:
+        """Say by which way the orbit was found (concrete values only)."""
+        held = self.held_velocities or {}
+        said = [f"{float(v):.4g} m/s at the {name} joint" for name, v in held.items()]
+        kept = f", with the tracked impact velocity held at {', '.join(said)}" if said else ""
+        return words(WAYS, self.way) + kept
 
     @property
     def largest_multiplier(self) -> Float[Array, "*batch"]:
@@ -123,6 +153,7 @@ def built(
     least_penetration: Scalar,
     multipliers: ArrayLike,
     multipliers_error: ArrayLike,
+    way: WAYS,
     steps: ArrayLike = 0,
 ) -> PeriodicOrbit:
     """Return an orbit; its statistics tell the limits of the contact model."""
@@ -141,11 +172,12 @@ def built(
         jnp.asarray(multipliers, complex),
         jnp.asarray(multipliers_error, float),
         limits,
+        way,
     )
 
 
-def missing(scene: Scene, period: int) -> PeriodicOrbit:
-    """Return no orbit: NaN in every number."""
+def missing(scene: Scene, period: int, result: RESULTS) -> PeriodicOrbit:
+    """Return no orbit, for a reason: NaN in every number."""
     nan, dims = jnp.asarray(jnp.nan), 2 * forced.unknowns(scene)
     return built(
         scene,
@@ -153,11 +185,12 @@ def missing(scene: Scene, period: int) -> PeriodicOrbit:
         jnp.full((SAMPLES * period, dims // 2), jnp.nan),
         jnp.full(dims, jnp.nan),
         dict.fromkeys(statistics_of(scene), nan),
-        result=RESULTS.not_closed,
+        result=result,
         error=nan,
         least_penetration=nan,
         multipliers=jnp.full(dims, jnp.nan),
         multipliers_error=nan,
+        way=WAYS.shooting,
     )
 
 

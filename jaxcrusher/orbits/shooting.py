@@ -20,7 +20,7 @@ from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.simulation import simulate
 from jaxcrusher.motion.statistic import SAMPLES, statistics_of
 from jaxcrusher.motion.statistics import over_pieces
-from jaxcrusher.motion.tangents import Build, Tangents, chain, tangents
+from jaxcrusher.motion.tangents import Build, Tangents, chain, same, tangents
 from jaxcrusher.orbits import newton
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.newton import HostRoot, newton_on_host
@@ -31,7 +31,7 @@ from jaxcrusher.orbits.problem import (
     Linearised,
     Stride,
 )
-from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, built, missing
+from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 
 # Evaluations of the map, at either tolerance.
 EVALUATIONS = 16
@@ -142,6 +142,7 @@ class Shooting(AbstractPeriodicProblem):
             least_penetration=jnp.min(jnp.asarray(least)),
             multipliers=self.multipliers(u, p, seen),
             multipliers_error=np.nan,
+            way=WAYS.shooting,
         )
 
     def weight(self, size: int) -> float:
@@ -178,20 +179,16 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> Period
     Its `error` is what a tolerance 100 times as large makes of the RMS, that of its multipliers
     what it makes of their matrix.
     """
-    build, none = eqx.Partial(_same, scene=scene), jnp.zeros(0)
+    build, none = eqx.Partial(same, scene=scene), jnp.zeros(0)
     problem = Shooting(build=build, period=period, rtol=RTOL)
     found = _repeats(problem, none, guess)
     if found is None:
-        return missing(scene, period)
+        return missing(scene, period, RESULTS.not_closed)
     state, seen = found
     coarse = dataclasses.replace(problem, rtol=100 * RTOL).linearised(state, none).seen.matrix
     error = np.max(np.abs(coarse - seen.matrix)) / np.max(np.abs(seen.matrix))
     orbit = problem.orbit(state, none, seen)
     return dataclasses.replace(orbit, multipliers_error=jnp.asarray(error))
-
-
-def _same(_: Array, scene: Scene) -> Scene:
-    return scene
 
 
 def section_point(

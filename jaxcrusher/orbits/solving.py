@@ -10,7 +10,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.custom_batching import sequential_vmap
-from jaxtyping import Array, Bool, Float, Int, Scalar
+from jaxtyping import Array, ArrayLike, Bool, Float, Int, Scalar
 
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
@@ -18,10 +18,11 @@ from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import AbstractMean, Chosen, chosen, statistics_of
 from jaxcrusher.orbits import forced, newton
-from jaxcrusher.orbits.collocation import System, Unfactored, attached, collocate, one_by_one
+from jaxcrusher.orbits.collocation import System, Unfactored, attached, one_by_one
+from jaxcrusher.orbits.lowering import lowered
 from jaxcrusher.orbits.multipliers import LOOKS, STEPS, Multipliers, of_slopes
 from jaxcrusher.orbits.newton import Factors
-from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, built
+from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built
 from jaxcrusher.orbits.trigonometric import resample
 
 # Nodes a turn to begin with, and the most that a motion gets.
@@ -49,12 +50,20 @@ class Nodes(eqx.Module):
     steps: Int[Array, ""]
     residual_error: Scalar  # of the RMS of the force, as a share of it; estimated
     multipliers: Multipliers
+    way: WAYS
 
 
-def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -> Nodes:
+def of_nodes(
+    system: System,
+    x: Float[Array, "nodes dims"],
+    factors: Factors,
+    way: WAYS,
+    result: newton.RESULTS = newton.RESULTS.successful,
+    steps: ArrayLike = 0,
+) -> Nodes:
     """Return what is known of the orbit through `x`."""
     slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
-    left = forced.residual_error(system, x, root.factors, accelerations)
+    left = forced.residual_error(system, x, factors, accelerations)
     found = of_slopes(slopes, system.period)
     if system.args.supports is not None:
         # A frame on stiff springs swings faster than a contact.
@@ -66,21 +75,33 @@ def of_nodes(system: System, x: Float[Array, "nodes dims"], root: newton.Root) -
         # Where even these steps overflow the multipliers are not known.
         error = jnp.where(jnp.isnan(found.error), jnp.inf, found.error)
         found = dataclasses.replace(found, error=error)
-    return Nodes(x, root.result, root.steps, left, found)
+    return Nodes(x, result, jnp.asarray(steps), left, found, way)
 
 
 @eqx.filter_jit
 def solved(
     scene: Scene, guess: Float[Array, "angles dims"] | None, period: int, nodes: int
 ) -> tuple[Nodes, Factors]:
-    """Return the orbit near a guess, or near the pins at rest, and the factors for its slopes.
+    """Return the orbit near a guess, and the factors for its slopes.
 
-    A program of its own, which serves values and slopes.
+    Without a guess, or with one of NaN, from the pins at rest, and then by way of a damping. A
+    program of its own, which serves values and slopes; under `jax.vmap` one design after the other,
+    since few take the long way.
     """
-    start = forced.quasi_static(scene, period, nodes) if guess is None else resample(guess, nodes)
-    system = forced.system(scene, period)
-    x, root = collocate(system, start)
-    return of_nodes(system, x, root), root.factors
+
+    @sequential_vmap
+    def found(scene: Scene, guess: Array | None) -> tuple[Nodes, Factors]:
+        rest, at_rest = forced.quasi_static(scene, period, nodes), jnp.array(True)
+        if guess is not None:
+            at_rest = ~jnp.all(jnp.isfinite(guess))
+            rest = jnp.where(at_rest, rest, resample(guess, nodes))
+        root = lowered(scene, period, rest, at_rest)
+        way = WAYS.where(root.by_damping, WAYS.damping, WAYS.where(at_rest, WAYS.rest, WAYS.guess))
+        system = forced.system(scene, period)
+        orbit = of_nodes(system, root.x, root.factors, way, root.result, root.steps)
+        return orbit, root.factors
+
+    return found(scene, guess)
 
 
 def with_statistics(scene: Scene, found: Nodes, factors: Factors, period: int) -> PeriodicOrbit:
@@ -128,7 +149,9 @@ def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
         orbit = jax.lax.cond(
             settled,
             lambda: dataclasses.replace(few, x=start),
-            lambda: solved(scene, start, period, MOST_NODES * period)[0],
+            lambda: dataclasses.replace(
+                solved(scene, start, period, MOST_NODES * period)[0], way=few.way
+            ),
         )
         return _Refined(orbit, settled, few.x, factors)
 
@@ -173,6 +196,7 @@ def described(
         multipliers=found.multipliers.values,
         multipliers_error=found.multipliers.error,
         steps=found.steps,
+        way=found.way,
     )
 
 
@@ -199,6 +223,7 @@ def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
         least_penetration=zero,
         multipliers=jnp.zeros(0),
         multipliers_error=zero,
+        way=WAYS.sum,
     )
 
 

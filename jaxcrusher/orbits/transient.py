@@ -1,10 +1,12 @@
-"""Guesses of a periodic orbit from a motion that is waited for.
+"""A motion that is waited for: guesses of its periodic orbit, and what it does if it has none.
 
 A swing of the pin dies in thousands of turns. The mean over some hundred turns removes it, and
 leaves a guess from which Newton's method converges.
 """
 
+import itertools
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import equinox as eqx
 import jax
@@ -17,16 +19,26 @@ from jaxcrusher.crusher.starts import InContact
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.integrate import integrate
 from jaxcrusher.motion.method import resolve
+from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistics import statistics_problem
+from jaxcrusher.motion.tangents import same, tangents
 from jaxcrusher.orbits.forced import coordinates
+from jaxcrusher.orbits.result import RESULTS
 
-# Turns that pass before each mean, turns of a mean, and means that are tried. Turns of a mean are a
-# multiple of all periods up to six.
-SETTLE, TURNS, ROUNDS = 150, 120, 3
+# Turns of the first round, half of which make a mean: a multiple of all periods up to six. Each
+# round lasts as long as all before it, and 1920 turns take a second.
+TURNS, ROUNDS = 240, 4
 # The integration's tolerance: at 1e-6 the swing dies twice as fast as it should.
 RTOL = 1e-7
 # Shaft angles a turn at which the motion from a mean is looked at.
 ANGLES = 96
+# The longest period that a motion is looked at for, and how much narrower it must be about the
+# means of every p-th turn than about the mean of all.
+LONGEST, NARROWER = 4, 0.5
+# Section points so near, in clearances and m/s, repeat.
+REPEATED = 1e-4
+# Turns over which a disturbance is followed, and the growth in a turn that is called chaos.
+GROWN, CHAOS = 24, 0.05
 
 # A section point, and the scene that moves from it.
 Case = tuple[Float[Array, " dims"], Scene]
@@ -68,8 +80,8 @@ def section_mean(
 
     With them comes whether the integration succeeded.
     """
-    states, success = section_points(case, turns=SETTLE + TURNS, rtol=RTOL)
-    return jnp.mean(states[SETTLE + period - 1 :: period], axis=0), states[-1], success
+    states, success = section_points(case, turns=TURNS, rtol=RTOL)
+    return jnp.mean(states[TURNS // 2 + period - 1 :: period], axis=0), states[-1], success
 
 
 def one_period(case: Case, *, period: int) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
@@ -89,21 +101,88 @@ def _coordinates(section: Float[Array, " dims"], scene: Scene) -> Float[Array, "
     return coordinates(state)
 
 
-_mean, _period = eqx.filter_jit(section_mean), eqx.filter_jit(one_period)
+_points, one_period = eqx.filter_jit(section_points), eqx.filter_jit(one_period)
 
 
-def guesses(
-    scene: Scene, period: int
-) -> Iterator[tuple[Float[Array, " dims"], Float[Array, "angles half"]]]:
-    """Yield mean section points over later and later turns, and the motion over a period from each.
+@dataclass(frozen=True)
+class Round:
+    """Section points of the last turns that were waited for."""
 
-    They end where the motion fails.
-    """
-    state, scene = resting_start(scene)
-    for _ in range(ROUNDS):
-        mean, state, success = _mean((state, scene), period=period)
-        if not bool(success):
-            return
-        seen, success = _period((mean, scene), period=period)
-        if bool(success):
-            yield mean, seen
+    states: Float[np.ndarray, "turns dims"]
+
+    def means(self, period: int | None) -> Iterator[tuple[int, Float[Array, " dims"]]]:
+        """Yield numbers of turns and the mean of section points so far apart.
+
+        Without a `period` that is 1, and the least up to `LONGEST` about whose means the motion
+        is clearly narrower.
+        """
+        one = self._spread(1)
+        longer = (p for p in range(2, LONGEST + 1) if self._spread(p) < NARROWER * one)
+        periods = (1, *itertools.islice(longer, 1)) if period is None else (period,)
+        for turns in periods:
+            yield turns, jnp.asarray(self.states[turns - 1 :: turns].mean(axis=0))
+
+    def _spread(self, period: int) -> float:
+        parts = self.states.reshape(-1, period, self.states.shape[1])
+        return float(np.sqrt(np.mean((parts - parts.mean(axis=0)) ** 2)))
+
+
+class Wait:
+    """A motion from the pins at rest, waited for in rounds as far as it is asked for."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._state, self.scene = resting_start(scene)
+        self._last: Round | None = None
+        self._failed = self._chaotic = False
+
+    def rounds(self) -> Iterator[Round]:
+        """Yield the last half of more and more turns.
+
+        They end where the motion fails or whirls, and from the second round on where it is chaotic.
+        """
+        seen: list[np.ndarray] = []
+        for turn in range(2 ** (ROUNDS - 1)):
+            if self._whirls():
+                return
+            case = self._state, self.scene
+            states, success = _points(case, turns=TURNS, rtol=RTOL)
+            self._failed = not bool(success)
+            if self._failed:
+                return
+            seen.append(np.asarray(states))
+            self._state, count = states[-1], turn + 1
+            if count & turn == 0:  # a power of two
+                self._last = Round(np.concatenate(seen)[count * TURNS // 2 :])
+                yield self._last
+                self._chaotic = turn > 0 and self._growth() > CHAOS
+                if self._chaotic:
+                    return
+
+    def regime(self, otherwise: RESULTS) -> RESULTS:
+        """Name what the motion does that has no orbit."""
+        if self._failed:
+            return RESULTS.not_integrated
+        if self._whirls():
+            return RESULTS.whirl
+        if self._last is None:
+            return otherwise
+        states = self._last.states[-TURNS // 2 :]
+        for period in range(1, LONGEST + 1):
+            if np.max(np.abs(states[period:] - states[:-period])) < REPEATED:
+                return RESULTS.repeats
+        return RESULTS.chaotic if self._chaotic else RESULTS.aperiodic
+
+    def _whirls(self) -> bool:
+        outputs = ("foundation_rms", "contact_fraction", "winding")
+        seen = poincare_section(self.scene, 0, 2, state=self._state, outputs=outputs, rtol=RTOL)
+        return bool(seen.success) and bool(seen.statistics.whirl)
+
+    def _growth(self) -> float:
+        """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980)."""
+        build = eqx.Partial(same, scene=self.scene)
+        along = tangents(build, jnp.zeros(0), "foundation_rms", self._state, GROWN, RTOL)
+        frame, growth = np.eye(along.jacobians.shape[1]), 0.0
+        for jacobian in along.jacobians:
+            frame, upper = np.linalg.qr(jacobian @ frame)
+            growth += np.log(np.abs(upper[0, 0])) / GROWN
+        return float(growth)

@@ -18,9 +18,9 @@ from jaxcrusher.batch.sweep import columns_of
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
 from jaxcrusher.motion.statistic import always_with, chosen
-from optimize import confirm, decay, formatting, landscape, local, stages, verdicts
-from optimize.answer import Check, Coexisting
-from optimize.bound import cell_bounds
+from optimize import confirm, decay, formatting, landscape, local, open_points, stages, verdicts
+from optimize.answer import Check, Coexisting, OpenPoint
+from optimize.bound import cell_bounds, optimality_bound
 from optimize.evaluate import Window, evaluate, judged, started
 from optimize.objectives import OBJECTIVES, OF_SUPPORTS
 from optimize.options import Options
@@ -152,6 +152,31 @@ def test_map_of_orbits_is_labelled(finished):
         assert cell.failure == "" and bool(cell.counts)
     for name in ("landscape", "settling", "starts", "capacity", "motion", "pareto"):
         assert (folder / f"{name}.png").stat().st_size > 10_000
+
+
+def test_runs_speak_for_points_without_a_stable_orbit(finished):
+    folder, answer = finished
+    case, best = resolve(Options(**SMALL)).case, answer.optimum
+    with xr.open_dataset(folder / "orbits.nc") as opened:
+        mapped = opened.load()
+    assert len(open_points.unstable(mapped)) == 0
+    for name in ("stable", "counts"):
+        mapped[name][6, 3] = False
+    assert open_points.unstable(mapped).tolist() == [27]
+    unsaid = optimality_bound(case, mapped, best)
+    point = OpenPoint(
+        {"speed": 40.0, "clearance": 0.12e-3}, "It is chaotic.", best.objective + 4000
+    )
+    said = optimality_bound(case, mapped, best, (point,))
+    assert unsaid.open_points == 1 and "Nothing is said of 1 of 28" in unsaid.statement
+    assert said.open_points == 0 and "Nothing is said" not in said.statement
+    assert "At 1 of 28 points no stable orbit" in said.statement
+    assert "4e+03 N above the optimum" in said.statement and said.by_runs == (point,)
+    # The runs of the paper's corner: the quiet motion there has 22 221 N.
+    units, window = np.array([[1.0, 1.0]] * 28), Window(10, 20, 1e-6)
+    (run,) = open_points.run_open_points(case, units, mapped, 3, window, 0)
+    assert 2e4 < run.least < 2.6e4 and run.values["speed"] == 40.0
+    assert run.motion.startswith("The orbit of one turn is unstable")
 
 
 def test_landscape_is_labelled(finished):

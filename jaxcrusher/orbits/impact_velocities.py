@@ -1,0 +1,66 @@
+"""Tracked impact velocities, held at what they come to.
+
+In contact a tracked impact velocity rests, and any value of it repeats itself: an orbit does not
+tell it. The motion from the scene's own start does. Once that keeps contact at every joint, its
+last impact has fixed the velocity for good, and the scene with that constant has the same motion.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.joint.normal import ConstantImpactVelocity
+from jaxcrusher.motion.flow import initial_state, unflattened
+from jaxcrusher.motion.section import poincare_section
+from jaxcrusher.orbits.transient import RTOL, TURNS, section_points
+
+# Times that so many turns are waited for contact, and turns that must keep it. The share of the
+# time in contact is a mean of steps, with their rounding.
+ROUNDS, KEPT, ROUNDING = 8, 12, 1e-9
+
+_points = eqx.filter_jit(section_points)
+
+
+def tracks(scene: Scene) -> bool:
+    """Tell whether a joint of the scene tracks its impact velocity."""
+    laws = [joint.normal.impact_velocity for _, joint in scene.joints.present()]
+    return any(law.initial() is not None for law in laws)
+
+
+def settled_velocities(scene: Scene) -> dict[str, Array] | None:
+    """Return what the impact velocity of each joint comes to from the scene's start, in m/s.
+
+    None where contact is not kept within some 1900 turns: each impact then sets another velocity.
+    Concrete values only.
+    """
+    joints = dict(scene.joints.present())
+    outputs = tuple(f"{before(name)}contact_fraction" for name in joints)
+    state = initial_state(scene)
+    for _ in range(ROUNDS):
+        states, success = _points((state, scene), turns=TURNS, rtol=RTOL)
+        state = states[-1]
+        if not bool(success):
+            return None
+        seen = poincare_section(scene, 0, KEPT, state=state, outputs=outputs, rtol=RTOL)
+        if all(bool(np.all(seen.values[name] >= 1 - ROUNDING)) for name in outputs):
+            at = unflattened(state, scene)
+            assert at is not None
+            return {
+                name: joint.normal.impact_velocity.value(at.joints[name].impact_velocity)
+                for name, joint in joints.items()
+            }
+    return None
+
+
+def held(scene: Scene, velocities: dict[str, Array]) -> Scene:
+    """Return the scene whose joints have these constant impact velocities."""
+    fields = {"main": "joint", "elbow": "elbow", "pivot": "pivot"}
+    for name, velocity in velocities.items():
+        law = ConstantImpactVelocity(jnp.asarray(velocity))
+        scene = eqx.tree_at(
+            lambda s, name=name: getattr(s, fields[name]).normal.impact_velocity, scene, law
+        )
+    return scene

@@ -1,0 +1,43 @@
+"""Orbits with a tracked impact velocity, against the integrator, which tracks it."""
+
+import jax
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.orbits.impact_velocities import settled_velocities
+
+
+def test_a_tracked_velocity_is_held_at_what_it_comes_to():
+    orbit = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3, impact_law="tracked"))
+    # 40 turns after 4000, the velocity tracked all the way, at a tolerance of 1e-9.
+    assert orbit.stable and float(orbit.foundation_rms) == pytest.approx(19102.3157338, rel=1e-9)
+    # The floor, below which no impact is counted.
+    assert orbit.held_velocities is not None
+    assert float(orbit.held_velocities["main"]) == pytest.approx(0.01, rel=1e-12)
+    assert orbit.found.endswith("tracked impact velocity held at 0.01 m/s at the main joint")
+    assert jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3), nodes=96).held_velocities is None
+
+
+def test_slopes_hold_it():
+    def rms(clearance):
+        scene = jc.paper_scene(27.0, clearance, impact_law="tracked")
+        return jc.periodic_orbit(scene, nodes=96).foundation_rms
+
+    slope, step = float(jax.grad(rms)(5e-5)), 1e-8
+    difference = float(rms(5e-5 + step) - rms(5e-5 - step)) / (2 * step)
+    # As of other orbits of this design: 30 125.935 by a constant velocity, to six digits.
+    assert slope == pytest.approx(difference, rel=1e-6)
+
+
+def test_a_motion_that_goes_on_losing_contact_is_refused(monkeypatch):
+    scene = jc.paper_scene(30.0, 0.06e-3, impact_law="tracked", load_law="closing_stroke")
+    monkeypatch.setattr("jaxcrusher.orbits.impact_velocities.ROUNDS", 1)
+    assert settled_velocities(scene) is None
+    orbit = jc.periodic_orbit(scene)
+    assert not orbit.success and "losing contact" in orbit.failure
+
+
+def test_values_must_be_known():
+    scene = jc.paper_scene(30.0, 0.06e-3, impact_law="tracked")
+    with pytest.raises(ValueError, match=r"^Argument `scene` must have a constant impact velocity"):
+        jax.jit(jc.periodic_orbit)(scene)
