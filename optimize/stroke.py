@@ -29,9 +29,13 @@ class EqualStroke:
     inputs: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
-    def of(cls, values: Mapping[str, Any]) -> "EqualStroke":
-        """With the stroke of a description."""
-        return cls(float(jax.jit(stroke)(build_machine(values))))
+    def of(
+        cls, values: Mapping[str, Any], multiples: tuple[float, float] = (0.4, 4.0)
+    ) -> "EqualStroke":
+        """With the stroke of a description; limits are multiples of its eccentricity."""
+        machine = build_machine(values)
+        low, high = (float(machine.shaft.eccentricity) * multiple for multiple in multiples)
+        return cls(float(jax.jit(stroke)(machine)), (low, high))
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """The numbers with the eccentricity added; differentiable."""

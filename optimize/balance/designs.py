@@ -115,20 +115,23 @@ def robust(result: dict) -> tuple[list[str], list[list[str]]]:
 
 def headline(result: dict) -> str:
     """Return the RMS of both forces before and after; first, where they go different ways, that."""
-    before, after = (result["figures"][name] for name in ("paper", "optimised"))
+    found = result["figures"]
+    first = next(iter(found))
+    before, after = found[first], found["optimised"]
     numbers = [
         f"{name}: {quantity(before[force], 'N')} before, {quantity(after[force], 'N')} after."
         for force, name in NAMES.items()
     ]
-    return " ".join(filter(None, (opposed(before, after, "paper's machine"), *numbers)))
+    return " ".join(filter(None, (opposed(before, after, f"{first}'s machine"), *numbers)))
 
 
 def remarks(result: dict) -> list[str]:
     """Say what the optimum owes its force to."""
     chosen, found = result["designs"]["chosen"], result["figures"]
     rms, _ = FORCES
-    before, after = (chosen[name]["variants"][rms] for name in ("paper", "optimised"))
-    old, new = found["paper"], found["optimised"]
+    first = next(iter(found))
+    before, after = (chosen[name]["variants"][rms] for name in (first, "optimised"))
+    old, new = found[first], found["optimised"]
     whole, standing = (before[key] - after[key] for key in (AS_IT_IS, STANDING))
     inertia = {
         name: [v[AS_IT_IS] - v[f"{name} of a slender rod"] for v in (before, after)]
@@ -151,7 +154,7 @@ def remarks(result: dict) -> list[str]:
         f"The ground feels the shaking force: its RMS goes from {old['shaking_rms']:.0f} to "
         f"{new['shaking_rms']:.0f} N. The variation of R_O + R_C, which holds the crushing load, "
         f"goes from {old['net_variation']:.0f} to {new['net_variation']:.0f} N.",
-        f"The eccentricity goes from {1e3 * chosen['paper']['eccentricity']:.2f} to "
+        f"The eccentricity goes from {1e3 * chosen[first]['eccentricity']:.2f} to "
         f"{1e3 * chosen['optimised']['eccentricity']:.2f} mm: other links give B the same "
         f"horizontal travel with less motion of the jaw (vertical travel of B "
         f"{1e3 * old['vertical_travel']:.1f} to {1e3 * new['vertical_travel']:.1f} mm). The upper "

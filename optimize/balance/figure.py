@@ -18,7 +18,8 @@ CONDITIONS = {
     "friction": ("friction coefficient of the condition", 1.0),
     "load": ("load of the condition, kN", 1e-3),
 }
-DESIGNS = {"paper": "0.5", "optimised": "C0", "robust": "C3"}
+# Of the machine to begin with, the optimised and the robust one.
+SHADES = ("0.5", "C0", "C3")
 
 
 def draw(path: Path, result: dict, turn: Mapping[str, Mapping[str, Any]]) -> None:
@@ -33,14 +34,14 @@ def figure(result: dict, turn: Mapping[str, Mapping[str, Any]]) -> Figure:
     axes = grid.ravel()
     for ax, kind in ((axes[0], "work"), (axes[1], "seconds")):
         _draw_searches(ax, result, kind)
-    angle = np.linspace(0, 360, len(turn["paper"]["foundation_force"]) + 1)[1:]
+    angle = np.linspace(0, 360, len(next(iter(turn.values()))["foundation_force"]) + 1)[1:]
     curves = (
         (axes[2], "foundation_force", 1e-3, "|R_O| + |R_C|, kN"),
         (axes[3], "shaking_force", 1e-3, "shaking force, kN"),
         (axes[4], "drive_power", 1e-3, "drive power, kW"),
     )
     for ax, key, factor, label in curves:
-        for name, colour in DESIGNS.items():
+        for name, colour in zip(turn, SHADES, strict=True):
             values = turn[name][key]
             values = np.hypot(*values.T) if values.ndim == 2 else values
             ax.plot(
@@ -56,7 +57,7 @@ def figure(result: dict, turn: Mapping[str, Mapping[str, Any]]) -> Figure:
     # The last of them moves the force most.
     condition, met = list(result["robust"]["conditions"].items())[-1]
     label, factor = CONDITIONS[condition]
-    for name, colour in DESIGNS.items():
+    for name, colour in zip(turn, SHADES, strict=True):
         rms = 1e-3 * np.array(result["robust"]["values"][name])
         filled = "none" if name == "robust" else "full"
         axes[5].plot(factor * np.array(met), rms, "o", color=colour, markersize=4, fillstyle=filled)
@@ -90,7 +91,7 @@ def _draw_searches(ax, result: dict, kind: str) -> None:
         )
         ax.plot(at[every], np.median(above, axis=0)[every], color=colour, label=method)
     gain = scale * (1 - least)
-    ax.axhline(max(gain, 0.1), color="0.5", linestyle=":", label="paper's machine")
+    ax.axhline(max(gain, 0.1), color="0.5", linestyle=":", label="the machine to begin with")
     ax.set(
         xscale="log",
         yscale="log",

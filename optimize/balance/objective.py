@@ -55,7 +55,9 @@ def orbit_objective(
     both = jax.jit(lambda unit: orbit_slope(unit, conditions, design))
     scale = float(value(jnp.asarray(reference))[0])
     if not np.isfinite(scale):
-        raise RuntimeError("the paper's machine has no periodic orbit: nothing to compare with")
+        raise RuntimeError(
+            "the machine to begin with has no periodic orbit: nothing to compare with"
+        )
 
     def gradient(point: np.ndarray) -> Answer:
         (rms, beside), slope = both(jnp.asarray(point))

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import tyro
 
 from jaxcrusher.files.results import run_folder
 
@@ -19,10 +22,15 @@ class Options:
     """Name of the study: results go to OUT/NAME/."""
     out: Path = Path("results")
     """Folder of all results."""
-    speed: str = "30 rad/s"
-    """Driving speed, with its unit."""
-    clearance: str = "0.06 mm"
-    """Radial clearance, with its unit."""
+    scene: Path | None = None
+    """TOML scene file of the machine to begin with; what it leaves out is the PE250x400's."""
+    overrides: Annotated[
+        tuple[tuple[str, str], ...],
+        tyro.conf.UseAppendAction,
+        tyro.conf.arg(name="set", metavar="KEY VALUE"),
+    ] = ()
+    """A key of the scene file and its value with its unit, over the file's, as in
+    --set speed "286 rpm". May be repeated."""
     links: float = MOST_LINKS
     """Lengths, bearing distance and inclination may change by this many percent, up to 5."""
     machine: float = 0.0

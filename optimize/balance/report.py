@@ -4,6 +4,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from jaxcrusher.scenes.parameters import readable
 from optimize.balance.designs import (
     designs,
     forces,
@@ -35,15 +36,16 @@ def print_tables(console: Console, result: dict) -> None:
 
 def markdown(result: dict, picture: str) -> str:
     """The study as a page, with the name of its picture."""
-    options, cost = result["settings"], result["cost"]
+    options, cost, first = result["settings"], result["cost"], next(iter(result["figures"]))
+    scene = options["scene"]
     ratio = cost["gradient_seconds"] / cost["value_seconds"]
     wide = dict(zip(CONDITIONS, options["tolerance"], strict=True))
     wide = {name: width for name, width in wide.items() if name in result["robust"]["conditions"]}
     chosen = "links and masses" if options["machine"] else "mass centre and links"
     parts = [
         f"# Counterweight, {chosen} that shake the foundation least",
-        f"Made by `{result['command']}`. Speed {options['speed']}, clearance "
-        f"{options['clearance']}, the rest as in the paper but for "
+        f"Made by `{result['command']}`. Speed {readable('speed', scene['speed'])}, clearance "
+        f"{readable('clearance', scene['clearance'])}, the rest as in the {first} but for "
         f"{len(result['designs']['bounds'])} free parameters. The "
         "eccentricity follows from the rest so that the jaw's lower end B keeps its horizontal "
         "travel; with the same discharge opening (set by moving C, as on the machine) and the "

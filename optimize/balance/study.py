@@ -18,7 +18,6 @@ from optimize.balance import evidence, figure, problem, report
 from optimize.balance import objective as orbit_force
 from optimize.balance.compare import METHODS, Answer, Search, Smooth, require_rivals, search
 from optimize.balance.options import Options
-from optimize.balance.problem import PAPER
 from optimize.design import Design
 
 # Gradients of the robust search at most; it starts at the optimum, and ends far earlier.
@@ -70,9 +69,9 @@ def run(options: Options, console: Console) -> dict:
     if result["searches"]:
         console.print(f"going on: {len(result['searches'])} searches found in {study.path}")
     design = problem.design(options)
-    paper = design.unit(PAPER)
+    first = design.unit(problem.reference(options))
     with progress(console, remaining=False) as bars:
-        _searches(study, design, paper, bars)
+        _searches(study, design, first, bars)
         best = min(
             (found for found in result["searches"] if found["best"]),
             key=lambda found: found["best"][-1],
@@ -80,7 +79,7 @@ def run(options: Options, console: Console) -> dict:
         )
         if best is None:
             raise RuntimeError("no search found a design with a number: all motions failed")
-        points = {"paper": paper, "optimised": np.array(best["point"])}
+        points = {problem.title(options): first, "optimised": np.array(best["point"])}
         bar = bars.add_task("robust design", total=ROBUST_GRADIENTS)
         robust = study.stage(
             "robust", lambda: _robust(options, design, points, lambda: bars.advance(bar))
@@ -105,7 +104,7 @@ def run(options: Options, console: Console) -> dict:
     return result
 
 
-def _searches(study: Study, design: Design, paper: np.ndarray, bars: Progress) -> None:
+def _searches(study: Study, design: Design, first: np.ndarray, bars: Progress) -> None:
     """Every method from every start; written as each ends."""
     options, result = study.options, study.result
     done = {(found["method"], found["start"]) for found in result["searches"]}
@@ -114,7 +113,7 @@ def _searches(study: Study, design: Design, paper: np.ndarray, bars: Progress) -
     if len(done) == total:
         return
     began = time.perf_counter()
-    objective, scale = orbit_force.orbit_objective(design, problem.conditions(options), paper)
+    objective, scale = orbit_force.orbit_objective(design, problem.conditions(options), first)
     # A study that goes on keeps the costs it began with: every search has the same budget.
     cost = result.setdefault(
         "cost",
@@ -128,7 +127,7 @@ def _searches(study: Study, design: Design, paper: np.ndarray, bars: Progress) -
         objective.value, objective.gradient, cost["value_seconds"], cost["gradient_seconds"]
     )
     result["seconds"]["compilation"] = time.perf_counter() - began
-    for number, start in enumerate(_starts(objective, options, len(paper))):
+    for number, start in enumerate(_starts(objective, options, len(first))):
         for method in METHODS:
             if (method, number) in done:
                 continue
@@ -163,7 +162,7 @@ def _robust(
     def sampled(point: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         return orbit_force.sampled(point, conditions, design)
 
-    scale = float(sampled(points["paper"])[0].mean())
+    scale = float(sampled(next(iter(points.values())))[0].mean())
 
     def gradient(point: np.ndarray) -> Answer:
         advance()

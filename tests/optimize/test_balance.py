@@ -19,7 +19,7 @@ from optimize.balance.compare import Answer, Search, Smooth, search, spent_until
 from optimize.balance.designs import headline, long_runs
 from optimize.balance.methods import comparison
 from optimize.balance.options import Options
-from optimize.balance.problem import PAPER
+from optimize.balance.problem import reference
 from optimize.design import Design
 
 CENTRE = np.array([0.3, 1.2, 0.6])  # the second is outside the box
@@ -77,8 +77,8 @@ def test_gradient_against_differences():
         return float(function(point)[0][1].shaking_rms)
 
     # Printed for the ideal joint by two independent programs as 19 099 N; clearance adds 0.02 %.
-    assert rms(design.unit(PAPER)) == pytest.approx(19_099, rel=5e-4)
-    assert shaking(design.unit(PAPER)) == pytest.approx(4513.63, rel=1e-3)
+    assert rms(design.unit(reference(Options()))) == pytest.approx(19_099, rel=5e-4)
+    assert shaking(design.unit(reference(Options()))) == pytest.approx(4513.63, rel=1e-3)
     point, step = np.array([0.3, 0.6, 0.7, 0.4, 0.3, 0.6, 0.5, 0.4, 0.6]), 0.01
     (_, beside), slope = function(point)
     assert slope.shape == (9,) and 0 < beside.steps < 30
@@ -95,7 +95,7 @@ def test_what_is_free_is_no_condition():
     assert len(problem.design(few).bounds) == 9 and len(problem.design(many).bounds) == 21
     assert set(problem.conditions(few)) - set(problem.conditions(many)) == {"load"}
     design = problem.design(many)
-    point = design.unit(PAPER)
+    point = design.unit(reference(Options()))
     assert ((point > 0) & (point < 1)).all()
     heavy = design.description(np.where(np.array(design.names) == "load", 1.0, point))
     assert float(heavy["load"]) == pytest.approx(1.1 * 8800)
@@ -255,9 +255,10 @@ def test_an_interrupted_study_goes_on(bowl_study, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "name"),
     [
-        ({"speed": "0"}, "speed"),
-        ({"clearance": "200 mm"}, "clearance"),
-        ({"clearance": "0.06"}, "clearance"),
+        ({"overrides": (("speed", "0"),)}, "speed"),
+        ({"overrides": (("clearance", "200 mm"),)}, "clearance"),
+        ({"overrides": (("clearance", "0.06"),)}, "clearance"),
+        ({"overrides": (("joint", "ideal"),)}, "scene"),
         ({"links": 6.0}, "links"),
         ({"machine": 11.0}, "machine"),
         ({"starts": 0}, "starts"),
@@ -272,6 +273,27 @@ def test_bad_options(change, name, tmp_path):
     with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
         balance.run(Options(out=tmp_path, **change), Console(quiet=True))
     assert "\n" not in str(error.value)
+
+
+def test_a_study_begins_with_the_machine_of_a_scene_file(tmp_path):
+    """Its numbers, its counterweight by the moment, and its stroke."""
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'speed = "200 rpm"\n[shaft]\neccentricity = "15 mm"\n'
+        '[jaw]\nmass_centre_distance = "350 mm"\n'
+        '[counterweight]\nmass = "10 kg"\nradius = "0.2 m"\nangle = "180 deg"\n'
+    )
+    options = Options(scene=path, overrides=(("clearance", "0.08 mm"),))
+    made, first = problem.design(options), problem.reference(options)
+    described = made.description(made.unit(first))
+    assert problem.title(options) == "mine" and made.fixed["clearance"] == 0.08e-3
+    assert made.bounds["jaw.mass_centre_distance"] == pytest.approx((0.315, 0.385), rel=1e-12)
+    # Newton's method on the stroke ends at rounding of a length of 1 m, 1e-14 of 15 mm.
+    assert float(described["shaft.eccentricity"]) == pytest.approx(0.015, rel=1e-12)
+    assert float(described["counterweight.mass"]) == pytest.approx(10.0, rel=1e-12)
+    assert abs(float(described["counterweight.angle"])) == pytest.approx(np.pi, rel=1e-12)
+    assert float(described["speed"]) == pytest.approx(200 * np.pi / 30, rel=1e-12)
+    assert problem.settings(options)["scene"]["shaft.eccentricity"] == 0.015
 
 
 def test_a_long_run_outside_the_contact_model_says_so():
