@@ -20,7 +20,7 @@ def optimality_bound(
 ) -> Bound:
     """Bound the objective between the map's points by the values and slopes there.
 
-    Points without a stable orbit are spoken for `by_runs`, if they were run.
+    Long runs speak for points without a stable orbit: `by_runs`, where they have a number.
     """
     unit = case.objective.unit
     if orbits is None or not best.settles or not orbits.counts.any():
@@ -60,6 +60,7 @@ def optimality_bound(
         f"derivatives within a cell are at most {ROUGHER:g} times those between the map's points "
         f"around it ({curvature:.2g} {unit} of it)."
     )
+    by_runs = tuple(point for point in by_runs if np.isfinite(point.least))
     if by_runs:
         least = min(point.least for point in by_runs)
         statement += (

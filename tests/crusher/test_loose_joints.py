@@ -126,7 +126,7 @@ def test_forces_at_rest_are_those_of_the_chain():
     """Inverse dynamics of the bodies is that of the chain, where nothing is loose in it."""
     scene = placed(jc.paper_scene(30.0, 0.06e-3, friction=0), STATES[1])
     s = instant(scene)
-    found = free_bodies.forces_for(scene.machine, s.chain, s.load, s.chain_acceleration)
+    found = free_bodies.forces_for(scene.machine, s.chain, s.applied.total, s.chain_acceleration)
     expected = s.joint_force, ob.elbow_reaction(s, scene), -ob.toggle_reaction(s, scene)
     for one, other in zip((found.main, found.elbow, found.pivot), expected, strict=True):
         # Sums of forces of 1e5 N.

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 
 import jaxcrusher as jc
-from jaxcrusher.orbits.result import RESULTS, built, missing
+from jaxcrusher.orbits.result import RESULTS, WAYS, built, missing
 from optimize.answer import Orbit
 
 VALUES = {"foundation_rms": 8.0, "foundation_peak": 9.0, "shaking_rms": 5.0, "shaking_peak": 6.0}
@@ -14,7 +14,7 @@ def solution_by_hand(
 ) -> jc.PeriodicOrbit:
     """Return an orbit of the paper's crusher at 25 rad/s with these statistics."""
     scene = jc.paper_scene(25.0, 0.03e-3)
-    numbers = missing(scene, period)
+    numbers = missing(scene, period, RESULTS.not_closed)
     known = {name: jnp.asarray(value) for name, value in (VALUES | values).items()}
     return built(
         scene,
@@ -27,6 +27,7 @@ def solution_by_hand(
         least_penetration=jnp.asarray(0.1),
         multipliers=jnp.array([multiplier, 0.0, 0.0, 0.0]),
         multipliers_error=jnp.asarray(0.0),
+        way=WAYS.rest,
     )
 
 
@@ -40,4 +41,6 @@ def orbit_by_hand(
 
 def no_orbit() -> Orbit:
     """Return what stands for an orbit where none was found."""
-    return Orbit(missing(jc.paper_scene(25.0, 0.03e-3), 1), float("nan"), {}, {})
+    return Orbit(
+        missing(jc.paper_scene(25.0, 0.03e-3), 1, RESULTS.not_closed), float("nan"), {}, {}
+    )

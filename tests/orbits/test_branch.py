@@ -11,7 +11,7 @@ from jaxcrusher.orbits import orbit_branch
 from jaxcrusher.orbits.branch import follow, special_points
 from jaxcrusher.orbits.collocation import System, collocate
 from jaxcrusher.orbits.problem import Collocation, Stride
-from jaxcrusher.orbits.result import missing
+from jaxcrusher.orbits.result import RESULTS, missing
 
 PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
 
@@ -180,6 +180,6 @@ def test_refusals():
         jc.orbit_branch(scene, 30.0, (31.0, 32.0))
     with pytest.raises(ValueError, match="`points` must be a whole number"):
         jc.orbit_branch(scene, 30.0, (29.0, 32.0), points=0)
-    lost = missing(jc.paper_scene(30.0, 0.1e-3), 2)
+    lost = missing(jc.paper_scene(30.0, 0.1e-3), 2, RESULTS.not_closed)
     with pytest.raises(ValueError, match="`period` must be the guess's 2, but is 1"):
         jc.orbit_branch(scene, 30.0, (29.0, 32.0), period=1, guess=lost)
