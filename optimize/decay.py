@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxcrusher.batch.engines import run_all, stack
-from jaxcrusher.dynamics.oscillation import places
-from jaxcrusher.orbits.transient import section_points
+from jaxcrusher.orbits.transient import places, section_points
 from optimize.answer import Confirmed, Decay, Orbit
 from optimize.evaluate import Case, started
 

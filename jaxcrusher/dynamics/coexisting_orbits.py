@@ -12,7 +12,6 @@ from jaxcrusher.basics.checks import require, require_positive, require_untraced
 from jaxcrusher.batch.engines import run_all
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.dynamics.oscillation import (
-    NEAR,
     Oscillation,
     distance,
     oscillation_about,
@@ -23,7 +22,7 @@ from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shooting import shoot
-from jaxcrusher.orbits.transient import section_points
+from jaxcrusher.orbits.transient import NEAR, section_points
 
 # A run is looked at so many times; the orbits searched for, and a multiple of all their periods.
 LOOKS, PERIODS, CYCLE = 4, (1, 2, 3, 4), 12

@@ -7,9 +7,7 @@ from jaxtyping import Float
 
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.orbits.result import PeriodicOrbit
-
-# An orbit is that mean if it is no further from it, as a share of the spread and in clearances.
-ABOUT, NEAR = 0.25, 1e-3
+from jaxcrusher.orbits.transient import allowed, places
 
 
 class Oscillation(NamedTuple):
@@ -22,7 +20,7 @@ class Oscillation(NamedTuple):
     @property
     def allowed(self) -> float:
         """Return how far the orbit of this oscillation may be from its centre, in clearances."""
-        return max(ABOUT * self.spread, NEAR)
+        return allowed(self.spread)
 
 
 def oscillation_about(
@@ -36,14 +34,6 @@ def oscillation_about(
     centre = parts.mean(axis=0)
     apart = places(parts - centre, joints)
     return Oscillation(centre, places(centre, joints), float(np.sqrt(np.mean(apart**2))))
-
-
-def places(
-    states: Float[np.ndarray, "*turns dims"], joints: int
-) -> Float[np.ndarray, "*turns half"]:
-    """Return the eccentricities of section points, which begin with four numbers a loose joint."""
-    of_joints = states[..., : 4 * joints].reshape(*states.shape[:-1], joints, 4)
-    return of_joints[..., :2].reshape(*states.shape[:-1], 2 * joints)
 
 
 def section_of(orbit: PeriodicOrbit) -> Float[np.ndarray, "period half"]:

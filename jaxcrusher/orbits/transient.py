@@ -40,6 +40,10 @@ REPEATED = 1e-4
 # Turns over which a disturbance is followed, and the growth in a turn that is called chaos.
 GROWN, CHAOS = 24, 0.05
 
+# An orbit is the mean of a swing if it is no further from it, as a share of its spread and in
+# clearances.
+ABOUT, NEAR = 0.25, 1e-3
+
 # A section point, and the scene that moves from it.
 Case = tuple[Float[Array, " dims"], Scene]
 
@@ -101,6 +105,19 @@ def _coordinates(section: Float[Array, " dims"], scene: Scene) -> Float[Array, "
     return coordinates(state)
 
 
+def places(
+    states: Float[np.ndarray, "*turns dims"], joints: int
+) -> Float[np.ndarray, "*turns half"]:
+    """Return the eccentricities of section points, which begin with four numbers a loose joint."""
+    of_joints = states[..., : 4 * joints].reshape(*states.shape[:-1], joints, 4)
+    return of_joints[..., :2].reshape(*states.shape[:-1], 2 * joints)
+
+
+def allowed(spread: float) -> float:
+    """Return how far an orbit may be from the mean of a swing about it, both in clearances."""
+    return max(ABOUT * spread, NEAR)
+
+
 _points, one_period = eqx.filter_jit(section_points), eqx.filter_jit(one_period)
 
 
@@ -121,6 +138,14 @@ class Round:
         periods = (1, *itertools.islice(longer, 1)) if period is None else (period,)
         for turns in periods:
             yield turns, jnp.asarray(self.states[turns - 1 :: turns].mean(axis=0))
+
+    def swings_about(self, section: Array, joints: int) -> bool:
+        """Tell whether the pins of so many loose joints swing about an orbit's section point."""
+        pins = places(self.states, joints)
+        middle = pins.mean(axis=0)
+        spread = float(np.sqrt(np.mean((pins - middle) ** 2)))
+        apart = middle - places(np.asarray(section), joints)
+        return float(np.sqrt(np.mean(apart**2))) < allowed(spread)
 
     def _spread(self, period: int) -> float:
         parts = self.states.reshape(-1, period, self.states.shape[1])

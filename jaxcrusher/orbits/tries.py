@@ -1,6 +1,7 @@
 """The tries by which the orbit of a scene with known values is searched for, one after the other.
 
-1. Newton's method from the guess, or from the pins at rest and by way of a damping.
+1. Newton's method from the guess, or from the pins at rest and by way of a damping. The damping
+   leads to the quietest of several motions: the motion from rest is looked at, and goes before.
 2. Shooting from the guess's section point, and without a guess: rest.
 3. Rest with twice the nodes, and shooting from what nodes do not resolve.
 4. Turns that are waited for from rest: their mean, by nodes and by shooting.
@@ -23,7 +24,7 @@ from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, without_slopes
 from jaxcrusher.orbits.shooting import shoot
 from jaxcrusher.orbits.solving import MOST_NODES, NODES, SETTLED, solved, with_statistics
-from jaxcrusher.orbits.transient import Wait, one_period
+from jaxcrusher.orbits.transient import Round, Wait, one_period
 
 # Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
 CLOSURE, RTOL = 1e-6, 1e-11
@@ -92,7 +93,19 @@ def _tries(
             yield _found(nodes(shot.eccentricity, 2 * NODES, turns), WAYS.shooting)
         yield Try(None, shot)
 
-    first = nodes(guess)
+    def waited(rest: Round) -> Iterator[Try]:
+        """Yield what the means of turns lead to."""
+        for turns, mean in rest.means(period):
+            seen, success = one_period((mean, wait.scene), period=turns)
+            if bool(success):
+                yield _found(nodes(seen, turns=turns), WAYS.waiting)
+            yield from shots(mean, turns)
+
+    first, rounds = nodes(guess), wait.rounds()
+    if turns == 1 and bool(first.orbit.stable) and bool(first.orbit.way == WAYS.damping):
+        rest = next(rounds, None)
+        if rest is not None and not rest.swings_about(first.orbit.section, still.joints.count):
+            yield from waited(rest)
     yield first
     if section is not None:
         yield from shots(section)
@@ -102,12 +115,8 @@ def _tries(
     if _is_unresolved(first.orbit):
         # What Newton's method converged to is near the orbit that loses contact.
         yield from shots(first.orbit.section)
-    for rest in wait.rounds():
-        for turns, mean in rest.means(period):
-            seen, success = one_period((mean, wait.scene), period=turns)
-            if bool(success):
-                yield _found(nodes(seen, turns=turns), WAYS.waiting)
-            yield from shots(mean, turns)
+    for rest in rounds:
+        yield from waited(rest)
 
 
 def _found(one: Try, way: WAYS) -> Try:

@@ -5,9 +5,9 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.dynamics import coexisting_orbits as module
-from jaxcrusher.dynamics.oscillation import places
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.orbits.shooting import shoot
+from jaxcrusher.orbits.transient import places
 
 
 @pytest.fixture(scope="module")
