@@ -106,7 +106,7 @@ def test_neighbours_further_away_are_tried_too(monkeypatch):
 
 def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
     """A map that stops after its first chunk goes on with what the journal holds."""
-    axes = {"speed": [27.0, 45.0], "clearance": list(np.linspace(4e-5, 6e-5, 9))}
+    axes = {"speed": [27.0, 33.0], "clearance": list(np.linspace(4e-5, 6e-5, 9))}
     whole, solved = orbit_map(axes, nodes=96), []
 
     class Killed(Exception):
@@ -124,9 +124,11 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
     first = len(list(tmp_path.glob("map/.sweep/journal/*.npz")))
     found = orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine)
     assert first == 1 and not (tmp_path / "map/.sweep/journal").exists()
-    for name in whole:
-        assert found[name].values.tobytes() == whole[name].values.tobytes() or name == "failure"
-    assert (found.failure.values == whole.failure.values).all()
+    for name, values in whole.items():
+        again, other = found[name].values, values.values
+        # Words are objects, whose bytes are places in memory.
+        words = other.dtype.kind == "O"
+        assert (again == other).all() if words else again.tobytes() == other.tobytes(), name
     # A finished store is only read.
     count = len(solved)
     orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine)

@@ -41,7 +41,7 @@ def test_where_motions_coexist_the_answer_is_what_the_machine_comes_to():
     # RMS of 20 turns after 3000 by the integrator, within what the nodes know of it.
     assert orbit.error < 1e-6
     assert float(orbit.foundation_rms) == pytest.approx(21113.789507, rel=float(orbit.error))
-    quiet = jc.periodic_orbit(scene, nodes=96)
+    quiet = jc.periodic_orbit(scene, nodes=384)
     assert quiet.stable and float(quiet.foundation_rms) == pytest.approx(20931.5, abs=0.1)
 
 
