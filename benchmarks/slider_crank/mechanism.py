@@ -207,8 +207,8 @@ def powers(now: Instant, mechanism: SliderCrank) -> dict[str, Scalar]:
     """Return the powers that change the energy, W."""
     found = {"drive": now.crank_moment * mechanism.speed}
     if mechanism.joint is not None and now.contact is not None:
-        found["contact"] = -mechanism.joint.normal_loss(now.contact)
-        friction = mechanism.joint.friction_loss(now.contact)
+        found["contact"] = -now.contact.normal_loss
+        friction = now.contact.friction_loss
         if friction is not None:
             found["friction"] = -friction
     return found
