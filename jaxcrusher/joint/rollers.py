@@ -122,7 +122,7 @@ class RollerBearing(AbstractBearing):
     bearings: Scalar = eqx.field(converter=scalar)  # how many
     roller_diameter: Scalar = eqx.field(converter=scalar)  # D_w, m
     pitch_diameter: Scalar = eqx.field(converter=scalar)  # D_pw, of the rollers' centres, m
-    bore_diameter: Scalar = eqx.field(converter=scalar)  # d, of the inner ring, m
+    bore: Scalar = eqx.field(converter=scalar)  # d, of the inner ring, m
     rolling_friction: Scalar = eqx.field(converter=scalar)  # mu
     static_rating: Scalar = eqx.field(converter=scalar)  # C_0 of one bearing, N
     dynamic_rating: Scalar = eqx.field(converter=scalar)  # C of one bearing, N
@@ -153,7 +153,7 @@ class RollerBearing(AbstractBearing):
         swept = across * sweep
         lever = length * swept
         turning = journal_spin - bearing_spin
-        rolling = self.rolling_friction * elastic * self.bore_diameter / 2
+        rolling = self.rolling_friction * elastic * self.bore / 2
         rolling = rolling * turning / jnp.sqrt(turning**2 + REST**2)
         return Contact(
             penetration,

@@ -290,7 +290,7 @@ def _roller_bearing(values: Mapping[str, Any], norm_width: Any) -> RollerBearing
         bearings=many,
         roller_diameter=v["diameter"],
         pitch_diameter=v["pitch_diameter"],
-        bore_diameter=v["bore_diameter"],
+        bore=v["bore"],
         rolling_friction=v["friction"],
         static_rating=v["static_rating"],
         dynamic_rating=v["dynamic_rating"],

@@ -140,7 +140,7 @@ PARAMETERS |= {
     "rollers.length": Parameter(0.032, "m", "length l of a roller's contact"),
     "rollers.diameter": Parameter(0.034, "m", "diameter D_w of a roller"),
     "rollers.pitch_diameter": Parameter(0.19, "m", "diameter D_pw of the rollers' circle"),
-    "rollers.bore_diameter": Parameter(0.12, "m", "bore d of the inner ring, of friction"),
+    "rollers.bore": Parameter(0.12, "m", "bore d of the inner ring, of friction"),
     # Judged from 0.25e-5 to 2.5e-5 s times the stiffness (Kraemer, Dynamics of Rotors and
     # Foundations, 1993).
     "rollers.damping": Parameter(1e4, "N s/m", "where half of the rollers are loaded", (0, 1e9)),
