@@ -38,8 +38,8 @@ OPEN: dict[str, tuple[tuple[type[eqx.Module], ...], str]] = {
     **{f"{joint}.contact_law": (_CONTACT, joint) for joint in WORN_JOINTS},
     **{f"{joint}.friction_law": ((AbstractFriction,), joint) for joint in WORN_JOINTS},
 }
-# Fields that are no numbers.
-_PARTS = ("impact_velocity", "slip")
+# Fields that are no numbers of a description.
+_PARTS = ("impact_velocity", "slip", "normal", "friction", "norm_width")
 _ANY = (-1e300, 1e300)
 
 
@@ -64,7 +64,7 @@ def law_class(name: str, text: str, folder: Path = Path()) -> type[eqx.Module]:
     listed = " or ".join(kind.__name__ for kind in kinds)
     require(good, name, f"name a class of {listed} as module:Class", text)
     for field in dataclasses.fields(found):
-        if field.name not in _PARTS:
+        if field.init and field.name not in _PARTS:
             _make_known(f"{section}.{field.name}", field, text)
     return found
 
@@ -111,7 +111,7 @@ def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> eqx.
     """
     made, (_, section) = law_class(name, text), OPEN[name]
     given = {}
-    for field in dataclasses.fields(made):
+    for field in filter(lambda field: field.init, dataclasses.fields(made)):
         key = f"{section}.{field.name}"
         if key in values:
             given[field.name] = values[key]
