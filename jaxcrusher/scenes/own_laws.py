@@ -64,7 +64,7 @@ def law_class(name: str, text: str, folder: Path = Path()) -> type[eqx.Module]:
     listed = " or ".join(kind.__name__ for kind in kinds)
     require(good, name, f"name a class of {listed} as module:Class", text)
     for field in dataclasses.fields(found):
-        if field.init and field.name not in _PARTS:
+        if field.name not in _PARTS:
             _make_known(f"{section}.{field.name}", field, text)
     return found
 
@@ -111,7 +111,7 @@ def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> eqx.
     """
     made, (_, section) = law_class(name, text), OPEN[name]
     given = {}
-    for field in filter(lambda field: field.init, dataclasses.fields(made)):
+    for field in dataclasses.fields(made):
         key = f"{section}.{field.name}"
         if key in values:
             given[field.name] = values[key]

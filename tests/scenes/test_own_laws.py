@@ -53,14 +53,14 @@ class Bushed(AbstractBearing):
 
     bore_radius: jax.Array = eqx.field(converter=scalar)
     clearance: jax.Array = eqx.field(converter=scalar)
-    normal: AbstractNormalForce = eqx.field(init=False)
     impact_velocity: AbstractImpactVelocity
     rubber: jax.Array = eqx.field(converter=scalar, metadata={"unit": "N/m"})
     norm_width: jax.Array = eqx.field(converter=scalar, default=1e-9)
     friction: None = None
 
-    def __post_init__(self):
-        self.normal = KelvinVoigt(self.impact_velocity, self.rubber, 1e-5 * self.rubber)
+    @property
+    def normal(self):
+        return KelvinVoigt(self.impact_velocity, self.rubber, 1e-5 * self.rubber)
 
     def contact(self, eccentricity, rate, bearing_spin, journal_spin, memory):
         plain = ClearanceJoint(self.bore_radius, self.clearance, self.normal, None)
