@@ -51,6 +51,7 @@ def main(out: Path = Path("results/pictures")) -> None:
 def bearings() -> Figure:
     """Draw the stiffness of the contact laws over the load, and how fast rollers settle."""
     import jax
+    import jax.numpy as jnp
     import matplotlib.pyplot as plt
     import numpy as np
 
@@ -64,17 +65,19 @@ def bearings() -> Figure:
     named |= {f"line, {one}": line + one for one in ("Johnson", "Esdu", "Liu")}
     for label, law in named.items():
         scene = jc.build_scene({"contact_law": law})
-        found = jax.vmap(lambda force, scene=scene: jc.bearing_stiffness(scene, force))(forces)
+        found = jax.vmap(lambda force, scene=scene: jc.bearing_stiffness(scene, force))(
+            jnp.asarray(forces)
+        )
         stiff.loglog(forces / 1e3, found / 1e9, label=label)
     stiff.set(xlabel="load, kN", ylabel="stiffness dF/de, GN/m")
     stiff.legend(fontsize=8)
 
-    def turns(damping: float) -> jax.Array:
+    def turns(damping: jax.Array) -> jax.Array:
         values = {"contact_law": "rollers", "rollers.damping": damping}
         return jc.periodic_orbit(jc.build_scene(values)).settling_turns
 
     dampings = np.geomspace(100.0, 3e4, 12)
-    settling.loglog(dampings / 1e3, jax.vmap(turns)(dampings), "o-", ms=3)
+    settling.loglog(dampings / 1e3, jax.vmap(turns)(jnp.asarray(dampings)), "o-", ms=3)
     pin = float(jc.periodic_orbit(jc.build_scene({})).settling_turns)
     settling.axhline(pin, color="gray", ls="--")
     settling.annotate("the paper's pin", (0.1, pin), (0, -12), textcoords="offset points")
