@@ -109,7 +109,9 @@ def flores(
         stiffness = cylinder_stiffness(0.01, clearance, poisson=0.3)
         tracked = TrackedImpactVelocity(relaxation_time=1e-7)
         law = LankaraniNikravesh(
-            stiffness, 0.9, tracked if impact_velocity is None else impact_velocity
+            stiffness=stiffness,
+            restitution=0.9,
+            impact_velocity=tracked if impact_velocity is None else impact_velocity,
         )
         joint = ClearanceJoint(0.01, clearance, law, friction)
     return SliderCrank(
