@@ -4,6 +4,7 @@ from .basics.setup import use_all_cores as use_all_cores
 from .batch.engines import map_all as map_all
 from .batch.engines import map_chunks as map_chunks
 from .batch.sweep import sweep as sweep
+from .crusher.bearing_load import bearing_stiffness as bearing_stiffness
 from .crusher.capacity import CrushingChamber as CrushingChamber
 from .crusher.capacity import chamber_from_stroke as chamber_from_stroke
 from .crusher.scene import Scene as Scene

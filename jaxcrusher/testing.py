@@ -8,6 +8,7 @@ check_law(KelvinVoigt(...))
 """
 
 import dataclasses
+import itertools
 import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -19,9 +20,11 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxcrusher.basics.checks import require
+from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import in_lanes, in_turn, side_by_side, stack
 from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import AbstractNormalForce
 from jaxcrusher.motion.statistics import statistics
@@ -39,19 +42,32 @@ CORNER = 1e-3
 ROUNDING = 1e-12
 
 
-def check_law(law: AbstractNormalForce | AbstractFriction | AbstractLoad) -> None:
+# Eccentricities in clearances, their rates (m/s) and spins of bearing and journal (rad/s).
+PLACES = ((0.3, -0.2), (0.6, 0.8), (0.0, 1.05), (-1.2, 0.9))
+SPEEDS = ((0.0, 0.0), (0.03, -0.02), (-0.4, 0.1))
+SPINS = ((0.0, 0.0), (-0.4, 30.0), (0.2, -5.0))
+
+Law = AbstractNormalForce | AbstractFriction | AbstractLoad | AbstractBearing
+
+
+def check_law(law: Law) -> None:
     """Check that a law can be computed with: its values, slopes, power, and the ways to run it.
 
     Its force is finite and has finite slopes, at the corners too. Damping and friction take power
-    and put none in. One after the other, side by side and in lanes, a turn of the crusher with the
-    law is the same to 1e-6. Raises ValueError of one line for the first thing that does not hold.
+    and put none in. Action and reaction of a whole bearing balance in moment. One after the other,
+    side by side and in lanes, a turn of the crusher with the law is the same to 1e-6. Raises
+    ValueError of one line for the first thing that does not hold.
     """
     if isinstance(law, AbstractNormalForce):
         _check_normal(law)
     elif isinstance(law, AbstractFriction):
         _check_friction(law)
+    elif isinstance(law, AbstractBearing):
+        _check_normal(law.normal)
+        _check_bearing(law)
     else:
-        good, kinds = isinstance(law, AbstractLoad), "a normal force, a friction or a load"
+        kinds = "a normal force, a friction, a load or a bearing"
+        good = isinstance(law, AbstractLoad)
         require(good, "law", f"be an instance of {kinds}", repr(type(law)))
     _check_engines(law)
 
@@ -90,6 +106,34 @@ def _check_friction(law: AbstractFriction) -> None:
     _never_negative(-found * slip, np.abs(found * slip), "take power", force, slip)
 
 
+def _check_bearing(bearing: AbstractBearing) -> None:
+    memory = bearing.normal.impact_velocity.initial()
+
+    def balance(x: Array, y: Array, u: Array, v: Array, one: Array, other: Array) -> Array:
+        """Return what is lost, and what of power and moment is not accounted for."""
+        e, rate = bearing.clearance * Vector(x, y), Vector(u, v)
+        touch = bearing.contact(e, rate, one, other, memory)
+        moments = touch.bearing_moment, touch.journal_moment
+        first, second = (jnp.zeros_like(x) if moment is None else moment for moment in moments)
+        stored = bearing.normal.elastic_force(touch.penetration) * touch.penetration_rate
+        taken = touch.force.dot(rate) - first * one - second * other - stored
+        friction = 0.0 if touch.friction_loss is None else touch.friction_loss
+        size = jnp.abs(stored) + jnp.abs(touch.normal_force) + jnp.abs(first) + jnp.abs(second)
+        moment = first + second - e.cross(touch.force)
+        return jnp.stack([touch.normal_loss, taken - touch.normal_loss - friction, moment, size])
+
+    for place in itertools.product(PLACES, SPEEDS, SPINS):
+        at, where = tuple(map(jnp.asarray, itertools.chain(*place))), f"{place}"
+        lost, power, moment, size = np.asarray(balance(*at))
+        _must(np.isfinite([lost, power, moment]).all(), "have finite values", where)
+        slopes = np.asarray(jax.jacobian(balance, argnums=tuple(range(6)))(*at))
+        _must(np.isfinite(slopes).all(), "have finite slopes", where)
+        small = ROUNDING * (1 + size)
+        _must(lost >= -small, "take power by its damping", where)
+        _must(abs(power) <= small, "lose what its forces take", where)
+        _must(abs(moment) <= small, "balance in moment", where)
+
+
 def _never_negative(power: np.ndarray, size: np.ndarray, must: str, one: Any, other: Any) -> None:
     for taken, scale, a, b in zip(power, size, one, other, strict=True):
         _must(taken >= -ROUNDING * (1 + scale), must, f"{a} and {b}")
@@ -115,6 +159,9 @@ def _scenes(law: eqx.Module) -> Iterator[Scene]:
         assert plain.joint is not None
         if isinstance(law, AbstractLoad):
             yield dataclasses.replace(plain, load=law)
+            continue
+        if isinstance(law, AbstractBearing):
+            yield dataclasses.replace(plain, joint=law)
             continue
         part = "friction" if isinstance(law, AbstractFriction) else "normal"
         yield dataclasses.replace(plain, joint=dataclasses.replace(plain.joint, **{part: law}))

@@ -1,5 +1,7 @@
 """What `check_law` accepts and what it refuses."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,6 +12,7 @@ from jaxcrusher.basics.plane import scalar
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
 from jaxcrusher.joint.friction import AbstractFriction, AbstractSlip, SurfaceSlip
 from jaxcrusher.joint.normal import Flores
+from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.testing import check_law
 
 
@@ -40,6 +43,19 @@ class Sorted(AbstractLoad):
         return JawForce(-size * jaw.axis)
 
 
+class Twisted(RollerBearing):
+    """A bearing whose moments do not balance its forces."""
+
+    def contact(self, eccentricity, rate, bearing_spin, journal_spin, memory):
+        touch = super().contact(eccentricity, rate, bearing_spin, journal_spin, memory)
+        return dataclasses.replace(touch, journal_moment=2 * touch.journal_moment)
+
+
+def rollers(kind):
+    made = jc.build_scene({"contact_law": "rollers"}).joint
+    return kind(**{field.name: getattr(made, field.name) for field in dataclasses.fields(made)})
+
+
 def normal(kind):
     made = jc.build_scene({}).joint.normal
     return kind(made.stiffness, made.restitution, made.impact_velocity, width=made.width)
@@ -51,6 +67,11 @@ def test_the_package_s_own_laws_pass(part):
     check_law(scene.load if part == "load" else getattr(scene.joint, part))
 
 
+@pytest.mark.parametrize("law", ["rollers", "jaxcrusher.joint.cylinders:Esdu"])
+def test_bearings_of_the_package_pass(law):
+    check_law(jc.build_scene({"contact_law": law, "slip": "surface"}).joint)
+
+
 @pytest.mark.parametrize(
     ("law", "words"),
     [
@@ -58,6 +79,7 @@ def test_the_package_s_own_laws_pass(part):
         (lambda: Coulomb(SurfaceSlip(), -0.1, 2.0), "must take power"),
         (lambda: normal(Pulling), "must take power by its damping"),
         (lambda: Sorted(), "must run in lanes"),
+        (lambda: rollers(Twisted), "must (balance in moment|lose what its forces take)"),
         (lambda: 3, "must be an instance of"),
     ],
 )

@@ -108,8 +108,11 @@ def flores(
     if clearance is not None:
         stiffness = cylinder_stiffness(0.01, clearance, poisson=0.3)
         tracked = TrackedImpactVelocity(relaxation_time=1e-7)
-        velocity = tracked if impact_velocity is None else impact_velocity
-        law = LankaraniNikravesh(stiffness=stiffness, restitution=0.9, impact_velocity=velocity)
+        law = LankaraniNikravesh(
+            stiffness=stiffness,
+            restitution=0.9,
+            impact_velocity=tracked if impact_velocity is None else impact_velocity,
+        )
         joint = ClearanceJoint(0.01, clearance, law, friction)
     return SliderCrank(
         crank=Link(0.30, 1e-4, 0.05),
@@ -206,8 +209,8 @@ def powers(now: Instant, mechanism: SliderCrank) -> dict[str, Scalar]:
     """Return the powers that change the energy, W."""
     found = {"drive": now.crank_moment * mechanism.speed}
     if mechanism.joint is not None and now.contact is not None:
-        found["contact"] = -mechanism.joint.normal_loss(now.contact)
-        friction = mechanism.joint.friction_loss(now.contact)
+        found["contact"] = -now.contact.normal_loss
+        friction = now.contact.friction_loss
         if friction is not None:
             found["friction"] = -friction
     return found

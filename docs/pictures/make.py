@@ -1,8 +1,14 @@
 """`python docs/pictures/make.py`: this folder's pictures."""
 
+from __future__ import annotations
+
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jaxcrusher.files.program import program
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def main(out: Path = Path("results/pictures")) -> None:
@@ -39,6 +45,44 @@ def main(out: Path = Path("results/pictures")) -> None:
     fig, ax = plt.subplots(figsize=(WIDTH, 4.0), layout="constrained")
     plots.plot_sweep(grid, ax=ax)
     write_figure(folder / "whirls.png", fig)
+    write_figure(folder / "bearings.png", bearings())
+
+
+def bearings() -> Figure:
+    """Draw the stiffness of the contact laws over the load, and how fast rollers settle."""
+    import jax
+    import jax.numpy as jnp
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    import jaxcrusher as jc
+    from jaxcrusher.pictures.page import WIDTH
+
+    fig, (stiff, settling) = plt.subplots(1, 2, figsize=(WIDTH, 3.4), layout="constrained")
+    forces = np.geomspace(300.0, 3e5, 40)
+    line = "jaxcrusher.joint.cylinders:"
+    named = {"paper, sphere": "lankarani_nikravesh", "rollers": "rollers"}
+    named |= {f"line, {one}": line + one for one in ("Johnson", "Esdu", "Liu")}
+    for label, law in named.items():
+        scene = jc.build_scene({"contact_law": law})
+        found = jax.vmap(lambda force, scene=scene: jc.bearing_stiffness(scene, force))(
+            jnp.asarray(forces)
+        )
+        stiff.loglog(forces / 1e3, found / 1e9, label=label)
+    stiff.set(xlabel="load, kN", ylabel="stiffness dF/de, GN/m")
+    stiff.legend(fontsize=8)
+
+    def turns(damping: jax.Array) -> jax.Array:
+        values = {"contact_law": "rollers", "rollers.damping": damping}
+        return jc.periodic_orbit(jc.build_scene(values)).settling_turns
+
+    dampings = np.geomspace(100.0, 3e4, 12)
+    settling.loglog(dampings / 1e3, jax.vmap(turns)(jnp.asarray(dampings)), "o-", ms=3)
+    pin = float(jc.periodic_orbit(jc.build_scene({})).settling_turns)
+    settling.axhline(pin, color="gray", ls="--")
+    settling.annotate("the paper's pin", (0.1, pin), (0, -12), textcoords="offset points")
+    settling.set(xlabel="damping of a bearing, kN s/m", ylabel="turns to 1/e")
+    return fig
 
 
 if __name__ == "__main__":

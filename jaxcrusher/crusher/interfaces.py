@@ -13,7 +13,7 @@ from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.crusher.rod import Rod
 from jaxcrusher.crusher.snapshot import Snapshot
-from jaxcrusher.joint.clearance import ClearanceJoint
+from jaxcrusher.joint.clearance import AbstractBearing
 
 
 class AbstractScene(eqx.Module):
@@ -21,17 +21,17 @@ class AbstractScene(eqx.Module):
 
     machine: eqx.AbstractVar[Machine]
     drive: eqx.AbstractVar[AbstractDrive]
-    joint: eqx.AbstractVar[ClearanceJoint | None]
+    joint: eqx.AbstractVar[AbstractBearing | None]
     load: eqx.AbstractVar[AbstractLoad | None]
     formulation: eqx.AbstractVar["AbstractFormulation"]
     start: eqx.AbstractVar["AbstractStart | None"]
-    elbow: eqx.AbstractVar[ClearanceJoint | None]
-    pivot: eqx.AbstractVar[ClearanceJoint | None]
+    elbow: eqx.AbstractVar[AbstractBearing | None]
+    pivot: eqx.AbstractVar[AbstractBearing | None]
     foundation: eqx.AbstractVar[AbstractFoundation | None]
     rod: eqx.AbstractVar[Rod | None]
 
     @property
-    def joints(self) -> AtJoints[ClearanceJoint]:
+    def joints(self) -> AtJoints[AbstractBearing]:
         """Return the joints with clearance."""
         return AtJoints(self.joint, self.elbow, self.pivot)
 

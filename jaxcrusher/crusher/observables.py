@@ -31,7 +31,7 @@ from jaxcrusher.crusher.snapshot import (
     shaft_inertia,
 )
 from jaxcrusher.files.table import Column
-from jaxcrusher.joint.clearance import ClearanceJoint, Contact
+from jaxcrusher.joint.clearance import AbstractBearing, Contact
 
 # Smooths the length of a reaction (N) where it vanishes.
 FORCE_WIDTH = 1e-6
@@ -169,12 +169,12 @@ def load_position(s: Snapshot, scene: Scene) -> Vector:
 
 def contact_loss(s: Snapshot, scene: Scene) -> Scalar:
     """Power dissipated by the damping of the contact, W."""
-    return _over_joints(ClearanceJoint.normal_loss, s, scene)
+    return _over_joints(lambda _, contact: contact.normal_loss, s, scene)
 
 
 def friction_loss(s: Snapshot, scene: Scene) -> Scalar:
     """Power dissipated by friction, W; may be negative where slip is that of the centres."""
-    return _over_joints(ClearanceJoint.friction_loss, s, scene)
+    return _over_joints(lambda _, contact: contact.friction_loss, s, scene)
 
 
 def elbow_position(s: Snapshot, scene: Scene) -> Vector:
@@ -234,7 +234,7 @@ def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
 
 def elastic_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Stored in the contacts, in the rod and in the springs of the supports, J."""
-    stored = _over_joints(ClearanceJoint.elastic_energy, s, scene)
+    stored = _over_joints(AbstractBearing.elastic_energy, s, scene)
     if s.applied.rod is not None and scene.rod is not None:
         stored = stored + scene.rod.elastic_energy(s.applied.rod)
     if s.frame is None or scene.supports is None:
@@ -337,7 +337,7 @@ def frame_rotation(s: Snapshot, scene: Scene) -> Scalar:
 
 
 def _over_joints(
-    part: Callable[[ClearanceJoint, Contact], Scalar | None], s: Snapshot, scene: Scene
+    part: Callable[[AbstractBearing, Contact], Scalar | None], s: Snapshot, scene: Scene
 ) -> Scalar:
     """The sum of a number of each contact; zero where there is none."""
     known: list[Scalar] = [one for _, one in scene.joints.map(part, s.contacts).present()]

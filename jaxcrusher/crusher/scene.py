@@ -23,7 +23,7 @@ from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.crusher.rod import Rod
-from jaxcrusher.joint.clearance import ClearanceJoint
+from jaxcrusher.joint.clearance import AbstractBearing
 
 
 class Scene(AbstractScene):
@@ -38,12 +38,12 @@ class Scene(AbstractScene):
 
     machine: Machine
     drive: AbstractDrive
-    joint: ClearanceJoint | None
+    joint: AbstractBearing | None
     load: AbstractLoad | None
     formulation: AbstractFormulation
     start: AbstractStart | None
-    elbow: ClearanceJoint | None = None
-    pivot: ClearanceJoint | None = None
+    elbow: AbstractBearing | None = None
+    pivot: AbstractBearing | None = None
     foundation: AbstractFoundation | None = None
     rod: Rod | None = None
 

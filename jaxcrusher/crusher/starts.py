@@ -14,7 +14,7 @@ from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.linkage import Play
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import chain_of, crank_motion, pin_acceleration
-from jaxcrusher.joint.clearance import ClearanceJoint
+from jaxcrusher.joint.clearance import AbstractBearing
 
 
 class Centred(AbstractStart):
@@ -80,7 +80,7 @@ def resting(time: Scalar, e: Play, rate: Play, curvature: Play, scene: AbstractS
     if not scene.joints.only_main:
         forces = free_bodies.forces_for(machine, chain, on_jaw, acceleration)
 
-    def depth(joint: ClearanceJoint, force: Vector) -> Vector:
+    def depth(joint: AbstractBearing, force: Vector) -> Vector:
         size = norm(force, 0.0)
         return (joint.clearance + joint.normal.penetration_under(size)) * (force / size)
 

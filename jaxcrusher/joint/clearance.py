@@ -4,6 +4,8 @@ Nothing here knows of the crusher: a bearing body, a journal body, and the eccen
 between their centres.
 """
 
+import abc
+
 import equinox as eqx
 from jaxtyping import Scalar
 
@@ -30,9 +32,51 @@ class Contact(eqx.Module):
     force: Vector  # on the bearing, N
     bearing_moment: Scalar | None  # on the bearing about its centre, N m
     journal_moment: Scalar | None  # on the journal about its centre, N m
+    normal_loss: Scalar  # power that the damping takes, W
+    friction_loss: Scalar | None  # power that friction takes, W
 
 
-class ClearanceJoint(eqx.Module):
+class AbstractBearing(eqx.Module):
+    """A bearing body, a journal body, a radial clearance, and what they do to each other.
+
+    `friction` is that of sliding surfaces, None without. `norm_width` (m) smooths |e| at e = 0.
+    """
+
+    bore_radius: eqx.AbstractVar[Scalar]  # R_i, m
+    clearance: eqx.AbstractVar[Scalar]  # c, m
+    normal: eqx.AbstractVar[AbstractNormalForce]
+    friction: eqx.AbstractVar[AbstractFriction | None]
+    norm_width: eqx.AbstractVar[Scalar]  # m
+
+    @abc.abstractmethod
+    def contact(
+        self,
+        eccentricity: Vector,
+        rate: Vector,
+        bearing_spin: Scalar | float,
+        journal_spin: Scalar | float,
+        memory: Scalar | None,
+    ) -> Contact:
+        """The contact at eccentricity e = journal centre - bearing centre (m), rate e' (m/s).
+
+        Spins in rad/s, counterclockwise; `memory` is that of the law's impact velocity.
+        """
+
+    @abc.abstractmethod
+    def half_width_ratio(self, penetration: Scalar) -> Scalar:
+        """Hertz's half-width over the radius that it is narrow against."""
+
+    def memory_rate(self, contact: Contact, memory: Scalar | None) -> Scalar | None:
+        """The time derivative of the impact velocity's memory."""
+        in_contact = self.normal.in_contact(contact.penetration)
+        return self.normal.impact_velocity.rate(memory, in_contact, contact.penetration_rate)
+
+    def elastic_energy(self, contact: Contact) -> Scalar:
+        """Energy stored in the contact, J."""
+        return self.normal.elastic_energy(contact.penetration)
+
+
+class ClearanceJoint(AbstractBearing):
     """Bore of radius R_i, pin of radius R_i - c, a normal law and a friction law or None.
 
     `norm_width` (m) smooths |e| at e = 0, where (2) of the paper is undefined; it shifts a
@@ -53,9 +97,8 @@ class ClearanceJoint(eqx.Module):
         journal_spin: Scalar | float,
         memory: Scalar | None,
     ) -> Contact:
-        """The contact at eccentricity e = journal centre - bearing centre (m), rate e' (m/s).
+        """The contact of pin and bore; see `AbstractBearing.contact`.
 
-        Spins in rad/s, counterclockwise; `memory` is that of the law's impact velocity.
         delta' = e'.n, the opposite of (6)'s v_n: with (6) the damping would be negative.
         """
         length = smooth.norm(eccentricity, self.norm_width)
@@ -64,6 +107,8 @@ class ClearanceJoint(eqx.Module):
         penetration_rate = rate.dot(normal)
         orbit_speed = normal.cross(rate) / length
         normal_force = self.normal.force(penetration, penetration_rate, memory)
+        elastic = self.normal.elastic_force(penetration)
+        normal_loss = (normal_force - elastic) * penetration_rate
         push = normal_force * normal
         if self.friction is None:
             return Contact(
@@ -75,6 +120,8 @@ class ClearanceJoint(eqx.Module):
                 None,
                 push,
                 None,
+                None,
+                normal_loss,
                 None,
             )
         tangent = normal.perp()
@@ -93,24 +140,11 @@ class ClearanceJoint(eqx.Module):
             push + friction_force * tangent,
             self.bore_radius * friction_force,
             -journal_arm * friction_force,
+            normal_loss,
+            -friction_force * surface_speed,
         )
 
-    def memory_rate(self, contact: Contact, memory: Scalar | None) -> Scalar | None:
-        """The time derivative of the impact velocity's memory."""
-        in_contact = self.normal.in_contact(contact.penetration)
-        return self.normal.impact_velocity.rate(memory, in_contact, contact.penetration_rate)
-
-    def elastic_energy(self, contact: Contact) -> Scalar:
-        """Energy stored in the contact, J."""
-        return self.normal.elastic_energy(contact.penetration)
-
-    def normal_loss(self, contact: Contact) -> Scalar:
-        """Power dissipated by the normal law's damping, W."""
-        elastic = self.normal.elastic_force(contact.penetration)
-        return (contact.normal_force - elastic) * contact.penetration_rate
-
-    def friction_loss(self, contact: Contact) -> Scalar | None:
-        """Power dissipated by friction, W."""
-        if contact.friction_force is None or contact.surface_speed is None:
-            return None
-        return -contact.friction_force * contact.surface_speed
+    def half_width_ratio(self, penetration: Scalar) -> Scalar:
+        """Hertz's half-width over the radius of the bore."""
+        radius = self.bore_radius * (self.bore_radius - self.clearance) / self.clearance
+        return self.normal.half_width(penetration, radius) / self.bore_radius

@@ -125,43 +125,30 @@ class AbstractNormalForce(eqx.Module):
         """1 in contact, 0 in flight, smooth between."""
         return smooth.step(penetration, TOUCH)
 
+    def half_width(self, penetration: Scalar, radius: Scalar) -> Scalar:
+        """Hertz's half-width of the contact, sqrt(R delta), m, of a sphere of radius R (m)."""
+        return jnp.sqrt(radius * jnp.maximum(penetration, 0))
 
-class AbstractNormalLaw(AbstractNormalForce):
-    """F_n = K delta^m (1 + D delta' / v): Hertz's spring with hysteresis damping.
+
+class AbstractHysteresis(AbstractNormalForce):
+    """F_n = F_e(delta) (1 + D delta' / v): any spring with hysteresis damping.
 
     delta (m) is the penetration, delta' (m/s) its rate, v (m/s) the impact velocity, and D
-    the law's damping factor. F_n is positive when it pushes the surfaces apart. The corner
-    at delta = 0 is smoothed over `width` (m). Valid while D delta'/v > -1; beyond it the
-    published law pulls.
+    the law's damping factor. F_n is positive when it pushes the surfaces apart. Valid while
+    D delta'/v > -1; beyond it the published law pulls.
     """
 
-    stiffness: eqx.AbstractVar[Scalar]  # K, N/m^m
     restitution: eqx.AbstractVar[Scalar]
-    exponent: eqx.AbstractVar[Scalar]  # m
-    width: eqx.AbstractVar[Scalar]  # m
+    width: eqx.AbstractVar[Scalar]  # of the corner at delta = 0, m
 
     @abc.abstractmethod
     def damping_factor(self) -> Scalar:
         """D, from the coefficient of restitution."""
 
-    def elastic_force(self, penetration: Scalar) -> Scalar:
-        """K delta^m, N."""
-        return self.stiffness * smooth.positive_power(penetration, self.width, self.exponent)
-
     def force(self, penetration: Scalar, rate: Scalar, memory: Scalar | None) -> Scalar:
         """F_n, N."""
         damping = self.damping_factor() * rate / self.impact_velocity.value(memory)
         return self.elastic_force(penetration) * (1 + damping)
-
-    def elastic_energy(self, penetration: Scalar) -> Scalar:
-        """The work of the elastic part, J."""
-        return self.stiffness * smooth.positive_power_integral(
-            penetration, self.width, self.exponent
-        )
-
-    def penetration_under(self, force: Scalar) -> Scalar:
-        """The penetration (m) at which the elastic part is `force` (N, > 0) at rest."""
-        return (force / self.stiffness) ** (1 / self.exponent)
 
     def asked_restitution(self) -> Scalar:
         """The coefficient of restitution that the law was made for."""
@@ -189,6 +176,27 @@ class AbstractNormalLaw(AbstractNormalForce):
     def in_contact(self, penetration: Scalar) -> Scalar:
         """1 in contact, 0 in flight, smooth between."""
         return smooth.step(penetration, self.width)
+
+
+class AbstractNormalLaw(AbstractHysteresis):
+    """F_e = K delta^m: Hertz's spring, its corner smoothed over `width`."""
+
+    stiffness: eqx.AbstractVar[Scalar]  # K, N/m^m
+    exponent: eqx.AbstractVar[Scalar]  # m
+
+    def elastic_force(self, penetration: Scalar) -> Scalar:
+        """K delta^m, N."""
+        return self.stiffness * smooth.positive_power(penetration, self.width, self.exponent)
+
+    def elastic_energy(self, penetration: Scalar) -> Scalar:
+        """The work of the elastic part, J."""
+        return self.stiffness * smooth.positive_power_integral(
+            penetration, self.width, self.exponent
+        )
+
+    def penetration_under(self, force: Scalar) -> Scalar:
+        """The penetration (m) at which the elastic part is `force` (N, > 0) at rest."""
+        return (force / self.stiffness) ** (1 / self.exponent)
 
 
 class LankaraniNikravesh(AbstractNormalLaw):

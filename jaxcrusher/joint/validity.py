@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Scalar
 
-from jaxcrusher.joint.clearance import ClearanceJoint
+from jaxcrusher.joint.clearance import AbstractBearing
 
 # At this half-width over bore radius the parabola that Hertz puts for the bore's circle is 7 %
 # off at the edge of the contact.
@@ -40,16 +40,35 @@ class Tautness(eqx.Module):
         return [] if bool(self.inside) else [f"slack, short of tension by {slack:.3g} N"]
 
 
+class RollerLoad(eqx.Module):
+    """A roller bearing against its static rating: beyond it the raceways keep dents (ISO 76)."""
+
+    pressure_ratio: Scalar  # largest pressure over the 4 GPa that define the rating
+    load_ratio: Scalar  # largest load over the rating
+
+    @property
+    def inside(self) -> Bool[Array, "*batch"]:
+        """Neither pressure nor load beyond the rating."""
+        return (self.pressure_ratio <= 1) & (self.load_ratio <= 1)
+
+    def remarks(self) -> list[str]:
+        """Say what is beyond the rating (concrete values only)."""
+        if bool(self.inside):
+            return []
+        pressure, load = float(self.pressure_ratio), float(self.load_ratio)
+        return [f"{load:.2f} of the static rating, {pressure:.2f} of its pressure"]
+
+
 class Validity(eqx.Module):
     """A motion against the limits of its contact model; all without unit."""
 
-    half_width_ratio: Scalar  # Hertz's half-width over the bore radius, largest
+    half_width_ratio: Scalar  # Hertz's half-width over the bore's or a roller's radius, largest
     impact_speed_ratio: Scalar  # fastest approach over that of an elastic impact
     delivered_restitution: Scalar  # of the fastest impact, by the law's closed form
     asked_restitution: Scalar
     clearance_ratio: Scalar  # radial clearance over the bore radius
-    # Of further joints, by name, and of a tension rod.
-    others: "Mapping[str, Validity | Tautness]" = eqx.field(default_factory=dict)
+    # Of further joints, by name, of a tension rod and of rollers.
+    others: "Mapping[str, Validity | Tautness | RollerLoad]" = eqx.field(default_factory=dict)
 
     @property
     def hertzian(self) -> Bool[Array, "*batch"]:
@@ -104,21 +123,18 @@ class Validity(eqx.Module):
 
 
 def validity(
-    joint: ClearanceJoint | None, penetration_ratio: Scalar, impact_speed: Scalar
+    joint: AbstractBearing | None, penetration_ratio: Scalar, impact_speed: Scalar
 ) -> Validity:
     """The limits of a motion with these largest penetration/clearance and approach (m/s).
 
-    Hertz's half-width is sqrt(R delta) with R = R_i R_j / (R_i - R_j). An ideal joint has neither
-    contact nor impacts, and its restitution is NaN.
+    An ideal joint has neither contact nor impacts, and its restitution is NaN.
     """
     if joint is None:
         none = jnp.full_like(impact_speed, jnp.nan)
         return Validity(penetration_ratio, impact_speed, none, none, jnp.zeros_like(impact_speed))
     clearance_ratio = joint.clearance / joint.bore_radius
-    pin_ratio = 1 - clearance_ratio
-    half_width = jnp.sqrt(pin_ratio * jnp.maximum(penetration_ratio, 0))
     return Validity(
-        half_width,
+        joint.half_width_ratio(joint.clearance * penetration_ratio),
         impact_speed / ELASTIC_IMPACT_SPEED,
         joint.normal.delivered_restitution(impact_speed),
         joint.normal.asked_restitution(),

@@ -24,6 +24,10 @@ class StatisticNames:
     frame_displacement_peak: Array
     frame_velocity_rms: Array
     rod_tension_least: Array
+    bearing_stiffness: Array
+    roller_pressure: Array
+    static_load_ratio: Array
+    bearing_life: Array
     elbow_contact_fraction: Array
     elbow_penetration_ratio: Array
     elbow_impact_speed: Array

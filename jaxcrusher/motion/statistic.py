@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Scalar
 
+from jaxcrusher.crusher.bearing_load import fatigue, roller_pressure, static_load, stiffness_now
 from jaxcrusher.crusher.joints import JOINTS, LETTERS, before
 from jaxcrusher.crusher.observables import (
     OBSERVABLES,
@@ -28,6 +29,7 @@ from jaxcrusher.crusher.observables import (
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.files.table import Column
+from jaxcrusher.joint.rollers import RollerBearing
 
 # Instants per turn at which peaks and contact are looked at.
 SAMPLES = 1024
@@ -94,6 +96,24 @@ class Deviation(AbstractMean):
     def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
         """Return the root mean square of the pieces."""
         return jnp.sqrt(jnp.mean(values**2))
+
+
+@dataclass(frozen=True)
+class Lasting(AbstractMean):
+    """1 / mean of q: how long a stock lasts of which q is used in a unit of time."""
+
+    def integrands(self, q: Array) -> tuple[Array, ...]:
+        """Return the quantity."""
+        return (q,)
+
+    def of_means(self, *means: Scalar) -> Scalar:
+        """Return the time."""
+        (mean,) = means
+        return 1 / mean
+
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the time over n equal pieces of a motion, from that of each."""
+        return 1 / jnp.mean(1 / values)
 
 
 @dataclass(frozen=True)
@@ -242,7 +262,20 @@ _OF_ROD = {
         "N", "least tension of the rod; where it is negative the rod is slack", rod_margin, _LEAST
     ),
 }
-_FURTHER |= _OF_SUPPORTS | _OF_ROD
+# Of a main bearing with clearance, and of rollers there, when asked.
+_OF_MAIN = {
+    "bearing_stiffness": Statistic("N/m", "mean of dF/de at A", stiffness_now, PowerMean()),
+}
+_OF_ROLLERS = {
+    "roller_pressure": Statistic(
+        "Pa", "largest pressure between a roller and the inner ring", roller_pressure, _LARGEST
+    ),
+    "static_load_ratio": Statistic(
+        "1", "largest load of a bearing at A over its static rating", static_load, _LARGEST
+    ),
+    "bearing_life": Statistic("h", "L10 of a bearing at A by ISO 281", fatigue, Lasting()),
+}
+_FURTHER |= _OF_SUPPORTS | _OF_ROD | _OF_MAIN | _OF_ROLLERS
 # Of each joint, what is computed without being asked, and what when asked.
 _BY_JOINT = {joint: (_always_at(joint), _further_at(joint)) for joint in JOINTS}
 _OF_OTHERS = [of_joint for joint in JOINTS[1:] for of_joint in _BY_JOINT[joint]]
@@ -285,8 +318,10 @@ def always_with(loose: Iterable[str]) -> tuple[str, ...]:
 
 def always_of(scene: Scene) -> tuple[str, ...]:
     """The names of what `statistics` computes of a scene without being asked."""
-    of_joints = always_with(joint for joint, _ in scene.joints.present())
-    return of_joints if scene.rod is None else (*of_joints, *_OF_ROD)
+    found = always_with(joint for joint, _ in scene.joints.present())
+    if scene.rod is not None:
+        found = (*found, *_OF_ROD)
+    return (*found, *_OF_ROLLERS) if isinstance(scene.joint, RollerBearing) else found
 
 
 def statistics_of(scene: Scene) -> tuple[str, ...]:
@@ -296,6 +331,10 @@ def statistics_of(scene: Scene) -> tuple[str, ...]:
         left_out |= set(_OF_SUPPORTS)
     if scene.rod is None:
         left_out |= set(_OF_ROD)
+    if scene.joint is None:
+        left_out |= set(_OF_MAIN)
+    if not isinstance(scene.joint, RollerBearing):
+        left_out |= set(_OF_ROLLERS)
     for joint, (always, further) in _BY_JOINT.items():
         if joint not in (JOINTS[0], *loose):
             left_out |= {*always, *further}

@@ -15,7 +15,8 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
-from jaxcrusher.joint.validity import Tautness, Validity, validity
+from jaxcrusher.joint.rollers import STATIC_PRESSURE
+from jaxcrusher.joint.validity import RollerLoad, Tautness, Validity, validity
 from jaxcrusher.motion.flow import Flow, by_angle, flat, unflattened
 from jaxcrusher.motion.integrate import (
     Carried,
@@ -187,7 +188,8 @@ def over_turns(
 def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity | None:
     """Return the limits of the contact model; None if the statistics that tell them are missing.
 
-    They are those of the main joint, and in `others` those of the other loose joints and of a rod.
+    They are those of the main joint, and in `others` those of the other loose joints, of a rod and
+    of rollers.
     """
     found = {}
     for joint in ("main", *(name for name, _ in scene.joints.present())):
@@ -199,6 +201,9 @@ def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity | None:
     main = others.pop("main")
     if scene.rod is not None and "rod_tension_least" in values:
         others["rod"] = Tautness(values["rod_tension_least"])
+    if "roller_pressure" in values and "static_load_ratio" in values:
+        pressure = values["roller_pressure"] / STATIC_PRESSURE
+        others["rollers"] = RollerLoad(pressure, values["static_load_ratio"])
     return dataclasses.replace(main, others=others)
 
 

@@ -19,7 +19,7 @@ from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.crusher.starts import resting
-from jaxcrusher.joint.clearance import ClearanceJoint
+from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.orbits.collocation import System, one_by_one
 from jaxcrusher.orbits.newton import Factors
 from jaxcrusher.orbits.trigonometric import differentiation, nodes, resample
@@ -60,7 +60,7 @@ def state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
     """Make a state from e / c, a frame's coordinates, and their derivatives by the shaft angle."""
     speed = scene.drive.speed
 
-    def one(joint: ClearanceJoint, at: Vector, change: Vector) -> JointState:
+    def one(joint: AbstractBearing, at: Vector, change: Vector) -> JointState:
         return JointState(at, speed * joint.clearance * change, None)
 
     frame = None

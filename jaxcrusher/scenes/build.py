@@ -32,7 +32,7 @@ from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counter
 from jaxcrusher.crusher.rod import Rod, rod_at
 from jaxcrusher.crusher.scene import Scene, require_clearance
 from jaxcrusher.crusher.starts import Centred, InContact
-from jaxcrusher.joint.clearance import ClearanceJoint
+from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AbstractFriction, AmbrosioFriction, CentreSlip, SurfaceSlip
 from jaxcrusher.joint.normal import (
     AbstractNormalForce,
@@ -46,6 +46,7 @@ from jaxcrusher.joint.normal import (
     ZhiyingQishao,
     cylinder_stiffness,
 )
+from jaxcrusher.joint.rollers import RollerBearing, Rollers
 from jaxcrusher.scenes.load_curve import load_curve
 from jaxcrusher.scenes.own_laws import built, is_own, make_known
 from jaxcrusher.scenes.parameters import (
@@ -104,7 +105,9 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     loose, with a `pivot.clearance` C; their other numbers and choices stand by the same prefix.
     With `load_law="by_angle"` a `load_curve` is a CSV file or an array of shape (n, 2) of angles
     (rad) and forces (N). With a `foundation.mass` the frame stands on supports, without it is
-    clamped. With a `rod.stiffness` or a `rod.preload` a tension rod pulls at the jaw.
+    clamped. With a `rod.stiffness` or a `rod.preload` a tension rod pulls at the jaw. With
+    `contact_law="rollers"` the main bearing is a roller bearing of the numbers `rollers.NAME`, and
+    what describes sliding steel (friction, slip, restitution, elasticity) is not used.
 
     Raises ValueError as `check_description` and `complete` do, and as `Scene` and `Machine` do.
     """
@@ -231,26 +234,65 @@ def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
     return found
 
 
-def _joint(values: Mapping[str, Any], prefix: str) -> ClearanceJoint:
+def _joint(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     """Return the joint whose names have the prefix."""
     every = values
     v = {name.removeprefix(prefix): v for name, v in values.items() if name.startswith(prefix)}
     require_clearance(v["clearance"], v["bore_radius"], prefix)
+    norm_width = stop_gradient(jnp.minimum(_NORM, _NORM_SHARE * v["clearance"]))
+    name, law = f"{prefix}contact_law", v["contact_law"]
+    if law == "rollers":
+        return _roller_bearing(v, norm_width)
     tracked = v["impact_law"] == "tracked"
     velocity = TrackedImpactVelocity() if tracked else ConstantImpactVelocity(v["impact_velocity"])
     stiffness = cylinder_stiffness(v["bore_radius"], v["clearance"], v["young"], v["poisson"])
     # No part of the model, so no derivative: each would be one more tangent to integrate.
     width = stop_gradient(jnp.minimum(_CORNER, (_CORNER_FORCE / stiffness) ** (2 / 3)))
-    known = {"stiffness": stiffness, "restitution": v["restitution"], "width": width}
-    name, law = f"{prefix}contact_law", v["contact_law"]
-    normal = (
-        built(name, law, every, impact_velocity=velocity, **known)
-        if is_own(name, law)
-        else _CONTACTS[law](impact_velocity=velocity, **known)
-    )
+    known = {
+        "stiffness": stiffness,
+        "restitution": v["restitution"],
+        "impact_velocity": velocity,
+        "width": width,
+    }
+    place = {"bore_radius": v["bore_radius"], "clearance": v["clearance"]}
+    if is_own(name, law):
+        modulus = v["young"] / (2 * (1 - v["poisson"] ** 2))
+        normal = built(name, law, every, modulus=modulus, norm_width=norm_width, **place, **known)
+        if isinstance(normal, AbstractBearing):
+            return normal
+    else:
+        normal = _CONTACTS[law](**known)
     assert isinstance(normal, AbstractNormalForce)
     rubbing = concrete(v["friction"])
     left_out = rubbing is not None and bool(np.all(rubbing == 0))
     friction = None if left_out else _friction(every, prefix)
-    norm_width = stop_gradient(jnp.minimum(_NORM, _NORM_SHARE * v["clearance"]))
-    return ClearanceJoint(v["bore_radius"], v["clearance"], normal, friction, norm_width)
+    return ClearanceJoint(**place, normal=normal, friction=friction, norm_width=norm_width)
+
+
+def _roller_bearing(values: Mapping[str, Any], norm_width: Any) -> RollerBearing:
+    """Return the roller bearing of a description."""
+    v = {n.removeprefix("rollers."): v for n, v in values.items() if n.startswith("rollers.")}
+    wheels, pitch, many = primal(v["diameter"]), primal(v["pitch_diameter"]), v["bearings"]
+    if wheels is not None and pitch is not None:
+        must = "be smaller than the pitch diameter"
+        fits = bool(np.all(wheels < pitch))
+        require(fits, "rollers.diameter", must, readable("rollers.diameter", v["diameter"]))
+    rollers = Rollers(
+        clearance=values["clearance"],
+        count=many * v["count"],
+        length=v["length"],
+        damping=many * v["damping"],
+    )
+    return RollerBearing(
+        values["bore_radius"],
+        values["clearance"],
+        rollers,
+        bearings=many,
+        roller_diameter=v["diameter"],
+        pitch_diameter=v["pitch_diameter"],
+        bore=v["bore"],
+        rolling_friction=v["friction"],
+        static_rating=v["static_rating"],
+        dynamic_rating=v["dynamic_rating"],
+        norm_width=norm_width,
+    )

@@ -5,8 +5,9 @@ description, with the unit of the field's metadata:
 
     stiffness: Scalar = eqx.field(converter=scalar, metadata={"unit": "N/m"})
 
-What a joint knows (`stiffness`, `restitution`, `impact_velocity` and `width` of a normal force,
-`slip` and `coefficient` of friction) it gives to fields of these names.
+What a joint knows (`stiffness`, `restitution`, `impact_velocity`, `width`, `clearance` and
+`modulus` of a normal force, `slip` and `coefficient` of friction) it gives to fields of these
+names. A `contact_law` may also be a whole bearing, which gets `bore_radius` and `norm_width` too.
 """
 
 import dataclasses
@@ -23,20 +24,22 @@ import numpy as np
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.loads import AbstractLoad
+from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import AbstractNormalForce
 from jaxcrusher.scenes.parameters import FILES, NUMBERS, PARAMETERS, WORN_JOINTS, Parameter
 
 # Choice -> what its class must be, and the section of its numbers.
-OPEN: dict[str, tuple[type[eqx.Module], str]] = {
-    "contact_law": (AbstractNormalForce, "contact"),
-    "friction_law": (AbstractFriction, "contact"),
-    "load_law": (AbstractLoad, "crushing"),
-    **{f"{joint}.contact_law": (AbstractNormalForce, joint) for joint in WORN_JOINTS},
-    **{f"{joint}.friction_law": (AbstractFriction, joint) for joint in WORN_JOINTS},
+_CONTACT = (AbstractNormalForce, AbstractBearing)
+OPEN: dict[str, tuple[tuple[type[eqx.Module], ...], str]] = {
+    "contact_law": (_CONTACT, "contact"),
+    "friction_law": ((AbstractFriction,), "contact"),
+    "load_law": ((AbstractLoad,), "crushing"),
+    **{f"{joint}.contact_law": (_CONTACT, joint) for joint in WORN_JOINTS},
+    **{f"{joint}.friction_law": ((AbstractFriction,), joint) for joint in WORN_JOINTS},
 }
-# Fields that are no numbers.
-_PARTS = ("impact_velocity", "slip")
+# Fields that are no numbers of a description.
+_PARTS = ("impact_velocity", "slip", "normal", "friction", "norm_width")
 _ANY = (-1e300, 1e300)
 
 
@@ -52,13 +55,14 @@ def law_class(name: str, text: str, folder: Path = Path()) -> type[eqx.Module]:
     for a module or a class that is not there, and for a class of another kind.
     """
     module, _, of = text.partition(":")
-    kind, section = OPEN[name]
+    kinds, section = OPEN[name]
     try:
         found: Any = getattr(_imported(module, folder), of, None)
     except ImportError as error:
         raise ValueError(f"Argument `{name}` must name a module, but {text}: {error}.") from None
-    good = isinstance(found, type) and issubclass(found, kind)
-    require(good, name, f"name a class of {kind.__name__} as module:Class", text)
+    good = isinstance(found, type) and issubclass(found, kinds)
+    listed = " or ".join(kind.__name__ for kind in kinds)
+    require(good, name, f"name a class of {listed} as module:Class", text)
     for field in dataclasses.fields(found):
         if field.name not in _PARTS:
             _make_known(f"{section}.{field.name}", field, text)

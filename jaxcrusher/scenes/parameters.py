@@ -131,6 +131,24 @@ PARAMETERS |= {
     "rod.y": Parameter(-0.15, "m", "likewise, above C", _PLACE),
 }
 
+# Of a roller bearing at A; a scene has these names only where `openers` says so. They are those of
+# one of `rollers.bearings` equal ones. Defaults are judged: the size 22324 fits the jaw's bore, its
+# ratings are near those of catalogues, and its rollers follow from the static rating by ISO 76.
+PARAMETERS |= {
+    "rollers.bearings": Parameter(2.0, "1", "equal bearings side by side", (1, 100)),
+    "rollers.count": Parameter(30.0, "1", "rollers Z of a bearing, all rows", (3, 1000)),
+    "rollers.length": Parameter(0.032, "m", "length l of a roller's contact"),
+    "rollers.diameter": Parameter(0.034, "m", "diameter D_w of a roller"),
+    "rollers.pitch_diameter": Parameter(0.19, "m", "diameter D_pw of the rollers' circle"),
+    "rollers.bore": Parameter(0.12, "m", "bore d of the inner ring, of friction"),
+    # Judged from 0.25e-5 to 2.5e-5 s times the stiffness (Kraemer, Dynamics of Rotors and
+    # Foundations, 1993).
+    "rollers.damping": Parameter(1e4, "N s/m", "where half of the rollers are loaded", (0, 1e9)),
+    "rollers.friction": Parameter(0.0018, "1", "mu of the moment mu F d / 2", (0, 1)),
+    "rollers.static_rating": Parameter(1.12e6, "N", "C_0 of a bearing"),
+    "rollers.dynamic_rating": Parameter(0.98e6, "N", "C of a bearing"),
+}
+
 # Of a crushing load; a scene has these names only where `openers` says so.
 PARAMETERS |= {
     "load_point": Parameter(0.3, "m", "from A towards B to where the load acts; none: S2", (0, 10)),
@@ -165,6 +183,7 @@ CHOICES = {
         "gonthier",
         "zhiying_qishao",
         "hu_guo",
+        "rollers",
     ),
     "friction_law": ("ambrosio",),
     "impact_law": ("constant", "tracked"),
@@ -172,8 +191,11 @@ CHOICES = {
 }
 
 _CHOICES_OF_A_JOINT = ("slip", "contact_law", "friction_law", "impact_law")
+# B and C are a toggle's seats, which have no rollers.
 CHOICES |= {
-    f"{joint}.{name}": CHOICES[name] for joint in WORN_JOINTS for name in _CHOICES_OF_A_JOINT
+    f"{joint}.{name}": tuple(choice for choice in CHOICES[name] if choice != "rollers")
+    for joint in WORN_JOINTS
+    for name in _CHOICES_OF_A_JOINT
 }
 
 # Names whose value is a file, or in Python the array that it would hold.
@@ -214,6 +236,8 @@ def openers(name: str) -> tuple[str, ...]:
     joint = joint_of(name)
     if joint is not None:
         return (f"{joint}.clearance",)
+    if name.startswith("rollers."):
+        return ("contact_law=rollers",)
     if name.startswith("rod."):
         return "rod.stiffness", "rod.preload"
     if not name.startswith("foundation."):

@@ -185,6 +185,24 @@ RATIOS = (
         "judged: 20 makes a mean of the paper's load, 500 the power of a motor of 15 kW",
     ),
     Ratio(
+        "static rating of the rollers over that of their size",
+        "",
+        (
+            "rollers.static_rating",
+            "rollers.diameter",
+            "rollers.pitch_diameter",
+            "rollers.count",
+            "rollers.length",
+        ),
+        # 44 of ISO 76 is for N and mm.
+        lambda rating, roller, pitch, count, length: (
+            rating / (44e6 * (1 - roller / pitch) * count * length * roller)
+        ),
+        (0.7, 1.4),
+        (1e-2, 100.0),
+        "ISO 76 for radial roller bearings",
+    ),
+    Ratio(
         "gravity",
         "m/s2",
         ("gravity",),

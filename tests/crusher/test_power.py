@@ -40,6 +40,7 @@ def scenes():
         {"slip": "surface"},
         {"slip": "centre", "load_law": "closing_stroke"},
         {"slip": "surface", "load_law": "normal_to_jaw", "impact_law": "tracked"},
+        {"contact_law": "rollers", "rollers.damping": 1e5},
     ):
         yield jc.paper_scene(30.0, 0.06e-3, **options)
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
@@ -48,7 +49,7 @@ def scenes():
 
 @pytest.mark.parametrize("name", FORMULATIONS)
 @pytest.mark.parametrize(
-    "scene", [*scenes()], ids=["bare", "surface", "closing", "tracked", "torque"]
+    "scene", [*scenes()], ids=["bare", "surface", "closing", "tracked", "rollers", "torque"]
 )
 def test_power_balance(balance, scene, name):
     """The energies change along the vector field by what the powers put in."""
@@ -59,9 +60,11 @@ def test_power_balance(balance, scene, name):
         assert abs(float(difference)) < 1e-10 * float(scale)
 
 
-@pytest.mark.parametrize("slip", ["centre", "surface"])
-def test_formulations_agree_at_an_instant(slip):
-    scene = jc.paper_scene(30.0, 0.06e-3, slip=slip)
+@pytest.mark.parametrize(
+    "choices", [{"slip": "centre"}, {"slip": "surface"}, {"contact_law": "rollers"}]
+)
+def test_formulations_agree_at_an_instant(choices):
+    scene = jc.paper_scene(30.0, 0.06e-3, **choices)
     names = [n for n in observables_of(scene) if n != "constraint_residual"]
 
     @eqx.filter_jit

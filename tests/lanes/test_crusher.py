@@ -82,6 +82,7 @@ QUIET = {"foundation_rms": 1e-8, "foundation_mean": 1e-8, "foundation_peak": 5e-
         {"joint": "ideal"},
         {"formulation": "multiplier"},
         {"slip": "surface", "contact_law": "flores", "impact_law": "tracked"},
+        {"contact_law": "rollers"},
     ],
     ids=lambda choices: "-".join(choices.values()) or "paper",
 )

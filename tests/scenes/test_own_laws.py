@@ -20,6 +20,7 @@ import jax.numpy as jnp
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
+from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AbstractFriction, AbstractSlip
 from jaxcrusher.joint.normal import AbstractImpactVelocity, AbstractNormalForce
 
@@ -45,6 +46,28 @@ class KelvinVoigt(AbstractNormalForce):
 
     def penetration_under(self, force):
         return force / self.spring
+
+
+class Bushed(AbstractBearing):
+    """A whole bearing: a spring that pulls its centre back, without friction."""
+
+    bore_radius: jax.Array = eqx.field(converter=scalar)
+    clearance: jax.Array = eqx.field(converter=scalar)
+    impact_velocity: AbstractImpactVelocity
+    rubber: jax.Array = eqx.field(converter=scalar, metadata={"unit": "N/m"})
+    norm_width: jax.Array = eqx.field(converter=scalar, default=1e-9)
+    friction: None = None
+
+    @property
+    def normal(self):
+        return KelvinVoigt(self.impact_velocity, self.rubber, 1e-5 * self.rubber)
+
+    def contact(self, eccentricity, rate, bearing_spin, journal_spin, memory):
+        plain = ClearanceJoint(self.bore_radius, self.clearance, self.normal, None)
+        return plain.contact(eccentricity, rate, bearing_spin, journal_spin, memory)
+
+    def half_width_ratio(self, penetration):
+        return jnp.zeros_like(penetration)
 
 
 class Tanh(AbstractFriction):
@@ -113,6 +136,17 @@ def test_a_scene_file_names_laws_and_their_numbers(laws, tmp_path):
         read_overrides([("contact.spring", "5 kN")])
 
 
+def test_a_whole_bearing_is_a_law(laws, tmp_path):
+    read_scene_file(tmp_path / "scene.toml")  # which brings the module
+    values = {"contact_law": f"{laws}:Bushed", "contact.rubber": 4e9, "start": "contact"}
+    orbit = jc.periodic_orbit(jc.build_scene(values))
+    assert bool(orbit.success) and float(orbit.bearing_stiffness) == pytest.approx(4e9, rel=1e-9)
+    with pytest.raises(ValueError, match=r"`contact\.rubber` must be given"):
+        jc.build_scene({"contact_law": f"{laws}:Bushed"})
+    with pytest.raises(ValueError, match="a class of AbstractNormalForce or AbstractBearing"):
+        jc.build_scene({"contact_law": f"{laws}:Tanh"})
+
+
 def test_slopes_sweeps_and_lanes(laws, tmp_path):
     values = read_scene_file(tmp_path / "scene.toml")
 
@@ -164,8 +198,14 @@ def test_what_is_refused(laws, tmp_path):
     jc.build_scene(read_scene_file(tmp_path / "scene.toml"))
     for values, words in (
         ({"contact_law": "no_such_module:Law"}, "`contact_law` must name a module"),
-        ({"contact_law": f"{laws}:Nothing"}, "a class of AbstractNormalForce as module:Class"),
-        ({"contact_law": f"{laws}:Tanh"}, "a class of AbstractNormalForce as module:Class"),
+        (
+            {"contact_law": f"{laws}:Nothing"},
+            "a class of AbstractNormalForce or AbstractBearing as module:Class",
+        ),
+        (
+            {"contact_law": f"{laws}:Tanh"},
+            "a class of AbstractNormalForce or AbstractBearing as module:Class",
+        ),
         ({"contact_law": f"{laws}:KelvinVoigt"}, "`contact.spring` must be given"),
         ({"load_law": f"{laws}:Push", "crushing.weight": 1.0}, "must be a known name"),
     ):

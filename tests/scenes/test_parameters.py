@@ -25,6 +25,7 @@ OPENED = {
     ("load_law=by_angle",): {"load_law": "by_angle", "load_curve": CURVE},
     ("rod.stiffness", "rod.preload"): {"rod.stiffness": 2e5, "rod.preload": 1e4},
     ("load_law=chamber",): {"load_law": "chamber"},
+    ("contact_law=rollers",): {"contact_law": "rollers"},
 }
 
 

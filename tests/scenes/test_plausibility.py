@@ -35,6 +35,7 @@ def test_the_paper_s_box_is_plausible():
         ({"gravity": 1.62}, "gravity is 1.62 m/s2"),
         ({"jaw.mass_centre_distance": 0.6}, "jaw.length is 0.863, usually 0.2 to 0.7"),
         ({"chamber.nip_angle": 0.6}, "chamber.nip_angle is 34.4 deg"),
+        ({"contact_law": "rollers", "rollers.length": 0.016}, "of their size is 1.9, usually 0.7"),
     ],
 )
 def test_what_is_unusual_is_told(values, words):
@@ -54,6 +55,7 @@ def test_what_is_unusual_is_told(values, words):
         ({"speed": 3000.0}, "speed"),
         ({"clearance": 0.02, "bore_radius": 1.0, "jaw.length": 7.0}, "clearance"),
         ({"load": 8.8e9}, "load"),
+        ({"contact_law": "rollers", "rollers.length": 32.0}, "rollers.static_rating"),
         ({"jaw.mass_centre_distance": 0.8}, "jaw.mass_centre_distance"),
     ],
 )

@@ -66,6 +66,7 @@ def test_every_module_is_documented(documented):
     [
         "docs/index.md",
         "docs/model.md",
+        "docs/roller_bearing.md",
         "docs/numerics.md",
         "docs/gradients.md",
         "docs/lanes.md",

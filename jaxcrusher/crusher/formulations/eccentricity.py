@@ -26,7 +26,7 @@ from jaxcrusher.crusher.snapshot import (
     pin_acceleration,
     shaft_inertia,
 )
-from jaxcrusher.joint.clearance import ClearanceJoint, Contact
+from jaxcrusher.joint.clearance import AbstractBearing, Contact
 
 
 class JointState(eqx.Module):
@@ -116,7 +116,7 @@ class EccentricityFormulation(AbstractFormulation):
             second = AtJoints(main=pin_acceleration(scene.machine, snapshot.shaft) - bearing)
 
         def one(
-            joint: ClearanceJoint, at: JointState, contact: Contact, second: Vector
+            joint: AbstractBearing, at: JointState, contact: Contact, second: Vector
         ) -> JointState:
             memory = joint.memory_rate(contact, at.impact_velocity)
             return JointState(at.rate / joint.clearance, second, memory)
@@ -136,7 +136,7 @@ class EccentricityFormulation(AbstractFormulation):
         return rtol
 
 
-def joint_state(joint: ClearanceJoint, eccentricity: Vector, rate: Vector) -> JointState:
+def joint_state(joint: AbstractBearing, eccentricity: Vector, rate: Vector) -> JointState:
     """A joint that begins with e (m) and e' (m/s)."""
     memory = joint.normal.impact_velocity.initial()
     return JointState(eccentricity / joint.clearance, rate, memory)

@@ -1,0 +1,186 @@
+"""A roller bearing: a continuum of rollers between two rings, with clearance.
+
+After Harris, Rolling Bearing Analysis, with Palmgren's line contact: a roller under Q (N) between
+two raceways moves them together by 2 * 3.84e-5 Q^0.9 / l^0.8 (mm), over its length l (mm). Steel on
+steel, loaded radially, with rings that keep their shape. The law is the same at each shaft angle:
+the cage brings no roller past the load.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.basics import smooth
+from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.joint.load_zone import EXPONENT, damping_shares, energy_factor, force_factor
+from jaxcrusher.joint.normal import (
+    AbstractImpactVelocity,
+    AbstractNormalForce,
+    ConstantImpactVelocity,
+)
+
+# 1 / (2 * 3.84e-5)^(10/9) N / mm^2, of N/mm^(10/9) and mm^(8/9), in N / m^2.
+PALMGREN = 1e6 * (2 * 3.84e-5) ** -EXPONENT
+# E / (2 (1 - nu^2)) of two bodies of bearing steel, with the 206 GPa and 0.3 of ISO 76, Pa.
+STEEL = 206e9 / (2 * (1 - 0.3**2))
+# Pressure at the static rating, Pa: ISO 76 for roller bearings.
+STATIC_PRESSURE = 4e9
+# Exponent of life over load of roller bearings: ISO 281.
+LIFE_EXPONENT = 10 / 3
+# Speed (rad/s) over which the friction moment turns round where the rings stand still.
+REST = 0.01
+
+
+class Rollers(AbstractNormalForce):
+    """F = (Z / 2 pi) int K (e cos psi - c)^(10/9) cos psi dpsi: Sjovall's integral.
+
+    Near touch F is as the penetration to the power 29/18, far from it to 10/9. Each loaded roller
+    damps by a coefficient, so that light damping may pull for a moment where the zone closes. The
+    corner at touch is smoothed over `width` (m). There is no impact velocity in it.
+    """
+
+    clearance: Scalar = eqx.field(converter=scalar)  # c, radial, m
+    count: Scalar = eqx.field(converter=scalar)  # Z, of all rows of all bearings
+    length: Scalar = eqx.field(converter=scalar)  # l, of contact of a roller, m
+    damping: Scalar = eqx.field(converter=scalar)  # where half of the rollers are loaded, N s/m
+    impact_velocity: AbstractImpactVelocity = eqx.field(
+        default_factory=lambda: ConstantImpactVelocity(1.0)
+    )
+    width: Scalar = eqx.field(converter=scalar, default=1e-8)
+
+    def roller_stiffness(self) -> Scalar:
+        """K of one roller between both rings, N/m^(10/9)."""
+        return PALMGREN * self.length ** (8 / 9)
+
+    def roller_load(self, penetration: Scalar) -> Scalar:
+        """The load of the roller in the middle of the zone, N."""
+        power = smooth.positive_power(penetration, self.width, EXPONENT)
+        return self.roller_stiffness() * power
+
+    def _share(self, deep: Scalar) -> Scalar:
+        """The square of the sine of a quarter of the load zone's width, q."""
+        return deep / (2 * (self.clearance + deep))
+
+    def _sjovall(self, deep: Scalar, power: Scalar) -> Scalar:
+        """The integral at a penetration > 0, of which `power` is the power 29/18, N."""
+        stiffness = self.count * self.roller_stiffness() / jnp.sqrt(2 * (self.clearance + deep))
+        return stiffness * power * force_factor(self._share(deep))
+
+    def elastic_force(self, penetration: Scalar) -> Scalar:
+        """The slope of the elastic energy, N."""
+        deep = smooth.positive_part(penetration, self.width)
+        power = smooth.positive_power(penetration, self.width, EXPONENT + 0.5)
+        corner = jnp.clip((penetration + self.width) / (2 * self.width), 0, 1)
+        return self._sjovall(deep, power) * corner
+
+    def elastic_energy(self, penetration: Scalar) -> Scalar:
+        """The work of the elastic part, J."""
+        deep = smooth.positive_part(penetration, self.width)
+        power = smooth.positive_power(penetration, self.width, EXPONENT + 1.5)
+        stiffness = self.count * self.roller_stiffness() / (EXPONENT + 1)
+        stiffness = stiffness / jnp.sqrt(2 * (self.clearance + deep))
+        return stiffness * power * energy_factor(self._share(deep))
+
+    def damping_coefficients(self, penetration: Scalar) -> tuple[Scalar, Scalar]:
+        """Along the load and across it, N s/m."""
+        deep = smooth.positive_part(penetration, self.width)
+        root = smooth.positive_power(penetration, self.width, 0.5)
+        along, across = damping_shares(root / jnp.sqrt(2 * (self.clearance + deep)))
+        return self.damping * along, self.damping * across
+
+    def force(self, penetration: Scalar, rate: Scalar, memory: Scalar | None) -> Scalar:
+        """F_n, N."""
+        return self.elastic_force(penetration) + self.damping_coefficients(penetration)[0] * rate
+
+    def penetration_under(self, force: Scalar) -> Scalar:
+        """The penetration (m) at which the elastic part is `force` (N, > 0) at rest.
+
+        By Newton's method for the logarithms, between which the slope falls from 29/18 to 10/9.
+        """
+        deep = (force / (self.count * self.roller_stiffness())) ** (1 / EXPONENT)
+        for _ in range(6):
+            found, slope = jax.value_and_grad(lambda d: self._sjovall(d, d ** (EXPONENT + 0.5)))(
+                deep
+            )
+            deep = deep * (force / found) ** (found / (deep * slope))
+        return deep
+
+
+class RollerBearing(AbstractBearing):
+    """Equal bearings side by side on one journal, their rollers taken together.
+
+    A damper turns with the cage, so that a bearing that turns as one body loses nothing. Its force
+    across the load puts a moment on each ring by the cage's share in the ring's speed, and action
+    and reaction balance in moment too. Rolling takes a moment mu F d / 2 between the rings.
+    """
+
+    bore_radius: Scalar = eqx.field(converter=scalar)  # of the jaw, m
+    clearance: Scalar = eqx.field(converter=scalar)  # c, radial, m
+    normal: Rollers
+    bearings: Scalar = eqx.field(converter=scalar)  # how many
+    roller_diameter: Scalar = eqx.field(converter=scalar)  # D_w, m
+    pitch_diameter: Scalar = eqx.field(converter=scalar)  # D_pw, of the rollers' centres, m
+    bore: Scalar = eqx.field(converter=scalar)  # d, of the inner ring, m
+    rolling_friction: Scalar = eqx.field(converter=scalar)  # mu
+    static_rating: Scalar = eqx.field(converter=scalar)  # C_0 of one bearing, N
+    dynamic_rating: Scalar = eqx.field(converter=scalar)  # C of one bearing, N
+    norm_width: Scalar = eqx.field(converter=scalar, default=1e-9)
+    friction: None = None  # nothing slides
+
+    def contact(
+        self,
+        eccentricity: Vector,
+        rate: Vector,
+        bearing_spin: Scalar | float,
+        journal_spin: Scalar | float,
+        memory: Scalar | None,
+    ) -> Contact:
+        """The rollers' force and moments; see `AbstractBearing.contact`."""
+        length = smooth.norm(eccentricity, self.norm_width)
+        normal = eccentricity / length
+        tangent = normal.perp()
+        penetration = length - self.clearance
+        penetration_rate = rate.dot(normal)
+        along, across = self.normal.damping_coefficients(penetration)
+        elastic = self.normal.elastic_force(penetration)
+        normal_force = elastic + along * penetration_rate
+        # The cage turns as rollers roll on both raceways without slip.
+        inner = (1 - self.roller_diameter / self.pitch_diameter) / 2
+        cage_spin = inner * journal_spin + (1 - inner) * bearing_spin
+        sweep = rate.dot(tangent) - length * cage_spin
+        swept = across * sweep
+        lever = length * swept
+        turning = journal_spin - bearing_spin
+        rolling = self.rolling_friction * elastic * self.bore / 2
+        rolling = rolling * turning / jnp.sqrt(turning**2 + REST**2)
+        return Contact(
+            penetration,
+            penetration_rate,
+            normal.cross(rate) / length,
+            normal_force,
+            swept,
+            None,
+            normal_force * normal + swept * tangent,
+            (1 - inner) * lever + rolling,
+            inner * lever - rolling,
+            along * penetration_rate**2 + across * sweep**2,
+            rolling * turning,
+        )
+
+    def half_width_ratio(self, penetration: Scalar) -> Scalar:
+        """Hertz's half-width over the radius of the most loaded roller, at the inner ring."""
+        load = self.normal.roller_load(penetration) / self.normal.length
+        width = jnp.sqrt(4 * load * self._contact_radius() / (jnp.pi * STEEL))
+        return 2 * width / self.roller_diameter
+
+    def pressure(self, penetration: Scalar) -> Scalar:
+        """Hertz's pressure between the most loaded roller and the inner ring, Pa."""
+        load = self.normal.roller_load(penetration) / self.normal.length
+        return jnp.sqrt(load * STEEL / (jnp.pi * self._contact_radius()))
+
+    def _contact_radius(self) -> Scalar:
+        """The radius of a roller on a plane that is as curved as roller and inner ring, m."""
+        raceway = self.pitch_diameter - self.roller_diameter
+        return self.roller_diameter * raceway / (2 * (self.roller_diameter + raceway))

@@ -1,0 +1,58 @@
+"""Line contacts against the published equations, their energies and check_law."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from jaxcrusher.joint.cylinders import Esdu, Johnson, Liu
+from jaxcrusher.joint.normal import ConstantImpactVelocity
+
+C, MODULUS, LENGTH = 6e-5, 207e9 / (2 * (1 - 0.29**2)), 0.4
+LAWS = {
+    Johnson: lambda x, d: x * (np.log(4 * C / x) - 1) - d,
+    Esdu: lambda x, d: x * (np.log(4 * C / x) + 1) - d,
+    Liu: lambda x, d: d / 2 * np.sqrt(d / (2 * (C + d))) - x,
+}
+
+
+def made(kind):
+    return kind(
+        restitution=0.9,
+        impact_velocity=ConstantImpactVelocity(0.5),
+        clearance=C,
+        modulus=MODULUS,
+        length=LENGTH,
+    )
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_the_published_equation_holds(kind):
+    law = made(kind)
+    for depth in (3e-8, 1e-6, 1e-5):
+        x = float(law.elastic_force(jnp.asarray(depth))) / (np.pi * MODULUS * LENGTH)
+        # Rounding of a difference of numbers some ten times larger.
+        assert LAWS[kind](x, depth) == pytest.approx(0, abs=1e-13 * depth)
+        assert float(law.depth(jnp.asarray(x))) == pytest.approx(depth, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_energy_is_the_work_and_force_has_no_jump(kind):
+    law = made(kind)
+    deep = 3 * C  # beyond the beginning of the tangent
+    work, _ = quad(lambda d: float(law.elastic_force(jnp.asarray(d))), 0, deep, epsrel=1e-10)
+    # The corner's 1e-8 m at 0 is not in the work: 1e-10 of it.
+    assert float(law.elastic_energy(jnp.asarray(deep))) == pytest.approx(work, rel=1e-8)
+    slopes = jax.vmap(jax.grad(law.elastic_force))(jnp.linspace(1e-6, deep, 4001))
+    assert bool(jnp.all(slopes > 0))
+    # Steps of 4e-8 m: the slope, which rises by the logarithm alone, has no jump.
+    assert float(jnp.max(jnp.abs(jnp.diff(jnp.log(slopes))))) < 0.05
+
+
+def test_what_is_not_hertzian_is_seen():
+    """Where the tangent begins, the contact is 2 sqrt(x / c) = 0.54 bore radii wide."""
+    law = made(Esdu)
+    depth = 4 * C * np.exp(-4) * 5
+    width = law.half_width(jnp.asarray(depth), jnp.asarray(0.13**2 / C))
+    assert float(width) / 0.13 == pytest.approx(4 * np.exp(-2), rel=1e-6)
