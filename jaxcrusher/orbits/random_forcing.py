@@ -88,10 +88,10 @@ def band(bandwidth: Scalar, widest: float, multipliers: Complex[Array, " states"
     )
     beyond = bandwidth - jnp.floor(bandwidth + 0.5)
     edge = jnp.where(beyond >= 0, beyond, -beyond)  # with the slope of a bandwidth that grows
-    ends = jnp.concatenate([jnp.array([0.0, 0.5]), edge[None], peaks])
-    breadths = jnp.concatenate([jnp.ones(3), breadths])
-    order = jnp.argsort(ends)
-    ends, breadths = ends[order], breadths[order]
+    of_band = jnp.stack([jnp.zeros_like(edge), edge, jnp.full_like(edge, 0.5)])
+    ends = jnp.sort(jnp.concatenate([of_band, peaks]))
+    # An end of the band may lie beside a resonance.
+    breadths = jnp.min(breadths + jnp.abs(jax.lax.stop_gradient(ends)[:, None] - peaks), axis=1)
     half = (ends[1:] - ends[:-1]) / 2
     points, gauss = np.polynomial.legendre.leggauss(POINTS)
     points, gauss = (points + 1) / 2, gauss / 2
