@@ -16,13 +16,14 @@ from jaxcrusher.crusher.rough_feed import Multiplied, RoughFeed, steady
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.collocation import System, one_by_one
+from jaxcrusher.orbits.multipliers import of_slopes
 from jaxcrusher.orbits.random_forcing import Linear, band, covariance
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.trigonometric import resample
 
 # Nodes a turn: the response follows the feed up to its bandwidth.
 NODES = 192
-# The highest order of a feed whose bandwidth is traced by `jax.jit`.
+# The highest order of a feed: one program serves all bandwidths.
 WIDEST = 40.0
 # Contact is called lost where it is lost once in so many turns.
 TURNS = 1000.0
@@ -77,8 +78,9 @@ def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
     require(loose, "orbit", "be of a scene with a clearance joint", "of an ideal one")
     assert isinstance(feed, RoughFeed)
     known = primal(feed.bandwidth)
-    widest = WIDEST if known is None else float(known)
-    return _response(orbit, orbit.period * widest)
+    narrow = known is None or bool(known <= WIDEST)
+    require(narrow, "orbit", f"be of a load_bandwidth of {WIDEST:g} at most", known)
+    return _response(orbit)
 
 
 class _Seen(eqx.Module):
@@ -90,7 +92,7 @@ class _Seen(eqx.Module):
 
 
 @eqx.filter_jit
-def _response(orbit: PeriodicOrbit, widest: float) -> FeedResponse:
+def _response(orbit: PeriodicOrbit) -> FeedResponse:
     feed, period = orbit.scene.load, orbit.period
     assert isinstance(feed, RoughFeed) and orbit.eccentricity is not None
     scene = steady(orbit.scene)
@@ -102,7 +104,8 @@ def _response(orbit: PeriodicOrbit, widest: float) -> FeedResponse:
     dims = x.shape[1]
     by_x, by_rate, by_feed = jnp.split(motion.slope, (dims, 2 * dims), axis=2)
     linear = Linear(by_x, by_rate, by_feed[:, :, 0], system)
-    over = band(period * feed.bandwidth, widest, orbit.multipliers)
+    multipliers = of_slopes((by_x, by_rate), system.period).values  # the orbit's, with slopes
+    over = band(period * feed.bandwidth, period * WIDEST, multipliers)
     square = jnp.mean(force.value**2)
     root = jnp.sqrt(square)
     unit, of_rms = covariance(linear, over, force.value[:, None] * force.slope / root)

@@ -74,12 +74,13 @@ def band(bandwidth: Scalar, widest: float, multipliers: Complex[Array, " states"
 
     `widest` is a number that the bandwidth does not exceed. On either side of a resonance, which
     a multiplier exp(2 pi (i f - g)) makes at the share f with the width g, the shares are
-    f + g sinh u with Gauss' points u, and so the integrand is smooth.
+    f + g sinh u with Gauss' points u, and so the integrand is smooth. For slopes of what they sum,
+    the multipliers must have theirs: points that stayed where a sharp resonance moves tell nothing.
     """
     harmonics = np.arange(-math.ceil(widest + 0.5), math.ceil(widest) + 1.0)
     # Multipliers come in conjugate pairs, and so do their sorted angles; the sharper one of a pair
     # of real ones counts.
-    logs = jax.lax.stop_gradient(jnp.log(multipliers)) / (2 * np.pi)
+    logs = jnp.log(multipliers) / (2 * np.pi)
     order = jnp.argsort(jnp.abs(logs.imag))
     peaks, breadths = (part[order].reshape(-1, 2) for part in (jnp.abs(logs.imag), -logs.real))
     sharper = jnp.argmin(breadths, axis=1, keepdims=True)
@@ -91,7 +92,7 @@ def band(bandwidth: Scalar, widest: float, multipliers: Complex[Array, " states"
     of_band = jnp.stack([jnp.zeros_like(edge), edge, jnp.full_like(edge, 0.5)])
     ends = jnp.sort(jnp.concatenate([of_band, peaks]))
     # An end of the band may lie beside a resonance.
-    breadths = jnp.min(breadths + jnp.abs(jax.lax.stop_gradient(ends)[:, None] - peaks), axis=1)
+    breadths = jnp.min(breadths + jnp.abs(ends[:, None] - peaks), axis=1)
     half = (ends[1:] - ends[:-1]) / 2
     points, gauss = np.polynomial.legendre.leggauss(POINTS)
     points, gauss = (points + 1) / 2, gauss / 2
