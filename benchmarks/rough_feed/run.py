@@ -16,7 +16,7 @@ from jaxcrusher.pictures.page import STYLE, WIDTH
 
 # The paper's choice and the search's: speed (rad/s) and clearance (m).
 CRUSHERS = {"30 rad/s, 0.06 mm": (30.0, 0.06e-3), "25 rad/s, 0.03 mm": (25.0, 0.03e-3)}
-ORDERS = np.arange(0.005, 40, 0.01)
+ORDERS = np.arange(0.01, 40, 0.02)
 BANDWIDTHS = np.arange(1.0, 40.5, 1.0)
 # Bandwidths and scatters of the ensembles.
 TRIED, SCATTERS = (3.0, 10.0), (0.01, 0.05, 0.1, 0.2, 0.3)
