@@ -27,6 +27,8 @@ NODES = 192
 WIDEST = 40.0
 # Contact is called lost where it is lost once in so many turns.
 TURNS = 1000.0
+# A force that rises by more deviations of its rate does not fall: its density underflows.
+STEEPEST = 30.0
 # Bisections of the logarithm of the scatter there, over this range on either side of a guess.
 BISECTIONS, RANGE = 50, math.log(30.0)
 
@@ -182,7 +184,7 @@ class _Crossing(eqx.Module):
         depth = self.mean / (scatter * deviation)
         drift = self.mean_rate - self.both / self.variance * self.mean
         spread = scatter * jnp.sqrt(self.rate_variance - self.both**2 / self.variance)
-        z = drift / spread
+        z = jnp.minimum(drift / spread, STEEPEST)
         # A mean that falls fast is E max(-rate, 0) = spread (phi(z) - z Phi(-z)).
         falls = spread * (gauss.pdf(z) - z * gauss.cdf(-z))
         logs = gauss.logpdf(depth) + jnp.log(falls / (scatter * deviation))

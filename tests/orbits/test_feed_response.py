@@ -120,6 +120,10 @@ def test_crossings_of_a_stationary_process():
         expected = rate / deviation * np.exp(-((mean / (scatter * deviation)) ** 2) / 2)
         found = float(jnp.exp(steady.log_losses(jnp.log(jnp.asarray(scatter)))))
         assert found == pytest.approx(expected, rel=1e-12)
+    # A mean that rises very fast at some angles, where a density underflows, takes their share.
+    rising = dataclasses.replace(steady, mean_rate=jnp.zeros((8, 1)).at[:6].set(38.5 * rate))
+    found = float(jnp.exp(rising.log_losses(jnp.asarray(0.0))))
+    assert found == pytest.approx(rate / deviation * np.exp(-((mean / deviation) ** 2) / 2) / 4)
 
 
 def test_slopes(monkeypatch):
