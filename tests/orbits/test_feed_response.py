@@ -122,8 +122,11 @@ def test_crossings_of_a_stationary_process():
         assert found == pytest.approx(expected, rel=1e-12)
     # A mean that rises very fast at some angles, where a density underflows, takes their share.
     rising = dataclasses.replace(steady, mean_rate=jnp.zeros((8, 1)).at[:6].set(38.5 * rate))
-    found = float(jnp.exp(rising.log_losses(jnp.asarray(0.0))))
-    assert found == pytest.approx(rate / deviation * np.exp(-((mean / deviation) ** 2) / 2) / 4)
+    found, slope = jax.value_and_grad(rising.log_losses)(jnp.asarray(0.0))
+    share = rate / deviation * np.exp(-((mean / deviation) ** 2) / 2) / 4
+    assert float(jnp.exp(found)) == pytest.approx(share, rel=1e-12)
+    # d/d log s of exp(-m^2 / (2 s^2)).
+    assert float(slope) == pytest.approx((mean / deviation) ** 2, rel=1e-12)
 
 
 def test_slopes(monkeypatch):
