@@ -209,6 +209,8 @@ def _description(options: Options) -> dict[str, Any]:
         velocity = read_text("impact_velocity", options.impact_velocity)
         values |= {"impact_law": "constant", "impact_velocity": velocity}
     require(values.get("joint") != "ideal", "scene", "have a joint with clearance", "ideal")
+    rough = "load_scatter" in {*values, *(name for name, _, _ in options.design)}
+    require(not rough, "load_scatter", "not be given to the search, whose motions repeat", "given")
     # The search tries both starts itself.
     values.pop("start", None)
     return values

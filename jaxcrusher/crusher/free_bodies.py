@@ -5,6 +5,8 @@ unknowns of a small system: none if all three joints are loose, two for each ide
 drifts, for positions come from the eccentricities.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Scalar
@@ -118,7 +120,7 @@ def accelerations(
         right += [known.x, known.y]
     found, multipliers = solve_constrained(masses, rows, forces, right)
     if turning is not None:
-        shaft = ShaftMotion(shaft.crank, shaft.speed, found[SHAFT])
+        shaft = dataclasses.replace(shaft, acceleration=found[SHAFT])
     play = contacts.map(
         lambda _, joint: joint[0].acceleration(found) - joint[1].acceleration(found), joints
     )

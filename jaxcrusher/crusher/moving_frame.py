@@ -18,7 +18,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.linear import solve_positive_definite
-from jaxcrusher.basics.plane import Vector, direction
+from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.foundation import OnSupports, frame_at
 from jaxcrusher.crusher.interfaces import AbstractScene
 from jaxcrusher.crusher.linkage import Chain, InertialForces, Wrench
@@ -28,6 +28,7 @@ from jaxcrusher.crusher.snapshot import (
     Snapshot,
     bodies_of,
     chain_of,
+    crank_motion,
     forces_on_frame,
     mass_centre_velocities,
     mass_centres,
@@ -111,7 +112,7 @@ def initial_frame(scene: AbstractScene) -> FrameState | None:
     if foundation is None:
         return None
     still = jnp.zeros_like(scene.drive.speed)
-    shaft = ShaftMotion(direction(still), still, None)
+    shaft = crank_motion(still, still)
     chain = chain_of(machine, shaft, *(scene.joints.map(lambda _: Vector(0.0, 0.0)),) * 2)
     moment = still
     for body, place in zip(bodies_of(machine), mass_centres(machine, shaft, chain), strict=True):

@@ -8,11 +8,11 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
-from jaxcrusher.basics.plane import Vector, direction, scalar
+from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.loads import JawMotion
 from jaxcrusher.crusher.machine import Machine
-from jaxcrusher.crusher.snapshot import RodPull, ShaftMotion, pin_position
+from jaxcrusher.crusher.snapshot import RodPull, crank_motion, pin_position
 
 
 class Rod(eqx.Module):
@@ -64,7 +64,7 @@ class Rod(eqx.Module):
 def rod_at(machine: Machine, stiffness, preload, damping, jaw_along, jaw_across, x, y) -> Rod:
     """Return a rod on a machine: its L0 is the length at theta1 = 0 with ideal joints."""
     still = jnp.zeros_like(machine.gravity)
-    shaft = ShaftMotion(direction(still), still, None)
+    shaft = crank_motion(still, still)
     chain = linkage.assemble(machine, pin_position(machine, shaft.crank), Vector(still, still))
     on_frame = Vector(x, y)
     apart = _end(JawMotion(machine, shaft, chain), jaw_along, jaw_across) - on_frame

@@ -13,11 +13,12 @@ from jaxcrusher.joint.clearance import Contact
 
 
 class ShaftMotion(eqx.Module):
-    """The shaft: crank direction O-A, speed (rad/s), acceleration (rad/s2; None: zero)."""
+    """The shaft: angle since time zero (rad), crank direction O-A, speed (rad/s), acceleration."""
 
+    angle: Scalar
     crank: Vector
     speed: Scalar
-    acceleration: Scalar | None
+    acceleration: Scalar | None  # rad/s2; None: zero
 
 
 class FrameMotion(eqx.Module):
@@ -102,7 +103,7 @@ def pin_position(machine: Machine, crank: Vector) -> Vector:
 
 def crank_motion(angle: Scalar, speed: Scalar) -> ShaftMotion:
     """The shaft at `angle` (rad), its acceleration still unknown or zero."""
-    return ShaftMotion(direction(angle), speed, None)
+    return ShaftMotion(angle, direction(angle), speed, None)
 
 
 def pin_velocity(machine: Machine, shaft: ShaftMotion) -> Vector:

@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.batch.engines import run_all
+from jaxcrusher.crusher.rough_feed import require_steady
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.dynamics.oscillation import (
     Oscillation,
@@ -82,6 +83,7 @@ def coexisting_orbits(
     `jaxcrusher.periodic_orbit` refuses or whose joint is ideal.
     """
     require_scene(scene)
+    require_steady(scene)
     require_untraced("scene", scene, "coexisting_orbits", "jaxcrusher.periodic_orbit")
     require_whole("starts", starts, 1)
     require_positive("spread", spread, "clearances")

@@ -12,6 +12,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.crusher.rough_feed import require_steady
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import Flow, flat, unflattened
 from jaxcrusher.motion.integrate import RESULTS, Integration, Outcome, integrate
@@ -151,7 +152,7 @@ def poincare_section(
 
     **Arguments:**
 
-    - `scene`: with a shaft of constant speed.
+    - `scene`: with a shaft of constant speed, and a load that repeats each turn.
     - `slices`: the Jacobian of each of so many slices of a turn comes along; more slices for
       faster growth, since a Jacobian of condition 1e16 holds nothing.
     - `state`: to start from, shape (dims,), in place of the scene's start.
@@ -162,13 +163,14 @@ def poincare_section(
     **Returns:** a `Section`; NaN from a failure on.
 
     Raises ValueError for counts that are not whole numbers in range, for a free shaft, for
-    unknown outputs and for a state of another shape.
+    a rough feed, for unknown outputs and for a state of another shape.
     """
     require_set_up()
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     require_whole("slices", slices, 0)
     require_statistics(outputs)
+    require_steady(scene)
     free = scene.drive.initial() is not None
     require(not free, "scene", "have a shaft of constant speed", scene.drive)
     how = resolve(scene, rtol, method)

@@ -59,7 +59,7 @@ class System(eqx.Module):
 
         `xp` is as in `differentiation`.
         """
-        first, second = self._matrices(len(by_x), xp)
+        first, second = self.matrices(len(by_x), xp)
         eye_nodes, eye = xp.eye(len(by_x)), xp.eye(by_x.shape[1])
         return (
             jnp.einsum("iab,ij->iajb", by_x, eye_nodes)
@@ -89,13 +89,14 @@ class System(eqx.Module):
         rate = 2 * np.pi / self.period * resample(x, points, shift, 1)
         return self.period * (np.arange(points) + shift) / points, resample(x, points, shift), rate
 
-    def _matrices(self, count: int, xp: ModuleType = np) -> tuple[Array, Array]:
+    def matrices(self, count: int, xp: ModuleType = np) -> tuple[Array, Array]:
+        """Return those from values at the nodes to the first two derivatives by t there."""
         pace = 2 * np.pi / self.period
         first, second = differentiation(count, xp)
         return pace * first, pace**2 * second
 
     def _motion(self, x: Array) -> tuple[Array, Array, Array]:
-        first, second = self._matrices(len(x))
+        first, second = self.matrices(len(x))
         return self.period * nodes(len(x)), first @ x, second @ x
 
 
@@ -173,7 +174,7 @@ def _attached_jvp(primals, tangents):
     # Of the differentiated equations, at the orbit itself.
     times, rate, _ = system._motion(x)
     (by_x, by_rate), _ = system.slopes(times, x, rate)
-    first, second = system._matrices(len(x))
+    first, second = system.matrices(len(x))
 
     def moved(change: Array) -> Array:
         bent = jnp.einsum("iab,ib->ia", by_x, change)

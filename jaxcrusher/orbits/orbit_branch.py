@@ -17,6 +17,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.basics.traced import traced
+from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.files.table import COLUMNS, dataset
 from jaxcrusher.motion.statistic import chosen, columns
@@ -156,8 +157,8 @@ def _labelled(
 
 
 def _family(value: Scalar, *, scene: Callable[[Scalar], Scene], period: int) -> System:
-    return forced.system(scene(value), period)
+    return forced.system(steady(scene(value)), period)
 
 
 def _made(point: Float[Array, "1"], scene: Callable[[Scalar], Scene]) -> Scene:
-    return scene(point[0])
+    return steady(scene(point[0]))

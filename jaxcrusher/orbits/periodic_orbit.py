@@ -15,6 +15,7 @@ from jaxcrusher.basics.checks import (
     require_whole,
 )
 from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.crusher.starts import Centred
 from jaxcrusher.motion.statistic import chosen, statistics_of
@@ -43,8 +44,9 @@ def periodic_orbit(
 
     - `scene`: by eccentricity or with an ideal joint, at constant speed. Its start does not matter,
       but for a tracked impact velocity, which is held at what it comes to from there; its values
-      must then be known. Its numbers may be traced: works under `jax.jit`, `jax.vmap`, `jax.grad`,
-      `jax.jacfwd` and `jax.jvp`; slopes by the implicit function theorem.
+      must then be known. Of a rough feed it is the orbit under the mean load: see
+      `jaxcrusher.feed_response`. Its numbers may be traced: works under `jax.jit`, `jax.vmap`,
+      `jax.grad`, `jax.jacfwd` and `jax.jvp`; slopes by the implicit function theorem.
     - `period`: turns of the shaft, >= 1. None is the guess's, or 1; or 2 to 4 where the motion that
       is waited for repeats so.
     - `nodes`: even number of shaft angles a turn. None is 96, and more, up to 384, until the RMS
@@ -76,7 +78,7 @@ def periodic_orbit(
         require(nodes % 2 == 0, "nodes", "be even", nodes)
     velocities = None
     if tracks(scene) and all(primal(leaf) is not None for leaf in jax.tree.leaves(scene)):
-        velocities = settled_velocities(jax.lax.stop_gradient(scene))
+        velocities = settled_velocities(jax.lax.stop_gradient(steady(scene)))
         if velocities is None:
             return finished(missing(scene, turns, RESULTS.impacts))
         scene = held(scene, velocities)
@@ -88,7 +90,8 @@ def periodic_orbit(
     elif guess is not None:
         first = _guess(guess, scene)
     # The start does not matter: with the same for all, one program serves all.
-    alike = scene if scene.start is None else eqx.tree_at(lambda s: s.start, scene, Centred())
+    alike = steady(scene)
+    alike = alike if scene.start is None else eqx.tree_at(lambda s: s.start, alike, Centred())
     still, first, begin = jax.lax.stop_gradient((alike, first, begin))
     known = all(primal(leaf) is not None for leaf in jax.tree.leaves((still, first, begin)))
     if forced.unknowns(scene) == 0:

@@ -12,6 +12,7 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float, PyTree, Scalar
 from jaxcrusher.basics.checks import concrete, require, require_names
 from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
+from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.motion.named import AbstractNamed
@@ -207,7 +208,7 @@ def _seen(
     orbit: PeriodicOrbit, angles: Float[Array, " n"], outputs: tuple[str, ...]
 ) -> dict[str, Array]:
     def look(angle: Scalar) -> dict[str, Array]:
-        scene = orbit.scene
+        scene = steady(orbit.scene)
         still = orbit.eccentricity is None
         state = scene.formulation.initial(scene) if still else _state(orbit, angle)
         snapshot = scene.formulation.snapshot(angle / scene.drive.speed, state, scene)

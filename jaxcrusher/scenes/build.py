@@ -30,6 +30,7 @@ from jaxcrusher.crusher.loads import (
 )
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
 from jaxcrusher.crusher.rod import Rod, rod_at
+from jaxcrusher.crusher.rough_feed import rough_feed
 from jaxcrusher.crusher.scene import Scene, require_clearance
 from jaxcrusher.crusher.starts import Centred, InContact
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
@@ -104,10 +105,11 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     `crushing.NAME` of a load. With an `elbow.clearance` B is
     loose, with a `pivot.clearance` C; their other numbers and choices stand by the same prefix.
     With `load_law="by_angle"` a `load_curve` is a CSV file or an array of shape (n, 2) of angles
-    (rad) and forces (N). With a `foundation.mass` the frame stands on supports, without it is
-    clamped. With a `rod.stiffness` or a `rod.preload` a tension rod pulls at the jaw. With
-    `contact_law="rollers"` the main bearing is a roller bearing of the numbers `rollers.NAME`, and
-    what describes sliding steel (friction, slip, restitution, elasticity) is not used.
+    (rad) and forces (N). A `load_scatter` makes any load that of a rough feed. With a
+    `foundation.mass` the frame stands on supports, without it is clamped. With a `rod.stiffness`
+    or a `rod.preload` a tension rod pulls at the jaw. With `contact_law="rollers"` the main bearing
+    is a roller bearing of the numbers `rollers.NAME`, and what describes sliding steel (friction,
+    slip, restitution, elasticity) is not used.
 
     Raises ValueError as `check_description` and `complete` do, and as `Scene` and `Machine` do.
     """
@@ -116,7 +118,7 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     check_description({n: value for n, value in values.items() if not is_own(n, value)})
     v = within_limits(complete(values))
     machine, drive = build_machine(v), ConstantSpeed(v["speed"])
-    law, foundation, rod = _load(v, machine), _foundation(v), _rod(v, machine)
+    law, foundation, rod = _fed(_load(v, machine), v), _foundation(v), _rod(v, machine)
     main = None if v["joint"] == "ideal" else _joint(v, "")
     elbow, pivot = (
         _joint(v, f"{joint}.") if f"{joint}.clearance" in v else None for joint in WORN_JOINTS
@@ -200,6 +202,19 @@ def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
     require("load_curve" in values, "load_curve", "be given with `load_law=by_angle`", "missing")
     direction = _DIRECTIONS[values["load_direction"]]
     return ByAngle(load_curve(values["load_curve"]), direction, values["load_factor"], along)
+
+
+def _fed(load: AbstractLoad | None, values: Mapping[str, Any]) -> AbstractLoad | None:
+    """Return the load of a rough feed, or the load itself where that does not scatter."""
+    if "load_scatter" not in values:
+        return load
+    require(load is not None, "load_scatter", "not come with `load_law=none`", "given")
+    assert load is not None
+    scatter = concrete(values["load_scatter"])
+    if scatter is not None and bool(np.all(scatter == 0)):
+        return load
+    names = "load_scatter", "load_bandwidth", "load_seed"
+    return rough_feed(load, *(values[name] for name in names))
 
 
 def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:

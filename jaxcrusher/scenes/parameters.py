@@ -153,6 +153,10 @@ PARAMETERS |= {
 PARAMETERS |= {
     "load_point": Parameter(0.3, "m", "from A towards B to where the load acts; none: S2", (0, 10)),
     "load_factor": Parameter(1.0, "1", "by which load_curve is multiplied", (0, 1e6)),
+    # Judged: some ten lumps break in a stroke, each with a force of its own.
+    "load_scatter": Parameter(0.1, "1", "standard deviation of the load, a share of it", (0, 1)),
+    "load_bandwidth": Parameter(10.0, "1", "orders of the shaft up to which it is", (0.01, 40)),
+    "load_seed": Parameter(0.0, "1", "a whole number, one for each random feed", (0, 2**31), 100.0),
     # Judged: the mean of the resultant is then near the paper's 8.8 kN.
     "chamber.bed_modulus": Parameter(2e7, "Pa", "pressure of a bed pressed to nothing", (0, 1e12)),
     "chamber.bed_exponent": Parameter(2.0, "1", "of its compression ratio", (1, 10)),
@@ -206,6 +210,7 @@ NUMBERS = PARAMETERS | CHAMBER
 
 _OPENERS = {
     "load_point": "load_point",
+    **dict.fromkeys(("load_scatter", "load_bandwidth", "load_seed"), "load_scatter"),
     **dict.fromkeys(("load_curve", "load_factor", "load_direction"), "load_law=by_angle"),
     **dict.fromkeys(("chamber.bed_modulus", "chamber.bed_exponent"), "load_law=chamber"),
 }

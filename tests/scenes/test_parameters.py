@@ -21,6 +21,7 @@ from jaxcrusher.scenes.parameters import CHOICES, WORN_JOINTS, check_description
 CURVE = np.array([[0.0, 1e3], [2.0, 9e3], [4.0, 4e3], [5.0, 2e3]])
 # What opens names -> what a description then has.
 OPENED = {
+    ("load_scatter",): {"load_scatter": 0.1},
     ("load_point",): {"load_point": 0.3},
     ("load_law=by_angle",): {"load_law": "by_angle", "load_curve": CURVE},
     ("rod.stiffness", "rod.preload"): {"rod.stiffness": 2e5, "rod.preload": 1e4},

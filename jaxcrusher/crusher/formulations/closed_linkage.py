@@ -1,5 +1,7 @@
 """Ideal joints: a closed linkage, its motion given by the shaft's."""
 
+import dataclasses
+
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
@@ -52,13 +54,13 @@ class ClosedLinkage(AbstractFormulation):
             force, acceleration = joint_force(moving)
             if state.shaft is not None:
                 # The force is linear in the shaft's acceleration: two points give the line.
-                unit = ShaftMotion(shaft.crank, shaft.speed, jnp.ones_like(shaft.speed))
+                unit = dataclasses.replace(shaft, acceleration=jnp.ones_like(shaft.speed))
                 slope = joint_force(unit)[0] - force
                 moment = moment_on_shaft(machine, shaft.crank, force, None, inertial)
                 arm = machine.shaft.eccentricity * shaft.crank
                 inertia = shaft_inertia(machine) + arm.cross(slope)
                 spin_up = scene.drive.acceleration(moment, inertia)
-                moving = ShaftMotion(shaft.crank, shaft.speed, spin_up)
+                moving = dataclasses.replace(shaft, acceleration=spin_up)
                 force, acceleration = joint_force(moving)
             none = AtJoints()
             return Snapshot(

@@ -6,6 +6,8 @@ determine the rest. No constraints, no drift, and no penetration is a difference
 numbers.
 """
 
+import dataclasses
+
 import equinox as eqx
 from jaxtyping import Scalar
 
@@ -18,7 +20,6 @@ from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.linkage import InertialForces
 from jaxcrusher.crusher.moving_frame import FrameState, frame_rate, initial_frame, with_frame
 from jaxcrusher.crusher.snapshot import (
-    ShaftMotion,
     Snapshot,
     chain_of,
     crank_motion,
@@ -93,7 +94,7 @@ class EccentricityFormulation(AbstractFormulation):
                 # contact point from there.
                 moment = moment_on_shaft(machine, shaft.crank, force, moments[1], inertial)
                 spin_up = scene.drive.acceleration(moment, shaft_inertia(machine))
-                moving = ShaftMotion(shaft.crank, shaft.speed, spin_up)
+                moving = dataclasses.replace(shaft, acceleration=spin_up)
             else:
                 moving, acceleration, force = free_bodies.accelerations(
                     machine, shaft, scene.drive, chain, on_jaw.total, contacts, inertial

@@ -5,6 +5,7 @@ here; the first term of (15) is (Phi_q q')_q q'; and the contact acts with its m
 (19) omits. The rows of a loose B or C make way for its contact; an ideal A has rows.
 """
 
+import dataclasses
 import functools
 
 import equinox as eqx
@@ -12,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.linear import solve_constrained
-from jaxcrusher.basics.plane import Vector, direction, scalar
+from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.applied import applied
 from jaxcrusher.crusher.drives import from_nearest_turn
@@ -24,7 +25,7 @@ from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.linkage import AtJaw, Chain, ChainAcceleration, InertialForces
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.crusher.moving_frame import FrameState, frame_rate, initial_frame, with_frame
-from jaxcrusher.crusher.snapshot import Multipliers, ShaftMotion, Snapshot, chain_of
+from jaxcrusher.crusher.snapshot import Multipliers, ShaftMotion, Snapshot, chain_of, crank_motion
 from jaxcrusher.joint.clearance import Contact
 
 # The unit of time of the velocities in the state: as long as a contact, so that the error
@@ -51,7 +52,7 @@ class MultiplierFormulation(AbstractFormulation):
         """The scene's start, on the constraints to rounding."""
         machine = scene.machine
         angle, speed = scene.drive.motion(scalar(0.0), scene.drive.initial())
-        shaft = ShaftMotion(direction(angle), speed, None)
+        shaft = crank_motion(angle, speed)
         chain = chain_of(machine, shaft, *start_of(scene).eccentricities(scene))
         arm = linkage.mass_centre_arm(machine, chain)
         centre = machine.shaft.mass_centre.along(shaft.crank)
@@ -81,7 +82,7 @@ class MultiplierFormulation(AbstractFormulation):
         spins = -velocity.toggle.angle, velocity.jaw.angle
         chain = Chain(arms.toggle_axis, arms.jaw_axis, *spins, e, rate)
         contacts = contacts_of(scene, e, rate, chain, velocity.shaft.angle, state.impact_velocities)
-        shaft = ShaftMotion(arms.crank, velocity.shaft.angle, None)
+        shaft = ShaftMotion(q.shaft.angle, arms.crank, velocity.shaft.angle, None)
         on_jaw = applied(scene, shaft, chain)
         constraints = constraints_of(scene, time, q, velocity, arms)
         stabilised = [
@@ -108,10 +109,8 @@ class MultiplierFormulation(AbstractFormulation):
             )
             main, further = contacts.main, AtJoints(None, gaps.elbow, gaps.pivot)
             return Snapshot(
-                ShaftMotion(
-                    arms.crank,
-                    velocity.shaft.angle,
-                    acceleration.shaft.angle if drive is None else None,
+                dataclasses.replace(
+                    shaft, acceleration=acceleration.shaft.angle if drive is None else None
                 ),
                 chain,
                 ChainAcceleration(

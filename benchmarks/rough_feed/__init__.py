@@ -1,0 +1,1 @@
+"""Whether the quiet motion survives a rough feed: predictions, and ensembles of random feeds."""

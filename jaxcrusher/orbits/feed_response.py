@@ -1,0 +1,231 @@
+"""What a rough feed makes of a periodic orbit, by its linear response and to second order."""
+
+import dataclasses
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.stats import norm as gauss
+from jaxtyping import Array, Float, Scalar
+
+from jaxcrusher.basics.checks import primal, require, require_kind
+from jaxcrusher.crusher.observables import foundation_force
+from jaxcrusher.crusher.rough_feed import Multiplied, RoughFeed, steady
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.orbits import forced
+from jaxcrusher.orbits.collocation import System, one_by_one
+from jaxcrusher.orbits.multipliers import of_slopes
+from jaxcrusher.orbits.random_forcing import Linear, band, covariance
+from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.trigonometric import resample
+
+# Nodes a turn: the response follows the feed up to its bandwidth.
+NODES = 192
+# The highest order of a feed: one program serves all bandwidths.
+WIDEST = 40.0
+# Contact is called lost where it is lost once in so many turns.
+TURNS = 1000.0
+# A force that rises by more deviations of its rate does not fall: its density underflows.
+STEEPEST = 30.0
+# Bisections of the logarithm of the scatter there, over this range on either side of a guess.
+BISECTIONS, RANGE = 50, math.log(30.0)
+
+
+class FeedResponse(eqx.Module):
+    """An orbit under a rough feed: standard deviations by angle, and how often contact is lost.
+
+    Linear in the scatter, but for `expected_rms`. NaN where the orbit is not stable.
+    """
+
+    angle: Float[Array, " nodes"]  # of the shaft, rad, over the period
+    eccentricity: Float[Array, "nodes dims"]  # standard deviations, as `PeriodicOrbit.eccentricity`
+    force: Float[Array, " nodes"]  # standard deviation of |R_O| + |R_C|, N
+    rms: Scalar  # standard deviation of the RMS of one period, N
+    expected_rms: Scalar  # RMS over very many turns, to second order in the scatter, N
+    losses: Scalar  # times a turn that any joint is expected to lose contact
+    losing_scatter: Scalar  # the scatter with which that is once in 1000 turns
+
+    @property
+    def chance(self) -> Scalar:
+        """Return the chance that a turn loses contact, as if losses came independently."""
+        return -jnp.expm1(-self.losses)
+
+
+def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
+    """Return the linear response of an orbit to the rough feed of its scene.
+
+    Harmonic transfer functions (`jaxcrusher.orbits.random_forcing`) give the covariance of the
+    motion by angle, and Rice's formula how often the elastic force at a joint crosses zero. That
+    force, and not the penetration, is near to linear in the load. Infinitely many cosines stand for
+    the feed's, so that it is the mean over seeds.
+
+    **Arguments:**
+
+    - `orbit`: by collocation, of a scene with a `load_scatter`: `jaxcrusher.periodic_orbit` finds
+      it under the mean load. It may be traced, and slopes are like the orbit's.
+
+    **Returns:** a `FeedResponse`; NaN where the orbit is not found or not stable. An orbit that
+    loses contact under the mean load has none.
+
+    Raises ValueError for a scene without scatter or without a clearance, and for a batch.
+    """
+    require_kind("orbit", orbit, PeriodicOrbit, "jaxcrusher.periodic_orbit(scene)")
+    require(orbit.success.ndim == 0, "orbit", "be one orbit", f"a batch {orbit.success.shape}")
+    feed = orbit.scene.load
+    rough = isinstance(feed, RoughFeed)
+    require(rough, "orbit", "be of a scene with a load_scatter", "of one whose load repeats")
+    loose = orbit.eccentricity is not None and not orbit.scene.is_ideal
+    require(loose, "orbit", "be of a scene with a clearance joint", "of an ideal one")
+    assert isinstance(feed, RoughFeed)
+    known = primal(feed.bandwidth)
+    narrow = known is None or bool(known <= WIDEST)
+    require(narrow, "orbit", f"be of a load_bandwidth of {WIDEST:g} at most", known)
+    return _response(orbit)
+
+
+class _Seen(eqx.Module):
+    """Value, slope and second derivative of a quantity by z = (x, x', w) at the nodes."""
+
+    value: Array  # (nodes, ...)
+    slope: Array  # (nodes, ..., states)
+    bend: Array  # (nodes, ..., states, states)
+
+
+@eqx.filter_jit
+def _response(orbit: PeriodicOrbit) -> FeedResponse:
+    feed, period = orbit.scene.load, orbit.period
+    assert isinstance(feed, RoughFeed) and orbit.eccentricity is not None
+    scene = steady(orbit.scene)
+    system, count = forced.system(scene, period), NODES * period
+    x = resample(orbit.eccentricity, count)
+    angle, place, rate = system.at(x, count)
+    states = jnp.concatenate([place, rate, jnp.zeros((count, 1))], axis=1)
+    motion, force, depth = _seen_along(system, angle, states)
+    dims = x.shape[1]
+    by_x, by_rate, by_feed = jnp.split(motion.slope, (dims, 2 * dims), axis=2)
+    linear = Linear(by_x, by_rate, by_feed[:, :, 0], system)
+    multipliers = of_slopes((by_x, by_rate), system.period).values  # the orbit's, with slopes
+    over = band(period * feed.bandwidth, period * WIDEST, multipliers)
+    square = jnp.mean(force.value**2)
+    root = jnp.sqrt(square)
+    unit, of_rms = covariance(linear, over, force.value[:, None] * force.slope / root)
+    of_force = jnp.einsum("ia,iab,ib->i", force.slope, unit, force.slope)
+
+    # The mean shifts by what the curvature makes of the variance.
+    bent = jnp.einsum("icab,iab->ic", motion.bend, unit) / 2
+    size = count * dims
+    shift = jnp.linalg.solve(system.jacobian(by_x, by_rate).reshape(size, size), -bent.ravel())
+    shift = shift.reshape(count, dims)
+    first = system.matrices(count)[0]
+    shifts = jnp.concatenate([shift, first @ shift, jnp.zeros((count, 1))], axis=1)
+    shifted = jnp.sum(force.slope * shifts, axis=1)
+    shifted += jnp.einsum("iab,iab->i", force.bend, unit) / 2
+    added = jnp.mean(of_force + 2 * force.value * shifted)
+
+    contacts = _crossing(depth, first, unit, dims)
+    scatter = feed.scatter
+    found = FeedResponse(
+        angle,
+        scatter * jnp.sqrt(jnp.diagonal(unit[:, :dims, :dims], axis1=1, axis2=2)),
+        scatter * jnp.sqrt(of_force),
+        scatter * jnp.sqrt(of_rms),
+        jnp.sqrt(square + scatter**2 * added),
+        jnp.exp(contacts.log_losses(jnp.log(scatter))),
+        _losing_scatter(contacts),
+    )
+    good = jnp.where(orbit.stable, 1.0, jnp.nan)
+    return jax.tree.map(lambda leaf: good * leaf, found)
+
+
+def _seen_along(
+    system: System, angle: Float[Array, " nodes"], states: Float[Array, "nodes states"]
+) -> tuple[_Seen, _Seen, _Seen]:
+    """Return x'', the force on the foundation, and the elastic force of each joint."""
+    dims = states.shape[1] // 2
+
+    def seen(angle: Scalar, state: Array, scene: Scene) -> Array:
+        assert scene.load is not None
+        place, rate, factor = state[:dims], state[dims:-1], 1 + state[-1]
+        scene = dataclasses.replace(scene, load=Multiplied(scene.load, factor))
+        snapshot = forced.snapshot(angle, place, rate, scene)
+        elastic = scene.joints.map(
+            lambda joint, contact: joint.normal.elastic_force(contact.penetration),
+            snapshot.contacts,
+        )
+        forces = foundation_force(snapshot, scene), *(one for _, one in elastic.present())
+        return jnp.append(forced.acceleration(angle, place, rate, scene), jnp.stack(forces))
+
+    slope = jax.jacfwd(seen, argnums=1)
+    bend = jax.jacfwd(slope, argnums=1)
+    found = one_by_one(
+        lambda *at: _Seen(seen(*at), slope(*at), bend(*at)), (angle, states), system.args
+    )
+    parts = slice(dims), dims, slice(dims + 1, None)
+    return tuple(jax.tree.map(lambda leaf, part=part: leaf[:, part], found) for part in parts)
+
+
+class _Crossing(eqx.Module):
+    """Elastic forces of joints and of their rates by angle, at a scatter of one."""
+
+    mean: Float[Array, "nodes joints"]
+    mean_rate: Float[Array, "nodes joints"]
+    variance: Float[Array, "nodes joints"]
+    both: Float[Array, "nodes joints"]  # covariance of force and rate
+    rate_variance: Float[Array, "nodes joints"]
+
+    def log_losses(self, log_scatter: Scalar) -> Scalar:
+        """Return the logarithm of the expected downward crossings of zero a turn.
+
+        Rice's, by the rate given a force of zero (Cramer and Leadbetter 1967, chapter 13).
+        """
+        scatter, deviation = jnp.exp(log_scatter), jnp.sqrt(self.variance)
+        depth = self.mean / (scatter * deviation)
+        drift = self.mean_rate - self.both / self.variance * self.mean
+        spread = scatter * jnp.sqrt(self.rate_variance - self.both**2 / self.variance)
+        z = jnp.minimum(drift / spread, STEEPEST)
+        # A mean that falls fast is E max(-rate, 0) = spread (phi(z) - z Phi(-z)).
+        falls = spread * (gauss.pdf(z) - z * gauss.cdf(-z))
+        logs = gauss.logpdf(depth) + jnp.log(falls / (scatter * deviation))
+        return jax.nn.logsumexp(logs) + jnp.log(2 * np.pi / len(logs))
+
+
+def _crossing(depth: _Seen, first: Array, unit: Array, dims: int) -> _Crossing:
+    """Return what Rice's formula takes; the elastic force depends on x alone."""
+    by_x = depth.slope[:, :, :dims]
+    turning = jnp.einsum("ij,jca->ica", first, by_x)
+    along = jnp.concatenate([turning, by_x], axis=2)
+    force, rate = jnp.zeros_like(along).at[:, :, :dims].set(by_x), along
+    of = unit[:, : 2 * dims, : 2 * dims]
+
+    def product(one: Array, other: Array) -> Array:
+        return jnp.einsum("ica,iab,icb->ic", one, of, other)
+
+    return _Crossing(
+        depth.value,
+        first @ depth.value,
+        product(force, force),
+        product(force, rate),
+        product(rate, rate),
+    )
+
+
+def _losing_scatter(contacts: _Crossing) -> Scalar:
+    """Return the scatter with which contact is lost once in `TURNS`, with slopes."""
+    wanted, still = -math.log(TURNS), jax.lax.stop_gradient(contacts)
+    # Where the shallowest force is as many deviations deep as a turn in so many is.
+    least = jnp.min(still.mean / jnp.sqrt(still.variance))
+    middle = jnp.log(least / math.sqrt(2 * math.log(TURNS)))
+
+    def halved(_, ends: tuple[Array, Array]) -> tuple[Array, Array]:
+        low, high = ends
+        mid = (low + high) / 2
+        more = still.log_losses(mid) < wanted
+        return jnp.where(more, mid, low), jnp.where(more, high, mid)
+
+    low, high = jax.lax.fori_loop(0, BISECTIONS, halved, (middle - RANGE, middle + RANGE))
+    root = (low + high) / 2
+    # A step of Newton's, whose slopes are those of the implicit function.
+    steep = jax.grad(still.log_losses)(root)
+    return jnp.exp(root - (contacts.log_losses(root) - wanted) / steep)
