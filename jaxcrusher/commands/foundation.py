@@ -129,7 +129,9 @@ def draw(
 
 
 def _number(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:.4g}"
+    if isinstance(value, str):
+        return value
+    return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:.4g}"
 
 
 def table(part: str, rows: Sequence[Row]) -> Table:
@@ -150,20 +152,34 @@ def cells(row: Row) -> tuple[str, ...]:
     return row.name, _number(row.order), _number(row.value), row.unit, f"{phase:.1f}"
 
 
+def across(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+    """Return the orders of the harmonics, and a row of each quantity: name, unit, harmonics."""
+    found = [row for row in rows if row.part == "harmonics"]
+    orders = dict.fromkeys(_number(row.order) for row in found)
+    by_name = {row.name: [row.name, row.unit] for row in found}
+    for row in found:
+        _, _, amplitude, _, phase = cells(row)
+        by_name[row.name].append(f"{amplitude} at {phase}°")
+    return list(orders), list(by_name.values())
+
+
 def page(
     orbit: jc.PeriodicOrbit, rows: Sequence[Row], given: Sequence[tuple[str, str]], picture: str
 ) -> str:
     """Return the printable page."""
     parts = {
         part: [cells(row) for row in rows if row.part == part]
-        for part in dict.fromkeys(row.part for row in rows)
+        for part in dict.fromkeys(row.part for row in rows if row.part != "harmonics")
     }
+    orders, harmonics = across(rows)
     clamped = orbit.scene.supports is None
     return (
         Environment(autoescape=True)
         .from_string(PAGE.read_text(encoding="utf-8"))
         .render(
             parts=parts,
+            orders=orders,
+            harmonics=harmonics,
             given=given,
             picture=picture,
             source="" if clamped else SOURCE,

@@ -123,6 +123,10 @@ def test_powers_of_ten_in_few_letters(value, text):
     assert power(value) == text
 
 
+# The designs of a study, as its result names them.
+NAMES = ("paper", "optimised", "robust")
+
+
 @pytest.fixture(scope="module")
 def further():
     """Figures that fit one page each, of rows made by hand or committed."""
@@ -143,7 +147,7 @@ def further():
         "cost": {"scale": 19102.0},
         "robust": {
             "conditions": {"load": [8e3, 9e3]},
-            "values": {name: [19e3, 20e3] for name in balance.DESIGNS},
+            "values": {name: [19e3, 20e3] for name in NAMES},
         },
         "searches": [
             {"method": method, "start": 0, "work": [1, 9], "seconds": [0.1, 1.0], "best": [1, 0.9]}
@@ -157,7 +161,7 @@ def further():
             "shaking_force": np.ones((8, 2)),
             "drive_power": np.ones(8),
         }
-        for name in balance.DESIGNS
+        for name in NAMES
     }
     with plt.rc_context(STYLE):
         found = {
