@@ -244,7 +244,8 @@ def run_open_points(
 ) -> tuple[OpenPoint, ...]:
     """Run the points of the map that have no stable orbit as long as candidates are run."""
     count = len(open_points.unstable(mapped))
-    if mapped is None or not count:
+    # Where no point of the map counts, nothing is bounded.
+    if mapped is None or not count or not mapped.counts.any():
         return ()
     case, effort = problem.case, problem.effort
     window = Window(LONGER * effort.settle, LONGER * effort.turns, CONFIRM_RTOL)
