@@ -1,6 +1,7 @@
 """A process set up before its first computation; one folder of compiled programs for this run."""
 
 import atexit
+import gc
 import itertools
 import os
 import shutil
@@ -46,6 +47,14 @@ def pytest_runtest_protocol(item):
     """Its fixtures are compiled as the test is that comes first."""
     jax.config.update("jax_disable_most_optimizations", item.get_closest_marker("slow") is None)
     return (yield)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def forget_programs():
+    """Compiled programs of a file go with it: those of all files together fill 24 GB of memory."""
+    yield
+    jax.clear_caches()
+    gc.collect()
 
 
 @pytest.fixture

@@ -1,16 +1,24 @@
-"""The number of operations of a program, before XLA."""
+"""The number of operations of a program, before XLA, without those whose results nobody uses."""
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.extend.core import Jaxpr
+from jax.interpreters.partial_eval import dce_jaxpr
 
 import jaxcrusher as jc
 
 
-def operations(jaxpr) -> int:
-    """Count the equations of a traced program, with those of its inner programs."""
+def operations(program: Jaxpr) -> int:
+    """Count the equations of a traced program on which its results depend."""
+    used, _ = dce_jaxpr(program, [True] * len(program.outvars))
+    return _equations(used)
+
+
+def _equations(program: Jaxpr) -> int:
+    """Count the equations of a program, with those of its inner programs."""
     total = 0
-    for equation in jaxpr.eqns:
+    for equation in program.eqns:
         inner = [
             leaf
             for value in equation.params.values()
@@ -18,7 +26,7 @@ def operations(jaxpr) -> int:
         ]
         programs = [getattr(leaf, "jaxpr", leaf) for leaf in inner]
         programs = [program for program in programs if hasattr(program, "eqns")]
-        total += sum(operations(program) for program in programs) if programs else 1
+        total += sum(map(_equations, programs)) if programs else 1
     return total
 
 

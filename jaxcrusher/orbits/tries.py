@@ -58,7 +58,7 @@ def searched(
         tries = iter([_by_nodes(scene, still, guess, period or 1, nodes, nodes)])
     for one in tries:
         found.append(one)
-        if bool(one.orbit.stable):
+        if bool(one.orbit.stable) or _is_stiff(one):
             break
     first = next((one for one in found if bool(one.orbit.success)), found[0])
     chosen = found[-1] if bool(found[-1].orbit.stable) else first
@@ -151,6 +151,12 @@ def _by_nodes(
 def _is_unresolved(orbit: PeriodicOrbit) -> bool:
     """Whether Newton's method converged to what the nodes do not resolve."""
     return bool((orbit.result == RESULTS.contact_lost) | (orbit.result == RESULTS.unresolved))
+
+
+def _is_stiff(one: Try) -> bool:
+    """Whether springs swing too fast for the nodes to tell multipliers; a wait takes minutes."""
+    known = bool(one.orbit.multipliers_error < 1)
+    return one.sloped is not None and bool(one.orbit.success) and not known
 
 
 def _wants_nodes(orbit: PeriodicOrbit) -> bool:

@@ -175,10 +175,11 @@ def test_runs_speak_for_points_without_a_stable_orbit(finished):
     assert said.open_points == 0 and "Nothing is said" not in said.statement
     assert "At 1 of 28 points no stable orbit" in said.statement
     assert "4e+03 N above the optimum" in said.statement and said.by_runs == (point,)
-    # The runs of the paper's corner: the quiet motion there has 22 221 N.
+    # The runs of the paper's corner: the quiet motion there has 22 221 N, and the means of three
+    # runs over so few turns scatter by a kilonewton, which a Student factor of 4 goes with.
     units, window = np.array([[1.0, 1.0]] * 28), Window(10, 20, 1e-6)
     (run,) = open_points.run_open_points(case, units, mapped, 3, window, 0)
-    assert 2e4 < run.least < 2.6e4 and run.values["speed"] == 40.0
+    assert 1.5e4 < run.least < 2.3e4 and run.values["speed"] == 40.0
     assert run.motion.startswith("The orbit of one turn is unstable")
 
 
