@@ -146,7 +146,7 @@ def test_every_statistic_has_a_unit_and_a_meaning():
     main = (*jc.STATISTICS, *jc.FURTHER_STATISTICS)
     assert main == tuple(STATISTIC)[: len(main)]
     for name, statistic in STATISTIC.items():
-        assert statistic.unit in {"N", "N m", "N/m", "W", "m", "m/s", "1"}, name
+        assert statistic.unit in {"N", "N m", "N/m", "Pa", "W", "m", "m/s", "h", "1"}, name
         assert len(statistic.meaning) > 8, name
 
 
