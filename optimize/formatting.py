@@ -169,8 +169,8 @@ def error(answer: Answer) -> str:
     """Explain the numbers of the starts."""
     counts = {runs.count for one in answer.designs.values() for runs in one.transient.values()}
     return (
-        f"starts: time average after {answer.settle_turns} turns; ± is half a 95 % interval, from "
-        f"{max(counts)} independent runs"
+        f"Numbers of the starts are averages after {answer.settle_turns} turns; ± is half a 95 % "
+        f"interval, from {max(counts)} independent runs"
     )
 
 
