@@ -84,10 +84,10 @@ class Machine(eqx.Module):
         good = bool(np.all((nearest > abs(l2 - l3)) & (farthest < l2 + l3)))
         require(
             good,
-            "bearing.distance",
-            "let the links close in every turn: less and plus shaft.eccentricity and clearance "
-            f"it must stay between {1e3 * abs(l2 - l3).max():g} mm, jaw.length less toggle.length, "
-            f"and {1e3 * (l2 + l3).min():g} mm, their sum",
+            "jaw.length`, `toggle.length` and `bearing.distance",
+            "let the links close in every turn: the distance, less and plus shaft.eccentricity and "
+            f"clearance, must stay between {1e3 * abs(l2 - l3).max():g} mm, jaw less toggle, and "
+            f"{1e3 * (l2 + l3).min():g} mm, jaw plus toggle",
             f"{1e3 * nearest.min():g} to {1e3 * farthest.max():g} mm",
         )
 

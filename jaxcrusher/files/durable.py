@@ -28,10 +28,11 @@ def writing(path: Path) -> Iterator[Path]:
     """
     partial = path.with_name(f"{path.stem}.{uuid.uuid4().hex}.partial{path.suffix}")
     try:
-        yield partial
-        with open(partial, "rb+") as file:
-            os.fsync(file.fileno())
-        os.replace(partial, path)
+        with named(str(path)):
+            yield partial
+            with open(partial, "rb+") as file:
+                os.fsync(file.fileno())
+            os.replace(partial, path)
     except BaseException:
         partial.unlink(missing_ok=True)
         raise

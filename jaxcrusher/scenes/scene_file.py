@@ -38,6 +38,8 @@ _DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"
 # A rotational speed as data sheets write it; elsewhere "1/min" may be another rate.
 _TURNS_A_MINUTE = ("1/min", "U/min", "min-1", "min^-1", "min**-1")
 
+# Quotes that a word processor puts in the place of straight ones.
+_TYPOGRAPHIC = "[\u201c\u201d\u201e\u2018\u2019\u00ab\u00bb]"
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _QUANTITY = re.compile(rf"\s*((?>{_NUMBER}))\s*([^,].*)")
 # Names with one digit of exponent, "m2", "m^2", "m**2", "s-1", and between them *, /, · or a space.
@@ -121,6 +123,8 @@ def _slip(text: str, error: str) -> str:
     if place is None:
         return error
     line = text.split("\n")[int(place[1]) - 1]
+    if re.search(rf"=\s*{_TYPOGRAPHIC}", line):
+        return f'line {place[1]} has typographic quotes: write straight ones, "..."'
     if comma := re.match(r"[^#\"']*=\s*([+-]?\d+),(\d+)", line):
         return f"line {place[1]} has a decimal comma: write {comma[1]}.{comma[2]}"
     if bare := re.match(rf"[^#\"']*=\s*({_NUMBER}\s*[^\W\d][^#]*)", line):
@@ -156,6 +160,8 @@ def read_value(name: str, value: Any, folder: Path = Path()) -> float | str:
     require_parameter(name)
     parameter = NUMBERS[name]
     if isinstance(value, str):
+        if re.search(_TYPOGRAPHIC, value):
+            raise ValueError(f"Argument `{name}` must have no typographic quotes, but is {value}.")
         number = to_si(name, value)
     elif isinstance(value, int | float) and not isinstance(value, bool):
         if parameter.unit != "1" and value != 0:

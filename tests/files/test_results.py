@@ -2,6 +2,7 @@
 
 import json
 import os
+import resource
 from dataclasses import asdict, dataclass
 
 import matplotlib.pyplot as plt
@@ -35,6 +36,17 @@ def test_a_failed_writer_leaves_what_was_there(tmp_path):
         partial.write_text("half")
         _ = 1 / 0
     assert path.read_text() == "before" and os.listdir(tmp_path) == ["a.json"]
+
+
+def test_a_full_disk_is_told_with_the_file(tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, limits[1]))
+    try:
+        with pytest.raises(OSError, match=r"a\.txt: File too large"):
+            results.write_text(tmp_path / "a.txt", 100 * "x")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert os.listdir(tmp_path) == []
 
 
 @pytest.mark.parametrize("suffix", ["txt", "json", "nc", "csv", "png"])

@@ -169,6 +169,11 @@ def test_values_out_of_range_are_refused_one_by_one():
         ('gravity = "5 1/min"', "`gravity` must have a unit of the kind m/s2"),
         ("clearance = 0,06", "is not TOML: line 1 has a decimal comma: write 0.06."),
         ('clearance = "0,06 mm"', "'0,06 mm' has a decimal comma: write '0.06 mm'"),
+        (
+            "speed = \u201c286 rpm\u201d",
+            "is not TOML: line 1 has typographic quotes: write straight",
+        ),
+        ('speed = "\u201e286 rpm\u201c"', "`speed` must have no typographic quotes"),
         ("friction = 0.1\nspeed = 30 rpm", 'line 2 has a quantity without quotes: write "30 rpm".'),
         ('speed = "5 Hz"', "has 'Hz' (turns or radians? Write rpm or rad/s)"),
         ('speed = "5 1/s"', "has '1/s' (turns or radians? Write rpm or rad/s)"),
