@@ -98,7 +98,7 @@ def answer(found: Answer) -> str:
     ]
     against, reasons = [], []
     if found.stable_orbits == 0:
-        against.append("no stable orbit of one turn was found in the box")
+        against.append("the map of the box found no stable orbit of one turn")
     if why := _unconfirmed(found):
         against.append("not confirmed")
         reasons.append(why)

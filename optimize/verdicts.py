@@ -25,6 +25,8 @@ ALIKE = 0.01
 APART = 0.02
 # What a bearing's clearance takes off the RMS of a quiet motion at most.
 BELOW_IDEAL = 0.003
+# A slope of a periodic orbit is NaN only there.
+NO_SLOPES = "the orbit at the optimum loses contact, and slopes of such orbits are not known"
 
 
 def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
@@ -130,6 +132,8 @@ def _slopes(answer: Answer, best: Confirmed, case: Case) -> Check:
         return Check(name, report.usable, ", ".join(verdicts) + "; rule: each ok")
     if orbit is None:
         return Check(name, False, "none known")
+    if np.isnan(list(orbit.slopes.values())).any():
+        return Check(name, False, NO_SLOPES)
     good, details = True, []
     for parameter, slope in orbit.slopes.items():
         low, high = case.design.bounds[parameter]
@@ -211,6 +215,9 @@ def _decaying(best: Confirmed, orbit: Orbit) -> tuple[Check, ...]:
 
 def _stationary(answer: Answer, best: Confirmed, case: Case) -> Check:
     """Check the conditions of Karush, Kuhn and Tucker."""
+    name = "a minimum: each parameter at an active constraint, or without slope"
+    if np.isnan(list(answer.free_slopes.values())).any():
+        return Check(name, False, NO_SLOPES)
     bounds = case.design.bounds
     left = [
         (name, abs(slope) * (bounds[name][1] - bounds[name][0]) / abs(best.objective))
@@ -222,7 +229,7 @@ def _stationary(answer: Answer, best: Confirmed, case: Case) -> Check:
         f"slope by {name} {share:.1g} of the objective over the box" for name, share in left
     ]
     return Check(
-        "a minimum: each parameter at an active constraint, or without slope",
+        name,
         all(share <= VANISHED for _, share in left),
         "; ".join(details) + f"; rule: slopes <= {VANISHED:g}",
     )

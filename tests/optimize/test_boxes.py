@@ -93,7 +93,7 @@ def test_a_box_without_an_orbit(tmp_path, monkeypatch):
     answer, page, _ = searched(tmp_path, monkeypatch)
     assert answer.stable_orbits == 0 and answer.optimum is not None
     assert formatting.answer(answer).startswith(
-        "No stable orbit of one turn was found in the box; not "
+        "The map of the box found no stable orbit of one turn; not "
     )
     assert "settling.png is not drawn: no point of the map has a stable orbit of one turn" in page
     assert not (tmp_path / "box" / "settling.png").exists()

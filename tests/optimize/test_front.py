@@ -13,7 +13,7 @@ from optimize.front import front
 from optimize.local import descend
 from optimize.options import Options
 from optimize.problem import resolve
-from optimize.verdicts import _slopes
+from optimize.verdicts import _slopes, _stationary
 
 UPPER = np.ones(2)
 
@@ -103,6 +103,16 @@ def test_slopes_that_vanish_are_judged_by_the_objective(apart, good):
     case = SimpleNamespace(design=SimpleNamespace(bounds={"a": (0.0, 1.0)}))
     answer = SimpleNamespace(gradient_report=None)
     assert _slopes(cast(Any, answer), cast(Any, best), cast(Any, case)).passed == good
+
+
+def test_slopes_that_nobody_knows_are_told_in_words():
+    orbit = SimpleNamespace(slopes={"a": np.nan}, slopes_apart={"a": np.nan})
+    best = SimpleNamespace(settles=True, orbit=orbit, objective=1e4)
+    case = SimpleNamespace(design=SimpleNamespace(bounds={"a": (0.0, 1.0)}))
+    answer = SimpleNamespace(gradient_report=None, free_slopes={"a": np.nan}, active=())
+    for check in (_slopes, _stationary):
+        found = check(cast(Any, answer), cast(Any, best), cast(Any, case))
+        assert not found.passed and "loses contact" in found.detail
 
 
 def test_volume_is_that_of_the_links_of_each_design():

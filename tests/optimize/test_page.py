@@ -335,7 +335,7 @@ def test_the_first_sentence_recommends_only_what_nothing_speaks_against():
     assert formatting.answer(inside).startswith("Run it at 25 rad/s (239 rpm) with 0.06 mm")
     # Of a box without an orbit, and of a search that did not come to its checks.
     assert formatting.answer(replace(inside, stable_orbits=0)).startswith(
-        "No stable orbit of one turn was found in the box: the best is 25 rad/s"
+        "The map of the box found no stable orbit of one turn: the best is 25 rad/s"
     )
     assert formatting.answer(replace(inside, stable_orbits=3)).startswith("Run it at")
     unchecked = formatting.answer(replace(inside, checks=()))
