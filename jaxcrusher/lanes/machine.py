@@ -226,7 +226,7 @@ def _on_warps(kernels: Kernels, control: Control, shared: Shared) -> None:
         import cupy  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise ImportError(
-            "The engine `on_gpu` needs CuPy: pip install cupy-cuda13x, or cupy-cuda12x for CUDA 12."
+            "The engine `on_gpu` needs CuPy: pip install 'jaxcrusher[gpu]' (CUDA 12: cupy-cuda12x)."
         ) from None
     processors = cupy.cuda.Device().attributes["MultiProcessorCount"]
     count = min(-(-len(shared.starts) // WARPS.lanes), _WARPS_OF_EACH * processors)
