@@ -21,7 +21,8 @@ FIGURES = {
     "descents.",
     "settling.png": "Turns in which a disturbance of the periodic orbit falls to 1/e.",
     "starts.png": "The objective over the first turns, worse of both starts.",
-    "capacity.png": "Capacity over driving speed, with its floor and the box searched.",
+    "capacity.png": "Capacity over driving speed, with its floor and the box searched. By "
+    "laminating crushing theory a slower shaft crushes more, for a layer has more time to fall.",
     "pareto.png": "The objective against capacity and against the peak of the foundation force "
     "(of the peak and of the shaking force, its RMS); the front is what nothing beats in both.",
     "motion.png": "Orbit of the pin and foundation force of the optimum and of the design it is "
