@@ -17,7 +17,7 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.collocation import System, one_by_one
 from jaxcrusher.orbits.multipliers import of_slopes
-from jaxcrusher.orbits.random_forcing import Linear, band, covariance
+from jaxcrusher.orbits.random_forcing import LEAST, band, mean_variance, modes
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.trigonometric import resample
 
@@ -105,12 +105,15 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
     motion, force, depth = _seen_along(system, angle, states)
     dims = x.shape[1]
     by_x, by_rate, by_feed = jnp.split(motion.slope, (dims, 2 * dims), axis=2)
-    linear = Linear(by_x, by_rate, by_feed[:, :, 0], system)
     multipliers = of_slopes((by_x, by_rate), system.period).values  # the orbit's, with slopes
-    over = band(period * feed.bandwidth, period * WIDEST, multipliers)
+    free = modes((by_x, by_rate), by_feed[:, :, 0], system.period, multipliers)
     square = jnp.mean(force.value**2)
     root = jnp.sqrt(square)
-    unit, of_rms = covariance(linear, over, force.value[:, None] * force.slope / root)
+    bandwidth = period * feed.bandwidth
+    unit = resample(free.covariance(bandwidth), count)
+    over = band(bandwidth, period * WIDEST, multipliers)
+    by_state = resample(force.value[:, None] * force.slope / root, len(free.excited))
+    of_rms = mean_variance(free, over, by_state)
     of_force = jnp.einsum("ia,iab,ib->i", force.slope, unit, force.slope)
 
     # The mean shifts by what the curvature makes of the variance.
@@ -135,7 +138,8 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
         jnp.exp(contacts.log_losses(jnp.log(scatter))),
         _losing_scatter(contacts),
     )
-    good = jnp.where(orbit.stable, 1.0, jnp.nan)
+    known = jnp.all(jnp.abs(multipliers) > LEAST)
+    good = jnp.where(orbit.stable & known, 1.0, jnp.nan)
     return jax.tree.map(lambda leaf: good * leaf, found)
 
 

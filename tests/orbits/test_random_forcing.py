@@ -8,25 +8,23 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from jaxcrusher.orbits.collocation import System
-from jaxcrusher.orbits.random_forcing import Linear, band, covariance
+from jaxcrusher.orbits.random_forcing import band, mean_variance, modes
 
 COUNT = 64
 
 
 def seen(stiffness, damping, bandwidth, widest=None, turns=1):
     """Of x'' = w - stiffness x - damping x', looked at as if it had a period of so many turns."""
-    period = 2 * np.pi * turns
-    system = System(lambda *_: jnp.zeros(1), jnp.asarray(period), None)
+    period = jnp.asarray(2 * np.pi * turns)
     ones = jnp.ones((COUNT, 1, 1))
-    linear = Linear(-stiffness * ones, -damping * ones, ones[:, 0], system)
     root = jnp.sqrt(jnp.asarray(damping**2 / 4 - stiffness, complex))
     multipliers = jnp.exp(period * jnp.array([-damping / 2 + root, -damping / 2 - root]))
     widest = bandwidth if widest is None else widest
     over = band(jnp.asarray(turns * bandwidth), turns * widest, multipliers)
+    free = modes((-stiffness * ones, -damping * ones), ones[:, 0], period, multipliers)
     # The mean of x over a period.
-    weighted = jnp.zeros((COUNT, 3)).at[:, 0].set(1.0)
-    return covariance(linear, over, weighted)
+    weighted = jnp.zeros((len(free.excited), 3)).at[:, 0].set(1.0)
+    return free.covariance(jnp.asarray(turns * bandwidth)), mean_variance(free, over, weighted)
 
 
 def expected(stiffness, damping, bandwidth, of):
