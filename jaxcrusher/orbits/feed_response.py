@@ -161,10 +161,26 @@ def _seen_along(
         forces = foundation_force(snapshot, scene), *(one for _, one in elastic.present())
         return jnp.append(forced.acceleration(angle, place, rate, scene), jnp.stack(forces))
 
-    slope = jax.jacfwd(seen, argnums=1)
-    bend = jax.jacfwd(slope, argnums=1)
-    found = one_by_one(
-        lambda *at: _Seen(seen(*at), slope(*at), bend(*at)), (angle, states), system.args
+    def along(angle: Scalar, state: Array, one: Array, other: Array, scene: Scene) -> _Seen:
+        def slope(state: Array) -> tuple[Array, Array]:
+            return jax.jvp(lambda state: seen(angle, state, scene), (state,), (one,))
+
+        (value, sloped), (_, bent) = jax.jvp(slope, (state,), (other,))
+        return _Seen(value, sloped, bent)
+
+    # Pair by pair of directions: all at once, in reverse, take XLA ten minutes to compile.
+    size = states.shape[1]
+    first, second = np.triu_indices(size)
+    pair = np.zeros((size, size), int)
+    pair[first, second] = pair[second, first] = np.arange(len(first))
+    at = [jnp.repeat(part, len(first), axis=0) for part in (angle, states)]
+    towards = [jnp.tile(np.eye(size)[which], (len(angle), 1)) for which in (first, second)]
+    every = one_by_one(along, (*at, *towards), system.args)
+    every = jax.tree.map(lambda leaf: leaf.reshape(len(angle), len(first), -1), every)
+    found = _Seen(
+        every.value[:, 0],
+        jnp.moveaxis(every.slope[:, np.diagonal(pair)], 1, 2),
+        jnp.moveaxis(every.bend[:, pair], 3, 1),
     )
     parts = slice(dims), dims, slice(dims + 1, None)
     return tuple(jax.tree.map(lambda leaf, part=part: leaf[:, part], found) for part in parts)
