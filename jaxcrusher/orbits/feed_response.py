@@ -17,7 +17,7 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.collocation import System, one_by_one
 from jaxcrusher.orbits.multipliers import of_slopes
-from jaxcrusher.orbits.random_forcing import LEAST, band, mean_variance, modes
+from jaxcrusher.orbits.random_forcing import LEAST, Modes, band, mean_variance, modes
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.trigonometric import resample
 
@@ -96,17 +96,11 @@ class _Seen(eqx.Module):
 @eqx.filter_jit
 def _response(orbit: PeriodicOrbit) -> FeedResponse:
     feed, period = orbit.scene.load, orbit.period
-    assert isinstance(feed, RoughFeed) and orbit.eccentricity is not None
-    scene = steady(orbit.scene)
-    system, count = forced.system(scene, period), NODES * period
-    x = resample(orbit.eccentricity, count)
-    angle, place, rate = system.at(x, count)
-    states = jnp.concatenate([place, rate, jnp.zeros((count, 1))], axis=1)
-    motion, force, depth = _seen_along(system, angle, states)
-    dims = x.shape[1]
-    by_x, by_rate, by_feed = jnp.split(motion.slope, (dims, 2 * dims), axis=2)
-    multipliers = of_slopes((by_x, by_rate), system.period).values  # the orbit's, with slopes
-    free = modes((by_x, by_rate), by_feed[:, :, 0], system.period, multipliers)
+    assert isinstance(feed, RoughFeed)
+    about = linearised(orbit)
+    system, free, multipliers = about.system, about.modes, about.multipliers
+    motion, force, depth = about.motion, about.force, about.depth
+    count, dims = motion.value.shape
     square = jnp.mean(force.value**2)
     root = jnp.sqrt(square)
     bandwidth = period * feed.bandwidth
@@ -119,7 +113,8 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
     # The mean shifts by what the curvature makes of the variance.
     bent = jnp.einsum("icab,iab->ic", motion.bend, unit) / 2
     size = count * dims
-    shift = jnp.linalg.solve(system.jacobian(by_x, by_rate).reshape(size, size), -bent.ravel())
+    matrix = system.jacobian(*about.slopes).reshape(size, size)
+    shift = jnp.linalg.solve(matrix, -bent.ravel())
     shift = shift.reshape(count, dims)
     first = system.matrices(count)[0]
     shifts = jnp.concatenate([shift, first @ shift, jnp.zeros((count, 1))], axis=1)
@@ -130,7 +125,7 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
     contacts = _crossing(depth, first, unit, dims)
     scatter = feed.scatter
     found = FeedResponse(
-        angle,
+        about.angle,
         scatter * jnp.sqrt(jnp.diagonal(unit[:, :dims, :dims], axis1=1, axis2=2)),
         scatter * jnp.sqrt(of_force),
         scatter * jnp.sqrt(of_rms),
@@ -141,6 +136,40 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
     known = jnp.all(jnp.abs(multipliers) > LEAST)
     good = jnp.where(orbit.stable & known, 1.0, jnp.nan)
     return jax.tree.map(lambda leaf: good * leaf, found)
+
+
+class Linearised(eqx.Module):
+    """The equations about an orbit under a rough feed, and its modes."""
+
+    system: System
+    angle: Float[Array, " nodes"]
+    motion: _Seen  # x''
+    force: _Seen  # on the foundation
+    depth: _Seen  # elastic force of each joint
+    multipliers: Array
+    modes: Modes
+
+    @property
+    def slopes(self) -> tuple[Array, Array]:
+        """Return df/dx and df/dx' at the nodes."""
+        dims = self.motion.value.shape[1]
+        return self.motion.slope[:, :, :dims], self.motion.slope[:, :, dims:-1]
+
+
+def linearised(orbit: PeriodicOrbit) -> Linearised:
+    """Return the equations about an orbit under a rough feed."""
+    assert orbit.eccentricity is not None
+    count = NODES * orbit.period
+    system = forced.system(steady(orbit.scene), orbit.period)
+    x = resample(orbit.eccentricity, count)
+    angle, place, rate = system.at(x, count)
+    states = jnp.concatenate([place, rate, jnp.zeros((count, 1))], axis=1)
+    motion, force, depth = _seen_along(system, angle, states)
+    by_x, by_rate = jnp.split(motion.slope[:, :, :-1], 2, axis=2)
+    slopes = by_x, by_rate
+    multipliers = of_slopes(slopes, system.period).values  # the orbit's, with slopes
+    free = modes(slopes, motion.slope[:, :, -1], system.period, multipliers)
+    return Linearised(system, angle, motion, force, depth, multipliers, free)
 
 
 def _seen_along(
