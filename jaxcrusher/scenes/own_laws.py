@@ -28,7 +28,14 @@ from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import AbstractNormalForce
-from jaxcrusher.scenes.parameters import FILES, NUMBERS, PARAMETERS, WORN_JOINTS, Parameter
+from jaxcrusher.scenes.parameters import (
+    FILES,
+    NUMBERS,
+    PARAMETERS,
+    WORN_JOINTS,
+    Parameter,
+    check_description,
+)
 
 # Choice -> what its class must be, and the section of its numbers.
 _CONTACT = (AbstractNormalForce, AbstractBearing)
@@ -103,6 +110,12 @@ def make_known(entries: Iterable[tuple[str, Any]], folder: Path = Path()) -> Non
         for one in value if isinstance(value, tuple | list) else (value,):
             if is_own(name, one):
                 law_class(name, one, folder)
+
+
+def check_described(values: Mapping[str, Any]) -> None:
+    """Check a description, whose laws may be one's own; raises as `check_description` does."""
+    make_known(values.items())
+    check_description({name: value for name, value in values.items() if not is_own(name, value)})
 
 
 def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> eqx.Module:
