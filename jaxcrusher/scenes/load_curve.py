@@ -54,7 +54,7 @@ def load_curve(given: ArrayLike | str) -> PeriodicSpline | PeriodicSeries:
         kept = _through(known)
         points, known = points[kept], known[kept]
         if len(points) > MOST:
-            _tell_smoothed(known)
+            _tell_smoothed(known.tobytes())
     points = jnp.asarray(points)
     return _curve(points)
 
@@ -64,21 +64,19 @@ def _curve(points: Float[Array, "n 2"]) -> PeriodicSpline | PeriodicSeries:
     return spline if len(points) <= MOST else series_of(spline, ORDERS)
 
 
-def _tell_smoothed(points: Float[np.ndarray, "n 2"]) -> None:
-    """Say by how much a series misses the points, if that is much."""
+@functools.lru_cache(maxsize=64)  # scenes of one curve are built many times
+def _tell_smoothed(content: bytes) -> None:
+    """Say by how much a series misses its points, if that is much."""
+    points = np.frombuffer(content).reshape(-1, 2)
     angle, force = points.T
     with jax.ensure_compile_time_eval():
         off = np.abs(np.asarray(jax.vmap(_curve(jnp.asarray(points)))(angle)) - force).max()
     share = off / np.abs(force).max()
     if share > TOLD:
-        _tell_once(
+        tell(
             f"The load curve of {len(points)} points is smoothed to {ORDERS} orders of the shaft, "
             f"by {share:.1%} of its largest force at most."
         )
-
-
-# Scenes of one curve are built many times.
-_tell_once = functools.cache(tell)
 
 
 def read_curve(path: str) -> np.ndarray:
