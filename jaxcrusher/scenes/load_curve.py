@@ -70,7 +70,9 @@ def _tell_smoothed(content: bytes) -> None:
     points = np.frombuffer(content).reshape(-1, 2)
     angle, force = points.T
     with jax.ensure_compile_time_eval():
-        off = np.abs(np.asarray(jax.vmap(_curve(jnp.asarray(points)))(angle)) - force).max()
+        off = np.abs(
+            np.asarray(jax.vmap(_curve(jnp.asarray(points)))(jnp.asarray(angle))) - force
+        ).max()
     share = off / np.abs(force).max()
     if share > TOLD:
         tell(
