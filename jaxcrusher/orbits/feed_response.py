@@ -36,7 +36,8 @@ BISECTIONS, RANGE = 50, math.log(30.0)
 class FeedResponse(eqx.Module):
     """An orbit under a rough feed: standard deviations by angle, and how often contact is lost.
 
-    Linear in the scatter, but for `expected_rms`. NaN where the orbit is not stable.
+    Linear in the scatter, but for `expected_rms`. NaN where the orbit is not stable, and where a
+    multiplier is below 1e-9.
     """
 
     angle: Float[Array, " nodes"]  # of the shaft, rad, over the period
@@ -56,7 +57,7 @@ class FeedResponse(eqx.Module):
 def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
     """Return the linear response of an orbit to the rough feed of its scene.
 
-    Harmonic transfer functions (`jaxcrusher.orbits.random_forcing`) give the covariance of the
+    Floquet's modes (`jaxcrusher.orbits.random_forcing`) give the covariance of the
     motion by angle, and Rice's formula how often the elastic force at a joint crosses zero. That
     force, and not the penetration, is near to linear in the load. Infinitely many cosines stand for
     the feed's, so that it is the mean over seeds.
@@ -139,7 +140,7 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
 
 
 class Linearised(eqx.Module):
-    """The equations about an orbit under a rough feed, and its modes."""
+    """The equations about an orbit, with the load's factor 1 + w as a state, and its modes."""
 
     system: System
     angle: Float[Array, " nodes"]
