@@ -12,7 +12,8 @@ from jaxtyping import Array, ArrayLike, Float
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import concrete, require, require_known
-from jaxcrusher.scenes.parameters import check_description, check_number
+from jaxcrusher.scenes.own_laws import check_described
+from jaxcrusher.scenes.parameters import check_number
 
 
 class Completion(Protocol):
@@ -72,6 +73,7 @@ class Design:
 
     def __post_init__(self):
         require(len(self.bounds) > 0, "bounds", "name a parameter", dict(self.bounds))
+        check_described(self.fixed)  # a law of one's own makes its numbers known
         extra = [name for completion in self.completions for name in completion.inputs]
         for name, (low, high) in self.bounds.items():
             require_known(name, (*jc.PARAMETERS, *extra))
@@ -80,7 +82,6 @@ class Design:
             if name in jc.PARAMETERS:
                 check_number(name, np.array([low, high]))
             require(name not in self.fixed, "fixed", "hold no free parameter", name)
-        check_description(self.fixed)
 
     @property
     def names(self) -> tuple[str, ...]:

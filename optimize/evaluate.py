@@ -15,6 +15,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import run_all
 from jaxcrusher.batch.sweep import row_of
 from jaxcrusher.crusher.capacity import CrushingChamber
+from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.motion.statistic import always_of
@@ -197,9 +198,11 @@ def started(
 ) -> jc.Scene:
     """The scene of a description from one of the `STARTS`, `shift` clearances off.
 
-    With the start as numbers, the scenes of all starts run as one program.
+    With the start as numbers, the scenes of all starts run as one program. A rough feed's motions
+    are those under its mean load.
     """
-    return shifted_start(jc.build_scene({**description, "start": start}), Vector(*shift))
+    scene = steady(jc.build_scene({**description, "start": start}))
+    return shifted_start(scene, Vector(*shift))
 
 
 @eqx.filter_jit

@@ -1,13 +1,16 @@
 """The objectives of the search by name: each is a function of a motion's statistics."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import jax.numpy as jnp
 from jaxtyping import Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
+from jaxcrusher.crusher.rough_feed import RoughFeed
 from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.orbits.feed_response import TURNS
 
 Formula = Callable[[jc.Statistics | jc.PeriodicOrbit, jc.Scene, CrushingChamber], Scalar]
 
@@ -36,6 +39,20 @@ def _excess(statistics: jc.Statistics | jc.PeriodicOrbit, scene: jc.Scene, _) ->
     return statistics.foundation_rms - jc.periodic_orbit(scene.ideal()).foundation_rms
 
 
+def _expected(found: jc.Statistics | jc.PeriodicOrbit, scene: jc.Scene, _) -> Scalar:
+    """The RMS that a rough feed makes of an orbit.
+
+    NaN of a motion that is integrated, which is one under the mean load, and of an orbit that loses
+    contact more than once in `TURNS`: the response to the feed is then not linear.
+    """
+    if not isinstance(found, jc.PeriodicOrbit):
+        return jnp.full_like(found.foundation_rms, jnp.nan)
+    if not isinstance(scene.load, RoughFeed):  # a free scatter at its bound 0
+        return found.foundation_rms
+    response = jc.feed_response(replace(found, scene=replace(found.scene, load=scene.load)))
+    return jnp.where(response.losses <= 1 / TURNS, response.expected_rms, jnp.nan)
+
+
 def _per_volume(name: str) -> Formula:
     """A power (W) over the capacity (m3/h), in J/m3."""
 
@@ -61,6 +78,9 @@ OBJECTIVES = {
     "shaking_peak": plain("shaking_peak"),
     "shaking_moment_rms": plain("shaking_moment_rms"),
     **{name: plain(name) for name in OF_SUPPORTS},
+    "expected_rms": Objective(
+        "N", "RMS of |R_O| + |R_C| expected under the rough feed", ("foundation_rms",), _expected
+    ),
     "excess": Objective("N", "RMS less that of the ideal joint", ("foundation_rms",), _excess),
     "joint_peak": plain("joint_peak"),
     "wear": Objective(

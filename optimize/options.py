@@ -58,17 +58,19 @@ class Options(Effort):
         "transmitted_peak",
         "frame_displacement_peak",
         "frame_velocity_rms",
+        "expected_rms",
         "excess",
         "joint_peak",
         "wear",
         "energy",
     ] = "rms"
     """What to make small: RMS, peak, smooth peak or mean of the foundation force |R_O| + |R_C|, RMS
-    or peak of the shaking force (what moves of the force on the ground), the RMS's excess over the
-    ideal joint, the peak force in the bearing (all N), RMS of what moves of the moment on the
-    ground (N m), sliding work or drive energy per volume crushed (J/m3). Of a frame on supports:
-    RMS or peak of what moves of the force that they pass to the ground (N), how far the frame
-    comes from its mean place (m), RMS of its speed (m/s)."""
+    or peak of the shaking force (what moves of the force on the ground), the RMS expected under a
+    rough feed (of a scene with load_scatter), the RMS's excess over the ideal joint, the peak force
+    in the bearing (all N), RMS of what moves of the moment on the ground (N m), sliding work or
+    drive energy per volume crushed (J/m3). Of a frame on supports: RMS or peak of what moves of the
+    force that they pass to the ground (N), how far the frame comes from its mean place (m), RMS of
+    its speed (m/s)."""
     speed: Range = ("25", "40rad/s")
     """Lowest and highest driving speed, the first in the unit of the second."""
     clearance: Range = ("0.03", "0.12mm")

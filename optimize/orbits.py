@@ -155,8 +155,10 @@ def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
 def coexisting(case: Case, values: dict[str, float]) -> tuple[Coexisting, ...]:
     """Return the stable orbits that random starts about the centred one come to."""
     described = {**case.design.fixed, **values}
-    scene, chamber = started(described, "centred"), case.chamber_of(described)
-    found = jc.coexisting_orbits(scene, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
+    scene, chamber = jc.build_scene(described), case.chamber_of(described)
+    found = jc.coexisting_orbits(
+        started(described, "centred"), starts=ENSEMBLE, turns=ENSEMBLE_TURNS
+    )
     return tuple(
         Coexisting(share, orbit, float(case.objective.formula(orbit, scene, chamber)))
         for orbit, share in zip(found.orbits, found.shares, strict=True)

@@ -210,7 +210,10 @@ def _description(options: Options) -> dict[str, Any]:
         values |= {"impact_law": "constant", "impact_velocity": velocity}
     require(values.get("joint") != "ideal", "scene", "have a joint with clearance", "ideal")
     rough = "load_scatter" in {*values, *(name for name, _, _ in options.design)}
-    require(not rough, "load_scatter", "not be given to the search, whose motions repeat", "given")
+    expected = options.objective == "expected_rms"
+    must = "come with the objective expected_rms, as motions of others repeat"
+    require(expected or not rough, "load_scatter", must, f"given with {options.objective}")
+    require(rough or not expected, "objective", "be another without load_scatter", "expected_rms")
     # The search tries both starts itself.
     values.pop("start", None)
     return values

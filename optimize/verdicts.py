@@ -4,6 +4,7 @@ import numpy as np
 import xarray as xr
 
 import jaxcrusher as jc
+from jaxcrusher.orbits.feed_response import TURNS
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
 from optimize import decay
@@ -240,6 +241,12 @@ def remark(best: Confirmed | None, problem: Problem) -> str:
     case = problem.case
     if best is None:
         return "There is no least value. Maps and runs show how the designs of the box move."
+    if problem.sought.name == "expected_rms":
+        return (
+            f"Least {case.objective.meaning}, by the response of orbits to it. All other numbers, "
+            "and the motions of long runs, are those under the mean load. Designs that lose "
+            f"contact under the feed more than once in {TURNS:g} turns do not count."
+        )
     if not problem.of_the_paper:
         return f"Least {case.objective.meaning}; the other numbers are reported beside it."
     speeds = case.design.bounds.get("speed")

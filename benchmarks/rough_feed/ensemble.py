@@ -10,11 +10,8 @@ import numpy as np
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.crusher.rough_feed import RoughFeed, rough_feed, steady
-from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.feed_response import NODES, _seen_along
-from jaxcrusher.orbits.random_forcing import Linear
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.crusher.rough_feed import RoughFeed, rough_feed
+from jaxcrusher.orbits.feed_response import linearised
 
 # Sets of orders, pairs of opposite phases of each, turns of each motion, instants of each turn.
 SETS, PAIRS, TURNS, INSTANTS = 8, 20, 4, 256
@@ -27,21 +24,10 @@ class Fed(NamedTuple):
     start: np.ndarray
 
 
-def linearised(orbit: jc.PeriodicOrbit) -> tuple[Linear, jax.Array]:
-    """Return the equations about an orbit, and the slope of the force by (x, x', w)."""
-    system = forced.system(steady(orbit.scene), 1)
-    assert orbit.eccentricity is not None
-    angle, x, rate = system.at(resample(orbit.eccentricity, NODES), NODES)
-    motion, force, _ = _seen_along(system, angle, jnp.concatenate([x, rate, 0 * x[:, :1]], axis=1))
-    dims = x.shape[1]
-    blocks = motion.slope[:, :, :dims], motion.slope[:, :, dims:-1], motion.slope[:, :, -1]
-    return Linear(*blocks, system), force.slope
-
-
 def feeds(orbit: jc.PeriodicOrbit) -> list[Fed]:
     """Return random feeds; a motion that starts on its response has no swing left of a start."""
-    linear, _ = linearised(orbit)
-    begin = eqx.filter_jit(lambda order: linear.responses(order, np.zeros(1))[0, :-1, 0])
+    modes = linearised(orbit).modes
+    begin = eqx.filter_jit(lambda order: modes.responses(order, np.zeros(1))[0, :-1, 0])
     random, found = np.random.default_rng(0), []
     load = orbit.scene.load
     assert isinstance(load, RoughFeed)

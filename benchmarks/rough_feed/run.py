@@ -10,8 +10,10 @@ from matplotlib.figure import Figure
 
 import jaxcrusher as jc
 from benchmarks.pages import table
-from benchmarks.rough_feed.ensemble import compared, feeds, linearised
+from benchmarks.rough_feed.ensemble import compared, feeds
 from jaxcrusher.files.results import write_figure
+from jaxcrusher.orbits.feed_response import linearised
+from jaxcrusher.orbits.trigonometric import resample
 from jaxcrusher.pictures.page import STYLE, WIDTH
 
 # The paper's choice and the search's: speed (rad/s) and clearance (m).
@@ -82,11 +84,12 @@ def figure() -> Figure:
 
 def by_order(orbit: jc.PeriodicOrbit) -> np.ndarray:
     """Return the RMS over the turn of the force's amplitude, by order."""
-    linear, slope = linearised(orbit)
+    about = linearised(orbit)
+    slope = resample(about.force.slope, len(about.modes.excited))
 
     @eqx.filter_jit
     def size(order):
-        seen = jnp.einsum("ia,ia->i", slope, linear.responses(order, np.zeros(1))[:, :, 0])
+        seen = jnp.einsum("ia,ia->i", slope, about.modes.responses(order, np.zeros(1))[:, :, 0])
         return jnp.sqrt(jnp.mean(jnp.abs(seen) ** 2))
 
     return np.array([float(size(jnp.asarray(order))) for order in ORDERS])

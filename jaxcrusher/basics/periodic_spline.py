@@ -5,6 +5,7 @@ all of it behind it. So no interval is looked up by a number that is traced, and
 """
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
@@ -62,3 +63,28 @@ def spline_through(angles: Float[Array, " n"], values: Float[Array, " n"]) -> Pe
         second / 2,
         (after - second) / (6 * width),
     )
+
+
+class PeriodicSeries(eqx.Module):
+    """A Fourier series of period 2 pi."""
+
+    cosines: Float[Array, " orders"]  # from order 0
+    sines: Float[Array, " orders"]
+
+    def __call__(self, angle: Scalar) -> Scalar:
+        """Return the value at any angle (rad), by the recurrences of Clenshaw (1955)."""
+        cosine, sine = jnp.cos(angle), jnp.sin(angle)
+        zero = jnp.zeros_like(cosine)
+        even, before, odd, behind = zero, zero, zero, zero
+        for order in range(len(self.cosines) - 1, 0, -1):
+            even, before = self.cosines[order] + 2 * cosine * even - before, even
+            odd, behind = self.sines[order] + 2 * cosine * odd - behind, odd
+        return self.cosines[0] + cosine * even - before + sine * odd
+
+
+def series_of(spline: PeriodicSpline, orders: int) -> PeriodicSeries:
+    """Return the first orders of a spline's Fourier series, from its values at many angles."""
+    count = max(8 * len(spline.start), 8 * orders)
+    seen = jnp.fft.rfft(jax.vmap(spline)(jnp.arange(count) * TURN / count))[:orders]
+    both = 2 * seen / count
+    return PeriodicSeries(both.real.at[0].divide(2.0), -both.imag)

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
-from jaxcrusher.basics.periodic_spline import PeriodicSpline
+from jaxcrusher.basics.periodic_spline import PeriodicSeries, PeriodicSpline
 from jaxcrusher.basics.plane import Vector, optional_scalar, scalar
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.linkage import Chain
@@ -129,7 +129,7 @@ class ClosingStroke(AbstractLoad):
 class ByAngle(AbstractLoad):
     """A curve over the shaft's angle, as loads are measured and published, times a factor."""
 
-    curve: PeriodicSpline  # N, of rad
+    curve: PeriodicSpline | PeriodicSeries  # N, of rad
     direction: Callable[[JawMotion], Vector] = eqx.field(static=True)
     factor: Scalar = eqx.field(converter=scalar, default=1.0)
     along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2

@@ -71,6 +71,19 @@ def rough_feed(
     return RoughFeed(load, scatter, bandwidth, places, phases)
 
 
+def later(scene: Scene, angle: Any) -> Scene:
+    """Return the scene whose time zero is when the shaft has turned by `angle` (rad).
+
+    A run that goes on from the state of another one begins its rough feed again; under this scene
+    it goes on with it. `angle` is whole turns, as states are known at angle zero.
+    """
+    load = scene.load
+    if not isinstance(load, RoughFeed):
+        return scene
+    phases = load.phases + load.places * (load.bandwidth * angle)
+    return dataclasses.replace(scene, load=dataclasses.replace(load, phases=phases))
+
+
 def steady(scene: Scene) -> Scene:
     """Return the scene under its mean load, which repeats with the shaft's turn."""
     load = scene.load

@@ -3,12 +3,14 @@
 import hashlib
 import re
 import shutil
+import sys
 import zipfile
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 
 from jaxcrusher.files.durable import writing
@@ -52,8 +54,13 @@ class Journal:
 
 
 def text_of(value: Any) -> str:
-    """Return an object as text without addresses, which differ from process to process."""
-    return re.sub(" at 0x[0-9a-f]+", "", str(value))
+    """Return an object as text, with the values of its arrays.
+
+    Addresses are left out, as they differ from process to process.
+    """
+    with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
+        text = eqx.tree_pformat(value, short_arrays=False, width=10**6)
+    return re.sub(" at 0x[0-9a-f]+", "", text)
 
 
 def _read(path: Path) -> Arrays | None:

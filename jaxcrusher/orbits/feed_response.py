@@ -17,7 +17,7 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.collocation import System, one_by_one
 from jaxcrusher.orbits.multipliers import of_slopes
-from jaxcrusher.orbits.random_forcing import Linear, band, covariance
+from jaxcrusher.orbits.random_forcing import LEAST, Modes, band, mean_variance, modes
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.trigonometric import resample
 
@@ -36,7 +36,8 @@ BISECTIONS, RANGE = 50, math.log(30.0)
 class FeedResponse(eqx.Module):
     """An orbit under a rough feed: standard deviations by angle, and how often contact is lost.
 
-    Linear in the scatter, but for `expected_rms`. NaN where the orbit is not stable.
+    Linear in the scatter, but for `expected_rms`. NaN where the orbit is not stable, and where a
+    multiplier is below 1e-9.
     """
 
     angle: Float[Array, " nodes"]  # of the shaft, rad, over the period
@@ -56,7 +57,7 @@ class FeedResponse(eqx.Module):
 def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
     """Return the linear response of an orbit to the rough feed of its scene.
 
-    Harmonic transfer functions (`jaxcrusher.orbits.random_forcing`) give the covariance of the
+    Floquet's modes (`jaxcrusher.orbits.random_forcing`) give the covariance of the
     motion by angle, and Rice's formula how often the elastic force at a joint crosses zero. That
     force, and not the penetration, is near to linear in the load. Infinitely many cosines stand for
     the feed's, so that it is the mean over seeds.
@@ -96,27 +97,25 @@ class _Seen(eqx.Module):
 @eqx.filter_jit
 def _response(orbit: PeriodicOrbit) -> FeedResponse:
     feed, period = orbit.scene.load, orbit.period
-    assert isinstance(feed, RoughFeed) and orbit.eccentricity is not None
-    scene = steady(orbit.scene)
-    system, count = forced.system(scene, period), NODES * period
-    x = resample(orbit.eccentricity, count)
-    angle, place, rate = system.at(x, count)
-    states = jnp.concatenate([place, rate, jnp.zeros((count, 1))], axis=1)
-    motion, force, depth = _seen_along(system, angle, states)
-    dims = x.shape[1]
-    by_x, by_rate, by_feed = jnp.split(motion.slope, (dims, 2 * dims), axis=2)
-    linear = Linear(by_x, by_rate, by_feed[:, :, 0], system)
-    multipliers = of_slopes((by_x, by_rate), system.period).values  # the orbit's, with slopes
-    over = band(period * feed.bandwidth, period * WIDEST, multipliers)
+    assert isinstance(feed, RoughFeed)
+    about = linearised(orbit)
+    system, free, multipliers = about.system, about.modes, about.multipliers
+    motion, force, depth = about.motion, about.force, about.depth
+    count, dims = motion.value.shape
     square = jnp.mean(force.value**2)
     root = jnp.sqrt(square)
-    unit, of_rms = covariance(linear, over, force.value[:, None] * force.slope / root)
+    bandwidth = period * feed.bandwidth
+    unit = resample(free.covariance(bandwidth), count)
+    over = band(bandwidth, period * WIDEST, multipliers)
+    by_state = resample(force.value[:, None] * force.slope / root, len(free.excited))
+    of_rms = mean_variance(free, over, by_state)
     of_force = jnp.einsum("ia,iab,ib->i", force.slope, unit, force.slope)
 
     # The mean shifts by what the curvature makes of the variance.
     bent = jnp.einsum("icab,iab->ic", motion.bend, unit) / 2
     size = count * dims
-    shift = jnp.linalg.solve(system.jacobian(by_x, by_rate).reshape(size, size), -bent.ravel())
+    matrix = system.jacobian(*about.slopes).reshape(size, size)
+    shift = jnp.linalg.solve(matrix, -bent.ravel())
     shift = shift.reshape(count, dims)
     first = system.matrices(count)[0]
     shifts = jnp.concatenate([shift, first @ shift, jnp.zeros((count, 1))], axis=1)
@@ -127,7 +126,7 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
     contacts = _crossing(depth, first, unit, dims)
     scatter = feed.scatter
     found = FeedResponse(
-        angle,
+        about.angle,
         scatter * jnp.sqrt(jnp.diagonal(unit[:, :dims, :dims], axis1=1, axis2=2)),
         scatter * jnp.sqrt(of_force),
         scatter * jnp.sqrt(of_rms),
@@ -135,8 +134,43 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
         jnp.exp(contacts.log_losses(jnp.log(scatter))),
         _losing_scatter(contacts),
     )
-    good = jnp.where(orbit.stable, 1.0, jnp.nan)
+    known = jnp.all(jnp.abs(multipliers) > LEAST)
+    good = jnp.where(orbit.stable & known, 1.0, jnp.nan)
     return jax.tree.map(lambda leaf: good * leaf, found)
+
+
+class Linearised(eqx.Module):
+    """The equations about an orbit, with the load's factor 1 + w as a state, and its modes."""
+
+    system: System
+    angle: Float[Array, " nodes"]
+    motion: _Seen  # x''
+    force: _Seen  # on the foundation
+    depth: _Seen  # elastic force of each joint
+    multipliers: Array
+    modes: Modes
+
+    @property
+    def slopes(self) -> tuple[Array, Array]:
+        """Return df/dx and df/dx' at the nodes."""
+        dims = self.motion.value.shape[1]
+        return self.motion.slope[:, :, :dims], self.motion.slope[:, :, dims:-1]
+
+
+def linearised(orbit: PeriodicOrbit) -> Linearised:
+    """Return the equations about an orbit under a rough feed."""
+    assert orbit.eccentricity is not None
+    count = NODES * orbit.period
+    system = forced.system(steady(orbit.scene), orbit.period)
+    x = resample(orbit.eccentricity, count)
+    angle, place, rate = system.at(x, count)
+    states = jnp.concatenate([place, rate, jnp.zeros((count, 1))], axis=1)
+    motion, force, depth = _seen_along(system, angle, states)
+    by_x, by_rate = jnp.split(motion.slope[:, :, :-1], 2, axis=2)
+    slopes = by_x, by_rate
+    multipliers = of_slopes(slopes, system.period).values  # the orbit's, with slopes
+    free = modes(slopes, motion.slope[:, :, -1], system.period, multipliers)
+    return Linearised(system, angle, motion, force, depth, multipliers, free)
 
 
 def _seen_along(
@@ -157,10 +191,26 @@ def _seen_along(
         forces = foundation_force(snapshot, scene), *(one for _, one in elastic.present())
         return jnp.append(forced.acceleration(angle, place, rate, scene), jnp.stack(forces))
 
-    slope = jax.jacfwd(seen, argnums=1)
-    bend = jax.jacfwd(slope, argnums=1)
-    found = one_by_one(
-        lambda *at: _Seen(seen(*at), slope(*at), bend(*at)), (angle, states), system.args
+    def along(angle: Scalar, state: Array, one: Array, other: Array, scene: Scene) -> _Seen:
+        def slope(state: Array) -> tuple[Array, Array]:
+            return jax.jvp(lambda state: seen(angle, state, scene), (state,), (one,))
+
+        (value, sloped), (_, bent) = jax.jvp(slope, (state,), (other,))
+        return _Seen(value, sloped, bent)
+
+    # Pair by pair of directions: all at once, in reverse, take XLA ten minutes to compile.
+    size = states.shape[1]
+    first, second = np.triu_indices(size)
+    pair = np.zeros((size, size), int)
+    pair[first, second] = pair[second, first] = np.arange(len(first))
+    at = [jnp.repeat(part, len(first), axis=0) for part in (angle, states)]
+    towards = [jnp.tile(np.eye(size)[which], (len(angle), 1)) for which in (first, second)]
+    every = one_by_one(along, (*at, *towards), system.args)
+    every = jax.tree.map(lambda leaf: leaf.reshape(len(angle), len(first), -1), every)
+    found = _Seen(
+        every.value[:, 0],
+        jnp.moveaxis(every.slope[:, np.diagonal(pair)], 1, 2),
+        jnp.moveaxis(every.bend[:, pair], 3, 1),
     )
     parts = slice(dims), dims, slice(dims + 1, None)
     return tuple(jax.tree.map(lambda leaf, part=part: leaf[:, part], found) for part in parts)

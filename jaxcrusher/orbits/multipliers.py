@@ -53,10 +53,7 @@ def of_slopes(
     slopes: tuple[Float[Array, "n dims dims"], ...], period: Scalar, steps: int = STEPS
 ) -> Multipliers:
     """Return them from df/dx and df/dx' at equally spaced instants of the period."""
-    by_x, by_rate = slopes
-    zero, eye = jnp.zeros_like(by_x), jnp.broadcast_to(np.eye(by_x.shape[1]), by_x.shape)
-    upper, lower = (jnp.concatenate(row, axis=2) for row in ((zero, eye), (by_x, by_rate)))
-    along = jnp.concatenate([upper, lower], axis=1)
+    along = _first_order(slopes)
     coarse, fine = _monodromies(along, period, (steps // 2, steps))
     # Twice the steps leave a 64th of the error.
     error = jnp.max(jnp.abs(fine - coarse)) / jnp.max(jnp.abs(fine)) / 63
@@ -67,34 +64,71 @@ def of_slopes(
 
 def _monodromies(along: Array, period: Scalar, counts: tuple[int, int]) -> tuple[Array, Array]:
     """Multiply all steps, the last on the left, for either number of steps."""
+    scale, gauss = _looks(along, period, counts)
+
+    # Step by step, one number of steps after the other: XLA makes one kernel of the loop. Of all
+    # steps side by side it computes each product again for every entry of the next.
+    def pass_on(products, now) -> tuple[tuple[Array, Array], None]:
+        looks, begins = now
+        before, passed = products
+        before = jnp.where(begins, passed, before)
+        passed = jnp.where(begins, eye, passed)
+        return (before, _step(*looks) @ passed), None
+
+    eye, begins = jnp.eye(along.shape[1]), np.arange(sum(counts)) == counts[0]
+    one, other = jax.lax.scan(pass_on, (eye, eye), (gauss, begins))[0]
+    return one / scale, other / scale
+
+
+def fundamental(
+    slopes: tuple[Float[Array, "n dims dims"], ...], period: Scalar, steps: int = STEPS
+) -> tuple[Float[Array, "steps twodims twodims"], Float[Array, "twodims twodims"]]:
+    """Return d(x, x') / d(x, x') at the beginning, at the start of each step and at the end.
+
+    It is of df/dx and df/dx', as `of_slopes`.
+    """
+    along = _first_order(slopes)
+    scale, gauss = _looks(along, period, (steps,))
+
+    def pass_on(passed: Array, looks: tuple[Array, ...]) -> tuple[Array, Array]:
+        return _step(*looks) @ passed, passed
+
+    last, before = jax.lax.scan(pass_on, jnp.eye(along.shape[1]), gauss)
+    return before / scale, last / scale
+
+
+def _first_order(slopes: tuple[Float[Array, "n dims dims"], ...]) -> Array:
+    """Return d(x', x'') / d(x, x') at each instant."""
+    by_x, by_rate = slopes
+    zero, eye = jnp.zeros_like(by_x), jnp.broadcast_to(np.eye(by_x.shape[1]), by_x.shape)
+    upper, lower = (jnp.concatenate(row, axis=2) for row in ((zero, eye), (by_x, by_rate)))
+    return jnp.concatenate([upper, lower], axis=1)
+
+
+def _looks(
+    along: Array, period: Scalar, counts: tuple[int, ...]
+) -> tuple[Array, tuple[Array, ...]]:
+    """Return units of a product of steps, and the equations at Gauss' points of each step."""
     dims = along.shape[1] // 2
     # Rates in the unit of the fastest swing, so that all entries are of one size.
     pace = jnp.sqrt(jnp.max(jnp.abs(along[:, dims:, :dims])))
     units = jnp.concatenate([jnp.ones(dims), jnp.full(dims, 1 / pace)])
     scale = units[:, None] / units
     points = (-GAUSS, 0.0, GAUSS)
-    gauss = tuple(
+    return scale, tuple(
         jnp.concatenate([resample(period / n * scale * along, n, 0.5 + off) for n in counts])
         for off in points
     )
 
-    # Step by step, one number of steps after the other: XLA makes one kernel of the loop. Of all
-    # steps side by side it computes each product again for every entry of the next.
-    def pass_on(products, now) -> tuple[tuple[Array, Array], None]:
-        (early, first, late), begins = now
-        before, passed = products
-        before = jnp.where(begins, passed, before)
-        passed = jnp.where(begins, eye, passed)
-        second = (late - early) / (2 * GAUSS)
-        third = (late - 2 * first + early) / (2 * GAUSS**2)
-        inner = _bracket(first, second)
-        outer = -_bracket(first, 2 * third + inner) / 60
-        bend = _bracket(-20 * first - third + inner, second + outer) / 240
-        return (before, _exponential(first + third / 12 + bend) @ passed), None
 
-    eye, begins = jnp.eye(2 * dims), np.arange(sum(counts)) == counts[0]
-    one, other = jax.lax.scan(pass_on, (eye, eye), (gauss, begins))[0]
-    return one / scale, other / scale
+def _step(early: Array, first: Array, late: Array) -> Array:
+    """Return what a step multiplies a disturbance by."""
+    second = (late - early) / (2 * GAUSS)
+    third = (late - 2 * first + early) / (2 * GAUSS**2)
+    inner = _bracket(first, second)
+    outer = -_bracket(first, 2 * third + inner) / 60
+    bend = _bracket(-20 * first - third + inner, second + outer) / 240
+    return _exponential(first + third / 12 + bend)
 
 
 def _bracket(a: Array, b: Array) -> Array:

@@ -1,9 +1,10 @@
-"""A periodic orbit under a small random force: covariances by harmonic transfer functions.
+"""A periodic orbit under a small random force: covariances by Floquet's modes.
 
-x'' = f(t, x, x') + b(t) w(t), b of the orbit's period. To w = exp(i nu t) the linear response is
-exp(i nu t) p(t) with p periodic (Wereley, Analysis and Control of Linear Periodically Time Varying
-Systems, MIT 1991): d/dt becomes d/dt + i nu in the orbit's own equations. The covariance is the
-integral over the band of w, which has unit variance and a flat spectrum from 0 to `bandwidth`.
+x'' = f(t, x, x') + b(t) w(t), b of the orbit's period T. With the phase 2 pi t / T small motions
+(x, x') are sums of modes v_j a_j with v_j periodic and a_j' = e_j a_j + g_j w. To w = exp(i nu)
+times the phase each harmonic k of g_j answers by g_jk / (i (nu + k) - e_j); their sum is the
+harmonic transfer function (Wereley, Analysis and Control of Linear Periodically Time Varying
+Systems, MIT 1991). The random w has unit variance and a flat spectrum from 0 to a bandwidth B.
 """
 
 import math
@@ -12,50 +13,94 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import lu_factor, lu_solve
 from jaxtyping import Array, Complex, Float, Scalar
 
-from jaxcrusher.orbits.collocation import System
-from jaxcrusher.orbits.trigonometric import nodes
+from jaxcrusher.orbits.multipliers import fundamental
+from jaxcrusher.orbits.trigonometric import nodes, resample
 
 # Of Gauss and Legendre on either side of each resonance: 1e-7 of the integral over a resonance
 # whose width is 1e-5 of the period's frequency.
 POINTS = 14
+# The least multiplier whose mode is known, to 1e-7.
+LEAST = 1e-9
 
 
-class Linear(eqx.Module):
-    """The equations about an orbit: df/dx, df/dx' and b at its nodes, and the frequency 1 / T."""
+class Modes(eqx.Module):
+    """Floquet's modes of an orbit, and what the force excites of each, at equal steps."""
 
-    by_x: Float[Array, "nodes dims dims"]
-    by_rate: Float[Array, "nodes dims dims"]
-    force: Float[Array, "nodes dims"]
-    system: System
+    exponents: Complex[Array, " modes"]  # e
+    shapes: Complex[Array, "steps states modes"]  # v: x and x'
+    excited: Complex[Array, "steps modes"]  # g
 
     @property
-    def pace(self) -> Scalar:
-        """Return 2 pi / T."""
-        return 2 * np.pi / self.system.period
+    def orders(self) -> np.ndarray:
+        """Return the harmonics in the order of FFTs."""
+        count = len(self.excited)
+        return np.fft.fftfreq(count, 1 / count)
 
     def responses(
         self, share: Scalar, harmonics: Float[np.ndarray, " forces"]
-    ) -> Complex[Array, "nodes states forces"]:
-        """Return (x, x', w) exp(-i pace share t) for the forces w = exp(i pace (share + k) t).
+    ) -> Complex[Array, "steps states forces"]:
+        """Return (x, x', w) exp(-i share phase) for w = exp(i (share + k) phase).
 
-        k are the `harmonics`: forces whose frequencies are whole numbers apart have one matrix.
+        k are the `harmonics`.
         """
-        count, dims = self.force.shape
-        first, _ = self.system.matrices(count)
-        eye, shift = np.eye(dims), 1j * self.pace * share
-        mixed = jnp.einsum("iab,ij->iajb", self.by_rate, np.eye(count))
-        mixed -= 2 * jnp.einsum("ab,ij->iajb", eye, first)
-        matrix = self.system.jacobian(self.by_x, self.by_rate) + shift * mixed
-        matrix = matrix.reshape(count * dims, count * dims) - shift**2 * np.eye(count * dims)
-        waves = jnp.exp(2j * np.pi * nodes(count)[:, None] * harmonics)
-        right = -(self.force[:, :, None] * waves[:, None]).reshape(count * dims, -1)
-        x = lu_solve(lu_factor(matrix), right)
-        rate = (first @ x.reshape(count, -1)).reshape(x.shape) + shift * x
-        parts = [part.reshape(count, dims, -1) for part in (x, rate)]
-        return jnp.concatenate([*parts, waves[:, None]], axis=1)
+        poles = 1j * (self.orders[:, None] + share + harmonics)[:, None] - self.exponents[:, None]
+        sizes = jnp.fft.ifft(jnp.fft.fft(self.excited, axis=0)[:, :, None] / poles, axis=0)
+        waves = jnp.exp(2j * np.pi * nodes(len(sizes))[:, None] * harmonics)
+        motion = jnp.einsum("iaj,ijh,ih->iah", self.shapes, sizes, waves)
+        return jnp.concatenate([motion, waves[:, None]], axis=1)
+
+    def covariance(self, bandwidth: Scalar) -> Float[Array, "steps states states"]:
+        """Return the covariance of (x, x', w) for a `bandwidth` in 1 / T.
+
+        The mean of a_j w is an integral over the band, of g_jk / (i (nu + k) - e_j), and that of
+        a_j conj(a_l) follows from its own equation, which these force.
+        """
+        poles = 1j * self.orders[:, None] - self.exponents
+        edge = 1j * bandwidth
+        band = -1j * (jnp.log(poles + edge) - jnp.log(poles - edge)) / (2 * bandwidth)
+        beside = jnp.fft.ifft(jnp.fft.fft(self.excited, axis=0) * band, axis=0)
+        forcing = beside[:, :, None] * jnp.conj(self.excited)[:, None]
+        forcing += jnp.conj(jnp.swapaxes(forcing, 1, 2))
+        decay = self.exponents[:, None] + jnp.conj(self.exponents)
+        poles = 1j * self.orders[:, None, None] - decay
+        both = jnp.fft.ifft(jnp.fft.fft(forcing, axis=0) / poles, axis=0)
+        motion = jnp.einsum("iaj,ijl,ibl->iab", self.shapes, both, jnp.conj(self.shapes)).real
+        with_force = jnp.einsum("iaj,ij->ia", self.shapes, beside).real
+        above = jnp.concatenate([motion, with_force[:, :, None]], axis=2)
+        below = jnp.concatenate([with_force, jnp.ones((len(beside), 1))], axis=1)
+        return jnp.concatenate([above, below[:, None]], axis=1)
+
+
+def modes(
+    slopes: tuple[Float[Array, "nodes dims dims"], ...],
+    force: Float[Array, "nodes dims"],
+    period: Scalar,
+    multipliers: Complex[Array, " modes"],
+) -> Modes:
+    """Return the modes of an orbit from df/dx, df/dx' and b at its nodes.
+
+    Its `multipliers` differ from each other, and none is smaller than `LEAST`: rounding would hide
+    its mode behind the others.
+    """
+    along, once = fundamental(slopes, period)
+    count, size = len(along), len(once)
+    # Any row and column that are not orthogonal to a mode make the singular matrix regular.
+    edge = np.random.default_rng(0).normal(size=size)
+    unit = np.append(np.zeros(size), 1.0)
+
+    def one(multiplier: Array) -> Array:
+        matrix = once - multiplier * np.eye(size)
+        bordered = jnp.block([[matrix, edge[:, None]], [edge[None], np.zeros((1, 1))]])
+        return jnp.linalg.solve(bordered, unit)[:-1]
+
+    exponents = jnp.log(multipliers) / (2 * np.pi)
+    back = jnp.exp(-2 * np.pi * nodes(count)[:, None] * exponents)
+    shapes = along @ jax.vmap(one, out_axes=1)(multipliers) * back[:, None]
+    pushed = resample(force, count) * period / (2 * np.pi)
+    pushed = jnp.concatenate([jnp.zeros_like(pushed), pushed], axis=1)
+    return Modes(exponents, shapes, jnp.linalg.solve(shapes, pushed[:, :, None])[:, :, 0])
 
 
 class Band(eqx.Module):
@@ -109,26 +154,16 @@ def band(bandwidth: Scalar, widest: float, multipliers: Complex[Array, " states"
     return Band(shares, weights[:, None] * inside / bandwidth, harmonics)
 
 
-def covariance(
-    linear: Linear, over: Band, weighted: Float[Array, "nodes states"]
-) -> tuple[Float[Array, "nodes states states"], Scalar]:
-    """Return the covariance of (x, x', w) at the nodes, and the variance of a mean.
+def mean_variance(of: Modes, over: Band, weighted: Float[Array, "steps states"]) -> Scalar:
+    """Return the variance of a mean over one period: of (x, x', w) times what `weighted` holds."""
 
-    That is the mean over one period of the product of (x, x', w) and what `weighted` holds.
-    """
-    count = len(weighted)
-    orders = np.fft.fftfreq(count, 1 / count)
-
-    def at(one: tuple[Array, Array]) -> tuple[Array, Array]:
+    def at(one: tuple[Array, Array]) -> Array:
         share, weights = one
-        seen = linear.responses(share, over.harmonics)
-        both = jnp.einsum("ias,ibs->iab", seen * weights, jnp.conj(seen)).real
-        product = jnp.einsum("ia,ias->is", weighted, seen)
-        # The mean of exp(2 pi i (share + k) t / T) over a period, but for a phase.
-        means = jnp.sinc(share + orders) * np.cos(np.pi * orders)
-        mean = means @ jnp.fft.fft(product, axis=0) / count
-        return both, jnp.sum(weights * jnp.abs(mean) ** 2)
+        product = jnp.einsum("ia,ias->is", weighted, of.responses(share, over.harmonics))
+        # The mean of exp(i (share + k) phase) over a period, but for a phase.
+        means = jnp.sinc(share + of.orders) * np.cos(np.pi * of.orders)
+        mean = means @ jnp.fft.fft(product, axis=0) / len(weighted)
+        return jnp.sum(weights * jnp.abs(mean) ** 2)
 
-    # In reverse each frequency is solved for again: kept, the factors of all need gigabytes.
-    found = jax.lax.map(jax.checkpoint(at, prevent_cse=False), (over.shares, over.weights))
-    return jnp.sum(found[0], axis=0), jnp.sum(found[1])
+    each = jax.checkpoint(at, prevent_cse=False)
+    return jnp.sum(jax.lax.map(each, (over.shares, over.weights)))

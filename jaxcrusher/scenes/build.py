@@ -49,14 +49,13 @@ from jaxcrusher.joint.normal import (
 )
 from jaxcrusher.joint.rollers import RollerBearing, Rollers
 from jaxcrusher.scenes.load_curve import load_curve
-from jaxcrusher.scenes.own_laws import built, is_own, make_known
+from jaxcrusher.scenes.own_laws import built, check_described, is_own
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
     PARAMETERS,
     PE250X400,
     WORN_JOINTS,
     Value,
-    check_description,
     complete,
     readable,
     within_limits,
@@ -111,11 +110,10 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     is a roller bearing of the numbers `rollers.NAME`, and what describes sliding steel (friction,
     slip, restitution, elasticity) is not used.
 
-    Raises ValueError as `check_description` and `complete` do, and as `Scene` and `Machine` do.
+    Raises ValueError as `check_described` and `complete` do, and as `Scene` and `Machine` do.
     """
     require_x64()
-    make_known(values.items())
-    check_description({n: value for n, value in values.items() if not is_own(n, value)})
+    check_described(values)
     v = within_limits(complete(values))
     machine, drive = build_machine(v), ConstantSpeed(v["speed"])
     law, foundation, rod = _fed(_load(v, machine), v), _foundation(v), _rod(v, machine)

@@ -10,6 +10,7 @@ What a joint knows (`stiffness`, `restitution`, `impact_velocity`, `width`, `cle
 names. A `contact_law` may also be a whole bearing, which gets `bore_radius` and `norm_width` too.
 """
 
+import ast
 import dataclasses
 import hashlib
 import importlib
@@ -27,7 +28,14 @@ from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import AbstractNormalForce
-from jaxcrusher.scenes.parameters import FILES, NUMBERS, PARAMETERS, WORN_JOINTS, Parameter
+from jaxcrusher.scenes.parameters import (
+    FILES,
+    NUMBERS,
+    PARAMETERS,
+    WORN_JOINTS,
+    Parameter,
+    check_description,
+)
 
 # Choice -> what its class must be, and the section of its numbers.
 _CONTACT = (AbstractNormalForce, AbstractBearing)
@@ -104,6 +112,12 @@ def make_known(entries: Iterable[tuple[str, Any]], folder: Path = Path()) -> Non
                 law_class(name, one, folder)
 
 
+def check_described(values: Mapping[str, Any]) -> None:
+    """Check a description, whose laws may be one's own; raises as `check_description` does."""
+    make_known(values.items())
+    check_description({name: value for name, value in values.items() if not is_own(name, value)})
+
+
 def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> eqx.Module:
     """Return the law, of the description's numbers and of what the joint knows.
 
@@ -134,13 +148,46 @@ def with_digests(values: Mapping[str, Any]) -> dict[str, Any]:
         if isinstance(value, tuple | list):
             found[name] = [with_digests({name: one})[name] for one in value]
         elif is_own(name, value):
-            source = inspect.getsourcefile(law_class(name, value))
-            found[name] = f"{value} {_digest(source)}"
+            law = law_class(name, value)
+            found[name] = f"{value} {_digest(_sources(law))}"
         elif name in FILES and isinstance(value, str):
-            found[name] = f"{value} {_digest(value)}"
+            found[name] = f"{value} {_digest([Path(value)])}"
     return found
 
 
-def _digest(path: str | None) -> str:
-    content = Path(path).read_bytes() if path is not None and Path(path).is_file() else b""
-    return hashlib.sha256(content).hexdigest()[:16]
+def _sources(law: type) -> list[Path]:
+    """Return the file of a law, and those that it imports from beside it, however indirectly."""
+    source = inspect.getsourcefile(law)
+    if source is None:
+        return []
+    # The folder where its whole module name begins.
+    root, found, left = Path(source).parents[law.__module__.count(".")], set(), [Path(source)]
+    while left:
+        path = left.pop()
+        if path not in found:
+            found.add(path)
+            left += _imports(path, root)
+    return sorted(found)
+
+
+def _imports(path: Path, root: Path) -> list[Path]:
+    """Return the files below a folder that a file imports."""
+    names: list[tuple[Path, str]] = []
+    for node in ast.walk(ast.parse(path.read_bytes())):
+        if isinstance(node, ast.Import):
+            names += [(root, one.name) for one in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            folder, module = path.parents[node.level - 1] if node.level else root, node.module or ""
+            names += [(folder, module)]
+            names += [(folder, f"{module}.{one.name}".lstrip(".")) for one in node.names]
+    places = [folder.joinpath(*name.split(".")) for folder, name in names]
+    files = [one for place in places for one in (place.with_suffix(".py"), place / "__init__.py")]
+    return [one for one in files if one.is_file()]
+
+
+def _digest(paths: Iterable[Path]) -> str:
+    content = hashlib.sha256()
+    for path in paths:
+        if path.is_file():
+            content.update(path.read_bytes())
+    return content.hexdigest()[:16]

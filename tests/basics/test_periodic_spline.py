@@ -7,7 +7,7 @@ import pytest
 from jax.test_util import check_grads
 from scipy.interpolate import CubicSpline
 
-from jaxcrusher.basics.periodic_spline import TURN, spline_through
+from jaxcrusher.basics.periodic_spline import TURN, series_of, spline_through
 
 # Unevenly spaced and in disorder; the first angle is not zero.
 ANGLES = np.array([0.4, 5.9, 1.1, 1.3, 2.9, 4.4, 3.0])
@@ -53,3 +53,21 @@ def test_a_sine_is_met_to_fourth_order():
         spline = spline_through(angles, jnp.sin(angles))
         apart = jax.vmap(spline)(jnp.asarray(ANYWHERE)) - np.sin(ANYWHERE)
         assert 0 < np.abs(apart).max() < 5 / 384 * (TURN / count) ** 4 * 1.01
+
+
+def test_the_series_of_a_spline():
+    """Orders that the points resolve are met; slopes by the points are those of the spline."""
+    angles = jnp.arange(360) * TURN / 360
+
+    def wave(at):
+        return 3 + 2 * np.cos(at - 0.5) + np.sin(3 * at) + 0.5 * np.cos(11 * at)
+
+    spline = spline_through(angles, jnp.asarray(wave(np.asarray(angles))))
+    series = series_of(spline, 48)
+    # De Boor's bound of the spline itself, of the order 11; aliases of it, 349 and more, are left.
+    bound = 5 / 384 * (TURN / 360) ** 4 * (2 + 3**4 + 0.5 * 11**4)
+    apart = jax.vmap(series)(jnp.asarray(ANYWHERE)) - wave(ANYWHERE)
+    assert 0 < np.abs(apart).max() < bound
+    # The mean and the sine of order 1 of a kernel of one point are exactly those of its values.
+    slope = jax.jacobian(lambda y: series_of(spline_through(angles, y), 2).sines)(jnp.ones(360))
+    np.testing.assert_allclose(slope[1], np.sin(angles) / 180, rtol=0, atol=1e-9)

@@ -10,7 +10,7 @@ import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_lanes, in_turn, stack
 from jaxcrusher.crusher.drives import GivenTorque
 from jaxcrusher.crusher.loads import AlongJaw
-from jaxcrusher.crusher.rough_feed import RoughFeed, rough_feed
+from jaxcrusher.crusher.rough_feed import RoughFeed, later, rough_feed
 from jaxcrusher.motion.statistics import statistics
 
 ROUGH = {"load_scatter": 0.2, "load_bandwidth": 7.3, "load_seed": 5, "start": "contact"}
@@ -59,6 +59,22 @@ def test_any_law_is_multiplied_by_the_same_wave(load):
     # Rounding of angles of 40 rad.
     np.testing.assert_allclose(forces, (1 + 0.2 * wave)[:, None] * mean, rtol=1e-11, atol=1e-9)
     assert np.ptp(wave) > 1
+
+
+def test_a_run_that_is_split_goes_on_with_its_feed():
+    scene = jc.build_scene(ROUGH)
+    names = ("foundation_rms",)
+    whole = jc.statistics(scene, 2, 1, outputs=names)
+    first = jc.statistics(scene, 0, 2, outputs=names)
+    then, again = (
+        jc.statistics(one, 0, 1, outputs=names, state=first.state)
+        for one in (later(scene, 4 * np.pi), scene)
+    )
+    # Steps of 1e-8 that begin elsewhere; the feed's beginning is another feed.
+    assert float(then.foundation_rms) == pytest.approx(float(whole.foundation_rms), rel=1e-6)
+    assert float(again.foundation_rms) != pytest.approx(float(whole.foundation_rms), rel=1e-3)
+    plain = jc.build_scene({})
+    assert later(plain, 4 * np.pi) is plain
 
 
 def test_by_multipliers_and_on_a_free_shaft_the_angle_is_that_of_the_state():

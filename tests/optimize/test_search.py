@@ -15,10 +15,12 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.batch.sweep import columns_of
-from jaxcrusher.files.journal import Journal
+from jaxcrusher.crusher.rough_feed import steady
+from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
 from jaxcrusher.motion.statistic import always_with, chosen
 from optimize import confirm, decay, formatting, landscape, local, open_points, stages, verdicts
+from optimize import orbits as periodic
 from optimize.answer import Check, Coexisting, OpenPoint
 from optimize.bound import cell_bounds, optimality_bound
 from optimize.evaluate import Window, evaluate, judged, started
@@ -561,6 +563,59 @@ def test_free_parameters_by_name():
     assert float(scene.machine.shaft.mass) == pytest.approx(145.0)
 
 
+def test_the_rms_expected_under_a_rough_feed():
+    """Of an orbit that bears the feed; not of one that does not, nor of an integrated motion."""
+    rough = (("load_scatter", "0.2"), ("load_bandwidth", "3"))
+    case = resolve(Options(objective="expected_rms", overrides=rough)).case
+    orbit = jc.periodic_orbit(case.design.scene(np.zeros(2)))
+    # Of the table in rough_feed.md, to its digits; ensembles of feeds have 123.0 ± 2.8.
+    above = float(case.objective.formula(orbit, orbit.scene, case.chamber)) - 18243.41
+    assert above == pytest.approx(125.9, abs=0.1)
+    # The orbit of a random start is found under the mean load alone.
+    still = replace(orbit, scene=steady(orbit.scene))
+    assert float(case.objective.formula(still, orbit.scene, case.chamber)) == above + 18243.41
+    wild = jc.build_scene({**case.design.fixed, "load_scatter": 0.5, "start": "contact"})
+    assert np.isnan(case.objective.formula(orbit, wild, case.chamber))
+    rows = evaluate(case, np.zeros((1, 2)), Window(0, 1, 1e-6))
+    assert np.isnan(rows["objective"]).all() and rows["counts"].all()
+    # A motion under the mean load: in its second start it is the orbit, but for its swing.
+    assert rows["foundation_rms"][1, 0] == pytest.approx(18243, rel=1e-3)
+
+
+def test_a_law_of_ones_own_is_searched(tmp_path):
+    """Its numbers are fixed by a file, or free."""
+    (tmp_path / "law_of_a_search.py").write_text(PUSH)
+    (tmp_path / "scene.toml").write_text('load_law = "law_of_a_search:Push"')
+    free = (("crushing.size", "8", "9kN"), ("speed", "25", "26rad/s"))
+    problem = resolve(Options(scene=tmp_path / "scene.toml", design=free, capacity_floor=1.0))
+    assert re.fullmatch("law_of_a_search:Push [0-9a-f]{16}", problem.settings["scene"]["load_law"])
+    rows = periodic.solve(problem.case, np.array([[0.0, 0.0], [1.0, 0.0]]))
+    plain = [
+        jc.periodic_orbit(jc.build_scene({"load_law": "normal_to_jaw", "load": load, "speed": 25}))
+        for load in (8e3, 9e3)
+    ]
+    # The same equations with 96 nodes, which leave 5e-9.
+    expected = [float(one.foundation_rms) for one in plain]
+    np.testing.assert_allclose(rows["objective"], expected, rtol=1e-7)
+    assert rows["counts"].all() and (rows["slope"][:, 0] != 0).all()
+
+
+PUSH = """
+import equinox as eqx
+import jax
+
+from jaxcrusher.basics.plane import scalar
+from jaxcrusher.crusher.loads import AbstractLoad, JawForce
+
+
+class Push(AbstractLoad):
+    size: jax.Array = eqx.field(converter=scalar, metadata={"unit": "N"})
+
+    def force(self, jaw):
+        return JawForce(self.size * jaw.away, None)
+"""
+
+
 THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle.mass"))
 
 
@@ -594,6 +649,8 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"runs": 1}, "runs"),
         ({"design": (("sped", "30", "25 rad/s"),)}, "sped"),
         ({"objective": "beauty"}, "objective"),
+        ({"objective": "expected_rms"}, "objective"),
+        ({"overrides": (("load_scatter", "0.1"),)}, "load_scatter"),
         ({"clearance": ("0.03", "100 mm")}, "clearance"),
     ],
 )
@@ -661,6 +718,13 @@ def test_an_interrupted_search_goes_on_with_the_same_bits(finished, tmp_path, mo
             with xr.open_dataset(folder / name) as other:
                 xr.testing.assert_equal(one, other)
     assert not (tmp_path / "small" / "chunks").exists()
+
+
+def test_keys_of_a_journal_hold_values():
+    """Cases that differ by a chamber's number alone, and the same case made twice."""
+    case, again = (resolve(Options()).case for _ in range(2))
+    wide = replace(case, chamber=replace(case.chamber, height=jnp.asarray(0.7)))
+    assert text_of(case) == text_of(again) != text_of(wide)
 
 
 def test_command_line_error_is_one_line():

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.rough_feed import RoughFeed, steady
+from jaxcrusher.crusher.rough_feed import RoughFeed
 from jaxcrusher.orbits import feed_response, forced
 from jaxcrusher.orbits.collocation import collocate
-from jaxcrusher.orbits.feed_response import NODES, _Crossing, _seen_along
-from jaxcrusher.orbits.random_forcing import Linear
+from jaxcrusher.orbits.feed_response import NODES, _Crossing
 from jaxcrusher.orbits.trigonometric import resample
 
 ROUGH = {"start": "contact", "load_scatter": 0.1, "load_bandwidth": 5.3}
@@ -30,13 +29,9 @@ def response(orbit):
 
 @pytest.fixture(scope="module")
 def linear(orbit):
-    """The equations about the orbit, and the slope of the force by (x, x', w)."""
-    system = forced.system(steady(orbit.scene), 1)
-    angle, x, rate = system.at(orbit.eccentricity, NODES)
-    motion, force, _ = _seen_along(system, angle, jnp.concatenate([x, rate, 0 * x[:, :1]], axis=1))
-    dims = x.shape[1]
-    blocks = motion.slope[:, :, :dims], motion.slope[:, :, dims : 2 * dims], motion.slope[:, :, -1]
-    return Linear(*blocks, system), force.slope
+    """The modes of the orbit, and the slope of the force by (x, x', w)."""
+    about = feed_response.linearised(orbit)
+    return about.modes, about.force.slope
 
 
 def with_feed(scene, scatter, orders, phases):
@@ -45,9 +40,10 @@ def with_feed(scene, scatter, orders, phases):
     return dataclasses.replace(scene, load=made)
 
 
-def waved(linear, order):
+def waved(modes, order):
     """(x, x', w) exp(-i order theta) at the nodes."""
-    return np.asarray(linear.responses(jnp.asarray(order), np.zeros(1)))[:, :, 0]
+    found = modes.responses(jnp.asarray(order), np.zeros(1))[:, :, 0]
+    return np.asarray(resample(found.real, NODES) + 1j * resample(found.imag, NODES))
 
 
 def test_a_cosine_of_whole_order_makes_a_periodic_orbit(orbit, linear):
@@ -70,9 +66,9 @@ def test_a_cosine_of_whole_order_makes_a_periodic_orbit(orbit, linear):
 
 def test_a_motion_that_starts_on_its_response_stays_there(orbit, linear):
     """Cosines of any order, integrated over three turns, against the sum of their responses."""
-    equations, by_state = linear
+    modes, by_state = linear
     orders, phases, scatter = np.array([0.31, 2.72, 16.4]), np.array([0.3, 2.0, 4.0]), 1e-5
-    seen = np.stack([waved(equations, order) for order in orders])
+    seen = np.stack([waved(modes, order) for order in orders])
     sizes = np.sqrt(2 / 3) * np.exp(1j * phases)
     start = scatter * np.einsum("k,kia->ia", sizes, seen).real[0]
     clearance, speed = float(orbit.scene.joint.clearance), 30.0

@@ -31,6 +31,22 @@ def test_a_file_is_its_array(tmp_path):
         np.testing.assert_allclose(found, 1e3 * POINTS[:, 1], rtol=1e-13)
 
 
+def test_many_points_are_a_series_and_what_it_smooths_is_told(capsys):
+    angles = np.arange(0.0, 360.0)
+    smooth = np.stack([angles, 9 + 4 * np.cos(np.radians(angles))], axis=1)
+    curve = load_curve(in_si(smooth))
+    # The spline's own 1e-9 of the cosine.
+    found = jax.vmap(curve)(jnp.radians(angles + 0.5))
+    expected = 1e3 * (9 + 4 * np.cos(np.radians(angles + 0.5)))
+    np.testing.assert_allclose(found, expected, rtol=1e-8)
+    assert "smoothed" not in "".join(capsys.readouterr())
+    steep = np.stack([angles, np.where(angles < 180, 9.0, 1.0)], axis=1)
+    for _ in range(2):
+        load_curve(in_si(steep))
+    told = "".join(capsys.readouterr())
+    assert told.count("The load curve of 360 points is smoothed to 48 orders") == 1
+
+
 def test_a_scene_file_names_its_curve_from_where_it_is(tmp_path):
     folder = tmp_path / "machines"
     folder.mkdir()

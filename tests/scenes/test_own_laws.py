@@ -184,6 +184,28 @@ def test_a_store_knows_the_source(laws, tmp_path):
         jc.sweep(*asked, base=values, store=tmp_path / "store.zarr", engine="loop")
 
 
+def test_files_that_a_law_imports_are_known_too(laws, tmp_path):
+    """Directly, by another one, and by a package; not those of other folders."""
+    source, values = tmp_path / f"{laws}.py", read_scene_file(tmp_path / "scene.toml")
+    further = [tmp_path / "direct.py", tmp_path / "of_direct.py", tmp_path / "pack/part.py"]
+    (tmp_path / "pack").mkdir()
+    (tmp_path / "pack/__init__.py").write_text("from . import part")
+    (tmp_path / "beside.py").write_text("")
+    source.write_text(source.read_text() + "\nif False:\n    import direct\n")
+    further[0].write_text("from of_direct import size\nimport pack")
+    for path in further[1:]:
+        path.write_text("size = 1")
+    before = with_digests(values)["contact_law"]
+    (tmp_path / "beside.py").write_text("size = 2")
+    assert with_digests(values)["contact_law"] == before
+    for path in further:
+        text = path.read_text()
+        path.write_text(text + "  # another")
+        assert with_digests(values)["contact_law"] != before, path
+        path.write_text(text)
+    assert with_digests(values)["contact_law"] == before
+
+
 def test_a_curve_is_kept_by_its_content(tmp_path):
     file = tmp_path / "curve.csv"
     file.write_text("angle_deg, force_kN\n0, 1\n120, 2\n240, 3\n")
