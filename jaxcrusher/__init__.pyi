@@ -27,10 +27,12 @@ from .motion.statistic import FURTHER_STATISTICS as FURTHER_STATISTICS
 from .motion.statistic import STATISTICS as STATISTICS
 from .motion.statistics import Statistics as Statistics
 from .motion.statistics import statistics as statistics
+from .orbits.bifurcation_curve import bifurcation_curve as bifurcation_curve
 from .orbits.feed_response import FeedResponse as FeedResponse
 from .orbits.feed_response import feed_response as feed_response
 from .orbits.harmonics import harmonics as harmonics
 from .orbits.natural_modes import natural_modes as natural_modes
+from .orbits.orbit_branch import OrbitBranch as OrbitBranch
 from .orbits.orbit_branch import orbit_branch as orbit_branch
 from .orbits.periodic_orbit import periodic_orbit as periodic_orbit
 from .orbits.result import PeriodicOrbit as PeriodicOrbit

@@ -48,6 +48,7 @@ COLUMNS = {
     "multipliers_error": Column("1", "estimated error of the matrix whose eigenvalues they are"),
     "settling_turns": Column("1", "turns in which a disturbance falls to 1/e"),
     "stable": Column("1", "disturbances die", bool),
+    "unstable": Column("1", "Floquet multipliers outside of the unit circle", int),
     "failure": Column("1", "why there is no orbit", str),
     "found": Column("1", "the way by which the orbit was found", str),
     "multiplier_real": Column("1", "real: Floquet multipliers", dims=("multiplier",)),

@@ -7,7 +7,8 @@ from scipy.integrate import solve_ivp
 
 from jaxcrusher.motion.tangents import Tangents
 from jaxcrusher.orbits import shooting as module
-from jaxcrusher.orbits.branch import ENDS, SHORTER, follow, origin, special_points
+from jaxcrusher.orbits.branch import ENDS, SHORTER, follow
+from jaxcrusher.orbits.events import origin, special_points
 from jaxcrusher.orbits.problem import Stride
 from jaxcrusher.orbits.shooting import Shooting
 
