@@ -8,6 +8,7 @@ from .crusher.bearing_load import bearing_stiffness as bearing_stiffness
 from .crusher.capacity import CrushingChamber as CrushingChamber
 from .crusher.capacity import chamber_from_stroke as chamber_from_stroke
 from .crusher.scene import Scene as Scene
+from .dynamics.basin_map import basin_map as basin_map
 from .dynamics.bifurcation import bifurcation as bifurcation
 from .dynamics.coexisting_orbits import CoexistingOrbits as CoexistingOrbits
 from .dynamics.coexisting_orbits import coexisting_orbits as coexisting_orbits

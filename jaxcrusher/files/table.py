@@ -53,6 +53,16 @@ COLUMNS = {
     "found": Column("1", "the way by which the orbit was found", str),
     "multiplier_real": Column("1", "real: Floquet multipliers", dims=("multiplier",)),
     "multiplier_imag": Column("1", "imag: Floquet multipliers", dims=("multiplier",)),
+    # of the motions that random starts come to
+    "worst_rms": Column("N", "RMS of the loudest orbit that a start comes to"),
+    "likeliest_rms": Column("N", "RMS of the orbit that most starts come to"),
+    "unsettled": Column("1", "share of starts that come to no orbit"),
+    "share": Column("1", "share of starts that come to the orbit", dims=("orbit",)),
+    "share_error": Column("1", "standard error of the share", dims=("orbit",)),
+    "orbit_rms": Column("N", "RMS of the orbit", dims=("orbit",)),
+    "orbit_period": Column("1", "turns of the orbit, 0 if there is none", int, ("orbit",)),
+    "label": Column("1", "orbit that the start comes to, -1: none", int, ("start",)),
+    "start_state": Column("1, m/s", "section point of the start", dims=("start", "coordinate")),
     # of section points
     "e_x": Column("1", "e_x / clearance", dims=("turn",)),
     "e_y": Column("1", "e_y / clearance", dims=("turn",)),

@@ -169,8 +169,6 @@ def cusps(branch: Branch) -> list[Special]:
         turn = way(here) - way(there)
         if way(here) @ way(there) < 0:
             piece = Branch(problem, branch.scale, [here, there], "")
-            ((_, at),) = zeros(
-                piece, lambda point, turn=turn: float(way(point) @ turn), twice=False
-            )
+            ((_, at),) = zeros(piece, lambda point, turn=turn: float(way(point) @ turn))
             found.append(Special(CUSP, np.nan if at is None else branch.scale * at.value, at))
     return found

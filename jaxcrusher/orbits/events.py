@@ -16,7 +16,7 @@ may vanish twice in between. So its extremum is searched for.
 """
 
 import itertools
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 import jax
@@ -64,8 +64,8 @@ def special_points(branch: Branch) -> list[Special]:
     """
     problem, found = branch.problem, []
     for kind, test in tests(branch).items():
-        folds = {int(where) for where, special in found if kind == CROSSING}
-        for where, point in zeros(branch, test, twice=kind != CROSSING, without=folds):
+        folds = {int(where) for where, _ in found if kind == CROSSING}
+        for where, point in zeros(branch, test, without=folds):
             turns = problem.period if point is None else point.turns
             if kind == PAIR and point is not None and not leaves_circle(point.multipliers):
                 continue
@@ -119,12 +119,12 @@ def leaves_circle(values: Complex[np.ndarray, " n"]) -> bool:
 
 
 def zeros(
-    branch: Branch, test: Test, *, twice: bool, without: Container[int] = ()
+    branch: Branch, test: Test, without: Collection[int] = ()
 ) -> Iterator[tuple[float, Point | None]]:
     """Yield places along a branch, counted in points, where a test function vanishes.
 
-    With each comes its point, None where that is not located. `twice` asks for extrema that stand
-    between two zeros. Steps `without` zeros that matter are left out.
+    With each comes its point, None where that is not located. Steps `without` zeros that matter are
+    left out.
     """
     points, values = branch.points, np.array([test(point) for point in branch.points])
     found: dict[int, list[tuple[float, Point | None]]] = {}
@@ -134,10 +134,10 @@ def zeros(
             continue
         piece = _Piece(branch, points[i], points[i + 1])
         found[i] = [_located(piece, test, 0.0, 1.0)]
-    for i in range(1, len(points) - 1) if twice else ():
+    for i in range(1, len(points) - 1):
         if not _may_vanish_twice(points[i - 1 : i + 2], values[i - 1 : i + 2]):
             continue
-        for k in (i - 1, i):
+        for k in {i - 1, i} - set(without):
             piece = _Piece(branch, points[k], points[k + 1])
             past = _past(piece, test)
             if past is not None:
@@ -237,7 +237,7 @@ def other_branch(
     point = special.point
     turns = point.turns * (2 if special.kind == DOUBLING else 1)
     problem, u = branch.problem.over(turns, point.u)
-    matrix = problem.linearised(jnp.asarray(u), branch.scale * point.value).by_unknowns
+    matrix = problem.linearised(jnp.asarray(u), jnp.asarray(branch.scale * point.value)).by_unknowns
     return problem, u, np.append(np.linalg.svd(matrix)[2][-1], 0.0)
 
 

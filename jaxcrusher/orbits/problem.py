@@ -42,6 +42,8 @@ class Linearised(NamedTuple):
     seen: Any = None
 
 
+# One number or, of a curve of events, two.
+Parameters = Float[Array, " *count"]
 # A number of a monodromy matrix.
 OfMatrix = Callable[[Array], Scalar]
 
@@ -155,7 +157,7 @@ class Bordered(eqx.Module):
 class Collocation(AbstractPeriodicProblem):
     """By Fourier collocation: u are x at equally spaced times of the period."""
 
-    family: Callable[[Scalar], System]  # the system at a value of the parameter
+    family: Callable[[Array], System]  # the system at values of the parameters
     period: int = eqx.field(static=True, default=1)
     watched: tuple[str, ...] = eqx.field(static=True, default=())
     outputs: Chosen = eqx.field(static=True, default=())  # statistics of `orbit`
@@ -163,11 +165,11 @@ class Collocation(AbstractPeriodicProblem):
     stride: ClassVar[Stride] = Stride(first=0.01, longest=0.1, shortest=1e-8)
     ends: ClassVar[bool] = True  # nodes do not resolve impacts
 
-    def residual(self, u: Float[Array, "nodes dims"], p: Scalar) -> Float[Array, "nodes dims"]:
+    def residual(self, u: Float[Array, "nodes dims"], p: Parameters) -> Float[Array, "nodes dims"]:
         """Return by what the nodes' acceleration exceeds x''."""
         return self.family(p).residual(u)
 
-    def linearised(self, u: Float[Array, "nodes dims"], p: Scalar) -> Linearised:
+    def linearised(self, u: Float[Array, "nodes dims"], p: Parameters) -> Linearised:
         """Return the residual with its derivatives by u and by p."""
         left, matrix = self.family(p).linearised(u)
         # Of few numbers: forward each costs a residual more.
@@ -233,11 +235,11 @@ def _solved(equations: Bordered):
 
 
 @eqx.filter_jit
-def _monodromy(problem: Collocation, u: Array, p: Scalar) -> Array:
+def _monodromy(problem: Collocation, u: Array, p: Parameters) -> Array:
     return monodromy(problem.family(p), u)
 
 
-def _over(p: Scalar, *, family: Callable[[Scalar], System], share: float) -> System:
+def _over(p: Parameters, *, family: Callable[[Array], System], share: float) -> System:
     """Return a system over a share or a multiple of its period."""
     system = family(p)
     return dataclasses.replace(system, period=share * system.period)
