@@ -30,6 +30,9 @@ from jaxcrusher.orbits.branch import Branch, Point, corrected, follow, inner
 from jaxcrusher.orbits.problem import AbstractPeriodicProblem, OfMatrix
 
 FOLD, CROSSING, DOUBLING, PAIR = "fold", "branch point", "period doubling", "Neimark-Sacker"
+# At a branch point the parameter's part of the branch's direction is larger; where it is not, few
+# nodes let the multipliers tell of a fold some way off it.
+STEEP = 0.05
 # A pair that meets the unit circle off the real axis lies so near it where it is located.
 ON_CIRCLE = 1e-4
 # Points followed back to where a branch of fewer turns was doubled.
@@ -67,6 +70,8 @@ def special_points(branch: Branch) -> list[Special]:
         folds = {int(where) for where, _ in found if kind == CROSSING}
         for where, point in zeros(branch, test, without=folds):
             turns = problem.period if point is None else point.turns
+            if kind == CROSSING and point is not None and abs(point.along[-1]) < STEEP:
+                continue
             if kind == PAIR and point is not None and not leaves_circle(point.multipliers):
                 continue
             # The branch meets its parent orbit at a period doubling, and goes on a turn later.
