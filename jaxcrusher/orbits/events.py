@@ -39,8 +39,8 @@ ON_CIRCLE = 1e-4
 BACK = 12
 # A test function that is no larger vanishes everywhere, as that of pairs does without damping.
 NOISE = 1e-9
-# Of three points with one sign: the extremum of a parabola through them, as a share of the middle
-# value, above which there is no zero; and how well the extremum is found, as a share of a step.
+# Of three points with one sign: the extremum of a parabola through them, as a share of the outer
+# values, above which there is no zero; and how well the extremum is found, as a share of a step.
 CLEAR, EXTREMUM = 0.5, 1e-3
 
 # A number of a point whose sign matters.
@@ -153,14 +153,14 @@ def zeros(
 
 
 def _may_vanish_twice(points: list[Point], values: Float[np.ndarray, "3"]) -> bool:
-    """Whether the middle one of three values of one sign is the least, and a parabola lower."""
+    """Whether the middle one of three values of one sign is the least, and zero may be near."""
     size = np.abs(values)
     if (not (values > 0).all() and not (values < 0).all()) or size[1] > min(size[0], size[2]):
         return False
     steps = [np.linalg.norm(b.place - a.place) for a, b in itertools.pairwise(points)]
     parabola = np.polyfit(np.array([-steps[0], 0.0, steps[1]]), size, 2)
     least = np.polyval(parabola, -parabola[1] / (2 * parabola[0])) if parabola[0] > 0 else size[1]
-    return bool(least < CLEAR * size[1])
+    return bool(least < CLEAR * min(size[0], size[2]))
 
 
 class _Lost(Exception):

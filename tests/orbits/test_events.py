@@ -30,17 +30,18 @@ def rest_branch(b, bounds, *, longest):
     return follow(problem, np.zeros((8, 1)), bounds[0], **more)
 
 
+@pytest.mark.parametrize("shift", 0.01 * np.arange(5))
 @pytest.mark.parametrize(
     ("order", "kind", "b"), [(2, "branch point", 0.1), (3, "period doubling", 0.4)]
 )
-def test_two_events_inside_one_step(order, kind, b):
-    """Tongues of Mathieu's equation narrower than a step, and both of their sides."""
+def test_two_events_inside_one_step(order, kind, b, shift):
+    """Tongues of Mathieu's equation narrower than a step, wherever the step begins."""
     expected = [edge(order, 2 * b) / 4 for edge in (mathieu_b, mathieu_a)]
-    bounds = (expected[0] - 0.31, expected[1] + 0.31)
+    bounds = (expected[0] - 0.31 - shift, expected[1] + 0.31)
     branch = rest_branch(b, bounds, longest=0.05)
     places = branch.parameter
-    inside = (places > expected[0]) & (places < expected[1])
-    assert expected[1] - expected[0] < 0.02 and not inside.any()
+    assert expected[1] - expected[0] < 0.2 * np.diff(places).max()
+    assert not ((places > expected[0]) & (places < expected[1])).any()
     special = special_points(branch)
     assert [one.kind for one in special] == [kind, kind]
     # In a narrow tongue a test function is nearly flat: its rounding, 1e-13, over its slope.
