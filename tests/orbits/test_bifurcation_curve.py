@@ -21,6 +21,7 @@ def folded():
     return jc.orbit_branch(at, 37.3, BOUNDS[0], scale=1.0, nodes=96, points=25)
 
 
+@pytest.mark.slow
 def test_a_fold_over_two_parameters(folded):
     """A point of the curve is the fold of a branch over the speed at its own clearance."""
     (fold,) = folded.events
