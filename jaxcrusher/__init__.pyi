@@ -8,6 +8,7 @@ from .crusher.bearing_load import bearing_stiffness as bearing_stiffness
 from .crusher.capacity import CrushingChamber as CrushingChamber
 from .crusher.capacity import chamber_from_stroke as chamber_from_stroke
 from .crusher.scene import Scene as Scene
+from .dynamics.basin_map import basin_map as basin_map
 from .dynamics.bifurcation import bifurcation as bifurcation
 from .dynamics.coexisting_orbits import CoexistingOrbits as CoexistingOrbits
 from .dynamics.coexisting_orbits import coexisting_orbits as coexisting_orbits
@@ -27,10 +28,12 @@ from .motion.statistic import FURTHER_STATISTICS as FURTHER_STATISTICS
 from .motion.statistic import STATISTICS as STATISTICS
 from .motion.statistics import Statistics as Statistics
 from .motion.statistics import statistics as statistics
+from .orbits.bifurcation_curve import bifurcation_curve as bifurcation_curve
 from .orbits.feed_response import FeedResponse as FeedResponse
 from .orbits.feed_response import feed_response as feed_response
 from .orbits.harmonics import harmonics as harmonics
 from .orbits.natural_modes import natural_modes as natural_modes
+from .orbits.orbit_branch import OrbitBranch as OrbitBranch
 from .orbits.orbit_branch import orbit_branch as orbit_branch
 from .orbits.periodic_orbit import periodic_orbit as periodic_orbit
 from .orbits.result import PeriodicOrbit as PeriodicOrbit

@@ -89,19 +89,17 @@ def draw_branch(ax) -> None:
     """Draw the RMS along the branch from both sides; unstable motions are dashed."""
     for i, (start, upwards) in enumerate(SIDES):
         branch = jc.orbit_branch(scene, start, BOUNDS, upwards=upwards, scale=1.0, points=80)
-        speed, rms = branch.parameter.values, branch.foundation_rms.values
-        stable = branch.stable.values
+        speed, rms = branch.table.parameter.values, branch.table.foundation_rms.values
+        stable = branch.table.stable.values
         for good, line in ((True, "-"), (False, "--")):
             shown = np.where(stable == good, rms, np.nan)
             label = {True: "stable", False: "unstable"}[good] if i == 0 else None
             ax.plot(speed, shown, line, color="tab:blue", label=label)
-        for kind, value in zip(
-            branch.special_kind.values, branch.special_parameter.values, strict=True
-        ):
-            print(f"at {1e3 * FOLDED:g} mm: {kind} at {value:.6f} rad/s")
-            ax.axvline(value, color="0.6", lw=0.8)
-            ax.annotate(f" {kind} {value:.4f}", (value, 21060))
-        print(f"  from {start:g} rad/s: {branch.sizes['point']} points. {branch.ended}")
+        for event in branch.events:
+            print(f"at {1e3 * FOLDED:g} mm: {event.kind} at {event.parameter:.6f} rad/s")
+            ax.axvline(event.parameter, color="0.6", lw=0.8)
+            ax.annotate(f" {event.kind} {event.parameter:.4f}", (event.parameter, 21060))
+        print(f"  from {start:g} rad/s: {len(branch.orbits)} points. {branch.ended}")
     ax.legend()
     ax.set(
         xlabel="speed, rad/s", ylabel="RMS, N", title=f"{1e3 * FOLDED:g} mm, slip of the centres"

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-import xarray as xr
-
 import jaxcrusher as jc
 
 # Where the motion of two turns is found, beside the quiet one; and that of one turn it doubled.
@@ -39,7 +37,7 @@ def loudest(scene: jc.Scene, period: int) -> jc.PeriodicOrbit:
 
 def follow(
     scene: Callable, name: str, start: float, orbit: jc.PeriodicOrbit, upwards: bool, points: int
-) -> xr.Dataset:
+) -> jc.OrbitBranch:
     """Follow a branch from an orbit, by shooting if that loses contact, else by collocation."""
     return jc.orbit_branch(
         scene,
@@ -54,16 +52,16 @@ def follow(
     )
 
 
-def show(name: str, branch: xr.Dataset) -> None:
+def show(name: str, branch: jc.OrbitBranch) -> None:
     """Print its points, and where it changes."""
     unit, size, _ = UNITS[name]
-    print(f"{name}, {branch.period} turns: {unit}, RMS N, least penetration, largest multiplier")
-    for i in range(branch.sizes["point"]):
-        at = branch.isel(point=i)
+    print(
+        f"{name}, {branch.table.period} turns: {unit}, RMS N, least penetration, largest multiplier"
+    )
+    for i in range(len(branch.orbits)):
+        at = branch.table.isel(point=i)
         print(f"  {float(at.parameter) / size:.6f} {float(at.foundation_rms):.2f}", end=" ")
         print(f"{float(at.least_penetration):.4f} {float(at.largest_multiplier):.4f}")
-    for kind, value in zip(
-        branch.special_kind.values, branch.special_parameter.values, strict=True
-    ):
-        print(f"  {kind} at {value / size:.7f} {unit}")
+    for event in branch.events:
+        print(f"  {event.kind} at {event.parameter / size:.7f} {unit}")
     print(f"  {branch.ended}", flush=True)

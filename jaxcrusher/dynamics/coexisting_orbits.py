@@ -1,12 +1,11 @@
 """The stable motions that a crusher comes to from many starts, and how many come to each."""
 
-from collections import Counter
 from dataclasses import dataclass
 
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.batch.engines import run_all
@@ -44,24 +43,42 @@ MOST_FAILURES = 3
 
 @dataclass(frozen=True)
 class CoexistingOrbits:
-    """Stable orbits, the most frequent first, and the share of starts that comes to each.
+    """Stable orbits, the most frequent first, and which start comes to which.
 
-    Shares and those of `unsettled`, by reason, add up to 1. An orbit that no start came to has a
-    share of 0. Another spread of the starts gives other shares.
+    An orbit that no start came to has a share of 0. Another spread of the starts gives other
+    shares.
     """
 
     orbits: tuple[PeriodicOrbit, ...]
-    shares: tuple[float, ...]
-    unsettled: dict[str, float]
+    starts: Float[np.ndarray, "starts dims"]  # section points
+    labels: Int[np.ndarray, " starts"]  # places in `orbits`; -1: the start came to none
+    unsettled: dict[str, float]  # shares of starts that came to none, by reason
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Return the share of starts that comes to each orbit; with those unsettled 1 in all."""
+        return tuple(float(np.mean(self.labels == i)) for i in range(len(self.orbits)))
+
+    @property
+    def share_errors(self) -> tuple[float, ...]:
+        """Return the standard error of each share.
+
+        It is the standard deviation of a share of which nothing was known before k of n starts came
+        (of the beta distribution with k + 1 and n - k + 1), and not 0 where none or all came.
+        """
+        n = len(self.labels)
+        means = [(share * n + 1) / (n + 2) for share in self.shares]
+        return tuple(float(np.sqrt(mean * (1 - mean) / (n + 3))) for mean in means)
 
     def __str__(self) -> str:
         """Return a line for each orbit."""
         lines = [
-            f"{share:.0%} period {orbit.period}: RMS {float(orbit.foundation_rms):.2f} N, "
+            f"{share:.0%} ± {error:.0%} period {orbit.period}: "
+            f"RMS {float(orbit.foundation_rms):.2f} N, "
             f"peak {float(orbit.foundation_peak):.0f} N, "
             f"least penetration {float(orbit.least_penetration):.2g} clearances, "
             f"settles in {float(orbit.settling_turns):.3g} turns"
-            for orbit, share in zip(self.orbits, self.shares, strict=True)
+            for orbit, share, error in zip(self.orbits, self.shares, self.share_errors, strict=True)
         ]
         return "\n".join(lines + [f"{share:.0%} {why}" for why, share in self.unsettled.items()])
 
@@ -94,9 +111,10 @@ def coexisting_orbits(
     known = _Known(scene, [quiet] if bool(quiet.stable) else [])
     length = -(-turns // LOOKS)
     advance = eqx.Partial(section_points, turns=length, rtol=RTOL)
-    state, going = _shifted(scene, starts, spread, seed), list(range(starts))
+    begun, going = _shifted(scene, starts, spread, seed), list(range(starts))
+    state, labels = begun.copy(), np.full(starts, -1)
     looks: list[dict[int, _Oscillations]] = []
-    counts, failed = Counter[int](), 0
+    failed = 0
     for look in range(LOOKS):
         if not going:
             break
@@ -113,19 +131,24 @@ def coexisting_orbits(
             one = _shortest(seen[number])
             place = known.about(one, NARROW if look < LOOKS - 1 else WIDE)
             if place is not None and known.held(place, one):
-                counts[place] += 1
+                labels[number] = place
             else:
                 going.append(number)
-    ends = [known.approached(looks[LOOKS // 2 - 1][n], looks[-1][n]) for n in going]
-    counts.update(place for place in ends if place is not None)
-    order = sorted(range(len(known.orbits)), key=lambda i: -counts[i])
+    for number in going:
+        place = known.approached(looks[LOOKS // 2 - 1][number], looks[-1][number])
+        labels[number] = -1 if place is None else place
+    order = sorted(range(len(known.orbits)), key=lambda i: -np.sum(labels == i))
+    ranks = np.argsort([*order, len(order)])  # the last stands for none
     reasons = {
         "failed to integrate": failed,
-        f"come to no orbit of up to {PERIODS[-1]} turns after {LOOKS * length}": ends.count(None),
+        f"come to no orbit of up to {PERIODS[-1]} turns after {LOOKS * length}": (
+            int(np.sum(labels < 0)) - failed
+        ),
     }
     return CoexistingOrbits(
         tuple(known.orbits[i] for i in order),
-        tuple(counts[i] / starts for i in order),
+        begun,
+        np.where(labels < 0, -1, ranks[labels]),
         {why: count / starts for why, count in reasons.items() if count},
     )
 

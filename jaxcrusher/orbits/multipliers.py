@@ -45,8 +45,19 @@ def multipliers(system: System, x: Float[Array, "nodes dims"], steps: int = STEP
     Pure JAX, without slopes; NaN where the orbit is.
     """
     system, x = jax.lax.stop_gradient((system, x))
-    slopes, _ = system.slopes(*system.at(x, max(LOOKS, len(x))))
-    return of_slopes(slopes, system.period, steps)
+    return of_slopes(_looked(system, x), system.period, steps)
+
+
+def monodromy(
+    system: System, x: Float[Array, "nodes dims"], steps: int = STEPS
+) -> Float[Array, "twodims twodims"]:
+    """Return the matrix of the multipliers, with slopes by the system's numbers and the nodes."""
+    return of_slopes(_looked(system, x), system.period, steps).monodromy
+
+
+def _looked(system: System, x: Float[Array, "nodes dims"]) -> tuple[Array, ...]:
+    """Return df/dx and df/dx' at equally spaced instants of the period."""
+    return system.slopes(*system.at(x, max(LOOKS, len(x))))[0]
 
 
 def of_slopes(

@@ -1,13 +1,17 @@
-"""Follow the periodic orbits of a crusher over one parameter, round their folds."""
+"""Follow the periodic orbits of a crusher over one parameter, round their folds, to other branches.
 
-import dataclasses
-from collections.abc import Callable
+`orbit_branch` returns the orbits and the events between them. From an event the branch that leaves
+there may be followed; `jaxcrusher.orbits.bifurcation_curve` follows the event over two parameters.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, ArrayLike, Float, Scalar
+from jaxtyping import Array, ArrayLike, Complex, Float, Scalar
 
 from jaxcrusher.basics.checks import (
     require,
@@ -20,12 +24,20 @@ from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.files.table import COLUMNS, dataset
-from jaxcrusher.motion.statistic import chosen, columns
+from jaxcrusher.motion.statistic import chosen, columns, statistics_of
 from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.branch import Special, follow, origin, special_points
+from jaxcrusher.orbits.branch import Branch, Point, follow
 from jaxcrusher.orbits.collocation import System
+from jaxcrusher.orbits.events import (
+    CROSSING,
+    DOUBLING,
+    Special,
+    origin,
+    other_branch,
+    special_points,
+)
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
-from jaxcrusher.orbits.problem import Collocation
+from jaxcrusher.orbits.problem import AbstractPeriodicProblem, Bordered, Collocation
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shooting import Shooting
 
@@ -42,9 +54,76 @@ HELD = ("foundation_rms", "foundation_mean", "foundation_peak")
 FURTHER = ("error", "least_penetration", "largest_multiplier", "stable")
 
 
+@dataclass(frozen=True)
+class Departure:
+    """A place where a branch leaves another one; `orbit_branch` may start there."""
+
+    period: int
+    parameter: float
+    unknowns: np.ndarray  # (nodes, dims), or a section point
+    direction: np.ndarray | None  # of the unknowns and the parameter; None: the parameter's
+
+
+@dataclass(frozen=True)
+class Event:
+    """A change along a branch: its kind, and the value of the parameter, NaN if not located.
+
+    `kind` is "fold", "branch point", "period doubling", "Neimark-Sacker", "contact lost", "contact
+    lost at the elbow", "contact lost at the pivot" or, on a curve of folds, "cusp".
+    """
+
+    kind: str
+    parameter: float
+    branch: Branch = field(repr=False)
+    point: Point | None = field(repr=False)
+
+    def orbit(self) -> PeriodicOrbit:
+        """Return the orbit at the event."""
+        return orbit_of(self.branch, self._located())
+
+    def other_branch(self) -> Departure:
+        """Return where another branch leaves: of twice the turns at a period doubling."""
+        known = (DOUBLING, CROSSING)
+        require(self.kind in known, "kind", f"be one of {known} for another branch", self.kind)
+        special = Special(self.kind, self.parameter, self._located())
+        problem, u, direction = other_branch(self.branch, special)
+        return Departure(problem.period, self.parameter, u, direction)
+
+    def _located(self) -> Point:
+        require(self.point is not None, "event", "be located", f"a {self.kind} that is only seen")
+        assert self.point is not None
+        return self.point
+
+
+@dataclass(frozen=True)
+class OrbitBranch:
+    """Periodic orbits along a branch, and the events between them.
+
+    `table` has a row for each orbit, in the order of the branch.
+    """
+
+    table: xr.Dataset
+    orbits: tuple[PeriodicOrbit, ...]
+    events: tuple[Event, ...]
+    ended: str  # says why the branch ends
+    branches: tuple[Branch, ...] = field(repr=False)
+
+    def eigenvectors(
+        self, point: int
+    ) -> tuple[Complex[np.ndarray, " n"], Complex[np.ndarray, "n n"]]:
+        """Return the multipliers of a point, and the disturbances (columns) that they multiply.
+
+        By nodes these are of e / c and its derivative by the shaft angle, by shooting of the
+        section point.
+        """
+        points = [one for branch in self.branches for one in branch.points]
+        values, vectors = np.linalg.eig(points[point].monodromy)
+        return values.astype(complex), vectors.astype(complex)
+
+
 def orbit_branch(
     scene: Callable[[Scalar], Scene],
-    start: float,
+    start: float | Departure,
     bounds: tuple[float, float],
     *,
     upwards: bool = True,
@@ -53,7 +132,7 @@ def orbit_branch(
     nodes: int = NODES,
     points: int = 200,
     guess: PeriodicOrbit | Float[ArrayLike, "n dims"] | None = None,
-) -> xr.Dataset:
+) -> OrbitBranch:
     """Return the branch of periodic orbits through the one at a value of a parameter.
 
     By collocation while contact is kept, to where it is lost. The branch of a first motion that
@@ -63,23 +142,23 @@ def orbit_branch(
     **Arguments:**
 
     - `scene`: makes a scene that `jaxcrusher.periodic_orbit` takes from a value, which is traced.
-    - `start`, `bounds`: where the branch begins, and between what it is followed.
-    - `upwards`: whether the parameter grows at first.
+    - `start`, `bounds`: where the branch begins, and between what it is followed. A `Departure`, as
+      `Event.other_branch` gives it, begins a branch that leaves another one of the same `scene`.
+    - `upwards`: whether the parameter grows at first; of a departure, to which of two sides.
     - `scale`: what a change of the parameter is small against, > 0; None is a thirtieth of
-      `start`. Steps are a tenth of it at most.
+      `start`. Steps are a tenth of it at most, and shorter where multipliers move fast.
     - `period`, `nodes`: turns, and an even number of nodes a turn, unless it is shot for.
     - `points`: at most.
-    - `guess`: of the first motion, as in `periodic_orbit`.
+    - `guess`: of the first motion, as in `periodic_orbit`. Neither it nor `period` and `nodes` are
+      used with a departure.
 
-    **Returns:** an `xarray.Dataset`. With the dimension `point`, in the order of the branch, where
-    a parameter may occur more than once: `parameter`, `foundation_rms`, `foundation_mean`,
-    `foundation_peak` (N), `error` (of the RMS, a share of it: where it is large the nodes do not
-    resolve the motion, and its multipliers mean nothing), `least_penetration` (clearances),
-    `largest_multiplier`, `stable`. With the dimension `special`: `special_kind` ("fold", "period
-    doubling", "Neimark-Sacker"; by collocation "contact lost", also "at the elbow" and "at the
-    pivot") and `special_parameter`, NaN where a change is seen but not located. A branch may end in
-    the doubling that it came from.
-    The attribute `ended` says why it ends.
+    **Returns:** an `OrbitBranch`. Its `table` has the dimension `point`, in the order of the
+    branch, where a parameter may occur more than once: `parameter`, `foundation_rms`,
+    `foundation_mean`, `foundation_peak` (N), `error` (of the RMS, a share of it: where it is large
+    the nodes do not resolve the motion, and its multipliers mean nothing), `least_penetration`
+    (clearances), `largest_multiplier`, `stable`, `unstable` (how many multipliers are outside of
+    the unit circle), `multiplier_real`, `multiplier_imag` (with a dimension `multiplier`).
+    A branch may end in the doubling that it came from.
 
     Raises ValueError for arguments out of range, and where there is no motion to begin with.
     """
@@ -88,77 +167,111 @@ def orbit_branch(
     require_whole("nodes", nodes, 4)
     require_maker(scene)
     require_untraced("start", (start, bounds), "orbit_branch", "jaxcrusher.periodic_orbit")
-    low, high = bounds
-    require(low <= start <= high, "start", f"lie in the bounds [{low:g}, {high:g}]", start)
-    scale = abs(start) / 30 if scale is None else scale
+    value, (low, high) = start.parameter if isinstance(start, Departure) else start, bounds
+    require(low <= value <= high, "start", f"lie in the bounds [{low:g}, {high:g}]", value)
+    scale = abs(value) / 30 if scale is None else scale
     require_positive("scale", scale, "")
-    scene = traced(scene, jnp.asarray(start, float))
+    scene = traced(scene, jnp.asarray(value, float))
+    begin = start if isinstance(start, Departure) else _first(scene, start, period, nodes, guess)
+    branch = follow(
+        problem_of(scene, jnp.asarray(value, float), begin.period, begin.unknowns.ndim > 1),
+        begin.unknowns,
+        value,
+        scale=scale,
+        bounds=bounds,
+        upwards=upwards,
+        off=begin.direction,
+        points=points,
+    )
+    require(bool(branch.points), "guess", "lead to an orbit that repeats", "one that does not")
+    branch, orbits = with_orbits(branch)
+    special = special_points(branch)
+    if branch.parent is not None:
+        special.append(origin(branch, branch.parent))
+    events = tuple(Event(one.kind, one.parameter, branch, one.point) for one in special)
+    table = tabulated(orbits, {"parameter": branch.parameter})
+    return OrbitBranch(table, orbits, events, branch.ended, (branch,))
+
+
+def _first(
+    scene: Callable[[Array], Scene],
+    value: float,
+    period: int | None,
+    nodes: int,
+    guess: PeriodicOrbit | Float[ArrayLike, "n dims"] | None,
+) -> Departure:
+    """Return the orbit at a value: its nodes, or its section point if they do not resolve it."""
     if isinstance(guess, PeriodicOrbit):
         period = guess.period if period is None else period
         require(period == guess.period, "period", f"be the guess's {guess.period}", period)
-    begin = scene(jnp.asarray(start))
+    begin = scene(jnp.asarray(value, float))
     first = found = periodic_orbit(begin, period=period, nodes=nodes, guess=guess)
     require(first.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
     if not bool(first.success):
         found = periodic_orbit(begin, period=period, guess=guess)
-        require(bool(found.success), "start", "have a periodic orbit", f"{start}: {found.failure}")
+        require(bool(found.success), "start", "have a periodic orbit", f"{value}: {found.failure}")
         first = periodic_orbit(begin, nodes=nodes, guess=found)
-    if bool(first.success):
-        family = eqx.Partial(_family, scene=scene, period=found.period)
-        watched, outputs = tuple(LOST[joint] for joint, _ in begin.joints.present()), first.values
-        problem = Collocation(
-            family=family, period=found.period, watched=watched, outputs=chosen(outputs)
-        )
-        unknowns = first.eccentricity
-    else:
-        problem = Shooting(build=eqx.Partial(_made, scene=scene), period=found.period)
-        unknowns = found.section
-    branch = follow(
-        problem,
-        np.asarray(unknowns),
-        start,
-        scale=scale,
-        bounds=(low, high),
-        upwards=upwards,
-        points=points,
-    )
-    require(bool(branch.points), "guess", "lead to an orbit that repeats", "one that does not")
-    orbits, ended = [], branch.ended
-    for place, point in zip(branch.parameter, branch.points, strict=True):
-        orbit = problem.orbit(jnp.asarray(point.u), jnp.asarray(place), point.seen)
+    unknowns = first.eccentricity if bool(first.success) else found.section
+    return Departure(found.period, value, np.asarray(unknowns), None)
+
+
+def problem_of(
+    scene: Callable[[Array], Scene], value: Array, period: int, nodal: bool
+) -> AbstractPeriodicProblem:
+    """Return the problem of the orbits of a scene over one or more numbers, like `value`."""
+    begin = scene(value)
+    watched = tuple(LOST[joint] for joint, _ in begin.joints.present())
+    if not nodal:
+        build = eqx.Partial(_made, scene=scene, shape=value.shape)
+        return Shooting(build=build, period=period, watched=watched)
+    family = eqx.Partial(_family, scene=scene, period=period)
+    outputs = chosen(statistics_of(begin))
+    return Collocation(family=family, period=period, watched=watched, outputs=outputs)
+
+
+def with_orbits(branch: Branch) -> tuple[Branch, tuple[PeriodicOrbit, ...]]:
+    """Return a branch as far as its nodes resolve the motion, and the orbits on it."""
+    orbits = []
+    for point in branch.points:
+        orbit = orbit_of(branch, point)
         if not bool(orbit.success):
             ended = "These nodes do not resolve the motion any further."
+            branch = replace(branch, points=branch.points[: len(orbits)], ended=ended, parent=None)
             break
         orbits.append(orbit)
-    special = special_points(dataclasses.replace(branch, points=branch.points[: len(orbits)]))
-    if branch.parent is not None:
-        special.append(origin(branch, branch.parent))
-    return _labelled(branch.parameter[: len(orbits)], orbits, special, ended, found.period)
+    return branch, tuple(orbits)
 
 
-def _labelled(
-    parameter: Float[np.ndarray, " points"],
-    orbits: list[PeriodicOrbit],
-    special: list[Special],
-    ended: str,
-    period: int,
+def orbit_of(branch: Branch, point: Point) -> PeriodicOrbit:
+    """Return all that is known of the orbit at a point."""
+    scale = jnp.asarray(branch.scale, float)
+    place = jnp.asarray(point.place), jnp.asarray(point.along)
+    equations = Bordered(branch.problem, *place, scale, point.u.shape)
+    at = jnp.asarray(point.u), scale * point.value
+    return branch.problem.orbit(*at, point.seen, equations)
+
+
+def tabulated(
+    orbits: Sequence[PeriodicOrbit], parameters: dict[str, Float[np.ndarray, " points"]]
 ) -> xr.Dataset:
-    kept = columns(HELD) | {name: COLUMNS[name] for name in FURTHER}
+    """Return a table with a row for each orbit."""
+    names = (*FURTHER, "unstable", "multiplier_real", "multiplier_imag")
+    kept = columns(HELD) | {name: COLUMNS[name] for name in names}
     values = {
-        name: np.array([column.kind(getattr(orbit, name)) for orbit in orbits], column.kind)
-        for name, column in kept.items()
+        name: np.array([kept[name].kind(getattr(orbit, name)) for orbit in orbits], kept[name].kind)
+        for name in (*HELD, *FURTHER)
     }
-    found = dataset(("point",), values, kept, {}, {"ended": ended, "period": period})
-    return found.assign(
-        parameter=("point", parameter),
-        special_kind=("special", np.array([one.kind for one in special], object)),
-        special_parameter=("special", np.array([one.parameter for one in special], float)),
-    )
+    multipliers = np.array([orbit.multipliers for orbit in orbits], complex)
+    values["unstable"] = np.sum(np.abs(multipliers) > 1, axis=1)
+    values |= {"multiplier_real": np.real(multipliers), "multiplier_imag": np.imag(multipliers)}
+    period = {"period": orbits[0].period} if orbits else {}
+    found = dataset(("point",), values, kept, {}, period)
+    return found.assign({name: ("point", column) for name, column in parameters.items()})
 
 
-def _family(value: Scalar, *, scene: Callable[[Scalar], Scene], period: int) -> System:
+def _family(value: Array, *, scene: Callable[[Array], Scene], period: int) -> System:
     return forced.system(steady(scene(value)), period)
 
 
-def _made(point: Float[Array, "1"], scene: Callable[[Scalar], Scene]) -> Scene:
-    return steady(scene(point[0]))
+def _made(point: Float[Array, " n"], scene: Callable[[Array], Scene], shape: tuple) -> Scene:
+    return steady(scene(point.reshape(shape)))

@@ -5,6 +5,7 @@ After BifurcationKit's `AbstractPeriodicOrbitProblem`: Newton's method and the c
 and `Shooting` in `jaxcrusher.orbits.shooting`.
 """
 
+import dataclasses
 from abc import abstractmethod
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
@@ -14,16 +15,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import lu_factor
-from jaxtyping import Array, ArrayLike, Complex, Float, Scalar
+from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.motion.statistic import Chosen
 from jaxcrusher.orbits.collocation import TOLERANCE, System
-from jaxcrusher.orbits.multipliers import multipliers
+from jaxcrusher.orbits.multipliers import monodromy
 from jaxcrusher.orbits.newton import HostRoot, newton
 from jaxcrusher.orbits.result import WAYS, PeriodicOrbit
 from jaxcrusher.orbits.solving import INSTANTS, described, of_nodes
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.orbits.trigonometric import evaluate, resample
 
+# Two places so near, in clearances, that they are one.
+ALIKE = 1e-3
+# Steps that lead from an instant of a grid to the least penetration beside it.
+POLISHED = 3
 # Newton's steps of a correction: more, and the step along the branch was too long.
 MOST_CORRECTIONS = 8
 
@@ -33,8 +38,21 @@ class Linearised(NamedTuple):
 
     residual: Array | np.ndarray  # of the shape of u
     by_unknowns: Array | np.ndarray  # (size of u, size of u)
-    by_parameter: Array | np.ndarray
+    by_parameter: Array | np.ndarray  # of the shape of u, and behind it that of p
     seen: Any = None
+
+
+# One number or, of a curve of events, two.
+Parameters = Float[Array, " *count"]
+# A number of a monodromy matrix.
+OfMatrix = Callable[[Array], Scalar]
+
+
+class Vanishing(NamedTuple):
+    """What vanishes at an event, and its slopes by the unknowns and by the parameters."""
+
+    value: Any
+    slopes: tuple[Any, Any]
 
 
 class Stride(NamedTuple):
@@ -52,8 +70,9 @@ class AbstractPeriodicProblem(eqx.Module):
     """Equations of unknowns u whose zeros are orbits of `period` turns, over a parameter p."""
 
     period: eqx.AbstractVar[int]
-    watched: eqx.AbstractVar[tuple[str, ...]]  # what ends a branch, by monitor; none: nothing does
+    watched: eqx.AbstractVar[tuple[str, ...]]  # what happens where each monitor vanishes
     stride: eqx.AbstractClassVar[Stride]
+    ends: eqx.AbstractClassVar[bool]  # whether a branch ends there
 
     @abstractmethod
     def residual(self, u: Array, p: Any) -> Array:
@@ -68,11 +87,15 @@ class AbstractPeriodicProblem(eqx.Module):
         """Return the zero of bordered equations and what they told there; None if there is none."""
 
     @abstractmethod
-    def multipliers(self, u: Array, p: Any, seen: Any) -> Complex[np.ndarray, " n"]:
-        """Return the Floquet multipliers of an orbit; `seen` is what its equations told."""
+    def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
+        """Return what a period makes of disturbances; `seen` is what its equations told."""
 
     @abstractmethod
-    def turns(self, seen: Any) -> int:
+    def vanishing(self, of: OfMatrix, u: Array, p: Any, seen: Any) -> Vanishing:
+        """Return a function of the monodromy matrix, with its slopes by u and by p."""
+
+    @abstractmethod
+    def turns(self, u: Any, seen: Any) -> int:
         """Return after how many turns an orbit repeats already."""
 
     @abstractmethod
@@ -80,8 +103,18 @@ class AbstractPeriodicProblem(eqx.Module):
         """Return the least penetration / clearance of each loose joint: > 0 keeps contact."""
 
     @abstractmethod
-    def orbit(self, u: Array, p: Any, seen: Any) -> PeriodicOrbit:
-        """Return all that is known of an orbit of a crusher."""
+    def orbit(self, u: Array, p: Any, seen: Any, equations: "Bordered") -> PeriodicOrbit:
+        """Return all that is known of an orbit of a crusher.
+
+        In its place on a branch `equations` are regular, also at a fold.
+        """
+
+    @abstractmethod
+    def over(self, turns: int, u: np.ndarray) -> tuple["AbstractPeriodicProblem", np.ndarray]:
+        """Return the problem of so many turns, and the unknowns of an orbit that repeats in both.
+
+        One of the two numbers of turns is a multiple of the other.
+        """
 
     @abstractmethod
     def weight(self, size: int) -> float:
@@ -124,23 +157,32 @@ class Bordered(eqx.Module):
 class Collocation(AbstractPeriodicProblem):
     """By Fourier collocation: u are x at equally spaced times of the period."""
 
-    family: Callable[[Scalar], System]  # the system at a value of the parameter
+    family: Callable[[Array], System]  # the system at values of the parameters
     period: int = eqx.field(static=True, default=1)
     watched: tuple[str, ...] = eqx.field(static=True, default=())
     outputs: Chosen = eqx.field(static=True, default=())  # statistics of `orbit`
 
     stride: ClassVar[Stride] = Stride(first=0.01, longest=0.1, shortest=1e-8)
+    ends: ClassVar[bool] = True  # nodes do not resolve impacts
 
-    def residual(self, u: Float[Array, "nodes dims"], p: Scalar) -> Float[Array, "nodes dims"]:
+    def residual(self, u: Float[Array, "nodes dims"], p: Parameters) -> Float[Array, "nodes dims"]:
         """Return by what the nodes' acceleration exceeds x''."""
         return self.family(p).residual(u)
 
-    def linearised(self, u: Float[Array, "nodes dims"], p: Scalar) -> Linearised:
+    def linearised(self, u: Float[Array, "nodes dims"], p: Parameters) -> Linearised:
         """Return the residual with its derivatives by u and by p."""
         left, matrix = self.family(p).linearised(u)
-        # Of one number: forward costs a residual more.
-        _, column = jax.jvp(lambda p: self.residual(u, p), (p,), (jnp.ones(()),))
-        return Linearised(left, matrix.reshape(u.size, u.size), column)
+        # Of few numbers: forward each costs a residual more.
+        columns = jax.jacfwd(lambda p: self.residual(u, p))(p)
+        return Linearised(left, matrix.reshape(u.size, u.size), columns)
+
+    def vanishing(self, of: OfMatrix, u: Array, p: Array, seen: Any) -> Vanishing:
+        """Return a function of the monodromy matrix, with slopes in reverse."""
+
+        def value(u: Array, p: Array) -> Scalar:
+            return of(monodromy(self.family(p), u))
+
+        return Vanishing(*jax.value_and_grad(value, argnums=(0, 1))(u, p))
 
     def solved(self, equations: Bordered) -> HostRoot | None:
         """Return the zero of bordered equations, found by one program; None if there is none."""
@@ -149,21 +191,30 @@ class Collocation(AbstractPeriodicProblem):
             return None
         return HostRoot(np.asarray(point), np.asarray(jacobian), None, int(steps))
 
-    def multipliers(self, u: Array, p: Any, seen: Any) -> Complex[np.ndarray, " n"]:
-        """Return the Floquet multipliers, of the variational equations."""
-        return np.asarray(_multipliers(self, u, jnp.asarray(p)))
+    def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
+        """Return the matrix that the variational equations give."""
+        return np.asarray(_monodromy(self, u, jnp.asarray(p)))
 
-    def turns(self, seen: Any) -> int:
-        """Return `period`: nodes do not tell a motion from its double."""
-        return self.period
+    def turns(self, u: Any, seen: Any) -> int:
+        """Return after how many turns the nodes repeat already."""
+        by_turn, period = np.asarray(u).reshape(self.period, -1), self.period
+        shorter = (turns for turns in range(1, period + 1) if period % turns == 0)
+        apart = lambda turns: np.max(np.abs(by_turn - np.roll(by_turn, turns, axis=0)))  # noqa: E731
+        return next(turns for turns in shorter if apart(turns) < ALIKE)
 
     def monitors(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, " joints"]:
         """Return the least penetration of each joint, whose nodes are in clearances."""
         return np.asarray(least_penetrations(u))
 
-    def orbit(self, u: Array, p: Any, seen: Any) -> PeriodicOrbit:
+    def orbit(self, u: Array, p: Any, seen: Any, equations: "Bordered") -> PeriodicOrbit:
         """Return all that is known of an orbit of a crusher."""
-        return _described(self, u, jnp.asarray(p))
+        return _described(self, u, jnp.asarray(p), equations)
+
+    def over(self, turns: int, u: np.ndarray) -> tuple["Collocation", np.ndarray]:
+        """Return the problem of so many turns, and the nodes repeated or cut."""
+        family = eqx.Partial(_over, family=self.family, share=turns / self.period)
+        nodes = np.resize(u, (len(u) * turns // self.period, *u.shape[1:]))
+        return dataclasses.replace(self, family=family, period=turns), nodes
 
     def weight(self, size: int) -> float:
         """Return that of a mean square."""
@@ -184,23 +235,41 @@ def _solved(equations: Bordered):
 
 
 @eqx.filter_jit
-def _multipliers(problem: Collocation, u: Array, p: Scalar) -> Array:
-    return multipliers(problem.family(p), u).values
+def _monodromy(problem: Collocation, u: Array, p: Parameters) -> Array:
+    return monodromy(problem.family(p), u)
+
+
+def _over(p: Parameters, *, family: Callable[[Array], System], share: float) -> System:
+    """Return a system over a share or a multiple of its period."""
+    system = family(p)
+    return dataclasses.replace(system, period=share * system.period)
 
 
 @eqx.filter_jit
-def _described(problem: Collocation, u: Array, p: Scalar) -> PeriodicOrbit:
+def _described(problem: Collocation, u: Array, p: Array, equations: Bordered) -> PeriodicOrbit:
     system = problem.family(p)
-    matrix = system.linearised(u)[1].reshape(u.size, u.size)
-    lower, rows = lu_factor(matrix)
-    found = of_nodes(system, u, (lower, rows), WAYS.branch)
+    factors = lu_factor(equations.linearised(equations.guess)[1])
+    found = of_nodes(system, u, (factors[0], factors[1]), WAYS.branch)
     return described(system, found, u, problem.period, problem.outputs)
 
 
 @eqx.filter_jit
 def least_penetrations(x: Float[Array, "nodes dims"]) -> Float[Array, " joints"]:
-    """Return the least penetration of each joint over the period, in clearances."""
+    """Return the least penetration of each joint over the period, in clearances.
+
+    Between the instants of a grid Newton's method goes on, so that it is smooth in the nodes.
+    """
     # A frame's three coordinates stand behind the pairs of the joints.
-    pairs = x[:, : x.shape[1] - x.shape[1] % 2 * 3]
-    by_joint = resample(pairs, INSTANTS).reshape(INSTANTS, -1, 2)
-    return jnp.min(jnp.linalg.norm(by_joint, axis=2), axis=0) - 1
+    pairs = x[:, : x.shape[1] - x.shape[1] % 2 * 3].reshape(len(x), -1, 2)
+    grid = resample(pairs, max(INSTANTS, 4 * len(x)))
+
+    def least(pin: Float[Array, "nodes 2"], grid: Float[Array, "instants 2"]) -> Scalar:
+        def closer(_, place: Scalar) -> Scalar:
+            e, rate, bend = (evaluate(pin, place, order) for order in range(3))
+            return place - e @ rate / (rate @ rate + e @ bend) / (2 * np.pi)
+
+        start = jnp.argmin(jnp.sum(grid**2, axis=1)) / len(grid)
+        place = jax.lax.stop_gradient(jax.lax.fori_loop(0, POLISHED, closer, start))
+        return jnp.linalg.norm(evaluate(pin, place)) - 1
+
+    return jax.vmap(least, in_axes=1)(pairs, grid)

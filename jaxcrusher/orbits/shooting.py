@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Complex, Float, Scalar
+from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.joints import before
@@ -25,11 +25,15 @@ from jaxcrusher.orbits import newton
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.newton import HostRoot, newton_on_host
 from jaxcrusher.orbits.problem import (
+    ALIKE,
     MOST_CORRECTIONS,
     AbstractPeriodicProblem,
     Bordered,
     Linearised,
+    OfMatrix,
     Stride,
+    Vanishing,
+    least_penetrations,
 )
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 
@@ -40,8 +44,10 @@ CLOSURE, RTOL = 1e-7, 1e-11
 # A step so long, in these units, leaves what its tangents told of. Until one is as short as `NEAR`
 # the tolerance is coarse.
 LEAP, NEAR, COARSE_RTOL = 1.0, 1e-4, 1e-8
-# The tolerance along a branch, and two states so near, in clearances and m/s, that they are one.
-BRANCH_RTOL, ALIKE = 1e-10, 1e-3
+# Steps of differences of a matrix, as a share of what it depends on.
+DIFFERENCE = 1e-6
+# The tolerance along a branch.
+BRANCH_RTOL = 1e-10
 
 
 class Turns(NamedTuple):
@@ -66,6 +72,7 @@ class Shooting(AbstractPeriodicProblem):
     stride: ClassVar[Stride] = Stride(
         first=0.02, longest=0.4, shortest=2e-5, straight=0.1, located=1e-7
     )
+    ends: ClassVar[bool] = False
 
     def residual(self, u: Float[Array, " dims"], p: Any) -> Array:
         """Return how far a period leads from u."""
@@ -95,11 +102,29 @@ class Shooting(AbstractPeriodicProblem):
 
         return newton_on_host(evaluated, np.asarray(equations.guess), CLOSURE, MOST_CORRECTIONS)
 
-    def multipliers(self, u: Any, p: Any, seen: Turns) -> Complex[np.ndarray, " dims"]:
-        """Return the Floquet multipliers: a shift from the orbit grows by these in a period."""
-        return np.linalg.eigvals(seen.matrix).astype(complex)
+    def monodromy(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, "dims dims"]:
+        """Return what a period makes of a shift from the orbit."""
+        return seen.matrix
 
-    def turns(self, seen: Turns) -> int:
+    def vanishing(self, of: OfMatrix, u: Any, p: Any, seen: Turns) -> Vanishing:
+        """Return a function of the monodromy matrix, with slopes by one-sided differences.
+
+        Their error lets Newton's method converge more slowly, to the same zero.
+        """
+        both, value = np.concatenate([u, np.ravel(p)]), float(of(jnp.asarray(seen.matrix)))
+        sizes = np.concatenate([np.ones(len(u)), np.abs(np.ravel(p))])
+
+        def moved(shift: np.ndarray) -> float:
+            u_now, p_now = np.split(both + shift, [len(u)])
+            return float(of(jnp.asarray(self.linearised(u_now, p_now).seen.matrix)))
+
+        steps = DIFFERENCE * sizes
+        slopes = [
+            (moved(shift) - value) / h for shift, h in zip(np.diag(steps), steps, strict=True)
+        ]
+        return Vanishing(value, (np.array(slopes[: len(u)]), np.array(slopes[len(u) :])))
+
+    def turns(self, u: Any, seen: Turns) -> int:
         """Return after how many turns an orbit repeats already."""
         apart = np.max(np.abs(seen.ends - seen.ends[-1]), axis=1)
         return 1 + int(np.argmax(apart < ALIKE))
@@ -107,9 +132,11 @@ class Shooting(AbstractPeriodicProblem):
     def monitors(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, " joints"]:
         """Return the least penetration of each joint over the period, in clearances."""
         scene = self.build(jnp.asarray(p).reshape(-1))
-        return _motion(scene, [np.asarray(u), *seen.ends[:-1]])[1]
+        return np.asarray(least_penetrations(_motion(scene, [np.asarray(u), *seen.ends[:-1]])))
 
-    def orbit(self, u: Any, p: Any, seen: Turns) -> PeriodicOrbit:
+    def orbit(
+        self, u: Any, p: Any, seen: Turns, equations: Bordered | None = None
+    ) -> PeriodicOrbit:
         """Return all that is known of an orbit, but for an error of its multipliers.
 
         Its `error` is what a tolerance 100 times as large makes of the RMS. Turn by turn: the same
@@ -130,7 +157,7 @@ class Shooting(AbstractPeriodicProblem):
 
         fine, coarse = sections(RTOL), sections(100 * RTOL)
         values = {name: over(fine, name) for name in names}
-        path, least = _motion(scene, [u, *(turn.state for turn in fine[:-1])])
+        path = _motion(scene, [u, *(turn.state for turn in fine[:-1])])
         return built(
             scene,
             self.period,
@@ -139,25 +166,28 @@ class Shooting(AbstractPeriodicProblem):
             values,
             result=RESULTS.promote(newton.RESULTS.successful),
             error=jnp.abs(over(coarse, "foundation_rms") / values["foundation_rms"] - 1),
-            least_penetration=jnp.min(jnp.asarray(least)),
-            multipliers=self.multipliers(u, p, seen),
+            least_penetration=jnp.min(least_penetrations(path)),
+            multipliers=np.linalg.eigvals(seen.matrix),
             multipliers_error=np.nan,
             way=WAYS.shooting,
         )
+
+    def over(self, turns: int, u: np.ndarray) -> tuple["Shooting", np.ndarray]:
+        """Return the problem of so many turns, and the same section point."""
+        return dataclasses.replace(self, period=turns), u
 
     def weight(self, size: int) -> float:
         """Return that of a sum of squares."""
         return 1.0
 
 
-def _motion(scene: Scene, starts: list) -> tuple[Float[Array, "n half"], np.ndarray]:
-    """Return all unknowns over turns from section points, and each joint's least depth."""
+def _motion(scene: Scene, starts: list) -> Float[Array, "n half"]:
+    """Return all unknowns at equal steps over turns from section points."""
     joints = dict(scene.joints.present())
     places = [before(name) + "eccentricity" for name in joints]
-    depths = [before(name) + "penetration_ratio" for name in joints]
     frame = () if scene.supports is None else ("frame_displacement", "frame_rotation")
     times = 2 * np.pi / scene.drive.speed * np.arange(SAMPLES) / SAMPLES
-    outputs = (*places, *depths, *frame)
+    outputs = (*places, *frame)
     seen = [simulate(scene, times, state=state, outputs=outputs) for state in starts]
     relative = [
         jnp.concatenate([turn[place] for turn in seen]) / joint.clearance
@@ -169,8 +199,7 @@ def _motion(scene: Scene, starts: list) -> tuple[Float[Array, "n half"], np.ndar
         shift = jnp.stack([jnp.zeros(()), units.sag])
         relative += [(moved + shift) / jnp.stack([units.x, units.y])]
         relative += [turned[:, None] / units.angle]
-    least = [min(float(jnp.min(turn[depth])) for turn in seen) for depth in depths]
-    return jnp.concatenate(relative, axis=1), np.array(least)
+    return jnp.concatenate(relative, axis=1)
 
 
 def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> PeriodicOrbit:

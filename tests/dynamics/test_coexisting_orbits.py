@@ -32,6 +32,27 @@ def test_a_companion_of_two_turns(found):
     assert 0.2 < found.shares[0] < 0.95
     assert sum(found.shares) + sum(found.unsettled.values()) == pytest.approx(1)
     assert "period 2: RMS 25129.09 N" in str(found)
+    # Each start is kept, and what it came to: the third of those that came to the loud motion.
+    assert found.starts.shape == (16, 4) and found.labels.shape == (16,)
+    assert np.mean(found.labels == 0) == found.shares[0]
+    number = int(np.flatnonzero(found.labels == 0)[2])
+    more = dict(state=found.starts[number], outputs=("foundation_rms",), rtol=1e-7)
+    run = jc.poincare_section(loud.scene, 400, 20, **more)
+    # It decays to 1/e in 36 turns.
+    np.testing.assert_allclose(np.mean(run["foundation_rms"] ** 2) ** 0.5, 25129, rtol=2e-3)
+
+
+@pytest.mark.usefixtures("unchecked")  # no orbits are needed
+def test_the_standard_error_of_a_share():
+    """That of a beta distribution, here by its sampled standard deviation; never 0."""
+    labels = np.array([0] * 12 + [1] * 3 + [-1])
+    found = module.CoexistingOrbits((None, None, None), np.zeros((16, 4)), labels, {})
+    assert found.shares == (0.75, 0.1875, 0.0)
+    random = np.random.default_rng(0)
+    for error, count in zip(found.share_errors, (12, 3, 0), strict=True):
+        # A million samples leave a thousandth of a standard deviation.
+        sampled = np.std(random.beta(count + 1, 17 - count, 1_000_000))
+        np.testing.assert_allclose(error, sampled, rtol=5e-3)
 
 
 def test_shooting_and_collocation_agree(found):

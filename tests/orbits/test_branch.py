@@ -8,8 +8,9 @@ from scipy.special import mathieu_a, mathieu_b
 
 import jaxcrusher as jc
 from jaxcrusher.orbits import orbit_branch
-from jaxcrusher.orbits.branch import follow, special_points
+from jaxcrusher.orbits.branch import follow
 from jaxcrusher.orbits.collocation import System, collocate
+from jaxcrusher.orbits.events import special_points
 from jaxcrusher.orbits.problem import Collocation, Stride
 from jaxcrusher.orbits.result import RESULTS, missing
 
@@ -129,19 +130,20 @@ def test_a_fold_of_the_crusher():
     """At 0.1 mm the quiet motion ends at 37.3155 rad/s; below, another stable one is as quiet."""
     bounds = (37.1, 37.6)
     found = jc.orbit_branch(scene, 37.25, bounds, scale=1.0, points=60)
-    assert found.special_kind.values.tolist() == ["fold"]
+    (fold,) = found.events
+    assert fold.kind == "fold"
     # 96 nodes a turn say 37.31547, these 192 37.315521.
-    np.testing.assert_allclose(found.special_parameter, 37.31552, atol=2e-5)
-    parameter, stable = found.parameter.values, found.stable.values
+    np.testing.assert_allclose(fold.parameter, 37.31552, atol=2e-5)
+    parameter, stable = found.table.parameter.values, found.table.stable.values
     turned = int(np.argmax(parameter))
     assert stable[: turned - 1].all() and not stable[turned + 1 :].any()
     other = jc.orbit_branch(scene, 37.5, bounds, upwards=False, scale=1.0, points=60)
     # Both are stable at one speed, and differ by more than their errors.
     both = []
     for branch in (found, other):
-        near = int(np.argmin(np.abs(branch.parameter.values[:turned] - 37.25)))
-        assert bool(branch.stable[near])
-        both.append(float(branch.foundation_rms[near]))
+        near = int(np.argmin(np.abs(branch.table.parameter.values[:turned] - 37.25)))
+        assert bool(branch.table.stable[near])
+        both.append(float(branch.table.foundation_rms[near]))
     assert 80 < both[1] - both[0] < 140
     assert "resolve" in other.ended or "bounds" in other.ended
 

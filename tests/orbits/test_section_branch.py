@@ -7,7 +7,8 @@ from scipy.integrate import solve_ivp
 
 from jaxcrusher.motion.tangents import Tangents
 from jaxcrusher.orbits import shooting as module
-from jaxcrusher.orbits.branch import ENDS, SHORTER, follow, origin, special_points
+from jaxcrusher.orbits.branch import ENDS, SHORTER, follow
+from jaxcrusher.orbits.events import origin, other_branch, special_points
 from jaxcrusher.orbits.problem import Stride
 from jaxcrusher.orbits.shooting import Shooting
 
@@ -84,6 +85,27 @@ def test_a_branch_of_two_turns_from_birth_to_doubling(branches):
     assert branch.ended == ENDS[1]
     assert last.kind == "period doubling" and last.point.turns == 2
     np.testing.assert_allclose(last.parameter, 0.9125, atol=1e-8)
+
+
+def test_the_branch_that_leaves_at_a_doubling(branches):
+    """Its two places are the roots of a^2 x^2 - a (1 - b) x + (1 - b)^2 - a, at each a beyond."""
+    branch, (doubling,) = followed(
+        branches(henon, 1), np.full(2, 1 / 0.7), 0.0, (-0.1, 0.5), upwards=True, points=200
+    )
+    problem, u, off = other_branch(branch, doubling)
+    assert problem.period == 2
+    places = []
+    for upwards in (True, False):
+        start = problem, u, doubling.parameter
+        left = follow(*start, scale=1.0, bounds=(0.0, 0.6), off=off, upwards=upwards, points=9)
+        assert {point.turns for point in left.points} == {2}
+        for point in left.points:
+            roots = np.roots([point.value**2, -0.7 * point.value, 0.49 - point.value])
+            # The section closes to 1e-7, and Newton's method squares what is left of that.
+            np.testing.assert_allclose(np.sort(point.u), np.sort(roots), atol=1e-9)
+        places.append(left.points[0].u)
+    # To one side the first of the two turns is the upper one, to the other the lower.
+    assert (np.diff(places[0]) * np.diff(places[1])).item() < 0
 
 
 def test_a_step_past_the_birth_of_a_branch(branches):

@@ -1,0 +1,112 @@
+"""Follow an event on branches of orbits, such as a fold, over two parameters of a crusher."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Scalar
+
+from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
+from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.basics.traced import traced
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.orbits.branch import Branch, follow
+from jaxcrusher.orbits.event_curve import EventCurve, curve_of, cusps
+from jaxcrusher.orbits.events import DOUBLING, FOLD, PAIR
+from jaxcrusher.orbits.orbit_branch import (
+    Event,
+    OrbitBranch,
+    problem_of,
+    tabulated,
+    with_orbits,
+)
+from jaxcrusher.orbits.problem import Collocation
+
+
+def bifurcation_curve(
+    scene: Callable[[Scalar, Scalar], Scene],
+    event: Event,
+    second: float,
+    bounds: tuple[tuple[float, float], tuple[float, float]],
+    *,
+    scales: tuple[float, float] | None = None,
+    points: int = 200,
+) -> OrbitBranch:
+    """Return the curve of an event over two parameters, both ways from where it was located.
+
+    The second parameter takes the place of the one that a branch is followed over, and the event's
+    equation says what the first one must be.
+
+    **Arguments:**
+
+    - `scene`: makes a scene from both parameters, which are traced.
+    - `event`: a fold, a period doubling or a Neimark-Sacker point of the branch that
+      `jaxcrusher.orbit_branch` followed over the first parameter.
+    - `second`: the second parameter's value on that branch.
+    - `bounds`: of the first and of the second parameter.
+    - `scales`: what changes of both are small against, > 0; None is a thirtieth of where the event
+      is. Steps are three tenths of them at most.
+    - `points`: at most, each way.
+
+    **Returns:** an `OrbitBranch`, whose `table` has the columns `parameter` (the first) and
+    `second` beside those of `orbit_branch`. Its events are the cusps of a curve of folds, whose
+    `parameter` is the second one's value. `ended` says why it ends, first downwards, then upwards.
+
+    Raises ValueError for arguments out of range, and for an event that is not followed.
+    """
+    require_set_up()
+    require_whole("points", points, 2)
+    require_untraced("second", (second, bounds), "bifurcation_curve", "jaxcrusher.periodic_orbit")
+    known = (FOLD, DOUBLING, PAIR)
+    good = event.kind in known and event.point is not None
+    require(good, "event", f"be one of {known} that is located", event.kind)
+    assert event.point is not None
+    at = (event.parameter, second)
+    for name, one, (low, high) in zip(("event", "second"), at, bounds, strict=True):
+        require(low <= one <= high, name, f"lie in the bounds [{low:g}, {high:g}]", one)
+    scales = (abs(at[0]) / 30, abs(at[1]) / 30) if scales is None else scales
+    for scale in scales:
+        require_positive("scales", scale, "")
+    pair = eqx.Partial(_of_pair, scene=scene)
+    pair = traced(pair, jnp.asarray(at, float))
+    nodal = isinstance(event.branch.problem, Collocation)
+    u = event.point.u
+    base = problem_of(pair, jnp.asarray(at, float), event.point.turns, nodal)
+    curve = curve_of(base, event.kind, u.shape, scales[0], bounds[0])
+    ways = []
+    for upwards in (False, True):
+        start = curve.joined(u, at[0])
+        way = follow(
+            curve, start, second, scale=scales[1], bounds=bounds[1], upwards=upwards, points=points
+        )
+        ways.append(with_orbits(way))
+    (down, before), (up, after) = ways
+    require(bool(before), "event", "lie on a curve over both parameters", "on none")
+    backwards = [replace(point, along=-point.along) for point in down.points[:0:-1]]
+    joined = replace(up, points=[*backwards, *up.points])
+    special = cusps(joined) if event.kind == FOLD else []
+    ended = f"{_ended(down)} {_ended(up)}"
+    orbits = (*before[:0:-1], *after)
+    table = tabulated(orbits, {"parameter": _first_of(joined), "second": joined.parameter})
+    events = tuple(Event(one.kind, one.parameter, joined, one.point) for one in special)
+    return OrbitBranch(table, orbits, events, ended, (joined,))
+
+
+def _of_pair(both: Array, *, scene: Callable[[Scalar, Scalar], Scene]) -> Scene:
+    return scene(both[0], both[1])
+
+
+def _first_of(branch: Branch) -> Float[np.ndarray, " points"]:
+    """Return the first parameter along a curve."""
+    curve = branch.problem
+    assert isinstance(curve, EventCurve)
+    return np.array([float(curve.split(point.u, 0.0)[1][0]) for point in branch.points])
+
+
+def _ended(branch: Branch) -> str:
+    """Say why a curve ends, with what was watched."""
+    last = branch.points[-1].monitors if branch.points else np.zeros(0)
+    lost = [name for name, at in zip(branch.problem.watched, last, strict=False) if not at > 0]
+    return branch.ended + (f" ({', '.join(lost)})" if lost else "")

@@ -1,0 +1,262 @@
+"""Events on branches of orbits: where a test function of a point changes its sign.
+
+The test functions need no eigenvalues to be told apart (Kuznetsov, Elements of Applied Bifurcation
+Theory, 2004, chapter 10). With M the monodromy matrix and mu its eigenvalues:
+
+| event | what vanishes |
+|---|---|
+| fold | the parameter's part of the branch's direction |
+| branch point | det(M - I), where there is no fold |
+| period doubling | det(M + I) |
+| Neimark-Sacker | the product of 1 - mu_i mu_j over pairs: det(C - I), C the second compound of M |
+| contact lost | the least penetration of a joint |
+
+Where one of them has the same sign at three points, and comes nearest to zero at the middle one, it
+may vanish twice in between. So its extremum is searched for.
+"""
+
+import itertools
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Complex, Float, Scalar
+from scipy.interpolate import CubicHermiteSpline
+from scipy.optimize import brentq, minimize_scalar
+
+from jaxcrusher.orbits.branch import Branch, Point, corrected, follow, inner
+from jaxcrusher.orbits.problem import AbstractPeriodicProblem, OfMatrix
+
+FOLD, CROSSING, DOUBLING, PAIR = "fold", "branch point", "period doubling", "Neimark-Sacker"
+# At a branch point the parameter's part of the branch's direction is larger; where it is not, few
+# nodes let the multipliers tell of a fold some way off it.
+STEEP = 0.05
+# A pair that meets the unit circle off the real axis lies so near it where it is located.
+ON_CIRCLE = 1e-4
+# Points followed back to where a branch of fewer turns was doubled.
+BACK = 12
+# A test function that is no larger vanishes everywhere, as that of pairs does without damping.
+NOISE = 1e-9
+# Of three points with one sign: the extremum of a parabola through them, as a share of the outer
+# values, above which there is no zero; and how well the extremum is found, as a share of a step.
+CLEAR, EXTREMUM = 0.5, 1e-3
+
+# A number of a point whose sign matters.
+Test = Callable[[Point], float]
+
+
+@dataclass(frozen=True)
+class Special:
+    """Where a branch changes; no point where a change is seen but not located.
+
+    `kind` is `FOLD`, `CROSSING`, `DOUBLING`, `PAIR` or what the problem watches.
+    """
+
+    kind: str
+    parameter: float
+    point: Point | None
+
+
+def special_points(branch: Branch) -> list[Special]:
+    """Return the events along a branch, in its order.
+
+    What vanishes twice between two points is found by its extremum, if that stands out between the
+    points around it.
+    """
+    problem, found = branch.problem, []
+    for kind, test in tests(branch).items():
+        folds = {int(where) for where, _ in found if kind == CROSSING}
+        for where, point in zeros(branch, test, without=folds):
+            turns = problem.period if point is None else point.turns
+            if kind == CROSSING and point is not None and abs(point.along[-1]) < STEEP:
+                continue
+            if kind == PAIR and point is not None and not leaves_circle(point.multipliers):
+                continue
+            # The branch meets its parent orbit at a period doubling, and goes on a turn later.
+            named = DOUBLING if turns < problem.period else kind
+            value = np.nan if point is None else branch.scale * point.value
+            found.append((where, Special(named, value, point)))
+    return [special for _, special in sorted(found, key=lambda one: one[0])]
+
+
+def tests(branch: Branch) -> dict[str, Test]:
+    """Return what changes its sign where a branch changes, by the kind of event."""
+    watched = branch.problem.watched
+    joints = {kind: lambda point, i=i: float(point.monitors[i]) for i, kind in enumerate(watched)}
+    return {
+        FOLD: lambda point: float(point.along[-1]),
+        **{
+            kind: lambda point, of=of: float(of(jnp.asarray(point.monodromy)))
+            for kind, of in ZERO_OF.items()
+        },
+        **joints,
+    }
+
+
+def _shifted(sign: float, matrix: Array) -> Scalar:
+    return jnp.linalg.det(matrix + sign * np.eye(len(matrix)))
+
+
+def _of_pairs(matrix: Array) -> Scalar:
+    """Return det(C - I), where C holds all minors of two rows and two columns.
+
+    Its eigenvalues are the products of two different ones of the matrix.
+    """
+    one, other = np.triu_indices(len(matrix), 1)
+    at = lambda rows, columns: matrix[rows[:, None], columns[None, :]]  # noqa: E731
+    minors = at(one, one) * at(other, other) - at(one, other) * at(other, one)
+    return _shifted(-1.0, minors)
+
+
+ZERO_OF: dict[str, OfMatrix] = {
+    CROSSING: jax.jit(lambda matrix: _shifted(-1.0, matrix)),
+    DOUBLING: jax.jit(lambda matrix: _shifted(1.0, matrix)),
+    PAIR: jax.jit(_of_pairs),
+}
+
+
+def leaves_circle(values: Complex[np.ndarray, " n"]) -> bool:
+    """Whether a pair lies on the unit circle, off the real axis: two real ones may be 1 / each."""
+    off_axis = values[np.abs(np.imag(values)) > ON_CIRCLE]
+    return bool(np.any(np.abs(np.abs(off_axis) - 1) < ON_CIRCLE))
+
+
+def zeros(
+    branch: Branch, test: Test, without: Collection[int] = ()
+) -> Iterator[tuple[float, Point | None]]:
+    """Yield places along a branch, counted in points, where a test function vanishes.
+
+    With each comes its point, None where that is not located. Steps `without` zeros that matter are
+    left out.
+    """
+    points, values = branch.points, np.array([test(point) for point in branch.points])
+    found: dict[int, list[tuple[float, Point | None]]] = {}
+    values = np.where(np.abs(values) > NOISE, values, 0.0)
+    for i in np.flatnonzero(values[:-1] * values[1:] < 0).tolist():
+        if i in without:
+            continue
+        piece = _Piece(branch, points[i], points[i + 1])
+        found[i] = [_located(piece, test, 0.0, 1.0)]
+    for i in range(1, len(points) - 1):
+        if not _may_vanish_twice(points[i - 1 : i + 2], values[i - 1 : i + 2]):
+            continue
+        for k in {i - 1, i} - set(without):
+            piece = _Piece(branch, points[k], points[k + 1])
+            past = _past(piece, test)
+            if past is not None:
+                found[k] = [_located(piece, test, *ends) for ends in ((0.0, past), (past, 1.0))]
+                break
+    for i, places in sorted(found.items()):
+        yield from ((i + share, point) for share, point in places)
+
+
+def _may_vanish_twice(points: list[Point], values: Float[np.ndarray, "3"]) -> bool:
+    """Whether the middle one of three values of one sign is the least, and zero may be near."""
+    size = np.abs(values)
+    if (not (values > 0).all() and not (values < 0).all()) or size[1] > min(size[0], size[2]):
+        return False
+    steps = [np.linalg.norm(b.place - a.place) for a, b in itertools.pairwise(points)]
+    parabola = np.polyfit(np.array([-steps[0], 0.0, steps[1]]), size, 2)
+    least = np.polyval(parabola, -parabola[1] / (2 * parabola[0])) if parabola[0] > 0 else size[1]
+    return bool(least < CLEAR * min(size[0], size[2]))
+
+
+class _Lost(Exception):
+    """Newton's method leads from between two points to no orbit."""
+
+
+class _Piece:
+    """The branch between two of its points, on planes across the line that joins them."""
+
+    def __init__(self, branch: Branch, here: Point, there: Point) -> None:
+        problem, chord = branch.problem, there.place - here.place
+        size = np.sqrt(inner(problem, chord, chord))
+        self._branch, self._across = branch, chord / size
+        # A cubic through both, along the branch at both ends, is near it in between.
+        ends = [size * one.along / inner(problem, one.along, self._across) for one in (here, there)]
+        self._curve = CubicHermiteSpline([0, 1], [here.place, there.place], ends)
+        self._known = {0.0: here, 1.0: there}
+
+    def at(self, share: float) -> Point:
+        """Return the point at a share of the way."""
+        if share not in self._known:
+            branch, shape = self._branch, self._known[0.0].u.shape
+            place = self._curve(share), self._across
+            found = corrected(branch.problem, shape, branch.scale, *place)
+            if found is None:
+                raise _Lost
+            self._known[share] = found
+        return self._known[share]
+
+    @property
+    def tolerance(self) -> float:
+        """Return to what share a place is located."""
+        return self._branch.problem.stride.located
+
+
+def _located(piece: _Piece, test: Test, low: float, high: float) -> tuple[float, Point | None]:
+    """Return where a test function vanishes that has different signs at two places."""
+    try:
+        root = brentq(lambda share: test(piece.at(share)), low, high, xtol=piece.tolerance)
+        assert isinstance(root, float)
+        return root, piece.at(root)
+    except _Lost:
+        return (low + high) / 2, None
+
+
+class _Past(Exception):
+    """A place past a zero is found."""
+
+
+def _past(piece: _Piece, test: Test) -> float | None:
+    """Return a place where a test function has not the sign of the ends; None if there is none."""
+    sign, seen = np.sign(test(piece.at(0.0))), []
+
+    def size(share: float) -> float:
+        value = sign * test(piece.at(float(share)))
+        if value < 0:
+            seen.append(float(share))
+            raise _Past
+        return value
+
+    try:
+        minimize_scalar(size, bounds=(0.0, 1.0), method="bounded", options={"xatol": EXTREMUM})
+    except _Past:
+        return seen[0]
+    except _Lost:
+        return None
+    return None
+
+
+def other_branch(
+    branch: Branch, special: Special
+) -> tuple[AbstractPeriodicProblem, np.ndarray, np.ndarray]:
+    """Return what `follow` needs for the branch that leaves another one at a special point.
+
+    That is its problem, the unknowns there, and the direction in which it leaves. At a period
+    doubling it is of twice the turns; there and at a branch point the equations of such orbits are
+    singular in its direction.
+    """
+    point = special.point
+    turns = point.turns * (2 if special.kind == DOUBLING else 1)
+    problem, u = branch.problem.over(turns, point.u)
+    matrix = problem.linearised(jnp.asarray(u), jnp.asarray(branch.scale * point.value)).by_unknowns
+    return problem, u, np.append(np.linalg.svd(matrix)[2][-1], 0.0)
+
+
+def origin(branch: Branch, parent: Point) -> Special:
+    """Return the doubling that a branch came from; `parent`, of fewer turns, is followed back."""
+    shorter, u = branch.problem.over(parent.turns, parent.u)
+    back = follow(
+        shorter,
+        u,
+        branch.scale * parent.value,
+        scale=branch.scale,
+        bounds=(-np.inf, np.inf),
+        upwards=parent.value < branch.points[-1].value,
+        points=BACK,
+    )
+    found = [one for one in special_points(back) if one.kind == DOUBLING]
+    return found[0] if found else Special(DOUBLING, np.nan, None)

@@ -1,0 +1,96 @@
+"""Events of the crusher: their orbits, the branches that leave there, and curves of them."""
+
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+
+# Wide enough for a few steps.
+BOUNDS = ((36.0, 39.0), (0.09e-3, 0.115e-3))
+SCALES = (1.0, 3e-6)
+
+
+def scene(speed, clearance):
+    return jc.build_scene({"speed": speed, "clearance": clearance})
+
+
+@pytest.fixture(scope="module")
+def folded():
+    """A branch over its fold, with few nodes: those of 192 lie 5e-5 rad/s off."""
+    at = lambda speed: scene(speed, 0.1e-3)  # noqa: E731
+    return jc.orbit_branch(at, 37.3, BOUNDS[0], scale=1.0, nodes=96, points=25)
+
+
+def test_a_fold_over_two_parameters(folded):
+    """A point of the curve is the fold of a branch over the speed at its own clearance."""
+    (fold,) = folded.events
+    assert fold.kind == "fold"
+    # The error across the branch is small where that at one speed is without bounds.
+    orbit = fold.orbit()
+    assert orbit.success and orbit.error < 1e-3
+    curve = jc.bifurcation_curve(scene, fold, 0.1e-3, BOUNDS, scales=SCALES, points=4)
+    table = curve.table
+    assert curve.events == () and len(curve.orbits) == 7
+    assert np.all(np.diff(table.second) > 0) and np.all(np.diff(table.parameter) < 0)
+    values = table.multiplier_real.values + 1j * table.multiplier_imag.values
+    np.testing.assert_allclose(np.abs(values - 1).min(axis=1), 0.0, atol=1e-6)
+    last = table.isel(point=-1)
+    speed, clearance = float(last.parameter), float(last.second)
+    again = jc.orbit_branch(
+        lambda speed: scene(speed, clearance), speed - 0.02, BOUNDS[0], scale=1.0, nodes=96,
+        points=25, guess=np.asarray(curve.orbits[-1].eccentricity),
+    )  # fmt: skip
+    near = min((one.parameter for one in again.events), key=lambda one: abs(one - speed))
+    # One by the multipliers, the other by the nodes: 96 of them leave 5e-5 between both.
+    np.testing.assert_allclose(near, speed, atol=1e-4)
+
+
+def test_eigenvectors(folded):
+    """They belong to the multipliers; a disturbance along one is seen to grow by it."""
+    values, vectors = folded.eigenvectors(0)
+    found = folded.table.multiplier_real.values[0] + 1j * folded.table.multiplier_imag.values[0]
+    np.testing.assert_allclose(np.sort_complex(values), np.sort_complex(found), atol=1e-9)
+    orbit, i = folded.orbits[0], int(np.argmax(np.abs(values)))
+    size = 1e-5
+    # By the shaft angle in clearances; a section point's rates are in m/s.
+    unit = np.array(
+        [1, 1, *[float(orbit.scene.drive.speed * orbit.scene.joints.main.clearance)] * 2]
+    )
+    shift = size * unit * np.real(vectors[:, i])
+    ends = [
+        np.asarray(jc.poincare_section(orbit.scene, 0, 1, state=state, rtol=1e-11).states[0])
+        for state in (orbit.section, orbit.section + shift)
+    ]
+    grown = (ends[1] - ends[0]) / unit / size
+    # A disturbance of 1e-5 leaves as much of the curvature, which impacts make some 100.
+    np.testing.assert_allclose(grown, np.real(values[i] * vectors[:, i]), atol=2e-3)
+
+
+def test_a_narrow_doubling_of_the_crusher():
+    """Two doublings 0.0006 rad/s apart, inside a step of 0.04; a motion of two turns leaves."""
+    at = lambda speed: scene(speed, 0.11e-3)  # noqa: E731
+    up = jc.orbit_branch(at, 36.9, (36.85, 37.2), scale=1.0, nodes=96, points=8)
+    branch = jc.orbit_branch(at, 37.15, (36.85, 37.2), upwards=False, scale=1.0, nodes=96)
+    places = [one.parameter for one in branch.events[::-1]]
+    # Both are located to 1e-12 of a step, on orbits that close to 1e-10.
+    np.testing.assert_allclose([one.parameter for one in up.events], places, atol=1e-8)
+    assert [one.kind for one in branch.events] == ["period doubling"] * 2
+    upper, lower = (one.parameter for one in branch.events)
+    assert np.max(np.diff(np.sort(branch.table.parameter))) > 30 * (upper - lower) > 0
+    doubled = jc.orbit_branch(
+        at, branch.events[0].other_branch(), (36.85, 37.2), scale=1.0, points=4
+    )
+    assert doubled.table.period == 2 and len(doubled.orbits) == 4
+    for orbit in doubled.orbits:
+        turns = np.asarray(orbit.eccentricity).reshape(2, 96, 2)
+        assert np.max(np.abs(turns[0] - turns[1])) > 1e-3
+
+
+def test_refusals(folded):
+    (fold,) = folded.events
+    with pytest.raises(ValueError, match="`second` must lie in the bounds"):
+        jc.bifurcation_curve(scene, fold, 0.2e-3, BOUNDS)
+    with pytest.raises(ValueError, match="`kind` must be one of"):
+        fold.other_branch()
+    with pytest.raises(ValueError, match="`scales` must be finite and > 0"):
+        jc.bifurcation_curve(scene, fold, 0.1e-3, BOUNDS, scales=(1.0, 0.0))

@@ -1,0 +1,182 @@
+"""Events over two parameters, against closed forms and published curves."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.special import mathieu_a, mathieu_b
+
+from jaxcrusher.motion.tangents import Tangents
+from jaxcrusher.orbits import shooting as module
+from jaxcrusher.orbits.branch import ENDS, follow
+from jaxcrusher.orbits.collocation import System, collocate
+from jaxcrusher.orbits.event_curve import curve_of, cusps
+from jaxcrusher.orbits.events import special_points, zeros
+from jaxcrusher.orbits.problem import Collocation, Stride
+from jaxcrusher.orbits.shooting import Shooting
+
+PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
+
+
+def at_second(first, family, second):
+    """A family over its first parameter alone."""
+    return family(jnp.stack([first, jnp.asarray(second)]))
+
+
+def first_event(family, x, second, bounds, **more):
+    """The first event of a branch over the first parameter."""
+    problem = Collocation(family=eqx.Partial(at_second, family=family, second=second))
+    x, root = collocate(problem.family(jnp.asarray(bounds[0])), jnp.asarray(x))
+    assert root.success
+    branch = follow(problem, x, bounds[0], scale=0.1, bounds=bounds, points=150, **more)
+    return special_points(branch)[0]
+
+
+def followed(curve, special, second, scale, bounds, *, upwards, points):
+    """A curve, and both parameters along it."""
+    start, more = curve.joined(special.point.u, special.parameter), dict(bounds=bounds)
+    more |= dict(scale=scale, upwards=upwards, points=points)
+    branch = follow(curve, start, second, **more)
+    both = [curve.split(point.u, scale * point.value)[1] for point in branch.points]
+    return branch, np.array(both)
+
+
+def mathieu(time, x, rate, both):
+    return -(both[0] + both[1] * jnp.cos(time)) * x
+
+
+@pytest.mark.parametrize("order", [1, 3])
+def test_tongues_of_mathieus_equation(order):
+    """Where rest doubles its period, a is a characteristic value over all q = 2 b."""
+    family = lambda both: System(mathieu, jnp.asarray(2 * np.pi), both)  # noqa: E731
+    begin = order**2 / 4
+    stride = Stride(first=0.02, longest=0.1, shortest=1e-6)
+    special = first_event(family, np.zeros((8, 1)), 0.4, (begin - 0.3, begin + 0.3), stride=stride)
+    assert special.kind == "period doubling"
+    base = Collocation(family=family)
+    curve = curve_of(base, special.kind, (8, 1), 0.1, (-2.0, 9.0))
+    _, both = followed(curve, special, 0.4, 0.1, (0.05, 1.0), upwards=True, points=40)
+    assert both[-1, 1] > 1.0 and len(both) > 10
+    # Of the two edges the lower one; which is sine and which cosine the sign of b says.
+    edges = np.array(
+        [[edge(order, 2 * b) / 4 for edge in (mathieu_a, mathieu_b)] for b in both[:, 1]]
+    )
+    # SciPy's values have twelve digits; Magnus' steps leave 1e-10.
+    np.testing.assert_allclose(both[:, 0], edges.min(axis=1), rtol=1e-9)
+
+
+def duffing(time, x, rate, args):
+    c, f, w = args
+    return f * jnp.cos(w * time) - c * rate - x - x**3
+
+
+def duffings(both, c):
+    return System(duffing, 2 * jnp.pi / both[0], (c, both[1], both[0]))
+
+
+def test_folds_of_duffings_equation():
+    """Both folds published for f = 0.015 lie on one curve, and meet in a cusp."""
+    family = eqx.Partial(duffings, c=0.04)
+    stride = Stride(first=0.02, longest=0.3, shortest=1e-6)
+    fold = first_event(family, 0.3 * np.cos(PHASES), 0.015, (0.9, 1.2), stride=stride)
+    curve = curve_of(Collocation(family=family), "fold", (48, 1), 0.1, (0.5, 2.0))
+    branch, both = followed(curve, fold, 0.015, 2e-3, (1e-3, 0.016), upwards=False, points=80)
+    assert branch.ended == ENDS[1]
+    np.testing.assert_allclose(both[0, 0], 1.0492623992, atol=2e-10)
+    # Back at 0.015, on the other side of the cusp.
+    ((_, back),) = zeros(branch, lambda point: point.value - 0.015 / 2e-3)
+    other = float(curve.split(back.u, 0.015)[1][0])
+    np.testing.assert_allclose(other, 1.0439137088, atol=2e-10)
+    (cusp,) = cusps(branch)
+    np.testing.assert_allclose(cusp.parameter, both[:, 1].min(), rtol=1e-3)
+    # There both parameters stand still along the curve; brentq leaves 1e-12 of a step.
+    assert abs(cusp.point.along[-1]) < 1e-9
+
+
+@pytest.mark.parametrize("damping", [0.04, 0.01])
+def test_the_cusp_of_weak_damping(damping):
+    """First harmonic: w^2 - 1 = sqrt(3) c w and f^2 = 32 (w^2 - 1)^3 / 81, to a share of c."""
+    family = eqx.Partial(duffings, c=damping)
+    detuned = np.sqrt(3) * damping
+    force = 1.2 * np.sqrt(32 / 81 * detuned**3)
+    stride = Stride(first=0.1 * damping, longest=1.5 * damping, shortest=1e-8)
+    bounds = (1 - damping, 1 + 4 * damping)
+    fold = first_event(family, 0.1 * np.cos(PHASES), force, bounds, stride=stride)
+    curve = curve_of(Collocation(family=family), "fold", (48, 1), damping, (0.5, 2.0))
+    branch, _ = followed(
+        curve, fold, force, 0.1 * force, (0.3 * force, 2 * force), upwards=False, points=60
+    )
+    (cusp,) = cusps(branch)
+    speed = float(curve.split(cusp.point.u, cusp.parameter)[1][0])
+    np.testing.assert_allclose(speed**2 - 1, detuned * speed, rtol=damping / 2)
+    np.testing.assert_allclose(cusp.parameter**2, 32 / 81 * (speed**2 - 1) ** 3, rtol=damping)
+
+
+def van_der_pol(time, x, rate, args):
+    f, w = args
+    return f * jnp.cos(w * time) + 0.3 * (1 - x**2) * rate - x
+
+
+def test_where_van_der_pol_is_no_longer_driven():
+    """A pair leaves the circle where det M = 1, so where x^2 is 1 in the mean (Liouville)."""
+    family = lambda both: System(van_der_pol, 2 * jnp.pi / both[0], (both[1], both[0]))  # noqa: E731
+    stride = Stride(first=0.02, longest=0.3, shortest=1e-6)
+    # Far off resonance a strong force holds the oscillator.
+    x = 0.8 / (1 - 1.6**2) * np.cos(PHASES)
+    branch = follow(
+        Collocation(family=eqx.Partial(at_second, family=family, second=2.0)),
+        collocate(family(jnp.array([1.3, 2.0])), jnp.asarray(5 * x))[0],
+        1.3, scale=0.1, bounds=(1.2, 2.5), stride=stride, points=100,
+    )  # fmt: skip
+    special = special_points(branch)[0]
+    assert special.kind == "Neimark-Sacker"
+    curve = curve_of(Collocation(family=family), special.kind, (48, 1), 0.1, (1.02, 2.4))
+    branch, both = followed(curve, special, 2.0, 0.3, (0.3, 3.0), upwards=False, points=40)
+    assert len(both) > 10 and both[:, 1].min() < 1.0
+    mean = [np.mean(point.u[:48] ** 2) for point in branch.points]
+    np.testing.assert_allclose(mean, 1.0, atol=1e-9)
+
+
+def bouncing(state, both):
+    """A ball on a table that moves by a sine, flying high (Guckenheimer and Holmes 1983, 2.4)."""
+    force, kept = both
+    phase = state[0] + state[1]
+    return np.array([phase - 2 * np.pi, kept * state[1] - force * np.cos(phase)])
+
+
+@pytest.fixture
+def ball(monkeypatch):
+    """The map in place of the integrated turn."""
+
+    def tangents(build, point, metric, state, turns, rtol):
+        both = np.asarray(point)
+        both = both if both.size == 2 else np.append(both, 0.5)
+        phase = state[0] + state[1]
+        slope = both[0] * np.sin(phase)
+        jacobian = np.array([[1.0, 1.0], [slope, both[1] + slope]])
+        forcing = np.array([[0.0, 0.0], [-np.cos(phase), state[1]]])[:, : point.size]
+        none, by_state, by_number = np.zeros(1), np.zeros((1, 2)), np.zeros((1, point.size))
+        after = bouncing(state, both)
+        return Tangents(after, jacobian[None], forcing[None], none, by_state, by_number)
+
+    monkeypatch.setattr(module, "tangents", tangents)
+    return Shooting(build=eqx.Partial(bouncing), period=1)
+
+
+def test_a_bouncing_ball_doubles_its_period(ball):
+    """Once a turn: born at 2 pi (1 - k), doubled at 2 sqrt(pi^2 (1 - k)^2 + (1 + k)^2).
+
+    Their formulas for n = 1, with the restitution k.
+    """
+    force = 4.0
+    state = np.array([-np.arccos(2 * np.pi * (0.5 - 1) / force), 2 * np.pi])
+    branch = follow(ball, state, force, scale=1.0, bounds=(3.0, 5.0), points=40)
+    (special,) = special_points(branch)
+    assert special.kind == "period doubling"
+    exact = lambda kept: 2 * np.sqrt(np.pi**2 * (1 - kept) ** 2 + (1 + kept) ** 2)  # noqa: E731
+    # The section points close to 1e-7, and Newton's method squares what is left of that.
+    np.testing.assert_allclose(special.parameter, exact(0.5), atol=1e-8)
+    curve = curve_of(ball, special.kind, (2,), 1.0, (0.1, 10.0))
+    _, both = followed(curve, special, 0.5, 0.1, (0.2, 0.9), upwards=True, points=40)
+    assert both[-1, 1] > 0.8
+    np.testing.assert_allclose(both[:, 0], exact(both[:, 1]), atol=1e-7)

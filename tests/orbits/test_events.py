@@ -1,0 +1,97 @@
+"""Events that lie close together, and branches that leave at them, against closed forms."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.special import mathieu_a, mathieu_b
+
+from jaxcrusher.orbits.branch import follow
+from jaxcrusher.orbits.collocation import System
+from jaxcrusher.orbits.events import other_branch, special_points
+from jaxcrusher.orbits.problem import Collocation, Stride, least_penetrations
+
+
+def mathieu(time, x, rate, args):
+    """x'' + (a + b cos t) x + x^3 = 0."""
+    a, b = args
+    return -(a + b * jnp.cos(time)) * x - x**3
+
+
+def mathieus(a, b):
+    return System(mathieu, jnp.asarray(2 * np.pi), (a, b))
+
+
+def rest_branch(b, bounds, *, longest):
+    """The branch of rest over a."""
+    problem = Collocation(family=eqx.Partial(mathieus, b=jnp.asarray(b)))
+    stride = Stride(first=longest / 5, longest=longest, shortest=1e-6)
+    more = dict(scale=1.0, bounds=bounds, stride=stride, points=80)
+    return follow(problem, np.zeros((8, 1)), bounds[0], **more)
+
+
+@pytest.mark.parametrize("shift", 0.01 * np.arange(5))
+@pytest.mark.parametrize(
+    ("order", "kind", "b"), [(2, "branch point", 0.1), (3, "period doubling", 0.4)]
+)
+def test_two_events_inside_one_step(order, kind, b, shift):
+    """Tongues of Mathieu's equation narrower than a step, wherever the step begins."""
+    expected = [edge(order, 2 * b) / 4 for edge in (mathieu_b, mathieu_a)]
+    bounds = (expected[0] - 0.31 - shift, expected[1] + 0.31)
+    branch = rest_branch(b, bounds, longest=0.05)
+    places = branch.parameter
+    assert expected[1] - expected[0] < 0.2 * np.diff(places).max()
+    assert not ((places > expected[0]) & (places < expected[1])).any()
+    special = special_points(branch)
+    assert [one.kind for one in special] == [kind, kind]
+    # In a narrow tongue a test function is nearly flat: its rounding, 1e-13, over its slope.
+    np.testing.assert_allclose([one.parameter for one in special], expected, atol=2e-9)
+
+
+@pytest.mark.parametrize(("order", "turns", "b"), [(1, 2, 1e-3), (2, 1, 0.02)])
+def test_a_branch_that_leaves(order, turns, b):
+    """Beside a tongue the cubic stiffness holds a motion A sin(n t / 2): a + 3 A^2 / 4 stays.
+
+    That is the first harmonic's balance. It errs by b and A^2 as shares of itself.
+    """
+    at, other = (edge(order, 2 * b) / 4 for edge in (mathieu_b, mathieu_a))
+    side, step = np.sign(other - at), abs(other - at) / 4
+    bounds = sorted((at - side * 10.5 * step, at + side * 2.5 * step))
+    special = special_points(rest_branch(b, tuple(bounds), longest=step))
+    (birth,) = (one for one in special if abs(one.parameter - at) < step)
+    branch = rest_branch(b, tuple(bounds), longest=step)
+    problem, u, off = other_branch(branch, birth)
+    assert problem.period == turns and len(u) == 8 * turns
+    for upwards in (True, False):
+        more = dict(scale=1.0, bounds=(at - 1, at + 1), off=off, upwards=upwards, points=8)
+        left = follow(problem, u, birth.parameter, **more)
+        assert len(left.points) == 8
+        for point in left.points[1:]:
+            phases = np.pi * order * np.arange(len(u)) / 8
+            amplitude = 2 * abs(point.u[:, 0] @ np.exp(1j * phases)) / len(u)
+            expected = np.sqrt(4 / 3 * (at - point.value))
+            np.testing.assert_allclose(amplitude, expected, rtol=b + expected**2)
+            assert point.turns == turns
+
+
+def dipping(time, x, rate, number):
+    """A joint whose depth, at its least, is as deep as a number says: between two nodes."""
+    return (1 + number - 0.1 * jnp.cos(time - 0.1)) * jnp.array([1.0, 0.0]) - x
+
+
+def test_contact_is_lost_between_instants():
+    """By Newton's method in time: 1 + p - 0.1 * 2 / 3 cos(t - 0.1) touches 1 at p = 1 / 5 exactly.
+
+    x'' = f - x is resonant, so the stiffness is 3 here: of the harmonic 1 / (3 - 1) is left.
+    """
+    stiff = lambda t, x, v, p: dipping(t, 3 * x, v, 3 * p + 2)  # noqa: E731
+    family = lambda p: System(stiff, jnp.asarray(2 * np.pi), p)  # noqa: E731
+    problem = Collocation(family=family, watched=("lost",))
+    rest = np.tile([[1.2, 0.0]], (16, 1))
+    branch = follow(problem, rest, 0.3, scale=1.0, bounds=(-1, 1), upwards=False)
+    (lost,) = special_points(branch)
+    # (1 + 3 p + 2) / 3 - 0.1 / 2 = 1.
+    np.testing.assert_allclose(lost.parameter, 0.05, atol=1e-12)
+    phases = 2 * np.pi * np.arange(16) / 16
+    swings = np.stack([1.5 - 0.2 * np.cos(3 * phases - 0.1), 0 * phases], axis=1)
+    np.testing.assert_allclose(least_penetrations(jnp.asarray(swings)), [0.3], atol=1e-14)
