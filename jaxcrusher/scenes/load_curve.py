@@ -25,7 +25,6 @@ from jaxcrusher.basics.periodic_spline import (
     series_of,
     spline_through,
 )
-from jaxcrusher.files.messages import tell
 
 HEADER = ["angle_deg", "force_kN"]
 # Of two points a periodic cubic spline knows only their difference.
@@ -33,52 +32,41 @@ FEWEST = 3
 # A turn that was written in degrees or radians of a few digits, rad.
 ROUNDING = 1e-6
 # A spline through more points than these is replaced by so many orders of its Fourier series, which
-# take a seventh of the time in lanes. What the points lose by it is told above this share.
-MOST, ORDERS, TOLD = 64, 48, 0.01
+# take a seventh of the time in lanes, where they miss no point by more than this share of the
+# largest force.
+MOST, ORDERS, MISSED = 64, 48, 1e-6
 
 
 def load_curve(given: ArrayLike | str) -> PeriodicSpline | PeriodicSeries:
     """Return the spline through a curve: a CSV file, or an array (n, 2) of rad and N.
 
-    Through more than `MOST` points it is replaced by `ORDERS` orders of its Fourier series. The
-    array may be traced. Raises ValueError for a file that cannot be read, and for too few
-    points, numbers that are not finite, angles outside a turn or repeated, and two forces where the
-    turn closes.
+    A smooth curve through more than `MOST` known points is replaced by `ORDERS` orders of its
+    Fourier series, which meet them. The array may be traced. Raises ValueError for a file that
+    cannot be read, and for too few points, numbers that are not finite, angles outside a turn or
+    repeated, and two forces where the turn closes.
     """
     points = read_curve(given) if isinstance(given, str) else jnp.asarray(given, dtype=float)
     shape = points.shape
     good = len(shape) == 2 and shape[1] == 2
     require(good, "load_curve", "have shape (n, 2), of angle and force", f"of shape {shape}")
-    known = primal(points)
+    known, smooth = primal(points), False
     if known is not None:
         kept = _through(known)
         points, known = points[kept], known[kept]
-        if len(points) > MOST:
-            _tell_smoothed(known.tobytes())
+        smooth = len(points) > MOST and _is_smooth(known.tobytes())
     points = jnp.asarray(points)
-    return _curve(points)
-
-
-def _curve(points: Float[Array, "n 2"]) -> PeriodicSpline | PeriodicSeries:
     spline = spline_through(points[:, 0], points[:, 1])
-    return spline if len(points) <= MOST else series_of(spline, ORDERS)
+    return series_of(spline, ORDERS) if smooth else spline
 
 
 @functools.lru_cache(maxsize=64)  # scenes of one curve are built many times
-def _tell_smoothed(content: bytes) -> None:
-    """Say by how much a series misses its points, if that is much."""
-    points = np.frombuffer(content).reshape(-1, 2)
-    angle, force = points.T
+def _is_smooth(content: bytes) -> bool:
+    """Whether a series meets the points."""
+    angle, force = np.frombuffer(content).reshape(-1, 2).T
     with jax.ensure_compile_time_eval():
-        off = np.abs(
-            np.asarray(jax.vmap(_curve(jnp.asarray(points)))(jnp.asarray(angle))) - force
-        ).max()
-    share = off / np.abs(force).max()
-    if share > TOLD:
-        tell(
-            f"The load curve of {len(points)} points is smoothed to {ORDERS} orders of the shaft, "
-            f"by {share:.1%} of its largest force at most."
-        )
+        series = series_of(spline_through(jnp.asarray(angle), jnp.asarray(force)), ORDERS)
+        off = np.abs(np.asarray(jax.vmap(series)(jnp.asarray(angle))) - force)
+    return bool(off.max() <= MISSED * np.abs(force).max())
 
 
 def read_curve(path: str) -> np.ndarray:
