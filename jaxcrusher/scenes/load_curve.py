@@ -15,7 +15,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import ArrayLike
 
 from jaxcrusher.basics.checks import primal, require
 from jaxcrusher.basics.periodic_spline import (
