@@ -26,7 +26,7 @@ WINDOWS = (
 COLOURS = {"fold": "tab:red", "period doubling": "tab:orange", "Neimark-Sacker": "tab:purple"}
 
 
-def scene(speed, clearance) -> jc.Scene:
+def scene(speed, clearance) -> "jc.Scene":
     """Return a scene of the box."""
     return jc.build_scene({"speed": speed, "clearance": clearance})
 

@@ -266,7 +266,9 @@ def least_penetrations(x: Float[Array, "nodes dims"]) -> Float[Array, " joints"]
     def least(pin: Float[Array, "nodes 2"], grid: Float[Array, "instants 2"]) -> Scalar:
         def closer(_, place: Scalar) -> Scalar:
             e, rate, bend = (evaluate(pin, place, order) for order in range(3))
-            return place - e @ rate / (rate @ rate + e @ bend) / (2 * np.pi)
+            curve = rate @ rate + e @ bend
+            # A pin at rest is nowhere nearer.
+            return place - jnp.where(curve > 0, e @ rate / curve, 0.0) / (2 * np.pi)
 
         start = jnp.argmin(jnp.sum(grid**2, axis=1)) / len(grid)
         place = jax.lax.stop_gradient(jax.lax.fori_loop(0, POLISHED, closer, start))

@@ -388,7 +388,7 @@ def test_missing_dask_is_one_clear_line(monkeypatch, tmp_path):
         ({"speed": ["x"]}, {}, "axes"),
         ({"speed": [-1.0, 30.0]}, {}, "speed"),
         ({"start": ["left"]}, {}, "start"),
-        ({"jaw.length": [0.695, 1.2]}, {}, "bearing.distance"),
+        ({"jaw.length": [0.695, 1.2]}, {}, "jaw.length`, `toggle.length"),
         ({"speed": [30.0]}, {"chunk": 0}, "chunk"),
         ({"speed": [30.0]}, {"base": {"speed": 1.0}}, "base"),
         ({"speed": [30.0]}, {"base": {"load": None}}, r"base\['load'\]"),

@@ -128,20 +128,20 @@ BAD = [
     # C-A from 0.63 to 0.65 m: 0.3 + 0.3 is too short, and 0.345 + 0.3 passes a dead point.
     (
         lambda: machine(jaw=Jaw(524.0, 128.48, 0.3, Vector(0, 0))),
-        "bearing.distance",
+        "jaw.length`, `toggle.length` and `bearing.distance",
         "650",
         "600 mm",
     ),
     (
         lambda: machine(jaw=Jaw(524.0, 128.48, 0.345, Vector(0, 0))),
-        "bearing.distance",
+        "jaw.length`, `toggle.length` and `bearing.distance",
         "650",
         "645 mm",
     ),
     # Closes with an ideal joint, but not with the pin 3 mm off.
     (
         lambda: with_machine(jc.paper_scene(30.0, 3e-3), machine(jaw=long_jaw)),
-        "bearing.distance",
+        "jaw.length`, `toggle.length` and `bearing.distance",
         "653",
         "652 mm",
     ),
