@@ -7,7 +7,7 @@ import numpy as np
 
 import jaxcrusher as jc
 from jaxcrusher.files.program import program
-from jaxcrusher.files.results import write_figure
+from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.pictures.page import STYLE, WIDTH
 
 SPEEDS, CLEARANCES = np.linspace(37.0, 40.0, 7), np.linspace(0.08e-3, 0.12e-3, 5)
@@ -21,6 +21,7 @@ def main(out: Path = Path("results/orbits")) -> None:
         out: Folder of basins.png.
     """
     jc.set_up()
+    folder = results_folder(out)
     axes = {"speed": SPEEDS, "clearance": CLEARANCES}
     found = jc.basin_map(axes, starts=STARTS, turns=TURNS)
     print(f"largest standard error of a share: {float(found.share_error.max()):.3f}")
@@ -37,8 +38,8 @@ def main(out: Path = Path("results/orbits")) -> None:
             fig.colorbar(image, ax=ax, location="bottom")
             ax.set(title=title, xlabel="speed, rad/s")
         panels[0].set_ylabel("clearance, mm")
-        write_figure(out / "basins.png", fig)
-    print(out / "basins.png")
+        write_figure(folder / "basins.png", fig)
+    print(folder / "basins.png")
 
 
 if __name__ == "__main__":

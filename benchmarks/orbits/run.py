@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 import jaxcrusher as jc
 from benchmarks.timing import spent
-from jaxcrusher.files.results import write_figure
+from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.pictures.page import STYLE, WIDTH, plain_powers
 from jaxcrusher.scenes.parameters import PE250X400, numbers_of
 
@@ -25,9 +25,10 @@ BOUNDS = (36.8, 38.0)
 def run(out: Path) -> None:
     """Compute, print, draw."""
     jc.set_up()
+    folder = results_folder(out)
     with plt.rc_context(STYLE):
-        write_figure(out / "orbits.png", figure())
-    print(out / "orbits.png")
+        write_figure(folder / "orbits.png", figure())
+    print(folder / "orbits.png")
 
 
 def figure() -> Figure:

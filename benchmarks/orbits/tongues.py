@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import jaxcrusher as jc
 from jaxcrusher.files.program import program
-from jaxcrusher.files.results import write_figure
+from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.pictures.page import STYLE, WIDTH, plain_powers
 
 SPEEDS, CLEARANCES = np.linspace(36.0, 40.0, 81), np.linspace(0.06e-3, 0.12e-3, 61)
@@ -38,9 +38,10 @@ def main(out: Path = Path("results/orbits")) -> None:
         out: Folder of tongues.png.
     """
     jc.set_up()
+    folder = results_folder(out)
     with plt.rc_context(STYLE):
-        write_figure(out / "tongues.png", figure())
-    print(out / "tongues.png")
+        write_figure(folder / "tongues.png", figure())
+    print(folder / "tongues.png")
 
 
 def figure() -> Figure:
