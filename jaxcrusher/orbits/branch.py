@@ -28,7 +28,7 @@ CLOSED = 8
 MOST_MOVED = 0.6
 
 ENDS = (
-    "The buffer is full.",
+    "As many points as were asked for are found.",
     "The parameter has left its bounds.",
     "What is monitored has become negative.",
     "No step is short enough for Newton's method.",
