@@ -8,6 +8,7 @@ a load written here.
 # EXUDYN's stubs take modules for types, and lack some settings.
 # pyright: reportArgumentType=false, reportAttributeAccessIssue=false
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import exudyn as exu
@@ -39,14 +40,24 @@ class Stand:
         return self.centre + self.displacement + self.axis * (point - self.centre)
 
 
+@dataclass(frozen=True)
+class JawLoad:
+    """A force on the jaw over time, in axes that turn with it: x from B to A; N and s."""
+
+    along: float  # from A towards B to where it acts, m
+    force: Callable[[float], complex]
+
+
 class Model:
     """The mechanism at the motion's start, and its sensors."""
 
-    def __init__(self, motion: FreeBodies, stand: Stand | None = None):
+    def __init__(self, motion: FreeBodies, stand: Stand | None = None, load: JawLoad | None = None):
         """Take the motion's start, points of joints and numbers, and none of its equations.
 
         With a `stand` the frame is a body on supports, of the numbers `foundation.*`. It feels the
-        opposite of the load on the jaw along the same line.
+        opposite of the load on the jaw along the same line. A `load` stands in place of the
+        constant one. With a number `rod.stiffness` a spring and damper of EXUDYN's library, with
+        that preload, pulls at jaw and frame.
         """
         of = motion.numbers
         self.motion = motion
@@ -93,12 +104,15 @@ class Model:
                 self._friction(joint, law, bore, pin)
         turn = items.SensorBody(bodyNumber=bodies["jaw"], outputVariableType=KINDS.Rotation)
         parts.sensor("jaw", turn)
-        load = [-of["load"], 0.0, 0.0]
-        parts.system.AddLoad(
-            items.LoadForceVector(
-                markerNumber=parts.marker(bodies["jaw"], 0j), loadVector=load, bodyFixed=True
-            )
-        )
+        if "rod.stiffness" in of:
+            self._rod(base, bodies["jaw"])
+        if load is None:
+            place, force = 0j, {"loadVector": xyz(complex(-of["load"]))}
+        else:
+            place = motion.joints["A"][1] - load.along
+            force = {"loadVectorUserFunction": lambda s, time, v: xyz(load.force(time))}
+        marker = parts.marker(bodies["jaw"], place)
+        parts.system.AddLoad(items.LoadForceVector(markerNumber=marker, bodyFixed=True, **force))
         if stand is not None:
             self._react(base, bodies["jaw"])
 
@@ -112,6 +126,22 @@ class Model:
             foot = complex(of[f"foundation.{side}"], of["foundation.base"])
             markers = parts.marker(parts.ground, foot), parts.marker(base, foot - centre)
             parts.support(side, *markers, stiffness, damping)
+
+    def _rod(self, base, jaw) -> None:
+        """Pull at the jaw; the length without stretch is that at the start."""
+        of, parts = self.motion.numbers, self.parts
+        own = self.motion.joints["A"][1] - of["rod.jaw_along"] - 1j * of["rod.jaw_across"]
+        x, y, angle = self.motion.start[ROWS["jaw"]]
+        end, foot = complex(x, y) + np.exp(1j * angle) * own, complex(of["rod.x"], of["rod.y"])
+        parts.system.AddObject(
+            items.ObjectConnectorSpringDamper(
+                markerNumbers=[parts.marker(base, foot), parts.marker(jaw, own)],
+                referenceLength=abs(end - foot),
+                stiffness=of["rod.stiffness"],
+                damping=of["rod.damping"],
+                force=of["rod.preload"],
+            )
+        )
 
     def _react(self, base, jaw) -> None:
         """Add the load's opposite on the frame."""

@@ -114,6 +114,29 @@ def test_the_moment_of_a_load_off_the_mass_centre():
     assert float(at_elbow.dot(across)) == pytest.approx(-1000.0 * (1 - share), rel=1e-10)
 
 
+def test_a_load_of_the_closing_stroke_acts_while_its_point_closes():
+    """It is the normal load, times a smooth step of the speed that differences of places give."""
+    times = np.linspace(0, 2 * np.pi / 30, 3601)
+    described = {"joint": "ideal", "speed": 30.0, "load_point": 0.6}
+    seen = ("crushing_load", "load_position")
+    always, closing = (
+        jc.simulate(jc.build_scene({**described, "load_law": law}), times, outputs=seen)
+        for law in ("normal_to_jaw", "closing_stroke")
+    )
+    across = np.asarray(always.crushing_load) / 8.8e3
+    velocity = np.gradient(np.asarray(always.load_position), times, axis=0)
+    speed = -np.sum(velocity * across, axis=1)
+    fraction = np.clip((speed + 0.01) / 0.02, 0, 1)
+    share = 3 * fraction**2 - 2 * fraction**3
+    assert 0.3 < np.mean(share == 0) < 0.7 and 0.3 < np.mean(share == 1) < 0.7
+    # Differences leave 1e-6 m/s of the speed inside, of a step that is 0.02 m/s wide.
+    np.testing.assert_allclose(
+        np.asarray(closing.crushing_load)[1:-1],
+        (8.8e3 * share[:, None] * across)[1:-1],
+        atol=2e-4 * 8.8e3,
+    )
+
+
 def test_a_curve_acts_at_its_angle():
     """Its points are met where the shaft is there, away from the fixed jaw."""
     scene = scene_of("curve", "ideal")
