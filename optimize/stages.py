@@ -13,6 +13,7 @@ import xarray as xr
 from rich.progress import Progress as Bars
 
 import jaxcrusher as jc
+from jaxcrusher.batch.engines import default_engine
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
@@ -64,6 +65,7 @@ class Work:
                 raise Stopped
 
         yield progress
+        self.bars.update(bar, completed=total)
         self.seconds[name] = time.perf_counter() - began
 
 
@@ -86,10 +88,12 @@ def explore(problem: Problem, work: Work, units: np.ndarray) -> tuple[xr.Dataset
     """
     case, effort = problem.case, problem.effort
     window = Window(effort.settle, effort.turns, MAP_RTOL)
-    with work.stage("landscape", len(landscape.STARTS) * len(units)) as progress:
+    count = len(landscape.STARTS) * len(units)
+    with work.stage("landscape", count) as progress:
         rows = evaluate(case, units, window, journal=work.journal, progress=progress)
     data = landscape.dataset(case, units, effort.grid, rows)
-    data.attrs = _provenance("Landscape of a design search", problem, **asdict(window))
+    how = asdict(window) | {"engine": default_engine(count)}
+    data.attrs = _provenance("Landscape of a design search", problem, **how)
     write_netcdf(work.folder / "landscape.nc", data)
     work.steps["landscape"] = int(data.steps.sum())
     with work.stage("motions", data.objective.size) as progress:

@@ -25,6 +25,16 @@ def primal(value) -> np.ndarray | None:
     return concrete(jax.lax.stop_gradient(value) if concrete(value) is None else value)
 
 
+def is_concrete(tree: PyTree) -> bool:
+    """Whether no number of a tree is traced."""
+    return not any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tree))
+
+
+def without_slopes(tree: PyTree) -> PyTree:
+    """Return a tree whose numbers have no slopes; a concrete one is what it is, in no time."""
+    return tree if is_concrete(tree) else jax.lax.stop_gradient(tree)
+
+
 def require(condition: bool | np.bool, name: str, must: str, value: object) -> None:
     """Raise the one-line error of this package unless `condition` holds."""
     if not condition:
@@ -51,7 +61,7 @@ def require_double(name: str, tree: PyTree) -> None:
 
 def require_untraced(name: str, tree: PyTree, function: str, instead: str) -> None:
     """Numbers that are known: what steers a search or a loop of Python's cannot be traced."""
-    traced = any(concrete(leaf) is None for leaf in jax.tree.leaves(tree))
+    traced = not is_concrete(tree)
     must = f"hold known numbers (jax.grad, jit and vmap go through {instead}, not {function})"
     require(not traced, name, must, "traced")
 
@@ -128,10 +138,11 @@ def require_choice(name: str, value: object, choices: tuple) -> None:
 
 
 def require_known(name: object, names: Iterable[str]) -> None:
-    """The name of an argument that goes by names of the package's own."""
+    """The name of an argument that goes by names of the package's own; of many, the first few."""
     names = tuple(names)
     if name not in names:
-        meant = _meant(name, names) or f"; there are {', '.join(names)}"
+        more = f" and {len(names) - SEVERAL} more" if len(names) > SEVERAL else ""
+        meant = _meant(name, names) or f"; there are {', '.join(names[:SEVERAL])}{more}"
         raise ValueError(f"Argument `{name}` must be a known name, but is not{meant}.")
 
 

@@ -1,12 +1,11 @@
 """The devices that computations run on: the processor's, unless the user names others.
 
 An orbit, a map and a search take several times as long on a GPU as on the cores beside it, so
-`jaxcrusher.set_up` prefers the processor. `on_gpu` of `jaxcrusher.batch.engines` finds its GPU
-without JAX. Nothing here imports JAX before it has to.
+`jaxcrusher.set_up` prefers the processor. Batches of integrations find their GPU by CuPy, without
+JAX. Nothing here imports either of them before it has to.
 """
 
-import contextlib
-from collections.abc import Iterator
+import importlib.util
 from typing import Any
 
 
@@ -52,13 +51,28 @@ def computes_on() -> str:
     return devices()[0].platform
 
 
-@contextlib.contextmanager
-def on_a_gpu() -> Iterator[None]:
-    """Let JAX compute on the first GPU that it sees; where it sees none nothing changes."""
+def processor() -> Any:
+    """Return JAX's first device on the processor; None where `JAX_PLATFORMS` leaves it none."""
     import jax
 
-    with contextlib.ExitStack() as chosen:
-        if computes_on() == "cpu":
-            with contextlib.suppress(RuntimeError):  # JAX knows no platform of this name
-                chosen.enter_context(jax.default_device(jax.devices("gpu")[0]))
-        yield
+    try:
+        return jax.local_devices(backend="cpu")[0]
+    except RuntimeError:
+        return None
+
+
+def finds_card() -> bool:
+    """Tell whether CuPy is installed and finds a GPU of NVIDIA's.
+
+    `CUDA_VISIBLE_DEVICES` set to nothing hides all of them.
+    """
+    if importlib.util.find_spec("cupy") is None:
+        return False
+    try:
+        from cupy.cuda import runtime  # pyright: ignore[reportMissingImports]
+    except ImportError:  # made for another CUDA
+        return False
+    try:
+        return runtime.getDeviceCount() > 0
+    except runtime.CUDARuntimeError:  # no card, or no driver
+        return False

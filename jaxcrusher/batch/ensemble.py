@@ -18,7 +18,7 @@ import xarray as xr
 from jaxtyping import Array
 
 from jaxcrusher.batch.cluster import compute_on, connect, worker_environment
-from jaxcrusher.batch.engines import Engine, name_of, run_all
+from jaxcrusher.batch.engines import Engine, in_order, name_of, run_all
 from jaxcrusher.batch.layout import Layout, Memory
 from jaxcrusher.batch.points import SceneFunction, scene_by
 from jaxcrusher.batch.store import ChunkStore
@@ -50,11 +50,11 @@ class Look(Protocol):
 
 @dataclass(frozen=True)
 class Ensemble:
-    """A look at every design of a layout's grid; `engine` as in `jaxcrusher.map_chunks`."""
+    """A look at every design of a layout's grid, by an engine of `jaxcrusher.map_chunks`."""
 
     layout: Layout
     look: Look
-    engine: Engine | None = None
+    engine: Engine
 
     def compute(self, number: int) -> Result:
         """Compute a chunk: values of the shape of its region, and how they were computed."""
@@ -82,9 +82,8 @@ class Ensemble:
 
     def settings(self) -> dict[str, Any]:
         """Return everything that decides the results, as JSON keeps it."""
-        engine = {} if self.engine is None else {"engine": name_of(self.engine)}
-        chunk = {"shape of a chunk": list(self.layout.chunk)}
-        return self.layout.grid.settings() | self.look.settings() | chunk | engine
+        further = {"shape of a chunk": list(self.layout.chunk), "engine": name_of(self.engine)}
+        return self.layout.grid.settings() | self.look.settings() | further
 
     def run(
         self,
@@ -95,14 +94,14 @@ class Ensemble:
     ) -> xr.Dataset:
         """Fill the table, or what a store lacks of it."""
         with _workers(self, scheduler) as (program, compute):
-            about = self.look.settings()
+            about = self.look.settings() | {"engine": name_of(self.engine)}
             with opened(self.layout, store, title, self.settings(), about, program) as kept:
                 fill(kept, self.layout, compute, progress)
                 return kept.dataset()
 
 
 def _seen(
-    numbers: dict[str, Array], make: SceneFunction | None, choices: Mapping[str, str], look: Look
+    numbers: dict[str, Array], make: SceneFunction | None, choices: Mapping[str, Any], look: Look
 ) -> dict[str, Array]:
     return look(scene_by(make, numbers, choices))
 
@@ -151,7 +150,7 @@ def _workers(
 ) -> Iterator[tuple[dict[str, Any], Compute]]:
     """Yield the environment that computes, and how."""
     if scheduler is None:
-        yield environment(), lambda numbers: (ensemble.compute(number) for number in numbers)
+        yield environment(), lambda numbers: in_order(ensemble.compute, numbers, ensemble.engine)
         return
     client = connect(scheduler) if isinstance(scheduler, str) else scheduler
     try:

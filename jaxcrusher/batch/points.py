@@ -25,12 +25,13 @@ SceneFunction = Callable[..., Scene]
 class Grid:
     """The grid product of `axes`, with every other number and choice as in `base`.
 
-    `axes` maps names to tuples of numbers or of choices, `base` names to values. `function` makes
-    a scene of them; None is `jaxcrusher.build_scene`.
+    `axes` maps names to tuples of numbers or of choices, `base` names to values. A curve, a tuple
+    of points, counts as a choice. `function` makes a scene of them; None is
+    `jaxcrusher.build_scene`.
     """
 
     axes: dict[str, tuple]
-    base: dict[str, float | str]
+    base: dict[str, float | str | tuple]
     function: SceneFunction | None = None
 
     @property
@@ -56,7 +57,7 @@ class Grid:
     def chooses(self, name: str) -> bool:
         """Return whether a name's values are choices: each of these is a program of its own."""
         value = self.described[name]
-        return isinstance(value[0] if name in self.axes else value, str)
+        return isinstance(value[0] if name in self.axes else value, str | tuple)
 
     def _ordered(self, table: Mapping[str, Any]) -> list[str]:
         known = [name for name in table if name in self.described]
@@ -76,16 +77,16 @@ class Grid:
             for name in self.numbers_described
         }
 
-    def choices(self, design: int) -> dict[str, str]:
+    def choices(self, design: int) -> dict[str, Any]:
         """Return the choices of a design."""
         place = dict(zip(self.axes, np.unravel_index(design, self.shape), strict=True))
         return {
-            name: self.axes[name][place[name]] if name in place else str(self.base[name])
+            name: self.axes[name][place[name]] if name in place else self.base[name]
             for name in self._ordered(CHOICES)
             if self.chooses(name)
         }
 
-    def alike(self) -> Iterator[tuple[dict[str, str], list[int]]]:
+    def alike(self) -> Iterator[tuple[dict[str, Any], list[int]]]:
         """Yield the designs that have the same choices, which one program serves."""
         places = np.stack(np.unravel_index(np.arange(self.size), self.shape))
         choosing = [self.chooses(name) for name in self.axes]
@@ -95,7 +96,7 @@ class Grid:
         for number, design in enumerate(first.tolist()):
             yield self.choices(design), np.flatnonzero(group == number).tolist()
 
-    def scene(self, numbers: Mapping[str, Any], choices: Mapping[str, str]) -> Scene:
+    def scene(self, numbers: Mapping[str, Any], choices: Mapping[str, Any]) -> Scene:
         """Return the scene of one design; its numbers may be traced."""
         return scene_by(self.function, numbers, choices)
 
@@ -147,10 +148,13 @@ def _labels(name: str) -> dict[str, Any]:
 
 
 def scene_by(
-    function: SceneFunction | None, numbers: Mapping[str, Any], choices: Mapping[str, str]
+    function: SceneFunction | None, numbers: Mapping[str, Any], choices: Mapping[str, Any]
 ) -> Scene:
     """Return the scene that a function makes of a description, or that of the package's own."""
-    described = {**numbers, **choices}
+    described = {
+        name: np.array(value) if isinstance(value, tuple) else value  # a curve
+        for name, value in {**numbers, **choices}.items()
+    }
     return build_scene(described) if function is None else function(**described)
 
 
@@ -178,7 +182,11 @@ def make_grid(
         _require_name(name, known)
         require(name not in varied, "base", "name none of the axes", repr(name))
         text = name in CHOICES or name in FILES if function is None else isinstance(value, str)
-        fixed[name] = value if text else float(_numbers(f"base[{name!r}]", value, 0))
+        called = f"base[{name!r}]"
+        if text and name in FILES and not isinstance(value, str):
+            fixed[name] = tuple(map(tuple, _numbers(called, value, 2).tolist()))
+        else:
+            fixed[name] = value if text else float(_numbers(called, value, 0))
     if function is None:
         lowest = {name: values[0] for name, values in varied.items()}
         described = complete({**fixed, **lowest})
@@ -223,6 +231,6 @@ def _numbers(called: str, values: Any, dimensions: int) -> np.ndarray:
     except (TypeError, ValueError):
         array = np.array(np.nan)
     good = array.ndim == dimensions and bool(np.all(np.isfinite(array)))
-    must = "be a finite number" if dimensions == 0 else "be a row of finite numbers"
+    must = "be " + ("a finite number", "a row of finite numbers", "rows of numbers")[dimensions]
     require(good, called, must, repr(values))
     return array

@@ -188,6 +188,13 @@ class ChunkStore:
                 f"The store {self.path} is corrupt ({fault}). Delete {file} and start again: it is "
                 "written anew, and no finished chunk is computed again."
             )
+        then, here = before.get("engine"), settings.get("engine")
+        if then != here and isinstance(then, str):
+            # As on another kind of device, whose bits and chunks differ.
+            raise ValueError(
+                f"Argument `engine` must be {then!r} for the store {self.path}, which that engine "
+                f"began, but is {here!r} here."
+            )
         require_same(file, before, json.loads(_json(settings)), "store")
 
 

@@ -1,6 +1,7 @@
 """Sweeps of any parameters, in memory or into a Zarr store, here or on a Dask cluster."""
 
 import itertools
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ import xarray as xr
 
 from jaxcrusher.basics.checks import require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.engines import CHUNK, Engine, run_of
+from jaxcrusher.batch.engines import CARD_CHUNK, Engine, chunk_of, default_engine, run_of
 from jaxcrusher.batch.ensemble import Ensemble, Progress
 from jaxcrusher.batch.layout import Layout, chunk_shape
 from jaxcrusher.batch.points import Grid, make_grid
@@ -40,7 +41,7 @@ def sweep(
     scene: Callable[..., Scene] | None = None,
     outputs: Sequence[str] = (),
     store: str | Path | None = None,
-    chunk: int = CHUNK,
+    chunk: int | None = None,
     rtol: float = 1e-9,
     progress: Progress | None = None,
     engine: Engine | None = None,
@@ -56,16 +57,18 @@ def sweep(
 
     - `axes`: names of `jaxcrusher.PE250X400` -> values, shape (n,), in SI units, or choices.
     - `settle_turns`, `turns`, `rtol`: as in `jaxcrusher.statistics`.
-    - `base`: names -> values of what does not vary, where it is not the paper's.
+    - `base`: names -> values of what does not vary, where it is not the paper's. A `load_curve` may
+      be an array, as in `jaxcrusher.build_scene`.
     - `scene`: a function of your own that makes the scene, with laws of your own. It is called with
       the names of `axes` and `base`, which may then be any.
     - `outputs`: names of further statistics, besides those that are always computed.
     - `store`: None, or the store's folder; new, or one of an earlier call with the same arguments.
       The code of a `scene` is not compared, but its name and the laws and numbers that it makes.
     - `chunk`: designs at most in a chunk: between two reports of progress, what a kill can lose,
-      and a file of each variable.
+      and a file of each variable. None as in `jaxcrusher.map_chunks`.
     - `progress`: called with the number of finished and of all designs, first at the start.
-    - `engine`: as in `jaxcrusher.map_chunks`.
+    - `engine`: as in `jaxcrusher.map_chunks`, but None is "lanes" on a cluster. Store and dataset
+      name it in their attribute `engine`, and a store goes on with its own engine only.
     - `scheduler`: None for this machine; else a `distributed.Client` or a scheduler's address.
 
     **Returns:** an `xarray.Dataset` with a dimension for each axis, opened from the store if there
@@ -77,6 +80,8 @@ def sweep(
     """
     require_set_up()
     title = "Statistics of jaw crushers over a grid of parameters"
+    if engine is None and scheduler is not None:
+        engine = "lanes"  # Its workers may differ in their devices.
     made = plan(make_grid(axes, base, scene), settle_turns, turns, rtol, chunk, engine, outputs)
     return made.run(title, store, progress, scheduler)
 
@@ -112,17 +117,24 @@ def plan(
     settle_turns: int,
     turns: int,
     rtol: float,
-    designs: int,
+    designs: int | None,
     engine: Engine | None = None,
     outputs: Sequence[str] = (),
 ) -> Ensemble:
-    """Return a checked sweep of a grid with at most `designs` designs a chunk."""
+    """Return a checked sweep of a grid with at most `designs` designs a chunk.
+
+    None takes as many as suit the engine.
+    """
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     require_tolerance(rtol)
-    require_whole("chunk", designs, 1)
+    if designs is not None:
+        require_whole("chunk", designs, 1)
     if engine is not None:
         run_of(engine)
+    at_once = math.prod(chunk_shape(grid, designs or CARD_CHUNK))
+    engine = engine or default_engine(at_once)
+    designs = designs or chunk_of(at_once, engine)
     first = grid.scene({name: of[0] for name, of in grid.numbers([0]).items()}, grid.choices(0))
     require_names("outputs", outputs, tuple(STATISTIC))
     seen = chosen(dict.fromkeys((*always_of(first), *outputs)))

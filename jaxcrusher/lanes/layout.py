@@ -18,10 +18,11 @@ TIME, NEXT, STEP, AT, DUE, KEEP, LOOK, FRESH = range(8)
 MEMORY, END, FLOOR, DT, SMALLEST, COUNT, MOST, ATOL, RTOL = range(8, 17)
 # Rows of the method's numbers, the same in all lanes.
 THIS, LAST, SAFETY, LEAST, LARGEST = range(17, 22)
-CLOCK = 22
+CONTROLS, CLOCK = 5, 22
 # Whole numbers of a lane: design, segment, instants seen, steps in earlier segments, and
 # where the segment's instants begin.
 DESIGN, SEGMENT, INSTANT, STEPS, FIRST = range(5)
+WHOLES = 5
 # In place of a design.
 WANTED, NONE_LEFT = -1, -2
 # How a design ended.
@@ -110,8 +111,9 @@ class Shared(NamedTuple):
     times: Any
     floors: Any
     schedule: Any
-    limits: Any  # first step, smallest step, steps in a segment
+    limits: Any  # first step, smallest step, steps in a segment, and what the controller has
     counts: Any  # of designs and segments
+    # See `WRITTEN`.
     found: Any  # (designs, segments, numbers): their summaries
     # How each design ended: code, time and steps.
     result: Any
@@ -121,6 +123,8 @@ class Shared(NamedTuple):
     stop: Any  # (1,): not 0 to end early
 
 
+# What is written of each design.
+WRITTEN = ("found", "result", "reached", "steps")
 # The fields of a table, in their order, and those of whole numbers.
 FIELDS = Lanes._fields + Shared._fields
 WHOLE = {"whole", "schedule", "counts", "result", "steps", "next_design", "stop"}
@@ -134,13 +138,12 @@ def table(lanes: Lanes, shared: Shared) -> np.ndarray:
     return np.array([array.ctypes.data for array in (*lanes, *shared)], np.uintp)
 
 
-def new_lanes(at: Layout, control: Control) -> Lanes:
-    """Make lanes without a design."""
+def lane_shapes(at: Layout) -> Lanes:
+    """Return the shapes of a thread's own arrays, or of a warp's."""
     lanes = at.shape.lanes
-    whole = np.zeros((5, lanes), np.int64)
-    whole[DESIGN] = WANTED
-    memory = np.zeros((at.end, lanes))
-    memory[THIS : LARGEST + 1] = np.array(control[:5])[:, None]
-    # Lanes without a design divide by them too.
-    memory[[ATOL, RTOL]] = 1.0
-    return Lanes(memory, whole, np.full((lanes, at.page * lanes), np.nan))
+    return Lanes((at.end, lanes), (WHOLES, lanes), (lanes, at.page * lanes))
+
+
+def limits_of(control: Control) -> np.ndarray:
+    """Return the `limits` that all threads read."""
+    return np.array([control.first, control.smallest, control.steps, *control[:CONTROLS]])

@@ -1,13 +1,11 @@
-"""Machine code of LLVM's text: compiled, kept on disk, and run by the processor or by a GPU.
+"""Machine code of LLVM's text: compiled, kept on disk, and run by the processor.
 
 A folder that cannot be written costs the time to compile, and is no error. A thread of the
-processor advances as many lanes as stand in a row, a GPU's thread one of a warp's. For a GPU of
-NVIDIA's LLVM compiles the same functions to PTX; CuPy, which is optional, loads and starts them.
+processor advances as many lanes as stand in a row; a GPU's are those of `lanes.card`.
 """
 
 import ctypes
 import hashlib
-import tempfile
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
@@ -23,8 +21,17 @@ import platformdirs
 
 from jaxcrusher.basics.setup import cores
 from jaxcrusher.files.durable import replace
-from jaxcrusher.lanes.code import CORES, WARPS, Shape
-from jaxcrusher.lanes.layout import FIELDS, Control, Designs, Lanes, Shared, new_lanes, table
+from jaxcrusher.lanes.code import CORES, Shape
+from jaxcrusher.lanes.layout import (
+    WHOLE,
+    Control,
+    Designs,
+    Lanes,
+    Shared,
+    lane_shapes,
+    limits_of,
+    table,
+)
 from jaxcrusher.lanes.stepper import Kernels
 
 # A function that threads ask for at once is compiled by one of them.
@@ -60,18 +67,29 @@ def load(text: str) -> Machine:
 
 @cache
 def _load(text: str) -> Machine:
-    key = "\0".join((text, *_processor(), version("llvmlite")))
-    file = cache_folder() / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.code"
+    def compiled() -> bytes:
+        return _target().emit_object(optimised(text, _target()))
+
+    return Machine(kept("code", compiled, text, *_processor(), version("llvmlite")))
+
+
+def kept(kind: str, compiled: Callable[[], bytes], *key: str) -> bytes:
+    """Return the machine code of a key, compiled unless an earlier process has kept it.
+
+    `kind` ends the file's name. A folder that cannot be written is no error.
+    """
+    digest = hashlib.sha256("\0".join(key).encode()).hexdigest()[:32]
+    file = cache_folder() / f"{digest}.{kind}"
     try:
-        return Machine(_checked(file.read_bytes()))
+        return _checked(file.read_bytes())
     except (OSError, ValueError):  # There is none, or it is broken.
-        code = _target().emit_object(optimised(text, _target()))
+        code = compiled()
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         replace(file, hashlib.sha256(code).digest() + code)
     except OSError:
         pass
-    return Machine(code)
+    return code
 
 
 def _checked(content: bytes) -> bytes:
@@ -110,10 +128,13 @@ def assembly(text: str) -> str:
 
 
 class Target(NamedTuple):
-    """Where lanes are: their shape, and what goes on until all results are written."""
+    """Where lanes are: their shape, and what goes on until all results are written.
+
+    It may return them in arrays of its own.
+    """
 
     shape: Shape
-    advance: Callable[[Kernels, Control, Shared], None]
+    advance: Callable[[Kernels, Shared], Shared]
 
 
 def run(
@@ -130,24 +151,14 @@ def run(
     depend on its own numbers only.
     """
     count, segments = len(designs.starts), designs.floors.shape[1]
-    ends = [np.zeros(count, np.int64), np.zeros(count), np.zeros(count, np.int64)]
+    ends = [np.empty(count, np.int64), np.empty(count), np.empty(count, np.int64)]
     found = np.empty((count, segments, kernels.at.found))
-    found[:] = _of_nothing(load(kernels.text), kernels)
-    limits = np.array([control.first, control.smallest, control.steps])
     next_design, stop = np.zeros(1, np.int64), np.zeros(1, np.int64)
     counts = np.array([count, segments])
-    shared = Shared._make((*designs, limits, counts, found, *ends, next_design, stop))
-    target.advance(kernels, control, shared)
-    return [*_apart(found, shapes, kernels.over), *ends]
-
-
-def _of_nothing(machine: Machine, kernels: Kernels) -> np.ndarray:
-    """Summarise a segment that was not reached."""
-    at, lanes = kernels.at, kernels.at.shape.lanes
-    numbers = np.full(at.page * lanes, np.nan)
-    kind = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64)
-    kind(machine["summarise"])(numbers.ctypes.data, 0, 0)
-    return numbers[at.summary * lanes :][: at.found]
+    shared = Shared._make((*designs, limits_of(control), counts, found, *ends, next_design, stop))
+    done = target.advance(kernels, shared)
+    found = _apart(done.found, shapes, kernels.over)
+    return [*found, done.result, done.reached, done.steps]
 
 
 def _apart(
@@ -163,12 +174,14 @@ def _apart(
         yield np.moveaxis(part, -1, 2) if is_over else part
 
 
-def _on_cores(kernels: Kernels, control: Control, shared: Shared) -> None:
+def _on_cores(kernels: Kernels, shared: Shared) -> Shared:
     """Advance on a thread a core; interrupted, all of them end within milliseconds."""
     machine = load(kernels.text)
 
     def work() -> None:
-        lanes = new_lanes(kernels.at, control)  # They live as long as their addresses are used.
+        sizes = lane_shapes(kernels.at)
+        kinds = (np.int64 if name in WHOLE else np.float64 for name in sizes._fields)
+        lanes = Lanes(*map(np.empty, sizes, kinds))  # as long as their addresses are used
         _advance(machine, table(lanes, shared))
 
     threads = min(cores(), -(-len(shared.starts) // CORES.lanes))
@@ -180,6 +193,7 @@ def _on_cores(kernels: Kernels, control: Control, shared: Shared) -> None:
             shared.stop[0] = 1
     for future in futures:
         future.result()
+    return shared
 
 
 def _advance(machine: Machine, table: np.ndarray) -> None:
@@ -189,59 +203,3 @@ def _advance(machine: Machine, table: np.ndarray) -> None:
 
 
 PROCESSOR = Target(CORES, _on_cores)
-
-# The oldest generation that CUDA 13 knows; drivers compile its PTX for later ones.
-_GENERATION = "sm_75"
-# Where a thread starts: each block is a warp with a table of its own.
-_ENTRY = f"""
-declare i32 @llvm.nvvm.read.ptx.sreg.tid.x()
-declare i32 @llvm.nvvm.read.ptx.sreg.ctaid.x()
-define ptx_kernel void @warps(ptr %tables) {{
-  %thread = call i32 @llvm.nvvm.read.ptx.sreg.tid.x()
-  %warp = call i32 @llvm.nvvm.read.ptx.sreg.ctaid.x()
-  %table = getelementptr [{len(FIELDS)} x ptr], ptr %tables, i32 %warp
-  %lane = zext i32 %thread to i64
-  call void @advance(ptr %table, i64 %lane)
-  ret void
-}}
-"""
-# Warps of a multiprocessor: enough to hide that each waits for its numbers.
-_WARPS_OF_EACH = 8
-
-
-@cache
-def ptx(text: str) -> bytes:
-    """Compile the functions of a text, and `warps`, for NVIDIA's driver."""
-    llvm.initialize_all_targets()
-    llvm.initialize_all_asmprinters()
-    triple = "nvptx64-nvidia-cuda"
-    target = llvm.Target.from_triple(triple).create_target_machine(cpu=_GENERATION, opt=3)
-    own = text.replace('target triple = "unknown-unknown-unknown"', f'target triple = "{triple}"')
-    return target.emit_assembly(optimised(own + _ENTRY, target)).encode()
-
-
-def _on_warps(kernels: Kernels, control: Control, shared: Shared) -> None:
-    """Advance on all warps in one go; it cannot be interrupted."""
-    try:
-        import cupy  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise ImportError(
-            "The engine `on_gpu` needs CuPy: pip install 'jaxcrusher[gpu]' (CUDA 12: cupy-cuda12x)."
-        ) from None
-    processors = cupy.cuda.Device().attributes["MultiProcessorCount"]
-    count = min(-(-len(shared.starts) // WARPS.lanes), _WARPS_OF_EACH * processors)
-    one = new_lanes(kernels.at, control)
-    lanes = Lanes(*(cupy.repeat(cupy.asarray(array[None]), count, axis=0) for array in one))
-    there = Shared(*map(cupy.asarray, shared))
-    addresses = [[part.data.ptr for part in (*own, *there)] for own in zip(*lanes, strict=True)]
-    tables = cupy.asarray(np.array(addresses, np.uintp))
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "warps.ptx"
-        file.write_bytes(ptx(kernels.text))
-        warps = cupy.RawModule(path=str(file)).get_function("warps")
-    warps((count,), (WARPS.lanes,), (tables,))
-    for name in ("found", "result", "reached", "steps"):
-        getattr(shared, name)[...] = getattr(there, name).get()
-
-
-GPU = Target(WARPS, _on_warps)

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import (
     ClosedJaxpr,
@@ -24,14 +25,15 @@ from jax.extend.core import (
 )
 from jaxtyping import PyTree
 
+from jaxcrusher.basics.devices import processor
 from jaxcrusher.lanes.layout import Designs
 from jaxcrusher.lanes.machine import Target, run
 from jaxcrusher.lanes.record import IN_A_HURRY, Recorded, integrates, integration_p
 from jaxcrusher.lanes.verify import Unsupported, inlined
 
-# Designs that JAX computes side by side: always as many, so that one program, with one rounding, is
-# compiled for batches of any size.
-TILE = 64
+# Designs that JAX computes side by side: always as many, so that one program, with one rounding,
+# computes batches of any size; and how many times as many there is room for.
+TILE, ROOMS = 64, tuple(16 * 4**i for i in range(12))
 # Exponents that are products and roots.
 PLAIN = (1.0, 1.5, 2.0)
 
@@ -122,6 +124,7 @@ class _Block:
         self._constants: dict[Var, Any] = {}
         self._operands = [Var(variable.aval) for variable in jaxpr.jaxpr.invars]
         equations, self._outputs = inlined(jaxpr, self._operands, self._constants, integrates)
+        self._constants = {variable: np.asarray(c) for variable, c in self._constants.items()}
         self._batched = dict(zip(self._operands, batched, strict=True))
         alike, pieces = [], [[]]
         for equation in equations:
@@ -212,12 +215,15 @@ class _Integration:
         """
         places = self._what.exponents
         exponents = numbers[:, places]
-        plain = np.where(np.isin(exponents, PLAIN), exponents, np.nan)
-        kinds = [tuple(row) for row in plain.astype(str)]
-        for kind in dict.fromkeys(kinds):
-            rows = np.flatnonzero([other == kind for other in kinds])
-            pairs = zip(places, map(float, kind), strict=True)
-            yield {i: value for i, value in pairs if value in PLAIN}, rows
+        # Zero stands for all others.
+        plain = np.where(np.isin(exponents, PLAIN), exponents, 0.0)
+        if (plain == plain[0]).all():
+            kinds, kind_of = plain[:1], np.zeros(len(plain), int)
+        else:
+            kinds, kind_of = np.unique(plain, axis=0, return_inverse=True)
+        for i, kind in enumerate(kinds.tolist()):
+            known = {j: value for j, value in zip(places, kind, strict=True) if value in PLAIN}
+            yield known, np.flatnonzero(kind_of == i)
 
 
 def _doubles(array: np.ndarray) -> np.ndarray:
@@ -232,7 +238,11 @@ def _table(columns: Sequence[np.ndarray], count: int) -> np.ndarray:
 
 
 class _Group:
-    """Equations that JAX computes for all designs, a tile after the other."""
+    """Equations that JAX computes for all designs in one call, tile after tile.
+
+    It does so on the processor, where lanes' arrays are, also if it sees a GPU: there a batch of
+    65 536 designs would make 32 000 transfers.
+    """
 
     def __init__(
         self,
@@ -248,21 +258,54 @@ class _Group:
         jaxpr = Jaxpr([], operands, results, equations, debug_info=about)
         function = jaxpr_as_fun(ClosedJaxpr(jaxpr, []))
         axes = tuple(0 if flag else None for flag in batched)
-        together = jax.vmap(function, axes) if self._batched else function
+        tile = jax.vmap(function, axes)
+
+        def tiles(count: Any, alike: dict[int, Any], stacked: dict[int, Any]) -> Any:
+            def one(part: dict[int, Any]) -> Any:
+                both = alike | part
+                return tile(*(both[i] for i in range(len(both))))
+
+            def advance(i: Any, found: Any) -> Any:
+                result = one(jax.tree.map(lambda array: array[i], stacked))
+                return jax.tree.map(lambda all_, of_one: all_.at[i].set(of_one), found, result)
+
+            like = jax.eval_shape(jax.vmap(one), stacked)
+            found = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
+            # Their number is not known before: only the room for them is compiled.
+            return jax.lax.fori_loop(0, count, advance, found)
+
+        together = tiles if self._batched else function
         self._function = jax.jit(together, compiler_options=IN_A_HURRY)
 
     def run(self, operands: list[Value], count: int) -> list[Value]:
         """Return one value for each result."""
+        arrays = [np.asarray(value.array) for value in operands]
         if not self._batched:
-            return [Value(array, False) for array in self._function(*(v.array for v in operands))]
-        tiles = []
-        for first in range(0, count, TILE):
-            # The last one is filled up with its last design.
-            rows = np.minimum(np.arange(first, first + TILE), count - 1)
-            part = (np.asarray(v.array)[rows] if v.batched else v.array for v in operands)
-            tiles.append(map(np.asarray, self._function(*part)))
-        columns = (np.concatenate(parts)[:count] for parts in zip(*tiles, strict=True))
-        return [Value(column, True) for column in columns]
+            return [Value(array, False) for array in self._computed(*arrays)]
+        tiles = -(-count // TILE)
+        alike = {i: arrays[i] for i, value in enumerate(operands) if not value.batched}
+        stacked = {i: _tiled(arrays[i]) for i, value in enumerate(operands) if value.batched}
+        columns = self._computed(tiles, alike, stacked)
+        return [Value(c.reshape(-1, *c.shape[2:])[:count], True) for c in columns]
+
+    def _computed(self, *operands: Any) -> list[np.ndarray]:
+        """Call the function on the processor: of operands in NumPy JAX takes its default device."""
+        with jax.default_device(processor()):
+            return [np.asarray(array) for array in self._function(*operands)]
+
+
+def _tiled(array: np.ndarray) -> np.ndarray:
+    """Return the designs' numbers in tiles, the last one filled up with the last design.
+
+    There is room for more, so that one program serves batches of any size up to the next room.
+    """
+    count, room = len(array), next(room for room in ROOMS if len(array) <= room * TILE)
+    if count < room * TILE:
+        filled = np.zeros((room * TILE, *array.shape[1:]), array.dtype)
+        filled[:count] = array
+        filled[count : -(-count // TILE) * TILE] = array[-1]
+        array = filled
+    return array.reshape(room, TILE, *array.shape[1:])
 
 
 class _Loop:

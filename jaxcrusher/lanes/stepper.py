@@ -249,6 +249,8 @@ class _Loop:
         """Write the loop: designs into lanes, steps, and segments that have come to their ends."""
         code, stop = self._code, self._shared.stop
         live = code.variable(code.number(1))
+        with code.each_lane() as lane:
+            self._arrive(lane)
         with code.repeat(lambda: (live[0] > 0) & (stop.now(0) == 0)):
             self._refill(live)
             with code.repeat(lambda: (live[0] > 0) & (stop.now(0) == 0) & ~self._is_any(row.LOOK)):
@@ -259,6 +261,21 @@ class _Loop:
             with code.each_lane() as lane, code.when(self._lanes.memory[row.LOOK, lane] > 0):
                 self._end_segment(lane)
         code.end(by_name=True)
+
+    def _arrive(self, lane: Expression) -> None:
+        """Make a lane without a design, of memory that holds anything."""
+        code, at, (memory, whole, pages) = self._code, self._at, self._lanes
+        with code.each(0, at.end) as i:
+            memory[i, lane] = 0.0
+        for i in range(row.CONTROLS):
+            memory[row.THIS + i, lane] = self._shared.limits[3 + i]
+        # Lanes without a design divide by them too.
+        for clock in (row.ATOL, row.RTOL):
+            memory[clock, lane] = 1.0
+        for i in range(row.WHOLES):
+            whole[i, lane] = row.WANTED if i == row.DESIGN else 0
+        with code.each(0, at.page * at.shape.lanes) as i:
+            pages[lane, i] = math.nan
 
     def _run(self, function: Code) -> None:
         """Run a function for all lanes."""
@@ -315,6 +332,8 @@ class _Loop:
                 shared.result[design] = result
                 shared.reached[design] = memory[row.TIME, lane]
                 shared.steps[design] = whole[row.STEPS, lane]
+                with code.when(whole[row.SEGMENT, lane] < self._segments):
+                    self._leave_out(lane, design, whole[row.SEGMENT, lane])
                 whole[row.DESIGN, lane] = row.WANTED
 
     def _summarise(self, lane: Expression, success: Expression) -> None:
@@ -328,9 +347,23 @@ class _Loop:
             with code.each(whole[row.INSTANT, lane], at.instants) as instant:
                 pages[lane, i * (at.series * lanes) + instant] = math.nan
         code.run(self._summary, lane * at.page, memory=pages, first=0)
-        with code.each(0, at.found) as i:
-            place = whole[row.DESIGN, lane], whole[row.SEGMENT, lane], i
-            self._shared.found[place] = pages[lane, i + at.summary * lanes]
+        self._hand_over(lane, whole[row.DESIGN, lane], whole[row.SEGMENT, lane])
+
+    def _leave_out(self, lane: Expression, design: Expression, first: Expression) -> None:
+        """Summarise a design's segments that it does not reach: all that is seen there is NaN."""
+        code, at, pages = self._code, self._at, self._lanes.pages
+        with code.each(0, at.summary * at.shape.lanes) as i:
+            pages[lane, i] = math.nan
+        code.run(self._summary, lane * at.page, memory=pages, first=0)
+        with code.each(first, self._segments) as segment:
+            self._hand_over(lane, design, segment)
+
+    def _hand_over(self, lane: Expression, design: Expression, segment: Expression) -> None:
+        """Write the summary that stands in a lane's page to the results."""
+        at = self._at
+        with self._code.each(0, at.found) as i:
+            value = self._lanes.pages[lane, i + at.summary * at.shape.lanes]
+            self._shared.found[design, segment, i] = value
 
     def _begin_segment(self, lane: Expression) -> None:
         """Start a lane's segment: totals of zero, the first step anew."""
@@ -392,6 +425,9 @@ class _Loop:
                 self._begin_segment(lane)
             with otherwise:
                 shared.result[design] = row.NOT_FINITE
+                shared.reached[design] = 0.0
+                shared.steps[design] = 0
+                self._leave_out(lane, design, code.number(0))
 
     def _stand_still(self, lane: Expression) -> None:
         """Let a lane without a design take steps of zero, and never be looked at."""

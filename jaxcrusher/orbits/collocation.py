@@ -13,10 +13,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.custom_batching import custom_vmap
-from jax.extend.core import Primitive
 from jax.scipy.linalg import lu_factor, lu_solve
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
+from jaxcrusher.basics.loops import on_a_gpu, one_by_one
 from jaxcrusher.orbits.newton import Factors, Root, newton
 from jaxcrusher.orbits.trigonometric import differentiation, nodes, resample
 
@@ -98,23 +98,6 @@ class System(eqx.Module):
     def _motion(self, x: Array) -> tuple[Array, Array, Array]:
         first, second = self.matrices(len(x))
         return self.period * nodes(len(x)), first @ x, second @ x
-
-
-def one_by_one(function: Callable, instants: PyTree, args: PyTree) -> PyTree:
-    """`function(*instant, args)` at each of n instants, the leading axis of their arrays.
-
-    XLA makes one kernel of the loop, but fifty of derivatives side by side, which took 13 times as
-    long on a CPU. In reverse too: an instant is looked at again, and only what is slow is kept.
-    """
-    again = jax.checkpoint(
-        lambda instant: function(*instant, args), prevent_cse=False, policy=_is_slow
-    )
-    return jax.lax.map(again, instants)
-
-
-def _is_slow(primitive: Primitive, *_, **__) -> bool:
-    """Whether its result is sooner kept than found again; slopes of a sum take a fifth less."""
-    return primitive.name in ("sin", "cos", "pow")
 
 
 @eqx.filter_jit
@@ -207,8 +190,8 @@ def _attached_jvp(primals, tangents):
 def _directly(transposed: int) -> Callable:
     """Solve the linearised equations for right sides of shape (sides, nodes, dims).
 
-    Under `jax.vmap` right sides of one design share its factors, and designs go one after the
-    other, so that those that need no solution cost nothing.
+    Under `jax.vmap` right sides of one design share its factors, and on a CPU designs go one after
+    the other, so that those that need no solution cost nothing.
     """
 
     @custom_vmap
@@ -235,6 +218,7 @@ def _directly(transposed: int) -> Callable:
             own = [leaf[i] if flag else leaf for leaf, flag in zip(leaves, flags, strict=True)]
             return solve(*jax.tree.unflatten(structure, own))
 
-        return jax.lax.map(one, jnp.arange(count)), True
+        numbers = jnp.arange(count)
+        return (jax.vmap(one)(numbers) if on_a_gpu() else jax.lax.map(one, numbers)), True
 
     return solve

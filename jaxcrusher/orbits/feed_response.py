@@ -11,11 +11,12 @@ from jax.scipy.stats import norm as gauss
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.checks import primal, require, require_kind
+from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.rough_feed import Multiplied, RoughFeed, steady
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.collocation import System, one_by_one
+from jaxcrusher.orbits.collocation import System
 from jaxcrusher.orbits.multipliers import of_slopes
 from jaxcrusher.orbits.random_forcing import LEAST, Modes, band, mean_variance, modes
 from jaxcrusher.orbits.result import PeriodicOrbit

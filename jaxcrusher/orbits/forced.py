@@ -10,6 +10,7 @@ import numpy as np
 from jax.scipy.linalg import lu_solve
 from jaxtyping import Array, Float, Scalar
 
+from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.formulations import ClosedLinkage, EccentricityFormulation
 from jaxcrusher.crusher.formulations.eccentricity import EccentricityState, JointState
@@ -20,7 +21,7 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.crusher.starts import resting
 from jaxcrusher.joint.clearance import AbstractBearing
-from jaxcrusher.orbits.collocation import System, one_by_one
+from jaxcrusher.orbits.collocation import System
 from jaxcrusher.orbits.newton import Factors
 from jaxcrusher.orbits.trigonometric import differentiation, nodes, resample
 

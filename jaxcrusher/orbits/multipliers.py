@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Scalar
 
+from jaxcrusher.basics.loops import on_a_gpu
 from jaxcrusher.orbits.collocation import System
 from jaxcrusher.orbits.trigonometric import resample
 
@@ -74,8 +75,11 @@ def of_slopes(
 
 
 def _monodromies(along: Array, period: Scalar, counts: tuple[int, int]) -> tuple[Array, Array]:
-    """Multiply all steps, the last on the left, for either number of steps."""
+    """Multiply all steps, the last on the left, for either number of steps, powers of two."""
     scale, gauss = _looks(along, period, counts)
+    if on_a_gpu():
+        coarse, fine = jnp.split(jax.vmap(_step)(*gauss), counts[:1])
+        return _product(coarse) / scale, _product(fine) / scale
 
     # Step by step, one number of steps after the other: XLA makes one kernel of the loop. Of all
     # steps side by side it computes each product again for every entry of the next.
@@ -89,6 +93,13 @@ def _monodromies(along: Array, period: Scalar, counts: tuple[int, int]) -> tuple
     eye, begins = jnp.eye(along.shape[1]), np.arange(sum(counts)) == counts[0]
     one, other = jax.lax.scan(pass_on, (eye, eye), (gauss, begins))[0]
     return one / scale, other / scale
+
+
+def _product(matrices: Float[Array, "n m m"]) -> Float[Array, "m m"]:
+    """Multiply a power of two of matrices by pairs, the last on the left."""
+    while len(matrices) > 1:
+        matrices = matrices[1::2] @ matrices[::2]
+    return matrices[0]
 
 
 def fundamental(

@@ -65,6 +65,26 @@ def test_folder_that_cannot_be_made_is_no_error(tmp_path):
     assert done.stdout.strip() == "float64" and done.stderr == ""
 
 
+# A checkout that was never installed: nothing knows a distribution of its name.
+BARE = """
+import importlib.metadata as metadata
+found = metadata.Distribution.from_name.__func__
+def but_ours(kind, name):
+    if name == "jaxcrusher":
+        raise metadata.PackageNotFoundError(name)
+    return found(kind, name)
+metadata.Distribution.from_name = classmethod(but_ours)
+import jaxcrusher as jc
+jc.set_up()
+from jaxcrusher.files.provenance import environment
+print(environment()["versions"]["jaxcrusher"] == jc.__version__)
+"""
+
+
+def test_a_checkout_need_not_be_installed():
+    assert python(BARE).stdout == "True\n"
+
+
 def test_flags_of_the_user_stay():
     mine = "--xla_backend_extra_options=a=1 --xla_force_host_platform_device_count=3"
     program = "import jaxcrusher as jc; jc.set_up(); import os; print(os.environ['XLA_FLAGS'])"
@@ -185,22 +205,11 @@ def test_computations_stay_on_the_processor(first, last, on_processor):
     assert said[:4] == [str(on_processor)] * 4 and int(said[4]) >= 1
 
 
-@pytest.mark.parametrize("platform, engine", [("cpu", "lanes"), ("gpu", "vmap")])
-def test_engines_follow_what_jax_computes_on(platform, engine, monkeypatch):
-    """Not what JAX sees: beside a GPU that it does not compute on lanes are chosen."""
-    monkeypatch.setattr(engines, "computes_on", lambda: platform)
-    monkeypatch.setitem(engines.ENGINES, engine, lambda function, scenes: scenes + 10.0)
-    assert engines.map_all(abs, np.ones(3)).tolist() == [11.0, 11.0, 11.0]
-
-
 def test_platform_is_that_of_the_device_chosen():
     chosen = jax.devices("cpu")[-1]
     for device in ("cpu", chosen):
         with jax.default_device(device):
             assert devices.computes_on() == "cpu" and devices.devices() == jax.devices("cpu")
-    # Where JAX sees no GPU the engine on one changes nothing of it.
-    with devices.on_a_gpu():
-        assert devices.computes_on() == "cpu"
 
 
 THREADS = """

@@ -91,7 +91,8 @@ def test_the_engine_of_a_sweep_is_used_and_told_apart(tmp_path):
     whole = jc.sweep(axes, 0, 1, **ideal, engine=in_turn)
     half = jc.sweep(axes, 0, 1, **ideal, engine=_half, store=tmp_path / "half")
     np.testing.assert_array_equal(half.foundation_rms, whole.foundation_rms / 2)
-    with pytest.raises(ValueError, match='differ engine: "_half" there, nothing here'):
+    assert (whole.engine, half.engine) == ("loop", "_half")
+    with pytest.raises(ValueError, match=r"`engine` must be '_half' for .* but is 'lanes' here"):
         jc.sweep(axes, 0, 1, **ideal, store=tmp_path / "half")
 
 
@@ -109,3 +110,18 @@ def test_loose_elbow_and_pivot_through_lanes():
     )
     assert bool(at.inside_model) and set(one.validity.others) == {"elbow", "pivot"}
     assert {"elbow_contact_fraction", "pivot_impact_speed_ratio"} < set(grid)
+
+
+def test_a_curve_may_be_an_array():
+    """It is a choice of every design, as a file is, and another curve is another motion."""
+    angle = np.radians(np.arange(0.0, 360.0, 30.0))
+    curve = np.stack([angle, 3e3 + 6e3 * np.cos(angle - 2.0) ** 2], 1)
+    base = {"load_law": "by_angle", "load_curve": curve, "start": "contact"}
+    found = jc.sweep({"speed": [25.0, 30.0]}, 0, 1, base=base, rtol=1e-6)
+    for speed, rms in zip((25.0, 30.0), found.foundation_rms.values, strict=True):
+        alone = jc.statistics(jc.build_scene(base | {"speed": speed}), 0, 1, rtol=1e-6)
+        # Lanes round differently, and one impact magnifies that: a load 1 % larger differs by 1e-2.
+        assert rms == pytest.approx(float(alone.foundation_rms), rel=1e-3)
+    for bad in (np.zeros(3), [[1.0, 2.0], [3.0]]):
+        with pytest.raises(ValueError, match=r"^Argument `base\['load_curve'\]` must be rows of"):
+            jc.sweep({"speed": [25.0]}, 0, 1, base=base | {"load_curve": bad})

@@ -23,6 +23,7 @@ from jaxcrusher.motion.integrate import (
     integrate,
 )
 from jaxcrusher.motion.method import pi_controller
+from tests.basics.test_setup import python
 
 SEGMENTS, INSTANTS = 3, 20
 TIMES = jnp.arange(SEGMENTS)[:, None] + jnp.arange(1, INSTANTS + 1) / INSTANTS
@@ -289,3 +290,38 @@ def test_an_interrupted_batch_stops_its_threads(monkeypatch, which):
             eqx.Partial(_run, rtol=1e-13, max_steps=10**9),
             Swing(swings.stiffness * 1e9, swings.blow, swings.exponent),
         )
+
+
+# JAX prefers another platform, as it does a GPU. What crosses to it is counted by what is there.
+ELSEWHERE = """
+import jax
+jax.config.update("jax_enable_x64", True)
+from jax._src import xla_bridge
+xla_bridge.register_backend_factory("second", xla_bridge.make_cpu_client, priority=1000)
+from jaxcrusher.batch.engines import in_lanes
+from jaxcrusher.lanes import program
+from tests.lanes.test_lanes import _thrice, _swings
+processor, run, used = set(jax.devices("cpu")), program._Group.run, []
+
+def watched(group, operands, count):
+    function = group._function
+    def called(*arrays):
+        found = function(*arrays)
+        used.extend(leaf.devices() <= processor for leaf in found)
+        used.extend(not isinstance(leaf, jax.Array) for leaf in jax.tree.leaves(arrays))
+        return found
+    group._function = called
+    try:
+        return run(group, operands, count)
+    finally:
+        group._function = function
+
+program._Group.run = watched
+assert not jax.numpy.ones(1).devices() <= processor
+in_lanes(_thrice, _swings(70))
+print(len(used) > 0, all(used))
+"""
+
+
+def test_what_stands_between_integrations_is_computed_on_the_processor():
+    assert python(ELSEWHERE).stdout == "True True\n"

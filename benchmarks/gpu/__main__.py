@@ -1,0 +1,6 @@
+"""`python -m benchmarks.gpu`: sweeps on a GPU, beside the cores and its FP64 units."""
+
+from benchmarks.start import start
+
+if __name__ == "__main__":
+    start("benchmarks.gpu", "gpu.md")

@@ -1,0 +1,139 @@
+"""The engine that is chosen where none is asked for: by the card that is there, and the designs."""
+
+import sys
+import threading
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.basics.devices import finds_card
+from jaxcrusher.batch import engines
+from jaxcrusher.batch.engines import CARD_CHUNK, CHUNK, ENOUGH, in_order, map_all, map_chunks
+
+
+@pytest.fixture
+def chosen(monkeypatch):
+    """The engines that computed a chunk, one after the other, and its designs; with a card."""
+    seen = []
+
+    def counting(name):
+        return lambda function, scenes: seen.append((name, len(scenes))) or scenes
+
+    monkeypatch.setattr(engines, "finds_card", lambda: True)
+    monkeypatch.setattr(engines, "devices", lambda: [None])
+    for name in engines.ENGINES:
+        monkeypatch.setitem(engines.ENGINES, name, counting(name))
+    # Engines are told apart by what they are.
+    monkeypatch.setattr(engines, "on_gpu", engines.ENGINES["gpu"])
+    return seen
+
+
+def test_many_designs_go_to_a_card(chosen):
+    map_all(abs, np.ones(ENOUGH))
+    map_all(abs, np.ones(ENOUGH - 1))
+    # It takes larger chunks; in small ones it is not worth it.
+    map_all(abs, np.ones(2 * CARD_CHUNK))
+    map_all(abs, np.ones(2 * ENOUGH), chunk=ENOUGH // 2)
+    rest = (ENOUGH - 1) // CHUNK + 1
+    share = -(-(ENOUGH - 1) // rest)
+    expected = [("gpu", ENOUGH), *[("lanes", share)] * rest, *[("gpu", CARD_CHUNK)] * 2]
+    assert chosen == [*expected, *[("lanes", ENOUGH // 2)] * 4]
+
+
+def test_without_a_card_and_where_another_is_asked_for_none_is_used(chosen, monkeypatch):
+    map_all(abs, np.ones(ENOUGH), chunk=ENOUGH, engine="lanes")
+    assert [len(part) for _, part in map_chunks(abs, np.ones(2), engine="gpu")] == [2]
+    monkeypatch.setattr(engines, "finds_card", lambda: False)
+    map_all(abs, np.ones(ENOUGH), chunk=ENOUGH)
+    assert chosen == [("lanes", ENOUGH), ("gpu", 2), ("lanes", ENOUGH)]
+
+
+@pytest.mark.parametrize("platform, engine", [("cpu", "loop"), ("gpu", "vmap")])
+def test_what_lanes_cannot_do_follows_what_jax_computes_on(platform, engine, monkeypatch):
+    monkeypatch.setattr(engines, "computes_on", lambda: platform)
+    monkeypatch.setitem(engines.ENGINES, engine, lambda function, scenes: scenes + 10.0)
+    for asked in (None, "gpu"):
+        assert map_all(abs, np.ones(3), engine=asked).tolist() == [11.0, 11.0, 11.0]
+
+
+AXES = {"speed": [28.0, 30.0], "clearance": [4e-5, 5e-5, 6e-5]}
+IDEAL = {"base": {"joint": "ideal"}, "rtol": 1e-6}
+
+
+def test_a_sweep_says_which_engine_made_it_and_goes_on_with_it(tmp_path, monkeypatch):
+    store = tmp_path / "grid"
+    assert jc.sweep(AXES, 0, 1, **IDEAL, store=store).attrs["engine"] == "lanes"
+    # A card is there, and three designs are many.
+    monkeypatch.setattr(engines, "finds_card", lambda: True)
+    monkeypatch.setattr(engines, "ENOUGH", 6)
+    monkeypatch.setitem(engines.ENGINES, "gpu", engines.in_turn)
+    assert jc.sweep(AXES, 0, 1, **IDEAL).attrs["engine"] == "gpu"
+    # Of which each choice is a program, and a chunk, of its own.
+    choices = {"joint": ["ideal", "clearance"], "speed": [28.0, 29.0, 30.0]}
+    assert jc.sweep(choices, 0, 1, rtol=1e-6).attrs["engine"] == "lanes"
+    one_line = (
+        r"^Argument `engine` must be 'lanes' for the store \S+, which .* but is 'gpu' here\.$"
+    )
+    with pytest.raises(ValueError, match=one_line):
+        jc.sweep(AXES, 0, 1, **IDEAL, store=store)
+    assert jc.sweep(AXES, 0, 1, **IDEAL, store=store, engine="lanes").attrs["engine"] == "lanes"
+
+
+class NoCard(Exception):
+    """CuPy's error without a driver."""
+
+
+def none_found():
+    raise NoCard
+
+
+@pytest.mark.parametrize(
+    ("count", "found"), [(lambda: 1, True), (lambda: 0, False), (none_found, False)]
+)
+def test_cards_are_those_that_cupy_counts(monkeypatch, count, found):
+    runtime = SimpleNamespace(getDeviceCount=count, CUDARuntimeError=NoCard)
+    cuda, cupy = ModuleType("cupy.cuda"), ModuleType("cupy")
+    cuda.runtime, cupy.__spec__ = runtime, SimpleNamespace(name="cupy")
+    monkeypatch.setitem(sys.modules, "cupy", cupy)
+    monkeypatch.setitem(sys.modules, "cupy.cuda", cuda)
+    assert finds_card() is found
+
+
+@pytest.mark.parametrize("stop", [False, True])
+def test_on_a_card_the_next_chunk_is_prepared_while_one_is_computed(monkeypatch, stop):
+    """Each waits until the next has begun; results come in their order all the same."""
+    begun = [threading.Event() for _ in range(5)]
+
+    def compute(i):
+        begun[i].set()
+        if not stop:
+            # The next but one does not begin before this one's result was taken.
+            assert i == 4 or begun[i + 1].wait(60)
+            assert i > 1 or not begun[i + 2].is_set()
+        return i
+
+    results = in_order(compute, range(5), "gpu")
+    if stop:
+        assert next(results) == 0
+        results.close()
+        assert not begun[4].is_set()
+    else:
+        assert list(results) == [0, 1, 2, 3, 4]
+    # Other engines keep all cores busy with one.
+    others = in_order(begun.__getitem__, range(5), "lanes")
+    begun[4].clear()
+    assert next(others) is begun[0] and not begun[4].is_set()
+
+
+def test_an_error_of_a_chunk_on_a_card_is_that_of_the_batch():
+    def compute(i):
+        if i == 1:
+            raise ValueError("no such chunk")
+        return i
+
+    results = in_order(compute, range(9), "gpu")
+    assert next(results) == 0
+    with pytest.raises(ValueError, match="no such chunk"):
+        next(results)

@@ -1,0 +1,256 @@
+"""A GPU's lanes without a GPU: each of its threads as one of the processor's, side by side."""
+
+import ctypes
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.basics.devices import finds_card
+from jaxcrusher.batch.engines import in_lanes, map_all, on_gpu
+from jaxcrusher.lanes import card, machine, program
+from jaxcrusher.lanes.layout import FIELDS
+from tests.lanes.test_lanes import SEGMENTS, TIMES, Swing, _run, _swings
+
+
+class Memory(np.ndarray):
+    """Memory of the card or of the host, with an address; at first it holds no zeros."""
+
+    @property
+    def ptr(self):
+        return self.ctypes.data
+
+
+class Card:
+    """CuPy, whose card is the processor, and how often it was used for what.
+
+    It takes the text that PTX is made of, not PTX, and "links" it to machine code.
+    """
+
+    def __init__(self):
+        self.used = Counter()
+        attributes = {"MultiProcessorCount": 1}
+        device = SimpleNamespace(attributes=attributes, compute_capability="90")
+        self.driver = 13000
+        runtime = SimpleNamespace(driverGetVersion=lambda: self.driver)
+        function = SimpleNamespace(LinkState=self.link, Module=self.module)
+        self.cuda = SimpleNamespace(
+            Device=lambda: device,
+            Stream=lambda non_blocking: self.stream(),
+            alloc=self.alloc,
+            alloc_pinned_memory=self.pinned,
+            function=function,
+            runtime=runtime,
+        )
+
+    def pinned(self, size):
+        return np.full(size, 0xA5, np.uint8).view(Memory)
+
+    def alloc(self, size):
+        memory = self.pinned(size)
+
+        def copy(kind, target, source, size):
+            self.used[kind] += 1
+            ctypes.memmove(target, source, size)
+
+        return SimpleNamespace(
+            memory=memory,
+            ptr=memory.ptr,
+            copy_from_host_async=lambda host, n, stream: copy("up", memory.ptr, host, n),
+            copy_to_host_async=lambda host, n, stream: copy("down", host, memory.ptr, n),
+        )
+
+    def stream(self):
+        self.used["streams"] += 1
+        return _Stream()
+
+    def link(self):
+        self.used["compiled"] += 1
+        given = []
+        add = lambda data, name: given.append(data)  # noqa: E731
+        return SimpleNamespace(add_ptr_data=add, complete=lambda: given[0])
+
+    def module(self):
+        return _Module(self)
+
+
+class _Stream:
+    """A stream in which everything is done at once."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def synchronize(self):
+        pass
+
+
+class _Module:
+    """Its kernel: every thread of every warp, eight at a time."""
+
+    def __init__(self, card):
+        self._card = card
+
+    def load(self, code):
+        self._machine = machine.load(code.decode())
+
+    def get_function(self, name):
+        assert name == "warps"
+        return self
+
+    def __call__(self, warps, threads, operands):
+        self._card.used["kernels"] += 1
+        advance = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(self._machine["advance"])
+        (tables,) = operands
+        with ThreadPoolExecutor(8) as pool:
+            for warp in range(*warps):
+                place = tables + 8 * len(FIELDS) * warp
+                list(pool.map(lambda lane, at=place: advance(at, lane), range(*threads)))
+
+
+@pytest.fixture
+def simulated(monkeypatch, tmp_path):
+    """The `Card`, with a folder of its own for machine code."""
+    found = Card()
+    monkeypatch.setitem(sys.modules, "cupy", found)
+    monkeypatch.setattr(card, "ptx", str.encode)
+    monkeypatch.setattr(card, "_STREAMS", [])
+    monkeypatch.setattr(machine, "cache_folder", lambda: tmp_path)
+    card._warps.cache_clear()
+    yield found
+    card._warps.cache_clear()
+
+
+def _ill(swings):
+    """One that cannot begin, one that takes too many steps, and one that ends early."""
+    stiffness, blow = swings.stiffness.copy(), swings.blow.copy()
+    stiffness[[3, 40]], blow[17] = (np.nan, 1e9), 50.0
+    return Swing(stiffness, blow, swings.exponent)
+
+
+def test_threads_agree_with_lanes(simulated):
+    swings = _ill(_swings(80))
+    found, ends = map_all(_run, swings, engine=on_gpu)
+    exact, expected = map_all(_run, swings, engine=in_lanes)
+    np.testing.assert_array_equal(np.flatnonzero(~np.asarray(ends.success)), [3, 17, 40])
+    np.testing.assert_array_equal(ends.result._value, expected.result._value)
+    # The same instructions, but for the order of sums.
+    assert np.abs(ends.steps - expected.steps).max() <= 1
+    for name in exact:
+        np.testing.assert_allclose(found[name], exact[name], rtol=0, atol=1e-11)
+    assert np.isnan(found["mean"][[3, 17]]).any(1).all()
+
+
+def _longer(swing):
+    return _run(swing, times=jnp.concatenate([TIMES, TIMES + SEGMENTS]))
+
+
+@pytest.mark.parametrize(("function", "count"), [(_run, 3), (_run, 200), (_longer, 80)])
+def test_a_batch_is_one_copy_up_a_kernel_and_one_copy_down(simulated, function, count):
+    """However many designs and segments there are; a second batch compiles nothing."""
+    once = {"up": 1, "kernels": 1, "down": 1}
+    for _ in range(2):
+        map_all(function, _swings(count), engine=on_gpu)
+    assert simulated.used == {name: 2 for name in once} | {"compiled": 1, "streams": 1}
+
+
+@pytest.mark.parametrize(("speeds", "turns"), [(2, 1), (70, 1), (2, 3)])
+def test_a_sweep_calls_jax_as_often_for_any_designs_and_turns(
+    simulated, monkeypatch, speeds, turns
+):
+    calls, run = [], program._Group.run
+
+    def counting(group, operands, count):
+        before = len(calls)
+        function = group._function
+        group._function = lambda *arrays: calls.append(count) or function(*arrays)
+        try:
+            return run(group, operands, count)
+        finally:
+            group._function = function
+            assert len(calls) == before + 1
+
+    monkeypatch.setattr(program._Group, "run", counting)
+    axes = {"speed": np.linspace(28, 32, speeds)}
+    base = {"start": "contact"}
+    found = jc.sweep(axes, 0, turns, base=base, rtol=1e-5, engine="gpu")
+    # Before the integration, of what is the same for all and of what is not; and behind it.
+    assert len(calls) == 3
+    assert simulated.used == {"up": 1, "kernels": 1, "down": 1, "compiled": 1, "streams": 1}
+    exact = jc.sweep(axes, 0, turns, base=base, rtol=1e-5, engine="lanes")
+    # Rounding, in a quiet motion.
+    np.testing.assert_allclose(found.foundation_rms, exact.foundation_rms, rtol=1e-9)
+
+
+needs_card = pytest.mark.skipif(not finds_card(), reason="CuPy finds no GPU of NVIDIA's")
+
+
+@needs_card
+def test_a_real_card_agrees_with_lanes():
+    axes = {"speed": np.linspace(28, 32, 40), "clearance": [5e-5, 7e-5]}
+    found, exact = (
+        jc.sweep(axes, 1, 2, base={"start": "contact"}, rtol=1e-8, engine=engine)
+        for engine in ("gpu", "lanes")
+    )
+    assert found.success.all() and found.engine == "gpu"
+    # Of 4096 quiet designs the RMS agreed to 1.1e-7 on an H100: what rounding makes at this rtol.
+    np.testing.assert_allclose(found.foundation_rms, exact.foundation_rms, rtol=1e-7)
+
+
+@needs_card
+def test_a_real_card_gives_the_same_bits_in_chunks_and_at_once():
+    axes = {"speed": np.linspace(28, 32, 300)}
+    runs = [jc.sweep(axes, 0, 1, rtol=1e-6, chunk=n, engine="gpu") for n in (300, 100)]
+    np.testing.assert_array_equal(*(one.foundation_rms for one in runs))
+
+
+@needs_card
+def test_a_failure_on_a_real_card_stays_in_its_thread():
+    swings = _ill(_swings(80))
+    found, ends = map_all(_run, swings, engine=on_gpu)
+    exact, expected = map_all(_run, swings, engine=in_lanes)
+    np.testing.assert_array_equal(ends.result._value, expected.result._value)
+    for name in exact:
+        # Far below the tolerance of 1e-9 where steps are the same.
+        np.testing.assert_allclose(found[name], exact[name], rtol=0, atol=1e-9)
+
+
+def test_machine_code_is_kept_for_a_card_and_its_driver(simulated, tmp_path):
+    def again():
+        card._warps.cache_clear()
+        map_all(_run, _swings(3), engine=on_gpu)
+        return simulated.used["compiled"], len(list(tmp_path.glob("*.cubin")))
+
+    assert again() == (1, 1)
+    assert again() == (1, 1)  # found in the folder
+    simulated.driver += 10
+    assert again() == (2, 2)
+    simulated.cuda.Device().compute_capability = "100"
+    assert again() == (3, 3)
+    broken = next(tmp_path.glob("*.cubin"))
+    for file in tmp_path.glob("*.cubin"):
+        file.write_bytes(file.read_bytes()[:-1])
+    assert again() == (4, 3) and broken.exists()
+
+
+def test_the_text_is_taken_by_the_compiler_of_nvidia(simulated, monkeypatch, tmp_path):
+    texts = []
+    monkeypatch.setattr(card, "ptx", lambda text: texts.append(text) or text.encode())
+    map_all(_run, _swings(3), engine=on_gpu)
+    monkeypatch.undo()
+    code = card.ptx(texts[0])
+    assert b".visible .entry warps(" in code and b".extern" not in code
+    if shutil.which("ptxas"):
+        (tmp_path / "warps.ptx").write_bytes(code)
+        subprocess.run(
+            ["ptxas", "-arch=sm_90", "-o", "cubin", "warps.ptx"], cwd=tmp_path, check=True
+        )
