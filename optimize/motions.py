@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_whole
-from jaxcrusher.batch.engines import run_all, stack
+from jaxcrusher.batch.engines import chunk_of, run_all, stack
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import Column
 from optimize.answer import Confirmed
@@ -26,7 +26,7 @@ from optimize.evaluate import Case, Progress, stacked_scenes, started
 TURNS, SAMPLES = 2, 256
 # What is drawn of a motion, and the tolerance of those of designs that were run for long.
 DRAWN, FINE = ("foundation_force", "eccentricity"), 1e-9
-# Motions between two reports of progress.
+# Motions between two reports of progress; on a GPU more.
 CHUNK = 32
 # What is kept of a motion.
 KEPT = {
@@ -73,7 +73,8 @@ def cell_motions(
     states = landscape.state.to_numpy().reshape(-1, landscape.sizes["coordinate"])
     function = eqx.Partial(_motion, angles=angles, rtol=rtol)
     batch = (stacked_scenes(case, points), states)
-    found = run_all(function, batch, CHUNK, progress=progress, journal=journal)
+    at_once = chunk_of(len(states), usual=CHUNK)
+    found = run_all(function, batch, at_once, progress=progress, journal=journal)
     steps = int(found.pop("steps").sum())
     *dims, _ = landscape.state.dims
     *shape, _ = landscape.state.shape

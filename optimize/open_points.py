@@ -41,7 +41,16 @@ def run_open_points(
         OpenPoint(
             case.design.numbers(unit),
             why or f"The orbit of one turn is unstable: its largest multiplier is {modulus:.4g}.",
-            min(mean - width for mean, width in map(interval, row["objective"])),
+            _least(row["objective"], case.objective.lowest),
         )
         for unit, why, modulus, row in zip(units[which], failures, largest, rows, strict=True)
-    )  # fmt: skip
+    )
+
+
+def _least(objective: Float[np.ndarray, "starts runs"], lowest: float) -> float:
+    """Return the lower end of the intervals of all starts, NaN where a run has no number.
+
+    The interval of two runs is so wide that it may reach below the `lowest` that there can be.
+    """
+    ends = [mean - width for mean, width in map(interval, objective)]
+    return float(np.maximum(np.min(ends), lowest))

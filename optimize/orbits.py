@@ -45,20 +45,23 @@ def solve(
     units: Float[np.ndarray, "points n"],
     neighbours: Callable[[int], list[int]] | None = None,
     *,
+    sections: Float[np.ndarray, "points states"] | None = None,
     journal: Journal | None = None,
     progress: Progress | None = None,
 ) -> Rows:
     """Solve for the orbits of unit points, as `jaxcrusher.dynamics.many_orbits.solve_orbits` does.
 
-    Without `neighbours` of a point each is only tried from the pin at rest in its bore. Rows of
-    shape (points,) hold `objective`, `counts` (stable and within the constraints) besides; `slope`
-    is that of the objective per unit of each free parameter, (points, n).
+    Without `neighbours` of a point each is only tried from the pin at rest in its bore, and by
+    shooting where `sections` has a guess. Rows of shape (points,) hold `objective`, `counts`
+    (stable and within the constraints) besides; `slope` is that of the objective per unit of each
+    free parameter, (points, n).
     """
     rows = solve_orbits(
         _problem(case),
         (units, {}),
         (NODES, 2 * NODES),
         neighbours,
+        sections=sections,
         chunk=CHUNK,
         most_alone=0,  # long runs speak for what is left
         journal=journal,
@@ -139,7 +142,8 @@ def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     scene = jc.build_scene(described)
     solution = jc.periodic_orbit(scene)
     offsets = BESIDE * np.eye(len(unit))
-    rows = solve(case, np.concatenate([unit[None], unit + offsets, unit - offsets]))
+    units = np.concatenate([unit[None], unit + offsets, unit - offsets])
+    rows = solve(case, units, sections=np.tile(solution.section, (len(units), 1)))
     above, below = np.split(rows["objective"][1:], 2)
     slopes, names = rows["slope"][0], case.design.names
     apart = np.abs((above - below) / (2 * BESIDE * widths(case)) - slopes)

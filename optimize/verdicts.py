@@ -26,8 +26,7 @@ ALIKE = 0.01
 APART = 0.02
 # What a bearing's clearance takes off the RMS of a quiet motion at most.
 BELOW_IDEAL = 0.003
-# A slope of a periodic orbit is NaN only there.
-NO_SLOPES = "the orbit at the optimum loses contact, and slopes of such orbits are not known"
+NO_SLOPES = "slopes are not known: at the optimum or beside it no orbit was solved for"
 
 
 def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:

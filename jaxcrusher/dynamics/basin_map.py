@@ -1,17 +1,20 @@
 """Which stable motions a grid of crushers comes to from random starts, and how often."""
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
 from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.batch.ensemble import opened
 from jaxcrusher.batch.layout import Layout
-from jaxcrusher.batch.points import make_grid
+from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.coexisting_orbits import CoexistingOrbits, coexisting_orbits
 from jaxcrusher.files.table import COLUMNS
+from jaxcrusher.orbits.forced import unknowns
 
 # What a design holds.
 HELD = (
@@ -36,6 +39,7 @@ def basin_map(
     spread: float = 0.5,
     turns: int = 1000,
     seed: int = 0,
+    store: str | Path | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
     """Find the stable orbits of every design of a grid, and how many random starts come to each.
@@ -47,6 +51,8 @@ def basin_map(
 
     - `axes`, `base`, `scene`: as in `jaxcrusher.orbit_map`.
     - `starts`, `spread`, `turns`, `seed`: as in `jaxcrusher.coexisting_orbits`.
+    - `store`: None, or a folder in which each finished design is kept, as a Zarr store. Killed at
+      any moment and called again with the same arguments, the map goes on where it was.
     - `progress`: called with the number of finished and of all designs, first at the start.
 
     **Returns:** an `xarray.Dataset` with a dimension for each axis: `worst_rms` and `likeliest_rms`
@@ -59,28 +65,34 @@ def basin_map(
     Raises ValueError for bad arguments, and as `jaxcrusher.coexisting_orbits` does.
     """
     require_set_up()
-    grid, found = make_grid(axes, base, scene), []
+    grid = make_grid(axes, base, scene)
     report = progress or (lambda finished, of: None)
     report(0, grid.size)
-    for design in range(grid.size):
-        numbers = {name: float(column[0]) for name, column in grid.numbers([design]).items()}
-        made = grid.scene(numbers, grid.choices(design))
-        found.append(coexisting_orbits(made, starts=starts, spread=spread, turns=turns, seed=seed))
-        report(design + 1, grid.size)
-    most = max(len(one.orbits) for one in found)
+    asked = {"starts": starts, "spread": spread, "turns": turns, "seed": seed}
     columns = {name: COLUMNS[name] for name in HELD}
-    sizes = {"orbit": most, "start": starts, "coordinate": found[0].starts.shape[1]}
-    rows = [_row(one, most) for one in found]
-    values = {
-        name: np.stack([row[name] for row in rows]).reshape(*grid.shape, *np.shape(rows[0][name]))
-        for name in columns
-    }
-    attributes = grid.attributes() | {"spread": spread, "turns": turns, "seed": seed}
-    return Layout(grid, columns, grid.shape, sizes).dataset(values, attributes)
+    # The quiet orbit is among them without a start that came to it.
+    sizes = {"orbit": starts + 1, "start": starts, "coordinate": 2 * unknowns(_scene(grid, 0))}
+    layout = Layout(grid, columns, (1,) * len(grid.shape), sizes)
+    title = "Coexisting periodic orbits of jaw crushers over a grid of parameters"
+    with opened(layout, store, title, grid.settings() | asked, asked) as kept:
+        for design in range(grid.size):
+            if design not in kept.done:
+                row = _row(coexisting_orbits(_scene(grid, design), **asked), starts + 1)
+                cell = {name: np.reshape(v, layout.chunk + np.shape(v)) for name, v in row.items()}
+                kept.write(design, cell, {})
+            report(design + 1, grid.size)
+        found = kept.dataset()
+        most = int((found.orbit_period > 0).sum("orbit").max())
+        return found.isel(orbit=slice(0, most))
+
+
+def _scene(grid: Grid, design: int) -> Scene:
+    numbers = {name: float(column[0]) for name, column in grid.numbers([design]).items()}
+    return grid.scene(numbers, grid.choices(design))
 
 
 def _row(found: CoexistingOrbits, most: int) -> dict[str, Any]:
-    """Return the columns of one design, filled up to as many orbits as any one has."""
+    """Return the columns of one design, filled up to `most` orbits."""
     fill = (0, most - len(found.orbits))
     rms = np.array([float(orbit.foundation_rms) for orbit in found.orbits])
     shares = np.array(found.shares)

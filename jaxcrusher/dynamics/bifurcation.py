@@ -16,7 +16,7 @@ from jaxcrusher.basics.checks import (
     require_whole,
 )
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.engines import CHUNK, run_all, stack
+from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.dynamics.indicators import detect_period
@@ -43,7 +43,7 @@ def bifurcation(
     name: str = "value",
     units: str = "1",
     rtol: float = 1e-9,
-    chunk: int = CHUNK,
+    chunk: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
     """Return section points of `turns` turns after `settle_turns`, at each value of a parameter.
@@ -58,7 +58,8 @@ def bifurcation(
     - `settle_turns`, `turns`: >= 0 and >= 20.
     - `name`, `units`: of the parameter, for the labels.
     - `rtol`: as in `jaxcrusher.statistics`. `chunk`: values between two reports of progress of
-      cold starts. `progress`: called with the number of finished and of all values.
+      cold starts; None as in `jaxcrusher.map_chunks`. `progress`: called with the number of
+      finished and of all values.
 
     **Returns:** an `xarray.Dataset`: `e_x`, `e_y` (clearances), `rate_x`, `rate_y` (m/s) and
     `foundation_rms` (of the turn, N) with dims `value` and `turn`; `success`, `whirl`, `settled`

@@ -21,7 +21,7 @@ from jaxcrusher.lanes.code import LANES
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.orbits.shooting import shoot
+from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.transient import NEAR, section_points
 
 # A run is looked at so many times; the orbits searched for, and a multiple of all their periods.

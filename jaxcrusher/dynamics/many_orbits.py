@@ -3,7 +3,8 @@
 Designs are given as stacked cases, and a function makes the scene of one. What is not found from
 the pin at rest, or by a damping that is lowered, is tried from the motion that lanes have
 integrated until the transient is averaged out, and with more nodes; then from the orbits of
-neighbours. The last few are solved one by one, by all tries that `periodic_orbit` makes.
+neighbours. Where the motion that was waited for loses contact, and repeats, it is shot for. The
+last few are solved one by one, by all tries that `periodic_orbit` makes.
 """
 
 import itertools
@@ -46,6 +47,9 @@ CHUNK = 16
 # that comes from further away may pass: in a tongue the shape of a motion matters more than how
 # near it is.
 REACH = 4
+# A motion whose section points are no further from their mean, in clearances and m/s, repeats, but
+# for a rest of its transient: those of chaotic motions are tenths apart.
+SETTLED = 0.02
 # So many designs that are left are solved one by one. Where more are left they have no such motion.
 MOST_ALONE = 64
 
@@ -69,6 +73,7 @@ def solve_orbits(
     levels: Sequence[int],
     neighbours: Callable[[int], list[int]] | None,
     *,
+    sections: Float[np.ndarray, "cases states"] | None = None,
     chunk: int = CHUNK,
     enough: float = np.inf,
     most_alone: int = MOST_ALONE,
@@ -85,6 +90,8 @@ def solve_orbits(
       `error` above `enough`.
     - `neighbours`: the cases beside one, the nearest first. With None a case that fails from the
       pin at rest is left: it is tried from no other orbit, and not waited for.
+    - `sections`: guesses of section points, from which is shot what nodes do not solve; None where
+      nothing is known. What is waited for has its own.
     - `most_alone`: if no more cases are left without a stable orbit, each is tried by all ways of
       `periodic_orbit`, whose programs take a minute to compile.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
@@ -99,13 +106,16 @@ def solve_orbits(
     report = progress or (lambda finished, of: None)
     search.fill(np.arange(count), levels[0], alone, report)
     left = search.unsolved(np.inf)
+    sections = np.full((count, 2 * problem.dims), np.nan) if sections is None else sections.copy()
     if neighbours is not None and len(left):
         part = jax.tree.map(lambda leaf: np.asarray(leaf)[left], cases)
-        guesses = waited(problem, part, engine, journal)
+        guesses, sections[left] = waited(problem, part, engine, journal)
         known = np.isfinite(guesses).all(axis=(1, 2))
         search.orbits[left[known]] = _resampled(guesses[known], search.points)
     for nodes in levels[1:] or levels:
         search.fill(search.begun(search.unsolved(enough)), nodes, neighbours or alone, report)
+    left = search.unsolved(np.inf)
+    search.shoot(left[np.isfinite(sections[left]).all(axis=1)], sections)
     left = np.flatnonzero(~np.asarray(search.rows["stable"], bool))
     if neighbours is not None and len(left) <= most_alone:
         for case in left.tolist():
@@ -178,10 +188,34 @@ class _Search:
             ]
             tried.update(pairs)
 
+    def shoot(self, cases: np.ndarray, sections: Float[np.ndarray, "cases states"]) -> None:
+        """Solve cases by the integrator, from their section points."""
+        if not len(cases):
+            return
+        given = jax.tree.map(lambda leaf: np.asarray(leaf)[cases], self._cases), sections[cases]
+        solve = eqx.Partial(_shot, problem=self._problem, points=self.points)
+        found = self._run(solve, given, len(cases))
+        good = found["success"][: len(cases)]
+        self.orbits[cases[good]] = found.pop("eccentricity")[: len(cases)][good]
+        for name, column in found.items():
+            self.rows[name][cases[good]] = column[: len(cases)][good]
+
+    def _run(
+        self,
+        solve: Callable[..., dict[str, Array]],
+        given: PyTree,
+        chunk: int,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Rows:
+        """Solve stacked cases from their guesses, in chunks that are filled with NaN."""
+        filled = jax.tree.map(lambda leaf: _filled(leaf, chunk), given)
+        function = eqx.Partial(_row, solve=solve)
+        return run_all(function, filled, chunk, progress=progress, **self._settings)
+
     def solve_alone(self, case: int) -> None:
         """Solve a case by all tries that `periodic_orbit` makes."""
         given = jax.tree.map(lambda leaf: jnp.asarray(leaf)[case], self._cases)
-        row = _described(given, jnp.asarray(self.orbits[case]), self._problem, None, None)
+        row = _described(given, jnp.asarray(self.orbits[case]), self._problem)
         if self.rows["success"][case] and not row["stable"]:
             return
         self.orbits[case] = row.pop("eccentricity")
@@ -197,14 +231,13 @@ class _Search:
             jax.tree.map(lambda leaf: np.asarray(leaf)[chosen[:, 0]], self._cases),
             self.orbits[chosen[:, 1]],
         )
-        function = eqx.Partial(_row, problem=problem, nodes=nodes)
+        solve = eqx.Partial(_solved, problem=problem, nodes=nodes)
         total, first = len(self.orbits), not self.rows
 
         def tell(done: int, _: int) -> None:
             report(min(done, total) if first else total, total)
 
-        filled = jax.tree.map(lambda leaf: _filled(leaf, self._chunk), given)
-        found = run_all(function, filled, self._chunk, progress=tell, **self._settings)
+        found = self._run(solve, given, self._chunk, tell)
         if first:
             self.rows = {
                 name: np.zeros((total, *column.shape[1:]), column.dtype)
@@ -252,42 +285,46 @@ def _in_words(codes: np.ndarray, kind: Any, entry: PyTree) -> np.ndarray:
     return np.array(said, object)[which]
 
 
-def _row(
-    given: tuple[Case, Float[Array, "points dims"]], problem: Problem, nodes: int
-) -> dict[str, Array]:
+def _row(given: tuple[Case, Array], solve: Callable[..., dict[str, Array]]) -> dict[str, Array]:
     """Solve one case from a guess; a case of NaN, which only fills a chunk, is skipped."""
-
-    def found(given: tuple[Case, Array]) -> dict[str, Array]:
-        return _solved(given, problem, nodes)
-
-    like = jax.eval_shape(found, given)
+    like = jax.eval_shape(solve, given)
     nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
     fills = jnp.isnan(jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(given[0])])).any()
-    return jax.lax.cond(fills, lambda _: nothing, found, given)
+    return jax.lax.cond(fills, lambda _: nothing, lambda given: solve(given), given)  # hashable
 
 
 @eqx.filter_jit
 def _solved(
     given: tuple[Case, Float[Array, "points dims"]], problem: Problem, nodes: int
 ) -> dict[str, Array]:
+    """Solve one case by nodes, from those of a guess or, where these are NaN, from rest."""
     case, guess = given
     first = guess if unknowns(problem.scene(*case)) else None
-    return _described(case, guess, problem, nodes, first)
+    return _described(case, guess, problem, nodes=nodes, guess=first)
+
+
+@eqx.filter_jit
+def _shot(
+    given: tuple[Case, Float[Array, " states"]], problem: Problem, points: int
+) -> dict[str, Array]:
+    """Solve one case by the integrator, from a section point."""
+    case, section = given
+    like = jnp.zeros((points, problem.dims))
+    return _described(case, like, problem, method="shooting", guess=section)
 
 
 def _described(
-    case: Case,
-    like: Float[Array, "points dims"],
-    problem: Problem,
-    nodes: int | None,
-    guess: Float[Array, "points dims"] | None,
+    case: Case, like: Float[Array, "points dims"], problem: Problem, **how: Any
 ) -> dict[str, Array]:
-    """Return the row of one case, with its orbit at as many angles as `like`."""
+    """Return the row of one case, with its orbit at as many angles as `like`.
+
+    The orbit is searched for as `periodic_orbit` is told how.
+    """
     free, rest = case
 
     def solved(free: Array) -> tuple[Scalar, PeriodicOrbit]:
         made = problem.scene(free, rest)
-        orbit = periodic_orbit(made, period=problem.period, nodes=nodes, guess=guess)
+        orbit = periodic_orbit(made, period=problem.period, **how)
         return problem.number(orbit, made, free, rest), orbit
 
     if free.size:
@@ -312,11 +349,12 @@ def _described(
 
 def waited(
     problem: Problem, cases: Cases, engine: Engine | None = None, journal: Journal | None = None
-) -> Float[np.ndarray, "cases angles dims"]:
-    """Integrate cases until the transient is averaged out, and return a period as a guess.
+) -> tuple[Float[np.ndarray, "cases angles dims"], Float[np.ndarray, "cases states"]]:
+    """Integrate cases until the transient is averaged out; return a period and a section point.
 
-    NaN where the integration fails, and where a joint loses contact: collocation finds no such
-    orbit.
+    Both are guesses. The period is NaN where the integration fails, and where a joint loses
+    contact, for collocation finds no such orbit. The section point is NaN but there, and where the
+    motion does not repeat.
     """
     count = len(cases[0])
     states, scenes = jax.vmap(lambda case: resting_start(problem.scene(*case)))(cases)
@@ -325,17 +363,17 @@ def waited(
     mean, seen = (eqx.Partial(look, period=problem.period) for look in (_mean, _one_period))
     ended = run_all(mean, (states, scenes), count, **settings)
     found = run_all(seen, (ended["mean"], scenes), count, **settings)
-    orbits = found["orbit"]
-    kept = ended["success"] & found["success"]
-    for i in range(loose):
-        apart = np.linalg.norm(orbits[..., 2 * i : 2 * i + 2], axis=2)
-        kept &= np.all(apart > 1, axis=1)
-    return np.where(kept[:, None, None], orbits, np.nan)
+    orbits, success = found["orbit"], ended["success"] & found["success"]
+    apart = np.linalg.norm(orbits[..., : 2 * loose].reshape(*orbits.shape[:2], loose, 2), axis=3)
+    kept = np.all(apart > 1, axis=(1, 2))
+    repeats = success & ~kept & (ended["spread"] < SETTLED)
+    guesses = np.where((success & kept)[:, None, None], orbits, np.nan)
+    return guesses, np.where(repeats[:, None], ended["mean"], np.nan)
 
 
 def _mean(case: tuple[Array, Scene], period: int) -> dict[str, Array]:
-    mean, _, success = section_mean(case, period=period)
-    return {"mean": mean, "success": success}
+    mean, spread, success = section_mean(case, period=period)
+    return {"mean": mean, "spread": spread, "success": success}
 
 
 def _one_period(case: tuple[Array, Scene], period: int) -> dict[str, Array]:

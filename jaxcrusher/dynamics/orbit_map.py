@@ -11,7 +11,7 @@ from jaxtyping import Array, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require, require_choice, require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.engines import Engine, name_of
+from jaxcrusher.batch.engines import Engine, name_of, without_lanes
 from jaxcrusher.batch.ensemble import opened
 from jaxcrusher.batch.layout import Layout
 from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
@@ -44,7 +44,8 @@ def orbit_map(
     Every cell is solved from the pin resting in its bore, on all cores, or by a damping that is
     lowered to none. A cell where that fails is waited for over 240 turns, and solved for from there
     if it keeps contact; then it is tried from neighbours along the axes, up to four steps away and
-    the nearest first, for as long as that helps. If no more than 64 cells are left without a stable
+    the nearest first, for as long as that helps. What loses contact and repeats is shot for, half a
+    second a cell. If no more than 64 cells are left without a stable
     orbit, each is tried by all the ways of `periodic_orbit`. `found` says by which way a cell was
     found. It may lie on another branch than the next cell's.
 
@@ -62,7 +63,8 @@ def orbit_map(
     - `store`: None, or a folder in which the map is kept while it is computed, and then as a Zarr
       store. Killed at any moment and called again with the same arguments, it goes on where it was
       and ends with the same bits.
-    - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
+    - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for. The
+      attribute `engine` names the one that solves for orbits.
     - `progress`: called with the number of finished and of all designs, first at the start; what
       fails is finished when its neighbours have been tried.
 
@@ -95,7 +97,8 @@ def orbit_map(
     settings = grid.settings() | asked | ({} if engine is None else {"engine": name_of(engine)})
     layout, done = _layout(grid, first, slopes, metric), 0
     title = "Periodic orbits of jaw crushers over a grid of parameters"
-    with opened(layout, store, title, settings, asked) as kept:
+    told = asked | {"engine": name_of(engine or without_lanes())}
+    with opened(layout, store, title, settings, told) as kept:
         if 0 not in kept.done:
             found = {}
             for (choices, designs), one in zip(groups, first, strict=True):

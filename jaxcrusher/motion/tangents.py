@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.motion.integrate import failure_text
+from jaxcrusher.motion.integrate import Outcome, failure_text
 from jaxcrusher.motion.method import resolve
-from jaxcrusher.motion.section import fine, first_failure, turn_in_slices
+from jaxcrusher.motion.section import Slices, fine, first_failure, turn_in_slices
 from jaxcrusher.motion.statistic import Chosen, chosen
 from jaxcrusher.motion.statistics import over_pieces
 
@@ -60,7 +60,9 @@ def tangents(
     """
     state, parts, outcome, outputs = jnp.asarray(state), [], fine(), chosen((metric,))
     for _ in range(turns):
-        state, part, after = _turn(build, point, state, jnp.asarray(rtol, dtype=float), outputs)
+        state, part, after = sloped_turn(
+            build, point, state, jnp.asarray(rtol, dtype=float), outputs
+        )
         parts.append(part)
         outcome = first_failure(outcome, after)
     along = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
@@ -76,7 +78,14 @@ def tangents(
 
 
 @eqx.filter_jit
-def _turn(build: Build, point: Array, state: Array, rtol: Scalar, outputs: Chosen):
+def sloped_turn(
+    build: Build,
+    point: Float[Array, " n"],
+    state: Float[Array, " dims"],
+    rtol: Scalar,
+    outputs: Chosen = (),
+) -> tuple[Float[Array, " dims"], Slices, Outcome]:
+    """Return where a turn leads from a section point, its slices with slopes, and the outcome."""
     method = resolve(build(point), rtol)
     return turn_in_slices(build, point, state, SLICES, method, outputs)
 

@@ -30,7 +30,7 @@ MOST_MOVED = 0.6
 ENDS = (
     "As many points as were asked for are found.",
     "The parameter has left its bounds.",
-    "What is monitored has become negative.",
+    "A joint is about to lose contact.",
     "No step is short enough for Newton's method.",
     "The branch is closed.",
 )

@@ -106,7 +106,7 @@ def newton(
     residual: Callable[[Array], Array],
     linearised: Callable[[Array], tuple[Array, Array]],
     guess: Float[Array, " n"],
-    tolerance: float,
+    tolerance: float | Scalar,
     max_steps: int,
 ) -> Root:
     """Return a zero of `residual` near `guess`; `linearised` gives the residual and its Jacobian.
@@ -164,7 +164,7 @@ def _damped(
     step: Array,
     factors: Factors,
     share: Scalar,
-    tolerance: float,
+    tolerance: float | Scalar,
 ) -> _Trial:
     """Return the share of Newton's step after which the next one is shorter."""
     length = _size(step)
@@ -199,14 +199,12 @@ def newton_on_host(
     guess: Float[np.ndarray, " n"],
     tolerance: float,
     max_steps: int,
-    longest: float = np.inf,
 ) -> HostRoot | None:
     """Return a zero near `guess` of equations that give their Jacobian with their residual.
 
     `evaluated` returns the residual, its Jacobian, and anything that is to be kept. Converged when
     a Newton step is at most `tolerance` in every entry; that step is then taken. None where the
-    method fails, and where a step is longer than `longest` in an entry: so far away derivatives
-    tell nothing.
+    method fails.
     """
     point, share, last = guess, 1.0, None
     for count in range(1, max_steps + 1):
@@ -228,7 +226,7 @@ def newton_on_host(
         largest = np.max(np.abs(step))
         if largest <= tolerance:
             return HostRoot(point + step, jacobian, seen, count)
-        if not largest < longest:
+        if not np.isfinite(largest):
             return None
         last = point, step, jacobian
         point = point + share * step

@@ -1,8 +1,8 @@
 """The motion that a crusher settles on, solved for instead of waited for."""
 
 import dataclasses
+from typing import Literal
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +12,9 @@ from jaxcrusher.basics.checks import (
     concrete,
     primal,
     require,
+    require_choice,
     require_whole,
+    without_slopes,
 )
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.rough_feed import steady
@@ -23,7 +25,7 @@ from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.impact_velocities import held, settled_velocities, tracks
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, finished, missing
 from jaxcrusher.orbits.solving import kinematic, solved, solved_as_needed, with_statistics
-from jaxcrusher.orbits.tries import searched
+from jaxcrusher.orbits.tries import Search, searched, shot_for, shot_once
 
 
 def periodic_orbit(
@@ -31,7 +33,8 @@ def periodic_orbit(
     *,
     period: int | None = None,
     nodes: int | None = None,
-    guess: PeriodicOrbit | Float[ArrayLike, "n dims"] | None = None,
+    guess: PeriodicOrbit | Float[ArrayLike, "n dims"] | Float[ArrayLike, " states"] | None = None,
+    method: Literal["shooting"] | None = None,
 ) -> PeriodicOrbit:
     """Return the motion of `scene` that repeats after `period` turns.
 
@@ -52,7 +55,10 @@ def periodic_orbit(
     - `nodes`: even number of shaft angles a turn. None is 96, and more, up to 384, until the RMS
       stands to 1e-8 of itself. With a number given nothing is waited for.
     - `guess`: a neighbour, or e / c at equally spaced angles of the whole period; None, or NaN, is
-      the pin resting in its bore under the ideal joint's force.
+      the pin resting in its bore under the ideal joint's force. To shoot from, a neighbour or a
+      section point, shape (states,); None is the mean of turns that are waited for.
+    - `method`: "shooting" solves for the section point by the integrator alone, which an impact
+      does not disturb, also under `jax.jit`. None is by nodes, and further ways as told above.
 
     **Returns:** a `PeriodicOrbit`, stable or not: look at `success` and `stable`. `found` says by
     which way it was found, and `failure` what the motion does if it has none. An orbit whose RMS is
@@ -61,10 +67,11 @@ def periodic_orbit(
 
     Values are known outside of `jax.jit` and `jax.vmap`, and inside of `jax.grad` alone. The orbit
     has then been integrated once round its period and closes. Under `jax.jit` and `jax.vmap`
-    nothing is integrated: collocation has 96 nodes a turn, or 384 where these do not settle the
-    RMS. Slopes of an orbit that loses contact are NaN, as are those of multipliers and of failures.
+    collocation with 96 nodes a turn, or 384 where these do not settle the RMS, is all, unless
+    shooting is asked for. An orbit that loses contact has slopes as others have; of multipliers and
+    of failures they are NaN.
 
-    Raises ValueError for a period or nodes that are not such numbers, and in one line for a scene
+    Raises ValueError for a period, nodes or a method that are not such, and in one line for a scene
     that is not one of these.
     """
     require_set_up()
@@ -80,29 +87,46 @@ def periodic_orbit(
     if tracks(scene) and all(primal(leaf) is not None for leaf in jax.tree.leaves(scene)):
         velocities = settled_velocities(jax.lax.stop_gradient(steady(scene)))
         if velocities is None:
-            return finished(missing(scene, turns, RESULTS.impacts))
+            return finished(missing(scene, turns, RESULTS.impacts), scene)
         scene = held(scene, velocities)
     if refused := forced.refusal(scene):
         raise ValueError(f"Argument `scene` must {refused}.")
+    if method is not None:
+        require_choice("method", method, ("shooting",))
+        require(nodes is None, "nodes", 'be None with method="shooting"', nodes)
+        require(not scene.is_ideal, "scene", "have a clearance joint to shoot for", "an ideal one")
     first, begin = None, None
     if isinstance(guess, PeriodicOrbit):
         first, begin = _guess(guess.eccentricity, scene), guess.section
+    elif guess is not None and method is not None:
+        begin = _section(guess, scene)
     elif guess is not None:
         first = _guess(guess, scene)
     # The start does not matter: with the same for all, one program serves all.
     alike = steady(scene)
-    alike = alike if scene.start is None else eqx.tree_at(lambda s: s.start, alike, Centred())
-    still, first, begin = jax.lax.stop_gradient((alike, first, begin))
+    alike = alike if scene.start is None else dataclasses.replace(alike, start=Centred())
+    still, first, begin = without_slopes((alike, first, begin))
     known = all(primal(leaf) is not None for leaf in jax.tree.leaves((still, first, begin)))
     if forced.unknowns(scene) == 0:
         orbit = kinematic(alike, turns, chosen(statistics_of(scene)))
-    elif nodes is not None and not known:
+    elif known:
+        search = Search(alike, still, first, begin, period)
+        orbit = searched(search, nodes) if method is None else shot_for(search)
+    elif method is not None:
+        orbit = shot_once(alike, still, begin, turns)
+    elif nodes is not None:
         orbit = with_statistics(alike, *solved(still, first, turns, nodes * turns), turns)
-    elif not known:
-        orbit = solved_as_needed(alike, still, first, turns)
     else:
-        orbit = searched(alike, still, first, begin, period, nodes)
-    return finished(dataclasses.replace(orbit, scene=scene, held_velocities=velocities))
+        orbit = solved_as_needed(alike, still, first, turns)
+    return finished(orbit, scene, velocities)
+
+
+def _section(guess: ArrayLike, scene: Scene) -> Array:
+    """Check a section point that is to be shot from."""
+    states, shape = (2 * forced.unknowns(scene),), np.shape(guess)  # pyright: ignore
+    required = f"be a PeriodicOrbit, or a section point of shape {states}"
+    require(shape == states, "guess", required, f"of shape {shape}")
+    return jnp.asarray(guess, dtype=float)
 
 
 def _guess(guess: ArrayLike | None, scene: Scene) -> Array:

@@ -1,5 +1,6 @@
 """A periodic orbit: what is known of it, however it was found, and the one way to make it."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import concrete, require, require_names
+from jaxcrusher.basics.checks import is_concrete, require, require_names
 from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.crusher.rough_feed import steady
@@ -46,6 +47,7 @@ class WAYS(eqx.Enumeration):  # pyright: ignore
     damping = "from the pins at rest, by a damping lowered to none"
     waiting = "from the mean of turns that were waited for"
     shooting = "by shooting"
+    shot_nodes = "by shooting, and by nodes from there"
     branch = "along a branch"
 
 
@@ -103,6 +105,17 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         said = [f"{float(v):.4g} m/s at the {name} joint" for name, v in held.items()]
         kept = f", with the tracked impact velocity held at {', '.join(said)}" if said else ""
         return words(WAYS, self.way) + kept
+
+    @property
+    def alike(self) -> dict[str, Any]:
+        """Return the arguments by which `periodic_orbit` finds what a small change makes of it.
+
+        Concrete values only.
+        """
+        if bool(self.way == WAYS.shooting):
+            return {"period": self.period, "method": "shooting", "guess": self}
+        nodes = None if self.eccentricity is None else len(self.eccentricity) // self.period
+        return {"period": self.period, "nodes": nodes}
 
     @property
     def largest_multiplier(self) -> Float[Array, "*batch"]:
@@ -217,19 +230,21 @@ def _seen(
     return jax.vmap(look)(angles)
 
 
-def finished(orbit: PeriodicOrbit) -> PeriodicOrbit:
-    """Return the orbit as it is handed out: NaN in every number and slope of a failure.
+def finished(
+    orbit: PeriodicOrbit, scene: Scene, held_velocities: Mapping[str, Scalar] | None = None
+) -> PeriodicOrbit:
+    """Return the orbit of `scene` as it is handed out: NaN in all numbers and slopes of a failure.
 
     Slopes of multipliers and errors are NaN too. They are computed without slopes, and a slope of
     zero would be wrong.
     """
-    scene, own = orbit.scene, _masked(eqx.tree_at(lambda of: of.scene, orbit, None))
-    if any(concrete(leaf) is None for leaf in jax.tree.leaves(scene)):
+    own = _masked(orbit)
+    if not is_concrete(scene):
         own = _sloped_if(own.success, own, scene)
-        bare = own.error, own.multipliers, own.multipliers_error
-        bare = _sloped_if(jnp.array(False), bare, scene)
-        own = eqx.tree_at(lambda of: (of.error, of.multipliers, of.multipliers_error), own, bare)
-    return eqx.tree_at(lambda of: of.scene, own, scene, is_leaf=lambda node: node is None)
+        names = ("error", "multipliers", "multipliers_error")
+        bare = {name: getattr(own, name) for name in names}
+        own = dataclasses.replace(own, **_sloped_if(jnp.array(False), bare, scene))
+    return dataclasses.replace(own, scene=scene, held_velocities=held_velocities)
 
 
 @eqx.filter_jit
@@ -237,11 +252,6 @@ def _masked(orbit: PeriodicOrbit) -> PeriodicOrbit:
     numbers, others = eqx.partition(orbit, eqx.is_inexact_array)
     numbers = jax.tree.map(lambda leaf: jnp.where(orbit.success, leaf, jnp.nan), numbers)
     return eqx.combine(numbers, others)
-
-
-def without_slopes(orbit: PeriodicOrbit, scene: Scene) -> PeriodicOrbit:
-    """Return the orbit with NaN for every slope by the numbers of `scene`, which nobody knows."""
-    return _sloped_if(jnp.array(False), orbit, scene)
 
 
 def _sloped_if(good: Bool[Array, ""], tree: PyTree, scene: Scene) -> PyTree:

@@ -59,11 +59,11 @@ def orbit_slopes(
         return None
     if jnp.max(jnp.abs(initial_state(scene) - flat(orbit.state(), scene))) > NEAR:
         return None
-    nodes = len(orbit.eccentricity)
+    how = orbit.alike
 
     # Not under `jax.jit`: the program that has solved for the orbit serves all of these.
     def value(point: Array) -> Array:
-        return periodic_orbit(_built(build, point), nodes=nodes)[metric]
+        return periodic_orbit(_built(build, point), **how)[metric]
 
     def difference(shift: Float[np.ndarray, " n"], radius: float) -> float:
         ahead, behind = (float(value(point + sign * shift)) for sign in (1, -1))

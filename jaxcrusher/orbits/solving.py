@@ -9,16 +9,16 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.custom_batching import sequential_vmap
 from jaxtyping import Array, ArrayLike, Bool, Float, Int, Scalar
 
+from jaxcrusher.basics.loops import design_by_design, one_by_one
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import AbstractMean, Chosen, chosen, statistics_of
 from jaxcrusher.orbits import forced, newton
-from jaxcrusher.orbits.collocation import System, Unfactored, attached, one_by_one
+from jaxcrusher.orbits.collocation import System, Unfactored, attached
 from jaxcrusher.orbits.lowering import lowered
 from jaxcrusher.orbits.multipliers import LOOKS, STEPS, Multipliers, of_slopes
 from jaxcrusher.orbits.newton import Factors
@@ -89,7 +89,7 @@ def solved(
     since few take the long way.
     """
 
-    @sequential_vmap
+    @design_by_design
     def found(scene: Scene, guess: Array | None) -> tuple[Nodes, Factors]:
         rest, at_rest = forced.quasi_static(scene, period, nodes), jnp.array(True)
         if guess is not None:
@@ -137,9 +137,9 @@ class _Refined(eqx.Module):
 
 @eqx.filter_jit
 def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
-    """Solve for the orbit; under `jax.vmap` one design after the other: few need many nodes."""
+    """Solve for the orbit; under `jax.vmap` on a CPU one after the other: few need many nodes."""
 
-    @sequential_vmap
+    @design_by_design
     def found(scene: Scene, guess: Array | None) -> _Refined:
         few, factors = solved(scene, guess, period, NODES * period)
         # Where Newton's method fails more nodes are of no use.

@@ -4,6 +4,7 @@ A swing of the pin dies in thousands of turns. The mean over some hundred turns 
 leaves a guess from which Newton's method converges.
 """
 
+import functools
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Scalar
 
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.starts import InContact
@@ -79,13 +80,15 @@ def resting_start(scene: Scene) -> Case:
 
 def section_mean(
     case: Case, *, period: int
-) -> tuple[Float[Array, " dims"], Float[Array, " dims"], Bool[Array, ""]]:
-    """Return the mean section point of some hundred turns, `period` apart, and the last state.
+) -> tuple[Float[Array, " dims"], Scalar, Bool[Array, ""]]:
+    """Return the mean section point of some hundred turns, `period` apart.
 
-    With them comes whether the integration succeeded.
+    With it come how far they are from it, root mean square, and whether the integration succeeded.
     """
     states, success = section_points(case, turns=TURNS, rtol=RTOL)
-    return jnp.mean(states[TURNS // 2 + period - 1 :: period], axis=0), states[-1], success
+    states = states[TURNS // 2 + period - 1 :: period]
+    mean = jnp.mean(states, axis=0)
+    return mean, jnp.sqrt(jnp.mean((states - mean) ** 2)), success
 
 
 def one_period(case: Case, *, period: int) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
@@ -156,9 +159,24 @@ class Wait:
     """A motion from the pins at rest, waited for in rounds as far as it is asked for."""
 
     def __init__(self, scene: Scene) -> None:
-        self._state, self.scene = resting_start(scene)
+        self._own = scene
+        self._ended: Array | None = None  # the state after all turns so far
         self._last: Round | None = None
         self._failed = self._chaotic = False
+
+    # Most orbits need no wait.
+    @functools.cached_property
+    def _start(self) -> Case:
+        return resting_start(self._own)
+
+    @property
+    def scene(self) -> Scene:
+        """Return the scene that is waited for, with its pins at rest."""
+        return self._start[1]
+
+    @property
+    def _state(self) -> Array:
+        return self._start[0] if self._ended is None else self._ended
 
     def rounds(self) -> Iterator[Round]:
         """Yield the last half of more and more turns.
@@ -175,7 +193,7 @@ class Wait:
             if self._failed:
                 return
             seen.append(np.asarray(states))
-            self._state, count = states[-1], turn + 1
+            self._ended, count = states[-1], turn + 1
             if count & turn == 0:  # a power of two
                 self._last = Round(np.concatenate(seen)[count * TURNS // 2 :])
                 yield self._last

@@ -11,107 +11,159 @@ The first stable orbit is the answer. Under `jax.jit` the first try is all: see
 """
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from jaxtyping import Array
 
-from jaxcrusher.basics.checks import concrete
+from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, without_slopes
-from jaxcrusher.orbits.shooting import shoot
+from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
+from jaxcrusher.orbits.shot import can_be_shot, closed, described
 from jaxcrusher.orbits.solving import MOST_NODES, NODES, SETTLED, solved, with_statistics
-from jaxcrusher.orbits.transient import Round, Wait, one_period
+from jaxcrusher.orbits.transient import Round, Wait, one_period, resting_start, section_mean
 
 # Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
 CLOSURE, RTOL = 1e-6, 1e-11
 
 
 class Try(NamedTuple):
-    """An orbit with the slopes of its scene, None where nobody knows them, and its values."""
+    """An orbit with the slopes of its scene, and its values alone."""
 
-    sloped: PeriodicOrbit | None
+    sloped: PeriodicOrbit
     orbit: PeriodicOrbit
 
+    def found(self, way: WAYS) -> "Try":
+        """Say by which way a guess came about."""
+        return Try(*(dataclasses.replace(orbit, way=way) for orbit in self))
 
-def searched(
-    scene: Scene,
-    still: Scene,
-    guess: Array | None,
-    section: Array | None,
-    period: int | None,
-    nodes: int | None,
-) -> PeriodicOrbit:
-    """Return the stable orbit of a scene whose values `still` are known.
+
+class Search(NamedTuple):
+    """A scene whose values `still` are known, and from where its orbit is searched for."""
+
+    scene: Scene
+    still: Scene
+    guess: Array | None  # of nodes
+    section: Array | None  # the section point of a guess, which may lose contact
+    period: int | None  # None is 1, or else what the motion that is waited for repeats after
+
+    @property
+    def turns(self) -> int:
+        """Return the period to begin with."""
+        return self.period or 1
+
+    def by_nodes(
+        self, guess: Array | None, turns: int, count: int = NODES, most: int = MOST_NODES
+    ) -> Try:
+        """Return the orbit with as many nodes a turn as it needs, from `count` to `most`.
+
+        Once with the slopes of the scene, and once with the values that tell how good it is.
+        """
+        way = None
+        while True:
+            found, factors = solved(self.still, guess, turns, count * turns)
+            way = found.way if way is None else way
+            found = dataclasses.replace(found, way=way)
+            sloped = with_statistics(self.scene, found, factors, turns)
+            orbit = without_slopes(sloped)
+            if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
+                orbit = with_statistics(self.still, found, factors, turns)
+            repeats = not bool(orbit.success) or _is_closed(orbit)
+            if count >= most or (repeats and not _wants_nodes(orbit)):
+                break
+            guess, count = orbit.eccentricity, 2 * count
+        if not repeats:
+            orbit = dataclasses.replace(orbit, result=RESULTS.not_closed)
+        return Try(sloped, orbit)
+
+    def by_shooting(self, start: Array, turns: int) -> Try:
+        """Return the orbit through a section point near `start`."""
+        found = closed(self.still, start, turns)
+        orbit = described(self.still, found, turns)
+        if is_concrete(self.scene) or not bool(orbit.success):
+            return Try(orbit, orbit)
+        return Try(described(self.scene, found, turns), orbit)
+
+
+def searched(search: Search, nodes: int | None) -> PeriodicOrbit:
+    """Return the stable orbit of a scene, with so many nodes a turn, or by all tries.
 
     Without one the first that is unstable; where there is none, why, and what the motion does
-    instead. `section` is the section point of a guess, which may lose contact. A `period` of None
-    is 1, or else what the motion that is waited for repeats after.
+    instead.
     """
-    wait, found = Wait(still), []
-    if nodes is None:
-        tries = _tries(scene, still, guess, section, period, wait)
-    else:
-        tries = iter([_by_nodes(scene, still, guess, period or 1, nodes, nodes)])
+    if nodes is not None:
+        return _best([search.by_nodes(search.guess, search.turns, nodes, nodes)])
+    wait = Wait(search.still)
+    return _best(_tries(search, wait), wait)
+
+
+def shot_for(search: Search) -> PeriodicOrbit:
+    """Return the stable orbit that shooting leads to, as `searched` does.
+
+    From the section point of a guess, and then from the means of turns that are waited for.
+    """
+    wait = Wait(search.still)
+    return _best(_shots(search, wait), wait)
+
+
+def shot_once(scene: Scene, still: Scene, section: Array | None, turns: int) -> PeriodicOrbit:
+    """Return the orbit that shooting leads to once, whose values may be traced.
+
+    From a section point, or from the mean of 240 turns from the pins at rest.
+    """
+    if section is None:
+        section, _, _ = section_mean(resting_start(still), period=turns)
+    return described(scene, closed(still, section, turns), turns)
+
+
+def _best(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbit:
+    """Return the first stable orbit, or else the first."""
+    found: list[Try] = []
     for one in tries:
         found.append(one)
-        if bool(one.orbit.stable) or _is_stiff(one):
+        if bool(one.orbit.stable) or _is_stiff(one.orbit):
             break
     first = next((one for one in found if bool(one.orbit.success)), found[0])
-    chosen = found[-1] if bool(found[-1].orbit.stable) else first
-    orbit = chosen.orbit
-    if nodes is None and not bool(orbit.success):
-        orbit = dataclasses.replace(orbit, result=wait.regime(orbit.result))
-    if not any(concrete(leaf) is None for leaf in jax.tree.leaves(scene)):
-        return orbit
-    if chosen.sloped is None or not bool(orbit.success):
-        return without_slopes(orbit, scene)
-    return chosen.sloped
+    sloped, orbit = found[-1] if bool(found[-1].orbit.stable) else first
+    result = orbit.result if wait is None or bool(orbit.success) else wait.regime(orbit.result)
+    return dataclasses.replace(sloped, result=result)
 
 
-def _tries(
-    scene: Scene,
-    still: Scene,
-    guess: Array | None,
-    section: Array | None,
-    period: int | None,
-    wait: Wait,
-) -> Iterator[Try]:
+def _tries(search: Search, wait: Wait) -> Iterator[Try]:
     """Yield what each try comes to, cheap ones first."""
-    turns = period or 1
-
-    def nodes(guess: Array | None, count: int = NODES, turns: int = turns) -> Try:
-        return _by_nodes(scene, still, guess, turns, count, MOST_NODES)
+    scene, turns = search.still, search.turns
 
     def shots(start: Array, turns: int = turns) -> Iterator[Try]:
-        """Yield a shot, and where it keeps contact the nodes there, which have slopes."""
-        shot = shoot(still, start, turns)
-        if bool(shot.least_penetration > 0):
-            yield _found(nodes(shot.eccentricity, 2 * NODES, turns), WAYS.shooting)
-        yield Try(None, shot)
+        """Yield a shot, and before it, where it keeps contact, the nodes there: they are exact."""
+        if not can_be_shot(scene, start):
+            return
+        shot = search.by_shooting(start, turns)
+        if bool(shot.orbit.least_penetration > 0):
+            guess = shot.orbit.eccentricity
+            yield search.by_nodes(guess, turns, 2 * NODES).found(WAYS.shot_nodes)
+        yield shot
 
     def waited(rest: Round) -> Iterator[Try]:
         """Yield what the means of turns lead to."""
-        for turns, mean in rest.means(period):
+        for turns, mean in rest.means(search.period):
             seen, success = one_period((mean, wait.scene), period=turns)
             if bool(success):
-                yield _found(nodes(seen, turns=turns), WAYS.waiting)
+                yield search.by_nodes(seen, turns).found(WAYS.waiting)
             yield from shots(mean, turns)
 
-    first, rounds = nodes(guess), wait.rounds()
+    first, rounds = search.by_nodes(search.guess, turns), wait.rounds()
     if turns == 1 and bool(first.orbit.stable) and bool(first.orbit.way == WAYS.damping):
         rest = next(rounds, None)
-        if rest is not None and not rest.swings_about(first.orbit.section, still.joints.count):
+        if rest is not None and not rest.swings_about(first.orbit.section, scene.joints.count):
             yield from waited(rest)
     yield first
-    if section is not None:
-        yield from shots(section)
-    if guess is not None:
-        yield nodes(None)
-    yield nodes(None, 2 * NODES)
+    if search.section is not None:
+        yield from shots(search.section)
+    if search.guess is not None:
+        yield search.by_nodes(None, turns)
+    yield search.by_nodes(None, turns, 2 * NODES)
     if _is_unresolved(first.orbit):
         # What Newton's method converged to is near the orbit that loses contact.
         yield from shots(first.orbit.section)
@@ -119,33 +171,15 @@ def _tries(
         yield from waited(rest)
 
 
-def _found(one: Try, way: WAYS) -> Try:
-    """Say by which way a guess came about."""
-    assert one.sloped is not None
-    return Try(dataclasses.replace(one.sloped, way=way), dataclasses.replace(one.orbit, way=way))
-
-
-def _by_nodes(
-    scene: Scene, still: Scene, guess: Array | None, period: int, count: int, most: int
-) -> Try:
-    """Return the orbit with as many nodes a turn as it needs, from `count` to `most`.
-
-    Once with the slopes of `scene`, and once with the values of `still` that tell how good it is.
-    """
-    way = None
-    while True:
-        found, factors = solved(still, guess, period, count * period)
-        way = found.way if way is None else way
-        found = dataclasses.replace(found, way=way)
-        sloped = with_statistics(scene, found, factors, period)
-        orbit = jax.lax.stop_gradient(sloped)
-        if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
-            orbit = with_statistics(still, found, factors, period)
-        closed = not bool(orbit.success) or _is_closed(orbit)
-        if count >= most or (closed and not _wants_nodes(orbit)):
-            break
-        guess, count = orbit.eccentricity, 2 * count
-    return Try(sloped, orbit if closed else dataclasses.replace(orbit, result=RESULTS.not_closed))
+def _shots(search: Search, wait: Wait) -> Iterator[Try]:
+    """Yield what shooting comes to."""
+    if search.section is not None:
+        yield search.by_shooting(search.section, search.turns)
+    for rest in wait.rounds():
+        for turns, mean in rest.means(search.period):
+            yield search.by_shooting(mean, turns)
+    none = missing(search.still, search.turns, RESULTS.not_closed)
+    yield Try(none, none)
 
 
 def _is_unresolved(orbit: PeriodicOrbit) -> bool:
@@ -153,10 +187,9 @@ def _is_unresolved(orbit: PeriodicOrbit) -> bool:
     return bool((orbit.result == RESULTS.contact_lost) | (orbit.result == RESULTS.unresolved))
 
 
-def _is_stiff(one: Try) -> bool:
-    """Whether springs swing too fast for the nodes to tell multipliers; a wait takes minutes."""
-    known = bool(one.orbit.multipliers_error < 1)
-    return one.sloped is not None and bool(one.orbit.success) and not known
+def _is_stiff(orbit: PeriodicOrbit) -> bool:
+    """Whether springs swing too fast for multipliers to be known; a wait takes minutes."""
+    return bool(orbit.success) and not bool(orbit.multipliers_error < 1)
 
 
 def _wants_nodes(orbit: PeriodicOrbit) -> bool:

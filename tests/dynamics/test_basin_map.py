@@ -1,8 +1,12 @@
 """The motions that starts come to over a grid."""
 
 import numpy as np
+import pytest
+import xarray as xr
 
 import jaxcrusher as jc
+from jaxcrusher.dynamics import basin_map
+from jaxcrusher.dynamics.coexisting_orbits import coexisting_orbits
 
 
 def test_two_designs_side_by_side():
@@ -34,3 +38,26 @@ def test_two_designs_side_by_side():
     # Most swing about the one quiet motion after 400 turns; further columns are empty.
     assert quiet.share.values[0] > 0.5 and np.isnan(quiet.orbit_rms.values[count - 1])
     assert quiet.orbit_period.values[count - 1] == 0
+
+
+def test_a_stored_map_that_was_stopped_goes_on(tmp_path, monkeypatch):
+    """What is finished is not looked at again, and the table is that of a map in memory."""
+    how = {"starts": 4, "turns": 100, "base": {"clearance": 0.06e-3}}
+    whole, looked = coexisting_orbits, []
+
+    def looks(scene, **given):
+        if len(looked) == 1:
+            looked.append(None)
+            raise KeyboardInterrupt
+        looked.append(scene)
+        return whole(scene, **given)
+
+    monkeypatch.setattr(basin_map, "coexisting_orbits", looks)
+    with pytest.raises(KeyboardInterrupt):
+        jc.basin_map({"speed": [27.0, 30.0]}, store=tmp_path / "map", **how)
+    stored = jc.basin_map({"speed": [27.0, 30.0]}, store=tmp_path / "map", **how).load()
+    assert len(looked) == 3  # one, the interruption, and the other one
+    in_memory = jc.basin_map({"speed": [27.0, 30.0]}, **how)
+    xr.testing.assert_equal(stored, in_memory)
+    with pytest.raises(ValueError, match="seed"):
+        jc.basin_map({"speed": [27.0, 30.0]}, store=tmp_path / "map", seed=1, **how)

@@ -6,7 +6,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.dynamics import coexisting_orbits as module
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.orbits.shooting import shoot
+from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.transient import places
 
 

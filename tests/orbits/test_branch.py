@@ -114,7 +114,7 @@ def test_contact_is_watched_at_each_joint():
     problem = Collocation(family=family, watched=("first", "second"))
     rest = jnp.broadcast_to(jnp.array([2.0, 0.0, 1.5, 0.0]), (8, 4))
     branch = follow(problem, rest, 0.0, scale=1.0, bounds=(-1.0, 2.0))
-    assert branch.ended == "What is monitored has become negative."
+    assert branch.ended == "A joint is about to lose contact."
     (lost,) = special_points(branch)
     assert lost.kind == "second"
     # The root is searched for to 1e-12 of a step.

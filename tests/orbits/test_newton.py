@@ -50,10 +50,3 @@ def test_both_drivers_give_up():
         at = jnp.full(2, guess)
         assert not by_jax(residual, at, steps=steps).success
         assert from_host(residual, at, steps=steps) is None
-
-
-def test_a_step_too_long_is_not_taken():
-    linear = lambda x: x - 3.0  # noqa: E731
-    found = from_host(linear, [0.0, 2.5], longest=3.5)
-    np.testing.assert_allclose(found.point, 3.0, atol=1e-15)
-    assert from_host(linear, [0.0, 2.5], longest=2.5) is None

@@ -7,7 +7,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.orbits.shooting import shoot
+from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.trigonometric import resample
 
 BLOCK = {"foundation.mass": 6000.0, "foundation.x": 0.3, "foundation.y": 0.2}

@@ -11,7 +11,7 @@ import jaxcrusher as jc
 from jaxcrusher.orbits import tries
 from jaxcrusher.orbits.result import RESULTS, WAYS
 from jaxcrusher.orbits.transient import Round, Wait
-from jaxcrusher.orbits.tries import Try, searched
+from jaxcrusher.orbits.tries import Search, Try, searched
 
 # Near a harmonic of the drive Newton's method fails from rest. RMS of 20 turns after 3000 from the
 # start in contact, at a tolerance of 1e-9, by the integrator.
@@ -81,7 +81,7 @@ def test_the_first_stable_orbit_is_the_answer(monkeypatch):
     def answer(*names):
         tried = [Try(made[name], made[name]) for name in names]
         monkeypatch.setattr(tries, "_tries", lambda *_: iter(tried))
-        return searched(scene, scene, None, None, None, None)
+        return searched(Search(scene, scene, None, None, None), None)
 
     assert answer("none", "unstable", "stable", "none").way == WAYS.rest
     assert answer("none", "unstable", "none").way == WAYS.guess

@@ -1,0 +1,111 @@
+"""The map of a turn, from section point to section point, and its slopes, in pure JAX.
+
+The motion may lose contact and impact. Contact sets in without a jump of the force, and loads are
+smooth: tangents pass an impact as they are integrated, and nothing is added to them there
+(a saltation matrix would be the identity). They are taken in slices of a turn, since none of a
+whole turn of impacts has digits left.
+"""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+from jaxtyping import Array, Float, PyTree, Scalar
+
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.flow import Flow, flat, unflattened
+from jaxcrusher.motion.method import resolve
+from jaxcrusher.motion.section import Slices, advance
+from jaxcrusher.motion.statistic import Chosen
+from jaxcrusher.motion.tangents import SLICES, sloped_turn
+
+# A section point, and what slices of turns tell: statistics, or samples of a path.
+Passed = tuple[Float[Array, " dims"], dict[str, Array]]
+
+
+@eqx.filter_jit
+def passed(
+    scene: Scene, state: Float[Array, " dims"], rtol: Scalar | float, outputs: Chosen = ()
+) -> Passed:
+    """Return where a turn leads from a section point, and the outputs of its slices."""
+    method, span = resolve(scene, rtol), 2 * np.pi / SLICES
+
+    def slice_of(state: Array, angle: Scalar) -> Passed:
+        # A failure leaves NaN, with which all that follows fails at once.
+        flow = Flow(scene, unflattened(state, scene), angle)
+        end, seen, _ = advance(flow, span, method, outputs)
+        return flat(end, scene), seen
+
+    return jax.lax.scan(slice_of, state, span * jnp.arange(SLICES))
+
+
+def chained(
+    jacobians: Float[Array, "slices dims dims"], first: Float[Array, "dims dims"]
+) -> Float[Array, "dims dims"]:
+    """Multiply the Jacobians of slices, the last on the left and `first` on the right."""
+    return jax.lax.scan(lambda matrix, one: (one @ matrix, None), first, jacobians)[0]
+
+
+def along(
+    scene: Scene, state: Float[Array, " dims"], period: int, rtol: float, outputs: Chosen
+) -> Passed:
+    """Return the section point of an orbit and the outputs of all slices, with slopes.
+
+    Slopes are by the scene's numbers: x = P(x, p) moves by (I - P_x)^-1 P_p, and outputs with it.
+    `state` has none of its own. Turn by turn: one program serves all periods.
+    """
+    state = jax.lax.stop_gradient(state)
+    return _along(scene, state, period=period, rtol=rtol, outputs=outputs)
+
+
+@eqx.filter_custom_jvp
+def _along(scene: Scene, state: Array, *, period: int, rtol: float, outputs: Chosen) -> Passed:
+    parts, x = [], state
+    for _ in range(period):
+        x, seen = passed(scene, x, jnp.asarray(rtol), outputs)
+        parts.append(seen)
+    return state, _joined(parts)
+
+
+@_along.def_jvp
+def _along_jvp(
+    primals: tuple, tangents: tuple, *, period: int, rtol: float, outputs: Chosen
+) -> tuple[Passed, Passed]:
+    (scene, state), (change, _) = primals, tangents
+
+    def part(moving: bool) -> Any:
+        chosen = lambda leaf: (leaf is not None) == moving  # noqa: E731
+        return eqx.filter(scene, jax.tree.map(chosen, change, is_leaf=lambda leaf: leaf is None))
+
+    point, unravel = ravel_pytree(part(True))
+    build, parts, x = eqx.Partial(_combined, unravel=unravel, fixed=part(False)), [], state
+    for _ in range(period):
+        x, slices, _ = sloped_turn(build, point, x, jnp.asarray(rtol), outputs)
+        parts.append(slices)
+    slices = _joined(parts)
+    return (state, slices.values), _moved(slices, ravel_pytree(change)[0])
+
+
+def _combined(point: Array, unravel: Any, fixed: Scene) -> Scene:
+    return eqx.combine(unravel(point), fixed)
+
+
+@jax.jit
+def _moved(slices: Slices, change: Float[Array, " n"]) -> Passed:
+    """Return how an orbit's section point and outputs move when its numbers change."""
+
+    def carried(moved: Array, one: Slices) -> tuple[Array, dict[str, Array]]:
+        seen = {n: one.by_state[n] @ moved + one.by_parameter[n] @ change for n in one.values}
+        return one.jacobians @ moved + one.forcing @ change, seen
+
+    eye = jnp.eye(slices.jacobians.shape[1])
+    forcing, _ = jax.lax.scan(carried, jnp.zeros(len(eye)), slices)
+    moved = jnp.linalg.solve(eye - chained(slices.jacobians, eye), forcing)
+    return moved, jax.lax.scan(carried, moved, slices)[1]
+
+
+def _joined(parts: list[PyTree]) -> PyTree:
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)

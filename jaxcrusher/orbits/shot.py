@@ -1,0 +1,194 @@
+"""Orbits by the integrator, in pure JAX: Newton's method on the map of a period.
+
+They may lose contact and impact. An eager call and a traced one run the same programs.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Int, Scalar
+
+from jaxcrusher.basics.checks import without_slopes
+from jaxcrusher.basics.loops import design_by_design
+from jaxcrusher.crusher.formulations import EccentricityFormulation
+from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.moving_frame import frame_units
+from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.statistic import Chosen, Sampled, Statistic, chosen, statistics_of
+from jaxcrusher.motion.tangents import same, sloped_turn
+from jaxcrusher.orbits import newton
+from jaxcrusher.orbits.forced import unknowns
+from jaxcrusher.orbits.problem import least_penetrations
+from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
+from jaxcrusher.orbits.section_map import along, chained, passed
+
+# Newton's steps, at either tolerance of the integration.
+STEPS = 16
+# Newton's last step, in clearances and m/s, and the tolerance of the integration. Until a step is
+# as short as the first of these the tolerance is coarse.
+CLOSURE, RTOL = 1e-7, 1e-11
+ROUNDS = ((1e-8, 1e-4), (RTOL, CLOSURE))
+# A tolerance so many times as large tells the error, of this statistic and of the multipliers.
+COARSER, RMS = 100.0, "foundation_rms"
+
+
+class Closed(eqx.Module):
+    """Where Newton's method on the map of a period ended; NaN of a failure."""
+
+    state: Float[Array, " dims"]
+    matrix: Float[Array, "dims dims"]  # what a period makes of a disturbance
+    matrix_error: Scalar  # estimated, as a share of its largest entry
+    steps: Int[Array, ""]
+    result: newton.RESULTS
+
+
+def can_be_shot(scene: Scene, guess: Float[ArrayLike, " dims"]) -> bool:
+    """Whether a state is eccentricities and rates: a memory that nothing renews always repeats."""
+    by_eccentricity = isinstance(scene.formulation, EccentricityFormulation)
+    return by_eccentricity and np.shape(guess) == (2 * unknowns(scene),)
+
+
+def closed(scene: Scene, guess: Float[Array, " dims"], period: int) -> Closed:
+    """Return the section point near `guess` that repeats after `period` turns.
+
+    One program serves all periods. Under `jax.vmap` on a CPU one design after the other.
+    """
+    return _closed(scene, guess, jnp.asarray(period))
+
+
+@eqx.filter_jit
+@design_by_design
+def _closed(scene: Scene, guess: Float[Array, " dims"], period: Int[Array, ""]) -> Closed:
+    build, eye = eqx.Partial(same, scene=scene), jnp.eye(guess.size)
+
+    def mapped(x: Array, rtol: Scalar) -> tuple[Array, Array]:
+        def turn(_, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+            end, slices, _ = sloped_turn(build, jnp.zeros(0), carry[0], rtol)
+            return end, chained(slices.jacobians, carry[1])
+
+        return jax.lax.fori_loop(0, period, turn, (x, eye))
+
+    def closer(start: Array, now: Array) -> tuple[Array, tuple]:
+        rtol, tolerance = now
+
+        def sloped(x: Array) -> tuple[Array, Array]:
+            end, matrix = mapped(x, rtol)
+            return end - x, matrix - eye
+
+        def residual(x: Array) -> Array:
+            return jax.lax.fori_loop(0, period, lambda _, x: passed(scene, x, rtol)[0], x) - x
+
+        root = newton.newton(residual, sloped, start, tolerance, STEPS)
+        # What has failed coarsely fails at once.
+        return jnp.where(root.success, root.point, jnp.nan), (root.steps, root.result)
+
+    state, (steps, results) = jax.lax.scan(closer, guess, jnp.array(ROUNDS))
+    tolerances = RTOL * jnp.array([COARSER, 1.0])
+    coarse, matrix = jax.lax.map(lambda rtol: mapped(state, rtol)[1], tolerances)
+    error = jnp.max(jnp.abs(matrix - coarse)) / jnp.max(jnp.abs(matrix))
+    last = jax.tree.map(lambda leaf: leaf[-1], results)
+    return Closed(state, matrix, error, jnp.sum(steps), last)
+
+
+def described(scene: Scene, found: Closed, period: int) -> PeriodicOrbit:
+    """Return the orbit through a section point, with slopes by the numbers of `scene`."""
+    outputs, samples = chosen(statistics_of(scene)), _samples(scene)
+    still = without_slopes(scene)
+    rms = tuple(one for one in outputs if one[0] == RMS)
+    _, rough = along(still, found.state, period, COARSER * RTOL, rms)
+    section, seen = along(scene, found.state, period, RTOL, outputs + samples)
+    return _described(scene, found, period, outputs, section, seen, rough[RMS])
+
+
+@eqx.filter_jit
+def _described(
+    scene: Scene,
+    found: Closed,
+    period: int,
+    outputs: Chosen,
+    section: Array,
+    seen: dict[str, Array],
+    rough: Float[Array, " slices"],
+) -> PeriodicOrbit:
+    table, path = dict(outputs), _relative(scene, seen)
+    values = {name: table[name].reduction.of_pieces(seen[name]) for name in table}
+    apart = table[RMS].reduction.of_pieces(rough) / values[RMS] - 1
+    good = found.result == newton.RESULTS.successful
+    result = RESULTS.promote(newton.RESULTS.successful)
+    eigenvalues = jnp.linalg.eigvals(jnp.where(good, found.matrix, 0.0))
+    return built(
+        scene,
+        period,
+        path,
+        section,
+        values,
+        result=RESULTS.where(good, result, RESULTS.not_closed),
+        error=jax.lax.stop_gradient(jnp.abs(apart)),
+        least_penetration=jnp.min(least_penetrations(path)),
+        multipliers=jnp.where(good, eigenvalues, jnp.nan),
+        multipliers_error=found.matrix_error,
+        way=WAYS.shooting,
+        steps=found.steps,
+    )
+
+
+def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> PeriodicOrbit:
+    """Return the orbit of `scene` through a section point near `guess`.
+
+    Its `error` is what a tolerance 100 times as large makes of the RMS, that of its multipliers
+    what it makes of their matrix.
+    """
+    if not can_be_shot(scene, guess):
+        return missing(scene, period, RESULTS.not_closed)
+    still, start = without_slopes((scene, jnp.asarray(guess, float)))
+    return described(scene, closed(still, start, period), period)
+
+
+def least_penetrations_from(
+    scene: Scene, state: Float[ArrayLike, " dims"], period: int
+) -> Float[Array, " joints"]:
+    """Return those of `jaxcrusher.orbits.problem.least_penetrations` from a section point."""
+    _, seen = along(scene, jnp.asarray(state), period, RTOL, _samples(scene))
+    return least_penetrations(_relative(scene, seen))
+
+
+def _as_seen(samples: Array) -> Array:
+    return samples
+
+
+_SAMPLED = Sampled(_as_seen, _as_seen)
+
+
+def _samples(scene: Scene) -> Chosen:
+    """Return what tells the unknowns of an orbit at 1024 instants a turn, as statistics do."""
+    names = [before(joint) + "eccentricity" for joint, _ in scene.joints.present()]
+    if scene.supports is not None:
+        names += ["frame_displacement", "frame_rotation"]
+    seen = {name: OBSERVABLES[name] for name in names}
+    return tuple(
+        (f"path of {name}", Statistic(one.unit, one.meaning, one, _SAMPLED))
+        for name, one in seen.items()
+    )
+
+
+def _relative(scene: Scene, seen: dict[str, Array]) -> Float[Array, "nodes dims"]:
+    """Return all unknowns at equal steps of shaft angle, from zero on."""
+
+    def whole(samples: Array) -> Array:
+        # Slices look at their ends, and not at their beginnings.
+        return jnp.roll(jnp.concatenate(list(samples)), 1, axis=0)
+
+    paths = {name: whole(one) for name, one in seen.items() if name.startswith("path")}
+    relative = [
+        paths[f"path of {before(name)}eccentricity"] / joint.clearance
+        for name, joint in scene.joints.present()
+    ]
+    if scene.supports is not None:
+        units = frame_units(scene)
+        shift = jnp.stack([jnp.zeros(()), units.sag])
+        moved = paths["path of frame_displacement"] + shift
+        relative += [moved / jnp.stack([units.x, units.y])]
+        relative += [paths["path of frame_rotation"][:, None] / units.angle]
+    return jnp.concatenate(relative, axis=1)

@@ -1,0 +1,125 @@
+"""Orbits by the integrator have slopes and multipliers, whether they lose contact or not."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.orbits.shot import closed
+
+# rad/s, m: its jaw opens without load, and for a moment the pin leaves its bore.
+CLOSING = jnp.array([34.23, 0.0645e-3])
+
+
+def closing(point):
+    return jc.paper_scene(point[0], point[1], load_law="closing_stroke")
+
+
+def rubbed(point):
+    return jc.paper_scene(point[0], point[1], slip="surface")
+
+
+def rms(point, scene, **how):
+    orbit = jc.periodic_orbit(scene(point), method="shooting", **how)
+    return orbit.foundation_rms, orbit
+
+
+@pytest.fixture(scope="module")
+def waited():
+    """An orbit and its slopes, traced: from the mean of turns that are waited for."""
+    return eqx.filter_jit(jax.value_and_grad(lambda point: rms(point, closing), has_aux=True))
+
+
+@pytest.mark.slow
+def test_an_orbit_that_loses_contact_has_slopes_in_a_traced_call(waited):
+    """Beside differences of runs that have settled, which know nothing of orbits."""
+    (value, orbit), slopes = waited(CLOSING)
+    assert orbit.stable and orbit.least_penetration < 0 and orbit.found == "by shooting"
+
+    @jax.jit
+    def run(point):
+        # The largest multiplier, 0.64, leaves 1e-15 of the start.
+        return jc.statistics(closing(point), 80, 1, outputs=("foundation_rms",), rtol=1e-12)
+
+    assert float(value) == pytest.approx(float(run(CLOSING).foundation_rms), rel=1e-8)
+    for i, step in enumerate((2.5e-4, 2.5e-9)):
+        shift = step * jnp.eye(2)[i]
+        ahead, behind = (float(run(CLOSING + s * shift).foundation_rms) for s in (1, -1))
+        # Measured: 1e-5 and 6e-5, and in proportion more with longer steps: where contact is lost
+        # the second derivative jumps.
+        assert float(slopes[i]) == pytest.approx((ahead - behind) / (2 * step), rel=3e-4)
+
+
+@pytest.mark.slow
+def test_a_failure_has_no_slopes(waited):
+    """Where the motion is chaotic the mean of its turns leads to no orbit."""
+    (value, orbit), slopes = waited(jnp.array([30.0, 0.06e-3]))
+    assert not orbit.success and np.isnan(value) and np.isnan(slopes).all()
+    assert np.isnan(orbit.multipliers).all()
+
+
+@pytest.mark.slow
+def test_an_eager_call_is_a_traced_one_and_its_multipliers_are_of_the_map(waited):
+    (_, traced), _ = waited(CLOSING)
+    _, orbit = rms(CLOSING, closing, guess=traced)
+    # The integrations of either leave what the orbit's error says.
+    apart = 2 * float(orbit.error)
+    np.testing.assert_allclose(orbit.foundation_rms, traced.foundation_rms, rtol=apart)
+    pairs = (np.sort_complex(one.multipliers) for one in (orbit, traced))
+    np.testing.assert_allclose(*pairs, atol=3 * float(orbit.multipliers_error))
+
+    again = jc.periodic_orbit(orbit.scene, **orbit.alike)
+    np.testing.assert_allclose(again.foundation_rms, orbit.foundation_rms, rtol=apart)
+
+    def mapped(state):
+        return np.asarray(jc.poincare_section(orbit.scene, 0, 1, state=state, rtol=1e-12).state)
+
+    step, columns = 1e-5, []
+    for unit in np.eye(4):
+        ahead, behind = (mapped(np.asarray(orbit.section) + s * step * unit) for s in (1, -1))
+        columns.append((ahead - behind) / (2 * step))
+    matrix = closed(orbit.scene, orbit.section, 1).matrix
+    # Measured: 8e-6 with this step, 4e-5 with a tenth and 1e-3 with ten times of it.
+    np.testing.assert_allclose(np.transpose(columns), matrix, atol=1e-4 * np.abs(matrix).max())
+    found = np.linalg.eigvals(matrix)
+    np.testing.assert_allclose(
+        np.sort_complex(found), np.sort_complex(orbit.multipliers), atol=1e-5
+    )
+
+
+@pytest.mark.slow
+def test_slopes_over_two_turns_are_those_of_collocation_over_one():
+    """The quiet motion keeps contact."""
+    point = jnp.array([30.0, 0.06e-3])
+
+    def by_nodes(point):
+        orbit = jc.periodic_orbit(rubbed(point), nodes=192)
+        return orbit.foundation_rms, orbit
+
+    (value, orbit), slopes = jax.value_and_grad(by_nodes, has_aux=True)(point)
+    of = {"guess": jax.lax.stop_gradient(orbit.section), "period": 2}
+    (again, shot), others = jax.value_and_grad(rms, has_aux=True)(point, rubbed, **of)
+    assert shot.period == 2
+    # Shooting closes to 1e-7 clearances.
+    np.testing.assert_allclose(again, value, rtol=1e-7)
+    np.testing.assert_allclose(others, slopes, rtol=1e-4)
+    assert float(shot.largest_multiplier) == pytest.approx(
+        float(orbit.largest_multiplier) ** 2, rel=1e-6
+    )
+
+
+def test_what_shooting_needs_is_said_in_one_line():
+    scene = rubbed((30.0, 0.06e-3))
+    for how, line in (
+        ({"nodes": 96}, 'Argument `nodes` must be None with method="shooting", but is 96.'),
+        (
+            {"guess": np.zeros(3)},
+            "Argument `guess` must be a PeriodicOrbit, or a section point of shape (4,), "
+            "but is of shape (3,).",
+        ),
+    ):
+        with pytest.raises(ValueError) as refused:
+            jc.periodic_orbit(scene, method="shooting", **how)
+        assert str(refused.value) == line
