@@ -9,26 +9,40 @@ from jaxcrusher.files.program import program
 
 
 def main(
-    of: Annotated[tuple[Literal["bearing", "seats"], ...], tyro.conf.Positional] = (),
+    of: Annotated[
+        tuple[Literal["bearing", "seats", "drawn", "orbits"], ...], tyro.conf.Positional
+    ] = (),
     out: Path = Path("results/stability"),
     table: Path | None = None,
+    count: int = 2000,
+    seed: int = 1,
 ) -> None:
-    """Judge every stiff and extreme case of the bearing A, and of the seats B and C.
+    """Judge every stiff and extreme case of the bearing A, and of the seats B and C, or drawn ones.
 
     Three quarters of an hour on two cores, of which the bearing takes eleven minutes.
 
     Args:
-        of: The bearing A, the seats B and C, or both.
+        of: The bearing A, the seats B and C, or crushers of every kind drawn at random or their
+            periodic orbits; without a word the first two.
         out: Folder of stability.md, .csv and .png, and the same of stability_seats.
         table: A csv of an earlier run, to draw its figure again without judging.
+        count: How many crushers are drawn.
+        seed: Seed of the draw.
     """
+    from benchmarks.stability.drawn_orbits import run_orbits
+    from benchmarks.stability.drawn_run import run_drawn
     from benchmarks.stability.run import redraw, run
 
     if table is not None:
         redraw(out, table)
         return
     for what in of or ("bearing", "seats"):
-        run(what, out)
+        if what == "drawn":
+            run_drawn(out, seed, count)
+        elif what == "orbits":
+            run_orbits(out, seed, count)
+        else:
+            run(what, out)
 
 
 if __name__ == "__main__":

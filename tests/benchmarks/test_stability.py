@@ -4,15 +4,18 @@ from dataclasses import replace
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from benchmarks.stability import judgement
+from benchmarks.stability import drawn, drawn_run, judgement
 from benchmarks.stability.cases import BASE, bearing_case, described, seat_case
 from benchmarks.stability.inputs import cast
+from benchmarks.stability.judgement import AGREES, DISAGREES
 from benchmarks.stability.reference import reference
 from jaxcrusher.basics.plane import scalar
+from jaxcrusher.motion.section import fine
 
 CASE = bearing_case("centred")
 
@@ -99,3 +102,35 @@ def test_corner_stays_small_beside_the_contact(young, clearance):
     assert joint.norm_width**2 / (2 * clearance) <= 1e-9 * clearance
     if young == 207e9 and clearance >= 0.03e-3:
         assert (float(joint.normal.width), float(joint.norm_width)) == (1e-8, 1e-9)
+
+
+@pytest.mark.parametrize("kind", drawn.KINDS, ids=lambda kind: kind.name)
+def test_drawn_crushers_are_built_and_told_apart(kind):
+    """Every number is within its limits, and another seed draws all of them anew."""
+    one, again, other = (drawn.numbers(kind, seed) for seed in ("1", "1", "2"))
+    assert jc.build_scene(one).is_ideal is False
+    for name, value in one.items():
+        np.testing.assert_array_equal(value, again[name])
+    same = {name for name in one if np.array_equal(one[name], other[name])}
+    assert same <= {*kind.choices, "start", "counterweight.mass", "rollers.bearings"}
+
+
+def test_a_drawn_motion_is_compared_while_neighbours_stay_together():
+    """A force that is off by a thousandth is told where they do, and not where they part."""
+    instants = np.linspace(0, 1, drawn_run.INSTANTS)
+
+    def motion(force):
+        seen = {"foundation_force": force, "normal_force": 1 + 0 * force}
+        return jc.Trajectory(jnp.asarray(instants), fine(), jax.tree.map(jnp.asarray, seen))
+
+    known = motion(1e4 * np.cos(instants))
+    off = motion(1e4 * np.cos(instants) + 10 * (instants > 0.5))
+    parted = motion(1e4 * np.cos(instants) + 1e3 * (instants > 0.4))
+    for ours, neighbours, verdict in (
+        (known, [known] * 3, AGREES),
+        (off, [known] * 3, DISAGREES),
+        (off, [known, parted, known], AGREES),
+        (motion(np.nan * instants), [known] * 3, DISAGREES),
+    ):
+        row = drawn_run.judged("", 0, ours, known, neighbours)
+        assert row.verdict == verdict and (row.span < 0.5) == (neighbours[1] is parted)

@@ -17,4 +17,9 @@ def test_a_wide_clearance_is_outside_the_model(clearance, fits):
     assert bool(found.fitting) == bool(found.inside) == fits
     assert [line.startswith("clearance 0.01") for line in found.remarks()] == [True] * (not fits)
     assert float(found.clearance_ratio) == pytest.approx(clearance / 0.13)
-    assert bool(validity(None, jnp.array(0.0), jnp.array(0.0)).inside)
+
+
+def test_an_ideal_joint_is_inside_and_has_no_restitution():
+    found = validity(None, jnp.array(0.0), jnp.array(0.0))
+    assert bool(found.inside) and found.remarks() == []
+    assert jnp.isnan(found.delivered_restitution) and jnp.isnan(found.asked_restitution)
