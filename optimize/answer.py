@@ -12,6 +12,7 @@ import numpy as np
 import jaxcrusher as jc
 from jaxcrusher.orbits.load_sheet import Row
 from optimize.limits import Limit
+from optimize.throughput import throughput
 
 
 @dataclass(frozen=True)
@@ -223,6 +224,7 @@ class Answer:
     candidates: tuple[Confirmed, ...] = ()
     settle_turns: int = 0  # of the long runs, before their statistics began
     compared_with: str = "paper's choice"  # or the scene file's
+    bulk_density: float | None = None  # kg/m3, of the crushed rock
     optimum: Confirmed | None = None
     seed_choice: Confirmed | None = None  # what the optimum is compared with
     empty: str = ""  # why no design may be chosen, or nothing
@@ -246,3 +248,11 @@ class Answer:
         """Return the designs to show, by title, as far as the search came."""
         titled = {"optimum": self.optimum, self.compared_with: self.seed_choice}
         return {title: design for title, design in titled.items() if design is not None}
+
+    @property
+    def throughput(self) -> dict[str, float]:
+        """Return the capacity in t/h of each design to show, nothing without a bulk density."""
+        density = self.bulk_density
+        if density is None:
+            return {}
+        return {title: throughput(one.capacity, density) for title, one in self.designs.items()}

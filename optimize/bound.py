@@ -65,8 +65,7 @@ def optimality_bound(
         least = min(point.least for point in by_runs)
         statement += (
             f" At {len(by_runs)} of {values.size} points no stable orbit of one turn is known: "
-            f"long runs there come to {least:.6g} {unit} or more, {least - best.objective:.3g} "
-            f"{unit} above the optimum."
+            f"long runs there come to {least:.6g} {unit} or more, {_against(best, least, unit)}."
         )
     unsolved = max(0, unsolved - len(by_runs))
     if unsolved:
@@ -75,6 +74,17 @@ def optimality_bound(
             "beside them, no stable orbit in contact was found or a constraint is broken."
         )
     return Bound(within, curvature, unsolved, gain, statement, by_runs)
+
+
+def _against(best: Confirmed, least: float, unit: str) -> str:
+    """Return where the least of long runs lies, and what that says of the optimum."""
+    above = least - best.objective
+    if above >= 0:
+        return f"{above:.3g} {unit} above the optimum"
+    return (
+        f"{-above:.3g} {unit} below the optimum: they scatter too much to tell whether a better "
+        "motion is there, and more --runs tell more"
+    )
 
 
 def cell_bounds(

@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float, Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.batch.engines import run_all
+from jaxcrusher.batch.engines import chunk_of, run_all
 from jaxcrusher.batch.sweep import row_of
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.rough_feed import steady
@@ -128,7 +128,8 @@ def evaluate(
     """Return the statistics of unit points from both starts.
 
     `shifts` moves the starts by so many clearances, `chunk` is how many motions are integrated
-    between two reports of progress, and `journal` keeps finished chunks. Rows have the shape
+    between two reports of progress, on a GPU more, and `journal` keeps finished chunks. Rows have
+    the shape
     (starts, points): the columns of `jaxcrusher.sweep`, `objective` in its unit, the number of
     `steps`, `counts`, whether the design may be chosen (see `may_count`), and the `state` at the
     end, (starts, points, dims), to go on from.
@@ -137,7 +138,8 @@ def evaluate(
     points = jnp.asarray(units)
     batch = stacked_scenes(case, points, jnp.asarray(moves)), np.tile(points, (len(STARTS), 1))
     function = eqx.Partial(_row, case=case, window=window)
-    found = run_all(function, batch, chunk, progress=progress, journal=journal)
+    at_once = chunk_of(len(STARTS) * len(units), usual=chunk)
+    found = run_all(function, batch, at_once, progress=progress, journal=journal)
     rows = {
         name: column.reshape(len(STARTS), len(units), *column.shape[1:])
         for name, column in found.items()

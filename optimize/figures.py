@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 
 import jaxcrusher as jc
 from jaxcrusher.files.results import write_figure
-from jaxcrusher.pictures import page, plots
+from jaxcrusher.pictures import mechanism, page, plots
 from optimize import landscape as maps
 from optimize.answer import Answer, Box, Confirmed
 from optimize.evaluate import Case
@@ -62,7 +62,11 @@ def draw_all(
     else:
         omitted["pareto.png"] = "no point of the maps may be chosen"
     draw_motions(folder, case, answer)
-    return [*drawn, "motion.png"], omitted
+    drawn.append("motion.png")
+    if answer.optimum is not None:
+        draw_bearings(folder, case, answer.optimum)
+        drawn.append("bearings.png")
+    return drawn, omitted
 
 
 def draw_orbits(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
@@ -239,6 +243,19 @@ def _numbers(design: Confirmed, statistic: str, transient: bool) -> tuple[float,
     if design.orbit is None:
         return math.nan, math.nan
     return design.orbit.objective, float(design.orbit.solution[statistic])
+
+
+def draw_bearings(folder: Path, case: Case, design: Confirmed) -> None:
+    """Draw where the frame carries the machine, at O and C, when the toggle presses hardest."""
+    scene = jc.build_scene({**case.design.fixed, **design.values}).ideal()
+    times = 2 * np.pi / design.speed * np.linspace(0, 1, 73)
+    turn = jc.simulate(scene, times, outputs=mechanism.DRAWN)
+    hardest = int(np.argmax(np.linalg.norm(turn["toggle_reaction"], axis=1)))
+    fig, ax = plt.subplots(figsize=(4.2, 4.8), layout="constrained")
+    mechanism.plot_mechanism(scene, turn, hardest, ax)
+    # Without loose joints nothing stands on the left.
+    ax.set(title="", xlim=(0.5 * ax.get_xlim()[0], ax.get_xlim()[1]))
+    write_figure(folder / "bearings.png", fig)
 
 
 def draw_motions(folder: Path, case: Case, answer: Answer) -> None:

@@ -23,6 +23,8 @@ def interval(runs: Runs) -> str:
     failed = runs.count - int(runs.by_run["success"].sum())
     if failed:
         return "failed" if failed == runs.count else f"{failed} of {runs.count} failed"
+    if math.isnan(runs.objective_mean):  # an objective of periodic orbits only
+        return "no value"
     text = f"{number(runs.objective_mean)}±{float(f'{runs.objective_half_width:.2g}'):g}"
     return f"{text}, friction whirl" if runs.by_run["whirl"].any() else text
 

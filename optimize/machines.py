@@ -22,9 +22,10 @@ from jaxcrusher.pictures.page import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.scenes.plausibility import tell_borrowed, tell_unusual
-from jaxcrusher.scenes.scene_file import quantity_in, read_scene_file, scene_of
+from jaxcrusher.scenes.scene_file import read_scene_file, scene_of
 from optimize.forces import name_of, quantity
 from optimize.objectives import OBJECTIVES
+from optimize.throughput import read_bulk_density, throughput
 
 # What is compared, in this order; wear needs friction.
 COMPARED = ("rms", "peak", "shaking_rms", "shaking_peak", "joint_peak", "wear", "energy")
@@ -61,10 +62,7 @@ def run(
     require(len(set(titles)) == len(titles), "scenes", "have names of their own", titles)
     require_whole("settle", settle, 0)
     require_whole("turns", turns, 2)
-    density = None
-    if bulk_density is not None:
-        density = quantity_in("kg/m3", "bulk_density", bulk_density)
-        require(density > 0, "bulk_density", "be > 0", bulk_density)
+    density = read_bulk_density(bulk_density)
     # All files are read before anything is compiled.
     described = []
     for path in files:
@@ -156,7 +154,7 @@ def table_rows(found: Sequence[Machine], density: float | None) -> list[tuple[st
         row("capacity", "m3/h", (one.capacity for one in found)),
     ]
     if density is not None:
-        rows.append(row("capacity", "t/h", (1e-3 * density * one.capacity for one in found)))
+        rows.append(row("capacity", "t/h", (throughput(one.capacity, density) for one in found)))
     for name in COMPARED:
         of = OBJECTIVES[name]
         rows.append(row(name_of(of.meaning), of.unit, (one.numbers[name] for one in found)))

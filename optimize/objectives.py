@@ -1,5 +1,6 @@
 """The objectives of the search by name: each is a function of a motion's statistics."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -26,6 +27,7 @@ class Objective:
     meaning: str
     outputs: tuple[str, ...]
     formula: Formula
+    lowest: float = 0.0  # it cannot be less
 
 
 def plain(name: str) -> Objective:
@@ -81,7 +83,9 @@ OBJECTIVES = {
     "expected_rms": Objective(
         "N", "RMS of |R_O| + |R_C| expected under the rough feed", ("foundation_rms",), _expected
     ),
-    "excess": Objective("N", "RMS less that of the ideal joint", ("foundation_rms",), _excess),
+    "excess": Objective(
+        "N", "RMS less that of the ideal joint", ("foundation_rms",), _excess, -math.inf
+    ),
     "joint_peak": plain("joint_peak"),
     "wear": Objective(
         "J/m3",

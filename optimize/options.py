@@ -94,6 +94,8 @@ class Options(Effort):
     capacity_floor: float | None = None
     """Least crushing capacity, m3/h; by default that at the lowest speed over 1.67, as in the
     paper: 9.41 / 1.67."""
+    bulk_density: str | None = None
+    """Bulk density of the crushed rock, as in "1.6 t/m3", for a capacity in t/h beside m3/h."""
     limit: Annotated[
         tuple[tuple[str, str], ...],
         tyro.conf.UseAppendAction,

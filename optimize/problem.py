@@ -18,6 +18,7 @@ from jaxcrusher.scenes.scene_file import (
     read_range,
     read_scene_file,
     read_text,
+    require_moving,
     scene_of,
 )
 from optimize.answer import Box, Sought
@@ -27,13 +28,17 @@ from optimize.landscape import GRID_DIMENSIONS
 from optimize.limits import read_limits
 from optimize.objectives import OBJECTIVES, OF_SUPPORTS
 from optimize.options import Effort, Options
+from optimize.throughput import read_bulk_density
 
 # The paper's choice, Section 5.3.
 SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
 # The paper's greatest capacity, to which its floor refers, is that at 25 rad/s.
 GREATEST_AT = 25.0
 # Options that do not decide the answer, or do by what they are read as.
-KEPT_APART = ("name", "out", "scene", "overrides", "speed", "clearance", "design", "limit")
+KEPT_APART = (
+    *("name", "out", "scene", "overrides", "speed", "clearance", "design", "limit"),
+    "bulk_density",
+)
 
 Bounds = dict[str, tuple[float, float]]
 
@@ -51,6 +56,7 @@ class Problem:
     reference: dict[str, float]  # the free parameters of the design to compare with
     compared_with: str
     of_the_paper: bool  # its machine, and its objective
+    bulk_density: float | None  # kg/m3, of the crushed rock
     effort: Effort
 
 
@@ -62,6 +68,7 @@ def resolve(options: Options) -> Problem:
     _check_numbers(options)
     _require_used(options)
     _require_not_set(options)
+    bulk_density = read_bulk_density(options.bulk_density)
     described, free = _description(options), _bounds(options)
     lowest = {name: low for name, (low, _) in free.items()}
     scene = scene_of({**described, **lowest}, options.scene)
@@ -113,6 +120,7 @@ def resolve(options: Options) -> Problem:
         reference,
         compared_with,
         options.objective == "rms" and options.scene is None,
+        bulk_density,
         options,
     )
 
@@ -180,6 +188,7 @@ def _bounds(options: Options) -> Bounds:
     """
     found = {}
     for name, low, high in _free(options):
+        require_moving("design", name)
         found[name] = read_range(name, low, high)
         good = found[name][0] < found[name][1]
         require(good, name, "have LOW < HIGH", f"{low} {high}")
@@ -227,7 +236,7 @@ def _reference(
     It is the paper's choice, or that of the scene file. A joint that is ideal there is loose in
     every design of the box, and has the default clearance.
     """
-    base, title = {**PE250X400, **described}, "scene file"
+    base, title = {**PE250X400, **described}, "scene file's choice"
     if options.scene is None:
         base |= {"speed": SEED_SPEED, "clearance": SEED_CLEARANCE}
         title = "paper's choice"

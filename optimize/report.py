@@ -43,6 +43,7 @@ def _table(answer: Answer) -> Table:
         *(f"{meaning}, N" for meaning in others.values()),
         "ideal joints' RMS, N",
         "capacity, m3/h",
+        *(["capacity, t/h"] if answer.throughput else []),
         "turns to 1/e",
     )
     columns = []
@@ -56,6 +57,7 @@ def _table(answer: Answer) -> Table:
                 *(formatting.force(design, name) for name in others),
                 f"{design.ideal_rms:.0f}",
                 f"{design.capacity:.2f}",
+                *([f"{answer.throughput[title]:.2f}"] if answer.throughput else []),
                 formatting.turns(design),
             )
         )

@@ -21,7 +21,7 @@ _NUMBERS = (
 
 def content(answer: Answer) -> dict[str, Any]:
     """Return the answer as nested dicts, with NaN where there is no number."""
-    return _plain(answer)
+    return _plain(answer) | {"throughput": answer.throughput}  # t/h
 
 
 def _plain(value: Any) -> Any:

@@ -45,6 +45,7 @@ def run(options: Options, console: Console) -> Answer:
         fixed=dict(case.design.fixed),
         settle_turns=stages.LONGER * effort.settle,
         compared_with=problem.compared_with,
+        bulk_density=problem.bulk_density,
         seed=effort.seed,
     )
     units = landscape.points(case.design, effort.grid, effort.samples, effort.seed)

@@ -25,6 +25,7 @@ jaxtyping.install_import_hook(
 )
 
 import jaxcrusher as jc  # noqa: E402
+from jaxcrusher.scenes.parameters import NUMBERS, PARAMETERS  # noqa: E402
 
 # A test compiles longer than it computes, so it compiles without optimisation (a third of the time
 # of all) unless it is marked `slow`. Notebooks and subprocesses run as users have them.
@@ -55,6 +56,18 @@ def forget_programs():
     yield
     jax.clear_caches()
     gc.collect()
+
+
+@pytest.fixture(autouse=True)
+def forget_laws():
+    """Forget the numbers of a law of one's own after the test that named it."""
+    tables = (PARAMETERS, NUMBERS)
+    known = [dict(table) for table in tables]
+    yield
+    for table, before in zip(tables, known, strict=True):
+        if table.keys() != before.keys():
+            table.clear()
+            table.update(before)
 
 
 @pytest.fixture

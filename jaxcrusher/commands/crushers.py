@@ -11,13 +11,13 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import is_own
-from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, complete
+from jaxcrusher.scenes.parameters import CHOICES, complete
 from jaxcrusher.scenes.plausibility import tell_borrowed, tell_unusual
 from jaxcrusher.scenes.scene_file import (
     read_overrides,
     read_range,
     read_scene_file,
-    require_parameter,
+    require_moving,
     scene_of,
 )
 
@@ -51,12 +51,6 @@ def read_moving(crusher: Crusher) -> dict[str, Any]:
     return values
 
 
-def require_moving(argument: str, name: str) -> None:
-    """ValueError for a name that is no number of the motion."""
-    require_parameter(name)
-    require(name not in CHAMBER, argument, "name numbers of the motion", f"{name}, the capacity's")
-
-
 def bounds(over: Ranges) -> list[tuple[str, str]]:
     """Return the text of each axis's highest value, whose unit serves the lowest one too."""
     return [(name, rest[1]) for name, *rest in over if len(rest) == 3 and name not in CHOICES]
@@ -68,6 +62,7 @@ def read_axes(over: Ranges) -> dict[str, list]:
     Raises ValueError for an unknown or repeated name, a bad bound or count, and no axis at all.
     """
     require(len(over) > 0, "over", "be given at least once: NAME LOW HIGH COUNT", "missing")
+    require(all(over), "over", "be NAME LOW HIGH COUNT, or the name of a choice", "empty")
     axes: dict[str, list] = {}
     for name, *rest in over:
         require(name not in axes, "over", "name a parameter once", f"given twice for {name}")

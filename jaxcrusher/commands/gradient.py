@@ -10,16 +10,18 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.commands.crushers import read_moving, require_moving, units_given
+from jaxcrusher.commands.crushers import read_moving, units_given
 from jaxcrusher.commands.options import Gradient
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.files.provenance import environment, provenance
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import SETTINGS, begin, earlier, keep_beside
+from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import PARAMETERS
+from jaxcrusher.scenes.scene_file import require_moving
 
 
 def run(options: Gradient, console: Console) -> int:
@@ -74,7 +76,7 @@ def _check(options: Gradient, values: dict[str, Any]) -> None:
     for name, least in (("settle", 0), ("turns", 1), ("pairs", 2), ("seed", 0)):
         require_whole(name, getattr(options, name), least)
     require_positive("radius", options.radius, "")
-    require_positive("rtol", options.rtol, "")
+    require_tolerance(options.rtol)
 
 
 def shown(report: jc.GradientReport, units: dict[str, str]) -> jc.GradientReport:

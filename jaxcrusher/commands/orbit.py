@@ -15,13 +15,14 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxcrusher as jc
+from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.commands.crushers import read_crusher, units_given
 from jaxcrusher.commands.options import Orbit
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.observables import columns, observables_of
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import write_figure, write_json, write_text
+from jaxcrusher.files.results import listed, write_figure, write_json, write_mat, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.scenes.echo import per, unit_of
@@ -42,8 +43,9 @@ REMEDY = (
 def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     values, _ = read_crusher(options.crusher)
+    require_whole("period", options.period, 1)
     settings = {"command": "orbit", "scene": with_digests(values), "period": options.period}
-    written = "orbit.json", "orbit.csv", "orbit.png"
+    written = "orbit.json", "orbit.csv", "orbit.mat", "orbit.png"
     folder = begin_beside(options.results.folder, settings, *written)
     numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values)}
 
@@ -52,28 +54,29 @@ def run(options: Orbit, console: Console) -> int:
         return jc.build_scene({**values, **numbers})
 
     # Not under `jax.jit`: the program that solves for the orbit serves its slopes too.
-    def solve(numbers: dict[str, Any], nodes: int | None = None) -> jc.PeriodicOrbit:
-        return jc.periodic_orbit(build(numbers), period=options.period, nodes=nodes)
+    def solve(numbers: dict[str, Any], **how: Any) -> jc.PeriodicOrbit:
+        return jc.periodic_orbit(build(numbers), **how)
 
     with console.status("solving"):
-        orbit = solve(numbers)
+        orbit = solve(numbers, period=options.period)
     if not bool(orbit.success):
         console.print(f"no periodic orbit: {orbit.failure}", highlight=False, soft_wrap=True)
         console.print(REMEDY, highlight=False, soft_wrap=True)
         return 1
-    nodes = None if orbit.eccentricity is None else len(orbit.eccentricity) // options.period
     with console.status("differentiating"):
-        slopes = _slopes(lambda n: solve(n, nodes), numbers)
+        slopes = _slopes(lambda n: solve(n, **orbit.alike), numbers)
     path = folder / "orbit.json"
     write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
     draw(orbit, folder / "orbit.png")
-    write_text(folder / "orbit.csv", as_csv(history(orbit)))
+    seen = history(orbit)
+    write_text(folder / "orbit.csv", as_csv(seen))
+    if options.mat:
+        write_mat(folder / "orbit.mat", seen)
     for line in summary(orbit):
         console.print(line, highlight=False, soft_wrap=True)
     units = units_given(options.crusher)
     console.print(table(orbit, slopes, values, units))
-    files = ", ".join(str(folder / name) for name in written)
-    console.print(files, highlight=False, soft_wrap=True)
+    console.print(listed(folder, written), highlight=False, soft_wrap=True)
     return 0
 
 

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 import jaxcrusher as jc
-from jaxcrusher.basics.checks import require, require_positive, require_whole
+from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, units_given
 from jaxcrusher.commands.options import Regimes
 from jaxcrusher.dynamics.regime import OUTPUTS
@@ -21,6 +21,7 @@ from jaxcrusher.files.provenance import provenance, versions
 from jaxcrusher.files.results import results_folder, write_json, write_netcdf
 from jaxcrusher.files.resume import earlier, keep_beside
 from jaxcrusher.files.table import Column
+from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistic import columns
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.own_laws import with_digests
@@ -46,7 +47,7 @@ def run(options: Regimes, console: Console) -> int:
     units = _units(options)
     for name, least in (("settle", 0), ("turns", 1), ("tangent_turns", 1)):
         require_whole(name, getattr(options, name), least)
-    require_positive("rtol", options.rtol, "")
+    require_tolerance(options.rtol)
     scenes = [jc.build_scene({**values, **design}) for design in designs]
     for design in designs:
         remarks({**values, **design})

@@ -22,9 +22,10 @@ from jaxcrusher.crusher.observables import OBSERVABLES, columns
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import write_figure, write_netcdf, write_text
+from jaxcrusher.files.results import listed, write_figure, write_mat, write_netcdf, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import Column, as_csv
+from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.pictures import plots
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import loose_besides
@@ -55,7 +56,7 @@ def run(options: Simulate, console: Console) -> int:
     span = _span(options, values["speed"])
     settle = _settle(options, span)
     require_whole("samples", options.samples, 2)
-    require_positive("rtol", options.rtol, "")
+    require_tolerance(options.rtol)
     settings = {
         "command": "simulate",
         "scene": with_digests(values),
@@ -64,7 +65,7 @@ def run(options: Simulate, console: Console) -> int:
         "samples": options.samples,
         "rtol": options.rtol,
     }
-    written = "motion.nc", "motion.csv", "motion.png"
+    written = "motion.nc", "motion.csv", "motion.mat", "motion.png"
     folder = begin_beside(options.results.folder, settings, *written)
     turn = 2 * np.pi / values["speed"]
     times = np.linspace(0, span * turn, options.samples)
@@ -76,6 +77,8 @@ def run(options: Simulate, console: Console) -> int:
         write_netcdf(folder / "motion.nc", kept)
         if options.csv:
             write_text(folder / "motion.csv", as_csv(kept))
+        if options.mat:
+            write_mat(folder / "motion.mat", kept)
         bars.update(bar, completed=1, description="figure")
         drawn = times >= (0 if motion.failure else times[-1] - DRAWN * turn)
         write_figure(folder / "motion.png", draw(motion, scene, drawn))
@@ -91,7 +94,7 @@ def run(options: Simulate, console: Console) -> int:
         console.print(closing(motion, summary, settle, values), highlight=False, soft_wrap=True)
         if summary is not None and (advice := scattered(summary)):
             console.print(advice, highlight=False, soft_wrap=True)
-    console.print(f"{folder / 'motion.nc'}, {folder / 'motion.png'}", highlight=False)
+    console.print(listed(folder, written), highlight=False, soft_wrap=True)
     return 1 if failure else 0
 
 

@@ -16,7 +16,13 @@ from jaxcrusher.batch.sweep import sweep
 from jaxcrusher.commands.crushers import bounds, read_axes, read_crusher, units_given
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import results_folder, write_figure, write_netcdf, write_text
+from jaxcrusher.files.results import (
+    results_folder,
+    write_figure,
+    write_mat,
+    write_netcdf,
+    write_text,
+)
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.pictures.plots import plot_landscape
 from jaxcrusher.scenes.echo import said
@@ -43,6 +49,7 @@ def run(options: Sweep, console: Console) -> int:
             base=base,
             store=folder / "sweep.zarr",
             chunk=options.chunk,
+            engine=options.engine,
             rtol=options.rtol,
             scheduler=scheduler,
             progress=lambda finished, _: bars.update(bar, completed=finished),
@@ -54,6 +61,9 @@ def run(options: Sweep, console: Console) -> int:
     if options.csv:
         written.append(folder / "sweep.csv")
         write_text(written[-1], as_csv(grid.load()))
+    if options.mat:
+        written.append(folder / "sweep.mat")
+        write_mat(written[-1], grid.load())
     units = units_given(options.crusher, bounds(options.over))
     if len(axes) == 2 and not set(axes) & set(CHOICES):
         written.append(folder / "sweep.png")

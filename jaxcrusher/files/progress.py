@@ -15,9 +15,9 @@ from rich.progress import (
 
 
 class Bars(Progress):
-    """Bars that move in a terminal or a notebook; elsewhere, as in a file, a line for each.
+    """Bars that move in a terminal or a notebook; elsewhere, as in a file, two lines for each.
 
-    The line is written at once, when its work begins.
+    They are written at once, when its work begins and when all of it is done.
     """
 
     def add_task(self, description: str, *args: Any, **settings: Any) -> TaskID:
@@ -27,6 +27,15 @@ class Bars(Progress):
             line = f"{description}: {total} to do" if total else description
             self.console.print(line, highlight=False, markup=False)
         return super().add_task(description, *args, **settings)
+
+    def update(self, task_id: TaskID, **settings: Any) -> None:
+        """Change a bar, as `rich.progress.Progress` does; say once that its work is done."""
+        task = self._tasks[task_id]
+        before = task.finished
+        super().update(task_id, **settings)
+        if self.disable and task.finished and not before:
+            line = f"{task.description}: done after {task.elapsed or 0:.0f} s"
+            self.console.print(line, highlight=False, markup=False)
 
 
 def progress(console: Console | None = None, *, remaining: bool = True) -> Bars:

@@ -45,6 +45,11 @@ def results_folder(folder: Path) -> Path:
     return folder
 
 
+def listed(folder: Path, names: Iterable[str]) -> str:
+    """Return the paths of those of the named files of a folder that were written, in one line."""
+    return ", ".join(str(folder / name) for name in names if (folder / name).exists())
+
+
 def write_text(path: Path, text: str) -> None:
     """Text in UTF-8, wherever the program runs."""
     replace(path, text.encode())
@@ -71,6 +76,17 @@ def write_netcdf(path: Path, dataset: "xr.Dataset") -> None:
     dataset = dataset.assign({name: dataset[name].astype("int8") for name in logical})
     with writing(path) as partial:
         dataset.to_netcdf(partial, engine="scipy")
+
+
+def write_mat(path: Path, dataset: "xr.Dataset") -> None:
+    """MATLAB's format 5: each variable by its name, and a structure `units` with their units."""
+    import numpy as np
+    from scipy.io import savemat
+
+    values = {str(name): np.asarray(column) for name, column in dataset.variables.items()}
+    units = {name: dataset[name].attrs.get("units", "1") for name in values}
+    with writing(path) as partial, open(partial, "wb") as file:
+        savemat(file, values | {"units": units}, long_field_names=True, oned_as="column")
 
 
 def write_table(path: Path, rows: Iterable[Mapping[str, Any]], remark: str = "") -> None:

@@ -66,9 +66,10 @@ def law_class(name: str, text: str, folder: Path = Path()) -> type[eqx.Module]:
     kinds, section = OPEN[name]
     try:
         found: Any = getattr(_imported(module, folder), of, None)
-    except ImportError as error:
-        raise ValueError(f"Argument `{name}` must name a module, but {text}: {error}.") from None
-    good = isinstance(found, type) and issubclass(found, kinds)
+    except Exception as error:  # the module is the user's, and may do anything while it is imported
+        why = str(error) if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
+        raise ValueError(f"Argument `{name}` must name a module, but {text}: {why}.") from error
+    good = isinstance(found, type) and issubclass(found, kinds) and not inspect.isabstract(found)
     listed = " or ".join(kind.__name__ for kind in kinds)
     require(good, name, f"name a class of {listed} as module:Class", text)
     for field in dataclasses.fields(found):

@@ -27,11 +27,11 @@ from typing import Any
 import numpy as np
 import pint
 
-from jaxcrusher.basics.checks import require_choice
+from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.own_laws import is_own, law_class, make_known
-from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS, check_number
+from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS, check_number
 
 # A diameter of a drawing -> the radius that it gives.
 _DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
@@ -164,12 +164,12 @@ def read_value(name: str, value: Any, folder: Path = Path()) -> float | str:
             raise ValueError(f"Argument `{name}` must have no typographic quotes, but is {value}.")
         number = to_si(name, value)
     elif isinstance(value, int | float) and not isinstance(value, bool):
+        number = float(str(value))  # infinite if a whole number is too large for a float
         if parameter.unit != "1" and value != 0:
             raise ValueError(
                 f"Argument `{name}` must have a unit, as in {_example(parameter.unit)}, but is "
-                f'{value:.12g} (write "{value:.12g} {parameter.unit}" if that is meant).'
+                f'{number:.12g} (write "{number:.12g} {parameter.unit}" if that is meant).'
             )
-        number = float(str(value))  # infinite if a whole number is too large for a float
     else:
         kind = "table" if isinstance(value, dict) else type(value).__name__
         raise ValueError(f"Argument `{name}` must be {_wanted(parameter.unit)}, but is a {kind}.")
@@ -233,6 +233,13 @@ def require_parameter(name: str) -> None:
         raise ValueError(f"Argument `{name}` must be a known key, but is not{_suggestion(name)}")
 
 
+def require_moving(argument: str, name: str) -> None:
+    """ValueError, of the `argument`, for a name that is no number of the motion."""
+    require_parameter(name)
+    must = "name numbers of the motion, such as speed, jaw.mass or toggle.length"
+    require(name not in CHAMBER, argument, must, f"{name}, the capacity's")
+
+
 def to_si(name: str, text: str) -> float:
     """A quantity such as "0.06 mm" in the SI unit of the parameter `name`.
 
@@ -265,6 +272,11 @@ def quantity_in(unit: str, name: str, text: str) -> float:
         # Compared by base units, because pint takes rad/s for 1/s.
         base, wanted_base = (registry.get_base_units(each)[1] for each in (given, wanted))
         result = float(number.to(wanted).magnitude) if base == wanted_base else None
+    except ArithmeticError:
+        raise ValueError(
+            f"Argument `{name}` must be {_wanted(unit)}, but {text!r} has an exponent of too many "
+            "digits."
+        ) from None
     except (pint.UndefinedUnitError, ValueError, TypeError):  # TypeError: decibel and the like
         raise ValueError(
             f"Argument `{name}` must have a unit of the kind {unit}, but {written!r} is unknown."

@@ -15,8 +15,13 @@ from optimize.answer import Answer
 from optimize.page import data as page_data
 from optimize.page import tables
 
-# What the figures of a finished run show.
+# The sketch that stands at the end of the answer, and what the figures of a finished run show.
+SKETCH = "bearings.png"
 FIGURES = {
+    SKETCH: "The two bearings of |R_O| + |R_C|, the force on the foundation: the frame carries the "
+    "shaft at O with R_O and the toggle at C with R_C. The main bearing A, whose clearance counts "
+    "here, is the joint of jaw and eccentric, and no part of the frame. An arrow of less than a "
+    "tenth of the longest has no name. Jaw and face are drawn for the eye.",
     "landscape.png": "The objective of the periodic orbit over the box, with the paths of the "
     "descents.",
     "settling.png": "Turns in which a disturbance of the periodic orbit falls to 1/e.",
@@ -71,7 +76,8 @@ def write_page(
             formatting.active(one, answer.objective.unit, answer.box.units) for one in answer.active
         ],
         tables=_tables(answer),
-        figures=[_figure(folder, name) for name in figures],
+        figures=[_figure(folder, name) for name in figures if name != SKETCH],
+        sketch=_figure(folder, SKETCH) if SKETCH in figures else None,
         omitted=omitted or {},
         limits=tables.LIMITS,
     )

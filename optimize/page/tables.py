@@ -89,6 +89,7 @@ def answer(found: Answer) -> Table:
             *(getattr(design, name) for name in others),
             f"{design.ideal_rms:.0f}",
             f"{design.capacity:.2f}",
+            *([f"{found.throughput[title]:.2f}"] if found.throughput else []),
             formatting.turns(design),
         )
         for title, design in found.designs.items()
@@ -102,6 +103,7 @@ def answer(found: Answer) -> Table:
         *(f"{meaning}, N" for meaning in others.values()),
         "ideal joint's RMS, N",
         "capacity, m³/h",
+        *(["capacity, t/h"] if found.throughput else []),
         "turns to 1/e",
     )
     return Table(headings, rows, caption=f"{objective.meaning}, {unit}")

@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.io import loadmat
 
 from jaxcrusher.files import results
 from jaxcrusher.files.durable import writing
@@ -49,7 +50,7 @@ def test_a_full_disk_is_told_with_the_file(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-@pytest.mark.parametrize("suffix", ["txt", "json", "nc", "csv", "png"])
+@pytest.mark.parametrize("suffix", ["txt", "json", "nc", "mat", "csv", "png"])
 def test_every_file_is_on_the_disk_before_it_takes_its_place(tmp_path, monkeypatch, suffix):
     path = tmp_path / f"a.{suffix}"
     synced = []
@@ -59,6 +60,7 @@ def test_every_file_is_on_the_disk_before_it_takes_its_place(tmp_path, monkeypat
         "txt": lambda: results.write_text(path, "±"),
         "json": lambda: results.write_json(path, {"a": 1}),
         "nc": lambda: results.write_netcdf(path, xr.Dataset({"a": ("x", [True, False])})),
+        "mat": lambda: results.write_mat(path, xr.Dataset({"a": ("x", [True, False])})),
         "csv": lambda: results.write_table(path, [{"a": 1}]),
         "png": lambda: results.write_figure(path, plt.figure()),
     }
@@ -70,6 +72,17 @@ def test_every_file_is_on_the_disk_before_it_takes_its_place(tmp_path, monkeypat
     # As any file of this user, not one of his own only.
     (tmp_path / "plain").write_text("")
     assert path.stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_matlab_reads_columns_words_and_units(tmp_path):
+    force = ("angle", [1.0, 2.5], {"units": "N"})
+    table = xr.Dataset({"force": force, "found": ("angle", np.array(["a", "bc"], object))})
+    results.write_mat(tmp_path / "x.mat", table.assign_coords(angle=[0, 1]))
+    read = loadmat(tmp_path / "x.mat", simplify_cells=True)
+    np.testing.assert_array_equal(read["force"], [1.0, 2.5])
+    np.testing.assert_array_equal(read["angle"], [0, 1])
+    assert list(read["found"]) == ["a", "bc"]
+    assert read["units"] == {"angle": "1", "force": "N", "found": "1"}
 
 
 def test_json_has_no_nan_and_no_arrays(tmp_path):

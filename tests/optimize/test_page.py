@@ -1,6 +1,7 @@
 """The report's page: self-contained, escaped, honest about gaps, and alive in a browser."""
 
 import base64
+import io
 import json
 import re
 import shutil
@@ -13,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
+from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
@@ -41,6 +43,8 @@ from optimize.objectives import OBJECTIVES
 from optimize.page import data as page_data
 from optimize.page import tables
 from optimize.page.document import write_page
+from optimize.report import print_answer
+from optimize.result_file import content
 from tests.optimize.by_hand import orbit_by_hand, solution_by_hand
 
 SPEEDS, CLEARANCES = [25.0, 30.0, 35.0], [3e-5, 6e-5]
@@ -247,6 +251,53 @@ def test_page_shows_what_it_knows_and_what_it_does_not(page):
     found = text.split("<h2>The answer</h2>")[1]
     order = [found.index(part) for part in ("Not confirmed", "<img", "<table")]
     assert order == sorted(order)
+
+
+def test_capacity_in_tonnes_stands_beside_that_in_cubic_metres(tmp_path):
+    """9.41 m3/h of 1.6 t/m3 are 15.06 t/h, on the page, on the screen and in result.json."""
+    found = replace(hand_made_answer(), bulk_density=1600.0)
+    text = write_page(tmp_path, found, None, None, ()).read_text()
+    assert 'data-label="capacity, t/h" class="number">15.06</td>' in text
+    console = Console(record=True, file=io.StringIO(), width=120)
+    print_answer(console, found)
+    assert re.search(r"capacity, t/h +15\.06 +9\.65 *\n", console.export_text())
+    tonnes = {"optimum": pytest.approx(15.056), "paper's choice": pytest.approx(9.648)}
+    assert content(found)["throughput"] == tonnes
+    plain = replace(found, bulk_density=None)
+    assert "t/h" not in write_page(tmp_path, plain, None, None, ()).read_text()
+    assert content(plain)["throughput"] == {}
+
+
+def test_the_two_bearings_are_drawn_once(tmp_path, monkeypatch):
+    """Below the answer's table: O and C where the machine has them, with the frame's forces."""
+    drawn, write = [], figures.write_figure
+
+    def kept(path, fig):
+        (ax,) = fig.axes
+        drawn.append({text.get_text(): text for text in ax.texts})
+        write(path, fig)
+
+    monkeypatch.setattr(figures, "write_figure", kept)
+    found = hand_made_answer()
+    # A load across the jaw presses on both, so that both forces are long enough for a name.
+    case: Any = SimpleNamespace(design=SimpleNamespace(fixed={"load_law": "normal_to_jaw"}))
+    figures.draw_bearings(tmp_path, case, found.optimum)
+    (names,) = drawn
+    bearing = jc.build_scene({}).machine.bearing
+    np.testing.assert_allclose(names["O"].xy, [float(bearing.x), float(bearing.y)], rtol=1e-12)
+    np.testing.assert_array_equal(names["C"].xy, [0.0, 0.0])
+    assert names["$R_O$"].get_visible() and names["$R_C$"].get_visible()
+    text = write_page(tmp_path, found, None, None, ["bearings.png"]).read_text()
+    assert text.count("<img") == 1 and "The two bearings of |R_O| + |R_C|" in text
+    after = text.split("<h2>The answer</h2>")[1]
+    # What comes before it is one sheet of A4.
+    assert after.index("What the search leaves out") < after.index("<img") < after.index("<section")
+
+
+def test_an_objective_of_orbits_only_has_no_value_in_runs():
+    """The RMS expected under a rough feed is no time average."""
+    runs = replace(hand_made_runs(1.0), objective_mean=np.nan, objective_half_width=np.nan)
+    assert formatting.interval(runs) == "no value"
 
 
 def cells(text: str, row: str) -> list[str]:

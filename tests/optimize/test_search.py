@@ -79,7 +79,7 @@ def test_result_holds_the_evidence(finished):
     assert result["box"]["bounds"]["speed"] == [25.0, 40.0]
     assert all({"name", "passed", "detail"} == check.keys() for check in result["checks"])
     assert all(check["passed"] for check in result["checks"]), result["checks"]
-    assert [*result] == [field.name for field in fields(returned)]
+    assert [*result] == [*(field.name for field in fields(returned)), "throughput"]
     assert {"orbits", "landscape", "refinement", "confirmation"} <= result["seconds"].keys()
     page = (folder / "report.html").read_text()
     assert "Run it at 25 rad/s (239 rpm)" in page
@@ -177,12 +177,26 @@ def test_runs_speak_for_points_without_a_stable_orbit(finished):
     assert said.open_points == 0 and "Nothing is said" not in said.statement
     assert "At 1 of 28 points no stable orbit" in said.statement
     assert "4e+03 N above the optimum" in said.statement and said.by_runs == (point,)
+    # Runs that scatter tell nothing, and say so.
+    low = optimality_bound(case, mapped, best, (replace(point, least=best.objective - 4000),))
+    assert "4e+03 N below the optimum: they scatter too much" in low.statement
+    assert not re.search(r"[ (]-\d", low.statement)
     # The runs of the paper's corner: the quiet motion there has 22 221 N, and the means of three
     # runs over so few turns scatter by a kilonewton, which a Student factor of 4 goes with.
     units, window = np.array([[1.0, 1.0]] * 28), Window(10, 20, 1e-6)
     (run,) = open_points.run_open_points(case, units, mapped, 3, window, 0)
     assert 1.5e4 < run.least < 2.3e4 and run.values["speed"] == 40.0
     assert run.motion.startswith("The orbit of one turn is unstable")
+
+
+def test_two_runs_that_scatter_bound_no_force_below_zero():
+    """Student's quantile of one degree of freedom is 12.706: 2e4 less 6353 N, and less 2.5e5 N."""
+    quiet, wide = [2e4 + 500, 2e4 - 500], [4e4, 0.0]
+    assert open_points._least(np.array([quiet, quiet]), 0.0) == pytest.approx(2e4 - 6353, abs=1)
+    assert open_points._least(np.array([quiet, wide]), 0.0) == 0.0
+    assert open_points._least(np.array([quiet, wide]), -np.inf) < -2e5
+    for rows in ([quiet, [np.nan, 1.0]], [[np.nan, 1.0], quiet]):
+        assert np.isnan(open_points._least(np.array(rows), 0.0))
 
 
 def test_landscape_is_labelled(finished):
@@ -648,6 +662,7 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"design": (("speed", "30", "25 rad/s"),)}, "speed"),
         ({"runs": 1}, "runs"),
         ({"design": (("sped", "30", "25 rad/s"),)}, "sped"),
+        ({"design": (("chamber.discharge", "30", "40 mm"),)}, "design"),
         ({"objective": "beauty"}, "objective"),
         ({"objective": "expected_rms"}, "objective"),
         ({"overrides": (("load_scatter", "0.1"),)}, "load_scatter"),
@@ -661,7 +676,7 @@ def test_bad_options(change, name, tmp_path, monkeypatch):
     monkeypatch.setattr(stages, "Work", begun)
     with pytest.raises(ValueError, match=f"^Argument `{name}` must") as error:
         run(Options(out=tmp_path, **change), Console(quiet=True))
-    assert "\n" not in str(error.value)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 300
 
 
 def test_a_scene_file_that_makes_no_crusher(tmp_path):

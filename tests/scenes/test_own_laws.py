@@ -9,7 +9,6 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import NUMBERS
 from jaxcrusher.scenes.scene_file import read_overrides, read_scene_file
 
 SOURCE = '''
@@ -105,16 +104,13 @@ SCENE = """
 
 @pytest.fixture
 def laws(tmp_path):
-    """A module of this test alone, beside a scene file; numbers that it adds are taken away."""
-    name, known, tables = f"laws_{tmp_path.name}", list(sys.path), dict(NUMBERS)
+    """A module of this test alone, beside a scene file."""
+    name, known = f"laws_{tmp_path.name}", list(sys.path)
     (tmp_path / f"{name}.py").write_text(SOURCE)
     (tmp_path / "scene.toml").write_text(textwrap.dedent(SCENE.format(name)))
     yield name
     sys.path[:] = known
     sys.modules.pop(name, None)
-    for table in (NUMBERS, jc.PARAMETERS):
-        for added in table.keys() - tables.keys():
-            del table[added]
 
 
 def test_a_scene_file_names_laws_and_their_numbers(laws, tmp_path):
@@ -218,8 +214,17 @@ def test_a_curve_is_kept_by_its_content(tmp_path):
 
 def test_what_is_refused(laws, tmp_path):
     jc.build_scene(read_scene_file(tmp_path / "scene.toml"))
+    (tmp_path / f"{laws}_unfinished.py").write_text("class Law(\n")
     for values, words in (
         ({"contact_law": "no_such_module:Law"}, "`contact_law` must name a module"),
+        # Modules that Python cannot import, or that stop while it does.
+        ({"contact_law": ":Law"}, "`contact_law` must name a module, but :Law: ValueError: Empty"),
+        ({"contact_law": "..laws:Law"}, "`contact_law` must name a module, but ..laws:Law: Type"),
+        ({"contact_law": f"{laws}_unfinished:Law"}, "must name a module, but .*: SyntaxError: "),
+        (
+            {"contact_law": "jaxcrusher.joint.normal:AbstractNormalForce"},
+            "a class of AbstractNormalForce or AbstractBearing as module:Class",
+        ),
         (
             {"contact_law": f"{laws}:Nothing"},
             "a class of AbstractNormalForce or AbstractBearing as module:Class",

@@ -15,7 +15,13 @@ from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.machine import with_counterweight
 from jaxcrusher.crusher.snapshot import shaft_inertia
 from jaxcrusher.scenes.build import build_machine
-from jaxcrusher.scenes.parameters import CHOICES, WORN_JOINTS, check_description, openers
+from jaxcrusher.scenes.parameters import (
+    CHOICES,
+    WORN_JOINTS,
+    check_description,
+    openers,
+    within_limits,
+)
 
 # Of angle (rad) and force (N).
 CURVE = np.array([[0.0, 1e3], [2.0, 9e3], [4.0, 4e3], [5.0, 2e3]])
@@ -112,6 +118,20 @@ def test_counterweight_is_a_point_mass():
 def test_bad_descriptions(values, words):
     with pytest.raises(ValueError, match=re.escape(words)):
         check_description(values)
+
+
+def test_a_traced_number_is_nan_outside_its_limits_alone():
+    """Those of a coefficient with both ends, and of a mass that must be > 0."""
+    friction, mass = [-1e-12, 0.0, 0.1, 10.0, 10.1], [-1.0, 0.0, 1e-300, 1e300, np.inf]
+
+    @jax.jit
+    def known(friction, mass):
+        return within_limits({"friction": friction, "jaw.mass": mass, "speed": 30.0})
+
+    found = jax.vmap(known)(jnp.array(friction), jnp.array(mass))
+    np.testing.assert_array_equal(found["friction"], [np.nan, 0.0, 0.1, 10.0, np.nan])
+    np.testing.assert_array_equal(found["jaw.mass"], [np.nan, np.nan, 1e-300, 1e300, np.nan])
+    assert (np.asarray(found["speed"]) == 30.0).all()
 
 
 def test_friction_of_zero_is_left_out_unless_traced():

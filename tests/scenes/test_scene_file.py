@@ -166,7 +166,7 @@ def test_values_out_of_range_are_refused_one_by_one():
             "`clearance` must be given once, but is given twice.",
         ),
         # Only a speed is a number of turns.
-        ('gravity = "5 1/min"', "`gravity` must have a unit of the kind m/s2"),
+        ('gravity = "5 1/min"', "`gravity` must have a unit of the kind m/s2, but has '1/min'."),
         ("clearance = 0,06", "is not TOML: line 1 has a decimal comma: write 0.06."),
         ('clearance = "0,06 mm"', "'0,06 mm' has a decimal comma: write '0.06 mm'"),
         (
@@ -186,6 +186,8 @@ def test_values_out_of_range_are_refused_one_by_one():
         ('speed = "-3 rpm"', "`speed` must be finite and > 0 rad/s, but is -0.3"),
         ("friction = nan", "`friction` must lie in"),
         ("friction = 1" + 400 * "0", "`friction` must lie in"),
+        ("speed = 1" + 400 * "0", '`speed` must have a unit, as in "286 rpm", but is inf'),
+        ('speed = "1e9999999999999999999 rpm"', "rpm' has an exponent of too many digits"),
         ('[counterweight]\nmass = "-5 kg"', "`counterweight.mass` must lie in [0, 100000] kg"),
         ('start = "middle"', "`start` must be one of 'centred', 'contact', but is 'middle'"),
         ("start = 3", "`start` must be one of"),

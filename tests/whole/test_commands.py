@@ -1,9 +1,11 @@
 """The commands of `python -m jaxcrusher`: what they write, keep, print and refuse."""
 
 import contextlib
+import importlib.util
 import io
 import json
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -13,6 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.io import loadmat
 
 import jaxcrusher as jc
 from jaxcrusher import __main__
@@ -140,6 +143,7 @@ SWEEP = (
     1e-5,
     "--netcdf",
     "--csv",
+    "--mat",
     "--set",
     "start",
     "contact",
@@ -186,6 +190,8 @@ def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypa
     table = np.genfromtxt(tmp_path / "sweep" / "sweep.csv", delimiter=",", names=True)
     np.testing.assert_array_equal(table["foundation_rms_N"], grid.foundation_rms.values.ravel())
     assert len(set(zip(table["clearance_m"], table["speed_rads"], strict=True))) == 4
+    read = loadmat(tmp_path / "sweep" / "sweep.mat", simplify_cells=True)
+    np.testing.assert_array_equal(read["foundation_rms"], grid.foundation_rms.values)
     assert (tmp_path / "sweep" / "sweep.png").stat().st_size > 10_000
     least = grid.foundation_rms.to_numpy().min()
     fared = "4 designs: 0 failed, 0 whirl, 0 more outside the contact model"
@@ -290,6 +296,8 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
     path = tmp_path / "gradient" / "gradient.json"
     path.write_text(path.read_text().replace('"environment": "', '"environment": "other '))
     assert run(*line) == (status, text) and len(count) == 3
+    path.unlink()
+    assert run(*line) == (status, text) and len(count) == 4
     # A value of 0 is as good as another.
     numbers = {"jaw.mass": 500.0, "counterweight.mass": 0.0}
     assert asked == {**numbers, "metric": "contact_fraction", "turns": 7}
@@ -318,7 +326,12 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         ("simulate --turns -1", "`turns` must be finite and > 0"),
         ("simulate --turns 2 --settle 5", "`settle` must be under the time span, 2 turns"),
         ("simulate --samples 1", "`samples` must be a whole number >= 2"),
+        ("simulate --rtol 2", "`rtol` must be one number < 1"),
+        ("regimes --rtol 2", "`rtol` must be one number < 1"),
+        ("gradient --rtol 2", "`rtol` must be one number < 1"),
+        ("orbit --period 0", "`period` must be a whole number >= 1"),
         ("sweep", "`over` must be given at least once"),
+        ("sweep --over --over speed 25 40rad/s 2", "`over` must be NAME LOW HIGH COUNT, or"),
         ("sweep --over speed 25 40", "`over` must be speed LOW HIGH COUNT, but is speed 25 40"),
         ("sweep --over speed 40 25rad/s 4", "`over` must have LOW < HIGH for speed"),
         ("sweep --over speed 25 40rad/s 1", "`over` must have a whole COUNT >= 2 for speed"),
@@ -407,15 +420,68 @@ def test_folder_that_cannot_be_written(tmp_path):
         run("simulate", "--out", tmp_path / "file")
 
 
-def test_documented_commands_are_understood():
-    """Each command line of the documentation and of the examples' first lines."""
+def commands_shown() -> dict[str, list[tuple[str, str]]]:
+    """Page -> the modules and options that its blocks, its sentences or its comments show."""
     root = Path(__file__).parents[2]
-    texts = [root / "docs" / "command_line.md", *(root / "examples").glob("*.toml")]
-    command = re.compile(r"python -m jaxcrusher (\w+ --?.*|gradient .*)")
-    lines = [line for text in texts for line in command.findall(text.read_text())]
-    assert len(lines) == 8
-    for line in lines:
-        parse(__main__.run, shlex.split(line))
+    pages = [root / "README.md", root / "CONTRIBUTING.md", *sorted((root / "docs").rglob("*.md"))]
+    found: dict[str, list[tuple[str, str]]] = {}
+    for path in (*pages, *sorted((root / "examples").glob("*.toml"))):
+        text = path.read_text()
+        blocks = "".join(re.findall(r"```sh\n(.*?)```", text, re.DOTALL))
+        if path.suffix == ".toml":
+            blocks = re.sub(r"(?m)^#", "", text)
+        prose = re.sub(r"```.*?```", "", text, flags=re.DOTALL)
+        lines = [part for line in blocks.splitlines() for part in line.split("&&")]
+        lines += [" ".join(one.split()) for one in re.findall(r"`(python -m [^`]+)`", prose)]
+        shown = [
+            re.match(r"\s*python -m ((?:jaxcrusher|optimize|benchmarks)[\w.]*)(.*)", one)
+            for one in lines
+        ]
+        if any(shown):
+            found[path.relative_to(root).as_posix()] = [(m[1], m[2]) for m in shown if m]
+    return found
+
+
+SHOWN = commands_shown()
+
+
+def test_commands_are_found_in_blocks_sentences_and_comments():
+    assert sum(map(len, SHOWN.values())) > 50
+    for page, one in (
+        ("README.md", ("optimize.run", " --scene my_crusher.toml --speed 200 350rpm")),
+        ("docs/isolation.md", ("benchmarks.isolation", " --out docs")),
+        ("examples/template.toml", ("jaxcrusher", " simulate --scene my_crusher.toml")),
+    ):
+        assert one in SHOWN[page]
+
+
+@pytest.mark.parametrize("page", SHOWN)
+def test_documented_commands_are_understood(page, monkeypatch):
+    """Each command line that a page shows: its module is begun, and its options are parsed."""
+    mains = []
+    for where in ("jaxcrusher.files.program", "benchmarks.start"):
+        monkeypatch.setattr(f"{where}.program", lambda main, *_, **__: mains.append(main))
+    monkeypatch.delitem(sys.modules, "jaxcrusher.__main__")  # it would be begun twice
+    for module, options in SHOWN[page]:
+        words = [word for word in shlex.split(options, comments=True) if word != "..."]
+        # "simulate|sweep" shows two commands, and "CASE" stands for one of several.
+        alternatives = words[0].split("|") if words and "|" in words[0] else words[:1]
+        words = [word for word in words[1:] if word != "CASE"]
+        runpy.run_module(
+            f"{module}.__main__" if is_package(module) else module, run_name="__main__"
+        )
+        for first in alternatives or [None]:
+            line = [*([first] if first not in (None, "CASE") else []), *words]
+            try:
+                assert callable(parse(mains[-1], line))
+            except SystemExit as stop:  # of --help
+                assert stop.code == 0 and "--help" in line, line
+    assert len(mains) == len(SHOWN[page])
+
+
+def is_package(module: str) -> bool:
+    found = importlib.util.find_spec(module)
+    return found is not None and found.submodule_search_locations is not None
 
 
 @pytest.mark.parametrize("command", ["simulate", "sweep", "regimes", "gradient", "foundation"])

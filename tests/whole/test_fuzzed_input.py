@@ -1,0 +1,220 @@
+"""Scene files and command lines with random slips: one clear line, or a crusher as it is written.
+
+A thousand of each were tried by hand, with `max_examples=1000` and without `derandomize`. A command
+is stopped where it begins to compute, behind all of its checks.
+"""
+
+import contextlib
+import io
+import re
+import shlex
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from jaxcrusher import __main__
+from jaxcrusher.commands.crushers import read_crusher
+from jaxcrusher.commands.options import Crusher
+from jaxcrusher.files.program import parse
+from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS
+from jaxcrusher.scenes.scene_file import key_of
+
+ROOT = Path(__file__).parents[2]
+PAPER, TEMPLATE = (
+    (ROOT / "examples" / f"{name}.toml").read_text() for name in ("pe250x400", "template")
+)
+# With every key of the template but those that shut each other out.
+FULL = re.sub(r"^# (\w+ = )", r"\1", TEMPLATE, flags=re.MULTILINE)
+FULL = re.sub(r"^(load_(point|curve|factor|direction)|joint) = .*\n", "", FULL, flags=re.MULTILINE)
+FULL = FULL.replace('"closing_stroke"', '"chamber"').replace(
+    '\ncontact_law = "lankarani_nikravesh"', '\ncontact_law = "rollers"', 1
+)
+CURVE = 'load_law = "by_angle"\nload_curve = "measured.csv"\nload_factor = 1.1\nspeed = "30 rad/s"'
+SCENES = [re.sub(r" *#.*", "", text) for text in (PAPER, FULL, CURVE)]
+VALUES = (
+    *('"286 rpm"', '"0.06 mm"', '"-5 kg"', '"5 Hz"', '"1e400 m"', '"1e-400 m"', '"nan mm"'),
+    *('"0 m"', '"3 m^-2"', '"1 m^99"', '"7 dB"', '"1e99999999999999999999 kg"', '"1/0 m"', '""'),
+    *("0", "-1", "1e400", "nan", "inf", "-0.0", "true", "[]", "{}", "1979-05-27", "9" * 400),
+    *('"chamber"', '"by_angle"', '"rollers"', '"ideal"', '"contact"', '"no:Law"', '":"', '"..x:y"'),
+    *('"json:JSONDecoder"', '"\\u0000"', '"a\\nb"', '"\\U0001F600 kg"', '"10 °C"', "'''"),
+)  # fmt: skip
+NAMES = (*NUMBERS, *CHOICES, *FILES, "diametral_clearance", "jaw", "speed.x", '"jaw.mass"', "sped")
+SIGNS = st.sampled_from("\"=[]{}#.,-+\n\r\t\0\\ '0123456789eEmkg/^*°µ·²\u201c\u00a0\ud800\x1b")
+# What the message may be about; a bare word of Python's or of a library's is not clear.
+CLEAR = re.compile(r"must|cannot be read|is not TOML|There is no|What is meant|tells all|needs")
+# Independent of pint: the units of the examples.
+SIZES = {
+    **{"m": 1.0, "mm": 1e-3, "kg": 1.0, "t": 1e3, "kg m2": 1.0, "N": 1.0, "kN": 1e3, "rad": 1.0},
+    **{"rpm": np.pi / 30, "deg": np.pi / 180, "rad/s": 1.0, "GPa": 1e9, "MPa": 1e6, "m/s": 1.0},
+    **{"m/s2": 1.0, "kN/m": 1e3, "MN/m": 1e6, "kN s/m": 1e3},
+}  # fmt: skip
+WORDS = (
+    *("--set", "--scene", "--over", "--turns", "--settle", "--chunk", "--rtol", "--by", "--name"),
+    *("--period", "--orders", "--points", "--speeds", "--samples", "--seconds", "--pairs"),
+    *("--seed", "--radius", "--design", "--csv", "--scheduler", "--sed", "--", "-", "", "--set=x"),
+    *("speed", "clearance", "jaw.mass", "start", "contact", "foundation_rms", "any", "friction"),
+    *("25", "40rad/s", "286 rpm", "0.1", "1e400", "nan", "inf", "-inf", "-1", "0", "1.5", "2", "7"),
+    *("None", "True", "..", "a/b", "x\ny", "0x10", "1_000", "٣", "speed=3 rad/s", "=", "é"),
+    *("jaw.length", "3 m", "load_law", "chamber", "none", "joint", "ideal", "rollers", "by_angle"),
+    *("contact_law", "load_curve", "foundation.mass", "6 t", "rod.preload", "10 kN", "tcp://x"),
+)  # fmt: skip
+LINES = (
+    "simulate --turns 2 --settle 1 --set start contact --set speed '300 rpm'",
+    "sweep --over speed 25 40rad/s 3 --over clearance 0.03 '0.12 mm' 2 --settle 1 --turns 2",
+    "sweep --over start centred contact --chunk 2 --rtol 1e-8 --set friction 0.05",
+    "regimes --design 'speed=25 rad/s, clearance=0.03 mm' --settle 20 --turns 100",
+    "gradient foundation_rms --by speed jaw.mass --pairs 4 --seed 1 --radius 0.01",
+    "orbit --period 1 --set speed 27rad/s",
+    "foundation --orders 4 --speeds 100 400rpm --points 9 --set foundation.mass '6 t'",
+)
+# What computes, behind every check of a command: there a fuzzed command is stopped.
+WORK = (
+    ("jaxcrusher.motion.simulation", "_simulate"),
+    ("jaxcrusher.motion.section", "_section"),
+    ("jaxcrusher.batch.ensemble.Ensemble", "compute"),
+    ("jaxcrusher.dynamics.slopes", "orbit_slopes"),
+    ("jaxcrusher.orbits.periodic_orbit", "searched"),
+    ("jaxcrusher.orbits.periodic_orbit", "kinematic"),
+)
+CHEAP = settings(
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=[*HealthCheck],
+)
+
+
+class Reached(BaseException):
+    """A command has begun to compute."""
+
+
+@st.composite
+def slips(draw, texts=SCENES) -> str:
+    """A text with one to three slips of the keyboard, of numbers, of names or of lines."""
+    lines = draw(st.sampled_from(texts)).split("\n")
+    for _ in range(draw(st.integers(1, 3))):
+        kind = draw(st.integers(0, 7))
+        full = [i for i, line in enumerate(lines) if "=" in line and not line.startswith("#")]
+        i = (
+            draw(st.sampled_from(full))
+            if full and kind < 4
+            else draw(st.integers(0, len(lines) - 1))
+        )
+        name, equals, value = lines[i].partition("=")
+        if kind == 0:
+            lines[i] = f"{name}= {draw(st.sampled_from(VALUES))}"
+        elif kind == 1:
+            lines[i] = f"{draw(st.sampled_from(NAMES))} ={value}"
+        elif kind == 2:
+            number = draw(st.floats() | st.integers(-10, 10**6))
+            lines[i] = (
+                name + equals + re.sub(r"-?\d[\d.]*", lambda _, n=number: repr(n), value, count=1)
+            )
+        elif kind == 3:
+            unit = draw(st.sampled_from([*SIZES, "", "Hz", "in", "lbf", "1/min", "degC", "m**-1"]))
+            lines[i] = name + equals + re.sub(r'\d[^"#]*"', lambda _, u=unit: f'3 {u}"', value)
+        elif kind == 4:
+            del lines[i]
+            lines = lines or [""]
+        elif kind == 5:
+            lines.insert(i, draw(st.sampled_from(lines)))
+        elif kind == 6:
+            at = draw(st.integers(0, len(lines[i])))
+            lines[i] = lines[i][:at] + draw(SIGNS) + lines[i][at + draw(st.integers(0, 2)) :]
+        else:
+            lines[i] = f"{draw(st.sampled_from(NAMES))} = {draw(st.sampled_from(VALUES))}"
+    return "\n".join(lines)
+
+
+@st.composite
+def command_lines(draw) -> list[str]:
+    """The words of a command line, of which one to three are changed, doubled, lost or put in."""
+    words = shlex.split(draw(st.sampled_from(LINES)))
+    for _ in range(draw(st.integers(1, 3))):
+        at, word = draw(st.integers(0, len(words))), draw(st.sampled_from(WORDS))
+        cut = draw(st.integers(0, 1)) if at < len(words) else 0
+        new = draw(st.sampled_from([[word], [], words[at : at + 1] * 2]))
+        words[at : at + cut] = new
+    return words
+
+
+def one_clear_line(error: BaseException) -> None:
+    """Whether a program tells an error in one line that says what must be."""
+    line = " ".join(str(error).split())  # as `jaxcrusher.files.messages.tell` prints it
+    assert type(error) in (ValueError,), repr(error)
+    assert CLEAR.search(line) and "Traceback" not in line, line
+    assert not re.search(r"\x1b|\0", line), repr(line)
+
+
+def as_written(text: str, values: dict) -> None:
+    """What a file says by a reading of its own, beside what was made of it."""
+
+    def leaves(table: dict, prefix: str = ""):
+        for name, value in table.items():
+            if isinstance(value, dict):
+                yield from leaves(value, f"{prefix}{name}.")
+            else:
+                yield prefix + name, value
+
+    for name, value in leaves(tomllib.loads(text.removeprefix("\ufeff").replace("\r\n", "\n"))):
+        key, factor = key_of(name), 1.0 if key_of(name) == name else 0.5
+        if key not in NUMBERS:
+            assert values[key] == value or key in FILES, name
+            continue
+        number, unit = value, ""
+        if isinstance(value, str):
+            digits, unit = re.fullmatch(r"\s*([-+.\deE]+)\s*(.*?)\s*", value).groups()
+            number = float(digits)
+        size = 0.01 if unit == "%" else SIZES.get(unit, 1.0 if unit == "" else None)
+        if size is not None:  # another unit of pint's, such as inches
+            assert values[key] == pytest.approx(factor * number * size, rel=1e-14), name
+        low, high = NUMBERS[key].limits or (0.0, np.inf)
+        assert np.isfinite(values[key]) and low <= values[key] <= high, name
+
+
+@CHEAP
+@given(text=slips())
+def test_scene_files_with_slips(text, tmp_path, capsys):
+    file = tmp_path / "mine.toml"
+    file.write_bytes(text.encode("utf-8", "surrogatepass"))
+    (tmp_path / "measured.csv").write_text("angle_deg, force_kN\n0, 2\n90, 8\n180, 3\n")
+    try:
+        values, _ = read_crusher(Crusher(scene=file))
+    except BaseException as error:  # of every kind: a traceback is what is looked for
+        one_clear_line(error)
+    else:
+        as_written(text, values)
+    assert "\x1b" not in capsys.readouterr().err
+
+
+@CHEAP
+@given(words=command_lines())
+def test_command_lines_with_slips(words, tmp_path_factory):
+    def reached(*_, **__):
+        raise Reached
+
+    folder, said = tmp_path_factory.mktemp("run"), io.StringIO()
+    with contextlib.ExitStack() as stack:
+        patch = stack.enter_context(pytest.MonkeyPatch.context())
+        for place, name in WORK:
+            patch.setattr(f"{place}.{name}", reached)
+        patch.chdir(folder)
+        stack.enter_context(contextlib.redirect_stdout(said))
+        stack.enter_context(contextlib.redirect_stderr(said))
+        try:
+            parse(__main__.run, words)()
+        except Reached:
+            pass
+        except SystemExit as stop:
+            assert stop.code == 0 and {"--help", "-h"} & {*words}
+        except BaseException as error:
+            one_clear_line(error)
+            # Nothing of an earlier run is moved for a command that is refused.
+            assert words[0] == "sweep" or not any(folder.iterdir())
+        else:
+            raise AssertionError("It came to its end and computed nothing.")
