@@ -21,11 +21,14 @@ def main(
         module: The module of the generator.
         function: Its name.
         arguments: Its arguments.
-        bare: Leave out `jaxcrusher.set_up`; floats have 64 bits anyway.
+        bare: Leave XLA's flags as they are, on loops and by `set_up`; floats have 64 bits anyway.
     """
     import importlib
     import json
+    import os
 
+    if bare:
+        del os.environ["XLA_FLAGS"]
     import jax
 
     from jaxcrusher.basics.setup import set_up

@@ -18,24 +18,26 @@ from pathlib import Path
 import platformdirs
 
 from jaxcrusher.basics.devices import computes_on, device_is_named, prefer_processor, setting
+from jaxcrusher.basics.loop_kernels import (
+    OPTION,
+    SLOWER,
+    ask_for_loop_kernels,
+    asked_for,
+    jax_has_started,
+)
 from jaxcrusher.version import __version__
 
-# XLA compiles a whole loop to one kernel where the loop is smaller than this. Internal to XLA:
-# loops of this package take `SLOWER` times as long without it, and work.
-_LOOP_FLAG = "xla_cpu_small_while_loop_byte_threshold"
-# What XLA fuses it can write in two ways. The newer one took a fifth longer to compile an orbit or
-# a gradient, and its programs ran no faster. Versions that do not know the option ignore it.
+# What XLA fuses it can write in two ways. The newer one took a quarter longer to compile an orbit
+# or a gradient, and its programs ran no faster. Versions that do not know the option ignore it.
 _FUSION_FLAG = "xla_cpu_disable_new_fusion_emitters"
 _DEVICE_FLAG = "xla_force_host_platform_device_count"
 _OBJECTS = 50_000
-# Measured on two cores: orbits 8 to 13, simulations 8 to 28, statistics 9 to 31, sections 8 to 11.
-SLOWER = "8 to 30"
-# Whether the user was told of `set_up`, or called it: then there is nothing more to say.
-_told = False
+# What the user was told of already, or need not be: "loops" and "cores".
+_told: set[str] = set()
 
 
 def set_up() -> None:
-    """Set JAX up: 64-bit floats, all cores, fast loops, and programs that are compiled once.
+    """Set JAX up: 64-bit floats, all cores, and programs that are compiled once.
 
     Call it before the first computation, best right after `import jaxcrusher`; a second call does
     nothing. Later it can only warn (UserWarning) and say how Python should have been started.
@@ -43,8 +45,8 @@ def set_up() -> None:
     - JAX computes in 64-bit floats.
     - JAX computes on the processor, also where it sees a GPU, unless you name a device: by
       `JAX_PLATFORMS`, or by JAX's settings `jax_platforms` and `jax_default_device`.
-    - Each core is a device of JAX, and XLA compiles a loop to one kernel, by the emitters that
-      compile fastest. What `XLA_FLAGS` holds of this already stays as it is.
+    - Each core is a device of JAX, and XLA takes the emitters that compile fastest. What
+      `XLA_FLAGS` holds of this already stays as it is.
     - SciPy's OpenBLAS, in which JAX solves linear systems, takes one thread unless
       `OPENBLAS_NUM_THREADS` says otherwise: its threads wait for each other where every core has
       work, and a system of 200 unknowns then takes 100 ms in place of half of one. The first
@@ -58,8 +60,6 @@ def set_up() -> None:
     - Python looks for garbage after 50 000 new objects, if it did so more often: most of what
       tracing makes is kept, and to look through it took an eighth of a program's time.
     """
-    global _told
-    _told = True
     if 0 < gc.get_threshold()[0] < _OBJECTS:
         gc.set_threshold(_OBJECTS)
     if "equinox" not in sys.modules:
@@ -73,22 +73,25 @@ def set_up() -> None:
     jax.config.update("jax_enable_x64", True)
     prefer_processor()
     _keep_programs()
+    ask_for_loop_kernels()
+    _told.add("cores")
     given = os.environ.get("XLA_FLAGS", "")
-    # XLA adds up the extra options of several flags.
-    options = f"{_LOOP_FLAG}=1000000000,{_FUSION_FLAG}"
-    loop = "" if _LOOP_FLAG in given else f" --xla_backend_extra_options={options}"
+    faster = "" if _FUSION_FLAG in given else f" --xla_backend_extra_options={_FUSION_FLAG}"
     count = None if _DEVICE_FLAG in given or setting("jax_num_cpu_devices") > 0 else cores()
-    if not loop and count is None:
+    if not faster and count is None:
         return
-    if _started():
+    if jax_has_started():
+        loops = "" if asked_for() else f" {OPTION}"
         devices = "" if count is None else f" --{_DEVICE_FLAG}={count}"
+        flags = (given + loops + faster + devices).strip()
+        _told.add("loops")
         warnings.warn(
             "set_up() came after JAX had started and has no effect on cores and loops. Call it "
-            f"earlier, or start Python with XLA_FLAGS='{(given + loop + devices).strip()}'.",
+            f"earlier, or start Python with XLA_FLAGS='{flags}'.",
             stacklevel=2,
         )
         return
-    os.environ["XLA_FLAGS"] = (given + loop).strip()
+    os.environ["XLA_FLAGS"] = (given + faster).strip()
     if count is not None:
         jax.config.update("jax_num_cpu_devices", count)
 
@@ -114,33 +117,41 @@ def _one_thread() -> None:
 
 
 def require_set_up() -> None:
-    """Check that JAX computes in 64-bit floats; remind of `set_up` at the first computation."""
+    """Check that JAX computes in 64-bit floats; warn, once in a process, of slow loops.
+
+    Loops are slow where the package was imported after JAX had started. Nothing is said to a user
+    who named a device that is not the processor.
+    """
     from jaxcrusher.basics.checks import require_x64
 
     require_x64()
     _one_thread()
-    remind_of_set_up()
-
-
-def remind_of_set_up() -> None:
-    """Warn, once in a process, that nobody called `set_up` and that programs are slow without.
-
-    Nothing is said where `XLA_FLAGS` holds the flag already, nor to a user who named a device
-    that is not the processor.
-    """
-    global _told
-    if _told:
+    if asked_for() or (device_is_named() and computes_on() != "cpu"):
         return
-    _told = True
-    if _LOOP_FLAG in os.environ.get("XLA_FLAGS", ""):
-        return
-    if device_is_named() and computes_on() != "cpu":
-        return
-    warnings.warn(
-        f"Orbits, simulations and statistics take {SLOWER} times as long as after "
-        "jaxcrusher.set_up(), which must be called before the first computation of the process.",
-        stacklevel=_level_of_the_user(),
+    _warn_once(
+        "loops",
+        "JAX had started before jaxcrusher was imported, so orbits and simulations take "
+        f"{SLOWER} times as long. Import it before the first computation of the process.",
     )
+
+
+def remind_of_idle_cores() -> None:
+    """Warn, once in a process, where JAX computes on one core of the processor alone."""
+    if _DEVICE_FLAG in os.environ.get("XLA_FLAGS", "") or setting("jax_num_cpu_devices") > 0:
+        return
+    if computes_on() != "cpu" or cores() == 1:
+        return
+    _warn_once(
+        "cores",
+        f"Only one of {cores()} cores computes: jaxcrusher.set_up() was not called before the "
+        "first computation of the process.",
+    )
+
+
+def _warn_once(of: str, text: str) -> None:
+    if of not in _told:
+        _told.add(of)
+        warnings.warn(text, stacklevel=_level_of_the_user())
 
 
 def _level_of_the_user() -> int:
@@ -154,19 +165,6 @@ def _level_of_the_user() -> int:
 def cores() -> int:
     """The cores this process may use; not every system tells."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _started() -> bool:
-    """Whether JAX's backend has started: from then on it refuses to change this setting."""
-    import jax
-
-    before = setting("jax_num_cpu_devices")
-    try:
-        jax.config.update("jax_num_cpu_devices", before + 1)
-    except RuntimeError:
-        return True
-    jax.config.update("jax_num_cpu_devices", before)
-    return False
 
 
 def _keep_programs() -> None:

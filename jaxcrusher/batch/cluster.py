@@ -2,7 +2,8 @@
 
 The workers get an ensemble and a number, and send back its columns, some 100 kB a chunk. They need
 no shared file system and no lock, and a worker that dies holds nothing but its chunk in progress,
-which Dask gives to another one.
+which Dask gives to another one. A worker may be new at any chunk. So it gets the ensemble as bytes,
+and opens them when it is set up: they import Equinox, which reads its settings then.
 """
 
 from collections.abc import Generator
@@ -45,8 +46,9 @@ def compute_on(
     `program` is the environment that each worker must have.
     """
     from distributed import as_completed
+    from distributed.protocol.pickle import dumps
 
-    todo = iter(numbers)
+    todo, packed = iter(numbers), dumps(ensemble)
     pending = {}
     finished = as_completed(loop=client.loop)
 
@@ -55,7 +57,7 @@ def compute_on(
         threads: dict[str, int] = client.nthreads()  # pyright: ignore
         wanted = max(1, 2 * sum(threads.values()))
         for number in todo:
-            future = client.submit(_work, ensemble, number, program, pure=False)
+            future = client.submit(_work, packed, number, program, pure=False)
             pending[future] = number
             finished.add(future)
             if len(pending) >= wanted:
@@ -76,8 +78,10 @@ def compute_on(
         client.cancel(list(pending))
 
 
-def _work(ensemble: "Ensemble", number: int, program: dict[str, Any]) -> "Result":
+def _work(packed: bytes, number: int, program: dict[str, Any]) -> "Result":
     here = worker_environment()
     if here != program:
         raise RuntimeError(f"this worker has {here}, the store is made with {program}")
-    return ensemble.compute(number)
+    from distributed.protocol.pickle import loads
+
+    return loads(packed).compute(number)

@@ -3,7 +3,7 @@
 Integrations are compiled to loops over lanes of designs (see `lanes.program`), on a CPU or, of many
 designs, on a GPU of NVIDIA's. What lanes cannot do, each core does for one design after the other:
 a batch under `jax.vmap` costs its slowest lane, and XLA compiles a sequential loop to one kernel if
-it is asked to (see `jaxcrusher.set_up`). Where the user lets JAX compute on a GPU or TPU, what
+it is asked to (see `basics.loop_kernels`). Where the user lets JAX compute on a GPU or TPU, what
 lanes cannot do runs side by side under `jax.vmap`.
 """
 
@@ -24,7 +24,7 @@ from jaxtyping import PyTree
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.basics.devices import computes_on, devices, finds_card
-from jaxcrusher.basics.setup import remind_of_set_up
+from jaxcrusher.basics.setup import remind_of_idle_cores
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.lanes.card import GPU
@@ -283,7 +283,7 @@ def side_by_side(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
 
 def in_turn(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
     """Compute one scene after the other on every device; their number divides the scenes'."""
-    remind_of_set_up()
+    remind_of_idle_cores()
     return _in_turn(function, scenes)
 
 

@@ -11,12 +11,9 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics import devices, setup
-from jaxcrusher.batch import engines
 
-LOOP = (
-    "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=1000000000"
-    ",xla_cpu_disable_new_fusion_emitters"
-)
+LOOP = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=262144"
+FUSION = "--xla_backend_extra_options=xla_cpu_disable_new_fusion_emitters"
 OURS = ("XLA_FLAGS", "EQX_ON_ERROR", "JAX_COMPILATION_CACHE_DIR", "JAX_ENABLE_X64")
 OURS += ("JAX_PLATFORMS", "JAX_PLATFORM_NAME", "JAX_DEFAULT_DEVICE")
 
@@ -88,7 +85,9 @@ def test_a_checkout_need_not_be_installed():
 def test_flags_of_the_user_stay():
     mine = "--xla_backend_extra_options=a=1 --xla_force_host_platform_device_count=3"
     program = "import jaxcrusher as jc; jc.set_up(); import os; print(os.environ['XLA_FLAGS'])"
-    assert python(program, XLA_FLAGS=mine).stdout.strip() == f"{mine} {LOOP}"
+    assert python(program, XLA_FLAGS=mine).stdout.strip() == f"{mine} {LOOP} {FUSION}"
+    other = mine.replace("a=1", "xla_cpu_small_while_loop_byte_threshold=7")
+    assert python(program, XLA_FLAGS=other).stdout.strip() == f"{other} {FUSION}"
 
 
 def test_garbage_is_looked_for_less_often_and_where_the_user_says_so():
@@ -107,35 +106,56 @@ def test_late_call_says_what_to_do():
     program = "import jax; jax.numpy.ones(1); import jaxcrusher as jc; jc.set_up(); jc.set_up()"
     said = python(program).stderr
     cores = len(os.sched_getaffinity(0))
-    flags = f"{LOOP} --xla_force_host_platform_device_count={cores}"
+    flags = f"{LOOP} {FUSION} --xla_force_host_platform_device_count={cores}"
     assert f"start Python with XLA_FLAGS='{flags}'" in said
+
+
+# A loop that moves some 2 kB a turn, as XLA has compiled it.
+COMPILED = """
+import jax, jax.numpy as jnp
+IMPORT
+loop = jax.jit(lambda x: jax.lax.fori_loop(0, 200, lambda _, x: jnp.sin(x) + x[::-1], x))
+print("small_call" in loop.lower(jnp.ones(128)).compile().as_text())
+"""
+
+
+def test_loops_are_one_kernel_once_the_package_is_imported():
+    """Without `set_up`, also where JAX is imported first. XLA marks such a loop as a small call."""
+    said = [python(COMPILED.replace("IMPORT", line)).stdout for line in ("", "import jaxcrusher")]
+    assert said == ["False\n", "True\n"]
 
 
 WITHOUT = """
 import jax
 jax.config.update("jax_enable_x64", True)
+jax.numpy.ones(1)
 import jaxcrusher as jc
 for _ in range(2):
     jc.periodic_orbit(jc.ideal_scene(30.0))
-    list(jc.map_chunks(abs, jax.numpy.ones(3)))
 """
 
 
-def test_computations_without_it_say_so_once():
+def test_a_late_import_says_so_once():
     said = python(WITHOUT).stderr
-    assert said.count("UserWarning") == 1 and said.count("after jaxcrusher.set_up()") == 1
-    assert said.startswith("<string>:6: ")  # the user's line, not one of the package
+    assert said.count("UserWarning") == 1 and said.count("JAX had started before") == 1
+    assert said.startswith("<string>:7: ")  # the user's line, not one of the package
 
 
-def test_nothing_is_said_after_it_nor_to_who_knows_the_flag():
-    before = WITHOUT.replace(
-        "import jax\n", "import jaxcrusher as jc\njc.set_up()\nimport jax\n", 1
-    )
-    assert python(before).stderr == ""
+def test_nothing_is_said_of_loops_in_time_nor_to_who_knows_the_flag():
+    assert python(WITHOUT.replace("jax.numpy.ones(1)", "")).stderr == ""
     assert python(WITHOUT, XLA_FLAGS=LOOP).stderr == ""
-    # A late call has its own warning, and this one would only repeat it.
-    late = WITHOUT.replace("for _", "jax.numpy.ones(1)\njc.set_up()\nfor _")
+    # A late `set_up` has its own warning, and this one would only repeat it.
+    late = WITHOUT.replace("for _", "jc.set_up()\nfor _")
     assert python(late).stderr.count("UserWarning") == 1
+
+
+def test_a_loop_over_designs_on_one_core_says_so():
+    program = WITHOUT[: WITHOUT.index("for _")] + "list(jc.map_chunks(abs, jax.numpy.ones(3)))"
+    expected = int(len(os.sched_getaffinity(0)) > 1)
+    assert (
+        python(program, XLA_FLAGS=LOOP).stderr.count("cores computes: jaxcrusher.set_up()")
+        == expected
+    )
 
 
 class Said(Exception):
@@ -163,14 +183,13 @@ SCENE = {"speed": 30.0, "clearance": 6e-5}
         lambda: jc.bifurcation(jc.ideal_scene, [25.0, 30.0], settle_turns=0, turns=1),
         lambda: jc.sweep({"speed": [25.0, 30.0]}, 0, 1),
         lambda: jc.gradient_report(jc.paper_scene, "foundation_rms", SCENE),
-        lambda: jc.map_all(abs, np.ones(3), engine=engines.in_turn),
     ],
 )
-def test_every_computation_reminds_of_it(compute, monkeypatch):
-    monkeypatch.setattr(setup, "_told", False)
+def test_every_computation_tells_of_slow_loops(compute, monkeypatch):
+    monkeypatch.setattr(setup, "_told", set())
     monkeypatch.setenv("XLA_FLAGS", "")
     monkeypatch.setattr(warnings, "warn", refuse)
-    with pytest.raises(Said, match=r"times as long as after jaxcrusher\.set_up\(\)"):
+    with pytest.raises(Said, match=r"times as long\. Import it before"):
         compute()
 
 
