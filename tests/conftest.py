@@ -25,11 +25,13 @@ jaxtyping.install_import_hook(
 )
 
 import jaxcrusher as jc  # noqa: E402
-from jaxcrusher.scenes.parameters import NUMBERS, PARAMETERS  # noqa: E402
 
 # A test compiles longer than it computes, so it compiles without optimisation (a third of the time
 # of all) unless it is marked `slow`. Notebooks and subprocesses run as users have them.
 jc.set_up()
+
+# After it: this imports Equinox, which reads then what `set_up` tells it.
+from jaxcrusher.scenes.parameters import NUMBERS, PARAMETERS  # noqa: E402
 
 
 def pytest_collection_modifyitems(items):
