@@ -68,7 +68,7 @@ def run(
     for path in files:
         given = read_scene_file(path)
         values = complete(given)
-        described.append((values, scene_of(values, path)))
+        described.append((values, scene_of(values, path, given)))
         tell_unusual(values)
         tell_borrowed(given, path)
     found = []

@@ -84,7 +84,7 @@ def run(options: Regimes, console: Console) -> int:
     failed = sum(row["regime"] == "failed" for row in asked)
     remark = f", {failed} failed" if failed else ""
     console.print(
-        f"{len(asked)} designs{remark}; {folder / 'regimes.json'}, {folder / 'regimes.nc'}",
+        f"{len(asked)} design{'s' * (len(asked) != 1)}{remark}; {folder / 'regimes.json'}, {folder / 'regimes.nc'}",
         highlight=False,
     )
     return 1 if failed else 0

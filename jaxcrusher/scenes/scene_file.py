@@ -67,13 +67,17 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
     """
     path = Path(path)
     values: dict[str, float | str] = {}
+    written: dict[str, str] = {}  # key -> its name in the file
     entries = read_entries(path)
     try:
         make_known(entries, path.parent)
         for name, value in entries:
             key = key_of(name)
-            if key in values:
+            if (other := written.get(key, name)) != name:
+                raise ValueError(f"Argument `{name}` must not stand beside `{other}`, but does.")
+            if key in written:
                 raise ValueError(f"Argument `{key}` must be given once, but is given twice.")
+            written[key] = name
             values[key] = read_value(name, value, path.parent)
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
@@ -145,8 +149,11 @@ def read_value(name: str, value: Any, folder: Path = Path()) -> float | str:
     A diameter is halved; a file is looked for from `folder`. Raises ValueError as
     `read_scene_file` does.
     """
-    if key_of(name) != name:
-        return float(read_value(key_of(name), value)) / 2
+    if (key := key_of(name)) != name:
+        try:
+            return float(read_value(key, value)) / 2
+        except ValueError as error:
+            raise ValueError(str(error).replace(f"`{key}`", f"`{name}`")) from None
     if is_own(name, value):
         law_class(name, value)
         return value
@@ -200,9 +207,9 @@ def read_overrides(pairs: Iterable[tuple[str, str]]) -> dict[str, float | str]:
 def read_range(name: str, low: str, high: str) -> tuple[float, float]:
     """A lowest and a highest value; a lowest one without a unit has the other's.
 
-    Raises ValueError as `read_scene_file` does, and for a choice.
+    Those of a diameter are halved. Raises ValueError as `read_scene_file` does, and for a choice.
     """
-    require_parameter(name)
+    require_parameter(key_of(name))
     unit = _QUANTITY.fullmatch(high)
     if unit is not None and re.fullmatch(_NUMBER, low.strip()):
         low = f"{low} {unit[2]}"
@@ -235,6 +242,8 @@ def require_parameter(name: str) -> None:
 
 def require_moving(argument: str, name: str) -> None:
     """ValueError, of the `argument`, for a name that is no number of the motion."""
+    key = key_of(name)
+    require(key == name, argument, f"name the radius, {key}", name)
     require_parameter(name)
     must = "name numbers of the motion, such as speed, jaw.mass or toggle.length"
     require(name not in CHAMBER, argument, must, f"{name}, the capacity's")
@@ -341,11 +350,17 @@ def _suggestion(name: str) -> str:
     return f"; there are {', '.join(inside or known)}."
 
 
-def scene_of(values: Mapping[str, Any], path: Path | None) -> Scene:
-    """Return `build_scene`, whose refusal begins with the file that the values are from."""
+def scene_of(values: Mapping[str, Any], path: Path | None, given: Iterable[str] = ()) -> Scene:
+    """Return `build_scene`, whose refusal begins with the file that the values are from.
+
+    It names those of its numbers that are not among the `given` ones, and so the PE250x400's.
+    """
     try:
         return build_scene(values)
     except ValueError as error:
         if path is None:
             raise
-        raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
+        said = str(error).removeprefix("Argument ")
+        left = [name for name in NUMBERS if f"`{name}`" in said and name not in set(given)]
+        also = f" The file leaves {' and '.join(left)} to the PE250x400." if left else ""
+        raise ValueError(f"{path}: {said}{also}") from None

@@ -90,9 +90,7 @@ def test_result_holds_the_evidence(finished):
 
 def test_answer_to_another_question_is_kept(finished):
     folder, _ = finished
-    with pytest.raises(
-        ValueError, match=r"`name` must .* differ .*objective: \"rms\" there, \"peak\""
-    ):
+    with pytest.raises(ValueError, match=r"`name` must .* of .*objective \"rms\" \(now \"peak\"\)"):
         run(
             Options(out=folder.parent, name="small", objective="peak", **SMALL), Console(quiet=True)
         )
