@@ -56,9 +56,9 @@ def optimality_bound(
     least = np.unravel_index(np.nanargmin(lowest), lowest.shape)
     curvature = float(hidden[least])
     statement = (
-        f"Global within the box to {within:.2g} {unit} among periodic orbits, provided second "
-        f"derivatives within a cell are at most {ROUGHER:g} times those between the map's points "
-        f"around it ({curvature:.2g} {unit} of it)."
+        f"No other periodic orbit of the box is more than {within:.2g} {unit} below the optimum, "
+        f"of which {curvature:.2g} {unit} are what second derivatives can hide: these are assumed "
+        f"to be at most {ROUGHER:g} times those between points of the map beside each other."
     )
     by_runs = tuple(point for point in by_runs if np.isfinite(point.least))
     if by_runs:
@@ -70,8 +70,8 @@ def optimality_bound(
     unsolved = max(0, unsolved - len(by_runs))
     if unsolved:
         statement += (
-            f" Nothing is said of {unsolved} of {values.size} points. There, or at all points "
-            "beside them, no stable orbit in contact was found or a constraint is broken."
+            f" Nothing is said of {unsolved} of {values.size} points. At such a point, or at "
+            "all points beside it, no stable orbit in contact was found, or a constraint is broken."
         )
     return Bound(within, curvature, unsolved, gain, statement, by_runs)
 

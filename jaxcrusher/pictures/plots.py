@@ -142,13 +142,19 @@ def plot_sweep(grid: xr.Dataset, variable: str = "foundation_rms", ax: Axes | No
 
 
 def plot_capacity(
-    chamber: CrushingChamber, speeds: ArrayLike, floor: float, ax: Axes | None = None
+    chamber: CrushingChamber,
+    speeds: ArrayLike,
+    floor: float,
+    ax: Axes | None = None,
+    *,
+    units: Mapping[str, str] | None = None,
 ) -> Axes:
-    """Capacity (m3/h) over speed (rad/s), with its floor."""
+    """Capacity (m3/h) over speeds (rad/s), drawn in the unit of `units`, with its floor."""
     ax = plt.subplots()[1] if ax is None else ax
-    ax.plot(speeds, chamber.capacity(speeds), color=BLUE, label="capacity")
+    unit, one = unit_of("speed", units or {})
+    ax.plot(np.asarray(speeds) / one, chamber.capacity(speeds), color=BLUE, label="capacity")
     ax.axhline(floor, color=ORANGE, linestyle="--", label=f"floor {floor:.2f} m³/h")
-    ax.set(xlabel="driving speed (rad/s)", ylabel="capacity (m³/h)")
+    ax.set(xlabel=f"driving speed ({unit})", ylabel="capacity (m³/h)")
     ax.legend()
     return ax
 

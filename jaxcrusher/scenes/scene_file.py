@@ -223,7 +223,14 @@ def written_unit(text: str) -> str:
 
 
 def _example(unit: str) -> str:
-    examples = {"rad/s": "286 rpm", "rad": "22.5 deg", "m": "0.06 mm", "Pa": "207 GPa", "1": "10 %"}
+    examples = {
+        "rad/s": "286 rpm",
+        "rad": "22.5 deg",
+        "m": "0.06 mm",
+        "Pa": "207 GPa",
+        "kg/m3": "1.6 t/m3",
+        "1": "10 %",
+    }
     return f'"{examples.get(unit, f"1.5 {unit}")}"'
 
 
