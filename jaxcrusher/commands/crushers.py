@@ -15,6 +15,7 @@ from jaxcrusher.scenes.parameters import CHOICES, complete
 from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_unusual
 from jaxcrusher.scenes.scene_file import (
     key_of,
+    naming,
     read_overrides,
     read_range,
     read_scene_file,
@@ -34,8 +35,9 @@ def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
     given |= read_overrides(crusher.overrides)
     values = complete(given)
     scene = scene_of(values, crusher.scene, given)
-    build_chamber(values)
-    tell_unusual(values)
+    with naming(crusher.scene, given):
+        build_chamber(values)
+        tell_unusual(values)
     tell_borrowed(given, crusher.scene)
     return values, scene
 

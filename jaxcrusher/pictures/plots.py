@@ -168,7 +168,7 @@ def plot_orbit(
     _circle(ax, 1e3 * clearance)
     ax.plot(orbit[:, 0], orbit[:, 1], color=BLUE, linewidth=0.6, label="pin centre")
     ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)", aspect="equal")
-    ax.locator_params(nbins=5)
+    ax.locator_params(nbins=4)
     return ax
 
 
@@ -215,7 +215,7 @@ def plot_section(
     if set(coordinates) == {0, 1}:
         _circle(ax, 1.0)
         ax.set_aspect("equal")
-        ax.locator_params(nbins=5)
+        ax.locator_params(nbins=4)
     ax.plot(
         section.states[:, across],
         section.states[:, up],

@@ -18,6 +18,7 @@ refused where a unit could be meant: 0.10 may be millimetres to the one who writ
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from decimal import Decimal
 from difflib import get_close_matches
 from functools import cache
@@ -358,12 +359,19 @@ def _suggestion(name: str) -> str:
 
 
 def scene_of(values: Mapping[str, Any], path: Path | None, given: Iterable[str] = ()) -> Scene:
-    """Return `build_scene`, whose refusal begins with the file that the values are from.
+    """Return `build_scene`, with refusals as `naming` makes them."""
+    with naming(path, given):
+        return build_scene(values)
 
-    It names those of its numbers that are not among the `given` ones, and so the PE250x400's.
+
+@contextmanager
+def naming(path: Path | None, given: Iterable[str]) -> Iterator[None]:
+    """Let refusals begin with the file that a description is from.
+
+    They name those of their numbers that are not among the `given` ones, and so the PE250x400's.
     """
     try:
-        return build_scene(values)
+        yield
     except ValueError as error:
         if path is None:
             raise

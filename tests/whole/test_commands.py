@@ -356,7 +356,21 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         ("simulate --set clearance 100mm", "`clearance` must be one of a crusher"),
         ("simulate --set jaw.mass 0.524kg", "`jaw.mass` must be one of a crusher"),
         ("simulate --set bore_radius 130m", "`bore_radius` must be one of a crusher"),
-        ("simulate --set chamber.discharge 5mm", "`chamber.discharge` must be wider than the jaw"),
+        # The paper has 2b - s = 60.6 mm with b = 34.0246 mm.
+        (
+            "simulate --set chamber.discharge 5mm",
+            "stroke at its lower end, 7.4492 mm, but is 5 mm",
+        ),
+        ("simulate --scene {long}", "The file leaves toggle.length and bearing.distance to the PE"),
+        (
+            "orbit --set diametral_clearance 0,1mm",
+            "`diametral_clearance` must be a quoted quantity",
+        ),
+        ("gradient --by bore_diameter", "`by` must name the radius, bore_radius, but is bore_dia"),
+        (
+            "sweep --over clearance 0.03 0.1mm 3 --over diametral_clearance 0.1 0.2mm 3",
+            "given twice for clearance",
+        ),
         ("sweep --over clearance 0.03 100mm 3", "`clearance` must be one of a crusher"),
         ("regimes --design clearance=100mm", "`clearance` must be one of a crusher"),
         ("sweep --over chamber.width 0.4 0.6m 3", "`over` must name numbers of the motion"),
