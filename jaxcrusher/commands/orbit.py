@@ -58,7 +58,7 @@ def run(options: Orbit, console: Console) -> int:
     def solve(numbers: dict[str, Any], **how: Any) -> jc.PeriodicOrbit:
         return jc.periodic_orbit(build(numbers), **how)
 
-    with console.status("solving"):
+    with console.status("solving (the first time half a minute, most of it compilation)"):
         orbit = solve(numbers, period=options.period)
     if not bool(orbit.success):
         console.print(f"no periodic orbit: {orbit.failure}", highlight=False, soft_wrap=True)

@@ -177,8 +177,8 @@ def scattered(summary: jc.Statistics) -> str:
     if not SCATTERED < share < math.inf or bool(summary.whirl):
         return ""
     return (
-        f"The average still scatters by {share:.0%}: more --turns, or python -m jaxcrusher orbit, "
-        "which solves for the motion that it settles on."
+        f"The average still scatters by {share:.0%}: more --turns make it narrower. Where the pin "
+        "keeps contact, python -m jaxcrusher orbit solves for the steady state."
     )
 
 
