@@ -6,6 +6,7 @@ from jaxtyping import Float
 
 from optimize.answer import Bound, Confirmed, OpenPoint
 from optimize.evaluate import Case
+from optimize.forces import quantity
 from optimize.landscape import GRID_DIMENSIONS
 
 # Second derivatives within a cell may exceed those measured around it by this factor.
@@ -56,9 +57,9 @@ def optimality_bound(
     least = np.unravel_index(np.nanargmin(lowest), lowest.shape)
     curvature = float(hidden[least])
     statement = (
-        f"No other periodic orbit of the box is more than {within:.2g} {unit} below the optimum, "
-        f"of which {curvature:.2g} {unit} are what second derivatives can hide: these are assumed "
-        f"to be at most {ROUGHER:g} times those between points of the map beside each other."
+        f"No other periodic orbit of the box is more than {_about(within, unit)} below the "
+        f"optimum, of which {_about(curvature, unit)} are what second derivatives can hide: these "
+        f"are assumed to be at most {ROUGHER:g} times those between neighbours on the map."
     )
     by_runs = tuple(point for point in by_runs if np.isfinite(point.least))
     if by_runs:
@@ -76,13 +77,18 @@ def optimality_bound(
     return Bound(within, curvature, unsolved, gain, statement, by_runs)
 
 
+def _about(value: float, unit: str) -> str:
+    """Return two digits of a number, and its unit."""
+    return quantity(float(f"{value:.2g}"), unit)
+
+
 def _against(best: Confirmed, least: float, unit: str) -> str:
     """Return where the least of long runs lies, and what that says of the optimum."""
     above = least - best.objective
     if above >= 0:
-        return f"{above:.3g} {unit} above the optimum"
+        return f"{_about(above, unit)} above the optimum"
     return (
-        f"{-above:.3g} {unit} below the optimum: they scatter too much to tell whether a better "
+        f"{_about(-above, unit)} below the optimum: they scatter too much to tell whether a better "
         "motion is there, and more --runs tell more"
     )
 

@@ -177,10 +177,10 @@ def test_runs_speak_for_points_without_a_stable_orbit(finished):
     assert unsaid.open_points == 1 and "Nothing is said of 1 of 28" in unsaid.statement
     assert said.open_points == 0 and "Nothing is said" not in said.statement
     assert "At 1 of 28 points no stable orbit" in said.statement
-    assert "4e+03 N above the optimum" in said.statement and said.by_runs == (point,)
+    assert "4 kN above the optimum" in said.statement and said.by_runs == (point,)
     # Runs that scatter tell nothing, and say so.
     low = optimality_bound(case, mapped, best, (replace(point, least=best.objective - 4000),))
-    assert "4e+03 N below the optimum: they scatter too much" in low.statement
+    assert "4 kN below the optimum: they scatter too much" in low.statement
     assert not re.search(r"[ (]-\d", low.statement)
     # The runs of the paper's corner: the quiet motion there has 22 221 N, and the means of three
     # runs over so few turns scatter by a kilonewton, which a Student factor of 4 goes with.
