@@ -68,7 +68,9 @@ def check_law(law: Law) -> None:
     else:
         kinds = "a normal force, a friction, a load or a bearing"
         good = isinstance(law, AbstractLoad)
-        require(good, "law", f"be an instance of {kinds}", repr(type(law)))
+        is_class = isinstance(law, type)
+        given = f"the class {law.__name__}: give it its numbers" if is_class else repr(type(law))
+        require(good, "law", f"be an instance of {kinds}", given)
     _check_engines(law)
 
 
@@ -97,7 +99,8 @@ def _check_normal(law: AbstractNormalForce) -> None:
     for under in FORCES[2:]:
         at = law.penetration_under(jnp.asarray(under))
         met = float(law.elastic_force(at))
-        _must(abs(met - under) <= CORNER * under, "meet its `penetration_under`", f"{under} N")
+        must = f"have an elastic force of {under:g} N at `penetration_under({under:g})`"
+        require(abs(met - under) <= CORNER * under, "law", must, f"{met:g} N there")
 
 
 def _check_friction(law: AbstractFriction) -> None:

@@ -6,6 +6,7 @@ from jaxtyping import Float
 
 from optimize.answer import Bound, Confirmed, OpenPoint
 from optimize.evaluate import Case
+from optimize.forces import quantity
 from optimize.landscape import GRID_DIMENSIONS
 
 # Second derivatives within a cell may exceed those measured around it by this factor.
@@ -56,9 +57,9 @@ def optimality_bound(
     least = np.unravel_index(np.nanargmin(lowest), lowest.shape)
     curvature = float(hidden[least])
     statement = (
-        f"Global within the box to {within:.2g} {unit} among periodic orbits, provided second "
-        f"derivatives within a cell are at most {ROUGHER:g} times those between the map's points "
-        f"around it ({curvature:.2g} {unit} of it)."
+        f"No other periodic orbit of the box is more than {_about(within, unit)} below the "
+        f"optimum, of which {_about(curvature, unit)} are what second derivatives can hide: these "
+        f"are assumed to be at most {ROUGHER:g} times those between neighbours on the map."
     )
     by_runs = tuple(point for point in by_runs if np.isfinite(point.least))
     if by_runs:
@@ -70,19 +71,24 @@ def optimality_bound(
     unsolved = max(0, unsolved - len(by_runs))
     if unsolved:
         statement += (
-            f" Nothing is said of {unsolved} of {values.size} points. There, or at all points "
-            "beside them, no stable orbit in contact was found or a constraint is broken."
+            f" Nothing is said of {unsolved} of {values.size} points. At such a point, or at "
+            "all points beside it, no stable orbit in contact was found, or a constraint is broken."
         )
     return Bound(within, curvature, unsolved, gain, statement, by_runs)
+
+
+def _about(value: float, unit: str) -> str:
+    """Return two digits of a number, and its unit."""
+    return quantity(float(f"{value:.2g}"), unit)
 
 
 def _against(best: Confirmed, least: float, unit: str) -> str:
     """Return where the least of long runs lies, and what that says of the optimum."""
     above = least - best.objective
     if above >= 0:
-        return f"{above:.3g} {unit} above the optimum"
+        return f"{_about(above, unit)} above the optimum"
     return (
-        f"{-above:.3g} {unit} below the optimum: they scatter too much to tell whether a better "
+        f"{_about(-above, unit)} below the optimum: they scatter too much to tell whether a better "
         "motion is there, and more --runs tell more"
     )
 

@@ -13,9 +13,11 @@ from matplotlib.patches import Patch
 import jaxcrusher as jc
 from jaxcrusher.files.results import write_figure
 from jaxcrusher.pictures import mechanism, page, plots
+from jaxcrusher.scenes.echo import said, unit_of
 from optimize import landscape as maps
 from optimize.answer import Answer, Box, Confirmed
 from optimize.evaluate import Case
+from optimize.forces import name_of
 from optimize.formatting import shown
 from optimize.motions import DRAWN, design_motions
 from optimize.objectives import OBJECTIVES
@@ -53,7 +55,13 @@ def draw_all(
     if "speed" in case.design.names:
         draw_capacity(folder, case, answer.box)
         drawn.append("capacity.png")
-    if orbits is not None and orbits.counts.any():
+    if answer.fronts and all(len(front.objective) == 1 for front in answer.fronts):
+        lower = name_of(OBJECTIVES[answer.fronts[-1].of].meaning)
+        omitted["pareto.png"] = (
+            f"nothing has to be traded, because no point of the map has a higher capacity than the "
+            f"optimum, nor a lower {lower}"
+        )
+    elif orbits is not None and orbits.counts.any():
         draw_pareto(folder, case, points, orbits, answer)
         drawn.append("pareto.png")
     elif data.counts.all("start").any():
@@ -154,13 +162,13 @@ def draw_capacity(folder: Path, case: Case, box: Box) -> None:
     low, high = box.bounds["speed"]
     fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
     speeds = np.linspace(0.6 * low, 1.25 * high, 200)
-    plots.plot_capacity(case.chamber, speeds, box.capacity_floor, ax)
-    ax.axvspan(low, high, color="C2", alpha=0.15, label="box searched")
-    reached = box.derived_speed[1]
+    plots.plot_capacity(case.chamber, speeds, box.capacity_floor, ax, units=box.units)
+    unit, one = unit_of("speed", box.units)
+    ax.axvspan(low / one, high / one, color="C2", alpha=0.15, label="box searched")
+    reached = box.derived_speed[1] / one
     if math.isfinite(reached):
-        ax.axvline(
-            reached, color="0.4", linestyle=":", label=f"floor reached at {reached:.2f} rad/s"
-        )
+        label = f"floor reached at {reached:.4g} {unit}"
+        ax.axvline(reached, color="0.4", linestyle=":", label=label)
     ax.legend()
     write_figure(folder / "capacity.png", fig)
 
@@ -196,6 +204,8 @@ def draw_pareto(
                 order = of_map[np.argsort(objective[of_map])]
                 line = objective[order], column[order]
             size = 4 if len(line[0]) > 1 else 7
+            if len(line[0]) == 1:
+                ax.set_title("nothing to trade", fontsize=8)
             ax.plot(line[0] / kilo, line[1] / one, "s-", color="C0", markersize=size, label="front")
             meaning = "worse start" if transient else "periodic orbit"
             ax.set_xlabel(f"{answer.objective.meaning}, {meaning} ({unit})")
@@ -273,6 +283,7 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
     for column, (title, design) in enumerate(answer.designs.items()):
         described: dict[str, Any] = {**case.design.fixed, **design.values}
         speed, clearance = design.speed, design.clearance
+        of_speed = said("speed", speed, answer.box.units)
         times = 2 * np.pi / speed * turns
         ideal = jc.simulate(jc.build_scene(described).ideal(), times, outputs=DRAWN)
         for row, (start, motion) in enumerate(motions[column].items()):
@@ -280,7 +291,7 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
             plots.plot_orbit(motion, clearance, orbit)
             plots.plot_force(motion, ideal, force)
             orbit.set_title(f"{title}, start {start}", fontsize=10)
-            force.set_title(f"{speed:.2f} rad/s, {1e3 * clearance:.3f} mm", fontsize=10)
+            force.set_title(f"{of_speed}, {1e3 * clearance:.3f} mm", fontsize=10)
     forces = axes[:, 1::2].ravel()
     top = max(ax.get_ylim()[1] for ax in forces)
     for ax in forces:

@@ -8,6 +8,11 @@ from jaxcrusher.motion.statistic import STATISTIC
 FORCES = ("foundation_rms", "shaking_rms")
 # What a sentence calls them; tables give the definition.
 NAMES = {"foundation_rms": "RMS force on the foundation", "shaking_rms": "RMS shaking force"}
+_OTHERS = {
+    "foundation_peak": "peak force on the foundation",
+    "shaking_peak": "peak shaking force",
+    "joint_peak": "peak force in the main bearing",
+}
 # A force that changes by less than this share of itself neither falls nor rises.
 UNCHANGED = 1e-3
 
@@ -41,14 +46,21 @@ def _named(force: str) -> str:
 
 def name_of(meaning: str) -> str:
     """Return what a sentence calls a quantity of this meaning."""
-    known = {STATISTIC[force].meaning: name for force, name in NAMES.items()}
+    known = {STATISTIC[force].meaning: name for force, name in (NAMES | _OTHERS).items()}
     return known.get(meaning, meaning)
 
 
 def quantity(value: float, unit: str) -> str:
-    """Return a number with four digits and its unit: newtons as kN, joules as kJ, lengths as mm."""
+    """Return a number with four digits and its unit: newtons as kN, joules as MJ, lengths as mm."""
     if unit == "m":
         return f"{1e3 * value:.4g} mm"
-    if unit in ("N", "J/m3") and abs(value) >= 1e3:
-        return f"{value / 1e3:.4g} k{unit}"
-    return f"{value:.4g} {unit}"
+    factor, prefix = prefixed(abs(value), unit)
+    return f"{value / factor:.4g} {prefix}"
+
+
+def prefixed(most: float, unit: str) -> tuple[float, str]:
+    """Return a factor and a unit that suit values up to `most`; only N and J/m3 take prefixes."""
+    if unit not in ("N", "J/m3") or most < 1e3:
+        return 1.0, unit
+    # A force of 1200 kN is said so; wear is told in MJ/m3.
+    return (1e6, f"M{unit}") if unit != "N" and most >= 1e6 else (1e3, f"k{unit}")

@@ -3,7 +3,7 @@
 import math
 import textwrap
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -21,9 +21,9 @@ from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.pictures.page import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.parameters import complete
-from jaxcrusher.scenes.plausibility import tell_borrowed, tell_unusual
+from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_unusual
 from jaxcrusher.scenes.scene_file import read_scene_file, scene_of
-from optimize.forces import name_of, quantity
+from optimize.forces import name_of, prefixed, quantity
 from optimize.objectives import OBJECTIVES
 from optimize.throughput import read_bulk_density, throughput
 
@@ -46,6 +46,7 @@ class Machine:
     typical: dict[str, float]  # the median over turns of each peak, where turns differ
     motion: str  # what they are numbers of
     model: str  # "inside", or why not
+    borrowed: int = 0  # numbers of the machine that its file leaves to the PE250x400
 
 
 def run(
@@ -68,13 +69,13 @@ def run(
     for path in files:
         given = read_scene_file(path)
         values = complete(given)
-        described.append((values, scene_of(values, path)))
+        described.append((values, scene_of(values, path, given), len(borrowed(given))))
         tell_unusual(values)
         tell_borrowed(given, path)
     found = []
-    for title, (values, scene) in zip(titles, described, strict=True):
+    for title, (values, scene, left) in zip(titles, described, strict=True):
         with console.status(title):
-            found.append(machine(title, values, scene, settle, turns))
+            found.append(replace(machine(title, values, scene, settle, turns), borrowed=left))
     results_folder(folder)
     write_table(folder / "compare.csv", [csv_row(one) for one in found])
     with plt.rc_context(STYLE):
@@ -137,6 +138,7 @@ def csv_row(one: Machine) -> dict[str, object]:
         **numbers,
         "numbers of": one.motion,
         "contact model": one.model,
+        "numbers left to the PE250x400": one.borrowed,
     }
 
 
@@ -163,6 +165,8 @@ def table_rows(found: Sequence[Machine], density: float | None) -> list[tuple[st
             rows.append(row("  median over turns", of.unit, medians))
     rows.append(("numbers of the", *(one.motion for one in found)))
     rows.append(("contact model", *(one.model for one in found)))
+    if any(one.borrowed for one in found):
+        rows.append(("numbers left to the PE250x400", *(str(one.borrowed) for one in found)))
     return rows
 
 
@@ -174,10 +178,9 @@ def draw(found: Sequence[Machine]) -> Figure:
         if name == "capacity":
             title, unit, values = name, "m3/h", [one.capacity for one in found]
         else:
-            of = OBJECTIVES[name]
-            # Forces and energies in thousands.
-            title, unit = name_of(of.meaning), f"k{of.unit}"
-            values = [1e-3 * one.numbers[name] for one in found]
+            of, plain = OBJECTIVES[name], [one.numbers[name] for one in found]
+            factor, unit = prefixed(np.nanmax([0.0, *map(abs, plain)]), of.unit)
+            title, values = name_of(of.meaning), [value / factor for value in plain]
         bars = ax.bar(titles, values, color=[f"C{i % 10}" for i in range(len(found))])
         for bar, one in zip(bars, found, strict=True):
             bar.set_hatch("" if one.model == "inside" else "///")

@@ -89,7 +89,7 @@ OBJECTIVES = {
     "joint_peak": plain("joint_peak"),
     "wear": Objective(
         "J/m3",
-        "normal force times surface slip, per volume crushed",
+        "wear: normal force times surface slip, per volume crushed",
         ("sliding_power",),
         _per_volume("sliding_power"),
     ),

@@ -71,7 +71,7 @@ def resolve(options: Options) -> Problem:
     bulk_density = read_bulk_density(options.bulk_density)
     described, free = _description(options), _bounds(options)
     lowest = {name: low for name, (low, _) in free.items()}
-    scene = scene_of({**described, **lowest}, options.scene)
+    scene = scene_of({**described, **lowest}, options.scene, {**described, **lowest})
     if "clearance" in free:
         bore = described.get("bore_radius", PE250X400["bore_radius"])
         require_clearance(free["clearance"][1], bore)
@@ -153,7 +153,7 @@ def _check_numbers(options: Options) -> None:
 
 def _require_used(options: Options) -> None:
     """ValueError for an option that another one makes idle."""
-    names = [name for name, _, _ in options.design]
+    names = [key_of(name) for name, _, _ in options.design]
     require(len(set(names)) == len(names), "design", "name every parameter once", names)
     many = len(names) > GRID_DIMENSIONS
     grid = "not be given with more than two parameters, which --samples spreads"
@@ -174,7 +174,7 @@ def _require_used(options: Options) -> None:
 
 def _require_not_set(options: Options) -> None:
     """ValueError for `--set` of a number that is free, or that another option gives."""
-    taken = {name for name, _, _ in _free(options)}
+    taken = {key_of(name) for name, _, _ in _free(options)}
     taken |= {name for name in ("slip", "friction", "load_law") if getattr(options, name)}
     for name, _ in options.overrides:
         repeated = key_of(name) in taken
@@ -188,9 +188,10 @@ def _bounds(options: Options) -> Bounds:
     """
     found = {}
     for name, low, high in _free(options):
-        require_moving("design", name)
-        found[name] = read_range(name, low, high)
-        good = found[name][0] < found[name][1]
+        key = key_of(name)
+        require_moving("design", key)
+        found[key] = read_range(name, low, high)
+        good = found[key][0] < found[key][1]
         require(good, name, "have LOW < HIGH", f"{low} {high}")
     return found
 

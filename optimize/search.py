@@ -9,7 +9,7 @@ from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command, versions
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
-from jaxcrusher.scenes.plausibility import tell_unusual
+from jaxcrusher.scenes.plausibility import tell_borrowed, tell_unusual
 from optimize import figures, landscape, report, result_file, stages, verdicts
 from optimize.active import active_constraints
 from optimize.answer import Answer
@@ -34,6 +34,7 @@ def run(options: Options, console: Console) -> Answer:
     """
     problem = resolve(options)
     tell_unusual(problem.described)
+    tell_borrowed({**problem.described, **problem.reference}, options.scene)
     folder = begin(problem.folder, problem.settings, *WRITTEN)
     journal = Journal(folder / CHUNKS)
     case, effort, explored = problem.case, problem.effort, None

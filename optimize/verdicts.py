@@ -70,8 +70,7 @@ def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
         Check(
             "not worse than any point of the map",
             answer.bound is not None and answer.bound.gain >= -VANISHED * abs(best.objective),
-            f"{answer.bound.gain if answer.bound else np.nan:.3g} {unit} below the best of them, "
-            f"rule: not above by {VANISHED:g} of it",
+            _beside_map(answer, unit),
         ),
         Check(
             "not below the ideal joint",
@@ -151,6 +150,18 @@ def _slopes(answer: Answer, best: Confirmed, case: Case) -> Check:
     )
 
 
+def _beside_map(answer: Answer, unit: str) -> str:
+    """Say by how much the optimum lies below, or above, the best point of the map."""
+    if answer.bound is None:
+        return "the map has no bound"
+    gain, least = answer.bound.gain, answer.optimum and abs(answer.optimum.objective)
+    where = "below" if gain >= 0 else "above"
+    return (
+        f"the optimum lies {abs(gain):.3g} {unit} {where} the map's best point; rule: at most "
+        f"{VANISHED * (least or 0):.2g} {unit} above it"
+    )
+
+
 def _agree(best: Confirmed, unit: str) -> Check:
     """Check that time averages from both starts are of one motion."""
     one, two = best.transient.values()
@@ -203,12 +214,12 @@ def _decaying(best: Confirmed, orbit: Orbit) -> tuple[Check, ...]:
             details.append(f"{start} start not measurable ({why})")
             continue
         good &= swing.rate >= says - decay.ERRORS * swing.error
-        details.append(f"{start} start {swing.rate:.2g}, standard error {swing.error:.1g}")
+        details.append(f"{start} start {swing.rate:.2g} ± {swing.error:.1g}")
     check = Check(
         "oscillations decay as fast as the multiplier says",
         good,
-        f"by {says:.2g} a turn: {', '.join(details)}; rule: not below by more "
-        f"than {decay.ERRORS:g} of these",
+        f"the multiplier gives a decay by {says:.2g} a turn, measured: {', '.join(details)}; "
+        f"rule: at most {decay.ERRORS:g} standard errors slower",
     )
     return (check,)
 

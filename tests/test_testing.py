@@ -81,6 +81,7 @@ def test_bearings_of_the_package_pass(law):
         (lambda: Sorted(), "must run in lanes"),
         (lambda: rollers(Twisted), "must (balance in moment|lose what its forces take)"),
         (lambda: 3, "must be an instance of"),
+        (lambda: Coulomb, "but is the class Coulomb: give it its numbers"),
     ],
 )
 def test_bad_laws_are_told(law, words):

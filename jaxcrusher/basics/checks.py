@@ -10,6 +10,7 @@ from jaxtyping import ArrayLike, PyTree
 
 # More choices than these are not listed to whoever misspells one.
 SEVERAL = 8
+TRACED = "traced by JAX, where a known value is needed"
 
 
 def concrete(value) -> np.ndarray | None:
@@ -38,7 +39,8 @@ def without_slopes(tree: PyTree) -> PyTree:
 def require(condition: bool | np.bool, name: str, must: str, value: object) -> None:
     """Raise the one-line error of this package unless `condition` holds."""
     if not condition:
-        raise ValueError(f"Argument `{name}` must {must}, but is {value}.")
+        given = TRACED if isinstance(value, jax.core.Tracer) else value
+        raise ValueError(f"Argument `{name}` must {must}, but is {given}.")
 
 
 def require_x64() -> None:
@@ -134,7 +136,8 @@ def require_choice(name: str, value: object, choices: tuple) -> None:
         listed = ", ".join(repr(choice) for choice in choices)
         meant = _meant(value, choices)
         known = "a known name" if meant and len(choices) > SEVERAL else f"one of {listed}"
-        raise ValueError(f"Argument `{name}` must be {known}, but is {value!r}{meant}.")
+        given = TRACED if isinstance(value, jax.core.Tracer) else repr(value)
+        raise ValueError(f"Argument `{name}` must be {known}, but is {given}{meant}.")
 
 
 def require_known(name: object, names: Iterable[str]) -> None:

@@ -195,7 +195,7 @@ class ChunkStore:
                 f"Argument `engine` must be {then!r} for the store {self.path}, which that engine "
                 f"began, but is {here!r} here."
             )
-        require_same(file, before, json.loads(_json(settings)), "store")
+        require_same(self.path, before, json.loads(_json(settings)), "store")
 
 
 def _json(content: dict[str, Any]) -> bytes:

@@ -12,8 +12,10 @@ from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import is_own
 from jaxcrusher.scenes.parameters import CHOICES, complete
-from jaxcrusher.scenes.plausibility import tell_borrowed, tell_unusual
+from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_unusual
 from jaxcrusher.scenes.scene_file import (
+    key_of,
+    naming,
     read_overrides,
     read_range,
     read_scene_file,
@@ -32,11 +34,19 @@ def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
     given = {} if crusher.scene is None else read_scene_file(crusher.scene)
     given |= read_overrides(crusher.overrides)
     values = complete(given)
-    scene = scene_of(values, crusher.scene)
-    build_chamber(values)
-    tell_unusual(values)
+    scene = scene_of(values, crusher.scene, given)
+    with naming(crusher.scene, given):
+        build_chamber(values)
+        tell_unusual(values)
     tell_borrowed(given, crusher.scene)
     return values, scene
+
+
+def borrowed_by(crusher: Crusher) -> list[str]:
+    """Return which numbers of a machine its scene file leaves to the PE250x400; none without."""
+    if crusher.scene is None:
+        return []
+    return borrowed({**read_scene_file(crusher.scene), **read_overrides(crusher.overrides)})
 
 
 def units_given(crusher: Crusher, written: Iterable[tuple[str, str]] = ()) -> dict[str, str]:
@@ -65,7 +75,8 @@ def read_axes(over: Ranges) -> dict[str, list]:
     require(all(over), "over", "be NAME LOW HIGH COUNT, or the name of a choice", "empty")
     axes: dict[str, list] = {}
     for name, *rest in over:
-        require(name not in axes, "over", "name a parameter once", f"given twice for {name}")
+        key = key_of(name)
+        require(key not in axes, "over", "name a parameter once", f"given twice for {key}")
         if name in CHOICES:
             for choice in rest:
                 if not is_own(name, choice):
@@ -73,7 +84,7 @@ def read_axes(over: Ranges) -> dict[str, list]:
             require(len(rest) > 0, "over", f"name choices of {name}", "empty")
             axes[name] = rest
             continue
-        require_moving("over", name)
+        require_moving("over", key)
         require(len(rest) == 3, "over", f"be {name} LOW HIGH COUNT", " ".join([name, *rest]))
         low, high = read_range(name, rest[0], rest[1])
         count = rest[2]
@@ -84,5 +95,5 @@ def read_axes(over: Ranges) -> dict[str, list]:
             count,
         )
         require(low < high, "over", f"have LOW < HIGH for {name}", f"{rest[0]} {rest[1]}")
-        axes[name] = np.linspace(low, high, int(count)).tolist()
+        axes[key] = np.linspace(low, high, int(count)).tolist()
     return axes

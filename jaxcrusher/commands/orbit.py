@@ -1,6 +1,6 @@
 """`python -m jaxcrusher orbit`: the periodic orbit, solved for, and its slopes by every number."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_whole
-from jaxcrusher.commands.crushers import read_crusher, units_given
+from jaxcrusher.commands.crushers import borrowed_by, read_crusher, units_given
 from jaxcrusher.commands.options import Orbit
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.observables import columns, observables_of
@@ -25,11 +25,12 @@ from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json, write_mat, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import as_csv
-from jaxcrusher.scenes.echo import per, unit_of
+from jaxcrusher.scenes.echo import per, said, unit_of
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import numbers_of
+from jaxcrusher.scenes.parameters import NUMBERS, numbers_of
 
 ANGLES = 720  # of the picture, a turn
+DEGREE = float(np.radians(1.0))
 # The statistics whose slopes are told: what frame and bearings carry, and what shakes the ground.
 METRICS = ("foundation_rms", "shaking_rms")
 REMEDY = (
@@ -57,7 +58,7 @@ def run(options: Orbit, console: Console) -> int:
     def solve(numbers: dict[str, Any], **how: Any) -> jc.PeriodicOrbit:
         return jc.periodic_orbit(build(numbers), **how)
 
-    with console.status("solving"):
+    with console.status("solving (the first time half a minute, most of it compilation)"):
         orbit = solve(numbers, period=options.period)
     if not bool(orbit.success):
         console.print(f"no periodic orbit: {orbit.failure}", highlight=False, soft_wrap=True)
@@ -74,8 +75,10 @@ def run(options: Orbit, console: Console) -> int:
         write_mat(folder / "orbit.mat", seen)
     for line in summary(orbit):
         console.print(line, highlight=False, soft_wrap=True)
-    units = units_given(options.crusher)
-    console.print(table(orbit, slopes, values, units))
+    units, marked = units_given(options.crusher), borrowed_by(options.crusher)
+    console.print(table(orbit, slopes, values, units, marked))
+    for line in notes(values, units, marked):
+        console.print(line, highlight=False, soft_wrap=True)
     console.print(listed(folder, written), highlight=False, soft_wrap=True)
     return 0
 
@@ -138,8 +141,9 @@ def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:
 def summary(orbit: jc.PeriodicOrbit) -> list[str]:
     """Return the motion in a few lines."""
     lines = [
-        f"RMS {float(orbit.foundation_rms):.4f} N (error {float(orbit.error):.1g} of it), mean "
-        f"{float(orbit.foundation_mean):.4f} N, peak {float(orbit.foundation_peak):.4f} N",
+        f"RMS force on the foundation {float(orbit.foundation_rms):.4f} N "
+        f"(error {float(orbit.error):.1g} of it), "
+        f"mean {float(orbit.foundation_mean):.4f} N, peak {float(orbit.foundation_peak):.4f} N",
         f"shaking force: RMS {float(orbit.shaking_rms):.4f} N, peak "
         f"{float(orbit.shaking_peak):.4f} N",
     ]
@@ -160,24 +164,43 @@ def table(
     slopes: dict[str, dict[str, float]],
     values: dict[str, Any],
     units: dict[str, str],
+    marked: Collection[str],
 ) -> Table:
-    """Slopes of both forces by every parameter, in the units given.
+    """Slopes of both forces by every parameter, in the units given; `marked` ones have a *.
 
-    The largest of the RMS in percent per percent come first.
+    What changes the RMS most in a `step` comes first.
     """
     rms, shaking = (slopes[metric] for metric in METRICS)
-    shares = {name: of * values[name] / float(orbit.foundation_rms) for name, of in rms.items()}
+    percent = 100 / float(orbit.foundation_rms)
+    shares = {name: percent * of * step(name, values[name]) for name, of in rms.items()}
     # Without a frame every key stands in one line of 80 columns.
-    headings = ("parameter", "value", "slope of the RMS", "% per %", "of shaking")
+    headings = ("parameter", "value", "slope of the RMS", "% a step", "of shaking")
     found = Table(*headings, box=None, padding=(0, 1, 0, 0), pad_edge=False)
     found.columns[0].overflow = "fold"  # a key is to be copied whole
     for name in sorted(shares, key=lambda name: -abs(shares[name])):
         unit, one = unit_of(name, units)
-        value = f"{values[name] / one:.6g} {unit}".rstrip()
+        value = f"{values[name] / one:.6g} {unit}".rstrip() + " *" * (name in marked)
         # No "-0".
         slope = f"{rms[name] * one + 0.0:.6g} {per('N', unit)}"
         beside = f"{shaking[name] * one + 0.0:.6g}"
         found.add_row(name, value, slope, f"{shares[name] + 0.0:.4g}", beside)
+    return found
+
+
+def step(name: str, value: float) -> float:
+    """Return a small change of a number that a designer would try, in SI units."""
+    if NUMBERS[name].unit == "rad":  # the value of an angle depends on where it is counted from
+        return DEGREE
+    return 0.01 * (abs(value) or NUMBERS[name].scale)
+
+
+def notes(values: dict[str, Any], units: dict[str, str], marked: Collection[str]) -> list[str]:
+    """Explain the columns of the table, and its marks."""
+    zero = [n for n in numbers_of(values) if values[n] == 0 and NUMBERS[n].unit != "rad"]
+    of_zero = "".join(f", {said(name, step(name, 0.0), units)} of {name}" for name in zero)
+    found = [f"A step is 1 % of the value, 1 deg of an angle{of_zero}."]
+    if marked:
+        found.append("* is the PE250x400's value, because the scene file has none.")
     return found
 
 

@@ -83,9 +83,11 @@ def run(options: Regimes, console: Console) -> int:
             bars.advance(bar)
     failed = sum(row["regime"] == "failed" for row in asked)
     remark = f", {failed} failed" if failed else ""
+    plural = "s" * (len(asked) != 1)
     console.print(
-        f"{len(asked)} designs{remark}; {folder / 'regimes.json'}, {folder / 'regimes.nc'}",
+        f"{len(asked)} design{plural}{remark}; {folder / 'regimes.json'}, {folder / 'regimes.nc'}",
         highlight=False,
+        soft_wrap=True,
     )
     return 1 if failed else 0
 

@@ -15,7 +15,7 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.commands.crushers import read_crusher
+from jaxcrusher.commands.crushers import read_crusher, units_given
 from jaxcrusher.commands.options import Simulate
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.observables import OBSERVABLES, columns
@@ -27,6 +27,7 @@ from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import Column, as_csv
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.pictures import plots
+from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import loose_besides
 
@@ -81,7 +82,9 @@ def run(options: Simulate, console: Console) -> int:
             write_mat(folder / "motion.mat", kept)
         bars.update(bar, completed=1, description="figure")
         drawn = times >= (0 if motion.failure else times[-1] - DRAWN * turn)
-        write_figure(folder / "motion.png", draw(motion, scene, drawn))
+        write_figure(
+            folder / "motion.png", draw(motion, scene, drawn, units_given(options.crusher))
+        )
         bars.update(bar, completed=2, description="statistics")
         summary = None
         if bool(motion.success) and whole >= 1:
@@ -143,7 +146,9 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
     return table.dataset(("time",), arrays, kept, coordinates, attributes)
 
 
-def draw(motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) -> Figure:
+def draw(
+    motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray, units: dict[str, str]
+) -> Figure:
     """An orbit for each joint with clearance, and foundation force, at the instants `drawn`."""
     joints = dict(scene.joints.present())
     names = ("foundation_force", *(f"{before(joint)}eccentricity" for joint in joints))
@@ -162,7 +167,7 @@ def draw(motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray) -> Figure:
             plots.plot_orbit(part, clearance, orbit, joint=name)
             orbit.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
         ideal = jc.simulate(scene.ideal(), part.time, outputs=("foundation_force",))
-        plots.plot_force(part, ideal, force).set_title(f"{speed:.4g} rad/s")
+        plots.plot_force(part, ideal, force).set_title(said("speed", speed, units))
     return fig
 
 
@@ -172,8 +177,8 @@ def scattered(summary: jc.Statistics) -> str:
     if not SCATTERED < share < math.inf or bool(summary.whirl):
         return ""
     return (
-        f"The average still scatters by {share:.0%}: more --turns, or python -m jaxcrusher orbit, "
-        "which solves for the motion that it settles on."
+        f"The average still scatters by {share:.0%}: more --turns make it narrower. Where the pin "
+        "keeps contact, python -m jaxcrusher orbit solves for the steady state."
     )
 
 
@@ -187,14 +192,14 @@ def closing(
         shaking = float(np.sqrt(np.mean(np.sum(motion.shaking_force**2, axis=1))))
         contact = "" if ideal else f", contact share {float(motion.contact_fraction):.3f}"
         return (
-            f"RMS of |R_O| + |R_C| {rms:.0f} N, of the shaking force {shaking:.0f} N{contact}, "
+            f"RMS force on the foundation {rms:.0f} N, RMS shaking force {shaking:.0f} N{contact}, "
             "over the samples (no whole turn after settling: no verdict on whirl and contact model)"
         )
     error = float(summary.foundation_rms_error)
     scatter = f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
     parts = [
-        f"RMS of |R_O| + |R_C| {float(summary.foundation_rms):.0f}{scatter} N",
-        f"of the shaking force {float(summary.shaking_rms):.0f} N",
+        f"RMS force on the foundation {float(summary.foundation_rms):.0f}{scatter} N",
+        f"RMS shaking force {float(summary.shaking_rms):.0f} N",
     ]
     if not ideal:
         for joint in (*(["main"] if values["joint"] != "ideal" else []), *loose_besides(values)):

@@ -42,18 +42,21 @@ def run(options: Sweep, console: Console) -> int:
     designs = math.prod(len(axis) for axis in axes.values())
     with progress(console) as bars, _workers(options.scheduler) as scheduler:
         bar = bars.add_task("designs", total=designs)
-        grid = sweep(
-            axes,
-            options.settle,
-            options.turns,
-            base=base,
-            store=folder / "sweep.zarr",
-            chunk=options.chunk,
-            engine=options.engine,
-            rtol=options.rtol,
-            scheduler=scheduler,
-            progress=lambda finished, _: bars.update(bar, completed=finished),
-        )
+        try:
+            grid = sweep(
+                axes,
+                options.settle,
+                options.turns,
+                base=base,
+                store=folder / "sweep.zarr",
+                chunk=options.chunk,
+                engine=options.engine,
+                rtol=options.rtol,
+                scheduler=scheduler,
+                progress=lambda finished, _: bars.update(bar, completed=finished),
+            )
+        except ValueError as error:  # the store is chosen by --name here
+            raise ValueError(str(error).replace("`store`", "`name`")) from None
     written = [folder / "sweep.zarr"]
     if options.netcdf:
         written.append(folder / "sweep.nc")
@@ -69,7 +72,7 @@ def run(options: Sweep, console: Console) -> int:
         written.append(folder / "sweep.png")
         draw(grid, units, written[-1])
     console.print(closing(grid, units), highlight=False, soft_wrap=True)
-    console.print(", ".join(map(str, written)), highlight=False)
+    console.print(", ".join(map(str, written)), highlight=False, soft_wrap=True)
     return 0
 
 
@@ -123,4 +126,4 @@ def closing(grid: xr.Dataset, units: dict[str, str]) -> str:
     best = good.isel(good.argmin(...))  # pyright: ignore
     axes = map(str, grid.sizes)
     design = ", ".join(f"{name} {said(name, best.coords[name].item(), units)}" for name in axes)
-    return f"{counts}; least RMS {best.item():.0f} N at {design}"
+    return f"{counts}; least RMS force on the foundation {best.item():.0f} N at {design}"

@@ -85,15 +85,16 @@ def require_same(
 ) -> None:
     """ValueError that names the settings, as JSON keeps them, in which `path` differs from now."""
     then, here = _flat(before), _flat(now)
-    differ = "; ".join(
-        f"{name}: {_short(then.get(name))} there, {_short(here.get(name))} here"
+    differ = ", ".join(
+        f"{name} {_short(then.get(name), here.get(name))} (now "
+        f"{_short(here.get(name), then.get(name))})"
         for name in {**then, **here}
         if then.get(name) != here.get(name)
     )
     if differ:
         raise ValueError(
-            f"Argument `{argument}` must be that of a run with the same settings, but in {path} "
-            f"differ {differ}. {REMEDY}"
+            f"Argument `{argument}` must be new for other settings, but {path} has results of "
+            f"{differ}. {REMEDY}"
         )
 
 
@@ -106,6 +107,13 @@ def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def _short(value: Any) -> str:
-    text = "nothing" if value is None else json.dumps(value)
+def _short(value: Any, other: Any) -> str:
+    """Return a value as text, a number with the digits that tell it from the `other` one."""
+    if isinstance(value, float) and not (isinstance(other, float) and _alike(value, other)):
+        return f"{value:.6g}"
+    text = "none" if value is None else json.dumps(value)
     return text if len(text) <= 60 else f"{text[:28]} ... {text[-28:]}"
+
+
+def _alike(one: float, other: float) -> bool:
+    return f"{one:.6g}" == f"{other:.6g}"

@@ -142,13 +142,19 @@ def plot_sweep(grid: xr.Dataset, variable: str = "foundation_rms", ax: Axes | No
 
 
 def plot_capacity(
-    chamber: CrushingChamber, speeds: ArrayLike, floor: float, ax: Axes | None = None
+    chamber: CrushingChamber,
+    speeds: ArrayLike,
+    floor: float,
+    ax: Axes | None = None,
+    *,
+    units: Mapping[str, str] | None = None,
 ) -> Axes:
-    """Capacity (m3/h) over speed (rad/s), with its floor."""
+    """Capacity (m3/h) over speeds (rad/s), drawn in the unit of `units`, with its floor."""
     ax = plt.subplots()[1] if ax is None else ax
-    ax.plot(speeds, chamber.capacity(speeds), color=BLUE, label="capacity")
+    unit, one = unit_of("speed", units or {})
+    ax.plot(np.asarray(speeds) / one, chamber.capacity(speeds), color=BLUE, label="capacity")
     ax.axhline(floor, color=ORANGE, linestyle="--", label=f"floor {floor:.2f} m³/h")
-    ax.set(xlabel="driving speed (rad/s)", ylabel="capacity (m³/h)")
+    ax.set(xlabel=f"driving speed ({unit})", ylabel="capacity (m³/h)")
     ax.legend()
     return ax
 
@@ -162,7 +168,7 @@ def plot_orbit(
     _circle(ax, 1e3 * clearance)
     ax.plot(orbit[:, 0], orbit[:, 1], color=BLUE, linewidth=0.6, label="pin centre")
     ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)", aspect="equal")
-    ax.locator_params(nbins=5)
+    ax.locator_params(nbins=4)
     return ax
 
 
@@ -209,7 +215,7 @@ def plot_section(
     if set(coordinates) == {0, 1}:
         _circle(ax, 1.0)
         ax.set_aspect("equal")
-        ax.locator_params(nbins=5)
+        ax.locator_params(nbins=4)
     ax.plot(
         section.states[:, across],
         section.states[:, up],

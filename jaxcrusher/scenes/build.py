@@ -164,7 +164,8 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
         double_width = double_width - (travel(build_machine(v)) - travel(build_machine({})))
     width, discharge = primal(double_width), primal(v["chamber.discharge"])
     if width is not None and discharge is not None and not np.all(width > discharge):
-        must = "be wider than the jaw's stroke at its lower end"
+        largest = readable("chamber.discharge", float(np.max(2 * discharge - width)))
+        must = f"be wider than the jaw's stroke at its lower end, {largest}"
         require(False, "chamber.discharge", must, readable("chamber.discharge", float(discharge)))
     return CrushingChamber(
         v["chamber.width"], v["chamber.height"], v["chamber.loosening"], double_width, v["gravity"]

@@ -4,7 +4,7 @@ A clearance of 100 mm in a bore of 130 mm, or a jaw of 0.5 kg, has a unit and li
 limits, and is a slip all the same.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -300,14 +300,16 @@ def _number(value: float, unit: str) -> str:
 OF_A_MACHINE = ("bore_radius", "load", "shaft.", "jaw.", "toggle.", "bearing.", "chamber.")
 
 
-def tell_borrowed(given: Mapping[str, Any], path: Path | None) -> None:
+def borrowed(given: Iterable[str]) -> list[str]:
+    """Return which numbers of a machine are the PE250x400's where these names are given."""
+    known = set(given)
+    return [n for n in NUMBERS if n.startswith(OF_A_MACHINE) and n not in known and not openers(n)]
+
+
+def tell_borrowed(given: Iterable[str], path: Path | None) -> None:
     """Print on standard error which numbers of a machine a scene file leaves to the PE250x400."""
-    if path is None:
-        return
-    names = [n for n in NUMBERS if n.startswith(OF_A_MACHINE) and n not in given and not openers(n)]
-    known = {name: NUMBERS[name].default for name in names}
-    if names:
-        listed = ", ".join(f"{name} {readable(name, value)}" for name, value in known.items())
+    if path is not None and (names := borrowed(given)):
+        listed = ", ".join(f"{name} {readable(name, NUMBERS[name].default)}" for name in names)
         tell(f"{path} leaves {len(names)} numbers to the PE250x400: {listed}.")
 
 

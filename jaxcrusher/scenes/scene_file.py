@@ -18,6 +18,7 @@ refused where a unit could be meant: 0.10 may be millimetres to the one who writ
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from decimal import Decimal
 from difflib import get_close_matches
 from functools import cache
@@ -67,13 +68,17 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
     """
     path = Path(path)
     values: dict[str, float | str] = {}
+    written: dict[str, str] = {}  # key -> its name in the file
     entries = read_entries(path)
     try:
         make_known(entries, path.parent)
         for name, value in entries:
             key = key_of(name)
-            if key in values:
+            if (other := written.get(key, name)) != name:
+                raise ValueError(f"Argument `{name}` must not stand beside `{other}`, but does.")
+            if key in written:
                 raise ValueError(f"Argument `{key}` must be given once, but is given twice.")
+            written[key] = name
             values[key] = read_value(name, value, path.parent)
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
@@ -145,8 +150,11 @@ def read_value(name: str, value: Any, folder: Path = Path()) -> float | str:
     A diameter is halved; a file is looked for from `folder`. Raises ValueError as
     `read_scene_file` does.
     """
-    if key_of(name) != name:
-        return float(read_value(key_of(name), value)) / 2
+    if (key := key_of(name)) != name:
+        try:
+            return float(read_value(key, value)) / 2
+        except ValueError as error:
+            raise ValueError(str(error).replace(f"`{key}`", f"`{name}`")) from None
     if is_own(name, value):
         law_class(name, value)
         return value
@@ -200,9 +208,9 @@ def read_overrides(pairs: Iterable[tuple[str, str]]) -> dict[str, float | str]:
 def read_range(name: str, low: str, high: str) -> tuple[float, float]:
     """A lowest and a highest value; a lowest one without a unit has the other's.
 
-    Raises ValueError as `read_scene_file` does, and for a choice.
+    Those of a diameter are halved. Raises ValueError as `read_scene_file` does, and for a choice.
     """
-    require_parameter(name)
+    require_parameter(key_of(name))
     unit = _QUANTITY.fullmatch(high)
     if unit is not None and re.fullmatch(_NUMBER, low.strip()):
         low = f"{low} {unit[2]}"
@@ -216,7 +224,14 @@ def written_unit(text: str) -> str:
 
 
 def _example(unit: str) -> str:
-    examples = {"rad/s": "286 rpm", "rad": "22.5 deg", "m": "0.06 mm", "Pa": "207 GPa", "1": "10 %"}
+    examples = {
+        "rad/s": "286 rpm",
+        "rad": "22.5 deg",
+        "m": "0.06 mm",
+        "Pa": "207 GPa",
+        "kg/m3": "1.6 t/m3",
+        "1": "10 %",
+    }
     return f'"{examples.get(unit, f"1.5 {unit}")}"'
 
 
@@ -235,6 +250,8 @@ def require_parameter(name: str) -> None:
 
 def require_moving(argument: str, name: str) -> None:
     """ValueError, of the `argument`, for a name that is no number of the motion."""
+    key = key_of(name)
+    require(key == name, argument, f"name the radius, {key}", name)
     require_parameter(name)
     must = "name numbers of the motion, such as speed, jaw.mass or toggle.length"
     require(name not in CHAMBER, argument, must, f"{name}, the capacity's")
@@ -341,11 +358,24 @@ def _suggestion(name: str) -> str:
     return f"; there are {', '.join(inside or known)}."
 
 
-def scene_of(values: Mapping[str, Any], path: Path | None) -> Scene:
-    """Return `build_scene`, whose refusal begins with the file that the values are from."""
-    try:
+def scene_of(values: Mapping[str, Any], path: Path | None, given: Iterable[str] = ()) -> Scene:
+    """Return `build_scene`, with refusals as `naming` makes them."""
+    with naming(path, given):
         return build_scene(values)
+
+
+@contextmanager
+def naming(path: Path | None, given: Iterable[str]) -> Iterator[None]:
+    """Let refusals begin with the file that a description is from.
+
+    They name those of their numbers that are not among the `given` ones, and so the PE250x400's.
+    """
+    try:
+        yield
     except ValueError as error:
         if path is None:
             raise
-        raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
+        said = str(error).removeprefix("Argument ")
+        left = [name for name in NUMBERS if f"`{name}`" in said and name not in set(given)]
+        also = f" The file leaves {' and '.join(left)} to the PE250x400." if left else ""
+        raise ValueError(f"{path}: {said}{also}") from None

@@ -14,11 +14,12 @@ from jaxcrusher.motion import statistic
 from jaxcrusher.motion.statistic import STATISTIC, always_with, chosen
 from jaxcrusher.orbits.load_sheet import SOURCE, Row
 from jaxcrusher.scenes.echo import said, unit_of
-from jaxcrusher.scenes.parameters import NUMBERS, in_words
+from jaxcrusher.scenes.parameters import NUMBERS, in_words, readable
+from jaxcrusher.scenes.plausibility import borrowed
 from optimize import formatting
 from optimize.answer import Answer, Confirmed, Refinement, Runs
 from optimize.decay import GONE, rate, resolved
-from optimize.forces import besides
+from optimize.forces import besides, name_of
 from optimize.formatting import shown
 from optimize.objectives import OBJECTIVES
 
@@ -106,7 +107,9 @@ def answer(found: Answer) -> Table:
         *(["capacity, t/h"] if found.throughput else []),
         "turns to 1/e",
     )
-    return Table(headings, rows, caption=f"{objective.meaning}, {unit}")
+    name = name_of(objective.meaning)
+    caption = objective.meaning if name == objective.meaning else f"{name}: {objective.meaning}"
+    return Table(headings, rows, caption=f"{caption}, {unit}")
 
 
 def load_sheet(found: Answer) -> Table | None:
@@ -331,10 +334,11 @@ def box(found: Answer) -> Table:
         (name, *(f"{shown(key, value, found.box.units):.5g}" for value in ends))
         for name, (key, ends) in zip(_parameters(found), found.box.bounds.items(), strict=True)
     ]
-    low, high = found.box.derived_speed
+    unit, one = unit_of("speed", found.box.units)
+    low, high = (speed / one for speed in found.box.derived_speed)
     rows += [
         ("capacity, m³/h", f"{found.box.capacity_floor:.3g}", "none"),
-        ("speed by capacity, rad/s", f"{low:.4g}", f"{high:.4g}"),
+        (f"speed by capacity, {unit}", f"{low:.4g}", f"{high:.4g}"),
     ]
     rows += [
         (f"{in_words(limit.statistic)}, {limit.unit}", "none", f"{limit.most:.5g}")
@@ -358,7 +362,11 @@ def fixed(found: Answer) -> Table:
         (in_words(name), said(name, value, found.box.units) if name in NUMBERS else str(value))
         for name, value in found.fixed.items()
     ]
-    return Table(("", "value"), rows)
+    rows += [
+        (in_words(name), f"{readable(name, NUMBERS[name].default)} *")
+        for name in borrowed({**found.fixed, **found.box.bounds})
+    ]
+    return Table(("", "value, * of the PE250x400"), rows)
 
 
 def versions(found: Answer) -> Table:

@@ -1,5 +1,6 @@
 """Checks of arguments: what passes, what is refused, and in which words."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -58,6 +59,12 @@ def test_what_is_refused(unchecked, check, given, words):
     with pytest.raises(ValueError, match=words) as error:
         check("x", *given)
     assert str(error.value).startswith("Argument `x` ") and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(("check", "limits"), [(require_choice, (NAMES,)), (require_whole, (1,))])
+def test_what_steers_python_cannot_be_traced(check, limits):
+    with pytest.raises(ValueError, match="but is traced by JAX, where a known value is needed"):
+        jax.jit(lambda x: check("x", x, *limits))(1)
 
 
 def test_a_name_that_is_not_known():

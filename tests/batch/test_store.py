@@ -168,7 +168,7 @@ def test_two_runs_refuse_each_other(tmp_path):
 
 def test_other_settings_are_refused_and_named(tmp_path):
     fill(tmp_path / "store")
-    with pytest.raises(ValueError, match=r"differ turns: 1 there, 2 here; base\.load: nothing the"):
+    with pytest.raises(ValueError, match=r"of turns 1 \(now 2\), base\.load none \(now "):
         fill(tmp_path / "store", {"turns": 2, "base": {"friction": 0.1, "load": 1.0}})
     assert fill(tmp_path / "store") == []
 

@@ -23,8 +23,8 @@ def test_what_differs_is_named(tmp_path):
     with pytest.raises(ValueError) as error:
         earlier(path, others, "name")
     assert str(error.value) == (
-        f"Argument `name` must be that of a run with the same settings, but in {path} differ "
-        "scene.speed: 30.0 there, 31.0 here; rtol: nothing there, 1e-09 here. "
+        f"Argument `name` must be new for other settings, but {path} has results of "
+        "scene.speed 30 (now 31), rtol none (now 1e-09). "
         "Choose another, or delete it."
     )
 

@@ -245,7 +245,7 @@ def test_an_interrupted_study_goes_on(bowl_study, tmp_path, monkeypatch):
     went_on = json.loads(path.read_text())["searches"]
     # The four that were missing, and nothing twice.
     assert len(called) == 9 and went_on[:4] == kept["searches"] and len(went_on) == 8
-    with pytest.raises(ValueError, match=r"`name` .* differ starts: 2 there, 3 here\."):
+    with pytest.raises(ValueError, match=r"`name` .* of starts 2 \(now 3\)\."):
         balance.run(Options(out=tmp_path, starts=3, budget=50), Console(quiet=True))
     path.write_text("{")
     with pytest.raises(ValueError, match=r"^Argument `name` must be that of a run that can be"):

@@ -45,6 +45,8 @@ def test_a_motion_without_an_orbit_has_means_and_the_scatter_of_its_peaks(compar
     # Both take the same steps: what else is computed does not choose them.
     assert float(loud["peak, N"]) == pytest.approx(float(result.foundation_peak), rel=1e-9)
     assert screen.count("median over turns") == 3
+    # Speed and clearance are no numbers of the machine, of which the PE250x400 has 22.
+    assert loud["numbers left to the PE250x400"] == "22" and "numbers left" in screen
     assert (folder / "compare.png").stat().st_size > 10_000
 
 

@@ -331,6 +331,8 @@ def test_page_of_a_periodic_orbit(tmp_path):
     single = Front("peak", "N", np.array([18243.4]), np.array([24e3]), values, forces)
     found = replace(found, fronts=(front, single), checks=found.checks[:1])
     text = write_page(tmp_path, found, None, None, ()).read_text()
+    # Numbers that no file gave are marked.
+    assert cells(text, "jaw mass") == ["524 kg *"]
     # A single point trades nothing.
     assert "against capacity" in text and "against peak" not in text
     assert cells(text, "7.5") == ["18243", "3135", "25", "0.03"]
@@ -561,7 +563,7 @@ def radius(browser, start: int) -> float:
 def test_hover_shows_a_cell(opened):
     text = hover(opened, 4)
     assert text.splitlines()[0] == "speed 35 rad/s, clearance 0.03 mm"
-    assert "centred start: RMS 18\u202f400 ± 12 N, shaking RMS 4\u202f600 N" in text
+    assert "centred start: RMS 18\u202f400 ± 12 N, shaking RMS 4600 N" in text
     assert "contact start: RMS 19\u202f000 ± 12 N" in text
     # The path's coordinates have one decimal: 0.05 of some 80 units.
     assert radius(opened, 0) == pytest.approx(0.5, abs=2e-3)

@@ -163,8 +163,9 @@ def test_values_out_of_range_are_refused_one_by_one():
         ('load = "3 N"\nload = "4 N"\n', "is not TOML: line 2 gives a key a second time."),
         (
             'clearance = "0.1 mm"\ndiametral_clearance = "0.2 mm"',
-            "`clearance` must be given once, but is given twice.",
+            "`diametral_clearance` must not stand beside `clearance`, but does.",
         ),
+        ('diametral_clearance = "0,2 mm"', "`diametral_clearance` must be a quoted quantity such"),
         # Only a speed is a number of turns.
         ('gravity = "5 1/min"', "`gravity` must have a unit of the kind m/s2, but has '1/min'."),
         ("clearance = 0,06", "is not TOML: line 1 has a decimal comma: write 0.06."),

@@ -20,7 +20,8 @@ from scipy.io import loadmat
 import jaxcrusher as jc
 from jaxcrusher import __main__
 from jaxcrusher.batch.ensemble import Ensemble
-from jaxcrusher.commands import gradient, regimes, simulate
+from jaxcrusher.commands import gradient, orbit, regimes, simulate
+from jaxcrusher.commands.options import Crusher
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.files.program import parse
@@ -89,7 +90,7 @@ def test_simulate_says_what_the_motion_is(simulated):
         last = motion.foundation_force[200:-1].to_numpy()
         shaking = np.linalg.norm(motion.shaking_force[200:-1].to_numpy(), axis=1)
     found = re.search(
-        r"R_C\| (\d+) N, of the shaking force (\d+) N, contact share ([\d.]+), no whirl, inside "
+        r"foundation (\d+) N, RMS shaking force (\d+) N, contact share ([\d.]+), no whirl, inside "
         r"the contact model \(turns 2 to 2\)",
         text,
     )
@@ -195,11 +196,13 @@ def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypa
     assert (tmp_path / "sweep" / "sweep.png").stat().st_size > 10_000
     least = grid.foundation_rms.to_numpy().min()
     fared = "4 designs: 0 failed, 0 whirl, 0 more outside the contact model"
-    assert f"{fared}; least RMS {least:.0f} N at clearance" in text
+    assert f"{fared}; least RMS force on the foundation {least:.0f} N at clearance" in text
     line.remove("--netcdf")
     again = run(*line)[1]  # a finished sweep, opened and not computed
-    assert computed == [1] and f"{fared}; least RMS {least:.0f} N" in again
+    assert computed == [1] and f"{fared}; least RMS force on the foundation {least:.0f} N" in again
     assert "sweep.zarr" in again and "sweep.nc" not in again
+    with pytest.raises(ValueError, match=r"`name` must be new .* of base\.load 8800 \(now 9000\)"):
+        run(*line, "--set", "load", "9 kN")
 
 
 @pytest.fixture
@@ -353,7 +356,21 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         ("simulate --set clearance 100mm", "`clearance` must be one of a crusher"),
         ("simulate --set jaw.mass 0.524kg", "`jaw.mass` must be one of a crusher"),
         ("simulate --set bore_radius 130m", "`bore_radius` must be one of a crusher"),
-        ("simulate --set chamber.discharge 5mm", "`chamber.discharge` must be wider than the jaw"),
+        # The paper has 2b - s = 60.6 mm with b = 34.0246 mm.
+        (
+            "simulate --set chamber.discharge 5mm",
+            "stroke at its lower end, 7.4492 mm, but is 5 mm",
+        ),
+        ("simulate --scene {long}", "The file leaves toggle.length and bearing.distance to the PE"),
+        (
+            "orbit --set diametral_clearance 0,1mm",
+            "`diametral_clearance` must be a quoted quantity",
+        ),
+        ("gradient --by bore_diameter", "`by` must name the radius, bore_radius, but is bore_dia"),
+        (
+            "sweep --over clearance 0.03 0.1mm 3 --over diametral_clearance 0.1 0.2mm 3",
+            "given twice for clearance",
+        ),
         ("sweep --over clearance 0.03 100mm 3", "`clearance` must be one of a crusher"),
         ("regimes --design clearance=100mm", "`clearance` must be one of a crusher"),
         ("sweep --over chamber.width 0.4 0.6m 3", "`over` must name numbers of the motion"),
@@ -509,6 +526,13 @@ def test_mistake_of_a_process_is_one_line():
     assert "'[hz]'" in wrong.stderr
 
 
+def scene_file(folder: Path) -> Path:
+    """Return a scene file that leaves most numbers out."""
+    path = folder / "mine.toml"
+    path.write_text('speed = "25 rad/s"\n[toggle]\nmass = "25 kg"\n')
+    return path
+
+
 def test_orbit_solves_for_the_periodic_orbit(tmp_path):
     """RMS, multipliers, and a slope by every number; no file where there is no orbit."""
     status, text = run(
@@ -530,6 +554,9 @@ def test_orbit_solves_for_the_periodic_orbit(tmp_path):
     assert re.search(r"speed\s.*27 rad/s.*163\.534 N/\(rad/s\)", text)
     assert re.search(r"clearance\s.*5e-05 m .*N/m ", text) and "695 mm" in text
     assert "jaw.mass_centre_distance" in text and " -0 " not in text
+    # A step of the counterweight, which is 0, does more than one of the clearance.
+    assert text.index("counterweight.mass") < text.index("clearance ")
+    assert "1 deg of an angle, 1 kg of counterweight.mass." in text and "*" not in text
     assert (tmp_path / "orbit" / "orbit.png").stat().st_size > 10_000
     history = np.genfromtxt(tmp_path / "orbit" / "orbit.csv", delimiter=",", names=True)
     assert history["angle_deg"][[0, -1]].tolist() == [0, 360]
@@ -537,6 +564,15 @@ def test_orbit_solves_for_the_periodic_orbit(tmp_path):
     rms = np.sqrt(np.mean(history["foundation_force_N"][:-1] ** 2))
     assert rms == pytest.approx(kept["foundation_rms"], rel=1e-5)
     assert {"shaking_force_x_N", "eccentricity_y_m"} < set(history.dtype.names)
+    # Numbers that a scene file leaves out are marked.
+    marked = orbit.borrowed_by(Crusher(scene_file(tmp_path), (("load", "9 kN"),)))
+    assert "jaw.mass" in marked and not {"load", "toggle.mass", "speed"} & set(marked)
+    found = SimpleNamespace(foundation_rms=1e4)
+    values = {name: value for name, value in jc.PE250X400.items() if name in jc.PARAMETERS}
+    slopes = {metric: dict.fromkeys(values, 1.0) for metric in orbit.METRICS}
+    shown = orbit.table(found, slopes, values, {}, marked)
+    cells = dict(zip(*(list(shown.columns[i].cells) for i in (0, 1)), strict=True))
+    assert cells["jaw.mass"] == "524 kg *" and cells["load"] == "8800 N"
     bad = ("orbit", "--out", tmp_path, "--name", "none", "--set", "load_law", "none")
     status, text = run(*bad)
     assert status == 1 and "no periodic orbit" in text and "Try a value a thousandth off" in text
