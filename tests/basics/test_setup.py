@@ -138,6 +138,15 @@ def test_nothing_is_said_after_it_nor_to_who_knows_the_flag():
     assert python(late).stderr.count("UserWarning") == 1
 
 
+def test_floats_of_32_bits_are_refused():
+    with jax.enable_x64(False):
+        with pytest.raises(
+            ValueError, match=r"`jax_enable_x64` must be True \(call jaxcrusher\.set"
+        ):
+            setup.require_set_up()
+    setup.require_set_up()
+
+
 class Said(Exception):
     """A warning, before anything is compiled."""
 
