@@ -561,7 +561,7 @@ def radius(browser, start: int) -> float:
 def test_hover_shows_a_cell(opened):
     text = hover(opened, 4)
     assert text.splitlines()[0] == "speed 35 rad/s, clearance 0.03 mm"
-    assert "centred start: RMS 18\u202f400 ± 12 N, shaking RMS 4\u202f600 N" in text
+    assert "centred start: RMS 18\u202f400 ± 12 N, shaking RMS 4600 N" in text
     assert "contact start: RMS 19\u202f000 ± 12 N" in text
     # The path's coordinates have one decimal: 0.05 of some 80 units.
     assert radius(opened, 0) == pytest.approx(0.5, abs=2e-3)
