@@ -274,6 +274,13 @@ def test_map_without_marks_has_no_legend():
         plots.plot_landscape(grid().foundation_rms, marks={str(i): grid().whirl for i in range(7)})
 
 
+def test_map_without_a_number_says_so():
+    values = grid().foundation_rms
+    ax = plots.plot_landscape(np.nan * values)
+    assert [text.get_text() for text in ax.texts] == ["no cell has a number"]
+    assert len(ax.figure.axes) == 1 and not plots.plot_landscape(values).texts
+
+
 def test_map_of_other_numbers_in_the_units_given():
     """A search over numbers of one's own: its own names on the axes, as they were given."""
     values = grid().foundation_rms.rename(speed="counterweight.mass", clearance="jaw.length")
@@ -307,6 +314,7 @@ def test_lines_hold_the_data():
     assert plots.plot_force(motion, motion, force) is force
     for line in force.lines:
         np.testing.assert_array_equal(line.get_ydata(), [1, 2, 3])
+    assert force.get_xlabel() == "time (s)" and force.get_ylabel() == "$|R_O| + |R_C|$ (kN)"
     # Not by colour alone.
     assert force.lines[0].get_linestyle() != force.lines[1].get_linestyle()
     plots.plot_spectrum(
