@@ -174,12 +174,3 @@ def error(answer: Answer) -> str:
         f"Numbers of the starts are averages after {answer.settle_turns} turns; ± is half a 95 % "
         f"interval, from {max(counts)} independent runs"
     )
-
-
-def spent(answer: Answer) -> list[str]:
-    """Return the seconds and steps of every stage that came to its end."""
-    return [
-        f"{name} {seconds:.0f} s"
-        + (f" ({answer.steps[name] / 1e6:.1f}e6 steps)" if name in answer.steps else "")
-        for name, seconds in answer.seconds.items()
-    ]

@@ -76,20 +76,33 @@ def copy_tree(scratch: Path) -> Path:
     return tree
 
 
-def verdict(fault: Fault, tree: Path, seconds: float) -> dict[str, str | float]:
-    """Put a fault into the copy, run the tests of its room, and take it out again."""
+def verdict(
+    fault: Fault, tree: Path, seconds: float, passing: dict[str, bool]
+) -> dict[str, str | float]:
+    """Put a fault into the copy, run the tests of its room, and take it out again.
+
+    A test that fails without the fault too kills nothing, and is left out: `passing` keeps which
+    of the tests that failed pass without it.
+    """
     file, began = tree / fault.path, time.monotonic()
-    whole = file.read_bytes()
-    try:
-        write(file, fault.put_into(whole))
-        status, said = run_tests(files_for(fault.path, tree), tree, seconds)
-    finally:
-        write(file, whole)
-    killer = re.search(r"^(?:FAILED|ERROR) (\S+)", said, re.MULTILINE)
+    whole, killer, status = file.read_bytes(), "", None
+    while not passing.get(killer, False):
+        try:
+            write(file, fault.put_into(whole))
+            left_out = [name for name, passes in passing.items() if not passes]
+            status, said = run_tests(files_for(fault.path, tree), tree, seconds, left_out)
+        finally:
+            write(file, whole)
+        failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said, re.MULTILINE)
+        if failed is None:
+            killer = said[-200:] if status else ""
+            break
+        killer = failed[1]
+        if killer not in passing:
+            passing[killer] = run_tests([killer], tree, seconds)[0] != 1
     found = LATE if status is None else SURVIVED if status == 0 else KILLED
-    by = killer[1] if killer else said[-200:] if found == KILLED else ""
     spent = round(time.monotonic() - began, 1)
-    return {"fault": fault.name, "verdict": found, "by": by, "seconds": spent}
+    return {"fault": fault.name, "verdict": found, "by": killer, "seconds": spent}
 
 
 def write(file: Path, content: bytes) -> None:
@@ -99,9 +112,12 @@ def write(file: Path, content: bytes) -> None:
         compiled.unlink()
 
 
-def run_tests(files: Sequence[str], tree: Path, seconds: float) -> tuple[int | None, str]:
+def run_tests(
+    files: Sequence[str], tree: Path, seconds: float, left_out: Sequence[str] = ()
+) -> tuple[int | None, str]:
     """Return pytest's status, None if it takes longer, and what it says at the end."""
     words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "--tb=no", "-rfE", *files]
+    words += [word for name in left_out for word in ("--deselect", name)]
     cache = {"JAX_COMPILATION_CACHE_DIR": str(tree.parent / "programs")}
     with subprocess.Popen(
         words,
@@ -132,10 +148,11 @@ def run(
     lines = journal.read_text().splitlines() if journal.exists() else []
     known = {row["fault"]: row for row in map(json.loads, lines)}
     drawn, tree = sample(seed, count, rooms), copy_tree(results_folder(scratch))
+    passing: dict[str, bool] = {}
     for i, fault in enumerate(drawn, 1):
         if fault.name in known:
             continue
-        row = known[fault.name] = verdict(fault, tree, seconds)
+        row = known[fault.name] = verdict(fault, tree, seconds, passing)
         with journal.open("a") as kept:
             kept.write(json.dumps(row) + "\n")
         print(f"{i}/{len(drawn)} {row['verdict']} after {row['seconds']} s: {row['fault']}")

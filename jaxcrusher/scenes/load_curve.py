@@ -73,7 +73,9 @@ def read_curve(path: str) -> np.ndarray:
     """Return the points of a CSV file, shape (n, 2), in rad and N; ValueError as `load_curve`."""
 
     def fail(why: str) -> ValueError:
-        return ValueError(f"Argument `load_curve` must be a CSV file of a load, but {path} {why}.")
+        return ValueError(
+            f"Argument `load_curve` must be a CSV file of a load, but {path!r} {why}."
+        )
 
     try:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
@@ -81,6 +83,8 @@ def read_curve(path: str) -> np.ndarray:
         raise fail(f"cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
         raise fail("is no UTF-8 text") from None
+    except ValueError:  # of a zero, and of half a character
+        raise fail("is no name of a file") from None
     rows = [(i, [cell.strip() for cell in line.split(",")]) for i, line in enumerate(lines, 1)]
     rows = [(i, cells) for i, cells in rows if cells != [""]]
     if not rows or rows[0][1] != HEADER:

@@ -27,12 +27,13 @@ from optimize.objectives import OBJECTIVES
 STAGES = {
     "orbits": "map of periodic orbits",
     "landscape": "both starts over the box",
+    "motions": "motions of the cells",
     "refinement": "descents",
     "confirmation": "long runs",
-    "regimes": "regimes and slopes",
+    "open points": "open points",
     "coexisting": "orbits of random starts, decay",
+    "regimes": "regimes and slopes",
     "fronts": "fronts",
-    "motions": "motions of the cells",
 }
 DESCENTS = {"gradient": "exact gradients", "fits": "fits to noisy runs"}
 # Limits of what the numbers say.
@@ -348,10 +349,10 @@ def box(found: Answer) -> Table:
 
 
 def stages(found: Answer) -> Table:
-    """Return the seconds and steps of each stage."""
+    """Return the seconds and steps of each stage, whichever of concurrent ones ended first."""
     rows = [
-        (STAGES.get(name, name), f"{spent:.1f}", found.steps.get(name, ""))
-        for name, spent in found.seconds.items()
+        (STAGES[name], f"{found.seconds[name]:.1f}", found.steps.get(name, ""))
+        for name in sorted(found.seconds, key=[*STAGES].index)
     ]
     return Table(("", "seconds", "integration steps"), rows)
 

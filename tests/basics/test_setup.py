@@ -152,10 +152,17 @@ def test_nothing_is_said_of_loops_in_time_nor_to_who_knows_the_flag():
 def test_a_loop_over_designs_on_one_core_says_so():
     program = WITHOUT[: WITHOUT.index("for _")] + "list(jc.map_chunks(abs, jax.numpy.ones(3)))"
     expected = int(len(os.sched_getaffinity(0)) > 1)
-    assert (
-        python(program, XLA_FLAGS=LOOP).stderr.count("cores computes: jaxcrusher.set_up()")
-        == expected
-    )
+    said = python(program, XLA_FLAGS=LOOP).stderr
+    assert said.count("cores computes: jaxcrusher.set_up()") == expected
+
+
+def test_floats_of_32_bits_are_refused():
+    with jax.enable_x64(False):
+        with pytest.raises(
+            ValueError, match=r"`jax_enable_x64` must be True \(call jaxcrusher\.set"
+        ):
+            setup.require_set_up()
+    setup.require_set_up()
 
 
 class Said(Exception):

@@ -4,8 +4,9 @@ import ast
 
 import pytest
 
+from benchmarks.mutants import run
 from benchmarks.mutants.faults import faults
-from benchmarks.mutants.run import ROOT, files_for, room, sample
+from benchmarks.mutants.run import KILLED, ROOT, SURVIVED, files_for, room, sample
 
 SOURCE = b'''"""Text, whose numbers 1 + 2 stay."""
 from math import pi
@@ -64,3 +65,29 @@ def test_a_sample_is_drawn_again_and_has_all_kinds():
     assert drawn == sample(3, 30, ("joint", "files")) != sample(4, 30, ("joint", "files"))
     assert {room(fault.path) for fault in drawn} == {"joint", "files"}
     assert len({fault.kind for fault in drawn}) == 9 and len(set(drawn)) == 30
+
+
+@pytest.mark.parametrize(("seen", "found"), [(True, KILLED), (False, SURVIVED)])
+def test_a_test_that_fails_without_the_fault_too_kills_nothing(tmp_path, monkeypatch, seen, found):
+    """And the one behind it has its say."""
+    source = b"half = 3 / 2\n"
+    (tmp_path / "joint").mkdir()
+    (tmp_path / "joint/halves.py").write_bytes(source)
+    fault = next(one for one in faults("joint/halves.py", source) if one.kind == "arithmetic")
+    sick, sound = "tests/joint/test_halves.py::test[a b]", "tests/joint/test_halves.py::test_sound"
+
+    def pytest_run(files, tree, seconds, left_out=()):
+        fails = (
+            [sick] if (tmp_path / fault.path).read_bytes() == source or not seen else [sick, sound]
+        )
+        fails = [one for one in fails if one not in left_out and files in (files_here, [one])]
+        return (1, f"FAILED {fails[0]} - assert 1 == 2\n") if fails else (0, "2 passed")
+
+    files_here = ["tests/joint/test_halves.py"]
+    monkeypatch.setattr(run, "files_for", lambda path, tree: files_here)
+    monkeypatch.setattr(run, "run_tests", pytest_run)
+    passing: dict[str, bool] = {}
+    row = run.verdict(fault, tmp_path, 60, passing)
+    assert (row["verdict"], row["by"]) == (found, sound if seen else "")
+    assert passing == ({sick: False, sound: True} if seen else {sick: False})
+    assert (tmp_path / fault.path).read_bytes() == source

@@ -3,7 +3,7 @@
 import pytest
 
 from jaxcrusher.files.results import write_json
-from jaxcrusher.files.resume import earlier
+from jaxcrusher.files.resume import begin_beside, earlier
 
 SETTINGS = {"turns": 5, "scene": {"speed": 30.0, "start": "contact"}, "width": (1, 2)}
 
@@ -35,3 +35,16 @@ def test_a_file_that_cannot_be_read_is_named(text, tmp_path):
     path.write_text(text)
     with pytest.raises(ValueError, match=r"^Argument `name` must be that of a run that can be rea"):
         earlier(path, SETTINGS, "name")
+
+
+def test_results_of_other_settings_are_kept_beside_and_told(tmp_path, capsys):
+    """The folder and those above it are made, and a run of the same settings moves nothing."""
+    folder = tmp_path / "of" / "mine"
+    for turns, told in ((5, ""), (5, ""), (6, "1"), (7, "2")):
+        begin_beside(folder, {"turns": turns}, "*.csv")
+        assert not list(folder.glob("*.csv"))
+        (folder / "rows.csv").write_text(f"{turns}")
+        words = f"{folder}: results of other settings are kept in {folder}/earlier/{told}.\n"
+        assert capsys.readouterr().err == (words if told else "")
+    assert (folder / "earlier" / "1" / "rows.csv").read_text() == "5"
+    assert (folder / "earlier" / "2" / "rows.csv").read_text() == "6"

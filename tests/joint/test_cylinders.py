@@ -50,6 +50,15 @@ def test_energy_is_the_work_and_force_has_no_jump(kind):
     assert float(jnp.max(jnp.abs(jnp.diff(jnp.log(slopes))))) < 0.05
 
 
+@pytest.mark.parametrize("kind", LAWS)
+def test_the_corner_too_is_the_slope_of_the_energy(kind):
+    law = made(kind)
+    for depth in np.array([-2e-8, 0.0, 4e-9, 2e-8]):
+        slope = float(jax.grad(law.elastic_energy)(jnp.asarray(depth)))
+        # Rounding of Liu's terms, (c / delta)^2 = 6e8 times as large as their sum at 0.
+        assert float(law.elastic_force(jnp.asarray(depth))) == pytest.approx(slope, rel=1e-6)
+
+
 def test_what_is_not_hertzian_is_seen():
     """Where the tangent begins, the contact is 2 sqrt(x / c) = 0.54 bore radii wide."""
     law = made(Esdu)

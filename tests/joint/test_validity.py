@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.joint.validity import validity
+from jaxcrusher.joint.validity import RollerLoad, Tautness, validity
 
 
 @pytest.mark.parametrize(
@@ -23,3 +23,24 @@ def test_an_ideal_joint_is_inside_and_has_no_restitution():
     found = validity(None, jnp.array(0.0), jnp.array(0.0))
     assert bool(found.inside) and found.remarks() == []
     assert jnp.isnan(found.delivered_restitution) and jnp.isnan(found.asked_restitution)
+
+
+@pytest.mark.parametrize(
+    ("of", "beyond"),
+    [
+        (RollerLoad(jnp.array(0.9), jnp.array(0.8)), None),
+        (
+            RollerLoad(jnp.array(1.21), jnp.array(0.5)),
+            "0.50 of the static rating, 1.21 of its pressure",
+        ),
+        (
+            RollerLoad(jnp.array(0.7), jnp.array(2.0)),
+            "2.00 of the static rating, 0.70 of its pressure",
+        ),
+        (Tautness(jnp.array(0.0)), None),
+        (Tautness(jnp.array(-12.34)), "slack, short of tension by 12.3 N"),
+    ],
+)
+def test_rollers_and_rod_say_what_is_beyond_their_limits(of, beyond):
+    assert bool(of.inside) == (beyond is None)
+    assert of.remarks() == ([] if beyond is None else [beyond])

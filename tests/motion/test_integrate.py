@@ -24,6 +24,23 @@ def test_values_are_checked_only_where_concrete():
     assert not success and np.isnan(rms)
 
 
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"method": diffrax.Dopri8()}, r"`method` must be .* but is a Dopri8"),
+        ({"method": jc.Method}, r"`method` must be .* but is the class Method: call it"),
+        ({"outputs": ("normal_forces",)}, "`outputs` must be a known name, but is 'normal_forces'"),
+        ({"outputs": "normal_force"}, "`outputs` must be names in a tuple, such as"),
+        ({"rtol": 1.0}, "`rtol` must be one number < 1, but is 1.0"),
+    ],
+)
+def test_bad_arguments_are_refused_in_one_line(given, told):
+    with pytest.raises(ValueError, match=f"^Argument {told}") as error:
+        jc.simulate(jc.paper_scene(30.0, 6e-5), [0.0, 0.1], **given)
+    assert "\n" not in str(error.value)
+
+
 def test_a_failed_run_is_reported_and_never_a_number():
     scene = jc.paper_scene(30.0, 0.06e-3)
     times = np.linspace(0, 0.01, 101)

@@ -16,11 +16,12 @@ from optimize.balance import compare, objective, problem
 from optimize.balance import study as balance
 from optimize.balance.__main__ import study
 from optimize.balance.compare import Answer, Search, Smooth, search, spent_until
-from optimize.balance.designs import headline, long_runs
-from optimize.balance.methods import comparison
+from optimize.balance.designs import designs, headline, long_runs
+from optimize.balance.methods import comparison, verdict
 from optimize.balance.options import Options
 from optimize.balance.problem import reference
 from optimize.design import Design
+from optimize.forces import FORCES
 
 CENTRE = np.array([0.3, 1.2, 0.6])  # the second is outside the box
 
@@ -204,6 +205,32 @@ def test_table_of_methods_counts_what_never_arrived():
     assert gradient[:4] == ("800.00", "800.00 to 800.00", "1 of 1", "4 (4 to 4)")
     assert evolution[2:4] == ("0 of 2", "never (never to never)")
     assert columns["Py-BOBYQA"][0] == "none"
+    cost = {"scale": 1000.0, "gradient_seconds": 4.0, "value_seconds": 2.0}
+    said = verdict({"cost": cost, "searches": rows})
+    assert said.startswith("Ranked by median work until arrival, in values: L-BFGS-B 4, CMA-ES n")
+    # Four values, of which a gradient costs two.
+    assert "The gradient search arrives after 2 gradients;" in said
+
+
+def test_table_of_designs_has_a_row_for_each_parameter():
+    """With what of its optimum the design loses by it, and a star at a bound."""
+    bounds = {"counterweight.moment_along": (0.0, 8.0), "bearing.inclination": (0.0, np.pi / 2)}
+    given = {"eccentricity": 0.01, "counterweight_mass": 20.0, "capacity": 9.0}
+
+    def design(along, inclination):
+        values = dict(zip(bounds, (along, inclination), strict=True))
+        return {"point": [along / 8, inclination / (np.pi / 2)], "values": values, **given}
+
+    lost = {force: dict.fromkeys(bounds, 100.0 + i) for i, force in enumerate(FORCES)}
+    chosen = {"before": design(4.0, np.pi / 6), "optimised": design(8.0, np.pi / 4)}
+    chosen["optimised"]["one_by_one"] = lost
+    headings, rows = designs({"designs": {"chosen": chosen, "bounds": bounds}})
+    assert headings[:4] == ["parameter (* at a bound)", "bounds", "before", "optimised"]
+    assert rows[:2] == [
+        ["counterweight.moment_along, kg m", "0 to 8", "4", "8 *", "100", "101"],
+        ["bearing.inclination, deg", "0 to 90", "30", "45", "100", "101"],
+    ]
+    assert [row[2] for row in rows[2:]] == ["0.01", "20", "9"]
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import re
 import shutil
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -21,7 +22,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.starts import shifted_start
 from jaxcrusher.dynamics.slopes import Slope
 from jaxcrusher.orbits.load_sheet import Row
-from optimize import figures, formatting
+from optimize import figures, formatting, stages
 from optimize.answer import (
     Active,
     Answer,
@@ -191,6 +192,20 @@ def page(tmp_path_factory):
     (folder / "landscape.png").write_bytes(b"not looked at")
     found, figures = hand_made_answer(), ["landscape.png"]
     return write_page(folder, found, hand_made_landscape(), hand_made_motions(), figures)
+
+
+def test_stages_have_one_order_whichever_ended_first():
+    ended = {"motions": 3.0, "orbits": 7.0, "landscape": 2.0, "fronts": 0.5}
+    rows = tables.stages(replace(BEGUN, seconds=ended, steps={"motions": 9})).rows
+    assert rows == [
+        ("map of periodic orbits", "7.0", ""),
+        ("both starts over the box", "2.0", ""),
+        ("motions of the cells", "3.0", 9),
+        ("fronts", "0.5", ""),
+    ]
+    # Every stage of the search has its place.
+    source = Path(stages.__file__).read_text()
+    assert set(re.findall(r'work\.stage\("([^"]+)"', source)) == set(tables.STAGES)
 
 
 def data_of(text: str) -> dict:

@@ -15,7 +15,7 @@ import pytest
 import xarray as xr
 from matplotlib.animation import FFMpegWriter
 from matplotlib.collections import QuadMesh
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Arc, Circle, Polygon
 from matplotlib.quiver import Quiver
 from PIL import Image
 
@@ -65,6 +65,14 @@ def test_letters_stand_where_the_equations_put_them():
     # Each letter beside its point, a tenth of the jaw away at most.
     for name, point in zip("OABC", (o, a, b, c), strict=True):
         assert np.linalg.norm(at[name] - point) < 0.07, name
+    # Arcs of circles from an axis to the link: y to O about C, x to A about O, y to A about B, and
+    # x down to B about C.
+    arcs = [p for p in fig.axes[0].patches if isinstance(p, Arc)]
+    turned = ((90, o - c, c), (0, a - o, o), (90, a - b, b), (0, b - c, c))
+    for arc, (axis, link, centre) in zip(arcs, turned, strict=True):
+        ends = sorted((axis, np.degrees(np.arctan2(link[1], link[0]))))
+        np.testing.assert_allclose((arc.theta1, arc.theta2), ends, atol=1e-12)
+        assert arc.center == tuple(centre) and arc.width == arc.height
 
 
 @cache
@@ -151,6 +159,9 @@ def test_mechanism_is_to_scale(name):
     # The face is parallel to A-B.
     face, axis = jaw[4] - jaw[3], np.asarray(pin - elbow)
     assert abs(face[0] * axis[1] - face[1] * axis[0]) < 1e-12
+    # It ends a little below B, where the foot lies square to it.
+    below = (jaw[[2, 3]] - elbow) @ axis / np.linalg.norm(axis)
+    assert below[0] == pytest.approx(below[1]) and -0.13 < below[0] < 0
     scale = {text.get_text() for key in ax.artists for text in [key.text]}
     assert len(scale) == 1 and scale.pop().endswith(" kN")
 
@@ -168,6 +179,11 @@ def test_clearance_is_magnified():
     (force,) = (c for c in inset.collections if isinstance(c, Quiver))
     np.testing.assert_array_equal([force.U[0], force.V[0]], motion.joint_force[0])
     assert not plot_mechanism(*drawn("ideal")).child_axes
+    # A pin in the middle of its bore presses nowhere.
+    centred = {**motion.values, "eccentricity": 0 * motion.eccentricity}
+    (inset,) = plot_mechanism(scene, Trajectory(motion.time, ENDED, centred)).child_axes
+    (force,) = (c for c in inset.collections if isinstance(c, Quiver))
+    np.testing.assert_array_equal(force.get_offsets(), [[0, 0]])
 
 
 def test_film_has_a_picture_for_every_time(tmp_path):
@@ -258,6 +274,13 @@ def test_map_without_marks_has_no_legend():
         plots.plot_landscape(grid().foundation_rms, marks={str(i): grid().whirl for i in range(7)})
 
 
+def test_map_without_a_number_says_so():
+    values = grid().foundation_rms
+    ax = plots.plot_landscape(np.nan * values)
+    assert [text.get_text() for text in ax.texts] == ["no cell has a number"]
+    assert len(ax.figure.axes) == 1 and not plots.plot_landscape(values).texts
+
+
 def test_map_of_other_numbers_in_the_units_given():
     """A search over numbers of one's own: its own names on the axes, as they were given."""
     values = grid().foundation_rms.rename(speed="counterweight.mass", clearance="jaw.length")
@@ -291,6 +314,7 @@ def test_lines_hold_the_data():
     assert plots.plot_force(motion, motion, force) is force
     for line in force.lines:
         np.testing.assert_array_equal(line.get_ydata(), [1, 2, 3])
+    assert force.get_xlabel() == "time (s)" and force.get_ylabel() == "$|R_O| + |R_C|$ (kN)"
     # Not by colour alone.
     assert force.lines[0].get_linestyle() != force.lines[1].get_linestyle()
     plots.plot_spectrum(

@@ -134,6 +134,19 @@ def test_a_traced_number_is_nan_outside_its_limits_alone():
     assert (np.asarray(found["speed"]) == 30.0).all()
 
 
+def test_rollers_fit_their_pitch_where_both_are_known():
+    """A traced diameter is compared with nothing, and reaches the scene."""
+
+    def build(**numbers):
+        return jc.build_scene({"contact_law": "rollers", **numbers})
+
+    with pytest.raises(ValueError, match=r"`rollers\.diameter` must be smaller than the pitch"):
+        build(**{"rollers.diameter": 0.2})
+    for name in ("rollers.diameter", "rollers.pitch_diameter"):
+        traced = jax.eval_shape(lambda size, name=name: build(**{name: size}), 0.02)
+        assert traced.joint.roller_diameter.shape == traced.joint.pitch_diameter.shape == ()
+
+
 def test_friction_of_zero_is_left_out_unless_traced():
     scene = jc.build_scene({"friction": 0.0})
     assert scene.joint is not None and scene.joint.friction is None

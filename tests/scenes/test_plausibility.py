@@ -3,6 +3,7 @@
 import itertools
 from pathlib import Path
 
+import pint
 import pytest
 
 import jaxcrusher as jc
@@ -82,6 +83,19 @@ def test_ranges_lie_in_each_other():
     for one in RATIOS:
         assert one.possible[0] <= one.usual[0] < one.usual[1] <= one.possible[1], one.words
         assert all(name in NUMBERS for name in one.of)
+
+
+def test_a_number_of_its_own_is_told_in_the_unit_that_it_names():
+    """Pint converts a second time."""
+    registry = pint.UnitRegistry()
+    single = [one for one in RATIOS if len(one.of) == 1]
+    assert {one.unit for one in single} == {"GPa", "MPa", "m/s2", "deg"}
+    for one in single:
+        number = NUMBERS[one.of[0]]
+        units = (text.replace("s2", "s**2") for text in (number.unit, one.unit))
+        given, wanted = map(registry.Unit, units)
+        expected = registry.Quantity(number.default, given).to(wanted).magnitude
+        assert one.ratio(number.default) == pytest.approx(expected, rel=1e-14), one.words
 
 
 def test_readable_units():

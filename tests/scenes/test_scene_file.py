@@ -153,6 +153,7 @@ def test_values_out_of_range_are_refused_one_by_one():
             "`speed` must be a quoted quantity such as \"286 rpm\", but '30' has no unit",
         ),
         ('friction = "0.1"', "`friction` must be a number or a quoted quantity such as"),
+        ('friction = "0.1"', "but '0.1' needs no quotes."),
         # What somebody meant in mm, t, GPa, rpm.
         ("clearance = 0.10", '`clearance` must have a unit, as in "0.06 mm", but is 0.1 (write "0'),
         ("[jaw]\nmass = 0.524", '`jaw.mass` must have a unit, as in "1.5 kg", but is 0.524'),

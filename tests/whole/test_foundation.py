@@ -10,7 +10,6 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.commands import foundation
 from jaxcrusher.commands.options import Crusher, Foundation, Results
-from jaxcrusher.orbits.load_sheet import ZONES, sheet, zone
 
 BLOCK = (("foundation.mass", "6 t"), ("foundation.x", "0.3 m"), ("joint", "ideal"))
 
@@ -47,17 +46,3 @@ def test_files_of_a_sheet(tmp_path):
         assert said in text and said in html
     assert re.search(r"foundation\.mass 6000 kg|foundation\.mass 6 t", html)
     assert (folder / "run_up.png").stat().st_size > 10_000
-
-
-def test_a_clamped_frame_has_a_shorter_sheet():
-    rows = sheet(jc.periodic_orbit(jc.ideal_scene(30.0)), 1)
-    assert {row.part for row in rows} == {"static loads", "harmonics", "peaks"}
-    named = {row.name for row in rows}
-    assert "ground force, vertically" in named and not any("support" in name for name in named)
-
-
-def test_zones_are_those_of_the_standard():
-    assert [zone("rigid", "velocity", v) for v in (1.0, 2.0, 3.0, 5.0)] == list("ABCD")
-    assert [zone("flexible", "displacement", v) for v in (36, 38, 72, 114)] == list("ABCD")
-    for kind in ZONES.values():
-        assert all(list(edges) == sorted(edges) for edges in kind.values())
