@@ -13,7 +13,7 @@ from jaxcrusher.crusher.loads import AbstractLoad, JawForce
 from jaxcrusher.joint.friction import AbstractFriction, AbstractSlip, SurfaceSlip
 from jaxcrusher.joint.normal import Flores
 from jaxcrusher.joint.rollers import RollerBearing
-from jaxcrusher.testing import check_law
+from jaxcrusher.testing import _check_engines, check_law
 
 
 class Coulomb(AbstractFriction):
@@ -65,6 +65,19 @@ def normal(kind):
 def test_the_package_s_own_laws_pass(part):
     scene = jc.build_scene({"slip": "surface", "load_law": "normal_to_jaw"})
     check_law(scene.load if part == "load" else getattr(scene.joint, part))
+
+
+class Endless(AbstractLoad):
+    """A load that no turn can be integrated with."""
+
+    def force(self, jaw):
+        return JawForce(jnp.nan * jaw.axis)
+
+
+def test_a_law_that_cannot_be_integrated_is_told():
+    """Before engines are compared: none of them gives a number."""
+    with pytest.raises(ValueError, match="must let a turn of the crusher be integrated"):
+        _check_engines(Endless())
 
 
 @pytest.mark.parametrize("law", ["rollers", "jaxcrusher.joint.cylinders:Esdu"])

@@ -13,6 +13,7 @@ import jaxcrusher as jc
 from benchmarks.scenes.operations import field_operations, operations, traced
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.machine import Jaw, Machine
+from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.motion.statistic import top
 from jaxcrusher.scenes.build import build_machine
 
@@ -315,3 +316,10 @@ def test_32_bit_floats_are_refused():
     )
     last = done.stderr.strip().splitlines()[-1]
     assert last.startswith("ValueError: Argument `jax_enable_x64` must be True")
+
+
+def test_an_ideal_joint_has_no_eccentricity():
+    scene = jc.ideal_scene(30.0)
+    here = scene.formulation.snapshot(jnp.zeros(()), scene.formulation.initial(scene), scene)
+    for name in ("eccentricity", "elbow_eccentricity", "pivot_eccentricity"):
+        assert OBSERVABLES[name](here, scene).tolist() == [0.0, 0.0]

@@ -53,6 +53,17 @@ def test_a_number_that_is_none_keeps_no_limit():
     assert OF_ORBIT < OF_RUN
 
 
+def test_the_objective_of_an_orbit_knows_scene_and_chamber():
+    """An energy over the capacity of the chamber at the scene's speed, J/m3."""
+    case = resolve(Options(objective="energy")).case
+    unit = np.full(2, 0.5)
+    scene = case.design.scene(unit)
+    orbit = jc.periodic_orbit(scene)
+    found = orbits._objective(orbit, scene, unit, None, case)
+    capacity = case.chamber_of(case.design.description(unit)).capacity(scene.drive.speed)
+    assert float(found) == pytest.approx(3600 * float(orbit.drive_power) / float(capacity))
+
+
 def limited_to(newtons: float):
     """Return the case and the end of a descent whose shaking force is limited."""
     case = resolve(
