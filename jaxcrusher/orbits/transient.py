@@ -181,10 +181,11 @@ class Wait:
     def rounds(self) -> Iterator[Round]:
         """Yield the last half of more and more turns.
 
-        They end where the motion fails or whirls, and from the second round on where it is chaotic.
+        They end where the motion fails or whirls, and after the second round where it is chaotic.
         """
         seen: list[np.ndarray] = []
-        for turn in range(2 ** (ROUNDS - 1)):
+        last = 2 ** (ROUNDS - 1) - 1
+        for turn in range(last + 1):
             if self._whirls():
                 return
             case = self._state, self.scene
@@ -197,7 +198,8 @@ class Wait:
             if count & turn == 0:  # a power of two
                 self._last = Round(np.concatenate(seen)[count * TURNS // 2 :])
                 yield self._last
-                self._chaotic = turn > 0 and self._growth() > CHAOS
+                # Half a second each: after the second round, and at the end for its name.
+                self._chaotic = turn in (1, last) and self._growth() > CHAOS
                 if self._chaotic:
                     return
 

@@ -23,7 +23,7 @@ from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import can_be_shot, closed, described
 from jaxcrusher.orbits.solving import MOST_NODES, NODES, SETTLED, solved, with_statistics
-from jaxcrusher.orbits.transient import Round, Wait, one_period, resting_start, section_mean
+from jaxcrusher.orbits.transient import NEAR, Round, Wait, one_period, resting_start, section_mean
 
 # Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
 CLOSURE, RTOL = 1e-6, 1e-11
@@ -134,12 +134,19 @@ def _best(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbit:
 def _tries(search: Search, wait: Wait) -> Iterator[Try]:
     """Yield what each try comes to, cheap ones first."""
     scene, turns = search.still, search.turns
+    shot_from: list[tuple[int, Array]] = []
 
     def shots(start: Array, turns: int = turns) -> Iterator[Try]:
-        """Yield a shot, and before it, where it keeps contact, the nodes there: they are exact."""
-        if not can_be_shot(scene, start):
+        """Yield a shot, and before it, where it keeps contact, the nodes there: they are exact.
+
+        The mean of later turns may be where one led to an orbit: it is not shot from again.
+        """
+        known = any(turns == n and np.max(np.abs(start - at)) < NEAR for n, at in shot_from)
+        if known or not can_be_shot(scene, start):
             return
         shot = search.by_shooting(start, turns)
+        if bool(shot.orbit.success):
+            shot_from.append((turns, start))
         if bool(shot.orbit.least_penetration > 0):
             guess = shot.orbit.eccentricity
             yield search.by_nodes(guess, turns, 2 * NODES).found(WAYS.shot_nodes)
