@@ -133,7 +133,7 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
     count = len(solved)
     orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine)
     assert len(solved) == count
-    with pytest.raises(ValueError, match="differ period"):
+    with pytest.raises(ValueError, match=r"of period 1 \(now 2\)"):
         orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine, period=2)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.basics.loop_kernels import OPTION
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all, stack
 from jaxcrusher.crusher.drives import GivenTorque
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
@@ -180,6 +181,6 @@ def test_impacts_agree_pointwise_at_first():
 
 def test_lanes_are_the_default_and_need_no_set_up(recwarn, monkeypatch):
     function, numbers = eqx.Partial(_row, choices={"start": "centred"}, rtol=1e-6), _numbers()
-    monkeypatch.setenv("XLA_FLAGS", "")
+    monkeypatch.setenv("XLA_FLAGS", OPTION)
     _equal(map_all(function, numbers), map_all(function, numbers, engine=in_lanes))
     assert [str(one.message) for one in recwarn] == []

@@ -50,7 +50,7 @@ NOISE = Decay(first=1e-4, last=1e-4, rate=-0.00035, error=0.001, floor=9e-5)
         (replace(NOISE, floor=1e-6, error=0.004), True, "not measurable (a rate of -0.00035"),
         (replace(NOISE, last=5e-5, floor=1e-6), True, "of which 0.0001 are needed"),
         # A swing far above the integration's error that stays is evidence against the multiplier.
-        (Decay(0.05, 0.05, 0.0, 1e-5, 1e-6), False, "contact start 0, standard error 1e-05"),
+        (Decay(0.05, 0.05, 0.0, 1e-5, 1e-6), False, "contact start 0 ± 1e-05"),
         (Decay(0.05, 0.001, 0.0098, 1e-4, 1e-6), True, "contact start 0.0098"),
     ],
 )
