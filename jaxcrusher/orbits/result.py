@@ -238,12 +238,7 @@ def finished(
     Slopes of multipliers and errors are NaN too. They are computed without slopes, and a slope of
     zero would be wrong.
     """
-    own = _masked(orbit)
-    if not is_concrete(scene):
-        own = _sloped_if(own.success, own, scene)
-        names = ("error", "multipliers", "multipliers_error")
-        bare = {name: getattr(own, name) for name in names}
-        own = dataclasses.replace(own, **_sloped_if(jnp.array(False), bare, scene))
+    own = _masked(orbit) if is_concrete(scene) else _masked_with_slopes(orbit, scene)
     return dataclasses.replace(own, scene=scene, held_velocities=held_velocities)
 
 
@@ -252,6 +247,15 @@ def _masked(orbit: PeriodicOrbit) -> PeriodicOrbit:
     numbers, others = eqx.partition(orbit, eqx.is_inexact_array)
     numbers = jax.tree.map(lambda leaf: jnp.where(orbit.success, leaf, jnp.nan), numbers)
     return eqx.combine(numbers, others)
+
+
+@eqx.filter_jit  # one program for all numbers: one by one they took most of an eager gradient
+def _masked_with_slopes(orbit: PeriodicOrbit, scene: Scene) -> PeriodicOrbit:
+    own = _masked(orbit)
+    own = _sloped_if(own.success, own, scene)
+    names = ("error", "multipliers", "multipliers_error")
+    bare = {name: getattr(own, name) for name in names}
+    return dataclasses.replace(own, **_sloped_if(jnp.array(False), bare, scene))
 
 
 def _sloped_if(good: Bool[Array, ""], tree: PyTree, scene: Scene) -> PyTree:
