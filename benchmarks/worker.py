@@ -21,19 +21,20 @@ def main(
         module: The module of the generator.
         function: Its name.
         arguments: Its arguments.
-        bare: Leave XLA's flags as they are, on loops and by `set_up`; floats have 64 bits anyway.
+        bare: Leave out `jaxcrusher.set_up` and the flag on loops; floats have 64 bits anyway.
     """
     import importlib
     import json
     import os
 
-    if bare:
-        del os.environ["XLA_FLAGS"]
     import jax
 
+    from jaxcrusher.basics.loop_kernels import OPTION
     from jaxcrusher.basics.setup import set_up
 
-    if not bare:
+    if bare:  # a number of devices that the caller asks for stays
+        os.environ["XLA_FLAGS"] = os.environ["XLA_FLAGS"].replace(OPTION, "")
+    else:
         set_up()
     jax.config.update("jax_enable_x64", True)
     for row in getattr(importlib.import_module(module), function)(*arguments):

@@ -129,10 +129,9 @@ def evaluate(
 
     `shifts` moves the starts by so many clearances, `chunk` is how many motions are integrated
     between two reports of progress, on a GPU more, and `journal` keeps finished chunks. Rows have
-    the shape
-    (starts, points): the columns of `jaxcrusher.sweep`, `objective` in its unit, the number of
-    `steps`, `counts`, whether the design may be chosen (see `may_count`), and the `state` at the
-    end, (starts, points, dims), to go on from.
+    the shape (starts, points): the columns of `jaxcrusher.sweep`, `objective` in its unit, the
+    number of `steps`, `counts`, whether the design may be chosen (see `may_count`), and the `state`
+    at the end, (starts, points, dims), to go on from.
     """
     moves = np.zeros((len(units), 2)) if shifts is None else shifts
     points = jnp.asarray(units)

@@ -36,7 +36,14 @@ SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
 GREATEST_AT = 25.0
 # Options that do not decide the answer, or do by what they are read as.
 KEPT_APART = (
-    *("name", "out", "scene", "overrides", "speed", "clearance", "design", "limit"),
+    "name",
+    "out",
+    "scene",
+    "overrides",
+    "speed",
+    "clearance",
+    "design",
+    "limit",
     "bulk_density",
 )
 
@@ -70,8 +77,8 @@ def resolve(options: Options) -> Problem:
     _require_not_set(options)
     bulk_density = read_bulk_density(options.bulk_density)
     described, free = _description(options), _bounds(options)
-    lowest = {name: low for name, (low, _) in free.items()}
-    scene = scene_of({**described, **lowest}, options.scene, {**described, **lowest})
+    corner = {**described, **{name: low for name, (low, _) in free.items()}}
+    scene = scene_of(corner, options.scene, given=corner)
     if "clearance" in free:
         bore = described.get("bore_radius", PE250X400["bore_radius"])
         require_clearance(free["clearance"][1], bore)

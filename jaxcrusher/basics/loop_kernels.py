@@ -7,6 +7,8 @@ JAX takes such a flag for the whole process, and only before its first computati
 import os
 import sys
 
+from jaxcrusher.basics.devices import setting
+
 # Internal to XLA. It makes one kernel of a loop that moves at most so many bytes in a turn, unless
 # the loop has a matrix product, a sort or a scatter. The bound is 1 KiB without the flag. The
 # largest loop of this package, of the slopes of three loose joints, moves between 16 and 64 KiB. A
@@ -35,7 +37,7 @@ def jax_has_started() -> bool:
         return False
     import jax
 
-    before = getattr(jax.config, "jax_num_cpu_devices")  # noqa: B009, of a type that lacks it
+    before = setting("jax_num_cpu_devices")
     try:
         jax.config.update("jax_num_cpu_devices", before + 1)
     except RuntimeError:
