@@ -323,17 +323,19 @@ def test_cluster_with_a_killed_worker_loses_nothing(whole, tmp_path):
     killed = []
 
     def kill_one(finished: int, of: int) -> None:
-        if finished and not killed:
-            busy = max(client.processing().items(), key=lambda item: len(item[1]))
-            assert busy[1]
-            killed.append(pids[busy[0]])
-            os.kill(killed[0], signal.SIGKILL)
+        if finished == 0:
+            # The chunks take milliseconds: a worker that is stopped first has some in progress.
+            os.kill(pid, signal.SIGSTOP)
+        elif not killed:
+            assert client.processing()[address]
+            os.kill(pid, signal.SIGKILL)
+            killed.append(pid)
 
     with (
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as here,
         distributed.Client(here) as client,
     ):
-        pids = client.run(os.getpid)
+        address, pid = client.run(os.getpid).popitem()
         store = tmp_path / "store.zarr"
         grid = jc.sweep(AXES, **IDEAL, store=store, chunk=1, progress=kill_one, scheduler=client)
     assert killed
