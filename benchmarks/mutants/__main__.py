@@ -25,7 +25,7 @@ def main(
         seed: Seed of the draw.
         count: How many faults are drawn.
         rooms: Rooms to draw from, as joint, crusher or optimize; all if none is named.
-        seconds: A room's tests are stopped after this time.
+        seconds: A room's tests are stopped after this processor time.
         out: Folder of the journal.
         scratch: Folder of the copy and of its compiled programs.
     """
