@@ -11,6 +11,7 @@ The first stable orbit is the answer. Under `jax.jit` the first try is all: see
 """
 
 import dataclasses
+import logging
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -27,6 +28,9 @@ from jaxcrusher.orbits.transient import NEAR, Round, Wait, one_period, resting_s
 
 # Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
 CLOSURE, RTOL = 1e-6, 1e-11
+
+# Tells each try as it begins, for a program that shows how far it is.
+_LOG = logging.getLogger(__name__)
 
 
 class Try(NamedTuple):
@@ -63,6 +67,7 @@ class Search(NamedTuple):
         """
         way = None
         while True:
+            _LOG.info("Newton's method for a period of %d, %d nodes a turn", turns, count)
             found, factors = solved(self.still, guess, turns, count * turns)
             way = found.way if way is None else way
             found = dataclasses.replace(found, way=way)
@@ -80,6 +85,7 @@ class Search(NamedTuple):
 
     def by_shooting(self, start: Array, turns: int) -> Try:
         """Return the orbit through a section point near `start`."""
+        _LOG.info("shooting for a period of %d", turns)
         found = closed(self.still, start, turns)
         orbit = described(self.still, found, turns)
         if is_concrete(self.scene) or not bool(orbit.success):
