@@ -16,8 +16,9 @@ POINTER = ir.PointerType()
 # Sums in any order, but with NaN and infinity kept: a trial step may leave the linkage's reach.
 FAST = ("reassoc", "contract", "arcp", "nsz")
 # For the equations of a user: sums as they are written, products rounded with what is added to
-# them, as XLA does on a CPU. In any order (a + b) - a would be b.
-AS_WRITTEN = ("contract",)
+# them, as XLA does on a CPU; several quotients of one divisor are products with its inverse. In any
+# order (a + b) - a would be b.
+AS_WRITTEN = ("contract", "arcp")
 
 
 def _operator(of_floats: str, of_integers: str, swapped: bool = False) -> Callable[..., Any]:

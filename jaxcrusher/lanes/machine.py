@@ -34,6 +34,8 @@ from jaxcrusher.lanes.layout import (
 )
 from jaxcrusher.lanes.stepper import Kernels
 
+# Bytes of a line of the processor's cache.
+_LINE = 64
 # A function that threads ask for at once is compiled by one of them.
 _LOCK = threading.Lock()
 
@@ -174,6 +176,17 @@ def _apart(
         yield np.moveaxis(part, -1, 2) if is_over else part
 
 
+def _aligned(shape: tuple[int, ...], kind: type) -> np.ndarray:
+    """Make an array of eight bytes a number that begins with a line of the processor's cache.
+
+    A vector that stands in two lines takes twice as long to read.
+    """
+    size = 8 * prod(shape)
+    memory = np.empty(size + _LINE, np.uint8)
+    first = -memory.ctypes.data % _LINE
+    return memory[first : first + size].view(kind).reshape(shape)
+
+
 def _on_cores(kernels: Kernels, shared: Shared) -> Shared:
     """Advance on a thread a core; interrupted, all of them end within milliseconds."""
     machine = load(kernels.text)
@@ -181,7 +194,7 @@ def _on_cores(kernels: Kernels, shared: Shared) -> Shared:
     def work() -> None:
         sizes = lane_shapes(kernels.at)
         kinds = (np.int64 if name in WHOLE else np.float64 for name in sizes._fields)
-        lanes = Lanes(*map(np.empty, sizes, kinds))  # as long as their addresses are used
+        lanes = Lanes(*map(_aligned, sizes, kinds))  # as long as their addresses are used
         _advance(machine, table(lanes, shared))
 
     threads = min(cores(), -(-len(shared.starts) // CORES.lanes))

@@ -8,7 +8,7 @@ lane in the loop.
 
 import math
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import reduce
 from math import prod
 from typing import Any, NamedTuple
@@ -54,9 +54,12 @@ class Equations(NamedTuple):
     @property
     def sampled(self) -> list[int]:
         """Return which of time (0) and states (from 1 on) it takes to observe."""
-        observe = self.observe
-        read = {id(v) for e in observe.equations for v in e.invars} | set(map(id, observe.results))
-        return [i for i, v in enumerate(observe.operands[: 1 + self.states]) if id(v) in read]
+        return [i for i in self.observe.read if i <= self.states]
+
+    @property
+    def coupled(self) -> list[int]:
+        """Return which states its rates depend on."""
+        return [i - 1 for i in self.field.read if 1 <= i <= self.states]
 
 
 class Tableau(NamedTuple):
@@ -110,7 +113,7 @@ def kernels(
     prepare.end()
     summary, over = write_summary(module, summarise, observe.shapes, at)
     begin = _write_begin(Code(module, "begin"), prepare, rates, at)
-    step = _write_step(Code(module, "step"), rates, table, at)
+    step = _write_step(Code(module, "step"), rates, equations.coupled, table, at)
     accept = _write_acceptance(Code(module, "accept"), at)
     functions = begin, step, look, accept, see, summary
     _Loop(Code(module, "advance", flags=()), at, *functions).write()
@@ -185,8 +188,13 @@ def _write_begin(code: Code, prepare: Code, field: Code, at: Layout) -> Code:
     return code.end()
 
 
-def _write_step(code: Code, field: Code, table: Tableau, at: Layout) -> Code:
-    """Write one step of all lanes into `trial`, and what becomes of it."""
+def _write_step(
+    code: Code, field: Code, coupled: Sequence[int], table: Tableau, at: Layout
+) -> Code:
+    """Write one step of all lanes into `trial`, and what becomes of it.
+
+    Rates depend on the `coupled` states.
+    """
     time, step = code.read(row.TIME), code.read(row.STEP)
     y = [code.read(at.y + i) for i in range(at.states)]
 
@@ -200,9 +208,10 @@ def _write_step(code: Code, field: Code, table: Tableau, at: Layout) -> Code:
         return reduce(operator.add, terms)
 
     for stage in range(1, STAGES):
-        for i, before in enumerate(y):
+        # The others, such as totals, are added up at the end of the step alone.
+        for i in range(at.states) if stage == STAGES - 1 else coupled:
             change = combined(table.weights[stage, :stage], i)
-            code.write(before + step * change, at.trial + i)
+            code.write(y[i] + step * change, at.trial + i)
         code.write(time + table.nodes[stage] * step, row.AT)
         code.run(field, row.AT, at.trial, at.k + stage * at.states)
     # Totals do not count, unless there is nothing else.

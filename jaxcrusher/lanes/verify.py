@@ -54,6 +54,12 @@ class Verified(NamedTuple):
         """Return the shapes of the results."""
         return list(map(_shape, self.results))
 
+    @property
+    def read(self) -> list[int]:
+        """Return the places of the operands that the function reads."""
+        read = {id(v) for e in self.equations for v in e.invars} | set(map(id, self.results))
+        return [i for i, v in enumerate(self.operands) if id(v) in read]
+
     def walk(
         self,
         inputs: Sequence[Any],
