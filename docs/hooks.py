@@ -17,6 +17,7 @@ _BLOCK = re.compile(r'<div class="arithmatex">\s*\\\[(.*?)\\\]\s*</div>', re.DOT
 
 _BOLD = re.compile(r'<mi mathvariant="bold">([A-Za-z])</mi>')
 # A bar is a bracket, without the room of an operator.
+_ANY_BAR = re.compile(r'<mo(?: stretchy="false")?>&#x0007C;</mo>')
 _BAR = '<mo stretchy="false" lspace="0" rspace="0">|</mo>'
 
 
@@ -35,11 +36,12 @@ def on_page_markdown(markdown, page, config, files):
 
 def on_page_content(content, page, config, files):
     """Turn formulas into MathML; a formula that cannot be read ends the build."""
-    content = _INLINE.sub(lambda found: _mathml(found[1], "inline"), content)
-    return _BLOCK.sub(lambda found: _mathml(found[1], "block"), content)
+    content = _INLINE.sub(lambda found: mathml(found[1], "inline"), content)
+    return _BLOCK.sub(lambda found: mathml(found[1], "block"), content)
 
 
-def _mathml(formula: str, display: str) -> str:
+def mathml(formula: str, display: str) -> str:
+    """Return a formula of TeX as MathML; PluginError where it cannot be read."""
     formula = html.unescape(formula).strip()
     made = convert(formula, display=display)
     # The converter shows what it does not know, and closes what is left open.
@@ -47,7 +49,7 @@ def _mathml(formula: str, display: str) -> str:
         raise PluginError(f"This formula cannot be read: {formula}")
     # Browsers draw bold letters of their own, and no longer letters made bold.
     made = _BOLD.sub(lambda found: f"<mi>{_bold(found[1])}</mi>", made)
-    return made.replace('<mo stretchy="false">&#x0007C;</mo>', _BAR)
+    return _ANY_BAR.sub(_BAR, made)
 
 
 def _bold(letter: str) -> str:

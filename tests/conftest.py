@@ -3,7 +3,9 @@
 import atexit
 import gc
 import itertools
+import mmap
 import os
+import pathlib
 import shutil
 import tempfile
 
@@ -48,16 +50,25 @@ def pytest_collection_modifyitems(items):
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
     """Its fixtures are compiled as the test is that comes first."""
-    jax.config.update("jax_disable_most_optimizations", item.get_closest_marker("slow") is None)
+    fast = item.get_closest_marker("slow") is None
+    if not fast and jax.config.read("jax_disable_most_optimizations"):
+        jax.clear_caches()  # JAX runs a program that it has, however that was compiled
+    jax.config.update("jax_disable_most_optimizations", fast)
     return (yield)
+
+
+# Compiled programs of all files together fill 24 GB of memory.
+ENOUGH = 3e9
 
 
 @pytest.fixture(autouse=True, scope="module")
 def forget_programs():
-    """Compiled programs of a file go with it: those of all files together fill 24 GB of memory."""
+    """Keep compiled programs for the files that follow, as long as there is memory for them."""
     yield
-    jax.clear_caches()
-    gc.collect()
+    memory = pathlib.Path("/proc/self/statm")
+    if not memory.exists() or int(memory.read_text().split()[1]) * mmap.PAGESIZE > ENOUGH:
+        jax.clear_caches()
+        gc.collect()
 
 
 @pytest.fixture(autouse=True)

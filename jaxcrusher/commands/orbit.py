@@ -21,6 +21,7 @@ from jaxcrusher.commands.options import Orbit
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.observables import columns, observables_of
 from jaxcrusher.files import table as table_of
+from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json, write_mat, write_text
 from jaxcrusher.files.resume import begin_beside
@@ -46,8 +47,9 @@ def run(options: Orbit, console: Console) -> int:
     values, _ = read_crusher(options.crusher)
     require_whole("period", options.period, 1)
     settings = {"command": "orbit", "scene": with_digests(values), "period": options.period}
-    written = "orbit.json", "orbit.csv", "orbit.mat", "orbit.png"
-    folder = begin_beside(options.results.folder, settings, *written)
+    matlab = ("orbit.mat",)
+    written = "orbit.json", "orbit.csv", *(matlab if options.mat else ()), "orbit.png"
+    folder = begin_beside(options.results.folder, settings, *written, spared=matlab)
     numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values)}
 
     @eqx.filter_jit
@@ -58,13 +60,13 @@ def run(options: Orbit, console: Console) -> int:
     def solve(numbers: dict[str, Any], **how: Any) -> jc.PeriodicOrbit:
         return jc.periodic_orbit(build(numbers), **how)
 
-    with console.status("solving (the first time half a minute, most of it compilation)"):
+    with stages(console, "solving (the first time half a minute, most of it compilation)"):
         orbit = solve(numbers, period=options.period)
     if not bool(orbit.success):
         console.print(f"no periodic orbit: {orbit.failure}", highlight=False, soft_wrap=True)
         console.print(REMEDY, highlight=False, soft_wrap=True)
         return 1
-    with console.status("differentiating"):
+    with stages(console, "differentiating"):
         slopes = _slopes(lambda n: solve(n, **orbit.alike), numbers)
     path = folder / "orbit.json"
     write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
@@ -181,9 +183,9 @@ def table(
         unit, one = unit_of(name, units)
         value = f"{values[name] / one:.6g} {unit}".rstrip() + " *" * (name in marked)
         # No "-0".
-        slope = f"{rms[name] * one + 0.0:.6g} {per('N', unit)}"
-        beside = f"{shaking[name] * one + 0.0:.6g}"
-        found.add_row(name, value, slope, f"{shares[name] + 0.0:.4g}", beside)
+        slope = f"{rms[name] * one + 0.0:.5g} {per('N', unit)}"
+        beside = f"{shaking[name] * one + 0.0:.5g}"
+        found.add_row(name, value, slope, f"{shares[name] + 0.0:.3g}", beside)
     return found
 
 

@@ -66,8 +66,9 @@ def run(options: Simulate, console: Console) -> int:
         "samples": options.samples,
         "rtol": options.rtol,
     }
-    written = "motion.nc", "motion.csv", "motion.mat", "motion.png"
-    folder = begin_beside(options.results.folder, settings, *written)
+    asked = {"motion.csv": options.csv, "motion.mat": options.mat}
+    written = "motion.nc", *(name for name, wanted in asked.items() if wanted), "motion.png"
+    folder = begin_beside(options.results.folder, settings, *written, spared=asked)
     turn = 2 * np.pi / values["speed"]
     times = np.linspace(0, span * turn, options.samples)
     whole = int(span) - settle
@@ -185,7 +186,7 @@ def scattered(summary: jc.Statistics) -> str:
 def closing(
     motion: jc.Trajectory, summary: jc.Statistics | None, settle: int, values: dict[str, Any]
 ) -> str:
-    """RMS of both forces, contact share, whirl and what is outside the model, on one line."""
+    """RMS of both forces, peak, contact, whirl and what is outside the model, on one line."""
     ideal = values["joint"] == "ideal" and not loose_besides(values)
     if summary is None:
         rms = float(np.sqrt(np.mean(motion.foundation_force**2)))
@@ -197,8 +198,12 @@ def closing(
         )
     error = float(summary.foundation_rms_error)
     scatter = f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
+    peak, peaks = float(summary.foundation_peak), summary.by_turn["foundation_peak"]
+    # Impacts hit harder in some turns than in others.
+    median = f" (median of the turns' peaks {np.median(peaks):.0f} N)" if summary.turns > 1 else ""
     parts = [
         f"RMS force on the foundation {float(summary.foundation_rms):.0f}{scatter} N",
+        f"peak {peak:.0f} N{median}",
         f"RMS shaking force {float(summary.shaking_rms):.0f} N",
     ]
     if not ideal:

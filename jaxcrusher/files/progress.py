@@ -1,5 +1,8 @@
 """Bars for long work, or lines where bars cannot move."""
 
+import contextlib
+import logging
+from collections.abc import Iterator
 from typing import Any
 
 from rich.console import Console
@@ -49,3 +52,29 @@ def progress(console: Console | None = None, *, remaining: bool = True) -> Bars:
         console=console,
         disable=not (console.is_terminal or console.is_jupyter),
     )
+
+
+@contextlib.contextmanager
+def stages(console: Console, words: str) -> Iterator[None]:
+    """Show what is done and what the package logs of it, in a file as lines."""
+    still = not (console.is_terminal or console.is_jupyter)
+
+    class Shown(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if still:
+                console.print(record.getMessage(), highlight=False, markup=False)
+            else:
+                status.update(f"{words}: {record.getMessage()}")
+
+    logger, shown = logging.getLogger("jaxcrusher"), Shown()
+    before = logger.level
+    if still:
+        console.print(words, highlight=False, markup=False)
+    logger.addHandler(shown)
+    logger.setLevel(logging.INFO)
+    try:
+        with console.status(words) as status:
+            yield
+    finally:
+        logger.setLevel(before)
+        logger.removeHandler(shown)

@@ -1,7 +1,7 @@
 """Go on with the results of an earlier run only if it had the same settings."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +32,14 @@ def begin(folder: Path, settings: Mapping[str, Any], *written: str) -> Path:
     return folder
 
 
-def begin_beside(folder: Path, settings: Mapping[str, Any], *written: str) -> Path:
-    """Do as `begin`, and keep the results of a run with other settings beside the new ones."""
-    keep_beside(folder / SETTINGS, settings, *written)
+def begin_beside(
+    folder: Path, settings: Mapping[str, Any], *written: str, spared: Iterable[str] = ()
+) -> Path:
+    """Do as `begin`, and keep the results of a run with other settings beside the new ones.
+
+    Of the same settings files stay that are `spared` and not `written`.
+    """
+    keep_beside(folder / SETTINGS, settings, *written, *spared)
     return begin(folder, settings, *written)
 
 

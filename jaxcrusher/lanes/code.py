@@ -116,6 +116,19 @@ class Code:
         function = declared(self.function.module, name, kind)
         return Expression(self, self.builder.call(function, [truths.value]))
 
+    @contextmanager
+    def each_true(self, truths: Expression) -> Iterator[Expression]:
+        """Run what is inside for the place of every true one of a vector."""
+        width, builder = self.shape.width, self.builder
+        mask = builder.bitcast(truths.value, ir.IntType(width))
+        left = self.variable(Expression(self, builder.zext(mask, INTEGER)))
+        kind = ir.FunctionType(INTEGER, [INTEGER, ir.IntType(1)])
+        zeros_behind = declared(self.function.module, "llvm.cttz.i64", kind)
+        with self.repeat(lambda: left[0] > 0):
+            place = builder.call(zeros_behind, [left[0].value, ir.Constant(ir.IntType(1), 1)])
+            yield Expression(self, place)
+            left[0] = left[0] & (left[0] - 1)
+
     def when(self, truth: Expression) -> AbstractContextManager:
         """Run what is inside if it is true."""
         return self.builder.if_then(truth.value)

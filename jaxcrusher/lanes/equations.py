@@ -99,7 +99,7 @@ class Emitter:
         self._rows: dict[Any, int] = {}  # of what the bodies read: key -> row
         self._kept: list[Atom] = []
         self._found: dict[Any, Atom] = {}  # primitive and operands -> result
-        self._body = prepare
+        self._row = prepare.read
         self._read_here: dict[Any, Any] = {}
 
     def given(self, row: int, type_: str = REAL) -> Atom:
@@ -107,9 +107,18 @@ class Emitter:
         kind = {REAL: DOUBLE, TRUE: TRUTH}.get(type_, INTEGER)
         return Atom(_from_double(self.prepare.read(row), kind), True)
 
-    def body(self, code: Code, function: Verified, operands: Sequence[Atom]) -> list[Any]:
-        """Write a function of scalars; return its results, arrays taken apart."""
-        self._body, self._read_here = code, {}
+    def body(
+        self,
+        code: Code,
+        function: Verified,
+        operands: Sequence[Atom],
+        row: Callable[[int], Expression] | None = None,
+    ) -> list[Any]:
+        """Write a function of scalars; return its results, arrays taken apart.
+
+        `row` reads a row of the lanes' memory; None reads that of the lanes side by side.
+        """
+        self._row, self._read_here = row or code.read, {}
         code.flags = AS_WRITTEN
         self._found = {key: atom for key, atom in self._found.items() if atom.of_design}
         inputs = [np.array(atom, object) for atom in operands]
@@ -155,7 +164,7 @@ class Emitter:
             self._rows[atom.key] = self._first + len(self._kept)
             self._kept.append(atom)
         if atom.key not in self._read_here:
-            value = self._body.read(self._rows[atom.key])
+            value = self._row(self._rows[atom.key])
             self._read_here[atom.key] = _from_double(value, kind_of(atom.value))
         return self._read_here[atom.key]
 

@@ -1,6 +1,10 @@
 """The memory of a batch: where things stand in the rows of lanes, and in tables of addresses.
 
 All numbers of the lanes stand in one memory, a row of all lanes for each.
+
+What is observed along a segment stands in a page. On a GPU every lane has one, and observes in its
+steps. On a processor a lane keeps samples, its states at the instants. At the end of a segment it
+observes a vector of instants at a time in the thread's only page, which its summary is made of.
 """
 
 from typing import Any, NamedTuple
@@ -36,6 +40,7 @@ class Layout(NamedTuple):
     motion: int  # states of the motion, which come first
     states: int  # with the totals
     numbers: int
+    sampled: int  # times and states that a lane keeps at each instant; 0: it observes at once
     observed: int
     instants: int  # of a segment
     found: int  # numbers of a segment's summary
@@ -44,28 +49,40 @@ class Layout(NamedTuple):
     trial: int
     k: int  # rates of the stages
     given: int  # numbers of the design
-    seen: int
+    seen: int  # a sample, or what is observed
     kept: int  # what is computed once a design
     end: int
-    # Rows of a lane's page: what was seen at a segment's instants, states at its end, its summary.
+    # Rows of a page: what was observed at a segment's instants, states at its end, its summary.
     series: int  # of everything that is observed, one more than it fills
     last: int  # the first of the states, a row for each
     summary: int
     page: int  # its end
 
+    @property
+    def looked(self) -> int:
+        """Return how many numbers a lane keeps of each instant."""
+        return self.sampled or self.observed
+
 
 def layout(
-    shape: Shape, motion: int, states: int, numbers: int, observed: int, instants: int, found: int
+    shape: Shape,
+    motion: int,
+    states: int,
+    numbers: int,
+    sampled: int,
+    observed: int,
+    instants: int,
+    found: int,
 ) -> Layout:
     """Put one after the other; nothing is kept yet."""
-    lengths = (states, states, STAGES * states, numbers, observed, 0)
+    lengths = (states, states, STAGES * states, numbers, sampled or observed, 0)
     rows = (CLOCK + sum(lengths[:i]) for i in range(len(lengths) + 1))
     # Rows a power of 2 apart would all meet in one set of the processor's cache.
     series = -(-instants // shape.lanes) + 1
     last = observed * series
     # Behind the summary is room for what a whole vector writes.
     page = (series, last, last + states, last + states + -(-found // shape.lanes) + 1)
-    counts = (motion, states, numbers, observed, instants, found)
+    counts = (motion, states, numbers, sampled, observed, instants, found)
     return Layout._make((shape, *counts, *rows, *page))
 
 
@@ -98,7 +115,8 @@ class Lanes(NamedTuple):
 
     memory: Any  # (rows, lanes)
     whole: Any  # (5, lanes): whole numbers
-    pages: Any  # (lanes, numbers): of the segments that they are in
+    samples: Any  # (lanes, numbers): series of them
+    pages: Any  # (1 or lanes, numbers): of the segments that they are in
 
 
 class Shared(NamedTuple):
@@ -141,7 +159,9 @@ def table(lanes: Lanes, shared: Shared) -> np.ndarray:
 def lane_shapes(at: Layout) -> Lanes:
     """Return the shapes of a thread's own arrays, or of a warp's."""
     lanes = at.shape.lanes
-    return Lanes((at.end, lanes), (WHOLES, lanes), (lanes, at.page * lanes))
+    samples = (lanes, at.sampled * at.series * lanes)
+    pages = (1 if at.sampled else lanes, at.page * lanes)
+    return Lanes((at.end, lanes), (WHOLES, lanes), samples, pages)
 
 
 def limits_of(control: Control) -> np.ndarray:

@@ -8,7 +8,7 @@ lane in the loop.
 
 import math
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import reduce
 from math import prod
 from typing import Any, NamedTuple
@@ -20,7 +20,16 @@ from jaxcrusher.lanes.code import CORES, Array, Code, Module, Shape
 from jaxcrusher.lanes.elementary import exponential, logarithm
 from jaxcrusher.lanes.equations import Atom, Emitter, number, write_summary
 from jaxcrusher.lanes.expression import DOUBLE, INTEGER, Expression, where
-from jaxcrusher.lanes.layout import FIELDS, STAGES, WHOLE, Lanes, Layout, Shared, layout
+from jaxcrusher.lanes.layout import (
+    FIELDS,
+    STAGES,
+    WHOLE,
+    Lanes,
+    Layout,
+    Shared,
+    lane_shapes,
+    layout,
+)
 from jaxcrusher.lanes.primitives import type_of
 from jaxcrusher.lanes.verify import Verified
 
@@ -41,6 +50,13 @@ class Equations(NamedTuple):
     def states(self) -> int:
         """Count the states."""
         return len(self.field.results)
+
+    @property
+    def sampled(self) -> list[int]:
+        """Return which of time (0) and states (from 1 on) it takes to observe."""
+        observe = self.observe
+        read = {id(v) for e in observe.equations for v in e.invars} | set(map(id, observe.results))
+        return [i for i, v in enumerate(observe.operands[: 1 + self.states]) if id(v) in read]
 
 
 class Tableau(NamedTuple):
@@ -70,8 +86,10 @@ def kernels(
     """
     field, observe, summarise, instants, motion = equations
     types = list(map(type_of, field.operands[1 + equations.states :]))
-    counts = [sum(map(prod, function.shapes)) for function in (observe, summarise)]
-    at = layout(shape, motion, equations.states, len(types), counts[0], instants, counts[1])
+    observed, found = (sum(map(prod, function.shapes)) for function in (observe, summarise))
+    sampled = equations.sampled if shape.width > 1 else []
+    counts = len(types), len(sampled), observed, instants, found
+    at = layout(shape, motion, equations.states, *counts)
     module = Module(shape)
     prepare, rates = Code(module, "prepare"), Code(module, "field", rows=3)
     look = Code(module, "look")
@@ -81,14 +99,21 @@ def kernels(
         for i, type_ in enumerate(types)
     ]
     _write_field(rates, field, emitter, numbers)
-    _write_look(look, observe, emitter, numbers, table, at)
+    seen, see = _at_instant(look, equations.states, table, at), None
+    if sampled:
+        see = Code(module, "see", flags=())
+        _write_look(look, [seen[i] for i in sampled], at)
+        _write_see(see, observe, emitter, numbers, sampled, at)
+    else:
+        _write_look(look, emitter.body(look, observe, [*map(Atom, seen), *numbers]), at)
     at = at._replace(end=at.kept + emitter.keep())
     prepare.end()
     summary, over = write_summary(module, summarise, observe.shapes, at)
     begin = _write_begin(Code(module, "begin"), prepare, rates, at)
     step = _write_step(Code(module, "step"), rates, table, at)
     accept = _write_acceptance(Code(module, "accept"), at)
-    _Loop(Code(module, "advance", flags=()), at, begin, step, look, accept, summary).write()
+    functions = begin, step, look, accept, see, summary
+    _Loop(Code(module, "advance", flags=()), at, *functions).write()
     return Kernels(str(module), at, over)
 
 
@@ -102,10 +127,8 @@ def _write_field(code: Code, field: Verified, emitter: Emitter, numbers: list[At
     code.end()
 
 
-def _write_look(
-    code: Code, observe: Verified, emitter: Emitter, numbers: list[Atom], table: Tableau, at: Layout
-) -> None:
-    """Write what is seen at the instants that are due, between the ends of the step."""
+def _at_instant(code: Code, states: int, table: Tableau, at: Layout) -> list[Expression]:
+    """Write the time of the instants that are due, and the states then, between the step's ends."""
     due, time, step = code.read(row.DUE), code.read(row.TIME), code.read(row.STEP)
     share = (due - time) / step
     weights = [
@@ -113,14 +136,41 @@ def _write_look(
     ]
 
     def state(i: int) -> Expression:
-        rates = (code.read(at.k + stage * at.states + i) for stage in range(STAGES))
+        rates = (code.read(at.k + stage * states + i) for stage in range(STAGES))
         changes = [weight * rate for weight, rate in zip(weights, rates, strict=True)]
         return code.read(at.y + i) + reduce(operator.add, changes)
 
     # LLVM leaves out the states that do not matter.
-    operands = [Atom(due), *(Atom(state(i)) for i in range(at.states)), *numbers]
-    for i, value in enumerate(emitter.body(code, observe, operands)):
+    return [due, *map(state, range(states))]
+
+
+def _write_look(code: Code, values: Iterable[Any], at: Layout) -> None:
+    """Write what lanes keep of the instants that are due."""
+    for i, value in enumerate(values):
         code.write(value, at.seen + i)
+    code.end()
+
+
+def _write_see(
+    code: Code,
+    observe: Verified,
+    emitter: Emitter,
+    numbers: list[Atom],
+    sampled: list[int],
+    at: Layout,
+) -> None:
+    """Write what is observed at all instants of the first lane's segment, from its samples."""
+    (memory, _, samples, pages), series = arrays_of_lanes(code, at), at.series * at.shape.lanes
+
+    with code.each(0, at.instants, at.shape.width) as instant:
+        operands = [Atom(code.vector(0.0)) for _ in range(1 + at.states)]
+        for place, i in enumerate(sampled):
+            operands[i] = Atom(samples.vector(code.first, instant + place * series))
+        values = emitter.body(
+            code, observe, [*operands, *numbers], lambda i: code.alike(memory[i, code.first])
+        )
+        for i, value in enumerate(values):
+            pages[0, instant + i * series] = code.vector(value)
     code.end()
 
 
@@ -205,6 +255,16 @@ def _write_acceptance(code: Code, at: Layout) -> Code:
     return code.end()
 
 
+def _array(code: Code, name: str, *lengths: Any) -> Array:
+    return code.array(FIELDS.index(name), INTEGER if name in WHOLE else DOUBLE, *lengths)
+
+
+def arrays_of_lanes(code: Code, at: Layout) -> Lanes:
+    """Find the lanes' own arrays in the table of a function."""
+    shapes = lane_shapes(at)
+    return Lanes(*(_array(code, x, getattr(shapes, x)[1]) for x in Lanes._fields))
+
+
 class _Loop:
     """Writes `advance`, the loop over steps of a table of addresses and its first lane.
 
@@ -220,30 +280,23 @@ class _Loop:
         step: Code,
         look: Code,
         accept: Code,
+        see: Code | None,
         summary: Code,
     ) -> None:
         self._code, self._at = code, at
         self._begin, self._step, self._look, self._accept = begin, step, look, accept
-        self._summary = summary
-        counts = self._array("counts")
+        self._see, self._summary = see, summary
+        counts = _array(code, "counts")
         self._designs, self._segments = counts[0], counts[1]
-        lanes = at.shape.lanes
         lengths: dict[str, tuple[Any, ...]] = {
-            "memory": (lanes,),
-            "whole": (lanes,),
-            "pages": (at.page * lanes,),
             "starts": (at.states,),
             "numbers": (at.numbers,),
             "tolerances": (2,),
             "floors": (self._segments,),
             "found": (self._segments, at.found),
         }
-        self._lanes = Lanes(*(self._array(x, *lengths[x]) for x in Lanes._fields))
-        self._shared = Shared(*(self._array(x, *lengths.get(x, ())) for x in Shared._fields))
-
-    def _array(self, name: str, *lengths: Any) -> Array:
-        kind = INTEGER if name in WHOLE else DOUBLE
-        return self._code.array(FIELDS.index(name), kind, *lengths)
+        self._lanes = arrays_of_lanes(code, at)
+        self._shared = Shared(*(_array(code, x, *lengths.get(x, ())) for x in Shared._fields))
 
     def write(self) -> None:
         """Write the loop: designs into lanes, steps, and segments that have come to their ends."""
@@ -264,7 +317,7 @@ class _Loop:
 
     def _arrive(self, lane: Expression) -> None:
         """Make a lane without a design, of memory that holds anything."""
-        code, at, (memory, whole, pages) = self._code, self._at, self._lanes
+        code, at, (memory, whole, samples, pages) = self._code, self._at, self._lanes
         with code.each(0, at.end) as i:
             memory[i, lane] = 0.0
         for i in range(row.CONTROLS):
@@ -274,8 +327,14 @@ class _Loop:
             memory[clock, lane] = 1.0
         for i in range(row.WHOLES):
             whole[i, lane] = row.WANTED if i == row.DESIGN else 0
+        with code.each(0, lane_shapes(at).samples[1]) as i:
+            samples[lane, i] = math.nan
         with code.each(0, at.page * at.shape.lanes) as i:
-            pages[lane, i] = math.nan
+            pages[self._page(lane), i] = math.nan
+
+    def _page(self, lane: Expression) -> Expression:
+        """Return the page of a lane: its own, or the only one."""
+        return self._code.number(0) if self._at.sampled else lane
 
     def _run(self, function: Code) -> None:
         """Run a function for all lanes."""
@@ -290,28 +349,30 @@ class _Loop:
 
     def _observe(self, first: Expression) -> None:
         """Observe the instants that lanes have passed in their steps, from the first one on."""
-        code, at, (memory, whole, pages) = self._code, self._at, self._lanes
+        code, at, (memory, whole, samples, pages) = self._code, self._at, self._lanes
+        kept = samples if at.sampled else pages
 
-        def due(read: Callable[[int], Expression]) -> Expression:
-            return (read(row.KEEP) > 0) & (read(row.DUE) <= read(row.NEXT))
+        def due() -> Expression:
+            keep, at, end = (memory.vector(i, first) for i in (row.KEEP, row.DUE, row.NEXT))
+            return (keep > 0) & (at <= end)
 
-        with code.repeat(lambda: code.any(due(lambda clock: memory.vector(clock, first)))):
+        with code.repeat(lambda: code.any(due())):
             code.run(self._look, memory=memory, first=first)
-            with code.each(first, first + at.shape.width) as lane:
-                with code.when(due(lambda clock: memory[clock, lane])):
-                    instant = whole[row.INSTANT, lane]
-                    with code.each(0, at.observed) as i:
-                        place = i * (at.series * at.shape.lanes) + instant
-                        pages[lane, place] = memory[i + at.seen, lane]
-                    whole[row.INSTANT, lane] = instant + 1
-                    memory[row.DUE, lane] = math.inf
-                    with code.when(instant + 1 < at.instants):
-                        following = whole[row.FIRST, lane] + instant + 1
-                        memory[row.DUE, lane] = self._shared.times[following]
+            with code.each_true(due()) as place:
+                lane = first + place
+                instant = whole[row.INSTANT, lane]
+                with code.each(0, at.looked) as i:
+                    there = i * (at.series * at.shape.lanes) + instant
+                    kept[lane, there] = memory[i + at.seen, lane]
+                whole[row.INSTANT, lane] = instant + 1
+                memory[row.DUE, lane] = math.inf
+                with code.when(instant + 1 < at.instants):
+                    following = whole[row.FIRST, lane] + instant + 1
+                    memory[row.DUE, lane] = self._shared.times[following]
 
     def _end_segment(self, lane: Expression) -> None:
         """Hand over the segment of a lane that has come to its end, or that goes no further."""
-        code, shared, (memory, whole, _) = self._code, self._shared, self._lanes
+        code, shared, (memory, whole, *_) = self._code, self._shared, self._lanes
         states = range(self._at.y, self._at.trial)
         finite = reduce(operator.and_, (abs(memory[i, lane]) < math.inf for i in states))
         result = where(finite, code.number(row.SUCCESS), row.NOT_FINITE)
@@ -338,36 +399,38 @@ class _Loop:
 
     def _summarise(self, lane: Expression, success: Expression) -> None:
         """Reduce a segment's page; from a failure on it is NaN."""
-        code, at, (memory, whole, pages) = self._code, self._at, self._lanes
-        lanes = at.shape.lanes
+        code, at, (memory, whole, _, pages) = self._code, self._at, self._lanes
+        lanes, page = at.shape.lanes, self._page(lane)
+        if self._see is not None:
+            code.run(self._see, first=lane)
         for i in range(at.states):
             state = where(success, memory[at.y + i, lane], math.nan)
-            pages[lane, (at.last + i) * lanes] = state
+            pages[page, (at.last + i) * lanes] = state
         with code.when(~success), code.each(0, at.observed) as i:
             with code.each(whole[row.INSTANT, lane], at.instants) as instant:
-                pages[lane, i * (at.series * lanes) + instant] = math.nan
-        code.run(self._summary, lane * at.page, memory=pages, first=0)
+                pages[page, i * (at.series * lanes) + instant] = math.nan
+        code.run(self._summary, page * at.page, memory=pages, first=0)
         self._hand_over(lane, whole[row.DESIGN, lane], whole[row.SEGMENT, lane])
 
     def _leave_out(self, lane: Expression, design: Expression, first: Expression) -> None:
         """Summarise a design's segments that it does not reach: all that is seen there is NaN."""
-        code, at, pages = self._code, self._at, self._lanes.pages
+        code, at, pages, page = self._code, self._at, self._lanes.pages, self._page(lane)
         with code.each(0, at.summary * at.shape.lanes) as i:
-            pages[lane, i] = math.nan
-        code.run(self._summary, lane * at.page, memory=pages, first=0)
+            pages[page, i] = math.nan
+        code.run(self._summary, page * at.page, memory=pages, first=0)
         with code.each(first, self._segments) as segment:
             self._hand_over(lane, design, segment)
 
     def _hand_over(self, lane: Expression, design: Expression, segment: Expression) -> None:
         """Write the summary that stands in a lane's page to the results."""
-        at = self._at
+        at, page = self._at, self._page(lane)
         with self._code.each(0, at.found) as i:
-            value = self._lanes.pages[lane, i + at.summary * at.shape.lanes]
+            value = self._lanes.pages[page, i + at.summary * at.shape.lanes]
             self._shared.found[design, segment, i] = value
 
     def _begin_segment(self, lane: Expression) -> None:
         """Start a lane's segment: totals of zero, the first step anew."""
-        at, shared, (memory, whole, _) = self._at, self._shared, self._lanes
+        at, shared, (memory, whole, *_) = self._at, self._shared, self._lanes
         segment, schedule = whole[row.SEGMENT, lane], shared.schedule[whole[row.DESIGN, lane]]
         first = (schedule * self._segments + segment) * at.instants
         whole[row.INSTANT, lane] = 0
@@ -386,7 +449,7 @@ class _Loop:
 
     def _refill(self, live: Array) -> None:
         """Give a design to every lane without one, as far as there are; count those with one."""
-        code, (memory, whole, _) = self._code, self._lanes
+        code, (memory, whole, *_) = self._code, self._lanes
         live[0] = 0
         with code.each_lane() as lane:
             memory[row.FRESH, lane] = 0.0
@@ -405,7 +468,7 @@ class _Loop:
 
     def _start(self, lane: Expression, design: Expression) -> None:
         """Put a design into a lane, if its state is finite."""
-        code, at, shared, (memory, whole, _) = self._code, self._at, self._shared, self._lanes
+        code, at, shared, (memory, whole, *_) = self._code, self._at, self._shared, self._lanes
         states = (abs(shared.starts[design, i]) < math.inf for i in range(at.states))
         with code.either(reduce(operator.and_, states)) as (then, otherwise):
             with then:

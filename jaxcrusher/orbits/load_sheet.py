@@ -78,10 +78,13 @@ def _carried(orbit: PeriodicOrbit) -> tuple[str, ...]:
 
 
 def _static(found: xr.Dataset) -> list[Row]:
+    # What weight and reactions cancel is rounding, some 1e-12 of the largest load.
+    rounding = 1e-9 * float(np.abs(found.amplitude).max())
     return [
-        Row("static loads", _words(name), "", float(one.amplitude), str(one.unit.values))
+        Row("static loads", _words(name), "", value, str(one.unit.values))
         for name in found["quantity"].values
         for one in [found.sel(quantity=name, order=0)]
+        for value in [float(one.amplitude) if abs(one.amplitude) > rounding else 0.0]
     ]
 
 

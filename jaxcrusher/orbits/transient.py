@@ -6,6 +6,7 @@ leaves a guess from which Newton's method converges.
 
 import functools
 import itertools
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -46,6 +47,8 @@ GROWN, CHAOS = 24, 0.2
 # An orbit is the mean of a swing if it is no further from it, as a share of its spread and in
 # clearances.
 ABOUT, NEAR = 0.25, 1e-3
+
+_LOG = logging.getLogger(__name__)
 
 # A section point, and the scene that moves from it.
 Case = tuple[Float[Array, " dims"], Scene]
@@ -191,6 +194,7 @@ class Wait:
             if self._whirls():
                 return
             case = self._state, self.scene
+            _LOG.info("waiting: turns %d to %d from rest", turn * TURNS + 1, (turn + 1) * TURNS)
             states, success = _points(case, turns=TURNS, rtol=RTOL)
             self._failed = not bool(success)
             if self._failed:

@@ -12,6 +12,7 @@ all: see `jaxcrusher.orbits.solving`.
 """
 
 import dataclasses
+import logging
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
@@ -41,6 +42,9 @@ from jaxcrusher.orbits.transient import (
 BESIDE = (0.01, 0.003, 0.03, 0.1)
 # Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
 CLOSURE, RTOL = 1e-6, 1e-11
+
+# Tells each try as it begins, for a program that shows how far it is.
+_LOG = logging.getLogger(__name__)
 
 
 class Try(NamedTuple):
@@ -77,6 +81,7 @@ class Search(NamedTuple):
         """
         way = None
         while True:
+            _LOG.info("Newton's method for a period of %d, %d nodes a turn", turns, count)
             found, factors = solved(self.still, guess, turns, count * turns)
             way = found.way if way is None else way
             found = dataclasses.replace(found, way=way)
@@ -94,6 +99,7 @@ class Search(NamedTuple):
 
     def by_shooting(self, start: Array, turns: int) -> Try:
         """Return the orbit through a section point near `start`."""
+        _LOG.info("shooting for a period of %d", turns)
         found = closed(self.still, start, turns)
         orbit = described(self.still, found, turns)
         if is_concrete(self.scene) or not bool(orbit.success):

@@ -4,7 +4,7 @@ A clearance of 100 mm in a bore of 130 mm, or a jaw of 0.5 kg, has a unit and li
 limits, and is a slip all the same.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -298,15 +298,17 @@ def _number(value: float, unit: str) -> str:
 
 # The numbers that differ from machine to machine.
 OF_A_MACHINE = ("bore_radius", "load", "shaft.", "jaw.", "toggle.", "bearing.", "chamber.")
+# The laws that have a force of their own, or none.
+WITHOUT_LOAD = ("none", "by_angle", "chamber")
 
 
-def borrowed(given: Iterable[str]) -> list[str]:
-    """Return which numbers of a machine are the PE250x400's where these names are given."""
-    known = set(given)
+def borrowed(given: Mapping[str, Any]) -> list[str]:
+    """Return which numbers of a machine are the PE250x400's in a description."""
+    known = set(given) | ({"load"} if given.get("load_law") in WITHOUT_LOAD else set())
     return [n for n in NUMBERS if n.startswith(OF_A_MACHINE) and n not in known and not openers(n)]
 
 
-def tell_borrowed(given: Iterable[str], path: Path | None) -> None:
+def tell_borrowed(given: Mapping[str, Any], path: Path | None) -> None:
     """Print on standard error which numbers of a machine a scene file leaves to the PE250x400."""
     if path is not None and (names := borrowed(given)):
         listed = ", ".join(f"{name} {readable(name, NUMBERS[name].default)}" for name in names)

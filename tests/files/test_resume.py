@@ -40,9 +40,14 @@ def test_a_file_that_cannot_be_read_is_named(text, tmp_path):
 def test_results_of_other_settings_are_kept_beside_and_told(tmp_path, capsys):
     """The folder and those above it are made, and a run of the same settings moves nothing."""
     folder = tmp_path / "of" / "mine"
+    mat = False
     for turns, told in ((5, ""), (5, ""), (6, "1"), (7, "2")):
-        begin_beside(folder, {"turns": turns}, "*.csv")
+        begin_beside(folder, {"turns": turns}, "*.csv", spared=["motion.mat"])
         assert not list(folder.glob("*.csv"))
+        # What this run does not write stays only if the settings are the same.
+        assert (folder / "motion.mat").exists() == (turns == 5 and mat)
+        (folder / "motion.mat").touch()
+        mat = True
         (folder / "rows.csv").write_text(f"{turns}")
         words = f"{folder}: results of other settings are kept in {folder}/earlier/{told}.\n"
         assert capsys.readouterr().err == (words if told else "")

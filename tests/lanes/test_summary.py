@@ -42,7 +42,7 @@ def _summarised(function, x, y, z):
     jaxpr = jax.make_jaxpr(function)(x, y, z)
     results = verified(jaxpr, 2, count)
     numbers = sum(map(prod, results.shapes))
-    at = layout(CORES, 0, states=1, numbers=0, observed=3, instants=count, found=numbers)
+    at = layout(CORES, 0, states=1, numbers=0, sampled=0, observed=3, instants=count, found=numbers)
     _, over = write_summary(module, results, [(), (2,)], at)
     memory = np.full((at.page, LANES), np.nan)
     for i, series in enumerate((x, *y.T)):

@@ -128,7 +128,6 @@ def test_slowly_turned_the_springs_carry_the_weight():
     assert sag + 0.6 * turned == pytest.approx(right / 1.5e8, rel=1e-4)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("joint", ["ideal", "clearance"])
 def test_orbit_is_where_a_long_integration_ends(joint):
     orbit = orbit_of(joint=joint)
@@ -167,7 +166,6 @@ def test_multipliers_that_overflow_are_not_trusted():
     assert not orbit.multipliers_error < 1 and not orbit.stable
 
 
-@pytest.mark.slow
 def test_power_over_a_period():
     """The drive gives what load, contact and dampers take: energies come back to themselves."""
     works = []
@@ -188,7 +186,6 @@ def test_power_over_a_period():
     assert float(sliding.friction_loss[1]) > 10
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("joint", ["ideal", "clearance"])
 def test_slopes(joint):
     """By numbers of frame, springs and machine, against central differences of orbits."""
@@ -230,7 +227,6 @@ def test_slopes(joint):
         )
 
 
-@pytest.mark.slow
 def test_an_orbit_that_is_shot_for_is_the_same():
     orbit = orbit_of(**springs(5e7, 1e5))
     found = shoot(orbit.scene, orbit.section, 1)

@@ -73,6 +73,9 @@ def test_numbers_that_a_scene_file_leaves_to_the_paper_are_told(capsys):
     tell_borrowed(whole, Path("mine.toml"))
     told = "mine.toml leaves 2 numbers to the PE250x400: load 8800 N, jaw.mass 524 kg.\n"
     assert capsys.readouterr().err == told
+    # A measured curve has its own force.
+    tell_borrowed(whole | {"load_law": "by_angle", "jaw.mass": 500.0}, Path("mine.toml"))
+    assert capsys.readouterr().err == ""
 
 
 def test_an_ideal_joint_has_no_clearance_to_look_at():

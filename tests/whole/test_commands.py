@@ -90,15 +90,17 @@ def test_simulate_says_what_the_motion_is(simulated):
         last = motion.foundation_force[200:-1].to_numpy()
         shaking = np.linalg.norm(motion.shaking_force[200:-1].to_numpy(), axis=1)
     found = re.search(
-        r"foundation (\d+) N, RMS shaking force (\d+) N, contact share ([\d.]+), no whirl, inside "
-        r"the contact model \(turns 2 to 2\)",
+        r"foundation (\d+) N, peak (\d+) N, RMS shaking force (\d+) N, contact share ([\d.]+), "
+        r"no whirl, inside the contact model \(turns 2 to 2\)",
         text,
     )
     assert found, text
     # 200 samples of a turn, quiet in the bore, and rounding to 1 N.
     assert float(found[1]) == pytest.approx(np.sqrt(np.mean(last**2)), abs=1 + 1e-3 * last[0])
-    assert float(found[2]) == pytest.approx(np.sqrt(np.mean(shaking**2)), abs=1 + 1e-3 * last[0])
-    assert float(found[3]) == 1.0
+    # A top lies at most half a sample off: a quarter of a thousandth of what it stands above.
+    assert float(found[2]) == pytest.approx(np.max(last), abs=1 + 1e-3 * last[0])
+    assert float(found[3]) == pytest.approx(np.sqrt(np.mean(shaking**2)), abs=1 + 1e-3 * last[0])
+    assert float(found[4]) == 1.0
 
 
 def test_an_average_that_scatters_says_what_to_do():
@@ -546,12 +548,12 @@ def test_orbit_solves_for_the_periodic_orbit(tmp_path):
     assert f"shaking force: RMS {kept['shaking_rms']:.4f} N" in text
     by_speed = kept["slopes_of_shaking_rms"]["speed"]
     assert by_speed == pytest.approx(2 / 27 * kept["shaking_rms"], rel=2e-3)
-    assert re.search(rf"speed\s.*163\.534 .* {by_speed:.6g}", text)
+    assert re.search(rf"speed\s.*163\.53 .* {by_speed:.5g}", text)
     slopes = kept["slopes_of_foundation_rms"]
     assert set(slopes) == set(jc.PARAMETERS) & set(jc.PE250X400)
     assert slopes["speed"] == pytest.approx(163.534, rel=1e-5)
     # In the units given, and in those of drawings where none were.
-    assert re.search(r"speed\s.*27 rad/s.*163\.534 N/\(rad/s\)", text)
+    assert re.search(r"speed\s.*27 rad/s.*163\.53 N/\(rad/s\)", text)
     assert re.search(r"clearance\s.*5e-05 m .*N/m ", text) and "695 mm" in text
     assert "jaw.mass_centre_distance" in text and " -0 " not in text
     # A step of the counterweight, which is 0, does more than one of the clearance.

@@ -6,7 +6,7 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from notebooks.make import DIGEST, digest
+from notebooks.make import DIGEST, digest, export
 
 FOLDER = Path(__file__).parents[2] / "notebooks"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
@@ -60,3 +60,13 @@ def test_shows_its_pictures_small_and_current(path):
     assert notebook.metadata[DIGEST] == digest(notebook), "run python notebooks/make.py"
     # Pictures of 60 kB in all, a third more in base64, and the text.
     assert path.stat().st_size < 100e3
+
+
+def test_is_exported_as_a_page_that_needs_no_network(path, tmp_path):
+    export(path.stem, tmp_path)
+    page = (tmp_path / f"{path.stem}.html").read_text()
+    assert not re.search(r'<(link|script|img)\b[^>]*(src|href)="(https?:)?//', page)
+    assert "cdnjs" not in page and "MathJax" not in page
+    text = "\n".join(cell.source for cell in cells(path, "markdown"))
+    assert page.count("<math") == text.replace("$$", "$").count("$") / 2 > 0
+    assert re.findall(r'src="(?!data:)', page) == []
