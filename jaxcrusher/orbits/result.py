@@ -48,6 +48,7 @@ class WAYS(eqx.Enumeration):  # pyright: ignore
     waiting = "from the mean of turns that were waited for"
     shooting = "by shooting"
     shot_nodes = "by shooting, and by nodes from there"
+    doubling = "from an unstable orbit of half the turns, whose period has doubled"
     branch = "along a branch"
 
 
@@ -115,7 +116,10 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         if bool(self.way == WAYS.shooting):
             return {"period": self.period, "method": "shooting", "guess": self}
         nodes = None if self.eccentricity is None else len(self.eccentricity) // self.period
-        return {"period": self.period, "nodes": nodes}
+        how = {"period": self.period, "nodes": nodes}
+        # From rest the same program finds it again; from elsewhere another orbit might be found.
+        found = (self.way == WAYS.sum) | (self.way == WAYS.rest) | (self.way == WAYS.damping)
+        return how if bool(found) else how | {"guess": self}
 
     @property
     def largest_multiplier(self) -> Float[Array, "*batch"]:
@@ -136,6 +140,26 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         """Return the turns in which a disturbance falls to 1/e in the end; infinite if it grows."""
         largest = self.largest_multiplier
         return jnp.where(largest >= 1, jnp.inf, -self.period / jnp.log(largest))
+
+    @property
+    def instability(self) -> str:
+        """Say how disturbances of an orbit grow; nothing if they die (concrete values only)."""
+        if not bool(self.success) or bool(self.stable):
+            return ""
+        largest = max(np.asarray(self.multipliers).tolist(), key=abs)
+        if abs(largest) <= 1:
+            return "Its largest multiplier is 1 within the error of multipliers."
+        if largest.imag:
+            return (
+                f"A pair of multipliers has a modulus of {abs(largest):.6g}: disturbances grow "
+                "while they turn round the orbit, and the motion may be quasi-periodic."
+            )
+        if largest.real < 0:
+            return (
+                f"Its largest multiplier is {largest.real:.6g}: disturbances change sides each "
+                f"period and grow, so the motion repeats after {2 * self.period} turns or more."
+            )
+        return f"Its largest multiplier is {largest.real:.6g}: disturbances grow to one side."
 
     def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
         """Return where the motion is at a shaft angle (rad); it may be handed to a formulation."""

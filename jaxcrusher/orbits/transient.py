@@ -39,8 +39,10 @@ ANGLES = 96
 LONGEST, NARROWER = 4, 0.5
 # Section points so near, in clearances and m/s, repeat.
 REPEATED = 1e-4
-# Turns over which a disturbance is followed, and the growth in a turn that is called chaos.
-GROWN, CHAOS = 24, 0.05
+# Turns over which a disturbance is followed, and the growth in a turn that is called chaos. For so
+# few turns a swing about a stable orbit lets disturbances grow too, by up to 0.1 a turn; of chaotic
+# motions, which lose contact, it is 1.7 to 7.
+GROWN, CHAOS = 24, 0.2
 
 # An orbit is the mean of a swing if it is no further from it, as a share of its spread and in
 # clearances.

@@ -6,8 +6,9 @@
 3. Rest with twice the nodes, and shooting from what nodes do not resolve.
 4. Turns that are waited for from rest: their mean, by nodes and by shooting.
 
-The first stable orbit is the answer. Under `jax.jit` the first try is all: see
-`jaxcrusher.orbits.solving`.
+Where one of these leads to an unstable orbit whose period has doubled, the orbit of twice the turns
+is shot for from beside it. The first stable orbit is the answer. Under `jax.jit` the first try is
+all: see `jaxcrusher.orbits.solving`.
 """
 
 import dataclasses
@@ -21,11 +22,24 @@ from jaxtyping import Array
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.section import poincare_section
+from jaxcrusher.orbits import newton
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import can_be_shot, closed, described
 from jaxcrusher.orbits.solving import MOST_NODES, NODES, SETTLED, solved, with_statistics
-from jaxcrusher.orbits.transient import NEAR, Round, Wait, one_period, resting_start, section_mean
+from jaxcrusher.orbits.transient import (
+    LONGEST,
+    NEAR,
+    Round,
+    Wait,
+    one_period,
+    places,
+    resting_start,
+    section_mean,
+)
 
+# Distances in clearances from an unstable orbit, at which the orbit of twice the turns is shot for.
+# Where |mu| is 1.0004 to 1.01 the first one leads there.
+BESIDE = (0.01, 0.003, 0.03, 0.1)
 # Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
 CLOSURE, RTOL = 1e-6, 1e-11
 
@@ -92,6 +106,13 @@ class Search(NamedTuple):
             return Try(orbit, orbit)
         return Try(described(self.scene, found, turns), orbit)
 
+    def by_shots(self, start: Array, turns: int, way: WAYS) -> list[Try]:
+        """Return a shot, and before it, where it keeps contact, the nodes there: they are exact."""
+        shot = self.by_shooting(start, turns)
+        if not bool(shot.orbit.least_penetration > 0):
+            return [shot]
+        return [self.by_nodes(shot.orbit.eccentricity, turns, 2 * NODES).found(way), shot]
+
 
 def searched(search: Search, nodes: int | None) -> PeriodicOrbit:
     """Return the stable orbit of a scene, with so many nodes a turn, or by all tries.
@@ -102,7 +123,7 @@ def searched(search: Search, nodes: int | None) -> PeriodicOrbit:
     if nodes is not None:
         return _best([search.by_nodes(search.guess, search.turns, nodes, nodes)])
     wait = Wait(search.still)
-    return _best(_tries(search, wait), wait)
+    return _best(_with_doubled(search, _tries(search, wait)), wait)
 
 
 def shot_for(search: Search) -> PeriodicOrbit:
@@ -143,20 +164,17 @@ def _tries(search: Search, wait: Wait) -> Iterator[Try]:
     shot_from: list[tuple[int, Array]] = []
 
     def shots(start: Array, turns: int = turns) -> Iterator[Try]:
-        """Yield a shot, and before it, where it keeps contact, the nodes there: they are exact.
+        """Yield what shooting leads to.
 
         The mean of later turns may be where one led to an orbit: it is not shot from again.
         """
-        known = any(turns == n and np.max(np.abs(start - at)) < NEAR for n, at in shot_from)
+        known = any(turns == n and _is_near(start, at) for n, at in shot_from)
         if known or not can_be_shot(scene, start):
             return
-        shot = search.by_shooting(start, turns)
-        if bool(shot.orbit.success):
+        found = search.by_shots(start, turns, WAYS.shot_nodes)
+        if bool(found[-1].orbit.success):
             shot_from.append((turns, start))
-        if bool(shot.orbit.least_penetration > 0):
-            guess = shot.orbit.eccentricity
-            yield search.by_nodes(guess, turns, 2 * NODES).found(WAYS.shot_nodes)
-        yield shot
+        yield from found
 
     def waited(rest: Round) -> Iterator[Try]:
         """Yield what the means of turns lead to."""
@@ -182,6 +200,57 @@ def _tries(search: Search, wait: Wait) -> Iterator[Try]:
         yield from shots(first.orbit.section)
     for rest in rounds:
         yield from waited(rest)
+
+
+def _with_doubled(search: Search, tries: Iterable[Try]) -> Iterator[Try]:
+    """Yield tries, and behind an unstable orbit whose period has doubled those of twice its turns.
+
+    A call that asks for a period has none of these.
+    """
+    left: list[Array] = []
+    for one in tries:
+        yield one
+        orbit = one.orbit
+        if search.period is not None or not _has_doubled(orbit):
+            continue
+        if any(_is_near(orbit.section, at) for at in left):
+            continue
+        left.append(orbit.section)
+        yield from _with_doubled(search, _doubled(search, orbit))
+
+
+def _doubled(search: Search, orbit: PeriodicOrbit) -> Iterator[Try]:
+    """Yield shots from beside an unstable orbit until one leads to an orbit of twice its turns.
+
+    They start where the disturbance that changes sides leads.
+    """
+    turns, start = 2 * orbit.period, orbit.section
+    if turns > LONGEST or not can_be_shot(search.still, start):
+        return
+    found = closed(search.still, start, orbit.period)
+    if not bool(found.result == newton.RESULTS.successful):
+        return
+    values, vectors = np.linalg.eig(np.asarray(found.matrix))
+    way = np.real(vectors[:, np.argmin(np.where(np.imag(values), np.inf, np.real(values)))])
+    way /= np.max(np.abs(places(way, search.still.joints.count)))
+    for distance in BESIDE:
+        shots = search.by_shots(start + distance * way, turns, WAYS.doubling)
+        yield from shots
+        reached = shots[-1].orbit
+        if bool(reached.success) and not _is_near(reached.section, start):
+            return
+
+
+def _has_doubled(orbit: PeriodicOrbit) -> bool:
+    """Whether a disturbance of the orbit changes sides each period and grows."""
+    values = np.asarray(orbit.multipliers)
+    flips = bool(np.any((np.imag(values) == 0) & (np.real(values) < -1)))
+    return bool(orbit.success) and not bool(orbit.stable) and flips
+
+
+def _is_near(one: Array, other: Array) -> bool:
+    """Whether two section points are one place."""
+    return bool(np.max(np.abs(one - other)) < NEAR)
 
 
 def _shots(search: Search, wait: Wait) -> Iterator[Try]:

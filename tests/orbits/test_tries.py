@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.orbits import tries
+from jaxcrusher.orbits import transient, tries
 from jaxcrusher.orbits.result import RESULTS, WAYS
 from jaxcrusher.orbits.transient import Round, Wait
 from jaxcrusher.orbits.tries import Search, Try, searched
@@ -86,6 +86,76 @@ def test_the_first_stable_orbit_is_the_answer(monkeypatch):
     assert answer("none", "unstable", "stable", "none").way == WAYS.rest
     assert answer("none", "unstable", "none").way == WAYS.guess
     assert not answer("none", "none").success
+
+
+def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles(monkeypatch):
+    """A call that asks for a period, and an orbit that does not double, are left as they are."""
+    scene = jc.paper_scene(27.0, 0.05e-3)
+    stable, beside = jc.periodic_orbit(scene, nodes=96), []
+    doubles = dataclasses.replace(stable, multipliers=jnp.full(4, -2 + 0j))
+    twice = dataclasses.replace(stable, way=WAYS.doubling)
+
+    def answer(orbit, found, period=None):
+        beside.clear()
+        monkeypatch.setattr(tries, "_tries", lambda *_: iter([Try(orbit, orbit)] * 2))
+        shots = lambda _, one: beside.append(one) or iter([Try(found, found)])  # noqa: E731
+        monkeypatch.setattr(tries, "_doubled", shots)
+        return searched(Search(scene, scene, None, None, period), None), len(beside)
+
+    orbit, count = answer(doubles, twice)
+    assert orbit.way == WAYS.doubling and count == 1
+    orbit, count = answer(doubles, twice, period=1)
+    assert not orbit.stable and count == 0
+    turning = dataclasses.replace(stable, multipliers=stable.multipliers * 2j)
+    assert answer(turning, twice)[1] == 0
+    none = dataclasses.replace(stable, result=RESULTS.not_closed)
+    orbit, count = answer(doubles, none)
+    assert (
+        orbit.way == WAYS.rest and count == 1
+    )  # the same orbit, found again, is not doubled again
+
+
+@pytest.mark.slow
+def test_an_orbit_that_has_doubled_leads_to_that_of_twice_the_turns():
+    """Between two doublings 0.0003 rad/s apart; by random starts 20 927.9590 N."""
+    scene = jc.paper_scene(36.5455, 0.11293e-3)
+    orbit = jc.periodic_orbit(scene)
+    assert orbit.stable and orbit.period == 2 and orbit.way == WAYS.doubling
+    assert float(orbit.foundation_rms) == pytest.approx(20927.959, abs=1e-3)
+    single = jc.periodic_orbit(scene, period=1, nodes=96)
+    assert single.instability.endswith("so the motion repeats after 2 turns or more.")
+    # From rest the nodes would lead to the orbit of one turn, 0.07 N below.
+    again = jc.periodic_orbit(scene, **orbit.alike)
+    assert float(again.foundation_rms) == pytest.approx(float(orbit.foundation_rms), abs=1e-4)
+    assert float(single.foundation_rms) < float(orbit.foundation_rms) - 0.06
+
+
+def test_an_unstable_orbit_says_how_disturbances_grow():
+    orbit = jc.periodic_orbit(jc.paper_scene(27.0, 0.05e-3), nodes=96)
+    assert orbit.instability == ""
+
+    def said(largest, error=0.0):
+        values = jnp.array([0.5, largest, 0.1, 0.1], complex)
+        error = jnp.array(error)
+        return dataclasses.replace(orbit, multipliers=values, multipliers_error=error).instability
+
+    assert "change sides each period and grow, so the motion repeats after 2 turns" in said(-1.01)
+    assert "grow to one side" in said(1.25) and "1.25" in said(1.25)
+    assert "a modulus of 1.25:" in said(0.75 + 1j) and "quasi-periodic" in said(0.75 + 1j)
+    assert "1 within the error" in said(0.9999, 1e-3)
+    assert dataclasses.replace(orbit, result=RESULTS.whirl).instability == ""
+
+
+@pytest.mark.parametrize(("growth", "rounds"), [(0.1, 4), (2.0, 2)])
+def test_a_swing_that_may_settle_is_waited_for_and_chaos_is_not(monkeypatch, growth, rounds):
+    """At (38.687 rad/s, 0.10569 mm) disturbances grow by 0.07 a turn before the motion settles."""
+    states = jnp.asarray(np.random.default_rng(0).uniform(size=(transient.TURNS, 4)))
+    monkeypatch.setattr(transient, "_points", lambda *_, **__: (states, jnp.array(True)))
+    wait = Wait(jc.paper_scene(27.0, 0.05e-3))
+    monkeypatch.setattr(wait, "_whirls", lambda: False)
+    monkeypatch.setattr(wait, "_growth", lambda: growth)
+    assert len(list(wait.rounds())) == rounds
+    assert (wait.regime(RESULTS.not_closed) == RESULTS.chaotic) == (growth > 1)
 
 
 def test_means_are_taken_over_the_turns_that_a_motion_repeats_after():
