@@ -16,6 +16,7 @@ def main(
     table: Path | None = None,
     count: int = 2000,
     seed: int = 1,
+    cvode: int = 0,
 ) -> None:
     """Judge every stiff and extreme case of the bearing A, and of the seats B and C, or drawn ones.
 
@@ -28,6 +29,7 @@ def main(
         table: A csv of an earlier run, to draw its figure again without judging.
         count: How many crushers are drawn.
         seed: Seed of the draw.
+        cvode: How many drawn crushers of each kind are integrated by SUNDIALS CVODE too.
     """
     from benchmarks.stability.drawn_orbits import run_orbits
     from benchmarks.stability.drawn_run import run_drawn
@@ -38,7 +40,7 @@ def main(
         return
     for what in of or ("bearing", "seats"):
         if what == "drawn":
-            run_drawn(out, seed, count)
+            run_drawn(out, seed, count, cvode)
         elif what == "orbits":
             run_orbits(out, seed, count)
         else:

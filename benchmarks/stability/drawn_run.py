@@ -10,6 +10,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.tree_util import tree_unflatten as unflatten
+from jaxtyping import Array, Scalar
+from sksundae.cvode import CVODE
 
 import jaxcrusher as jc
 from benchmarks.pages import table
@@ -19,15 +22,21 @@ from benchmarks.stability.peer import changes
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import stack
 from jaxcrusher.crusher.joints import AtJoints, before
+from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.starts import Given
 from jaxcrusher.files.results import results_folder, write_table
+from jaxcrusher.motion.flow import by_angle
 
-TURN, INSTANTS = 0.25, 401  # compared
+INSTANTS = 401  # compared
+ANGLES = np.linspace(0, 0.25 * 2 * np.pi, INSTANTS)
 RTOL, FINE = 1e-9, 1e-12
 MOST_STEPS, MOST_FINE = 200_000, 2_000_000
 # Starts are moved by this share of a clearance to see how errors grow: by what a step of ours is
 # allowed, times a few thousand steps, as in `benchmarks.stability.judgement`.
 OFFSET = 3e-6
+# Where what a start is moved by dies away, a motion may still enlarge what each later step adds.
+# Diffrax at our tolerance adds as much as ours; two such errors are rarely further apart than this.
+FELLOWS = 10.0
 UNKNOWN = "no reference"
 
 
@@ -47,16 +56,45 @@ class Row:
     programs: float = (
         np.nan
     )  # of lanes from diffrax at the same fine tolerance, where it is largest
+    cvode: float = np.nan  # as `programs`, of CVODE from diffrax
     remark: str = ""
 
 
-def motion(scene: jc.Scene, rtol: float) -> jc.Trajectory:
+def motion(scene: jc.Scene, rtol: float, most: int) -> jc.Trajectory:
     """Return a quarter of a turn."""
-    times = jnp.linspace(0, TURN * 2 * jnp.pi, INSTANTS) / scene.drive.speed
+    times, method = jnp.asarray(ANGLES) / scene.drive.speed, jc.Method(max_steps=most)
+    return jc.simulate(scene, times, outputs=_compared(scene), rtol=rtol, method=method)
+
+
+def _compared(scene: jc.Scene) -> tuple[str, ...]:
     joints = [before(name) for name, _ in scene.joints.present()]
     seen = [f"{joint}{name}" for joint in joints for name in ("eccentricity", "normal_force")]
-    method = jc.Method(max_steps=MOST_STEPS if rtol == RTOL else MOST_FINE)
-    return jc.simulate(scene, times, outputs=("foundation_force", *seen), rtol=rtol, method=method)
+    return ("foundation_force", *seen)
+
+
+def by_cvode(scene: jc.Scene) -> dict[str, np.ndarray]:
+    """Integrate the same equations by SUNDIALS CVODE (Adams); RuntimeError where it fails."""
+    leaves, structure = jax.tree.flatten(scene.formulation.initial(scene))
+    tolerance = float(scene.formulation.tolerance(scene, FINE))
+
+    @jax.jit  # its numbers are constants: a call with them as arguments takes four times as long
+    def rate(angle: Scalar, y: Array) -> Array:
+        return jnp.stack(jax.tree.leaves(by_angle(angle, unflatten(structure, list(y)), scene)[0]))
+
+    @jax.jit
+    @jax.vmap
+    def seen(angle: Scalar, y: Array) -> dict[str, Array]:
+        _, snapshot = by_angle(angle, unflatten(structure, list(y)), scene)
+        return {name: OBSERVABLES[name](snapshot, scene) for name in _compared(scene)}
+
+    def field(angle: float, y: np.ndarray, into: np.ndarray) -> None:
+        into[:] = rate(jnp.asarray(angle), jnp.asarray(y))
+
+    solver = CVODE(field, method="Adams", rtol=tolerance, atol=tolerance, max_num_steps=MOST_FINE)
+    found = solver.solve(ANGLES, np.array([float(leaf) for leaf in leaves]))
+    if not found.success:
+        raise RuntimeError(f"SUNDIALS stopped: {found.message}")
+    return jax.tree.map(np.asarray, seen(jnp.asarray(ANGLES), jnp.asarray(found.y)))
 
 
 @eqx.filter_jit
@@ -75,8 +113,8 @@ def _each(motions: jc.Trajectory, count: int) -> list[jc.Trajectory]:
     return [jax.tree.map(lambda leaf, i=i: np.asarray(leaf[i]), motions) for i in range(count)]
 
 
-def compared(kind: Kind, seed: int, count: int) -> Iterator[Row]:
-    """Yield the verdict on each drawn crusher of a kind."""
+def compared(kind: Kind, seed: int, count: int, with_cvode: int) -> Iterator[Row]:
+    """Yield the verdict on each drawn crusher of a kind, on the first ones by CVODE too."""
     scenes: dict[int, jc.Scene] = {}
     for i in range(count):
         try:
@@ -90,24 +128,40 @@ def compared(kind: Kind, seed: int, count: int) -> Iterator[Row]:
         of_start.setdefault(jax.tree.structure(scene), []).append(i)
     for places in of_start.values():
         group = stack([scenes[i] for i in places])
-        ours = _each(jc.map_all(eqx.Partial(motion, rtol=RTOL), group), len(places))
-        fine = eqx.Partial(motion, rtol=FINE)
-        known = _each(jc.map_all(fine, group, engine="loop"), len(places))
+        ours = _each(
+            jc.map_all(eqx.Partial(motion, rtol=RTOL, most=MOST_STEPS), group), len(places)
+        )
+        fine = eqx.Partial(motion, rtol=FINE, most=MOST_FINE)
+        fellow = eqx.Partial(motion, rtol=RTOL, most=MOST_FINE)
+        known, fellows = (
+            _each(jc.map_all(how, group, engine="loop"), len(places)) for how in (fine, fellow)
+        )
         others = [
             _each(jc.map_all(fine, stack([_moved(scenes[i], at) for i in places])), len(places))
             for at in (still, Vector(still.x + OFFSET, still.y), Vector(still.x, still.y + OFFSET))
         ]
         for at, i in enumerate(places):
-            yield judged(kind.name, i, ours[at], known[at], [each[at] for each in others])
+            third = by_cvode(scenes[i]) if i < with_cvode and bool(known[at].success) else None
+            near = [each[at] for each in others]
+            yield judged(kind.name, i, ours[at], known[at], fellows[at], near, third)
 
 
 def judged(
-    name: str, i: int, ours: jc.Trajectory, known: jc.Trajectory, others: list[jc.Trajectory]
+    name: str,
+    i: int,
+    ours: jc.Trajectory,
+    known: jc.Trajectory,
+    fellow: jc.Trajectory,
+    others: list[jc.Trajectory],
+    third: dict[str, np.ndarray] | None = None,
 ) -> Row:
-    """Compare a motion with the reference for as long as neighbours stay together."""
+    """Compare a motion with the reference for as long as neighbours and a fellow stay with it.
+
+    The fellow is the reference's program at the tolerance of ours.
+    """
     if not bool(ours.success):
         return Row(name, i, REFUSED, remark=ours.failure or "NO WORD")
-    if not (bool(known.success) and all(bool(one.success) for one in others)):
+    if not all(bool(one.success) for one in (known, fellow, *others)):
         return Row(name, i, UNKNOWN, remark=known.failure)
     forces = [of for seen, of in known.values.items() if seen.endswith("normal_force")]
     contacts = np.sum([changes(np.asarray(force)) for force in forces], axis=0)
@@ -120,26 +174,33 @@ def judged(
         off = abs(np.asarray(ours[seen]).reshape(INSTANTS, -1) - theirs).max(axis=1) / size
         base, *moved = (np.asarray(one[seen]).reshape(INSTANTS, -1) for one in others)
         parted = np.max([abs(one - base).max(axis=1) for one in moved], axis=0) / size
-        grown = (1 + contacts) * np.maximum.accumulate(parted)
+        added = abs(np.asarray(fellow[seen]).reshape(INSTANTS, -1) - theirs).max(axis=1) / size
+        parted, added = np.maximum.accumulate(parted), np.maximum.accumulate(added)
+        grown = np.maximum((1 + contacts) * parted, FELLOWS * added)
         kept = np.cumprod(grown <= PREDICTABLE).astype(bool)
         share = float(kept.mean())
         ratio = np.where(kept, off / np.maximum(grown, PROMISED), 0)
         at = int(np.argmax(ratio))
         alike = float(np.where(kept, abs(base - theirs).max(axis=1), 0).max() / size)
         worst = replace(worst, span=min(worst.span, share), programs=max(worst.programs, alike))
-        if not np.isfinite(off).all() or ratio[at] > 1:
+        wrong = not np.isfinite(off).all() or ratio[at] > 1
+        if third is not None:
+            apart = abs(third[seen].reshape(INSTANTS, -1) - theirs).max(axis=1) / size
+            worst = replace(worst, cvode=np.fmax(worst.cvode, np.where(kept, apart, 0).max()))
+            wrong |= bool((kept & ~(apart <= np.maximum(grown, PROMISED))).any())
+        if wrong:
             worst = replace(worst, verdict=DISAGREES)
         if not ratio[at] <= worst.over_allowed:
             worst = replace(worst, error=float(off[at]), over_allowed=float(ratio[at]), remark=seen)
     return worst
 
 
-def run_drawn(out: Path, seed: int, count: int) -> None:
+def run_drawn(out: Path, seed: int, count: int, with_cvode: int) -> None:
     """Judge drawn motions, as many of each kind; write stability_drawn.csv and print a table."""
     folder, rows = results_folder(out), []
     for kind in KINDS:
         began = time.perf_counter()
-        rows += compared(kind, seed, count // len(KINDS))
+        rows += compared(kind, seed, count // len(KINDS), with_cvode)
         write_table(folder / "stability_drawn.csv", map(asdict, rows))
         print(f"{kind.name}: {time.perf_counter() - began:.0f} s", flush=True)
     verdicts = (AGREES, REFUSED, UNKNOWN, DISAGREES)

@@ -11,6 +11,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.devices import finds_card
 from jaxcrusher.batch import engines
 from jaxcrusher.batch.engines import CARD_CHUNK, CHUNK, ENOUGH, in_order, map_all, map_chunks
+from jaxcrusher.lanes.verify import Unsupported
 
 
 @pytest.fixture
@@ -56,6 +57,17 @@ def test_what_lanes_cannot_do_follows_what_jax_computes_on(platform, engine, mon
     monkeypatch.setitem(engines.ENGINES, engine, lambda function, scenes: scenes + 10.0)
     for asked in (None, "gpu"):
         assert map_all(abs, np.ones(3), engine=asked).tolist() == [11.0, 11.0, 11.0]
+
+
+def test_what_lanes_do_not_know_is_told(monkeypatch):
+    def refuse(*_):
+        raise Unsupported("the primitive `sort`")
+
+    monkeypatch.setattr(engines, "program", refuse)
+    monkeypatch.setitem(engines.ENGINES, "loop", lambda function, scenes: scenes + 10.0)
+    told = "Lanes do not know the primitive `sort`: the engine 'loop' computes these scenes."
+    with pytest.warns(UserWarning, match=told):
+        assert map_all(abs, np.ones(3), engine="lanes").tolist() == [11.0, 11.0, 11.0]
 
 
 AXES = {"speed": [28.0, 30.0], "clearance": [4e-5, 5e-5, 6e-5]}

@@ -126,11 +126,36 @@ def test_a_drawn_motion_is_compared_while_neighbours_stay_together():
     known = motion(1e4 * np.cos(instants))
     off = motion(1e4 * np.cos(instants) + 10 * (instants > 0.5))
     parted = motion(1e4 * np.cos(instants) + 1e3 * (instants > 0.4))
-    for ours, neighbours, verdict in (
-        (known, [known] * 3, AGREES),
-        (off, [known] * 3, DISAGREES),
-        (off, [known, parted, known], AGREES),
-        (motion(np.nan * instants), [known] * 3, DISAGREES),
+    for ours, fellow, neighbours, verdict in (
+        (known, known, [known] * 3, AGREES),
+        (off, known, [known] * 3, DISAGREES),
+        (off, known, [known, parted, known], AGREES),
+        (off, parted, [known] * 3, AGREES),
+        (off, motion(1e4 * np.cos(instants) + 0.9 * (instants > 0.5)), [known] * 3, DISAGREES),
+        (off, motion(1e4 * np.cos(instants) + 1.1 * (instants > 0.5)), [known] * 3, AGREES),
+        (motion(np.nan * instants), known, [known] * 3, DISAGREES),
     ):
-        row = drawn_run.judged("", 0, ours, known, neighbours)
-        assert row.verdict == verdict and (row.span < 0.5) == (neighbours[1] is parted)
+        row = drawn_run.judged("", 0, ours, known, fellow, neighbours)
+        assert row.verdict == verdict
+        assert (row.span < 0.5) == (fellow is parted or neighbours[1] is parted)
+    for third, verdict in (
+        (known, AGREES),
+        (off, DISAGREES),
+        (motion(np.nan * instants), DISAGREES),
+    ):
+        seen = {name: np.asarray(value) for name, value in third.values.items()}
+        row = drawn_run.judged("", 0, known, known, known, [known] * 3, seen)
+        assert row.verdict == verdict
+    assert np.isnan(row.cvode)
+
+
+def test_cvode_integrates_the_same_crusher(monkeypatch):
+    """A sixteenth of a turn from the middle of the bore, with impacts."""
+    monkeypatch.setattr(drawn_run, "ANGLES", drawn_run.ANGLES[:101])
+    scene = jc.build_scene({"friction": 0.02})
+    ours, theirs = drawn_run.motion(scene, 1e-12, 2_000_000), drawn_run.by_cvode(scene)
+    assert (theirs["normal_force"] > 0).any() and (theirs["normal_force"] <= 0).any()
+    for name, value in theirs.items():
+        # Both steps are right to 1e-12; impacts enlarge what they leave by some thousands.
+        size = np.abs(value).max()
+        np.testing.assert_allclose(ours[name], value, atol=1e-7 * size, rtol=0, err_msg=name)

@@ -8,6 +8,7 @@ import jaxcrusher as jc
 from benchmarks.lyapunov.systems import duffing, flow, henon, iterate, logistic, lorenz
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.dynamics.indicators import (
+    Lyapunov,
     birkhoff_average,
     detect_period,
     lyapunov_spectrum,
@@ -23,6 +24,12 @@ def test_linear_map():
     found = lyapunov_spectrum(np.broadcast_to(matrix, (2000, 3, 3)))
     # The frame aligns like (0.9 / 1.3)^n.
     np.testing.assert_allclose(found.exponents, np.log([1.3, 0.9, 0.5]), atol=1e-3)
+
+
+@pytest.mark.parametrize(("exponent", "positive"), [(2.9, False), (3.1, True)])
+def test_three_standard_errors_make_an_exponent_positive(exponent, positive):
+    found = Lyapunov(np.array([exponent, -9.0]), np.array([1.0, 0.1]))
+    assert found.positive is positive
 
 
 def test_henon():

@@ -12,7 +12,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.files.program import program
-from optimize.balance import compare, objective, problem
+from optimize.balance import compare, objective, problem, report
 from optimize.balance import study as balance
 from optimize.balance.__main__ import study
 from optimize.balance.compare import Answer, Search, Smooth, search, spent_until
@@ -210,6 +210,16 @@ def test_table_of_methods_counts_what_never_arrived():
     assert said.startswith("Ranked by median work until arrival, in values: L-BFGS-B 4, CMA-ES n")
     # Four values, of which a gradient costs two.
     assert "The gradient search arrives after 2 gradients;" in said
+
+
+def test_the_answer_stands_above_its_tables(monkeypatch, capsys):
+    tables = ("comparison", "designs", "forces", "long_runs", "origins", "robust")
+    for name in tables:
+        monkeypatch.setattr(report, name, lambda _, name=name: ([f"of {name}"], [["1\\*"]]))
+    monkeypatch.setattr(report, "headline", lambda _: "The answer.")
+    report.print_tables(Console(width=80), {})
+    said = [line.strip() for line in capsys.readouterr().out.splitlines() if line.strip(" ─")]
+    assert said == ["The answer.", *(line for name in tables for line in (f"of {name}", "1*"))]
 
 
 def test_table_of_designs_has_a_row_for_each_parameter():

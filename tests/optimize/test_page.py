@@ -477,6 +477,13 @@ def test_page_stays_small(tmp_path):
         assert len(json.dumps(packed)) < 4e6
 
 
+def test_colours_run_over_the_whole_map():
+    """From dark blue to yellow, as cividis begins and ends, and no two alike."""
+    found = page_data.pack(hand_made_landscape(), None, BEGUN)["colours"]
+    assert len(set(found)) == page_data.COLOURS
+    assert (found[0], found[-1]) == ("#00224e", "#fee838")
+
+
 def test_motions_go_on_from_the_landscape():
     # So fast that two turns of impacts end before trajectories diverge (like exp(200 t)).
     design = Design({"speed": (25.0, 250.0), "clearance": (3e-5, 6e-5)}, {"friction": 0.05})

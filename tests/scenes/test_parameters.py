@@ -17,6 +17,7 @@ from jaxcrusher.crusher.snapshot import shaft_inertia
 from jaxcrusher.scenes.build import build_machine
 from jaxcrusher.scenes.parameters import (
     CHOICES,
+    PARAMETERS,
     WORN_JOINTS,
     check_description,
     openers,
@@ -38,6 +39,18 @@ OPENED = {
 
 def test_defaults_are_tables_1_and_2():
     machine = build_machine({})
+    bodies = {
+        "shaft": {"mass": 95.0, "inertia": 0.2, "eccentricity": 0.01, "mass_centre_radius": 0.006},
+        "jaw": {"mass": 524.0, "inertia": 128.48, "length": 0.695, "mass_centre_distance": 0.3},
+        "toggle": {"mass": 22.0, "inertia": 0.7154, "length": 0.3},
+    }
+    for body, numbers in bodies.items():
+        for name, value in numbers.items():
+            assert PARAMETERS[f"{body}.{name}"].default == value, f"{body}.{name}"
+    joint = {"clearance": 6e-5, "bore_radius": 0.13, "friction": 0.1, "restitution": 0.9}
+    joint |= {"impact_velocity": 0.5, "young": 207e9, "poisson": 0.29}
+    for name, value in (joint | {"speed": 30.0, "load": 8.8e3, "gravity": 9.81}).items():
+        assert PARAMETERS[name].default == value, name
     assert float(machine.shaft.mass) == 95.0
     # Table 2: O at 0.64 m, 22.5 deg off the vertical; S2 = A - l21 (B-A axis turned by 15 deg).
     assert float(machine.bearing.x) == pytest.approx(0.64 * np.sin(np.pi / 8), rel=1e-15)
