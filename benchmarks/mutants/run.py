@@ -1,13 +1,12 @@
 """A sample of faults, each put into a copy of the tree and run against the tests of its room."""
 
+import ast
 import contextlib
 import itertools
 import json
-import math
 import os
 import random
 import re
-import resource
 import shutil
 import signal
 import subprocess
@@ -15,6 +14,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmarks.mutants.faults import Fault, faults
@@ -24,6 +24,11 @@ from jaxcrusher.files.results import results_folder
 ROOT = Path(__file__).parents[2]
 SOURCES = ("jaxcrusher", "optimize")
 KILLED, SURVIVED, LATE = "killed", "survived", "timed out"
+# What tests import, and no fault changes: it takes four seconds of the processor.
+ALIKE = (
+    *("jax", "equinox", "diffrax", "optax", "jaxtyping", "beartype", "scipy.optimize", "tyro"),
+    *("matplotlib.pyplot", "xarray", "zarr", "llvmlite.binding", "pint", "rich.progress"),
+)
 # Rooms whose tests stand in another folder than theirs.
 ELSEWHERE = {"commands": "whole", "__main__": "whole", "testing": "", "__init__": "whole"}
 
@@ -49,20 +54,50 @@ def room(path: str) -> str:
     return parts[0] if parts[0] != "jaxcrusher" else parts[1]
 
 
-def files_for(path: str, tree: Path) -> list[str]:
-    """Return the test files of a file's room: its mirror first, then those that name the file."""
-    module, here = Path(path).stem, room(path)
+def ordered(fault: Fault, tree: Path, costs: dict[str, float]) -> list[str]:
+    """Return the tests of a fault's room, as pytest names them: those first that name its place.
+
+    Among them those of the mirrored file come first, then those of files that name it oftener, and
+    of each file those that cost least; a test whose cost is not known yet stands in the middle.
+    """
+    module, here = Path(fault.path).stem, room(fault.path)
     folder = tree / "tests" / ELSEWHERE.get(here, here)
-    files = sorted(folder.glob("test_*.py"))
-    words = {module, Path(path).parent.name}
+    words = _places((tree / fault.path).read_text(), fault.line)
+    ranked = []
+    for file in sorted(folder.glob("test_*.py")):
+        text, name = file.read_text(), str(file.relative_to(tree))
+        said = -sum(len(re.findall(rf"\b{word}\b", text)) for word in {module, *words})
+        rank = file.stem != f"test_{module}", said, name
+        for test in ast.parse(text).body:
+            if isinstance(test, ast.FunctionDef) and test.name.startswith("test_"):
+                node = f"{name}::{test.name}"
+                told = set(re.findall(r"\w+", ast.get_source_segment(text, test) or ""))
+                ranked.append((not told & words, *rank, costs.get(node, 1.0), node))
+    return [node for *_, node in sorted(ranked)]
 
-    def rank(file: Path) -> tuple[bool, bool, int]:
-        text = file.read_text()
-        named = sum(len(re.findall(rf"\b{word}\b", text)) for word in words)
-        mirrored = file.stem == f"test_{module}"
-        return not mirrored, file.stem.removeprefix("test_") not in words, -named
 
-    return [str(file.relative_to(tree)) for file in sorted(files, key=rank)]
+def _places(text: str, line: int) -> set[str]:
+    """Return the public names of what stands round a line, and of what uses it in the file."""
+    every = ast.parse(text).body
+    inside = [n for top in every for n in ast.walk(top) if isinstance(n, ast.stmt)]
+    found = {name for n in inside if n.lineno <= line <= (n.end_lineno or 0) for name in _names(n)}
+    count = 0
+    while count < len(found):
+        count = len(found)
+        uses = [n for n in every if found & {m.id for m in ast.walk(n) if isinstance(m, ast.Name)}]
+        found.update(name for node in uses for name in _names(node))
+    return {name for name in found if not name.startswith("_")}
+
+
+def _names(node: ast.AST) -> list[str]:
+    match node:
+        case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
+            return [name]
+        case ast.Assign(targets=targets):
+            return [n.id for t in targets for n in ast.walk(t) if isinstance(n, ast.Name)]
+        case ast.AnnAssign(target=ast.Name(id=name)):
+            return [name]
+    return []
 
 
 def copy_tree(scratch: Path) -> Path:
@@ -78,33 +113,73 @@ def copy_tree(scratch: Path) -> Path:
     return tree
 
 
-def verdict(
-    fault: Fault, tree: Path, seconds: float, passing: dict[str, bool]
-) -> dict[str, str | float]:
-    """Put a fault into the copy, run the tests of its room, and take it out again.
+@dataclass
+class Judge:
+    """Puts faults into a copy of the tree, one at a time, and runs the tests of their rooms.
 
     A test that fails without the fault too kills nothing, and is left out: `passing` keeps which
     of the tests that failed pass without it.
     """
-    file, began = tree / fault.path, time.monotonic()
-    whole, killer, status = file.read_bytes(), "", None
-    while not passing.get(killer, False):
-        try:
-            write(file, fault.put_into(whole))
-            left_out = [name for name, passes in passing.items() if not passes]
-            status, said = run_tests(files_for(fault.path, tree), tree, seconds, left_out)
-        finally:
-            write(file, whole)
-        failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said, re.MULTILINE)
-        if failed is None:
-            killer = said[-200:] if status else ""
-            break
-        killer = failed[1]
-        if killer not in passing:
-            passing[killer] = run_tests([killer], tree, seconds)[0] != 1
-    found = LATE if status is None else SURVIVED if status == 0 else KILLED
-    spent = round(time.monotonic() - began, 1)
-    return {"fault": fault.name, "verdict": found, "by": killer, "seconds": spent}
+
+    tree: Path
+    seconds: float  # of the processor, for the tests of a fault
+    costs: dict[str, float]  # seconds by test
+    modules: Sequence[str] = ALIKE  # imported once for all
+    passing: dict[str, bool] = field(default_factory=dict)
+    process: subprocess.Popen[str] | None = None
+
+    def verdict(self, fault: Fault) -> dict[str, str | float]:
+        """Put a fault into the copy, run the tests of its room, and take it out again."""
+        file, began = self.tree / fault.path, time.monotonic()
+        whole, killer, status = file.read_bytes(), "", None
+        tests = ordered(fault, self.tree, self.costs)
+        while not self.passing.get(killer, False):
+            try:
+                write(file, fault.put_into(whole))
+                left_out = [name for name, passes in self.passing.items() if not passes]
+                status, said = self.run(tests, left_out)
+            finally:
+                write(file, whole)
+            failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said, re.MULTILINE)
+            if failed is None:
+                killer = said[-200:] if status else ""
+                break
+            killer = failed[1]
+            if killer not in self.passing:
+                self.passing[killer] = self.run([killer])[0] != 1
+        found = LATE if status is None else SURVIVED if status == 0 else KILLED
+        spent = round(time.monotonic() - began, 1)
+        return {"fault": fault.name, "verdict": found, "by": killer, "seconds": spent}
+
+    def run(self, tests: Sequence[str], left_out: Sequence[str] = ()) -> tuple[int | None, str]:
+        """Return pytest's status, None if it takes longer, and what it says at the end."""
+        if self.process is None:
+            known = {"PYTHONPATH": str(self.tree), "EQX_ON_ERROR": "nan"}
+            known["JAX_COMPILATION_CACHE_DIR"] = str(self.tree.parent / "programs")
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "benchmarks.mutants.server", *self.modules],
+                cwd=self.tree,
+                env=os.environ | known,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+        words = ["-x", "-q", "-n", "0", "--tb=no", "-rfE", "--durations=0", *tests]
+        words += [word for name in left_out for word in ("--deselect", name)]
+        assert self.process.stdin and self.process.stdout
+        print(json.dumps({"words": words, "seconds": self.seconds}), file=self.process.stdin)
+        self.process.stdin.flush()
+        answer = json.loads(self.process.stdout.readline())
+        spent: dict[str, float] = Counter()
+        for seconds, test in re.findall(r"^ *([\d.]+)s \w+ +([^\s[]+)", answer["said"], re.M):
+            spent[test] += float(seconds)
+        self.costs.update(spent)
+        return answer["status"], answer["said"]
+
+    def close(self) -> None:
+        """End the process that runs the tests, and with it a test that is running."""
+        if self.process is not None:
+            self.process.terminate()
 
 
 def write(file: Path, content: bytes) -> None:
@@ -112,39 +187,6 @@ def write(file: Path, content: bytes) -> None:
     file.write_bytes(content)
     for compiled in (file.parent / "__pycache__").glob(f"{file.stem}.*"):
         compiled.unlink()
-
-
-def run_tests(
-    files: Sequence[str], tree: Path, seconds: float, left_out: Sequence[str] = ()
-) -> tuple[int | None, str]:
-    """Return pytest's status, None if it takes longer, and what it says at the end.
-
-    The seconds are the processor's, so that a busy machine judges as an idle one does. Tests that
-    wait for ever, and compute nothing, are stopped after ten times as long.
-    """
-    words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "--tb=no", "-rfE", *files]
-    words += [word for name in left_out for word in ("--deselect", name)]
-    cache = {"JAX_COMPILATION_CACHE_DIR": str(tree.parent / "programs")}
-    limit = math.ceil(seconds)
-    with subprocess.Popen(
-        words,
-        cwd=tree,
-        env=os.environ | {"PYTHONPATH": str(tree)} | cache,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1)),
-    ) as process:
-        try:
-            said = process.communicate(timeout=10 * seconds)[0]
-            stopped = process.returncode in (-signal.SIGXCPU, -signal.SIGKILL)
-            return None if stopped else process.returncode, said
-        except subprocess.TimeoutExpired:
-            return None, ""
-        finally:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)  # also what the tests have started
 
 
 def run(
@@ -157,14 +199,17 @@ def run(
     lines = journal.read_text().splitlines() if journal.exists() else []
     known = {row["fault"]: row for row in map(json.loads, lines)}
     drawn, tree = sample(seed, count, rooms), copy_tree(results_folder(scratch))
-    passing: dict[str, bool] = {}
-    for i, fault in enumerate(drawn, 1):
-        if fault.name in known:
-            continue
-        row = known[fault.name] = verdict(fault, tree, seconds, passing)
-        with journal.open("a") as kept:
-            kept.write(json.dumps(row) + "\n")
-        print(f"{i}/{len(drawn)} {row['verdict']} after {row['seconds']} s: {row['fault']}")
+    costs = out / "costs.json"
+    known_costs = json.loads(costs.read_text()) if costs.exists() else {}
+    with contextlib.closing(Judge(tree, seconds, known_costs)) as judge:
+        for i, fault in enumerate(drawn, 1):
+            if fault.name in known:
+                continue
+            row = known[fault.name] = judge.verdict(fault)
+            with journal.open("a") as kept:
+                kept.write(json.dumps(row) + "\n")
+            costs.write_text(json.dumps(judge.costs))
+            print(f"{i}/{len(drawn)} {row['verdict']} after {row['seconds']} s: {row['fault']}")
     judged = [(room(fault.path), known[fault.name]) for fault in drawn]
     counts = Counter((place, row["verdict"]) for place, row in judged)
     verdicts = (KILLED, SURVIVED, LATE)

@@ -1,12 +1,13 @@
 """Faults that are put into sources: each is one, and stays in its place."""
 
 import ast
+import contextlib
 
 import pytest
 
 from benchmarks.mutants import run
-from benchmarks.mutants.faults import faults
-from benchmarks.mutants.run import KILLED, ROOT, SURVIVED, files_for, room, sample
+from benchmarks.mutants.faults import Fault, faults
+from benchmarks.mutants.run import KILLED, LATE, ROOT, SURVIVED, Judge, ordered, room, sample
 
 SOURCE = b'''"""Text, whose numbers 1 + 2 stay."""
 from math import pi
@@ -56,8 +57,78 @@ def test_every_fault_is_another_program():
     ],
 )
 def test_the_mirrored_tests_come_first(path, first):
-    files = files_for(path, ROOT)
-    assert files[0] == first and len(files) > 1 and len(set(files)) == len(files)
+    fault = Fault(path, 1, "", 0, 0, "", "")
+    files = [test.partition("::")[0] for test in ordered(fault, ROOT, {})]
+    assert files[0] == first and len(set(files)) > 1
+
+
+SOURCE_OF_A_ROOM = b"""def _half(x):
+    return x / 2
+
+
+def quarter(x):
+    return _half(x) / 2
+
+
+def double(x):
+    return 2 * x
+"""
+TESTS = """from joint.halves import double, quarter
+
+
+def test_dear():
+    assert quarter(8) == 2
+
+
+def test_cheap():
+    assert quarter(4) == 1
+
+
+def test_other():
+    assert double(2) == 4
+"""
+
+
+@pytest.fixture
+def tree(tmp_path):
+    """Return a room with a source and two files of tests."""
+    for folder in ("joint", "tests/joint"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "joint/halves.py").write_bytes(SOURCE_OF_A_ROOM)
+    (tmp_path / "tests/joint/test_halves.py").write_text(TESTS)
+    (tmp_path / "tests/joint/test_all.py").write_text("def test_quarter():\n    pass\n")
+    return tmp_path
+
+
+def test_those_that_name_a_place_come_first_and_of_them_the_cheapest(tree):
+    """A name that begins with an underscore is known by what uses it."""
+    own = "tests/joint/test_halves.py::test_"
+    costs = {f"{own}dear": 9.0, f"{own}cheap": 2.0, f"{own}other": 0.1}
+    found = ordered(Fault("joint/halves.py", 2, "", 0, 0, "", ""), tree, costs)
+    other = "tests/joint/test_all.py::test_quarter"
+    assert found == [f"{own}cheap", f"{own}dear", f"{own}other", other]
+    found = ordered(Fault("joint/halves.py", 10, "", 0, 0, "", ""), tree, costs)
+    assert found[0] == f"{own}other"
+
+
+def test_pytest_in_a_copy_of_a_process_tells_faults_apart(tree):
+    """A fault is seen or not, tests that compute for ever are stopped, and costs are kept."""
+    (tree / "benchmarks").symlink_to(ROOT / "benchmarks")
+    every = [f for f in faults("joint/halves.py", SOURCE_OF_A_ROOM) if f.kind == "arithmetic"]
+    half, quarter, double = sorted(every, key=lambda fault: fault.line)
+    (tree / "tests/joint/test_halves.py").write_text(TESTS.replace("double(2) == 4", "True"))
+    with contextlib.closing(Judge(tree, 60.0, {}, modules=())) as judge:
+        assert judge.verdict(half)["verdict"] == KILLED
+        row = judge.verdict(quarter)
+        assert (row["verdict"], row["by"]) == (KILLED, "tests/joint/test_halves.py::test_cheap")
+        assert judge.verdict(double)["verdict"] == SURVIVED
+        judge.seconds = 1.0
+        (tree / "tests/joint/test_all.py").write_text(
+            "def test_all():\n    while True:\n        pass"
+        )
+        assert judge.verdict(double)["verdict"] == LATE
+    assert (tree / "joint/halves.py").read_bytes() == SOURCE_OF_A_ROOM
+    assert judge.process is not None and judge.process.wait(60) != 0
 
 
 def test_a_sample_is_drawn_again_and_has_all_kinds():
@@ -75,19 +146,18 @@ def test_a_test_that_fails_without_the_fault_too_kills_nothing(tmp_path, monkeyp
     (tmp_path / "joint/halves.py").write_bytes(source)
     fault = next(one for one in faults("joint/halves.py", source) if one.kind == "arithmetic")
     sick, sound = "tests/joint/test_halves.py::test[a b]", "tests/joint/test_halves.py::test_sound"
+    room_s = ["tests/joint/test_halves.py::test", sound]
 
-    def pytest_run(files, tree, seconds, left_out=()):
-        fails = (
-            [sick] if (tmp_path / fault.path).read_bytes() == source or not seen else [sick, sound]
-        )
-        fails = [one for one in fails if one not in left_out and files in (files_here, [one])]
+    def pytest_run(judge, tests, left_out=()):
+        whole = (tmp_path / fault.path).read_bytes() == source
+        fails = [sick] if whole or not seen else [sick, sound]
+        fails = [one for one in fails if one not in left_out and tests in (room_s, [one])]
         return (1, f"FAILED {fails[0]} - assert 1 == 2\n") if fails else (0, "2 passed")
 
-    files_here = ["tests/joint/test_halves.py"]
-    monkeypatch.setattr(run, "files_for", lambda path, tree: files_here)
-    monkeypatch.setattr(run, "run_tests", pytest_run)
-    passing: dict[str, bool] = {}
-    row = run.verdict(fault, tmp_path, 60, passing)
+    monkeypatch.setattr(run, "ordered", lambda fault, tree, costs: room_s)
+    monkeypatch.setattr(Judge, "run", pytest_run)
+    judge = Judge(tmp_path, 60, {})
+    row = judge.verdict(fault)
     assert (row["verdict"], row["by"]) == (found, sound if seen else "")
-    assert passing == ({sick: False, sound: True} if seen else {sick: False})
+    assert judge.passing == ({sick: False, sound: True} if seen else {sick: False})
     assert (tmp_path / fault.path).read_bytes() == source
