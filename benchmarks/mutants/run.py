@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -170,7 +170,7 @@ class Judge:
         print(json.dumps({"words": words, "seconds": self.seconds}), file=self.process.stdin)
         self.process.stdin.flush()
         answer = json.loads(self.process.stdout.readline())
-        spent: dict[str, float] = Counter()
+        spent = defaultdict[str, float](float)
         for seconds, test in re.findall(r"^ *([\d.]+)s \w+ +([^\s[]+)", answer["said"], re.M):
             spent[test] += float(seconds)
         self.costs.update(spent)
