@@ -10,8 +10,7 @@ check_law(KelvinVoigt(...))
 import dataclasses
 import itertools
 import warnings
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
 
 import equinox as eqx
 import jax
@@ -40,7 +39,7 @@ SLIPS = np.array([-4.0, -1.0, -0.1, -1e-4, -1e-9, 0.0, 1e-9, 1e-4, 0.1, 1.0, 4.0
 CORNER = 1e-3
 # Power that rounding may seem to put in, of force times speed.
 ROUNDING = 1e-12
-
+UNITS = {"penetration": "m", "rate": "m/s", "normal force": "N", "slip": "m/s"}
 
 # Eccentricities in clearances, their rates (m/s) and spins of bearing and journal (rad/s).
 PLACES = ((0.3, -0.2), (0.6, 0.8), (0.0, 1.05), (-1.2, 0.9))
@@ -75,7 +74,8 @@ def check_law(law: Law) -> None:
 
 
 def _must(condition: bool | np.bool, must: str, where: str) -> None:
-    require(bool(condition), "law", must, f"not at {where}")
+    if not condition:
+        raise ValueError(f"Argument `law` must {must}, but fails at {where}.")
 
 
 def _check_normal(law: AbstractNormalForce) -> None:
@@ -85,17 +85,19 @@ def _check_normal(law: AbstractNormalForce) -> None:
     def force(depth: Array, rate: Array) -> Array:
         return law.force(depth, rate, memory)
 
-    found = _finite(force, ("penetration", "rate"), depth, rate)
-    _finite(law.elastic_force, ("penetration",), DEPTHS)
-    _finite(law.elastic_energy, ("penetration",), DEPTHS)
+    places = {"penetration": depth, "rate": rate}
+    found = _finite(force, places)
+    _finite(law.elastic_force, {"penetration": DEPTHS})
+    _finite(law.elastic_energy, {"penetration": DEPTHS})
     elastic = np.asarray(jax.vmap(law.elastic_force)(jnp.asarray(depth)))
     taken = (found - elastic) * rate
-    _never_negative(taken, np.abs(found * rate), "take power by its damping", depth, rate)
+    _never_negative(taken, np.abs(found * rate), "take power by its damping", places)
     energy = jax.vmap(jax.grad(law.elastic_energy))(jnp.asarray(DEPTHS))
     apart = np.abs(energy - jax.vmap(law.elastic_force)(jnp.asarray(DEPTHS)))
     size = float(np.abs(energy).max())
     for at, one in zip(DEPTHS, apart, strict=True):
-        _must(one <= 1e-9 * size, "have an energy whose slope is its elastic force", f"{at} m")
+        must = "have an energy whose slope is its elastic force"
+        _must(one <= 1e-9 * size, must, _place({"penetration": at}))
     for under in FORCES[2:]:
         at = law.penetration_under(jnp.asarray(under))
         met = float(law.elastic_force(at))
@@ -105,8 +107,9 @@ def _check_normal(law: AbstractNormalForce) -> None:
 
 def _check_friction(law: AbstractFriction) -> None:
     force, slip = (grid.ravel() for grid in np.meshgrid(FORCES, SLIPS))
-    found = _finite(law.force, ("normal force", "slip"), force, slip)
-    _never_negative(-found * slip, np.abs(found * slip), "take power", force, slip)
+    places = {"normal force": force, "slip": slip}
+    found = _finite(law.force, places)
+    _never_negative(-found * slip, np.abs(found * slip), "take power", places)
 
 
 def _check_bearing(bearing: AbstractBearing) -> None:
@@ -126,7 +129,10 @@ def _check_bearing(bearing: AbstractBearing) -> None:
         return jnp.stack([touch.normal_loss, taken - touch.normal_loss - friction, moment, size])
 
     for place in itertools.product(PLACES, SPEEDS, SPINS):
-        at, where = tuple(map(jnp.asarray, itertools.chain(*place))), f"{place}"
+        at, where = (
+            tuple(map(jnp.asarray, itertools.chain(*place))),
+            f"e / c, its rate, spins {place}",
+        )
         lost, power, moment, size = np.asarray(balance(*at))
         _must(np.isfinite([lost, power, moment]).all(), "have finite values", where)
         slopes = np.asarray(jax.jacobian(balance, argnums=tuple(range(6)))(*at))
@@ -137,20 +143,32 @@ def _check_bearing(bearing: AbstractBearing) -> None:
         _must(abs(moment) <= small, "balance in moment", where)
 
 
-def _never_negative(power: np.ndarray, size: np.ndarray, must: str, one: Any, other: Any) -> None:
-    for taken, scale, a, b in zip(power, size, one, other, strict=True):
-        _must(taken >= -ROUNDING * (1 + scale), must, f"{a} and {b}")
+def _place(at: Mapping[str, float]) -> str:
+    """Return a place in words, such as "penetration 1e-06 m, rate -1 m/s"."""
+    return ", ".join(f"{name} {value:g} {UNITS[name]}" for name, value in at.items())
 
 
-def _finite(function: Callable, names: tuple[str, ...], *places: np.ndarray) -> np.ndarray:
+def _each(places: Mapping[str, np.ndarray]) -> list[str]:
+    """Return each place in words."""
+    return [_place(dict(zip(places, at, strict=True))) for at in zip(*places.values(), strict=True)]
+
+
+def _never_negative(
+    power: np.ndarray, size: np.ndarray, must: str, places: Mapping[str, np.ndarray]
+) -> None:
+    for taken, scale, where in zip(power, size, _each(places), strict=True):
+        _must(taken >= -ROUNDING * (1 + scale), must, where)
+
+
+def _finite(function: Callable, places: Mapping[str, np.ndarray]) -> np.ndarray:
     """Return the values at places, which are finite with all their slopes."""
-    at = tuple(map(jnp.asarray, places))
+    at = tuple(map(jnp.asarray, places.values()))
     values = np.asarray(jax.vmap(function)(*at))
     slopes = jax.vmap(jax.grad(function, tuple(range(len(at)))))(*at)
-    for name, column in (("values", values), *zip(names, slopes, strict=True)):
-        what = "values" if name == "values" else f"slopes by {name}"
-        for i, good in enumerate(np.isfinite(column)):
-            where = ", ".join(f"{one[i]}" for one in places)
+    columns = {"values": values}
+    columns |= {f"slopes by {name}": one for name, one in zip(places, slopes, strict=True)}
+    for what, column in columns.items():
+        for where, good in zip(_each(places), np.isfinite(column), strict=True):
             _must(good, f"have finite {what}", where)
     return values
 

@@ -37,6 +37,31 @@ def test_the_published_equation_holds(kind):
         assert float(law.depth(jnp.asarray(x))) == pytest.approx(depth, rel=1e-12)
 
 
+@pytest.mark.parametrize("kind", [Johnson, Esdu])
+def test_the_factor_before_the_logarithm_is_that_of_plane_elasticity(kind):
+    """The approach grows with the load as that of two half planes under Hertz's pressure does."""
+    law, poisson, radius = made(kind), 0.29, 0.13
+
+    def approach(force):
+        """Return how far the surface moves against a point at the depth of a diameter, twice."""
+        half = np.sqrt(4 * force * radius**2 / (np.pi * MODULUS * LENGTH * C))
+        peak = 2 * force / (np.pi * half * LENGTH)
+
+        def strain(z):
+            root = np.hypot(1, z / half)
+            down, across = -peak / root, -peak * ((2 * root**2 - 1) / root - 2 * z / half)
+            return down - poisson / (1 - poisson) * across
+
+        # Both bodies are of one material, so that each takes half of 1 / E*.
+        return -quad(strain, 0, 2 * radius, points=[half, 10 * half], limit=200)[0] / MODULUS
+
+    few, many = 1e3, 1e4
+    elastic = approach(many) / many - approach(few) / few
+    shown = [float(law.penetration_under(jnp.asarray(force))) / force for force in (few, many)]
+    # A quarter of the squared half-width, 9 mm, over the depth, 260 mm: 3e-4.
+    assert shown[1] - shown[0] == pytest.approx(elastic, rel=1e-3)
+
+
 @pytest.mark.parametrize("kind", LAWS)
 def test_energy_is_the_work_and_force_has_no_jump(kind):
     law = made(kind)
