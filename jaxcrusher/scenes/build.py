@@ -77,6 +77,12 @@ _CONTACTS = {
 _FORMULATIONS = {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation}
 
 _PAPER_CHAMBER = {name: parameter.default for name, parameter in CHAMBER.items()}
+# What a machine is made of, besides gravity.
+_OF_PARTS = [
+    name
+    for name in PE250X400
+    if name.partition(".")[0] in ("shaft", "jaw", "toggle", "bearing", "counterweight")
+]
 # What the stroke of the jaw's lower end depends on.
 LINKS = (
     "shaft.eccentricity",
@@ -133,18 +139,24 @@ def build_machine(values: Mapping[str, Any]) -> Machine:
     Names that are not the machine's are passed over. Raises ValueError as `Machine` does.
     """
     v: dict[str, Any] = {**PE250X400, **values}
+    parts = _parts({name: v[name] for name in _OF_PARTS})
+    return Machine(*parts, v["gravity"])
+
+
+@jax.jit  # one program: its operations one by one took half of the time of a scene
+def _parts(v: dict[str, Any]) -> tuple[Shaft, Jaw, Toggle, Vector]:
+    """Return the bodies of a machine, and the place of its main bearing."""
     s1 = v["shaft.mass_centre_radius"] * direction(v["shaft.mass_centre_angle"])
     shaft = Shaft(v["shaft.mass"], v["shaft.inertia"], v["shaft.eccentricity"], s1)
     # The paper's: S2 = A + l21 (sin(theta2 + 15 deg), -cos(theta2 + 15 deg)).
     s2 = -v["jaw.mass_centre_distance"] * direction(v["jaw.mass_centre_angle"])
     tilt = v["bearing.inclination"]
     weight = v["counterweight.radius"] * direction(v["counterweight.angle"])
-    return Machine(
+    return (
         with_counterweight(shaft, v["counterweight.mass"], weight),
         Jaw(v["jaw.mass"], v["jaw.inertia"], v["jaw.length"], s2),
         Toggle(v["toggle.mass"], v["toggle.inertia"], v["toggle.length"]),
         v["bearing.distance"] * Vector(jnp.sin(tilt), jnp.cos(tilt)),
-        v["gravity"],
     )
 
 
@@ -253,15 +265,14 @@ def _joint(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     every = values
     v = {name.removeprefix(prefix): v for name, v in values.items() if name.startswith(prefix)}
     require_clearance(v["clearance"], v["bore_radius"], prefix)
-    norm_width = stop_gradient(jnp.minimum(_NORM, _NORM_SHARE * v["clearance"]))
     name, law = f"{prefix}contact_law", v["contact_law"]
+    stiffness, width, norm_width = _stiffness(
+        v["bore_radius"], v["clearance"], v["young"], v["poisson"]
+    )
     if law == "rollers":
         return _roller_bearing(v, norm_width)
     tracked = v["impact_law"] == "tracked"
     velocity = TrackedImpactVelocity() if tracked else ConstantImpactVelocity(v["impact_velocity"])
-    stiffness = cylinder_stiffness(v["bore_radius"], v["clearance"], v["young"], v["poisson"])
-    # No part of the model, so no derivative: each would be one more tangent to integrate.
-    width = stop_gradient(jnp.minimum(_CORNER, (_CORNER_FORCE / stiffness) ** (2 / 3)))
     known = {
         "stiffness": stiffness,
         "restitution": v["restitution"],
@@ -281,6 +292,17 @@ def _joint(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     left_out = rubbing is not None and bool(np.all(rubbing == 0))
     friction = None if left_out else _friction(every, prefix)
     return ClearanceJoint(**place, normal=normal, friction=friction, norm_width=norm_width)
+
+
+@jax.jit  # as above
+def _stiffness(
+    bore_radius: Any, clearance: Any, young: Any, poisson: Any
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Return the stiffness of pin and bore, and the widths of the contact's corner and of |e|."""
+    stiffness = cylinder_stiffness(bore_radius, clearance, young, poisson)
+    # No part of the model, so no derivative: each would be one more tangent to integrate.
+    width = stop_gradient(jnp.minimum(_CORNER, (_CORNER_FORCE / stiffness) ** (2 / 3)))
+    return stiffness, width, stop_gradient(jnp.minimum(_NORM, _NORM_SHARE * clearance))
 
 
 def _roller_bearing(values: Mapping[str, Any], norm_width: Any) -> RollerBearing:
