@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.lax import stop_gradient
+from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import concrete, primal, require, require_x64
 from jaxcrusher.basics.plane import Vector, direction
