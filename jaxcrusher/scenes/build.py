@@ -140,8 +140,8 @@ def build_machine(values: Mapping[str, Any]) -> Machine:
     Names that are not the machine's are passed over. Raises ValueError as `Machine` does.
     """
     v: dict[str, Any] = {**PE250X400, **values}
-    parts = _parts({name: v[name] for name in _OF_PARTS})
-    return Machine(*parts, v["gravity"])
+    shaft, jaw, toggle, bearing = _parts({name: v[name] for name in _OF_PARTS})
+    return Machine(shaft, jaw, toggle, bearing, v["gravity"])
 
 
 @jax.jit  # one program: its operations one by one took half of the time of a scene
