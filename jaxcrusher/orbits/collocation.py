@@ -79,6 +79,16 @@ class System(eqx.Module):
         by_both = jax.jacfwd(twice, argnums=(1, 2), has_aux=True)
         return one_by_one(by_both, (times, x, rate), self.args)
 
+    def defect(
+        self, x: Float[Array, "nodes dims"], found: Float[Array, "points dims"]
+    ) -> Float[Array, "points dims"]:
+        """Return by what the accelerations `found` at equally spaced points exceed x'' there.
+
+        It is zero at the nodes of a solution, and between them what the nodes cannot follow.
+        """
+        pace = 2 * np.pi / self.period
+        return found - pace**2 * resample(x, len(found), order=2)
+
     def at(
         self, x: Float[Array, "nodes dims"], points: int, shift: float = 0.0
     ) -> tuple[Float[Array, " points"], Float[Array, "points dims"], Float[Array, "points dims"]]:

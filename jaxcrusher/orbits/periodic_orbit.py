@@ -104,7 +104,8 @@ def periodic_orbit(
         first = _guess(guess, scene)
     # The start does not matter: with the same for all, one program serves all.
     alike = steady(scene)
-    alike = alike if scene.start is None else dataclasses.replace(alike, start=Centred())
+    if not isinstance(scene.start, Centred | None):
+        alike = dataclasses.replace(alike, start=Centred())
     still, first, begin = without_slopes((alike, first, begin))
     known = all(primal(leaf) is not None for leaf in jax.tree.leaves((still, first, begin)))
     if forced.unknowns(scene) == 0:

@@ -262,8 +262,11 @@ def finished(
     Slopes of multipliers and errors are NaN too. They are computed without slopes, and a slope of
     zero would be wrong.
     """
-    own = _masked(orbit) if is_concrete(scene) else _masked_with_slopes(orbit, scene)
-    return dataclasses.replace(own, scene=scene, held_velocities=held_velocities)
+    if not is_concrete(scene):
+        orbit = _masked_with_slopes(orbit, scene)
+    elif not (is_concrete(orbit.result) and bool(orbit.success)):
+        orbit = _masked(orbit)
+    return dataclasses.replace(orbit, scene=scene, held_velocities=held_velocities)
 
 
 @eqx.filter_jit
