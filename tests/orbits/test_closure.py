@@ -10,7 +10,7 @@ import jaxcrusher as jc
 from jaxcrusher.orbits.solving import solved, with_statistics
 from jaxcrusher.orbits.tries import CLOSURE, SURELY_CLOSED, _is_closed
 
-LOOSE_ELBOW = {"elbow.clearance": 5e-5, "elbow.bore_radius": 0.02}
+LOOSE_ELBOW = {"load_law": "normal_to_jaw", "elbow.clearance": 3e-5, "clearance": 1.2e-4}
 
 
 def integrated(orbit):
@@ -19,14 +19,16 @@ def integrated(orbit):
     return np.max(np.abs(end.states[-1] - orbit.section))
 
 
-@pytest.mark.parametrize(("more", "nodes"), [({}, 48), (LOOSE_ELBOW, 64)])
+@pytest.mark.parametrize(("more", "nodes"), [({}, 48), (LOOSE_ELBOW, 96)])
 def test_the_closure_is_what_the_integrator_finds(more, nodes):
-    scene = jc.build_scene({"speed": 30.0, "clearance": 0.06e-3, **more})
+    scene = jc.build_scene({"clearance": 0.06e-3, **more, "speed": 30.0})
     found, factors = solved(scene, None, 1, nodes)
     closure = integrated(with_statistics(scene, found, factors, 1))
     assert 1e-9 < closure < 1e-5  # far above the integrator's own error, and small
-    # The variational equations leave out the square of the closure; the integrator has 1e-11.
-    assert float(found.closure) == pytest.approx(closure, rel=0.01)
+    # The variational equations leave out the square of the closure, and the defect is looked at
+    # 256 times a turn: of a loose elbow 0.8 % is left.
+
+    assert float(found.closure) == pytest.approx(closure, rel=0.02)
 
 
 def test_an_orbit_that_does_not_close_is_none():
