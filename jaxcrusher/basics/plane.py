@@ -1,12 +1,15 @@
 """Vectors of the plane of motion, kept as two scalars."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Scalar
 
 
 def scalar(value) -> Scalar:
     """The value as a scalar array of the default floating-point type."""
+    if isinstance(value, jax.Array) and value.dtype == float and not value.weak_type:
+        return value  # JAX takes 30 us to come to that
     return jnp.asarray(value, dtype=float)
 
 

@@ -5,6 +5,7 @@ the period; x' and x'' follow from the trigonometric polynomial through them. Ti
 found: the orbit has no freedom of phase, and no multiplier that is always 1.
 """
 
+import functools
 from collections.abc import Callable
 from types import ModuleType
 
@@ -30,16 +31,18 @@ REFINEMENTS = 3
 
 
 class System(eqx.Module):
-    """x'' = acceleration(t, x, x', args), with everything of `period` in t."""
+    """x'' = acceleration(t, x, x', args) - damping x', with everything of `period` in t."""
 
     acceleration: Acceleration = eqx.field(static=True)
     period: Scalar
     args: PyTree
+    damping: Scalar | None = None
 
     def residual(self, x: Float[Array, "nodes dims"]) -> Float[Array, "nodes dims"]:
         """Return by what the nodes' acceleration exceeds x''."""
         times, rate, second = self._motion(x)
-        return one_by_one(self.acceleration, (times, x, rate), self.args) - second
+        found = one_by_one(self.acceleration, (times, x, rate), self.args)
+        return found - second - self._damped(rate)
 
     def linearised(
         self, x: Float[Array, "nodes dims"]
@@ -71,13 +74,20 @@ class System(eqx.Module):
         self, times: Float[Array, " n"], x: Float[Array, "n dims"], rate: Float[Array, "n dims"]
     ) -> tuple[tuple[Float[Array, "n dims dims"], ...], Float[Array, "n dims"]]:
         """df/dx and df/dx' at some instants, and f."""
+        by_both = functools.partial(_by_both, self.acceleration)
+        (by_x, by_rate), found = one_by_one(by_both, (times, x, rate), self.args)
+        by_rate = by_rate - self._damped(jnp.eye(x.shape[1]))
+        return (by_x, by_rate), found - self._damped(rate)
 
-        def twice(*instant) -> tuple[Array, Array]:
-            found = self.acceleration(*instant)
-            return found, found
+    def defect(
+        self, x: Float[Array, "nodes dims"], found: Float[Array, "points dims"]
+    ) -> Float[Array, "points dims"]:
+        """Return by what the accelerations `found` at equally spaced points exceed x'' there.
 
-        by_both = jax.jacfwd(twice, argnums=(1, 2), has_aux=True)
-        return one_by_one(by_both, (times, x, rate), self.args)
+        It is zero at the nodes of a solution, and between them what the nodes cannot follow.
+        """
+        pace = 2 * np.pi / self.period
+        return found - pace**2 * resample(x, len(found), order=2)
 
     def at(
         self, x: Float[Array, "nodes dims"], points: int, shift: float = 0.0
@@ -95,9 +105,25 @@ class System(eqx.Module):
         first, second = differentiation(count, xp)
         return pace * first, pace**2 * second
 
+    def _damped(self, rate: Array) -> Array | float:
+        return 0.0 if self.damping is None else self.damping * rate
+
     def _motion(self, x: Array) -> tuple[Array, Array, Array]:
         first, second = self.matrices(len(x))
         return self.period * nodes(len(x)), first @ x, second @ x
+
+
+@functools.partial(jax.jit, static_argnums=0)  # traced once for all that is asked of orbits
+def _by_both(
+    acceleration: Acceleration, *instant: PyTree
+) -> tuple[tuple[Float[Array, "dims dims"], ...], Float[Array, " dims"]]:
+    """Return the slopes of an acceleration by x and x', and the acceleration."""
+
+    def twice(*instant) -> tuple[Array, Array]:
+        found = acceleration(*instant)
+        return found, found
+
+    return jax.jacfwd(twice, argnums=(1, 2), has_aux=True)(*instant)
 
 
 @eqx.filter_jit

@@ -138,13 +138,12 @@ def residual_error(
     system: System,
     x: Float[Array, "nodes dims"],
     factors: Factors,
-    accelerations: Float[Array, "instants dims"],
+    defect: Float[Array, "instants dims"],
 ) -> Scalar:
     """Estimate the error that the nodes leave in the RMS of the force, as a share of it.
 
-    The defect, zero at the nodes, is what the polynomial cannot follow between them, where the
-    `accelerations` are those that the equations ask for at equal steps, two a node or more. The
-    dual of the mean square says what it matters (Becker and Rannacher, Acta Numerica 10, 2001).
+    The `defect` is known at equal steps, two a node or more. The dual of the mean square says what
+    it matters (Becker and Rannacher, Acta Numerica 10, 2001).
     Harmonics of both cancel each other in their mean product, but not in what the next order of
     the defect does. So their sizes are added: at 350 random orbits with 96 nodes the true error
     came to 0.58 of that at most, and to 29 times the mean product. `factors` may be of a bordered
@@ -155,14 +154,13 @@ def residual_error(
         found = foundation_force(snapshot(angle, x, rate, scene), scene) ** 2
         return found, found
 
-    points, pace = len(accelerations), 2 * np.pi / system.period
+    points, pace = len(defect), 2 * np.pi / system.period
     by_both = jax.grad(square, argnums=(1, 2), has_aux=True)
     (by_x, by_rate), squares = one_by_one(by_both, system.at(x, len(x)), system.args)
     weights = by_x + pace * differentiation(len(x))[0].T @ by_rate
     # Equations that stand below those of the nodes have no defect.
     weights = jnp.pad(weights.ravel(), (0, len(factors[1]) - x.size))
     dual = lu_solve(factors, weights, trans=1)[: x.size].reshape(x.shape)
-    defect = accelerations - pace**2 * resample(x, points, order=2)
     both = (jnp.fft.rfft(resample(dual, points) / points, axis=0), jnp.fft.rfft(defect, axis=0))
     by_harmonic = jnp.sum(jnp.real(jnp.conj(both[0]) * both[1]), axis=1) / points
     return jnp.sum(jnp.abs(by_harmonic)) / jnp.mean(squares)

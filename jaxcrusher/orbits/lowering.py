@@ -60,7 +60,7 @@ def lowered(
     turns = jnp.asarray(2 * np.pi * period)
 
     def advance(search: _Search) -> _Search:
-        x, root = collocate(System(_damped, turns, (scene, search.tried)), search.x)
+        x, root = collocate(System(forced.acceleration, turns, scene, search.tried), search.x)
         good, before = root.success, search.last.steps
         # Of a step that failed, the half on a logarithmic scale.
         halved = jnp.sqrt(jnp.maximum(search.share, LEAST / search.damping))
@@ -88,10 +88,3 @@ def lowered(
     none = Lowered(start, RESULTS.too_many_steps, factors, jnp.array(0), jnp.array(False))
     first = _Search(start, zero + jnp.inf, zero + FIRST, zero, none, jnp.array(False))
     return jax.lax.while_loop(lambda search: ~search.done, advance, first).last
-
-
-def _damped(
-    angle: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], args: tuple[Scene, Scalar]
-) -> Float[Array, " dims"]:
-    scene, damping = args
-    return forced.acceleration(angle, x, rate, scene) - damping * rate

@@ -32,6 +32,8 @@ class Multipliers(eqx.Module):
     values: Complex[Array, " twodims"]
     monodromy: Float[Array, "twodims twodims"]  # d(x, x') at the end / at the beginning
     error: Scalar  # estimated, of the matrix, relative to its largest entry
+    # (x, x') at the end less that at the beginning, of a motion that begins on the orbit's nodes
+    closure: Float[Array, " twodims"]
 
     @property
     def largest(self) -> Scalar:
@@ -62,37 +64,65 @@ def _looked(system: System, x: Float[Array, "nodes dims"]) -> tuple[Array, ...]:
 
 
 def of_slopes(
-    slopes: tuple[Float[Array, "n dims dims"], ...], period: Scalar, steps: int = STEPS
+    slopes: tuple[Float[Array, "n dims dims"], ...],
+    period: Scalar,
+    steps: int = STEPS,
+    defect: Float[Array, "n dims"] | None = None,
 ) -> Multipliers:
-    """Return them from df/dx and df/dx' at equally spaced instants of the period."""
+    """Return them from df/dx and df/dx' at equally spaced instants of the period.
+
+    The motion that begins on the orbit's nodes leaves them as the `defect` of the nodes drives the
+    variational equations; None is a defect of zero. That sum has the error of the rectangle rule,
+    which vanishes fast for what is periodic.
+    """
     along = _first_order(slopes)
-    coarse, fine = _monodromies(along, period, (steps // 2, steps))
+    driven = jnp.zeros(along.shape[:2])
+    if defect is not None:
+        driven = jnp.concatenate([jnp.zeros_like(defect), defect], axis=1)
+    coarse, fine = _monodromies(along, driven, period, (steps // 2, steps))
+    fine, closure = fine[:, :-1], fine[:, -1]
+    coarse = coarse[:, :-1]
     # Twice the steps leave a 64th of the error.
     error = jnp.max(jnp.abs(fine - coarse)) / jnp.max(jnp.abs(fine)) / 63
     good = jnp.all(jnp.isfinite(fine))
     values = jnp.linalg.eigvals(jnp.where(good, fine, 0.0))
-    return Multipliers(jnp.where(good, values, jnp.nan), fine, error)
+    return Multipliers(jnp.where(good, values, jnp.nan), fine, error, closure)
 
 
-def _monodromies(along: Array, period: Scalar, counts: tuple[int, int]) -> tuple[Array, Array]:
-    """Multiply all steps, the last on the left, for either number of steps, powers of two."""
-    scale, gauss = _looks(along, period, counts)
+def _monodromies(
+    along: Array, driven: Array, period: Scalar, counts: tuple[int, int]
+) -> tuple[Array, Array]:
+    """Multiply all steps, the last on the left, for either number of steps, powers of two.
+
+    The last column is what the drive adds up to.
+    """
+    scale, units, gauss = _looks(along, period, counts)
+    pushes = jnp.concatenate([resample(period / n * units * driven, n) for n in counts])
+    unscale = jnp.append(scale, units[:, None], axis=1)
     if on_a_gpu():
-        coarse, fine = jnp.split(jax.vmap(_step)(*gauss), counts[:1])
-        return _product(coarse) / scale, _product(fine) / scale
+        coarse, fine = jnp.split(jax.vmap(_driven_step)(gauss, pushes), counts[:1])
+        return _product(coarse)[:-1] / unscale, _product(fine)[:-1] / unscale
 
     # Step by step, one number of steps after the other: XLA makes one kernel of the loop. Of all
     # steps side by side it computes each product again for every entry of the next.
     def pass_on(products, now) -> tuple[tuple[Array, Array], None]:
-        looks, begins = now
+        looks, push, begins = now
         before, passed = products
         before = jnp.where(begins, passed, before)
-        passed = jnp.where(begins, eye, passed)
-        return (before, _step(*looks) @ passed), None
+        passed = jnp.where(begins, still, passed)
+        return (before, _step(*looks) @ (passed + push[:, None] * last)), None
 
-    eye, begins = jnp.eye(along.shape[1]), np.arange(sum(counts)) == counts[0]
-    one, other = jax.lax.scan(pass_on, (eye, eye), (gauss, begins))[0]
-    return one / scale, other / scale
+    size = along.shape[1]
+    still, last = jnp.eye(size, size + 1), np.arange(size + 1) == size
+    begins = np.arange(sum(counts)) == counts[0]
+    one, other = jax.lax.scan(pass_on, (still, still), (gauss, pushes, begins))[0]
+    return one / unscale, other / unscale
+
+
+def _driven_step(gauss: tuple[Array, ...], push: Float[Array, " m"]) -> Array:
+    """Return the matrix of a step that drives too, of a disturbance with a 1 behind it."""
+    step, size = _step(*gauss), len(push)
+    return jnp.block([[step, (step @ push)[:, None]], [jnp.zeros((1, size)), jnp.ones((1, 1))]])
 
 
 def _product(matrices: Float[Array, "n m m"]) -> Float[Array, "m m"]:
@@ -110,7 +140,7 @@ def fundamental(
     It is of df/dx and df/dx', as `of_slopes`.
     """
     along = _first_order(slopes)
-    scale, gauss = _looks(along, period, (steps,))
+    scale, _, gauss = _looks(along, period, (steps,))
 
     def pass_on(passed: Array, looks: tuple[Array, ...]) -> tuple[Array, Array]:
         return _step(*looks) @ passed, passed
@@ -129,17 +159,24 @@ def _first_order(slopes: tuple[Float[Array, "n dims dims"], ...]) -> Array:
 
 def _looks(
     along: Array, period: Scalar, counts: tuple[int, ...]
-) -> tuple[Array, tuple[Array, ...]]:
-    """Return units of a product of steps, and the equations at Gauss' points of each step."""
+) -> tuple[Array, Array, tuple[Array, ...]]:
+    """Return units of a product of steps and of a disturbance, and the equations of each step.
+
+    The equations are those at Gauss' points.
+    """
     dims = along.shape[1] // 2
     # Rates in the unit of the fastest swing, so that all entries are of one size.
     pace = jnp.sqrt(jnp.max(jnp.abs(along[:, dims:, :dims])))
     units = jnp.concatenate([jnp.ones(dims), jnp.full(dims, 1 / pace)])
     scale = units[:, None] / units
     points = (-GAUSS, 0.0, GAUSS)
-    return scale, tuple(
-        jnp.concatenate([resample(period / n * scale * along, n, 0.5 + off) for n in counts])
-        for off in points
+    return (
+        scale,
+        units,
+        tuple(
+            jnp.concatenate([resample(period / n * scale * along, n, 0.5 + off) for n in counts])
+            for off in points
+        ),
     )
 
 

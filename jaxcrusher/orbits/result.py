@@ -124,7 +124,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     @property
     def largest_multiplier(self) -> Float[Array, "*batch"]:
         """Return the largest modulus of the multipliers."""
-        return jnp.max(jnp.abs(self.multipliers), axis=-1, initial=0.0)
+        return _largest(self.multipliers)
 
     @property
     def stable(self) -> Bool[Array, "*batch"]:
@@ -132,8 +132,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
         An orbit whose largest multiplier is 1 within `multipliers_error` is not called stable.
         """
-        error = jnp.where(jnp.isnan(self.multipliers_error), 0.0, self.multipliers_error)
-        return self.success & (self.largest_multiplier < 1 - error)
+        return self.success & _die(self.multipliers, self.multipliers_error)
 
     @property
     def settling_turns(self) -> Float[Array, "*batch"]:
@@ -177,6 +176,19 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         outputs = observables_of(self.scene) if outputs is None else outputs
         require_names("outputs", outputs, tuple(OBSERVABLES))
         return _seen(self, jnp.asarray(angles, dtype=float), tuple(outputs))
+
+
+# One program each: a first call would compile each of their operations by itself.
+@jax.jit
+def _largest(multipliers: Complex[Array, "*batch n"]) -> Float[Array, "*batch"]:
+    return jnp.max(jnp.abs(multipliers), axis=-1, initial=0.0)
+
+
+@jax.jit
+def _die(
+    multipliers: Complex[Array, "*batch n"], error: Float[Array, "*batch"]
+) -> Bool[Array, "*batch"]:
+    return _largest(multipliers) < 1 - jnp.where(jnp.isnan(error), 0.0, error)
 
 
 def built(
@@ -262,8 +274,11 @@ def finished(
     Slopes of multipliers and errors are NaN too. They are computed without slopes, and a slope of
     zero would be wrong.
     """
-    own = _masked(orbit) if is_concrete(scene) else _masked_with_slopes(orbit, scene)
-    return dataclasses.replace(own, scene=scene, held_velocities=held_velocities)
+    if not is_concrete(scene):
+        orbit = _masked_with_slopes(orbit, scene)
+    elif not (is_concrete(orbit.result) and bool(orbit.success)):
+        orbit = _masked(orbit)
+    return dataclasses.replace(orbit, scene=scene, held_velocities=held_velocities)
 
 
 @eqx.filter_jit

@@ -50,6 +50,9 @@ class Nodes(eqx.Module):
     steps: Int[Array, ""]
     residual_error: Scalar  # of the RMS of the force, as a share of it; estimated
     multipliers: Multipliers
+    # Of a motion that begins on the nodes: by what it misses its beginning after a period, in
+    # clearances and m/s, and a frame in the units of its state; estimated.
+    closure: Scalar
     way: WAYS
 
 
@@ -63,19 +66,22 @@ def of_nodes(
 ) -> Nodes:
     """Return what is known of the orbit through `x`."""
     slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
-    left = forced.residual_error(system, x, factors, accelerations)
-    found = of_slopes(slopes, system.period)
-    if system.args.supports is not None:
+    scene, defect = system.args, system.defect(x, accelerations)
+    left = forced.residual_error(system, x, factors, defect)
+    found = of_slopes(slopes, system.period, defect=defect)
+    if scene.supports is not None:
         # A frame on stiff springs swings faster than a contact.
         found = jax.lax.cond(
             found.error <= BLURRED,
             lambda: found,
-            lambda: of_slopes(slopes, system.period, FASTER * STEPS),
+            lambda: of_slopes(slopes, system.period, FASTER * STEPS, defect),
         )
         # Where even these steps overflow the multipliers are not known.
         error = jnp.where(jnp.isnan(found.error), jnp.inf, found.error)
         found = dataclasses.replace(found, error=error)
-    return Nodes(x, result, jnp.asarray(steps), left, found, way)
+    missed = flat(forced.state(*jnp.split(found.closure, 2), scene), scene)
+    closure = jnp.max(jnp.abs(missed))
+    return Nodes(x, result, jnp.asarray(steps), left, found, closure, way)
 
 
 @eqx.filter_jit

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Scalar
 
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.crusher.scene import Scene
@@ -42,6 +42,9 @@ from jaxcrusher.orbits.transient import (
 BESIDE = (0.01, 0.003, 0.03, 0.1)
 # Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
 CLOSURE, RTOL = 1e-6, 1e-11
+# An orbit with this estimate is not integrated. At 130 orbits of drawn crushers the integrated
+# closure was at most 1.7 times the estimate, where it was above 1e-7.
+SURELY_CLOSED = 1e-7
 
 # Tells each try as it begins, for a program that shows how far it is.
 _LOG = logging.getLogger(__name__)
@@ -89,12 +92,14 @@ class Search(NamedTuple):
             orbit = without_slopes(sloped)
             if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
                 orbit = with_statistics(self.still, found, factors, turns)
-            repeats = not bool(orbit.success) or _is_closed(orbit)
-            if count >= most or (repeats and not _wants_nodes(orbit)):
-                break
+            if count >= most or not _wants_nodes(orbit):
+                repeats = not bool(orbit.success) or _is_closed(orbit, found.closure)
+                if repeats:
+                    break
+                if count >= most:
+                    orbit = dataclasses.replace(orbit, result=RESULTS.not_closed)
+                    break
             guess, count = orbit.eccentricity, 2 * count
-        if not repeats:
-            orbit = dataclasses.replace(orbit, result=RESULTS.not_closed)
         return Try(sloped, orbit)
 
     def by_shooting(self, start: Array, turns: int) -> Try:
@@ -266,7 +271,7 @@ def _shots(search: Search, wait: Wait) -> Iterator[Try]:
 
 def _is_unresolved(orbit: PeriodicOrbit) -> bool:
     """Whether Newton's method converged to what the nodes do not resolve."""
-    return bool((orbit.result == RESULTS.contact_lost) | (orbit.result == RESULTS.unresolved))
+    return bool(orbit.result == RESULTS.contact_lost) or bool(orbit.result == RESULTS.unresolved)
 
 
 def _is_stiff(orbit: PeriodicOrbit) -> bool:
@@ -279,8 +284,10 @@ def _wants_nodes(orbit: PeriodicOrbit) -> bool:
     return _is_unresolved(orbit) or (bool(orbit.success) and not float(orbit.error) <= SETTLED)
 
 
-def _is_closed(orbit: PeriodicOrbit) -> bool:
-    """Whether the integrator comes back to where it set out."""
+def _is_closed(orbit: PeriodicOrbit, closure: Scalar) -> bool:
+    """Whether a motion that begins on the orbit comes back, by estimate or by the integrator."""
+    if float(closure) <= SURELY_CLOSED:
+        return True
     state = orbit.section
     end = poincare_section(orbit.scene, 0, orbit.period, state=state, rtol=RTOL)
     apart = np.max(np.abs(np.asarray(end.states)[-1] - np.asarray(state)))
