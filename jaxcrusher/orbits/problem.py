@@ -186,9 +186,10 @@ class Collocation(AbstractPeriodicProblem):
 
     def solved(self, equations: Bordered) -> HostRoot | None:
         """Return the zero of bordered equations, found by one program; None if there is none."""
-        point, jacobian, steps, success = _solved(equations)
+        point, steps, success = _solved(equations)
         if not bool(success):
             return None
+        jacobian = _jacobian(equations, point)
         return HostRoot(np.asarray(point), np.asarray(jacobian), None, int(steps))
 
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
@@ -208,7 +209,7 @@ class Collocation(AbstractPeriodicProblem):
 
     def orbit(self, u: Array, p: Any, seen: Any, equations: "Bordered") -> PeriodicOrbit:
         """Return all that is known of an orbit of a crusher."""
-        return _described(self, u, jnp.asarray(p), equations)
+        return _described(self, u, jnp.asarray(p), _jacobian(equations, equations.guess))
 
     def over(self, turns: int, u: np.ndarray) -> tuple["Collocation", np.ndarray]:
         """Return the problem of so many turns, and the nodes repeated or cut."""
@@ -230,8 +231,14 @@ def _solved(equations: Bordered):
         TOLERANCE,
         MOST_CORRECTIONS,
     )
-    _, jacobian, _ = equations.linearised(root.point)
-    return root.point, jacobian, root.steps, root.success
+    return root.point, root.steps, root.success
+
+
+# A program of its own, which serves a branch's directions and its orbits: of an event's curve this
+# is by far the largest part of all that is compiled.
+@eqx.filter_jit
+def _jacobian(equations: Bordered, both: Array) -> Array:
+    return equations.linearised(both)[1]
 
 
 @eqx.filter_jit
@@ -246,9 +253,9 @@ def _over(p: Parameters, *, family: Callable[[Array], System], share: float) -> 
 
 
 @eqx.filter_jit
-def _described(problem: Collocation, u: Array, p: Array, equations: Bordered) -> PeriodicOrbit:
+def _described(problem: Collocation, u: Array, p: Array, jacobian: Array) -> PeriodicOrbit:
     system = problem.family(p)
-    factors = lu_factor(equations.linearised(equations.guess)[1])
+    factors = lu_factor(jacobian)
     found = of_nodes(system, u, (factors[0], factors[1]), WAYS.branch)
     return described(system, found, u, problem.period, problem.outputs)
 

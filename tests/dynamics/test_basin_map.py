@@ -1,5 +1,8 @@
 """The motions that starts come to over a grid."""
 
+import dataclasses
+
+import equinox as eqx
 import numpy as np
 import pytest
 import xarray as xr
@@ -9,9 +12,15 @@ from jaxcrusher.dynamics import basin_map
 from jaxcrusher.dynamics.coexisting_orbits import coexisting_orbits
 
 
-def test_two_designs_side_by_side():
+def test_two_designs_side_by_side(monkeypatch):
     """A quiet one beside one of several motions: each as `coexisting_orbits` finds it alone."""
-    told = []
+    told, asked, whole = [], [], coexisting_orbits
+
+    def looks(scene, **given):
+        asked.append((scene, given, whole(scene, **given)))
+        return asked[-1][2]
+
+    monkeypatch.setattr(basin_map, "coexisting_orbits", looks)
     found = jc.basin_map(
         {"speed": [30.0, 40.0], "clearance": [0.12e-3]},
         starts=8,
@@ -20,7 +29,9 @@ def test_two_designs_side_by_side():
     )
     assert told == [(0, 2), (1, 2), (2, 2)]
     assert found.worst_rms.dims == ("speed", "clearance")
-    alone = jc.coexisting_orbits(jc.paper_scene(40.0, 0.12e-3), starts=8, turns=400)
+    _, (scene, given, alone) = asked
+    assert eqx.tree_equal(scene, jc.paper_scene(40.0, 0.12e-3))
+    assert given == {"starts": 8, "turns": 400, "spread": 0.5, "seed": 0}
     here = found.isel(speed=1, clearance=0)
     count = len(alone.orbits)
     assert count > 1 and found.sizes["orbit"] == count
@@ -42,7 +53,9 @@ def test_two_designs_side_by_side():
 
 def test_a_stored_map_that_was_stopped_goes_on(tmp_path, monkeypatch):
     """What is finished is not looked at again, and the table is that of a map in memory."""
-    how = {"starts": 4, "turns": 100, "base": {"clearance": 0.06e-3}}
+    # So close to the quiet orbit that no other has to be searched for, which takes a minute.
+    how = {"starts": 4, "turns": 100, "spread": 0.02}
+    how["base"] = {"clearance": 0.06e-3, "start": "contact"}
     whole, looked = coexisting_orbits, []
 
     def looks(scene, **given):
@@ -50,7 +63,9 @@ def test_a_stored_map_that_was_stopped_goes_on(tmp_path, monkeypatch):
             looked.append(None)
             raise KeyboardInterrupt
         looked.append(scene)
-        return whole(scene, **given)
+        found = whole(scene, **given)
+        # One start counts as unsettled, so that labels of either kind are stored.
+        return dataclasses.replace(found, labels=np.append(found.labels[:-1], -1))
 
     monkeypatch.setattr(basin_map, "coexisting_orbits", looks)
     with pytest.raises(KeyboardInterrupt):
@@ -58,6 +73,7 @@ def test_a_stored_map_that_was_stopped_goes_on(tmp_path, monkeypatch):
     stored = jc.basin_map({"speed": [27.0, 30.0]}, store=tmp_path / "map", **how).load()
     assert len(looked) == 3  # one, the interruption, and the other one
     in_memory = jc.basin_map({"speed": [27.0, 30.0]}, **how)
+    assert np.unique(stored.label).tolist() == [-1, 0]
     xr.testing.assert_equal(stored, in_memory)
     with pytest.raises(ValueError, match="seed"):
         jc.basin_map({"speed": [27.0, 30.0]}, store=tmp_path / "map", seed=1, **how)

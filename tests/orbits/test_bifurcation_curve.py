@@ -1,5 +1,7 @@
 """Events of the crusher: their orbits, the branches that leave there, and curves of them."""
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -14,11 +16,15 @@ def scene(speed, clearance):
     return jc.build_scene({"speed": speed, "clearance": clearance})
 
 
+def over_speed(clearance):
+    """Scenes over the speed; the clearance is a number of their program, so that one serves all."""
+    return eqx.Partial(scene, clearance=jnp.asarray(clearance))
+
+
 @pytest.fixture(scope="module")
 def folded():
     """A branch over its fold, with few nodes: those of 192 lie 5e-5 rad/s off."""
-    at = lambda speed: scene(speed, 0.1e-3)  # noqa: E731
-    return jc.orbit_branch(at, 37.3, BOUNDS[0], scale=1.0, nodes=96, points=25)
+    return jc.orbit_branch(over_speed(0.1e-3), 37.3, BOUNDS[0], scale=1.0, nodes=96, points=25)
 
 
 def test_a_fold_over_two_parameters(folded):
@@ -37,8 +43,8 @@ def test_a_fold_over_two_parameters(folded):
     last = table.isel(point=-1)
     speed, clearance = float(last.parameter), float(last.second)
     again = jc.orbit_branch(
-        lambda speed: scene(speed, clearance), speed - 0.02, BOUNDS[0], scale=1.0, nodes=96,
-        points=25, guess=np.asarray(curve.orbits[-1].eccentricity),
+        over_speed(clearance), speed - 0.02, BOUNDS[0], scale=1.0, nodes=96, points=25,
+        guess=np.asarray(curve.orbits[-1].eccentricity),
     )  # fmt: skip
     near = min((one.parameter for one in again.events), key=lambda one: abs(one - speed))
     # One by the multipliers, the other by the nodes: 96 of them leave 5e-5 between both.
@@ -68,7 +74,7 @@ def test_eigenvectors(folded):
 
 def test_a_narrow_doubling_of_the_crusher():
     """Two doublings 0.0006 rad/s apart, inside a step of 0.04; a motion of two turns leaves."""
-    at = lambda speed: scene(speed, 0.11e-3)  # noqa: E731
+    at = over_speed(0.11e-3)
     up = jc.orbit_branch(at, 36.9, (36.85, 37.2), scale=1.0, nodes=96, points=8)
     branch = jc.orbit_branch(at, 37.15, (36.85, 37.2), upwards=False, scale=1.0, nodes=96)
     places = [one.parameter for one in branch.events[::-1]]
