@@ -19,7 +19,7 @@ def main(
     """Put random faults into a copy of the tree, one at a time, and run the tests of their room.
 
     Half a minute a fault. Interrupted, the same command goes on where it was: OUT/mutants.jsonl
-    has a line for each fault.
+    has a line for each fault. A fault whose tests were stopped is judged again.
 
     Args:
         seed: Seed of the draw.

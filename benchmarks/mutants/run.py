@@ -28,6 +28,7 @@ KILLED, SURVIVED, LATE = "killed", "survived", "timed out"
 ALIKE = (
     *("jax", "equinox", "diffrax", "optax", "jaxtyping", "beartype", "scipy.optimize", "tyro"),
     *("matplotlib.pyplot", "xarray", "zarr", "llvmlite.binding", "pint", "rich.progress"),
+    *("hypothesis", "_hypothesis_pytestplugin", "xdist.plugin"),
 )
 # Rooms whose tests stand in another folder than theirs.
 ELSEWHERE = {"commands": "whole", "__main__": "whole", "testing": "", "__init__": "whole"}
@@ -156,6 +157,7 @@ class Judge:
         if self.process is None:
             known = {"PYTHONPATH": str(self.tree), "EQX_ON_ERROR": "nan"}
             known["JAX_COMPILATION_CACHE_DIR"] = str(self.tree.parent / "programs")
+            known["PYTHONDONTWRITEBYTECODE"] = ""  # what no fault changes is compiled once
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "benchmarks.mutants.server", *self.modules],
                 cwd=self.tree,
@@ -164,7 +166,9 @@ class Judge:
                 stdout=subprocess.PIPE,
                 text=True,
             )
-        words = ["-x", "-q", "-n", "0", "--tb=no", "-rfE", "--durations=0", *tests]
+        # Pytest's plugin of notebooks takes four seconds to start.
+        words = ["-o", "addopts=", "-p", "no:nbmake"]
+        words += ["-x", "-q", "--tb=no", "-rfE", "--durations=0", *tests]
         words += [word for name in left_out for word in ("--deselect", name)]
         assert self.process.stdin and self.process.stdout
         print(json.dumps({"words": words, "seconds": self.seconds}), file=self.process.stdin)
@@ -192,12 +196,12 @@ def write(file: Path, content: bytes) -> None:
 def run(
     out: Path, scratch: Path, seed: int, count: int, rooms: Sequence[str], seconds: float
 ) -> None:
-    """Judge the faults that the journal does not hold yet, and print the table of all."""
+    """Judge the faults that the journal does not hold yet, or that took too long; print a table."""
     # So that the tests end with this process, and the copy is left whole.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     journal = results_folder(out) / "mutants.jsonl"
     lines = journal.read_text().splitlines() if journal.exists() else []
-    known = {row["fault"]: row for row in map(json.loads, lines)}
+    known = {row["fault"]: row for row in map(json.loads, lines) if row["verdict"] != LATE}
     drawn, tree = sample(seed, count, rooms), copy_tree(results_folder(scratch))
     costs = out / "costs.json"
     known_costs = json.loads(costs.read_text()) if costs.exists() else {}

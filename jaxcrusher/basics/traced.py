@@ -78,12 +78,11 @@ def _interned(content: Hashable) -> _Program:
 
 def _content(value: Any) -> Hashable:
     """Return what two values share if a program of one serves the other."""
+    # Since JAX 0.12 both are one class, and `jaxpr` is the value itself.
     if isinstance(value, ClosedJaxpr):
-        return ClosedJaxpr, _content(value.jaxpr), *map(_content, value.consts)
+        return ClosedJaxpr, _known(value.jaxpr), *map(_content, value.consts)
     if isinstance(value, Jaxpr):
-        if value not in _KNOWN:
-            _KNOWN[value] = _interned(_equations(value))
-        return _KNOWN[value]
+        return _known(value)
     if isinstance(value, tuple | list):
         return type(value), *map(_content, value)
     if isinstance(value, dict):
@@ -100,6 +99,13 @@ def _content(value: Any) -> Hashable:
     except TypeError:
         return _Itself(value, id(value))
     return value  # pyright: ignore
+
+
+def _known(jaxpr: Jaxpr) -> _Program:
+    """Return what jaxprs of the same equations share, whatever the values of their constants."""
+    if jaxpr not in _KNOWN:
+        _KNOWN[jaxpr] = _interned(_equations(jaxpr))
+    return _KNOWN[jaxpr]
 
 
 def _equations(jaxpr: Jaxpr) -> Hashable:

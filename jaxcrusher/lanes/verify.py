@@ -7,7 +7,7 @@ trace are opened, and each equation is held against the tables of `primitives`.
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
-from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal, Var
+from jax.extend.core import ClosedJaxpr, JaxprEqn, Literal, Var
 
 from jaxcrusher.lanes.primitives import (
     ALONG_AXES,
@@ -105,7 +105,8 @@ def inlined(
         name = equation.primitive.name
         if name in _CALLS and opened(equation):
             called = equation.params[_CALLS[name]]
-            called = ClosedJaxpr(called, []) if isinstance(called, Jaxpr) else called
+            # Since JAX 0.12 every jaxpr has its constants, and both classes are one.
+            called = called if isinstance(called, ClosedJaxpr) else ClosedJaxpr(called, [])
             inside, results = inlined(called, named(equation.invars), constants, opened)
             equations += inside
         else:

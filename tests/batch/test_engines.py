@@ -59,6 +59,21 @@ def test_what_lanes_cannot_do_follows_what_jax_computes_on(platform, engine, mon
         assert map_all(abs, np.ones(3), engine=asked).tolist() == [11.0, 11.0, 11.0]
 
 
+@pytest.mark.parametrize(
+    ("scenes", "first"),
+    [
+        (30.0, "none"),
+        ({}, "no arrays"),
+        (np.ones((0, 2)), "0"),
+        ((np.ones(2), 3.0), "none, 2"),
+        ((np.ones(2), np.ones(3)), "2, 3"),
+    ],
+)
+def test_scenes_that_are_not_stacked_are_refused(scenes, first):
+    with pytest.raises(ValueError, match=rf"`scenes` must hold arrays .*, but is with {first}\.$"):
+        map_all(abs, scenes, engine="loop")
+
+
 def test_what_lanes_do_not_know_is_told(monkeypatch):
     def refuse(*_):
         raise Unsupported("the primitive `sort`")

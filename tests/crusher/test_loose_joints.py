@@ -44,6 +44,15 @@ def free_shaft(scene):
     return eqx.tree_at(lambda s: s.drive, scene, GivenTorque(300.0, 30.0))
 
 
+def test_a_joint_whose_start_is_not_given_rests_amid_its_bore():
+    scene = jc.build_scene(described("ABC"))
+    places, rates = Given(Vector(0.3, -0.5), Vector(0.2, 0.1)).eccentricities(scene)
+    assert [float(rates.main.x), float(rates.main.y)] == [0.2, 0.1]
+    for given in (places, rates):
+        for one in (given.elbow, given.pivot):
+            assert (float(one.x), float(one.y)) == (0.0, 0.0)
+
+
 def instant(scene):
     return scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
 

@@ -12,6 +12,7 @@ import pytest
 import jaxcrusher as jc
 from benchmarks.scenes.operations import field_operations, operations, traced
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.drives import GivenTorque
 from jaxcrusher.crusher.machine import Jaw, Machine
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.motion.statistic import top
@@ -102,6 +103,7 @@ BAD = [
     (lambda: jc.paper_scene(0.0, 6e-5), "speed", "0.0", "> 0 rad/s"),
     (lambda: jc.paper_scene(float("inf"), 6e-5), "speed", "inf", "finite"),
     (lambda: jc.ideal_scene(-1.0), "speed", "-1.0", "> 0 rad/s"),
+    (lambda: GivenTorque(300.0, -1.0), "speed", "-1.0", "> 0 rad/s"),
     (lambda: jc.paper_scene(30.0, 6e-5, friction=-0.1), "friction", "-0.1", "[0, 10]"),
     (lambda: jc.paper_scene(30.0, 6e-5, impact_velocity=0.0), "impact_velocity", "0.0", "> 0"),
     (

@@ -13,6 +13,7 @@ from scipy.io import loadmat
 
 from jaxcrusher.files import results
 from jaxcrusher.files.durable import writing
+from jaxcrusher.files.table import as_csv
 
 
 def test_writers_at_one_time_do_not_meet(tmp_path):
@@ -112,3 +113,16 @@ def test_table_is_read_as_it_was_written(tmp_path):
     rows = [Measured("a, b", 0.1 + 0.2, 3), Measured("", np.inf)]
     results.write_table(tmp_path / "x.csv", map(asdict, rows), "where")
     assert results.read_table(tmp_path / "x.csv", Measured) == rows
+
+
+def test_a_table_as_csv_has_a_row_a_cell_and_units_in_its_headings():
+    """The components of a vector are columns, and the row's number is none."""
+    axes = {"speed": ("speed", [25.0, 30.0], {"units": "rad/s"}), "direction": ["x", "y"]}
+    force = (("speed", "direction"), [[1.0, 2.0], [3.0, 4.0]], {"units": "N"})
+    success = ("speed", [True, False], {"units": "1"})
+    found = as_csv(xr.Dataset({"force": force, "success": success}, axes))
+    assert found.splitlines() == [
+        "speed [rad/s],force_x [N],force_y [N],success",
+        "25.0,1.0,2.0,True",
+        "30.0,3.0,4.0,False",
+    ]

@@ -7,7 +7,7 @@ import pytest
 
 from jaxcrusher.lanes.verify import Unsupported, verified
 
-SINGLE = jnp.ones(2, jnp.float32)
+ONES, SINGLE = jnp.ones(3), jnp.ones(2, jnp.float32)
 REFUSED = {
     "the type `float32` of `convert_element_type`": lambda x, n: x.astype(jnp.float32) * 1.0,
     "the type `int8` of `convert_element_type`": lambda x, n: x * n.astype(jnp.int8),
@@ -21,7 +21,7 @@ REFUSED = {
     "the primitive `cumsum`": lambda x, n: jnp.cumsum(jnp.stack([x, x])),
     "the primitive `cond`": lambda x, n: jax.lax.cond(x > 0, jnp.sin, jnp.cos, x),
     "the primitive `while`": lambda x, n: jax.lax.while_loop(lambda a: a > 1, lambda a: a / 2, x),
-    "the primitive `scan`": lambda x, n: jnp.polyval(jnp.array([1.0, 2.0, 3.0]), x),
+    "the primitive `scan`": lambda x, n: jax.lax.scan(lambda a, b: (a * x + b, None), x, ONES)[0],
     "the primitive `shift_left`": lambda x, n: x * (n << 2),
     "the primitive `debug_callback`": lambda x, n: jax.debug.callback(print, x) or x,
     # Of calls inside of calls too.

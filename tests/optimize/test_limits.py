@@ -50,6 +50,7 @@ def test_objectives_and_limits_of_supports_need_supports():
 def test_a_number_that_is_none_keeps_no_limit():
     kept = Limit("shaking_rms", 100.0).kept({"shaking_rms": np.array([99.0, 102.0, np.nan])}, 0.01)
     assert kept.tolist() == [True, False, False]
+    assert Limit("shaking_rms", 100.0).kept({"shaking_rms": 100.0}, 0.0)  # the very limit
     assert OF_ORBIT < OF_RUN
 
 

@@ -93,3 +93,42 @@ def test_pareto_draws_the_fronts_of_the_answer(drawn):
     for ax, other in zip(fig.axes, ([7.0, 9.0], [27.0, 25.0]), strict=True):
         (line,) = (line for line in ax.lines if line.get_label() == "front")
         np.testing.assert_array_equal(line.get_xydata(), np.transpose([[18.0, 19.0], other]))
+
+
+@pytest.mark.parametrize("shown", ["orbits", "settling", "starts"])
+def test_descents_are_drawn_on_the_map_of_orbits_alone(shown, monkeypatch, tmp_path):
+    """The other maps show the designs, and no way to them."""
+    kept: list[Any] = []
+    monkeypatch.setattr(figures, "write_figure", lambda path, figure: kept.append(figure))
+    axes = {"speed": [25.0, 30.0, 40.0], "clearance": [4e-5, 6e-5]}
+    dims, whole = ("start", *axes), np.ones((2, 3, 2), bool)
+    data = xr.Dataset(
+        {
+            "objective": (dims, np.stack([RMS, 1.1 * RMS]), {"units": "N", "long_name": "RMS"}),
+            "counts": (dims, whole),
+            "success": (dims, whole),
+            "whirl": (dims, ~whole),
+            "inside_model": (dims, whole),
+        },
+        axes,
+    )
+    orbits = data.isel(start=0).assign(stable=data.success[0])
+    orbits["settling_turns"] = tuple(axes), np.array([[9.0, 90.0], [20.0, 30.0], [40.0, 50.0]])
+    values = {"speed": 30.0, "clearance": 5e-5}
+    descent = SimpleNamespace(path={name: [value, value] for name, value in values.items()})
+    answer: Any = SimpleNamespace(
+        box=SimpleNamespace(bounds={name: (v[0], v[-1]) for name, v in axes.items()}, units={}),
+        refinement=(descent,),
+        designs={"optimum": SimpleNamespace(values=values)},
+    )
+    if shown == "orbits":
+        figures.draw_orbits(tmp_path, answer, orbits)
+    elif shown == "settling":
+        figures.draw_settling(tmp_path, answer, orbits)
+    else:
+        figures.draw_starts(tmp_path, answer, data)
+    (legend,) = [ax.get_legend() for ax in kept[0].axes if ax.get_legend() is not None]
+    texts = [text.get_text() for text in legend.get_texts()]
+    assert "optimum" in texts and ("descents" in texts) == (shown == "orbits")
+    assert "no stable periodic orbit found" not in texts  # all are stable
+    plt.close("all")

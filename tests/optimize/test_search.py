@@ -120,9 +120,11 @@ def test_the_closing_screen(finished):
     assert text.count("\n") < 39 and "11 of 11 checks passed." in text
     wrong = Check("inside the box", False, "speed 24.9 in 25 to 40 rad/s")
     console = Console(record=True, file=io.StringIO(), width=80)
-    print_answer(console, replace(answer, checks=(wrong, *answer.checks[1:])))
+    checks, remark = (wrong, *answer.checks[1:]), "Two of the points are new."
+    print_answer(console, replace(answer, checks=checks, remark=remark))
     failed = "10 of 11 checks passed.\nfailed inside the box: speed 24.9 in 25 to 40 rad/s\n"
-    assert failed in console.export_text()
+    text = console.export_text()
+    assert failed in text and text.endswith(f"{remark}\n")
     # With long names as well, and every design keeps its own.
     bounds = {"counterweight.mass": (0.0, 60.0), "jaw.mass_centre_distance": (0.25, 0.35)}
     values = dict(zip(bounds, (20.2047, 0.30125), strict=True))

@@ -39,6 +39,8 @@ def test_peaks_and_modes_are_the_orbit_s(orbit):
     rows = {row.name: row for row in sheet(orbit, 1)}
     peak = rows["peak of what moves of the force on the ground"].value
     assert peak == float(orbit["transmitted_peak"])
+    away = rows["how far G comes from its mean place"]
+    assert (away.unit, away.value) == ("um", 1e6 * float(orbit["frame_displacement_peak"]))
     mode = rows["frequency of mode 1"]
     # Of three digits.
     times = mode.value / (31.0 / (2 * np.pi))

@@ -151,6 +151,8 @@ def test_an_ideal_joint_is_a_sum():
     )
     forces = found.motion(np.linspace(0, 6, 7), ("foundation_force",))["foundation_force"]
     assert forces.max() < found.foundation_peak
+    with pytest.raises(ValueError, match="`scene` must have a clearance joint, but is an ideal"):
+        found.state()
 
 
 @pytest.mark.parametrize("load_law", ["closing_stroke", "none"])

@@ -23,6 +23,11 @@ def test_the_paper_s_box_is_plausible():
     }
     numbers["speed"] = 30 / 2**0.5
     assert remarks(numbers) == []
+    # And they are the same to rounding, but for those of loads and speeds, which have a scale.
+    for one in RATIOS:
+        if set(one.of) <= numbers.keys() and not {"load", "speed"} & set(one.of):
+            drawn = one.ratio(*(NUMBERS[name].default for name in one.of))
+            assert one.ratio(*(numbers[name] for name in one.of)) == pytest.approx(drawn, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
@@ -26,15 +27,16 @@ from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.files.program import parse
 from jaxcrusher.files.resume import begin
+from jaxcrusher.scenes.echo import said
 
 
 def run(*arguments) -> tuple[int | None, str]:
     """Exit status and what was printed, in this process."""
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said), pytest.MonkeyPatch.context() as patch:
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed), pytest.MonkeyPatch.context() as patch:
         patch.setenv("COLUMNS", "200")
         status = parse(__main__.run, [str(argument) for argument in arguments])()
-    return status, said.getvalue()
+    return status, printed.getvalue()
 
 
 SHORT = (
@@ -82,6 +84,16 @@ def test_simulate_writes_a_labelled_motion(simulated):
     np.testing.assert_allclose(motion.shaft_speed, values["speed"], rtol=1e-12)
     out_of_centre = np.hypot(*motion.eccentricity.transpose().to_numpy()) / 0.05e-3
     assert ((out_of_centre > 0.99) & (out_of_centre < 1.25)).all()
+
+
+def test_the_picture_of_a_motion_names_clearances_and_speed():
+    scene = jc.build_scene({"clearance": 0.05e-3, "elbow.clearance": 0.1e-3})
+    outputs = ("foundation_force", "eccentricity", "elbow_eccentricity")
+    motion = jc.simulate(scene, np.linspace(0, 0.01, 5), outputs=outputs)
+    figure = simulate.draw(motion, scene, np.arange(5), {})
+    titles = ["radial clearance 0.05 mm", "elbow: radial clearance 0.1 mm"]
+    assert [ax.get_title() for ax in figure.axes] == [*titles, said("speed", 30.0, {})]
+    plt.close(figure)
 
 
 def test_simulate_says_what_the_motion_is(simulated):

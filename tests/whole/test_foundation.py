@@ -46,3 +46,22 @@ def test_files_of_a_sheet(tmp_path):
         assert said in text and said in html
     assert re.search(r"foundation\.mass 6000 kg|foundation\.mass 6 t", html)
     assert (folder / "run_up.png").stat().st_size > 10_000
+
+
+def test_speeds_whose_harmonics_meet_a_natural_frequency_are_marked(monkeypatch, tmp_path):
+    kept = []
+    monkeypatch.setattr(foundation, "write_figure", lambda path, figure, **_: kept.append(figure))
+    scene = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3})
+    orbit = jc.periodic_orbit(scene)
+    natural = 60 * jc.natural_modes(scene).frequency.values
+    # Some meet a natural frequency inside of the run up, and some outside of it at either end.
+    speeds = np.linspace(0.75 * natural.min(), 0.75 * natural.max(), 3)
+    curves = dict.fromkeys(foundation.CURVES, np.ones(3))
+    foundation.draw(orbit, np.pi / 30 * speeds, curves, tmp_path / "run_up.png")
+    (ax,) = kept[0].axes
+    upright = [line.get_xdata() for line in ax.lines if line.get_transform() != ax.transData]
+    critical = [one / order for one in natural for order in (1, 2)]
+    expected = [one for one in critical if speeds[0] <= one <= speeds[-1]]
+    assert speeds[1] < max(expected) and min(critical) < speeds[0] and speeds[-1] < max(critical)
+    found = sorted(float(x[0]) for x in upright)
+    assert found == pytest.approx(sorted([*expected, 60 * 30 / (2 * np.pi)]))

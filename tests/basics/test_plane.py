@@ -1,0 +1,47 @@
+"""Vectors of the plane are complex numbers, with the same rules."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxcrusher.basics.plane import Vector, direction, optional_scalar, scalar
+
+ONE, OTHER = 3.0 - 4.0j, -0.5 + 2.0j
+TURN = 0.6 + 0.8j  # of length one
+
+
+def vector(number):
+    return Vector(number.real, number.imag)
+
+
+A, B, AXIS = map(vector, (ONE, OTHER, TURN))
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        (A + B, ONE + OTHER),
+        (A - B, ONE - OTHER),
+        (-A, -ONE),
+        (A * 2.5, 2.5 * ONE),
+        (2.5 * A, 2.5 * ONE),
+        (A / 2.5, ONE / 2.5),
+        (A.perp(), 1j * ONE),
+        (A.along(AXIS), ONE * TURN),
+        (A.seen_from(AXIS), ONE / TURN),
+        (direction(0.7), np.exp(0.7j)),
+    ],
+)
+def test_vectors_are_complex_numbers(found, expected):
+    # A rounding or two of numbers about 5.
+    np.testing.assert_allclose(found.array(), [expected.real, expected.imag], rtol=0, atol=1e-15)
+
+
+def test_products_are_parts_of_the_complex_one():
+    product = ONE.conjugate() * OTHER
+    assert (float(A.dot(B)), float(A.cross(B))) == (product.real, product.imag)
+
+
+def test_scalars_are_floats():
+    assert scalar(1).dtype == jnp.float64 and optional_scalar(2) == 2.0
+    assert optional_scalar(None) is None
