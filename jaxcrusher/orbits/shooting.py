@@ -4,6 +4,7 @@ Such orbits may lose contact and impact. See `jaxcrusher.orbits.shot` for one or
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -36,7 +37,7 @@ from jaxcrusher.orbits.shot import (
     least_penetrations_from,
 )
 
-# Steps of differences of a matrix, as a share of what it depends on.
+# Steps of differences, as a share of what a function depends on.
 DIFFERENCE = 1e-6
 # The tolerance along a branch, and a statistic whose derivatives come along, unused.
 BRANCH_RTOL, METRIC = 1e-10, "foundation_rms"
@@ -97,22 +98,21 @@ class Shooting(AbstractPeriodicProblem):
         return seen.matrix
 
     def vanishing(self, of: OfMatrix, u: Any, p: Any, seen: Turns) -> Vanishing:
-        """Return a function of the monodromy matrix, with slopes by one-sided differences.
+        """Return a function of the monodromy matrix, with slopes by differences."""
 
-        Their error lets Newton's method converge more slowly, to the same zero.
-        """
-        both, value = np.concatenate([u, np.ravel(p)]), float(of(jnp.asarray(seen.matrix)))
-        sizes = np.concatenate([np.ones(len(u)), np.abs(np.ravel(p))])
+        def value(u: np.ndarray, p: np.ndarray) -> float:
+            return float(of(jnp.asarray(self.linearised(u, p).seen.matrix)))
 
-        def moved(shift: np.ndarray) -> float:
-            u_now, p_now = np.split(both + shift, [len(u)])
-            return float(of(jnp.asarray(self.linearised(u_now, p_now).seen.matrix)))
+        return _with_differences(value, float(of(jnp.asarray(seen.matrix))), u, p)
 
-        steps = DIFFERENCE * sizes
-        slopes = [
-            (moved(shift) - value) / h for shift, h in zip(np.diag(steps), steps, strict=True)
-        ]
-        return Vanishing(value, (np.array(slopes[: len(u)]), np.array(slopes[len(u) :])))
+    def grazing(self, joint: int, u: Any, p: Any, seen: Turns) -> Vanishing:
+        """Return the least penetration of a joint, with slopes by differences."""
+
+        def value(u: np.ndarray, p: np.ndarray) -> float:
+            return float(self.monitors(u, p, seen)[joint])
+
+        u, p = np.asarray(u), np.asarray(p)
+        return _with_differences(value, value(u, p), u, p)
 
     def turns(self, u: Any, seen: Turns) -> int:
         """Return after how many turns an orbit repeats already."""
@@ -143,6 +143,20 @@ class Shooting(AbstractPeriodicProblem):
     def weight(self, size: int) -> float:
         """Return that of a sum of squares."""
         return 1.0
+
+
+def _with_differences(
+    of: Callable[[np.ndarray, np.ndarray], float], value: float, u: Any, p: Any
+) -> Vanishing:
+    """Return the value of a function at u and p, with slopes by one-sided differences.
+
+    Their error lets Newton's method converge more slowly, to the same zero.
+    """
+    both = np.concatenate([u, np.ravel(p)])
+    steps = DIFFERENCE * np.concatenate([np.ones(len(u)), np.abs(np.ravel(p))])
+    moved = (np.split(both + shift, [len(u)]) for shift in np.diag(steps))
+    slopes = np.array([of(*there) - value for there in moved]) / steps
+    return Vanishing(value, tuple(np.split(slopes, [len(u)])))
 
 
 def section_point(

@@ -1,5 +1,7 @@
 """Events over two parameters, against closed forms and published curves."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -135,6 +137,35 @@ def test_where_van_der_pol_is_no_longer_driven():
     assert len(both) > 10 and both[:, 1].min() < 1.0
     mean = [np.mean(point.u[:48] ** 2) for point in branch.points]
     np.testing.assert_allclose(mean, 1.0, atol=1e-9)
+
+
+def swaying(time, x, rate, both):
+    """Two pins: one rests, and one that a spring of 3 holds is driven by f cos w t."""
+    w, f = both
+    pull = jnp.array([1.0, 1.0, 3.0, 3.0]) * (jnp.array([2.0, 0.0, 1.5, 0.0]) - x)
+    return pull - 0.2 * rate + jnp.array([0.0, 0.0, f, 0.0]) * jnp.cos(w * time)
+
+
+def test_contact_is_lost_over_two_numbers():
+    """A linear motion of amplitude 0.5 just touches: f = sqrt((3 - w^2)^2 + (0.2 w)^2) / 2.
+
+    The curve of the event comes down to the resonance, where f is least, and goes up again.
+    """
+    family = lambda both: System(swaying, 2 * jnp.pi / both[0], both)  # noqa: E731
+    exact = lambda w: np.sqrt((3 - w**2) ** 2 + (0.2 * w) ** 2) / 2  # noqa: E731
+    base = Collocation(family=family, watched=("rests", "lost"))
+    lower = replace(base, family=eqx.Partial(at_second, family=family, second=0.3))
+    rest = np.tile([[2.0, 0.0, 1.5, 0.0]], (8, 1))
+    stride = Stride(first=0.2, longest=0.5, shortest=1e-6)
+    branch = follow(lower, rest, 1.5, scale=0.1, bounds=(1.0, 2.0), stride=stride, points=20)
+    (lost,) = special_points(branch)
+    assert branch.ended == ENDS[2] and lost.kind == "lost"
+    np.testing.assert_allclose(exact(lost.parameter), 0.3, atol=1e-10)
+    curve = curve_of(base, lost.kind, (8, 4), 0.1, (1.0, 2.5))
+    branch, found = followed(curve, lost, 0.3, 0.1, (0.1, 0.4), upwards=False, points=40)
+    assert branch.ended == ENDS[1] and found[-1, 0] > np.sqrt(3) > found[0, 0]
+    # Newton's method leaves 1e-10 of the nodes.
+    np.testing.assert_allclose(found[:, 1], exact(found[:, 0]), atol=1e-9)
 
 
 def bouncing(state, both):
