@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxcrusher.motion.tangents import Tangents
 from jaxcrusher.orbits import shooting as module
 from jaxcrusher.orbits.branch import follow
 from jaxcrusher.orbits.collocation import System
@@ -79,25 +78,24 @@ def passes(time, values, r):
 passes.terminal, passes.direction = True, 1
 
 
-def round_once(build, point, metric, state, turns, rtol):
+def round_once(build, point, states, rtol):
     """The map of (y, z) from a section to the next: the freedom of phase is gone."""
-    begun = np.concatenate([[0.0], state, [0, 1, 0], [0, 0, 1], np.zeros(3)])
+    begun = np.concatenate([[0.0], states[0], [0, 1, 0], [0, 0, 1], np.zeros(3)])
     more = dict(method="DOP853", rtol=1e-8, atol=1e-8, events=passes)
     run = solve_ivp(lorenz, (0, 9), begun, args=(float(point[0]),), **more)
     end = run.y[:, -1].reshape(3, -1, order="F")
     rate = lorenz(0, end[:, 0], float(point[0]))
     slopes = (end - np.outer(rate, end[0] / rate[0]))[1:, 1:]
-    by_state, by_point = slopes[None, :, :2], slopes[None, :, 2:]
-    return Tangents(end[1:, 0], by_state, by_point, np.zeros(1), np.zeros((1, 2)), np.zeros((1, 1)))
+    return end[None, 1:, 0], slopes[None, :, :2], slopes[None, :, 2:]
 
 
 def test_the_cascade_of_lorenz(monkeypatch):
     """Each doubling is on the branch that leaves at the one before."""
-    monkeypatch.setattr(module, "tangents", round_once)
+    monkeypatch.setattr(module, "slices_apart", round_once)
     # A state is of order 100, so steps are a hundred times as long as those of clearances.
     stride = Stride(first=1.0, longest=40.0, shortest=1e-3, straight=0.1, located=1e-7)
     more = dict(scale=0.1, stride=stride, points=40)
-    sections = Shooting(build=eqx.Partial(round_once), period=1)
+    sections = Shooting(build=eqx.Partial(round_once), period=1, slices=1)
     # Where a run comes to at r = 231.
     start = np.array([52.9, 207.6])
     branch = follow(sections, start, 231.0, bounds=(229.0, 232.0), upwards=False, **more)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxcrusher.motion.tangents import Tangents
 from jaxcrusher.orbits import shooting as module
 from jaxcrusher.orbits.branch import ENDS, SHORTER, follow
 from jaxcrusher.orbits.event_curve import curve_of
@@ -31,18 +30,16 @@ def branches(monkeypatch):
     """Of a map in place of the integrated turn."""
 
     def made(of, period):
-        def tangents(build, point, metric, state, turns, rtol):
-            number, step = float(point[0]), 1e-6
+        def slices_apart(build, point, states, rtol):
+            (state,), number, step = np.asarray(states), float(point[0]), 1e-6
             shifts = step * np.eye(state.size)
             columns = [(of(state + d, number) - of(state - d, number)) / 2e-6 for d in shifts]
             jacobian = np.stack(columns, axis=1)
             forcing = (of(state, number + step) - of(state, number - step)) / (2 * step)
-            none, by_state, by_number = np.zeros(1), np.zeros((1, state.size)), np.zeros((1, 1))
-            after = of(state, number), jacobian[None], forcing[None, :, None]
-            return Tangents(*after, none, by_state, by_number)
+            return of(state, number)[None], jacobian[None], forcing[None, :, None]
 
-        monkeypatch.setattr(module, "tangents", tangents)
-        return Shooting(build=eqx.Partial(of), period=period)
+        monkeypatch.setattr(module, "slices_apart", slices_apart)
+        return Shooting(build=eqx.Partial(of), period=period, slices=1)
 
     return made
 
@@ -50,7 +47,8 @@ def branches(monkeypatch):
 def followed(problem, state, start, bounds, *, upwards, points, scale=1.0):
     """The branch, and its special points."""
     more = dict(upwards=upwards, points=points)
-    branch = follow(problem, state, start, scale=scale, bounds=bounds, **more)
+    unknowns = problem.along(state, start)
+    branch = follow(problem, unknowns, start, scale=scale, bounds=bounds, **more)
     return branch, special_points(branch)
 
 
@@ -105,8 +103,8 @@ def test_the_branch_that_leaves_at_a_doubling(branches):
         for point in left.points:
             roots = np.roots([point.value**2, -0.7 * point.value, 0.49 - point.value])
             # The section closes to 1e-7, and Newton's method squares what is left of that.
-            np.testing.assert_allclose(np.sort(point.u), np.sort(roots), atol=1e-9)
-        places.append(left.points[0].u)
+            np.testing.assert_allclose(np.sort(point.u[:2]), np.sort(roots), atol=1e-9)
+        places.append(left.points[0].u[:2])
     # To one side the first of the two turns is the upper one, to the other the lower.
     assert (np.diff(places[0]) * np.diff(places[1])).item() < 0
 
@@ -188,12 +186,11 @@ def speed_and_gap(point):
     return float(point[0]), float(point[1]) if point.size > 1 else 1.0
 
 
-def one_turn(build, point, metric, state, turns, rtol):
-    begun = np.concatenate([state, np.eye(4).ravel(), np.zeros(4 * point.size)])
+def one_turn(build, point, states, rtol):
+    begun = np.concatenate([states[0], np.eye(4).ravel(), np.zeros(4 * point.size)])
     run = solve_ivp(stopped, (0, 2 * np.pi), begun, args=speed_and_gap(point), **WELL)
     after, by_state, by_point = np.split(run.y[:, -1].reshape(-1, 4).T, [1, 5], axis=1)
-    none, gone, still = np.zeros(1), np.zeros((1, 4)), np.zeros((1, point.size))
-    return Tangents(after[:, 0], by_state[None], by_point[None], none, gone, still)
+    return after.T, by_state[None], by_point[None]
 
 
 def reach(numbers, state, period):
@@ -214,8 +211,8 @@ def reach(numbers, state, period):
 
 def test_two_masses_and_a_stop(monkeypatch):
     """The points published for NLvib's example 03. Its stiffness jumps: nodes do not reach them."""
-    monkeypatch.setattr(module, "tangents", one_turn)
-    sections = Shooting(build=eqx.Partial(speed_and_gap), period=1)
+    monkeypatch.setattr(module, "slices_apart", one_turn)
+    sections = Shooting(build=eqx.Partial(speed_and_gap), period=1, slices=1)
     near, more = np.array([0.961, 0.658, 0.317, 0.086]), dict(scale=0.05)
     quiet, found = followed(sections, near, 0.635, (0.615, 0.7), upwards=False, points=9, **more)
     moduli = np.sort(np.abs(quiet.points[0].multipliers))
