@@ -16,7 +16,6 @@ from jaxcrusher.motion.tangents import SLICES, Build, Tangents, slices_apart, ta
 from jaxcrusher.orbits import newton
 from jaxcrusher.orbits.newton import HostRoot, newton_on_host
 from jaxcrusher.orbits.problem import (
-    ALIKE,
     MOST_CORRECTIONS,
     AbstractPeriodicProblem,
     Bordered,
@@ -36,6 +35,9 @@ from jaxcrusher.orbits.shot import (
     least_penetrations_from,
 )
 
+# Section points so near, in clearances and m/s, are one. Turns differ by thousandths where a branch
+# has left its doubling by hundredths of a rad/s.
+ALIKE = 1e-4
 # Steps of differences, as a share of what a function depends on.
 DIFFERENCE = 1e-6
 # The tolerance along a branch.
