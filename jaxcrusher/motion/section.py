@@ -95,29 +95,44 @@ def turn_in_slices(
     The tangents of a slice by the state and by p are integrated beside it, from the identity and
     zero on.
     """
-    span, dims = 2 * math.pi / count, state.size
-    _, unravel = ravel_pytree(unflattened(state, build(point)))
+    span = 2 * math.pi / count
 
     def one(carry, angle):
         state, before = carry
-
-        def after(both):
-            flow = Flow(build(both[dims:]), unravel(both[:dims]), angle)
-            end, values, outcome = advance(flow, span, method, outputs)
-            found = ravel_pytree(end)[0], values
-            return found, (*found, outcome)
-
-        derivatives, (end, values, outcome) = jax.jacfwd(after, has_aux=True)(
-            jnp.concatenate([state, point])
-        )
-        (matrix, forcing), slopes = _split(derivatives[0], dims), derivatives[1]
-        slopes = {name: _split(slope, dims) for name, slope in slopes.items()}
-        by_state, by_parameter = ({name: s[i] for name, s in slopes.items()} for i in (0, 1))
-        carry = end, first_failure(before, outcome)
-        return carry, Slices(matrix, forcing, values, by_state, by_parameter)
+        end, found, outcome = sloped_slice(build, point, state, angle, span, method, outputs)
+        return (end, first_failure(before, outcome)), found
 
     (state, outcome), slices = jax.lax.scan(one, (state, fine()), span * jnp.arange(count))
+    _, unravel = ravel_pytree(unflattened(state, build(point)))
     return flat(unravel(state), build(point)), slices, outcome
+
+
+def sloped_slice(
+    build: Callable[[Array], Scene],
+    point: Float[Array, " n"],
+    state: Float[Array, " dims"],
+    angle: Scalar,
+    span: float,
+    method: Integration,
+    outputs: Chosen = (),
+) -> tuple[Float[Array, " dims"], Slices, Outcome]:
+    """Return where a slice of a turn leads from a state at a shaft angle, with slopes."""
+    dims = state.size
+    _, unravel = ravel_pytree(unflattened(state, build(point)))
+
+    def after(both):
+        flow = Flow(build(both[dims:]), unravel(both[:dims]), angle)
+        end, values, outcome = advance(flow, span, method, outputs)
+        found = ravel_pytree(end)[0], values
+        return found, (*found, outcome)
+
+    derivatives, (end, values, outcome) = jax.jacfwd(after, has_aux=True)(
+        jnp.concatenate([state, point])
+    )
+    (matrix, forcing), slopes = _split(derivatives[0], dims), derivatives[1]
+    slopes = {name: _split(slope, dims) for name, slope in slopes.items()}
+    by_state, by_parameter = ({name: s[i] for name, s in slopes.items()} for i in (0, 1))
+    return end, Slices(matrix, forcing, values, by_state, by_parameter), outcome
 
 
 def _split(derivative: Float[Array, "... both"], dims: int) -> tuple[Array, Array]:

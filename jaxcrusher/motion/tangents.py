@@ -15,7 +15,7 @@ from jaxtyping import Array, ArrayLike, Float, Scalar
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.integrate import Outcome, failure_text
 from jaxcrusher.motion.method import resolve
-from jaxcrusher.motion.section import Slices, fine, first_failure, turn_in_slices
+from jaxcrusher.motion.section import Slices, fine, first_failure, sloped_slice, turn_in_slices
 from jaxcrusher.motion.statistic import Chosen, chosen
 from jaxcrusher.motion.statistics import over_pieces
 
@@ -88,6 +88,25 @@ def sloped_turn(
     """Return where a turn leads from a section point, its slices with slopes, and the outcome."""
     method = resolve(build(point), rtol)
     return turn_in_slices(build, point, state, SLICES, method, outputs)
+
+
+@eqx.filter_jit
+def slices_apart(
+    build: Build, point: Float[Array, " n"], states: Float[Array, "slices dims"], rtol: Scalar
+) -> tuple[
+    Float[Array, "slices dims"], Float[Array, "slices dims dims"], Float[Array, "slices dims n"]
+]:
+    """Return where each slice of a turn leads from its own state, by that and by the parameters.
+
+    NaN from a failure on.
+    """
+    method, span = resolve(build(point), rtol), 2 * np.pi / len(states)
+
+    def one(begin: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+        end, found, _ = sloped_slice(build, point, *begin, span, method)
+        return end, found.jacobians, found.forcing
+
+    return jax.lax.map(one, (states, span * jnp.arange(len(states))))
 
 
 def chain(parts: Tangents) -> tuple[np.ndarray, np.ndarray]:

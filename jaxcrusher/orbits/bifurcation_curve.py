@@ -16,6 +16,7 @@ from jaxcrusher.orbits.branch import Branch, follow
 from jaxcrusher.orbits.event_curve import EventCurve, curve_of, cusps
 from jaxcrusher.orbits.events import DOUBLING, FOLD, PAIR
 from jaxcrusher.orbits.orbit_branch import (
+    LOST,
     Event,
     OrbitBranch,
     problem_of,
@@ -42,8 +43,8 @@ def bifurcation_curve(
     **Arguments:**
 
     - `scene`: makes a scene from both parameters, which are traced.
-    - `event`: a fold, a period doubling or a Neimark-Sacker point of the branch that
-      `jaxcrusher.orbit_branch` followed over the first parameter.
+    - `event`: a fold, a period doubling, a Neimark-Sacker point or a loss of contact on the branch
+      that `jaxcrusher.orbit_branch` followed over the first parameter.
     - `second`: the second parameter's value on that branch.
     - `bounds`: of the first and of the second parameter.
     - `scales`: what changes of both are small against, > 0; None is a thirtieth of where the event
@@ -59,7 +60,7 @@ def bifurcation_curve(
     require_set_up()
     require_whole("points", points, 2)
     require_untraced("second", (second, bounds), "bifurcation_curve", "jaxcrusher.periodic_orbit")
-    known = (FOLD, DOUBLING, PAIR)
+    known = (FOLD, DOUBLING, PAIR, *LOST.values())
     good = event.kind in known and event.point is not None
     require(good, "event", f"be one of {known} that is located", event.kind)
     assert event.point is not None

@@ -39,7 +39,7 @@ class EventCurve(AbstractPeriodicProblem):
     base: AbstractPeriodicProblem
     scale: Scalar  # what a change of the first parameter is small against
     bounds: tuple[Scalar, Scalar]  # of it
-    kind: str = eqx.field(static=True)  # FOLD or one of ZERO_OF
+    kind: str = eqx.field(static=True)  # FOLD, one of ZERO_OF, or what `base` watches
     shape: tuple[int, ...] = eqx.field(static=True)  # of an orbit's unknowns
     watched: tuple[str, ...] = eqx.field(static=True)
     period: int = eqx.field(static=True)
@@ -69,7 +69,7 @@ class EventCurve(AbstractPeriodicProblem):
         """Return the residual with its derivatives by u and by p."""
         x, both = self.split(u, p)
         at = self.base.linearised(x, both)
-        value, (by_x, by_both) = self.base.vanishing(self._of, x, both, at.seen)
+        value, (by_x, by_both) = self._event(x, both, at.seen)
         first, second = jnp.moveaxis(jnp.asarray(at.by_parameter).reshape(-1, 2), 1, 0)
         columns = jnp.concatenate([at.by_unknowns, self._unit() * first[:, None]], axis=1)
         row = jnp.append(jnp.ravel(by_x), self._unit() * by_both[0])
@@ -80,9 +80,12 @@ class EventCurve(AbstractPeriodicProblem):
             at.seen,
         )
 
-    @property
-    def _of(self) -> OfMatrix:
-        return ZERO_OF[CROSSING if self.kind == FOLD else self.kind]
+    def _event(self, x: Any, both: Array, seen: Any) -> Vanishing:
+        """Return what vanishes at the event, with its slopes by the orbit's own numbers."""
+        if self.kind in self.base.watched:
+            return self.base.grazing(self.base.watched.index(self.kind), x, both, seen)
+        of = ZERO_OF[CROSSING if self.kind == FOLD else self.kind]
+        return self.base.vanishing(of, x, both, seen)
 
     def solved(self, equations: Bordered) -> HostRoot | None:
         """Return the zero of bordered equations, None if there is none."""
@@ -95,6 +98,10 @@ class EventCurve(AbstractPeriodicProblem):
     def vanishing(self, of: OfMatrix, u: Array, p: Any, seen: Any) -> Vanishing:
         """Return a function of the monodromy matrix, with slopes by the orbit's own numbers."""
         return self.base.vanishing(of, *self.split(u, p), seen)
+
+    def grazing(self, joint: int, u: Array, p: Any, seen: Any) -> Vanishing:
+        """Return a least penetration of the orbit, with slopes by the orbit's own numbers."""
+        return self.base.grazing(joint, *self.split(u, p), seen)
 
     def turns(self, u: Any, seen: Any) -> int:
         """Return after how many turns the orbit repeats already."""
@@ -113,8 +120,10 @@ class EventCurve(AbstractPeriodicProblem):
             one, other = np.triu_indices(len(values), 1)
             nearest = np.argmin(np.abs(1 - values[one] * values[other]))
             found.append(1 - np.real(values[one] + values[other])[nearest] ** 2 / 4)
-        depths = self.base.monitors(x, both, seen) if self.base.ends and self.base.watched else []
-        return np.array([*map(float, found), *depths])
+        if any(kind in self.base.watched for kind in self.watched):
+            depths = dict(zip(self.base.watched, self.base.monitors(x, both, seen), strict=True))
+            found += [depth for kind, depth in depths.items() if kind in self.watched]
+        return np.array([*map(float, found)])
 
     def orbit(self, u: Array, p: Any, seen: Any, equations: Bordered) -> PeriodicOrbit:
         """Return all that is known of an orbit of a crusher."""
@@ -139,7 +148,8 @@ def curve_of(
     """Return the problem of orbits at an event, with the first parameter between bounds."""
     ends = ("first at its lower bound", "first at its upper bound")
     resonance = ("strong resonance",) if kind == PAIR else ()
-    watched = (*ends, *resonance, *(base.watched if base.ends else ()))
+    joints = tuple(one for one in base.watched if base.ends and one != kind)
+    watched = (*ends, *resonance, *joints)
     limits = jnp.asarray(bounds[0], float), jnp.asarray(bounds[1], float)
     return EventCurve(
         base=base,

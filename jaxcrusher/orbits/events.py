@@ -247,16 +247,23 @@ def other_branch(
 
 
 def origin(branch: Branch, parent: Point) -> Special:
-    """Return the doubling that a branch came from; `parent`, of fewer turns, is followed back."""
+    """Return the doubling that a branch came from; `parent`, of fewer turns, is followed to it.
+
+    It lies back where the branch came from, or ahead if two turns became alike before it.
+    """
     shorter, u = branch.problem.over(parent.turns, parent.u)
-    back = follow(
-        shorter,
-        u,
-        branch.scale * parent.value,
-        scale=branch.scale,
-        bounds=(-np.inf, np.inf),
-        upwards=parent.value < branch.points[-1].value,
-        points=BACK,
-    )
-    found = [one for one in special_points(back) if one.kind == DOUBLING]
-    return found[0] if found else Special(DOUBLING, np.nan, None)
+    back = parent.value < branch.points[-1].value
+    for upwards in (back, not back):
+        way = follow(
+            shorter,
+            u,
+            branch.scale * parent.value,
+            scale=branch.scale,
+            bounds=(-np.inf, np.inf),
+            upwards=upwards,
+            points=BACK,
+        )
+        for special in special_points(way):
+            if special.kind == DOUBLING:
+                return special
+    return Special(DOUBLING, np.nan, None)

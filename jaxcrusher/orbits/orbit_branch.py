@@ -60,7 +60,7 @@ class Departure:
 
     period: int
     parameter: float
-    unknowns: np.ndarray  # (nodes, dims), or a section point
+    unknowns: np.ndarray  # (nodes, dims), or where slices begin, one after the other
     direction: np.ndarray | None  # of the unknowns and the parameter; None: the parameter's
 
 
@@ -173,9 +173,13 @@ def orbit_branch(
     require_positive("scale", scale, "")
     scene = traced(scene, jnp.asarray(value, float))
     begin = start if isinstance(start, Departure) else _first(scene, start, period, nodes, guess)
+    problem = problem_of(scene, jnp.asarray(value, float), begin.period, begin.unknowns.ndim > 1)
+    unknowns = begin.unknowns
+    if isinstance(problem, Shooting) and not isinstance(start, Departure):
+        unknowns = problem.along(unknowns, value)
     branch = follow(
-        problem_of(scene, jnp.asarray(value, float), begin.period, begin.unknowns.ndim > 1),
-        begin.unknowns,
+        problem,
+        unknowns,
         value,
         scale=scale,
         bounds=bounds,

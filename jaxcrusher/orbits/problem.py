@@ -95,6 +95,10 @@ class AbstractPeriodicProblem(eqx.Module):
         """Return a function of the monodromy matrix, with its slopes by u and by p."""
 
     @abstractmethod
+    def grazing(self, joint: int, u: Array, p: Any, seen: Any) -> Vanishing:
+        """Return one of the `monitors`, with its slopes by u and by p."""
+
+    @abstractmethod
     def turns(self, u: Any, seen: Any) -> int:
         """Return after how many turns an orbit repeats already."""
 
@@ -183,6 +187,11 @@ class Collocation(AbstractPeriodicProblem):
             return of(monodromy(self.family(p), u))
 
         return Vanishing(*jax.value_and_grad(value, argnums=(0, 1))(u, p))
+
+    def grazing(self, joint: int, u: Array, p: Array, seen: Any) -> Vanishing:
+        """Return the least penetration of a joint, which is a function of the nodes alone."""
+        value, by_nodes = jax.value_and_grad(lambda u: least_penetrations(u)[joint])(u)
+        return Vanishing(value, (by_nodes, jnp.zeros_like(p)))
 
     def solved(self, equations: Bordered) -> HostRoot | None:
         """Return the zero of bordered equations, found by one program; None if there is none."""

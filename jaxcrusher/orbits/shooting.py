@@ -1,4 +1,4 @@
-"""The problem of orbits by the integrator over a parameter, whose unknowns are a section point.
+"""The problem of orbits by the integrator over a parameter: multiple shooting.
 
 Such orbits may lose contact and impact. See `jaxcrusher.orbits.shot` for one orbit alone.
 """
@@ -12,11 +12,10 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.motion.tangents import Build, Tangents, chain, tangents
+from jaxcrusher.motion.tangents import SLICES, Build, Tangents, slices_apart, tangents
 from jaxcrusher.orbits import newton
 from jaxcrusher.orbits.newton import HostRoot, newton_on_host
 from jaxcrusher.orbits.problem import (
-    ALIKE,
     MOST_CORRECTIONS,
     AbstractPeriodicProblem,
     Bordered,
@@ -36,52 +35,88 @@ from jaxcrusher.orbits.shot import (
     least_penetrations_from,
 )
 
-# Steps of differences of a matrix, as a share of what it depends on.
+# Section points so near, in clearances and m/s, are one. Turns differ by thousandths where a branch
+# has left its doubling by hundredths of a rad/s.
+ALIKE = 1e-4
+# Steps of differences, as a share of what a function depends on.
 DIFFERENCE = 1e-6
-# The tolerance along a branch, and a statistic whose derivatives come along, unused.
-BRANCH_RTOL, METRIC = 1e-10, "foundation_rms"
+# The tolerance along a branch.
+BRANCH_RTOL = 1e-10
 
 
 class Turns(NamedTuple):
-    """The map over a period: the state after each turn, and what a period makes of a shift."""
+    """The map over a period: where each of its slices ends, and what it makes of a shift."""
 
-    ends: Float[np.ndarray, "turns dims"]
-    matrix: Float[np.ndarray, "dims dims"]
+    ends: Float[np.ndarray, "turns dims"]  # of turns
+    jacobians: Float[np.ndarray, "slices dims dims"]  # of slices
+
+    @property
+    def matrix(self) -> Float[np.ndarray, "dims dims"]:
+        """Return what the period makes of a shift of the section point."""
+        return _products(self.jacobians)[-1]
 
 
 class Shooting(AbstractPeriodicProblem):
-    """By the integrator: u is a section point; the scene of the numbers p is `build(p)`."""
+    """By the integrator, from many states of the period: u are those where its slices begin.
+
+    The scene of the numbers p is `build(p)`. A disturbance may grow a thousandfold in a period;
+    in a slice it does not, so that Newton's method leads from further off.
+    """
 
     build: Build
     period: int = eqx.field(static=True)
+    slices: int = eqx.field(static=True, default=SLICES)  # a turn
     rtol: float = eqx.field(static=True, default=BRANCH_RTOL)
     watched: tuple[str, ...] = eqx.field(static=True, default=())
 
     # Where branches fold a state differs by thousandths of a clearance: a tangent leads less far.
     # The integrations leave some 3e-8 of a step in a place.
     stride: ClassVar[Stride] = Stride(
-        first=0.02, longest=0.4, shortest=2e-5, straight=0.1, located=1e-7
+        first=0.02, longest=0.4, shortest=2e-6, straight=0.1, located=1e-7
     )
     ends: ClassVar[bool] = False
 
-    def residual(self, u: Float[Array, " dims"], p: Any) -> Array:
-        """Return how far a period leads from u."""
+    def states(self, u: Float[ArrayLike, " n"]) -> Float[np.ndarray, "slices dims"]:
+        """Return the states where slices begin, the section point first."""
+        return np.asarray(u).reshape(self.period * self.slices, -1)
+
+    def along(self, section: Float[ArrayLike, " dims"], p: Any) -> Float[np.ndarray, " n"]:
+        """Return the unknowns of the motion from a section point."""
+        states, point = np.tile(section, (self.slices, 1)), jnp.asarray(p, float).reshape(-1)
+        found = []
+        for _ in range(self.period):
+            for k in range(self.slices):
+                ends = slices_apart(self.build, point, jnp.asarray(states), jnp.asarray(self.rtol))[
+                    0
+                ]
+                found.append(states[k].copy())
+                states[(k + 1) % self.slices] = ends[k]
+        return np.concatenate(found)
+
+    def residual(self, u: Float[Array, " n"], p: Any) -> Array:
+        """Return how far each slice leads from where the next one begins."""
         return jnp.asarray(self.linearised(u, p).residual)
 
-    def linearised(self, u: Float[ArrayLike, " dims"], p: Any) -> Linearised:
+    def linearised(self, u: Float[ArrayLike, " n"], p: Any) -> Linearised:
         """Return the residual with its derivatives by u and by p, and the turns."""
-        point, parts, state = jnp.asarray(p).reshape(-1), [], np.asarray(u)
-        for _ in range(self.period):
-            parts.append(tangents(self.build, point, METRIC, state, 1, self.rtol))
-            state = parts[-1].state
-        joined = {
-            name: np.concatenate([getattr(part, name) for part in parts])
-            for name in ("jacobians", "forcing", "values", "by_state", "by_parameter")
-        }
-        along = dataclasses.replace(parts[-1], **joined)
-        matrix, forcing = chain(along)
-        seen = Turns(np.array([part.state for part in parts]), matrix)
-        return Linearised(state - np.asarray(u), matrix - np.eye(state.size), forcing, seen)
+        states = self.states(u)
+        count, dims = states.shape
+        ends, jacobians, forcing = self._slices(states, p)
+        matrix = np.zeros((count, dims, count, dims))
+        here = np.arange(count)
+        matrix[here, :, here, :] += jacobians
+        matrix[here, :, (here + 1) % count, :] -= np.eye(dims)
+        left = ends - np.roll(states, -1, axis=0)
+        seen = Turns(ends[self.slices - 1 :: self.slices], jacobians)
+        size = count * dims
+        return Linearised(left.ravel(), matrix.reshape(size, size), forcing.reshape(size, -1), seen)
+
+    def _slices(self, states: np.ndarray, p: Any) -> tuple[np.ndarray, ...]:
+        """Return where slices end, with derivatives. One program serves all periods."""
+        point, rtol = jnp.asarray(p, float).reshape(-1), jnp.asarray(self.rtol)
+        turns = np.split(states, self.period)
+        parts = [slices_apart(self.build, point, jnp.asarray(one), rtol) for one in turns]
+        return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
     def solved(self, equations: Bordered) -> HostRoot | None:
         """Return the zero of bordered equations, None if there is none."""
@@ -99,20 +134,43 @@ class Shooting(AbstractPeriodicProblem):
     def vanishing(self, of: OfMatrix, u: Any, p: Any, seen: Turns) -> Vanishing:
         """Return a function of the monodromy matrix, with slopes by one-sided differences.
 
-        Their error lets Newton's method converge more slowly, to the same zero.
+        Their error lets Newton's method converge more slowly, to the same zero. A slice's matrix
+        depends on its own state alone, so that all states are shifted at once.
         """
-        both, value = np.concatenate([u, np.ravel(p)]), float(of(jnp.asarray(seen.matrix)))
-        sizes = np.concatenate([np.ones(len(u)), np.abs(np.ravel(p))])
+        states, p = self.states(u), np.asarray(p)
+        before, after = _products(seen.jacobians), _products(seen.jacobians[::-1], other=True)[::-1]
+        value = float(of(jnp.asarray(seen.matrix)))
 
-        def moved(shift: np.ndarray) -> float:
-            u_now, p_now = np.split(both + shift, [len(u)])
-            return float(of(jnp.asarray(self.linearised(u_now, p_now).seen.matrix)))
+        def grown(matrix: np.ndarray) -> float:
+            return (float(of(jnp.asarray(matrix))) - value) / DIFFERENCE
 
-        steps = DIFFERENCE * sizes
-        slopes = [
-            (moved(shift) - value) / h for shift, h in zip(np.diag(steps), steps, strict=True)
-        ]
-        return Vanishing(value, (np.array(slopes[: len(u)]), np.array(slopes[len(u) :])))
+        by_states = np.empty(states.shape)
+        for i, shift in enumerate(DIFFERENCE * np.eye(states.shape[1])):
+            moved = self._slices(states + shift, p)[1]
+            for k, one in enumerate(moved):
+                by_states[k, i] = grown(after[k + 1] @ one @ before[k])
+        by_p = []
+        for shift in np.diag(DIFFERENCE * np.abs(np.ravel(p))):
+            moved = self._slices(states, np.ravel(p) + shift)[1]
+            by_p.append(grown(_products(moved)[-1]))
+        return Vanishing(value, (by_states.ravel(), np.array(by_p) / np.abs(np.ravel(p))))
+
+    def grazing(self, joint: int, u: Any, p: Any, seen: Turns) -> Vanishing:
+        """Return the least penetration of a joint, with slopes by one-sided differences."""
+        states, p = self.states(u), np.ravel(p)
+        both = np.concatenate([states[0], p])
+
+        def depth(both: np.ndarray) -> float:
+            section, numbers = np.split(both, [states.shape[1]])
+            return float(self._depths(section, numbers)[joint])
+
+        value = depth(both)
+        steps = DIFFERENCE * np.concatenate([np.ones(states.shape[1]), np.abs(p)])
+        moved = np.array([depth(both + shift) for shift in np.diag(steps)])
+        by_section, by_p = np.split((moved - value) / steps, [states.shape[1]])
+        by_states = np.zeros(states.shape)
+        by_states[0] = by_section
+        return Vanishing(value, (by_states.ravel(), by_p))
 
     def turns(self, u: Any, seen: Turns) -> int:
         """Return after how many turns an orbit repeats already."""
@@ -121,8 +179,11 @@ class Shooting(AbstractPeriodicProblem):
 
     def monitors(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, " joints"]:
         """Return the least penetration of each joint over the period, in clearances."""
+        return self._depths(self.states(u)[0], p)
+
+    def _depths(self, section: np.ndarray, p: Any) -> Float[np.ndarray, " joints"]:
         scene = self.build(jnp.asarray(p).reshape(-1))
-        return np.asarray(least_penetrations_from(scene, u, self.period))
+        return np.asarray(least_penetrations_from(scene, section, self.period))
 
     def orbit(
         self, u: Any, p: Any, seen: Turns, equations: Bordered | None = None
@@ -133,16 +194,29 @@ class Shooting(AbstractPeriodicProblem):
         """
         successful, matrix = newton.RESULTS.successful, jnp.asarray(seen.matrix)
         unknown, steps = jnp.asarray(jnp.nan), jnp.array(0)
-        found = Closed(jnp.asarray(u), matrix, unknown, steps, successful)
+        found = Closed(jnp.asarray(self.states(u)[0]), matrix, unknown, steps, successful)
         return described(self.build(jnp.asarray(p).reshape(-1)), found, self.period)
 
     def over(self, turns: int, u: np.ndarray) -> tuple["Shooting", np.ndarray]:
-        """Return the problem of so many turns, and the same section point."""
-        return dataclasses.replace(self, period=turns), u
+        """Return the problem of so many turns, and the states repeated or cut."""
+        return dataclasses.replace(self, period=turns), np.resize(u, u.size * turns // self.period)
 
     def weight(self, size: int) -> float:
-        """Return that of a sum of squares."""
-        return 1.0
+        """Return that of a mean over slices."""
+        return 1 / (self.period * self.slices)
+
+
+def _products(
+    jacobians: Float[np.ndarray, "slices dims dims"], *, other: bool = False
+) -> list[Float[np.ndarray, "dims dims"]]:
+    """Return the products of the first none, one, ... of some matrices.
+
+    The last one stands on the left or, of the `other` order, on the right.
+    """
+    found = [np.eye(jacobians.shape[1])]
+    for one in jacobians:
+        found.append(found[-1] @ one if other else one @ found[-1])
+    return found
 
 
 def section_point(

@@ -1,12 +1,13 @@
 """Events over two parameters, against closed forms and published curves."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
 
-from jaxcrusher.motion.tangents import Tangents
 from jaxcrusher.orbits import shooting as module
 from jaxcrusher.orbits.branch import ENDS, follow
 from jaxcrusher.orbits.collocation import System, collocate
@@ -137,30 +138,53 @@ def test_where_van_der_pol_is_no_longer_driven():
     np.testing.assert_allclose(mean, 1.0, atol=1e-9)
 
 
-def bouncing(state, both):
-    """A ball on a table that moves by a sine, flying high (Guckenheimer and Holmes 1983, 2.4)."""
-    force, kept = both
-    phase = state[0] + state[1]
-    return np.array([phase - 2 * np.pi, kept * state[1] - force * np.cos(phase)])
+def swaying(time, x, rate, both):
+    """Two pins: one rests, and one that a spring of 3 holds is driven by f cos w t."""
+    w, f = both
+    pull = jnp.array([1.0, 1.0, 3.0, 3.0]) * (jnp.array([2.0, 0.0, 1.5, 0.0]) - x)
+    return pull - 0.2 * rate + jnp.array([0.0, 0.0, f, 0.0]) * jnp.cos(w * time)
+
+
+def test_contact_is_lost_over_two_numbers():
+    """A linear motion of amplitude 0.5 just touches: f = sqrt((3 - w^2)^2 + (0.2 w)^2) / 2.
+
+    The curve of the event comes down to the resonance, where f is least, and goes up again.
+    """
+    family = lambda both: System(swaying, 2 * jnp.pi / both[0], both)  # noqa: E731
+    exact = lambda w: np.sqrt((3 - w**2) ** 2 + (0.2 * w) ** 2) / 2  # noqa: E731
+    base = Collocation(family=family, watched=("rests", "lost"))
+    lower = replace(base, family=eqx.Partial(at_second, family=family, second=0.3))
+    rest = np.tile([[2.0, 0.0, 1.5, 0.0]], (8, 1))
+    stride = Stride(first=0.2, longest=0.5, shortest=1e-6)
+    branch = follow(lower, rest, 1.5, scale=0.1, bounds=(1.0, 2.0), stride=stride, points=20)
+    (lost,) = special_points(branch)
+    assert branch.ended == ENDS[2] and lost.kind == "lost"
+    np.testing.assert_allclose(exact(lost.parameter), 0.3, atol=1e-10)
+    curve = curve_of(base, lost.kind, (8, 4), 0.1, (1.0, 2.5))
+    branch, found = followed(curve, lost, 0.3, 0.1, (0.1, 0.4), upwards=False, points=40)
+    assert branch.ended == ENDS[1] and found[-1, 0] > np.sqrt(3) > found[0, 0]
+    # Newton's method leaves 1e-10 of the nodes.
+    np.testing.assert_allclose(found[:, 1], exact(found[:, 0]), atol=1e-9)
 
 
 @pytest.fixture
 def ball(monkeypatch):
-    """The map in place of the integrated turn."""
+    """A ball on a table that moves by a sine, flying high (Guckenheimer and Holmes 1983, 2.4).
 
-    def tangents(build, point, metric, state, turns, rtol):
-        both = np.asarray(point)
-        both = both if both.size == 2 else np.append(both, 0.5)
-        phase = state[0] + state[1]
-        slope = both[0] * np.sin(phase)
-        jacobian = np.array([[1.0, 1.0], [slope, both[1] + slope]])
-        forcing = np.array([[0.0, 0.0], [-np.cos(phase), state[1]]])[:, : point.size]
-        none, by_state, by_number = np.zeros(1), np.zeros((1, 2)), np.zeros((1, point.size))
-        after = bouncing(state, both)
-        return Tangents(after, jacobian[None], forcing[None], none, by_state, by_number)
+    The map stands in place of the integrated turn: in one slice the ball flies, in one it bounces.
+    """
 
-    monkeypatch.setattr(module, "tangents", tangents)
-    return Shooting(build=eqx.Partial(bouncing), period=1)
+    def slices_apart(build, point, states, rtol):
+        (phase, speed), (landed, falling) = np.asarray(states)
+        force, kept = np.append(np.asarray(point), 0.5)[:2]
+        ends = [phase + speed - 2 * np.pi, speed], [landed, kept * falling - force * np.cos(landed)]
+        flies, bounces = [[1, 1], [0, 1]], [[1, 0], [force * np.sin(landed), kept]]
+        forcing = np.zeros((2, 2, 2))
+        forcing[1, 1] = -np.cos(landed), falling
+        return np.array(ends), np.array([flies, bounces]), forcing[:, :, : point.size]
+
+    monkeypatch.setattr(module, "slices_apart", slices_apart)
+    return Shooting(build=eqx.Partial(np.asarray), period=1, slices=2)
 
 
 def test_a_bouncing_ball_doubles_its_period(ball):
@@ -170,13 +194,14 @@ def test_a_bouncing_ball_doubles_its_period(ball):
     """
     force = 4.0
     state = np.array([-np.arccos(2 * np.pi * (0.5 - 1) / force), 2 * np.pi])
-    branch = follow(ball, state, force, scale=1.0, bounds=(3.0, 5.0), points=40)
+    start = ball.along(state, force), force
+    branch = follow(ball, *start, scale=1.0, bounds=(3.0, 5.0), points=40)
     (special,) = special_points(branch)
     assert special.kind == "period doubling"
     exact = lambda kept: 2 * np.sqrt(np.pi**2 * (1 - kept) ** 2 + (1 + kept) ** 2)  # noqa: E731
     # The section points close to 1e-7, and Newton's method squares what is left of that.
     np.testing.assert_allclose(special.parameter, exact(0.5), atol=1e-8)
-    curve = curve_of(ball, special.kind, (2,), 1.0, (0.1, 10.0))
+    curve = curve_of(ball, special.kind, (4,), 1.0, (0.1, 10.0))
     _, both = followed(curve, special, 0.5, 0.1, (0.2, 0.9), upwards=True, points=40)
     assert both[-1, 1] > 0.8
     np.testing.assert_allclose(both[:, 0], exact(both[:, 1]), atol=1e-7)

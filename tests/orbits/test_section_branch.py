@@ -1,13 +1,15 @@
 """Branches of section points, of maps whose bifurcations are known."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxcrusher.motion.tangents import Tangents
 from jaxcrusher.orbits import shooting as module
 from jaxcrusher.orbits.branch import ENDS, SHORTER, follow
+from jaxcrusher.orbits.event_curve import curve_of
 from jaxcrusher.orbits.events import origin, other_branch, special_points
 from jaxcrusher.orbits.problem import Stride
 from jaxcrusher.orbits.shooting import Shooting
@@ -28,18 +30,16 @@ def branches(monkeypatch):
     """Of a map in place of the integrated turn."""
 
     def made(of, period):
-        def tangents(build, point, metric, state, turns, rtol):
-            number, step = float(point[0]), 1e-6
+        def slices_apart(build, point, states, rtol):
+            (state,), number, step = np.asarray(states), float(point[0]), 1e-6
             shifts = step * np.eye(state.size)
             columns = [(of(state + d, number) - of(state - d, number)) / 2e-6 for d in shifts]
             jacobian = np.stack(columns, axis=1)
             forcing = (of(state, number + step) - of(state, number - step)) / (2 * step)
-            none, by_state, by_number = np.zeros(1), np.zeros((1, state.size)), np.zeros((1, 1))
-            after = of(state, number), jacobian[None], forcing[None, :, None]
-            return Tangents(*after, none, by_state, by_number)
+            return of(state, number)[None], jacobian[None], forcing[None, :, None]
 
-        monkeypatch.setattr(module, "tangents", tangents)
-        return Shooting(build=eqx.Partial(of), period=period)
+        monkeypatch.setattr(module, "slices_apart", slices_apart)
+        return Shooting(build=eqx.Partial(of), period=period, slices=1)
 
     return made
 
@@ -47,7 +47,8 @@ def branches(monkeypatch):
 def followed(problem, state, start, bounds, *, upwards, points, scale=1.0):
     """The branch, and its special points."""
     more = dict(upwards=upwards, points=points)
-    branch = follow(problem, state, start, scale=scale, bounds=bounds, **more)
+    unknowns = problem.along(state, start)
+    branch = follow(problem, unknowns, start, scale=scale, bounds=bounds, **more)
     return branch, special_points(branch)
 
 
@@ -102,8 +103,8 @@ def test_the_branch_that_leaves_at_a_doubling(branches):
         for point in left.points:
             roots = np.roots([point.value**2, -0.7 * point.value, 0.49 - point.value])
             # The section closes to 1e-7, and Newton's method squares what is left of that.
-            np.testing.assert_allclose(np.sort(point.u), np.sort(roots), atol=1e-9)
-        places.append(left.points[0].u)
+            np.testing.assert_allclose(np.sort(point.u[:2]), np.sort(roots), atol=1e-9)
+        places.append(left.points[0].u[:2])
     # To one side the first of the two turns is the upper one, to the other the lower.
     assert (np.diff(places[0]) * np.diff(places[1])).item() < 0
 
@@ -160,35 +161,58 @@ FREE = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [-1, 1, -0.03, 0.03], [1, -2, 0.03,
 HELD = FREE - np.array([[0, 0, 0, 0], [0, 0, 0, 0], [100, 0, 0, 0], [0, 0, 0, 0]])
 
 
-def stopped(phase, values, speed):
+def stopped(phase, values, speed, gap):
     """NLvib's example 03, two masses and a stop, with its tangents: rates by the phase of the load.
 
-    Columns of `values`: the state, its derivatives by the first, and by the speed.
+    Columns of `values`: the state, its derivatives by the first, by the speed and, if wanted, by
+    the gap.
     """
-    columns = values.reshape(6, 4).T
-    held = columns[0, 0] > 1
+    columns = values.reshape(-1, 4).T
+    held = columns[0, 0] > gap
     rates = (HELD if held else FREE) @ columns
     rates[3, 0] += 0.1 * np.cos(phase)
-    rates[2, 0] += 100 if held else 0
+    if held:
+        rates[2, 0] += 100 * gap
+        rates[2, 6:] += 100
     rates[:, 5] -= rates[:, 0] / speed
     return rates.T.ravel() / speed
 
 
-def one_turn(build, point, metric, state, turns, rtol):
-    begun = np.concatenate([state, np.eye(4).ravel(), np.zeros(4)])
-    # Seven digits are published.
-    run = solve_ivp(
-        stopped, (0, 2 * np.pi), begun, "DOP853", rtol=1e-9, atol=1e-9, args=(float(point[0]),)
-    )
-    after, by_state, by_speed = np.split(run.y[:, -1].reshape(6, 4).T, [1, 5], axis=1)
-    none, gone, still = np.zeros(1), np.zeros((1, 4)), np.zeros((1, 1))
-    return Tangents(after[:, 0], by_state[None], by_speed[None], none, gone, still)
+# Seven digits are published.
+WELL = dict(method="DOP853", rtol=1e-9, atol=1e-9)
+
+
+def speed_and_gap(point):
+    return float(point[0]), float(point[1]) if point.size > 1 else 1.0
+
+
+def one_turn(build, point, states, rtol):
+    begun = np.concatenate([states[0], np.eye(4).ravel(), np.zeros(4 * point.size)])
+    run = solve_ivp(stopped, (0, 2 * np.pi), begun, args=speed_and_gap(point), **WELL)
+    after, by_state, by_point = np.split(run.y[:, -1].reshape(-1, 4).T, [1, 5], axis=1)
+    return after.T, by_state[None], by_point[None]
+
+
+def reach(numbers, state, period):
+    """How far the first mass comes beyond the gap, in a turn."""
+    speed, gap = numbers
+
+    def rates(phase, state):
+        held = state[0] > gap
+        pushed = np.array([0, 0, 100 * gap if held else 0, 0.1 * np.cos(phase)])
+        return ((HELD if held else FREE) @ state + pushed) / speed
+
+    turning = lambda phase, state: state[2]  # noqa: E731
+    # A step that holds the touch would leave 5e-5 of the way between its ends.
+    more = dict(events=turning, max_step=0.2)
+    run = solve_ivp(rates, (0, 2 * np.pi), state, **more, **WELL)
+    return np.array([run.y_events[0][:, 0].max() - gap])
 
 
 def test_two_masses_and_a_stop(monkeypatch):
     """The points published for NLvib's example 03. Its stiffness jumps: nodes do not reach them."""
-    monkeypatch.setattr(module, "tangents", one_turn)
-    sections = Shooting(build=eqx.Partial(stopped), period=1)
+    monkeypatch.setattr(module, "slices_apart", one_turn)
+    sections = Shooting(build=eqx.Partial(speed_and_gap), period=1, slices=1)
     near, more = np.array([0.961, 0.658, 0.317, 0.086]), dict(scale=0.05)
     quiet, found = followed(sections, near, 0.635, (0.615, 0.7), upwards=False, points=9, **more)
     moduli = np.sort(np.abs(quiet.points[0].multipliers))
@@ -200,3 +224,30 @@ def test_two_masses_and_a_stop(monkeypatch):
     assert [one.kind for one in found] == kinds
     speeds = [one.parameter for one in found]
     np.testing.assert_allclose(speeds, [0.6186069, 0.7387830, 0.7555862, 0.7556274], atol=6e-8)
+    monkeypatch.setattr(module, "least_penetrations_from", reach)
+    contact_ends(replace(sections, watched=("contact ends",)), quiet)
+
+
+def contact_ends(sections, branch):
+    """Where the first mass just reaches the stop, its motion is linear: known for each gap.
+
+    Near there a multiplier changes as the root of the depth, so that no step of a branch is short
+    enough. The curve of the event needs only an orbit near it.
+    """
+    last = branch.points[-1]
+    assert reach((branch.parameter[-1], 1.0), last.u, 1) > 0
+    curve = curve_of(sections, "contact ends", (4,), 0.05, (0.5, 0.62))
+    found = []
+    for upwards in (True, False):
+        start = curve.joined(last.u, branch.parameter[-1]), 1.0
+        more = dict(stride=Stride(first=0.1, longest=0.2, shortest=1e-6), points=3)
+        way = follow(curve, *start, scale=1.0, bounds=(0.5, 2.0), upwards=upwards, **more)
+        found += [curve.split(point.u, point.value)[1] for point in way.points]
+    speeds, gaps = np.array(found).T
+    assert len(gaps) == 6 and gaps.min() < 0.9 and gaps.max() > 1.05
+    np.testing.assert_allclose(speeds[0], 0.5819, atol=5e-6)  # as published
+    stiffness, damping = -FREE[2:, :2], -FREE[2:, 2:]
+    for speed, gap in zip(speeds, gaps, strict=True):
+        dynamic = stiffness - speed**2 * np.eye(2) + 1j * speed * damping
+        # The section closes to 1e-7, and Newton's method squares what is left of that.
+        np.testing.assert_allclose(abs(np.linalg.solve(dynamic, [0, 0.1])[0]), gap, rtol=1e-7)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.orbits.section_map import passed
+from jaxcrusher.orbits.shooting import Shooting
 from jaxcrusher.orbits.shot import closed
 
 # rad/s, m: its jaw opens without load, and for a moment the pin leaves its bore.
@@ -123,3 +125,20 @@ def test_what_shooting_needs_is_said_in_one_line():
         with pytest.raises(ValueError) as refused:
             jc.periodic_orbit(scene, method="shooting", **how)
         assert str(refused.value) == line
+
+
+def test_slices_of_a_turn_from_states_of_their_own():
+    """Joined, they are the turn: the last ends where that ends, and their matrices multiply."""
+    section = np.array([0.6, 0.8, -0.003, 0.002])
+    shooting = Shooting(build=eqx.Partial(closing), period=1)
+    at = shooting.linearised(shooting.along(section, CLOSING), CLOSING)
+    turned = lambda state: np.asarray(passed(closing(CLOSING), jnp.asarray(state), 1e-11)[0])  # noqa: E731
+    left = at.residual.reshape(8, 4)
+    np.testing.assert_allclose(left[:-1], 0.0, atol=1e-12)
+    # A turn makes some hundreds of the tolerances, 1e-10 and 1e-11.
+    np.testing.assert_allclose(left[-1], turned(section) - section, atol=1e-7)
+    shift = 1e-5 * np.array([1.0, -1.0, 0.02, 0.03])
+    grown = (turned(section + shift) - turned(section - shift)) / 2
+    expected = at.seen.matrix @ shift
+    # Runs of a tolerance of 1e-11 leave some 1e-9.
+    np.testing.assert_allclose(grown, expected, atol=5e-9)
