@@ -144,6 +144,7 @@ class OpenPoint:
     values: dict[str, float]  # of the free parameters
     motion: str  # why there is no such orbit
     least: float  # objective of the runs of a start, less half of its 95 % interval
+    place: int  # of the map's points, one after the other
 
 
 @dataclass(frozen=True)

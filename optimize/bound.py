@@ -53,28 +53,44 @@ def optimality_bound(
             "orbit that counts, and nothing is said of what lies between."
         )
         return Bound(None, None, unsolved, gain, statement)
-    within = max(0.0, best.objective - float(np.nanmin(lowest)))
+    of_orbits = max(0.0, best.objective - float(np.nanmin(lowest)))
     least = np.unravel_index(np.nanargmin(lowest), lowest.shape)
     curvature = float(hidden[least])
     statement = (
-        f"No other periodic orbit of the box is more than {_about(within, unit)} below the "
+        f"No other periodic orbit of the box is more than {_about(of_orbits, unit)} below the "
         f"optimum, of which {_about(curvature, unit)} are what second derivatives can hide: these "
         f"are assumed to be at most {ROUGHER:g} times those between neighbours on the map."
     )
+    falls = values - lowest
     by_runs = tuple(point for point in by_runs if np.isfinite(point.least))
+    for point in by_runs:
+        at = np.unravel_index(point.place, values.shape)
+        lowest[at] = point.least - ROUGHER * _steepest_beside(falls, at)
+    within = max(0.0, best.objective - float(np.nanmin(lowest)))
     if by_runs:
         least = min(point.least for point in by_runs)
         statement += (
             f" At {len(by_runs)} of {values.size} points no stable orbit of one turn is known: "
-            f"long runs there come to {least:.6g} {unit} or more, {_against(best, least, unit)}."
+            f"long runs there come to {least:.6g} {unit} or more, {_against(best, least, unit)}. "
+            f"Half a cell away they are assumed to be lower by at most {ROUGHER:g} times what the "
+            "objective may fall about the points beside."
         )
-    unsolved = max(0, unsolved - len(by_runs))
+    unsolved = int(np.isnan(lowest).sum())
     if unsolved:
         statement += (
             f" Nothing is said of {unsolved} of {values.size} points. At such a point, or at "
             "all points beside it, no stable orbit in contact was found, or a constraint is broken."
         )
+    else:
+        statement += f" So the optimum is global within the box to {_about(within, unit)}."
     return Bound(within, curvature, unsolved, gain, statement, by_runs)
+
+
+def _steepest_beside(falls: Float[np.ndarray, "*points"], at: tuple[np.intp, ...]) -> float:
+    """Return the largest fall about the points beside one, NaN where none is known."""
+    around = falls[tuple(slice(max(0, int(i) - 1), int(i) + 2) for i in at)]
+    known = around[np.isfinite(around)]
+    return float(known.max()) if known.size else float("nan")
 
 
 def _about(value: float, unit: str) -> str:

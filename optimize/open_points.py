@@ -1,14 +1,20 @@
 """Points of the map without a stable orbit of one turn: what long runs say of the motions there."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from jaxtyping import Float
 
+from jaxcrusher.dynamics.many_orbits import MOTION
 from jaxcrusher.files.journal import Journal
 from optimize.answer import OpenPoint
 from optimize.confirm import interval, long_runs
 from optimize.evaluate import Case, Progress, Window
 
+# What a map says of a point.
+SAID = ("failure", "largest_multiplier", *MOTION)
 # More points than these are of a box whose motions are of another kind: none of them is run.
 MOST = 64
 
@@ -34,17 +40,28 @@ def run_open_points(
     """Return the objective of the motions at the points of the map that have no stable orbit."""
     which = unstable(mapped)
     rows = long_runs(case, units[which], runs, window, seed, progress, journal)
-    failures, largest = (
-        mapped[name].to_numpy().ravel()[which] for name in ("failure", "largest_multiplier")
-    )
+    said = [{name: mapped[name].to_numpy().ravel()[place] for name in SAID} for place in which]
     return tuple(
         OpenPoint(
-            case.design.numbers(unit),
-            why or f"The orbit of one turn is unstable: its largest multiplier is {modulus:.4g}.",
+            case.design.numbers(units[place]),
+            _motion(of_map),
             _least(row["objective"], case.objective.lowest),
+            int(place),
         )
-        for unit, why, modulus, row in zip(units[which], failures, largest, rows, strict=True)
+        for place, of_map, row in zip(which, said, rows, strict=True)
     )
+
+
+def _motion(said: Mapping[str, Any]) -> str:
+    """Say why a point has no stable orbit, and what the motion from rest is."""
+    why = said["failure"] or (
+        "The orbit of one turn is unstable: its largest multiplier is "
+        f"{said['largest_multiplier']:.4g}."
+    )
+    if not said["motion"]:
+        return why
+    rms = f"{said['run_rms']:.7g} ± {said['run_rms_error']:.1g} N"
+    return f"{why} The motion from rest: {said['motion']}, with an RMS of {rms}."
 
 
 def _least(objective: Float[np.ndarray, "starts runs"], lowest: float) -> float:

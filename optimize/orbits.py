@@ -9,7 +9,7 @@ import xarray as xr
 from jaxtyping import Array, Float, PyTree, Scalar
 
 import jaxcrusher as jc
-from jaxcrusher.dynamics.many_orbits import Problem, alone, beside, solve_orbits
+from jaxcrusher.dynamics.many_orbits import MOTION, Problem, alone, beside, solve_orbits
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion import statistic
@@ -63,7 +63,6 @@ def solve(
         neighbours,
         sections=sections,
         chunk=CHUNK,
-        most_alone=0,  # long runs speak for what is left
         journal=journal,
         progress=progress,
     )
@@ -110,7 +109,8 @@ def solve_map(
     columns = statistic.columns(STATISTICS)
     columns |= statistic.columns(limit.statistic for limit in case.limits)
     columns |= {
-        name: COLUMNS[name] for name in (*KEPT, "stable", "inside_model", "failure", "found")
+        name: COLUMNS[name]
+        for name in (*KEPT, "stable", "inside_model", "failure", "found", *MOTION)
     }
     columns["objective"] = Column(of.unit, of.meaning)
     meaning = f"slope of the {of.meaning}, per unit of the parameter"

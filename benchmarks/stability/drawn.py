@@ -49,8 +49,8 @@ KINDS = (
 )
 
 
-def numbers(kind: Kind, seed: str) -> dict[str, Any]:
-    """Draw a description; its numbers may make no crusher."""
+def numbers(kind: Kind, seed: str, spread: float = WIDE) -> dict[str, Any]:
+    """Draw a description, `spread` times as widely as usual; its numbers may make no crusher."""
     chance = random.Random(seed)
 
     def between(low: float, high: float) -> float:
@@ -58,14 +58,14 @@ def numbers(kind: Kind, seed: str) -> dict[str, Any]:
 
     def wide(words: str) -> float:
         low, high = USUAL[words]
-        return between(low / WIDE, WIDE * high) if low > 0 else chance.uniform(0, WIDE * high)
+        return between(low / spread, spread * high) if low > 0 else chance.uniform(0, spread * high)
 
     def times(name: str) -> float:
-        return PARAMETERS[name].default * between(1 / WIDE, WIDE)
+        return PARAMETERS[name].default * between(1 / spread, spread)
 
     length, gravity = times(LENGTH), times("gravity")
     width, height = (
-        0.6 * length * between(1 / WIDE, WIDE),
+        0.6 * length * between(1 / spread, spread),
         length * wide("chamber.height / jaw.length"),
     )
     throw = length * min(0.3, wide("shaft.eccentricity / jaw.length"))
@@ -86,7 +86,7 @@ def numbers(kind: Kind, seed: str) -> dict[str, Any]:
         ),
         "shaft.eccentricity": throw,
         "shaft.mass": 7850 * math.pi * bore**2 * width * wide(ACROSS),
-        "shaft.mass_centre_radius": chance.uniform(0, WIDE) * 0.6 * throw,
+        "shaft.mass_centre_radius": chance.uniform(0, spread) * 0.6 * throw,
         "shaft.mass_centre_angle": chance.uniform(-math.pi, math.pi),
         "jaw.length": length,
         "jaw.mass": jaw_mass,
@@ -100,7 +100,7 @@ def numbers(kind: Kind, seed: str) -> dict[str, Any]:
         "toggle.inertia": toggle_mass
         * (toggle * wide("radius of gyration of the toggle / toggle.length")) ** 2,
         "bearing.distance": 0.92 * length * chance.uniform(0.85, 1.15),
-        "bearing.inclination": chance.uniform(-0.2, WIDE * 0.39),
+        "bearing.inclination": chance.uniform(-0.2, spread * 0.39),
         "counterweight.mass": chance.choice((0.0, 0.1 * jaw_mass * chance.random())),
         "counterweight.radius": 0.3 * length,
         "counterweight.angle": chance.uniform(-math.pi, math.pi),

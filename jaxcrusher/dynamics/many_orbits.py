@@ -4,7 +4,8 @@ Designs are given as stacked cases, and a function makes the scene of one. What 
 the pin at rest, or by a damping that is lowered, is tried from the motion that lanes have
 integrated until the transient is averaged out, and with more nodes; then from the orbits of
 neighbours. Where the motion that was waited for loses contact, and repeats, it is shot for. The
-last few are solved one by one, by all tries that `periodic_orbit` makes.
+last ones are waited for in lanes over thousands of turns (`jaxcrusher.dynamics.lane_waits`), and
+what has no stable orbit is named.
 """
 
 import itertools
@@ -19,18 +20,18 @@ from jaxtyping import Array, Float, PyTree, Scalar
 
 from jaxcrusher.batch.engines import Engine, run_all, without_lanes
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.dynamics.lane_waits import Cases, LaneWaits
 from jaxcrusher.files.journal import Journal
-from jaxcrusher.lanes.code import LANES
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, words
-from jaxcrusher.orbits.transient import one_period, resting_start, section_mean
+from jaxcrusher.orbits.solving import MOST_NODES
+from jaxcrusher.orbits.transient import TURNS
 from jaxcrusher.orbits.trigonometric import resample
 
 Rows = dict[str, np.ndarray]
-# Numbers that are free, and all others: of one case, and of stacked ones.
+# Numbers that are free, and all others.
 Case = tuple[Float[Array, " n"], PyTree]
-Cases = tuple[Float[np.ndarray, "cases n"], PyTree]
 # Attributes of an orbit that a row holds besides its statistics.
 SEEN = (
     "error",
@@ -50,8 +51,11 @@ REACH = 4
 # A motion whose section points are no further from their mean, in clearances and m/s, repeats, but
 # for a rest of its transient: those of chaotic motions are tenths apart.
 SETTLED = 0.02
-# So many designs that are left are solved one by one. Where more are left they have no such motion.
-MOST_ALONE = 64
+# The most turns that a design is waited for, and that all of them are from rest in a round: for 64
+# designs 1920 turns. Where more are left they have no such motion.
+LONGEST, MOST_TURNS = 7680, 64 * 1920
+# What a row says of a motion that has no stable orbit.
+MOTION = ("motion", "run_rms", "run_rms_error")
 
 
 class Problem(eqx.Module):
@@ -76,7 +80,6 @@ def solve_orbits(
     sections: Float[np.ndarray, "cases states"] | None = None,
     chunk: int = CHUNK,
     enough: float = np.inf,
-    most_alone: int = MOST_ALONE,
     engine: Engine | None = None,
     journal: Journal | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -92,14 +95,13 @@ def solve_orbits(
       pin at rest is left: it is tried from no other orbit, and not waited for.
     - `sections`: guesses of section points, from which is shot what nodes do not solve; None where
       nothing is known. What is waited for has its own.
-    - `most_alone`: if no more cases are left without a stable orbit, each is tried by all ways of
-      `periodic_orbit`, whose programs take a minute to compile.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
     - `journal`: of finished chunks.
 
     **Returns:** statistics, `SEEN`, `number`, `slope` (cases, n), `inside_model`, multipliers, the
     orbits themselves, `failure` and the way by which each was `found` in words; NaN where there is
-    no orbit.
+    no orbit. With `neighbours`, `MOTION` tells what the motion from rest is where there is no
+    stable orbit, and its RMS with a standard error.
     """
     count = len(cases[0])
     search = _Search(problem, cases, levels[-1] * problem.period, chunk, engine, journal)
@@ -107,26 +109,24 @@ def solve_orbits(
     search.fill(np.arange(count), levels[0], alone, report)
     left = search.unsolved(np.inf)
     sections = np.full((count, 2 * problem.dims), np.nan) if sections is None else sections.copy()
+    waits = LaneWaits(problem.scene, cases, engine, journal)
     if neighbours is not None and len(left):
-        part = jax.tree.map(lambda leaf: np.asarray(leaf)[left], cases)
-        guesses, sections[left] = waited(problem, part, engine, journal)
-        known = np.isfinite(guesses).all(axis=(1, 2))
-        search.orbits[left[known]] = _resampled(guesses[known], search.points)
+        sections[left] = search.wait(waits, left)
     for nodes in levels[1:] or levels:
         search.fill(search.begun(search.unsolved(enough)), nodes, neighbours or alone, report)
     left = search.unsolved(np.inf)
     search.shoot(left[np.isfinite(sections[left]).all(axis=1)], sections)
-    left = np.flatnonzero(~np.asarray(search.rows["stable"], bool))
-    if neighbours is not None and len(left) <= most_alone:
-        for case in left.tolist():
-            search.solve_alone(case)
+    motions = Rows()
+    if neighbours is not None:
+        search.wait_on(waits, report)
+        motions = search.motions(waits)
     report(count, count)
     rows: dict[str, Any] = search.rows
     rows["eccentricity"] = search.orbits
     failure = _in_words(rows.pop("code"), RESULTS, RESULTS.successful)
     found = _in_words(rows.pop("way"), WAYS, WAYS.rest)
     found[~np.asarray(rows["success"], bool)] = ""
-    return rows | {"failure": failure, "found": found}
+    return rows | {"failure": failure, "found": found} | motions
 
 
 def alone(_: int) -> list[int]:
@@ -212,15 +212,67 @@ class _Search:
         function = eqx.Partial(_row, solve=solve)
         return run_all(function, filled, chunk, progress=progress, **self._settings)
 
-    def solve_alone(self, case: int) -> None:
-        """Solve a case by all tries that `periodic_orbit` makes."""
-        given = jax.tree.map(lambda leaf: jnp.asarray(leaf)[case], self._cases)
-        row = _described(given, jnp.asarray(self.orbits[case]), self._problem)
-        if self.rows["success"][case] and not row["stable"]:
-            return
-        self.orbits[case] = row.pop("eccentricity")
-        for name, value in row.items():
-            self.rows[name][case] = value
+    def unstable(self) -> np.ndarray:
+        """Return the cases without a stable orbit."""
+        return np.flatnonzero(~np.asarray(self.rows["stable"], bool))
+
+    def wait(self, waits: LaneWaits, cases: np.ndarray) -> Float[np.ndarray, "some states"]:
+        """Wait until the transient of cases is averaged out, which leaves guesses of their orbits.
+
+        Returns section points to shoot from, where a joint loses contact and the motion repeats.
+        """
+        waits.go_on(cases, TURNS)
+        means, spreads = waits.means(cases, self._problem.period)
+        kept = self._guess(waits, cases, means)
+        repeats = ~kept & (np.sqrt(np.mean(spreads**2, axis=1)) < SETTLED)
+        return np.where(repeats[:, None], means, np.nan)
+
+    def wait_on(self, waits: LaneWaits, report: Callable[[int, int], None]) -> None:
+        """Wait for what has no stable orbit, twice as long each time, and solve for it from there.
+
+        What fails, whirls or is chaotic is not waited for again.
+        """
+        turns, given_up = 2 * TURNS, set[int]()
+        while turns <= LONGEST:
+            left = np.array([n for n in self.unstable().tolist() if n not in given_up], int)
+            if not len(left) or len(left) * turns > MOST_TURNS:
+                return
+            waits.go_on(left, turns)
+            found = waits.near(left, self._problem.period)
+            # Of an orbit that is known to be unstable nothing new is found.
+            new = found.closed & ((found.multipliers < 1) | ~self.rows["success"][left])
+            if new.any():
+                cases, points = left[new], found.states[new]
+                kept = self._guess(waits, cases, points)
+                if kept.any():
+                    self.fill(cases[kept], MOST_NODES, alone, report)
+                sections = np.full((len(self.orbits), points.shape[1]), np.nan)
+                sections[cases] = points
+                self.shoot(cases[~self.rows["success"][cases] | ~kept], sections)
+            left = np.intersect1d(left, self.unstable())
+            given_up |= set(left[waits.hopeless(left)].tolist())
+            turns *= 2
+
+    def motions(self, waits: LaneWaits) -> Rows:
+        """Return `MOTION`: what the motions are that have no stable orbit."""
+        left, count = self.unstable(), len(self.orbits)
+        rows = {name: np.full(count, np.nan) for name in MOTION}
+        rows["motion"] = np.full(count, "", object)
+        if len(left):
+            waits.go_on(left, TURNS)
+            rows["motion"][left] = waits.names(left)
+            seen = [waits.statistics(case) for case in left.tolist()]
+            rows["run_rms"][left] = [float(one.foundation_rms) for one in seen]
+            rows["run_rms_error"][left] = [float(one.foundation_rms_error) for one in seen]
+        return rows
+
+    def _guess(
+        self, waits: LaneWaits, cases: np.ndarray, points: Float[np.ndarray, "some states"]
+    ) -> np.ndarray:
+        """Make periods from section points guesses; return where these keep contact."""
+        orbits, kept = waits.one_period(cases, points, self._problem.period)
+        self.orbits[cases[kept]] = _resampled(orbits[kept], self.points)
+        return kept
 
     def _attempt(
         self, pairs: list[tuple[int, int]], nodes: int, report: Callable[[int, int], None]
@@ -345,40 +397,6 @@ def _described(
         row |= {f"multiplier_{part}": values for part, values in parts.items()}
         row["eccentricity"] = resample(orbit.eccentricity, len(like))
     return row
-
-
-def waited(
-    problem: Problem, cases: Cases, engine: Engine | None = None, journal: Journal | None = None
-) -> tuple[Float[np.ndarray, "cases angles dims"], Float[np.ndarray, "cases states"]]:
-    """Integrate cases until the transient is averaged out; return a period and a section point.
-
-    Both are guesses. The period is NaN where the integration fails, and where a joint loses
-    contact, for collocation finds no such orbit. The section point is NaN but there, and where the
-    motion does not repeat.
-    """
-    count = len(cases[0])
-    states, scenes = jax.vmap(lambda case: resting_start(problem.scene(*case)))(cases)
-    loose = len(list(scenes.joints.present()))
-    settings = {"engine": engine, "whole": LANES, "journal": journal}
-    mean, seen = (eqx.Partial(look, period=problem.period) for look in (_mean, _one_period))
-    ended = run_all(mean, (states, scenes), count, **settings)
-    found = run_all(seen, (ended["mean"], scenes), count, **settings)
-    orbits, success = found["orbit"], ended["success"] & found["success"]
-    apart = np.linalg.norm(orbits[..., : 2 * loose].reshape(*orbits.shape[:2], loose, 2), axis=3)
-    kept = np.all(apart > 1, axis=(1, 2))
-    repeats = success & ~kept & (ended["spread"] < SETTLED)
-    guesses = np.where((success & kept)[:, None, None], orbits, np.nan)
-    return guesses, np.where(repeats[:, None], ended["mean"], np.nan)
-
-
-def _mean(case: tuple[Array, Scene], period: int) -> dict[str, Array]:
-    mean, spread, success = section_mean(case, period=period)
-    return {"mean": mean, "spread": spread, "success": success}
-
-
-def _one_period(case: tuple[Array, Scene], period: int) -> dict[str, Array]:
-    orbit, success = one_period(case, period=period)
-    return {"orbit": orbit, "success": success}
 
 
 def beside(shape: tuple[int, ...], ordered: Sequence[bool]) -> Callable[[int], list[int]]:

@@ -16,7 +16,7 @@ from jaxcrusher.batch.ensemble import opened
 from jaxcrusher.batch.layout import Layout
 from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.dynamics.many_orbits import SEEN, Problem, Rows, beside, solve_orbits
+from jaxcrusher.dynamics.many_orbits import MOTION, SEEN, Problem, Rows, beside, solve_orbits
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion import statistic
@@ -45,9 +45,9 @@ def orbit_map(
     lowered to none. A cell where that fails is waited for over 240 turns, and solved for from there
     if it keeps contact; then it is tried from neighbours along the axes, up to four steps away and
     the nearest first, for as long as that helps. What loses contact and repeats is shot for, half a
-    second a cell. If no more than 64 cells are left without a stable
-    orbit, each is tried by all the ways of `periodic_orbit`. `found` says by which way a cell was
-    found. It may lie on another branch than the next cell's.
+    second a cell. Cells that are left without a stable orbit are waited for once more, all of them
+    in lanes, over up to 7680 turns each and 122 880 in all, and solved for from there. `found` says
+    by which way a cell was found. It may lie on another branch than the next cell's.
 
     **Arguments:**
 
@@ -73,7 +73,10 @@ def orbit_map(
     `multipliers_error`, `settling_turns`, `slope` (with a dimension `parameter`, in the unit of
     `metric` per unit of the parameter), and `multiplier_real`, `multiplier_imag` (with a dimension
     `multiplier`, in no order). `success` and `stable` are logical, `found` is in words. Where
-    there is no success every number is NaN, and `failure` says why.
+    there is no success every number is NaN, and `failure` says why. Where no orbit is stable,
+    `motion` says what the motion from rest is: "quasi-periodic", "period 2" and so on, "chaotic",
+    "whirl", "not settled" or "failed"; `run_rms` is its RMS over the last half of the turns that
+    were waited for, and `run_rms_error` the standard error of that.
 
     Raises ValueError for bad arguments, and in one line for scenes that have no such orbit.
     """
@@ -167,7 +170,7 @@ def _layout(grid: Grid, scenes: list[Scene], slopes: tuple[str, ...], metric: st
     """Return the columns that all designs have: of an ideal joint there are fewer."""
     held = set.intersection(*(set(statistics_of(scene)) for scene in scenes))
     columns = statistic.columns(name for name in STATISTIC if name in held)
-    columns |= {name: COLUMNS[name] for name in (*SEEN, "failure", "found")}
+    columns |= {name: COLUMNS[name] for name in (*SEEN, "failure", "found", *MOTION)}
     further: dict[str, np.ndarray | int] = {}
     if slopes:
         meaning = f"slope of {metric} by the parameter, per its unit"

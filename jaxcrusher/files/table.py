@@ -51,6 +51,9 @@ COLUMNS = {
     "unstable": Column("1", "Floquet multipliers outside of the unit circle", int),
     "failure": Column("1", "why there is no orbit", str),
     "found": Column("1", "the way by which the orbit was found", str),
+    "motion": Column("1", "the motion from rest, where no orbit is stable", str),
+    "run_rms": Column("N", "RMS of |R_O| + |R_C| over turns of that motion"),
+    "run_rms_error": Column("N", "standard error of that RMS"),
     "multiplier_real": Column("1", "real: Floquet multipliers", dims=("multiplier",)),
     "multiplier_imag": Column("1", "imag: Floquet multipliers", dims=("multiplier",)),
     # of the motions that random starts come to

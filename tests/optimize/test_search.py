@@ -22,7 +22,7 @@ from jaxcrusher.motion.statistic import always_with, chosen
 from optimize import confirm, decay, formatting, landscape, local, open_points, stages, verdicts
 from optimize import orbits as periodic
 from optimize.answer import Check, Coexisting, OpenPoint
-from optimize.bound import cell_bounds, optimality_bound
+from optimize.bound import _about, _steepest_beside, cell_bounds, optimality_bound
 from optimize.evaluate import Window, evaluate, judged, started
 from optimize.objectives import OBJECTIVES, OF_SUPPORTS
 from optimize.options import Options
@@ -173,13 +173,21 @@ def test_runs_speak_for_points_without_a_stable_orbit(finished):
     assert open_points.unstable(mapped).tolist() == [27]
     unsaid = optimality_bound(case, mapped, best)
     point = OpenPoint(
-        {"speed": 40.0, "clearance": 0.12e-3}, "It is chaotic.", best.objective + 4000
+        {"speed": 40.0, "clearance": 0.12e-3}, "It is chaotic.", best.objective + 4000, 27
     )
     said = optimality_bound(case, mapped, best, (point,))
     assert unsaid.open_points == 1 and "Nothing is said of 1 of 28" in unsaid.statement
     assert said.open_points == 0 and "Nothing is said" not in said.statement
     assert "At 1 of 28 points no stable orbit" in said.statement
     assert "4 kN above the optimum" in said.statement and said.by_runs == (point,)
+    # The runs are far above the optimum: the certificate is that of the orbits, and global.
+    assert "global" not in unsaid.statement and said.within == unsaid.within
+    assert f"global within the box to {_about(said.within, 'N')}" in said.statement
+    # Half a cell away they may be lower, by twice the largest fall about the points beside.
+    near = optimality_bound(case, mapped, best, (replace(point, least=best.objective),))
+    assert near.within is not None and near.within > 10 * said.within
+    falls = np.array([[9.0, 1.0, 3.0], [0.0, 2.0, np.nan]])
+    assert _steepest_beside(falls, (np.intp(1), np.intp(2))) == 3.0
     # Runs that scatter tell nothing, and say so.
     low = optimality_bound(case, mapped, best, (replace(point, least=best.objective - 4000),))
     assert "4 kN below the optimum: they scatter too much" in low.statement

@@ -1,0 +1,269 @@
+"""Motions of many cases from the pins at rest, waited for in lanes, all of them at once.
+
+An oscillation decays in thousands of turns. The mean of section points is near the orbit about
+which it oscillates, and from there Newton's method solves for the orbit's section point. Its
+slopes are differences of turns, which lanes integrate too: no further program is compiled. What
+has no orbit is named by its section points, and has an RMS with a standard error.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from jaxcrusher.batch.engines import Engine, run_all
+from jaxcrusher.crusher.rough_feed import steady
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.dynamics.indicators import zero_one_test
+from jaxcrusher.dynamics.regime import ORDER, spread_trend
+from jaxcrusher.files.journal import Journal
+from jaxcrusher.lanes.code import LANES
+from jaxcrusher.motion.flow import Flow, flat, unflattened
+from jaxcrusher.motion.integrate import integrate
+from jaxcrusher.motion.method import resolve
+from jaxcrusher.motion.section import fine
+from jaxcrusher.motion.statistic import STATISTIC, chosen
+from jaxcrusher.motion.statistics import Statistics, statistics, statistics_problem
+from jaxcrusher.orbits.shot import CLOSURE, STEPS
+from jaxcrusher.orbits.transient import (
+    CHAOS,
+    GROWN,
+    LONGEST,
+    REPEATED,
+    RTOL,
+    TURNS,
+    Case,
+    Round,
+    one_period,
+    resting_start,
+    section_points,
+)
+
+# The statistic that comes along, and what tells a whirl in two turns.
+RMS, OF_WHIRL = "foundation_rms", ("foundation_rms", "contact_fraction", "winding")
+# The tolerance of a turn whose differences are slopes. It leaves 1e-9 of a clearance.
+FINE = 1e-10
+# Steps of these differences: a share of the spread of section points, and the shortest one. A
+# spread as wide as the motion is deep bends the map by 1e-4 over the first.
+SHARE, SHORTEST = 0.01, 1e-6
+# How far apart two motions begin whose distance tells chaos, in clearances and m/s.
+APART = 1e-5
+# Section points that the 0-1 test needs.
+ENOUGH = 480
+
+
+# Numbers that are free, and all others, of stacked cases.
+Cases = tuple[Float[np.ndarray, "cases n"], PyTree]
+
+
+class Points(NamedTuple):
+    """Section points that Newton's method came to, and whether it has converged."""
+
+    states: Float[np.ndarray, "cases dims"]
+    multipliers: Float[np.ndarray, " cases"]  # the largest moduli, to some 1e-4
+    closed: Bool[np.ndarray, " cases"]
+
+
+class LaneWaits:
+    """Motions of stacked cases, each waited for as far as it is asked for."""
+
+    def __init__(
+        self,
+        scene: Callable[[Array, PyTree], Scene],
+        cases: Cases,
+        engine: Engine | None,
+        journal: Journal | None,
+    ) -> None:
+        self._scene, self._cases = scene, cases
+        self._settings, self._journal = {"engine": engine, "whole": LANES}, journal
+        self._at: dict[int, np.ndarray] = {}  # states
+        self._scenes: dict[int, Scene] = {}
+        self._seen: dict[int, list[dict[str, np.ndarray]]] = {}
+
+    def go_on(self, which: Int[np.ndarray, " some"], turns: int) -> None:
+        """Integrate some cases until each has been waited for over so many turns from rest."""
+        self._begin(np.array([n for n in which.tolist() if n not in self._at], int))
+        while behind := [n for n in which.tolist() if TURNS * len(self._seen[n]) < turns]:
+            found = self._run(_on, self._states(behind), behind, self._journal)
+            for i, case in enumerate(behind):
+                self._at[case] = found["states"][i, -1]
+                self._seen[case].append({name: column[i] for name, column in found.items()})
+
+    def _begin(self, which: Int[np.ndarray, " some"]) -> None:
+        """Set cases to rest."""
+        if not len(which):
+            return
+        part = jax.tree.map(lambda leaf: np.asarray(leaf)[which], self._cases)
+        begun = jax.vmap(lambda case: resting_start(steady(self._scene(*case))))(part)
+        states, scenes = jax.tree.map(np.asarray, begun)
+        for i, case in enumerate(which.tolist()):
+            self._at[case], self._seen[case] = states[i], []
+            self._scenes[case] = jax.tree.map(lambda leaf, i=i: leaf[i], scenes)
+
+    def last(self, case: int) -> Round:
+        """Return the section points of the last half of a case's turns."""
+        return Round(self._joined(case, "states"))
+
+    def succeeded(self, case: int) -> bool:
+        """Tell whether a case has been integrated to the end."""
+        return all(bool(part["success"]) for part in self._seen[case])
+
+    def statistics(self, case: int) -> Statistics:
+        """Return the statistics of the last half of a case's turns."""
+        by_turn = jnp.asarray(self._joined(case, RMS))
+        value = STATISTIC[RMS].reduction.of_pieces(by_turn)
+        state = jnp.asarray(self._at[case])
+        return Statistics(by_turn.size, fine(), {RMS: value}, {RMS: by_turn}, state)
+
+    def means(
+        self, which: Int[np.ndarray, " some"], period: int
+    ) -> tuple[Float[np.ndarray, "some dims"], Float[np.ndarray, "some dims"]]:
+        """Return means of section points of some cases, a period apart, and their spread."""
+        points = [self.last(case).states[period - 1 :: period] for case in which.tolist()]
+        spreads = np.array([one.std(axis=0) for one in points])
+        return np.array([one.mean(axis=0) for one in points]), spreads
+
+    def hopeless(self, which: Int[np.ndarray, " some"]) -> Bool[np.ndarray, " some"]:
+        """Tell which cases no further turns lead to an orbit: they fail, whirl or are chaotic."""
+        known = which.tolist()
+        if not known:
+            return np.zeros(0, bool)
+        failed = np.array([not self.succeeded(case) for case in known])
+        return failed | self._whirls(known) | (self._growth(known) > CHAOS)
+
+    def near(self, which: Int[np.ndarray, " some"], period: int) -> Points:
+        """Return the section points near the means of some cases that repeat after a period."""
+        means, spreads = self.means(which, period)
+        return self._closed(which.tolist(), means, np.maximum(SHARE * spreads, SHORTEST), period)
+
+    def _growth(self, which: list[int]) -> Float[np.ndarray, " some"]:
+        """Return the logarithm of what a disturbance of some cases grows by in a turn."""
+        one = self._states(which)
+        other, growth = one + APART / np.sqrt(one.shape[1]), np.zeros(len(which))
+        for _ in range(GROWN):
+            both = self._turns(np.concatenate([one, other]), 2 * which, 1)
+            one, other = np.split(both, 2)
+            apart = np.linalg.norm(other - one, axis=1)
+            growth += np.log(apart / APART) / GROWN
+            other = one + (other - one) * (APART / apart)[:, None]
+        return growth
+
+    def names(self, which: Int[np.ndarray, " some"]) -> list[str]:
+        """Say in a word or two what the motions of some cases are."""
+        known = which.tolist()
+        growth, whirls = self._growth(known).tolist(), self._whirls(known).tolist()
+        return [self._name(*seen) for seen in zip(known, growth, whirls, strict=True)]
+
+    def _whirls(self, which: list[int]) -> Bool[np.ndarray, " some"]:
+        return self._run(_whirls, self._states(which), which)["whirl"]
+
+    def _name(self, case: int, growth: float, whirls: bool) -> str:
+        if not self.succeeded(case):
+            return "failed"
+        if whirls:
+            return "whirl"
+        points = self.last(case).states
+        for period in range(1, LONGEST + 1):
+            if np.max(np.abs(points[period:] - points[:-period])) < REPEATED:
+                return f"period {period}"
+        if growth > CHAOS:
+            return "chaotic"
+        for period, _ in self.last(case).means(None):
+            if period > 1:
+                found = self.near(np.array([case]), period)
+                if bool(found.closed[0]) and float(found.multipliers[0]) < 1:
+                    return f"period {period}"
+        widest = points[:, int(np.argmax(np.ptp(points, axis=0)))]
+        in_order = len(points) >= ENOUGH and zero_one_test(widest) < ORDER
+        trending = spread_trend(points)[1]
+        return "quasi-periodic" if in_order and not trending else "not settled"
+
+    def _closed(
+        self, which: list[int], start: np.ndarray, steps: np.ndarray, period: int
+    ) -> Points:
+        """Solve for section points by Newton's method, whose slopes are central differences."""
+        (count, dims), point, eye = start.shape, start.copy(), np.eye(start.shape[1])
+        moduli, closed = np.full(count, np.nan), np.zeros(count, bool)
+        shifts = np.concatenate([np.zeros((1, dims)), eye, -eye])
+        for _ in range(STEPS):
+            going = np.flatnonzero(~closed & np.isfinite(point).all(axis=1))
+            if not len(going):
+                break
+            begun = point[going] + shifts[:, None] * steps[going]
+            cases = len(shifts) * [which[i] for i in going]
+            ends = self._turns(begun.reshape(-1, dims), cases, period)
+            at, above, below = np.split(ends.reshape(begun.shape), [1, 1 + dims])
+            matrix = np.moveaxis((above - below) / (2 * steps[going].T[..., None]), 0, -1)
+            known = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
+            matrix = np.where(known[:, None, None], matrix, 0.0)
+            step = np.linalg.solve(eye - matrix, (at[0] - point[going])[..., None])[..., 0]
+            point[going] = np.where(known[:, None], point[going] + step, np.nan)
+            moduli[going] = np.max(np.abs(np.linalg.eigvals(matrix)), axis=1)
+            closed[going] = known & (np.max(np.abs(step), axis=1) < CLOSURE)
+        return Points(point, moduli, closed)
+
+    def _turns(self, states: np.ndarray, which: list[int], turns: int) -> np.ndarray:
+        """Return where some turns lead from section points of cases, exactly."""
+        return self._run(eqx.Partial(_after, turns=turns), states, which)["state"]
+
+    def one_period(
+        self, which: Int[np.ndarray, " some"], states: np.ndarray, period: int
+    ) -> tuple[Float[np.ndarray, "some angles half"], Bool[np.ndarray, " some"]]:
+        """Return e / c of some cases over a period from section points, NaN where it fails.
+
+        With it comes where every pin keeps contact.
+        """
+        known = which.tolist()
+        found = self._run(eqx.Partial(_one_period, period=period), states, known)
+        orbits, loose = found["orbit"], len(list(self._scenes[known[0]].joints.present()))
+        pins = orbits[..., : 2 * loose].reshape(*orbits.shape[:2], loose, 2)
+        kept = np.all(np.linalg.norm(pins, axis=3) > 1, axis=(1, 2)) & found["success"]
+        return np.where(found["success"][:, None, None], orbits, np.nan), kept
+
+    def _run(
+        self,
+        function: Callable,
+        states: np.ndarray,
+        which: list[int],
+        journal: Journal | None = None,
+    ) -> Any:
+        scenes = jax.tree.map(lambda *leaves: np.stack(leaves), *(self._scenes[n] for n in which))
+        return run_all(function, (states, scenes), len(which), journal=journal, **self._settings)
+
+    def _states(self, which: list[int]) -> np.ndarray:
+        return np.stack([self._at[case] for case in which])
+
+    def _joined(self, case: int, name: str) -> np.ndarray:
+        whole = np.concatenate([part[name] for part in self._seen[case]])
+        return whole[len(whole) // 2 :]
+
+
+def _on(case: Case) -> dict[str, Array]:
+    """Return the section points of the next turns, and what tells their RMS and a whirl."""
+    state, scene = case
+    flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, RTOL)
+    angles = 2 * np.pi * np.arange(1, TURNS + 1)[:, None]
+    problem = statistics_problem(chosen((RMS,)))
+    (states, by_turn), outcome = integrate(
+        flow, jnp.asarray(angles), problem=problem, method=method
+    )
+    points = jax.vmap(lambda one: flat(one, scene))(states)
+    return {"states": points, "success": outcome.success, **by_turn}
+
+
+def _after(case: Case, turns: int) -> dict[str, Array]:
+    return {"state": section_points(case, turns=turns, rtol=FINE)[0][-1]}
+
+
+def _one_period(case: Case, period: int) -> dict[str, Array]:
+    orbit, success = one_period(case, period=period)
+    return {"orbit": orbit, "success": success}
+
+
+def _whirls(case: Case) -> dict[str, Array]:
+    state, scene = case
+    return {"whirl": statistics(scene, 0, 2, outputs=OF_WHIRL, state=state, rtol=RTOL).whirl}
