@@ -316,7 +316,10 @@ class _Loop:
         if equation.primitive.name != "scan":
             raise Unsupported(f"an integration inside `{equation.primitive.name}`")
         self.operands, self.results = equation.invars, equation.outvars
-        self._constants, self._carried = params["num_consts"], params["num_carry"]
+        if "ft_in" in params:  # since JAX 0.12
+            self._constants, self._carried, _ = map(len, params["ft_in"].unpack())
+        else:
+            self._constants, self._carried = params["num_consts"], params["num_carry"]
         self._order = range(params["length"])
         if params["reverse"]:
             self._order = self._order[::-1]
