@@ -79,8 +79,8 @@ def of_nodes(
         # Where even these steps overflow the multipliers are not known.
         error = jnp.where(jnp.isnan(found.error), jnp.inf, found.error)
         found = dataclasses.replace(found, error=error)
-    missed = flat(forced.state(*jnp.split(found.closure, 2), scene), scene)
-    closure = jnp.max(jnp.abs(missed))
+    missed, change = jnp.split(found.closure, 2)
+    closure = jnp.max(jnp.abs(flat(forced.state(missed, change, scene), scene)))
     return Nodes(x, result, jnp.asarray(steps), left, found, closure, way)
 
 
