@@ -30,6 +30,7 @@ ALIKE = (
     *("matplotlib.pyplot", "xarray", "zarr", "llvmlite.binding", "pint", "rich.progress"),
     *("hypothesis", "_hypothesis_pytestplugin", "xdist.plugin"),
 )
+SERVE = "import sys; from benchmarks.mutants.server import serve; serve(sys.argv[1:])"
 # Rooms whose tests stand in another folder than theirs.
 ELSEWHERE = {"commands": "whole", "__main__": "whole", "testing": "", "__init__": "whole"}
 
@@ -159,7 +160,7 @@ class Judge:
             known["JAX_COMPILATION_CACHE_DIR"] = str(self.tree.parent / "programs")
             known["PYTHONDONTWRITEBYTECODE"] = ""  # what no fault changes is compiled once
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "benchmarks.mutants.server", *self.modules],
+                [sys.executable, "-c", SERVE, *self.modules],
                 cwd=self.tree,
                 env=os.environ | known,
                 stdin=subprocess.PIPE,

@@ -68,7 +68,3 @@ def serve(modules: Sequence[str]) -> None:
     for line in sys.stdin:
         status, said = run_pytest(**json.loads(line))
         print(json.dumps({"status": status, "said": said}), flush=True)
-
-
-if __name__ == "__main__":
-    serve(sys.argv[1:])
