@@ -52,6 +52,29 @@ def followed(problem, state, start, bounds, *, upwards, points, scale=1.0):
     return branch, special_points(branch)
 
 
+def test_slopes_of_the_matrix_of_three_slices(branches):
+    """Against central differences of the product, whose order and places they must know."""
+    problem = branches(henon, 3)
+    u, number = np.array([0.9, 0.3, -0.4, 0.8, 0.2, -0.6]), np.asarray(0.7)
+
+    def of(matrix):
+        return matrix[0, 1] + 2 * matrix[1, 0]  # changes if the product is turned round
+
+    def at(u, number):
+        return float(of(problem.linearised(u, number).seen.matrix))
+
+    found = problem.vanishing(of, u, number, problem.linearised(u, number).seen)
+    assert found.value == pytest.approx(at(u, number), rel=1e-12)
+    by_states, by_number = found.slopes
+    step = 1e-3  # of a polynomial; its third order leaves 1e-6
+    shifts = step * np.eye(u.size)
+    expected = [(at(u + d, number) - at(u - d, number)) / (2 * step) for d in shifts]
+    # The map's own differences leave 1e-10, which a step of 1e-6 makes 1e-4.
+    np.testing.assert_allclose(by_states, expected, atol=2e-3)
+    expected = (at(u, number + step) - at(u, number - step)) / (2 * step)
+    np.testing.assert_allclose(by_number, [expected], atol=2e-3)
+
+
 def test_folds_and_doublings_of_henons_map(branches):
     """The fold at -(1 - b)^2 / 4, the doubling at 3 (1 - b)^2 / 4."""
     sections = branches(henon, 1)
