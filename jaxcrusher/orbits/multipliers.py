@@ -31,7 +31,7 @@ class Multipliers(eqx.Module):
 
     values: Complex[Array, " twodims"]
     monodromy: Float[Array, "twodims twodims"]  # d(x, x') at the end / at the beginning
-    error: Scalar  # estimated, of the matrix, relative to its largest entry
+    error: Scalar  # estimated, of the matrix, relative to its largest entry; infinite: unknown
     # (x, x') at the end less that at the beginning, of a motion that begins on the orbit's nodes
     closure: Float[Array, " twodims"]
 
@@ -84,6 +84,8 @@ def of_slopes(
     coarse = coarse[:, :-1]
     # Twice the steps leave a 64th of the error.
     error = jnp.max(jnp.abs(fine - coarse)) / jnp.max(jnp.abs(fine)) / 63
+    # Where steps overflow nothing is known.
+    error = jnp.where(jnp.isnan(error), jnp.inf, error)
     good = jnp.all(jnp.isfinite(fine))
     values = jnp.linalg.eigvals(jnp.where(good, fine, 0.0))
     return Multipliers(jnp.where(good, values, jnp.nan), fine, error, closure)

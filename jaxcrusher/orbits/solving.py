@@ -76,9 +76,6 @@ def of_nodes(
             lambda: found,
             lambda: of_slopes(slopes, system.period, FASTER * STEPS, defect),
         )
-        # Where even these steps overflow the multipliers are not known.
-        error = jnp.where(jnp.isnan(found.error), jnp.inf, found.error)
-        found = dataclasses.replace(found, error=error)
     missed, change = jnp.split(found.closure, 2)
     closure = jnp.max(jnp.abs(flat(forced.state(missed, change, scene), scene)))
     return Nodes(x, result, jnp.asarray(steps), left, found, closure, way)
