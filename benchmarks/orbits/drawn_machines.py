@@ -33,7 +33,7 @@ MOTIONS = ("whirl", "repeats", "chaotic", "does not repeat within")
 
 @dataclass(frozen=True)
 class Row:
-    """A drawn crusher and the answer to it; the second call of a structure is the first timed."""
+    """A drawn crusher and the answer to it."""
 
     kind: str
     number: int
@@ -42,7 +42,7 @@ class Row:
     period: int = 0
     rms: float = np.nan
     multiplier: float = np.nan
-    seconds: float = np.nan  # of the processor
+    seconds: float = np.nan  # of the processor, with what is compiled for it
 
 
 def answered(kind: Kind, seed: int, i: int) -> Row | None:

@@ -32,8 +32,7 @@ from jaxcrusher.orbits.shot import CLOSURE, STEPS
 from jaxcrusher.orbits.transient import (
     CHAOS,
     GROWN,
-    LONGEST,
-    REPEATED,
+    OF_WHIRL,
     RTOL,
     TURNS,
     Case,
@@ -43,8 +42,8 @@ from jaxcrusher.orbits.transient import (
     section_points,
 )
 
-# The statistic that comes along, and what tells a whirl in two turns.
-RMS, OF_WHIRL = "foundation_rms", ("foundation_rms", "contact_fraction", "winding")
+# The statistic that comes along.
+RMS = "foundation_rms"
 # The tolerance of a turn whose differences are slopes. It leaves 1e-9 of a clearance.
 FINE = 1e-10
 # Steps of these differences: a share of the spread of section points, and the shortest one. A
@@ -166,13 +165,13 @@ class LaneWaits:
             return "failed"
         if whirls:
             return "whirl"
-        points = self.last(case).states
-        for period in range(1, LONGEST + 1):
-            if np.max(np.abs(points[period:] - points[:-period])) < REPEATED:
-                return f"period {period}"
+        last = self.last(case)
+        points, repeats = last.states, last.repeats_after()
+        if repeats is not None:
+            return f"period {repeats}"
         if growth > CHAOS:
             return "chaotic"
-        for period, _ in self.last(case).means(None):
+        for period, _ in last.means(None):
             if period > 1:
                 found = self.near(np.array([case]), period)
                 if bool(found.closed[0]) and float(found.multipliers[0]) < 1:

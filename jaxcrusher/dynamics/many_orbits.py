@@ -53,7 +53,7 @@ REACH = 4
 SETTLED = 0.02
 # The most turns that a design is waited for, and that all of them are from rest in a round: for 64
 # designs 1920 turns. Where more are left they have no such motion.
-LONGEST, MOST_TURNS = 7680, 64 * 1920
+LONGEST_WAIT, MOST_TURNS = 7680, 64 * 1920
 # What a row says of a motion that has no stable orbit.
 MOTION = ("motion", "run_rms", "run_rms_error")
 
@@ -233,7 +233,7 @@ class _Search:
         What fails, whirls or is chaotic is not waited for again.
         """
         turns, given_up = 2 * TURNS, set[int]()
-        while turns <= LONGEST:
+        while turns <= LONGEST_WAIT:
             left = np.array([n for n in self.unstable().tolist() if n not in given_up], int)
             if not len(left) or len(left) * turns > MOST_TURNS:
                 return

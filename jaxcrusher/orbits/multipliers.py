@@ -98,12 +98,12 @@ def _monodromies(
 
     The last column is what the drive adds up to.
     """
-    scale, units, gauss = _looks(along, period, counts)
+    units, gauss = _looks(along, period, counts)
     pushes = jnp.concatenate([resample(period / n * units * driven, n) for n in counts])
-    unscale = jnp.append(scale, units[:, None], axis=1)
+    scale = units[:, None] / jnp.append(units, 1.0)
     if on_a_gpu():
         coarse, fine = jnp.split(jax.vmap(_driven_step)(gauss, pushes), counts[:1])
-        return _product(coarse)[:-1] / unscale, _product(fine)[:-1] / unscale
+        return _product(coarse)[:-1] / scale, _product(fine)[:-1] / scale
 
     # Step by step, one number of steps after the other: XLA makes one kernel of the loop. Of all
     # steps side by side it computes each product again for every entry of the next.
@@ -118,7 +118,7 @@ def _monodromies(
     still, last = jnp.eye(size, size + 1), np.arange(size + 1) == size
     begins = np.arange(sum(counts)) == counts[0]
     one, other = jax.lax.scan(pass_on, (still, still), (gauss, pushes, begins))[0]
-    return one / unscale, other / unscale
+    return one / scale, other / scale
 
 
 def _driven_step(gauss: tuple[Array, ...], push: Float[Array, " m"]) -> Array:
@@ -142,7 +142,8 @@ def fundamental(
     It is of df/dx and df/dx', as `of_slopes`.
     """
     along = _first_order(slopes)
-    scale, _, gauss = _looks(along, period, (steps,))
+    units, gauss = _looks(along, period, (steps,))
+    scale = units[:, None] / units
 
     def pass_on(passed: Array, looks: tuple[Array, ...]) -> tuple[Array, Array]:
         return _step(*looks) @ passed, passed
@@ -161,24 +162,17 @@ def _first_order(slopes: tuple[Float[Array, "n dims dims"], ...]) -> Array:
 
 def _looks(
     along: Array, period: Scalar, counts: tuple[int, ...]
-) -> tuple[Array, Array, tuple[Array, ...]]:
-    """Return units of a product of steps and of a disturbance, and the equations of each step.
-
-    The equations are those at Gauss' points.
-    """
+) -> tuple[Array, tuple[Array, ...]]:
+    """Return the units of a disturbance, and the equations at Gauss' points of each step."""
     dims = along.shape[1] // 2
     # Rates in the unit of the fastest swing, so that all entries are of one size.
     pace = jnp.sqrt(jnp.max(jnp.abs(along[:, dims:, :dims])))
     units = jnp.concatenate([jnp.ones(dims), jnp.full(dims, 1 / pace)])
     scale = units[:, None] / units
     points = (-GAUSS, 0.0, GAUSS)
-    return (
-        scale,
-        units,
-        tuple(
-            jnp.concatenate([resample(period / n * scale * along, n, 0.5 + off) for n in counts])
-            for off in points
-        ),
+    return units, tuple(
+        jnp.concatenate([resample(period / n * scale * along, n, 0.5 + off) for n in counts])
+        for off in points
     )
 
 

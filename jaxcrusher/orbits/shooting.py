@@ -83,12 +83,11 @@ class Shooting(AbstractPeriodicProblem):
     def along(self, section: Float[ArrayLike, " dims"], p: Any) -> Float[np.ndarray, " n"]:
         """Return the unknowns of the motion from a section point."""
         states, point = np.tile(section, (self.slices, 1)), jnp.asarray(p, float).reshape(-1)
-        found = []
+        rtol, found = jnp.asarray(self.rtol), []
         for _ in range(self.period):
             for k in range(self.slices):
-                ends = slices_apart(self.build, point, jnp.asarray(states), jnp.asarray(self.rtol))[
-                    0
-                ]
+                # The program of all slices serves this too, though one of them is new.
+                ends, _, _ = slices_apart(self.build, point, jnp.asarray(states), rtol)
                 found.append(states[k].copy())
                 states[(k + 1) % self.slices] = ends[k]
         return np.concatenate(found)

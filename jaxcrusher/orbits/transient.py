@@ -39,6 +39,8 @@ ANGLES = 96
 LONGEST, NARROWER = 4, 0.5
 # Section points so near, in clearances and m/s, repeat.
 REPEATED = 1e-4
+# The statistics that tell a whirl in two turns.
+OF_WHIRL = ("foundation_rms", "contact_fraction", "winding")
 # Turns over which a disturbance is followed, and the growth in a turn that is called chaos. For so
 # few turns a swing about a stable orbit lets disturbances grow too, by up to 0.1 a turn; of chaotic
 # motions, which lose contact, it is 1.7 to 7.
@@ -155,6 +157,13 @@ class Round:
         apart = middle - places(np.asarray(section), joints)
         return float(np.sqrt(np.mean(apart**2))) < allowed(spread)
 
+    def repeats_after(self) -> int | None:
+        """Return the least number of turns, up to `LONGEST`, after which the points repeat."""
+        for period in range(1, LONGEST + 1):
+            if np.max(np.abs(self.states[period:] - self.states[:-period])) < REPEATED:
+                return period
+        return None
+
     def _spread(self, period: int) -> float:
         parts = self.states.reshape(-1, period, self.states.shape[1])
         return float(np.sqrt(np.mean((parts - parts.mean(axis=0)) ** 2)))
@@ -217,15 +226,12 @@ class Wait:
             return RESULTS.whirl
         if self._last is None:
             return otherwise
-        states = self._last.states[-TURNS // 2 :]
-        for period in range(1, LONGEST + 1):
-            if np.max(np.abs(states[period:] - states[:-period])) < REPEATED:
-                return RESULTS.repeats
+        if Round(self._last.states[-TURNS // 2 :]).repeats_after() is not None:
+            return RESULTS.repeats
         return RESULTS.chaotic if self._chaotic else RESULTS.aperiodic
 
     def _whirls(self) -> bool:
-        outputs = ("foundation_rms", "contact_fraction", "winding")
-        seen = poincare_section(self.scene, 0, 2, state=self._state, outputs=outputs, rtol=RTOL)
+        seen = poincare_section(self.scene, 0, 2, state=self._state, outputs=OF_WHIRL, rtol=RTOL)
         return bool(seen.success) and bool(seen.statistics.whirl)
 
     def _growth(self) -> float:

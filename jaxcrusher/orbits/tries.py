@@ -107,13 +107,12 @@ class Search(NamedTuple):
             orbit = without_slopes(sloped)
             if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
                 orbit = with_statistics(self.still, found, factors, turns)
-            if count >= most or not _wants_nodes(orbit):
-                repeats = not bool(orbit.success) or _is_closed(orbit, found.closure)
-                if repeats:
-                    break
-                if count >= most:
-                    orbit = dataclasses.replace(orbit, result=RESULTS.not_closed)
-                    break
+            enough = count >= most or not _wants_nodes(orbit)
+            if enough and (not bool(orbit.success) or _is_closed(orbit, found.closure)):
+                break
+            if count >= most:
+                orbit = dataclasses.replace(orbit, result=RESULTS.not_closed)
+                break
             guess, count = orbit.eccentricity, 2 * count
         return Try(sloped, orbit)
 
