@@ -60,7 +60,7 @@ class Section(eqx.Module, AbstractOverTurns):
 
 def advance(
     flow: Flow, span: float, method: Integration, outputs: Chosen = ()
-) -> tuple[PyTree[Scalar], dict[str, Scalar], Outcome]:
+) -> tuple[PyTree[Scalar], dict[str, Array], Outcome]:
     """The state after `span` radians of shaft angle, and statistics on the way there.
 
     Differentiable by the scene and the state.

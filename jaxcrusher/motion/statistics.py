@@ -249,7 +249,7 @@ def statistics_problem(outputs: Chosen, share: float = 1.0) -> Problem:
         _, snapshot = by_angle(flow.angle + angle, y.motion, flow.scene)
         return quantities(samples, snapshot, flow)
 
-    def summarise(seen: dict[str, Array], end: Carried) -> tuple[PyTree, dict[str, Scalar]]:
+    def summarise(seen: dict[str, Array], end: Carried) -> tuple[PyTree, dict[str, Array]]:
         values = {
             name: mean.of_means(*(total / share for total in end.totals[name]))
             for name, mean in means.items()

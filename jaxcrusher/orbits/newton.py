@@ -199,12 +199,13 @@ def newton_on_host(
     guess: Float[np.ndarray, " n"],
     tolerance: float,
     max_steps: int,
+    noise: float = 0.0,
 ) -> HostRoot | None:
     """Return a zero near `guess` of equations that give their Jacobian with their residual.
 
     `evaluated` returns the residual, its Jacobian, and anything that is to be kept. Converged when
-    a Newton step is at most `tolerance` in every entry; that step is then taken. None where the
-    method fails.
+    a Newton step is at most `tolerance` in every entry, or the residual at most `noise`; that step
+    is then taken. None where the method fails.
     """
     point, share, last = guess, 1.0, None
     for count in range(1, max_steps + 1):
@@ -216,7 +217,8 @@ def newton_on_host(
             length = _size(before, np)
             accepted, retry = _tested(before, length, expected, share, np)
             # What is left of a step may be the noise of an integration, which shrinks no more.
-            if not accepted and not np.max(np.abs(expected)) <= tolerance:
+            small = np.max(np.abs(expected)) <= tolerance or np.max(np.abs(left)) <= noise
+            if not accepted and not small:
                 share = float(retry)
                 if share < LEAST_ON_HOST:
                     return None
@@ -224,10 +226,10 @@ def newton_on_host(
                 continue
             share = float(_foreseen(expected, share * length, step, np))
         largest = np.max(np.abs(step))
-        if largest <= tolerance:
-            return HostRoot(point + step, jacobian, seen, count)
         if not np.isfinite(largest):
             return None
+        if largest <= tolerance or np.max(np.abs(left)) <= noise:
+            return HostRoot(point + step, jacobian, seen, count)
         last = point, step, jacobian
         point = point + share * step
     return None

@@ -213,7 +213,8 @@ def _first(
     require(first.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
     if not bool(first.success):
         found = periodic_orbit(begin, period=period, guess=guess)
-        require(bool(found.success), "start", "have a periodic orbit", f"{value}: {found.failure}")
+        given = f"{value}. {found.failure}".removesuffix(".")
+        require(bool(found.success), "start", "have a periodic orbit", given)
         first = periodic_orbit(begin, nodes=nodes, guess=found)
     unknowns = first.eccentricity if bool(first.success) else found.section
     return Departure(found.period, value, np.asarray(unknowns), None)

@@ -40,8 +40,9 @@ from jaxcrusher.orbits.shot import (
 ALIKE = 1e-4
 # Steps of differences, as a share of what a function depends on.
 DIFFERENCE = 1e-6
-# The tolerance along a branch.
-BRANCH_RTOL = 1e-10
+# The tolerance along a branch, and what two integrations that start all but alike differ by. Where
+# contact is lost such a difference moves the speed by more than Newton's last step may be.
+BRANCH_RTOL, NOISE = 1e-10, 1e-9
 
 
 class Turns(NamedTuple):
@@ -124,7 +125,9 @@ class Shooting(AbstractPeriodicProblem):
             left, jacobian, seen = equations.linearised(both)
             return np.asarray(left), np.asarray(jacobian), seen
 
-        return newton_on_host(evaluated, np.asarray(equations.guess), CLOSURE, MOST_CORRECTIONS)
+        return newton_on_host(
+            evaluated, np.asarray(equations.guess), CLOSURE, MOST_CORRECTIONS, NOISE
+        )
 
     def monodromy(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, "dims dims"]:
         """Return what a period makes of a shift from the orbit."""

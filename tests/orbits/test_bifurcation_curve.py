@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.orbits.branch import follow
+from jaxcrusher.orbits.events import special_points
+from jaxcrusher.orbits.orbit_branch import Event, problem_of
+from jaxcrusher.orbits.shot import closed, least_penetrations_from
 
 # Wide enough for a few steps.
 BOUNDS = ((36.0, 39.0), (0.09e-3, 0.115e-3))
@@ -90,6 +94,40 @@ def test_a_narrow_doubling_of_the_crusher():
     for orbit in doubled.orbits:
         turns = np.asarray(orbit.eccentricity).reshape(2, 96, 2)
         assert np.max(np.abs(turns[0] - turns[1])) > 1e-3
+
+
+def closing(speed, clearance):
+    """Loaded on the closing stroke: the load jumps, so that its orbits are shot for."""
+    described = {"speed": speed, "clearance": clearance, "load_law": "closing_stroke"}
+    return jc.build_scene(described)
+
+
+@pytest.mark.slow
+def test_lost_contact_is_followed_by_shooting():
+    """On a branch, then over two parameters; single orbits on both sides of the curve tell."""
+    over = eqx.Partial(closing, clearance=jnp.asarray(0.12e-3))
+    problem = problem_of(over, jnp.asarray(34.33), 1, nodal=False)
+    # A section point of the unstable motion of one turn, to four places; Newton's method goes on.
+    states = problem.along(np.array([0.6083, 0.8149, -0.0034, 0.0024]), 34.317)
+    more = dict(scale=1.0, bounds=(34.31, 34.33), upwards=False, points=2)
+    branch = follow(problem, states, 34.321, **more)
+    (lost,) = special_points(branch)
+    assert lost.kind == "contact lost"
+    event = Event(lost.kind, lost.parameter, branch, lost.point)
+    curve = jc.bifurcation_curve(
+        closing, event, 0.12e-3, ((34.0, 34.6), (0.11e-3, 0.13e-3)), scales=(0.3, 3e-7), points=2
+    )
+    assert len(curve.orbits) == 3 and np.ptp(curve.table.parameter.values) > 1e-4
+    # Two integrations differ by 1e-9 of a clearance.
+    np.testing.assert_allclose(curve.table.least_penetration, 0.0, atol=1e-8)
+    for speed, clearance, orbit in zip(
+        curve.table.parameter.values, curve.table.second.values, curve.orbits, strict=True
+    ):
+        depths = []
+        for side in (closing(speed - 1e-3, clearance), closing(speed + 1e-3, clearance)):
+            found = closed(side, orbit.section, 1)
+            depths.append(float(least_penetrations_from(side, found.state, 1)[0]))
+        assert depths[0] < -1e-6 and depths[1] > 1e-6
 
 
 def test_refusals(folded):

@@ -50,3 +50,23 @@ def test_both_drivers_give_up():
         at = jnp.full(2, guess)
         assert not by_jax(residual, at, steps=steps).success
         assert from_host(residual, at, steps=steps) is None
+
+
+def test_noise_of_the_residual_ends_it():
+    """Where the residual is known to 1e-9 and its slope is 1e-4, a step is never shorter than 1e-6.
+
+    The place is known to noise / slope; told what the noise is, the method stops there.
+    """
+    draws = np.random.default_rng(0)
+
+    def noisy(x):
+        return np.arctan(1e-4 * (x - 2)) + 1e-9 * draws.uniform(0.2, 1, x.shape)
+
+    def evaluated(x):
+        return noisy(x), 1e-4 * np.eye(len(x)), None
+
+    guess, tolerance, steps = np.zeros(2), 1e-7, 20
+    assert newton_on_host(evaluated, guess, tolerance, steps) is None
+    found = newton_on_host(evaluated, guess, tolerance, steps, 1e-9)
+    assert found is not None
+    np.testing.assert_allclose(found.point, [2.0, 2.0], atol=2 * 1e-9 / 1e-4)
