@@ -10,7 +10,8 @@ import sys
 from jaxcrusher.basics.devices import setting
 
 # Internal to XLA. It makes one kernel of a loop that moves at most so many bytes in a turn, unless
-# the loop has a matrix product, a sort or a scatter. The bound is 1 KiB without the flag. The
+# the loop has a matrix product, a sort or a scatter. Without the flag the bound is 1 KiB up to JAX
+# 0.11, and none from 0.12 on. The
 # largest loop of this package, of the slopes of three loose joints, moves between 16 and 64 KiB. A
 # loop of the user's below this bound takes some 20 us a turn, which several cores hardly shorten.
 FLAG = "xla_cpu_small_while_loop_byte_threshold"
@@ -29,6 +30,13 @@ def ask_for_loop_kernels() -> None:
 def asked_for() -> bool:
     """Tell whether the flag stands in `XLA_FLAGS`, with this bound or one of the user's."""
     return FLAG in os.environ.get("XLA_FLAGS", "")
+
+
+def loops_are_slow() -> bool:
+    """Tell whether XLA calls each operation of a loop on its own: not asked to, before JAX 0.12."""
+    import jax
+
+    return not asked_for() and jax.__version_info__ < (0, 12)
 
 
 def jax_has_started() -> bool:

@@ -24,6 +24,7 @@ from jaxcrusher.basics.loop_kernels import (
     ask_for_loop_kernels,
     asked_for,
     jax_has_started,
+    loops_are_slow,
 )
 from jaxcrusher.version import __version__
 
@@ -119,14 +120,14 @@ def _one_thread() -> None:
 def require_set_up() -> None:
     """Check that JAX computes in 64-bit floats; warn, once in a process, of slow loops.
 
-    Loops are slow where the package was imported after JAX had started. Nothing is said to a user
-    who named a device that is not the processor.
+    Before JAX 0.12 loops are slow where the package was imported after JAX had started. Nothing is
+    said to a user who named a device that is not the processor.
     """
     from jaxcrusher.basics.checks import require_x64
 
     require_x64()
     _one_thread()
-    if asked_for() or (device_is_named() and computes_on() != "cpu"):
+    if not loops_are_slow() or (device_is_named() and computes_on() != "cpu"):
         return
     _warn_once(
         "loops",

@@ -14,6 +14,8 @@ from jaxcrusher.basics import devices, setup
 
 LOOP = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=262144"
 FUSION = "--xla_backend_extra_options=xla_cpu_disable_new_fusion_emitters"
+# From JAX 0.12 on XLA makes kernels of all loops, and there is nothing to warn of.
+UNASKED = jax.__version_info__ >= (0, 12)
 OURS = ("XLA_FLAGS", "EQX_ON_ERROR", "JAX_COMPILATION_CACHE_DIR", "JAX_ENABLE_X64")
 OURS += ("JAX_PLATFORMS", "JAX_PLATFORM_NAME", "JAX_DEFAULT_DEVICE")
 
@@ -122,7 +124,7 @@ print("small_call" in loop.lower(jnp.ones(128)).compile().as_text())
 def test_loops_are_one_kernel_once_the_package_is_imported():
     """Without `set_up`, also where JAX is imported first. XLA marks such a loop as a small call."""
     said = [python(COMPILED.replace("IMPORT", line)).stdout for line in ("", "import jaxcrusher")]
-    assert said == ["False\n", "True\n"]
+    assert said == [f"{UNASKED}\n", "True\n"]
 
 
 WITHOUT = """
@@ -137,6 +139,9 @@ for _ in range(2):
 
 def test_a_late_import_says_so_once():
     said = python(WITHOUT).stderr
+    if UNASKED:
+        assert said == ""
+        return
     assert said.count("UserWarning") == 1 and said.count("JAX had started before") == 1
     assert said.startswith("<string>:7: ")  # the user's line, not one of the package
 
@@ -176,6 +181,7 @@ def refuse(text: str, **_: object) -> None:
 SCENE = {"speed": 30.0, "clearance": 6e-5}
 
 
+@pytest.mark.skipif(UNASKED, reason="no loop is slow")
 @pytest.mark.parametrize(
     "compute",
     [
