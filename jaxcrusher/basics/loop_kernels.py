@@ -11,9 +11,9 @@ from jaxcrusher.basics.devices import setting
 
 # Internal to XLA. It makes one kernel of a loop that moves at most so many bytes in a turn, unless
 # the loop has a matrix product, a sort or a scatter. Without the flag the bound is 1 KiB up to JAX
-# 0.11, and none from 0.12 on. The
-# largest loop of this package, of the slopes of three loose joints, moves between 16 and 64 KiB. A
-# loop of the user's below this bound takes some 20 us a turn, which several cores hardly shorten.
+# 0.11, and there is none from 0.12 on. The largest loop of this package, of the slopes of three
+# loose joints, moves between 16 and 64 KiB. A loop of the user's below this bound takes some 20 us
+# a turn, which several cores hardly shorten.
 FLAG = "xla_cpu_small_while_loop_byte_threshold"
 OPTION = f"--xla_backend_extra_options={FLAG}={256 * 1024}"
 # Measured on one core without the flag: an orbit 5, its slopes 6 to 7, statistics 16.
