@@ -150,8 +150,8 @@ def top(samples: Float[Array, " n"]) -> Scalar:
 
 
 def _share_above_zero(samples: Float[Array, " n"]) -> Scalar:
-    """NaN where a sample is."""
-    return jnp.mean(jnp.heaviside(samples, 0.0))
+    """NaN where a sample is, which not each version of `jnp.heaviside` is."""
+    return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, samples > 0))
 
 
 def _winding(s: Snapshot, scene: Scene, joint: str) -> Scalar:
