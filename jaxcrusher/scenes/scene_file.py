@@ -289,6 +289,8 @@ def quantity_in(unit: str, name: str, text: str) -> float:
         # Compared by base units, because pint takes rad/s for 1/s.
         base, wanted_base = (registry.get_base_units(each)[1] for each in (given, wanted))
         result = float(number.to(wanted).magnitude) if base == wanted_base else None
+        if result is not None and registry.Quantity(Decimal(0), given).to(wanted).magnitude != 0:
+            raise ValueError("a scale with a zero of its own, such as decibel")
     except ArithmeticError:
         raise ValueError(
             f"Argument `{name}` must be {_wanted(unit)}, but {text!r} has an exponent of too many "
@@ -308,8 +310,9 @@ def quantity_in(unit: str, name: str, text: str) -> float:
     return float(np.radians(float(match[1]))) if given == registry.degree else result
 
 
+# A `pint.UnitRegistry`, which beartype cannot check as pint writes it for Python 3.12 and later.
 @cache
-def _registry() -> pint.UnitRegistry:
+def _registry() -> Any:
     """Decimal, so that "0.06 mm" is the float 0.06e-3."""
     registry = pint.UnitRegistry(non_int_type=Decimal)  # pyright: ignore
     registry.define("@alias turn = rev")

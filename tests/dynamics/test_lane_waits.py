@@ -40,7 +40,7 @@ def test_newtons_method_in_lanes_comes_to_the_orbit():
 
 def test_motions_are_named():
     """With a load on the closing stroke some repeat, and some hit their bores again and again."""
-    waits = waits_of([0.0645e-3, 0.12e-3, 0.05e-3], speed=34.23, load_law="closing_stroke")
+    waits = waits_of([0.0645e-3, 0.12e-3, 0.05e-3], speed=34.51, load_law="closing_stroke")
     cases = np.arange(3)
     waits.go_on(cases, 480)
     assert waits.names(cases) == ["period 1", "period 2", "chaotic"]

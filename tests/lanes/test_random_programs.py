@@ -158,7 +158,9 @@ def _exact(random, kind, depth, leaves):
         one = "f" if one == "j" else one
         operands.append(_exact(random, one, max(depth - 1, 0), inner))
     digits = _digits(rule, operands)
-    if digits is None:
+    # From JAX 0.12 on XLA takes n / n for 1, also where n is 0.
+    undefined = text.endswith("n)") and operands[0][0] == "n"
+    if digits is None or undefined:
         return random.choice(known_leaves)
     return text.format(*(operand[0] for operand in operands)), *digits
 
