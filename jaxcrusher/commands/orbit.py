@@ -156,6 +156,7 @@ def summary(orbit: jc.PeriodicOrbit) -> list[str]:
     return [
         *lines,
         f"multipliers {moduli} a period: {settles if bool(orbit.stable) else 'unstable'}",
+        *([orbit.instability] if orbit.instability else []),
         f"least penetration {float(orbit.least_penetration):.4g} clearances",
         orbit.validity.verdict(),
     ]

@@ -84,6 +84,8 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     way: WAYS
     # m/s, by joint: what tracked impact velocities come to, and are held at; None: not tracked
     held_velocities: Mapping[str, Scalar] | None = None
+    # what the motion from the pins at rest does, if it was waited for and no stable orbit was found
+    from_rest: RESULTS | None = None
 
     def units(self) -> dict[str, str]:
         """Return the unit of every statistic there is."""
@@ -142,9 +144,17 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
     @property
     def instability(self) -> str:
-        """Say how disturbances of an orbit grow; nothing if they die (concrete values only)."""
+        """Say how disturbances of an orbit grow; nothing if they die (concrete values only).
+
+        Also what the motion from the pins at rest does instead, if it was waited for.
+        """
         if not bool(self.success) or bool(self.stable):
             return ""
+        instead = "" if self.from_rest is None else " " + words(RESULTS, self.from_rest)
+        return self._growth() + instead
+
+    def _growth(self) -> str:
+        """Say how disturbances of an unstable orbit grow."""
         largest = max(np.asarray(self.multipliers).tolist(), key=abs)
         if abs(largest) <= 1:
             return "Its largest multiplier is 1 within the error of multipliers."

@@ -136,8 +136,8 @@ class Search(NamedTuple):
 def searched(search: Search, nodes: int | None) -> PeriodicOrbit:
     """Return the stable orbit of a scene, with so many nodes a turn, or by all tries.
 
-    Without one the first that is unstable; where there is none, why, and what the motion does
-    instead.
+    Without one the first that is unstable, and what the motion from rest does instead; where there
+    is none, why.
     """
     if nodes is not None:
         return _best([search.by_nodes(search.guess, search.turns, nodes, nodes)])
@@ -173,8 +173,12 @@ def _best(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbit:
             break
     first = next((one for one in found if bool(one.orbit.success)), found[0])
     sloped, orbit = found[-1] if bool(found[-1].orbit.stable) else first
-    result = orbit.result if wait is None or bool(orbit.success) else wait.regime(orbit.result)
-    return dataclasses.replace(sloped, result=result)
+    if wait is None or bool(orbit.stable) or _is_stiff(orbit):
+        return dataclasses.replace(sloped, result=orbit.result)
+    regime = wait.regime(orbit.result)
+    if not bool(orbit.success):
+        return dataclasses.replace(sloped, result=regime)
+    return dataclasses.replace(sloped, from_rest=regime)
 
 
 def _tries(search: Search, wait: Wait) -> Iterator[Try]:

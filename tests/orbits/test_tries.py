@@ -196,6 +196,15 @@ def test_what_has_no_orbit_is_named():
     assert orbit.failure == "The motion from rest is chaotic: disturbances of it grow."
 
 
+def test_what_the_motion_does_beside_an_unstable_orbit_is_named():
+    """The motion of one turn has doubled its period, and beyond a cascade there is chaos."""
+    scene = jc.paper_scene(34.0, 0.12e-3, load_law="closing_stroke")
+    orbit = jc.periodic_orbit(scene)
+    assert orbit.success and not orbit.stable
+    assert orbit.instability.startswith("Its largest multiplier is -2.008")
+    assert orbit.instability.endswith("The motion from rest is chaotic: disturbances of it grow.")
+
+
 def test_a_motion_that_repeats_is_told_from_chaos(monkeypatch):
     wait = Wait(jc.paper_scene(27.0, 0.05e-3))
     monkeypatch.setattr(wait, "_whirls", lambda: False)
