@@ -68,7 +68,7 @@ def descend(
         method="SLSQP" if spares else "L-BFGS-B",
         bounds=[(0.0, float(top)) for top in upper],
         constraints=[_constraint(spare) for spare in spares],
-        callback=lambda intermediate_result: path.append(intermediate_result.x.copy()),
+        callback=lambda x: path.append(x.copy()),
         options={"maxiter": steps, **({"ftol": SETTLED} if spares else EXACT)},
     )
     last, gradient = known(found.x)

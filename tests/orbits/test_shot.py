@@ -46,12 +46,13 @@ def test_an_orbit_that_loses_contact_has_slopes_in_a_traced_call(waited):
         return jc.statistics(closing(point), 80, 1, outputs=("foundation_rms",), rtol=1e-12)
 
     assert float(value) == pytest.approx(float(run(CLOSING).foundation_rms), rel=1e-8)
-    for i, step in enumerate((2.5e-4, 2.5e-9)):
+    for i, (step, bound) in enumerate(((5e-4, 2e-3), (2.5e-9, 3e-4))):
         shift = step * jnp.eye(2)[i]
         ahead, behind = (float(run(CLOSING + s * shift).foundation_rms) for s in (1, -1))
-        # Measured: 1e-5 and 6e-5, and in proportion more with longer steps: where contact is lost
-        # the second derivative jumps.
-        assert float(slopes[i]) == pytest.approx((ahead - behind) / (2 * step), rel=3e-4)
+        # Measured: 7e-4 and 6e-5, and in proportion more with longer steps: where contact is lost
+        # the second derivative jumps. Runs that impact may differ by 1e-9 of the RMS from one
+        # version of XLA to the next, which is 1e-3 of the difference over the speed.
+        assert float(slopes[i]) == pytest.approx((ahead - behind) / (2 * step), rel=bound)
 
 
 @pytest.mark.slow
