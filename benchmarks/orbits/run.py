@@ -20,6 +20,8 @@ SPEEDS, CLEARANCES = np.linspace(25, 40, 61), np.linspace(0.03e-3, 0.12e-3, 46)
 FOLDED = 0.1e-3
 SIDES = ((36.9, True), (37.9, False))
 BOUNDS = (36.8, 38.0)
+# 192 a turn lose the branch from 37.9 rad/s at 37.33.
+NODES = 384
 
 
 def run(out: Path) -> None:
@@ -89,7 +91,9 @@ def scene(speed) -> jc.Scene:
 def draw_branch(ax) -> None:
     """Draw the RMS along the branch from both sides; unstable motions are dashed."""
     for i, (start, upwards) in enumerate(SIDES):
-        branch = jc.orbit_branch(scene, start, BOUNDS, upwards=upwards, scale=1.0, points=80)
+        branch = jc.orbit_branch(
+            scene, start, BOUNDS, upwards=upwards, scale=1.0, nodes=NODES, points=80
+        )
         speed, rms = branch.table.parameter.values, branch.table.foundation_rms.values
         stable = branch.table.stable.values
         for good, line in ((True, "-"), (False, "--")):
