@@ -150,7 +150,7 @@ def top(samples: Float[Array, " n"]) -> Scalar:
 
 
 def _share_above_zero(samples: Float[Array, " n"]) -> Scalar:
-    """NaN where a sample is, which not each version of `jnp.heaviside` is."""
+    """NaN where a sample is; `jnp.heaviside` of JAX 0.10.0 would return a number there."""
     return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, samples > 0))
 
 

@@ -210,15 +210,14 @@ def newton_on_host(
     point, share, last = guess, 1.0, None
     for count in range(1, max_steps + 1):
         left, jacobian, seen = evaluated(point)
-        step = linear_solution(jacobian, -left)
+        step, quiet = linear_solution(jacobian, -left), np.max(np.abs(left)) <= noise
         if last is not None:
             start, before, matrix = last
             expected = linear_solution(matrix, -left)
             length = _size(before, np)
             accepted, retry = _tested(before, length, expected, share, np)
             # What is left of a step may be the noise of an integration, which shrinks no more.
-            small = np.max(np.abs(expected)) <= tolerance or np.max(np.abs(left)) <= noise
-            if not accepted and not small:
+            if not (accepted or quiet or np.max(np.abs(expected)) <= tolerance):
                 share = float(retry)
                 if share < LEAST_ON_HOST:
                     return None
@@ -228,7 +227,7 @@ def newton_on_host(
         largest = np.max(np.abs(step))
         if not np.isfinite(largest):
             return None
-        if largest <= tolerance or np.max(np.abs(left)) <= noise:
+        if quiet or largest <= tolerance:
             return HostRoot(point + step, jacobian, seen, count)
         last = point, step, jacobian
         point = point + share * step

@@ -173,12 +173,12 @@ def _best(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbit:
             break
     first = next((one for one in found if bool(one.orbit.success)), found[0])
     sloped, orbit = found[-1] if bool(found[-1].orbit.stable) else first
-    if wait is None or bool(orbit.stable) or _is_stiff(orbit):
-        return dataclasses.replace(sloped, result=orbit.result)
-    regime = wait.regime(orbit.result)
-    if not bool(orbit.success):
-        return dataclasses.replace(sloped, result=regime)
-    return dataclasses.replace(sloped, from_rest=regime)
+    settled = bool(orbit.stable) or _is_stiff(orbit)
+    regime = None if wait is None or settled else wait.regime(orbit.result)
+    # That of an orbit whose slopes are asked for may be traced.
+    if regime is None or bool(orbit.success):
+        return dataclasses.replace(sloped, result=orbit.result, from_rest=regime)
+    return dataclasses.replace(sloped, result=regime)
 
 
 def _tries(search: Search, wait: Wait) -> Iterator[Try]:
