@@ -92,6 +92,14 @@ def test_flags_of_the_user_stay():
     assert python(program, XLA_FLAGS=other).stdout.strip() == f"{other} {FUSION}"
 
 
+def test_the_number_of_devices_that_the_user_wants_stays():
+    program = "import jax\nimport jaxcrusher as jc\njc.set_up()\nprint(jax.device_count())"
+    told = python(program, XLA_FLAGS="--xla_force_host_platform_device_count=3")
+    assert told.stdout == "3\n"
+    setting = 'jax.config.update("jax_num_cpu_devices", 3)\njc.set_up()'
+    assert python(program.replace("jc.set_up()", setting)).stdout == "3\n"
+
+
 def test_garbage_is_looked_for_less_often_and_where_the_user_says_so():
     program = "import gc\nimport jaxcrusher as jc\njc.set_up()\nprint(gc.get_threshold()[0])"
     assert python(program).stdout == "50000\n"

@@ -1,6 +1,7 @@
 """Clearance in A, B and C: power, Newton and Euler, and the agreement of the formulations."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.drives import GivenTorque
 from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.crusher.starts import Given, shifted_start
 
 CLEARANCES = {"elbow": 1e-4, "pivot": 8e-5}
 # Which of A, B and C are loose.
@@ -51,6 +52,17 @@ def test_a_joint_whose_start_is_not_given_rests_amid_its_bore():
     for given in (places, rates):
         for one in (given.elbow, given.pivot):
             assert (float(one.x), float(one.y)) == (0.0, 0.0)
+
+
+def test_a_shifted_start_moves_the_pin_of_the_main_joint_alone():
+    scene = jc.build_scene(described("ABC", start="contact"))
+    shifted = shifted_start(scene, Vector(-0.2, 0.1))
+    (before, rates), (after, same) = (s.start.eccentricities(s) for s in (scene, shifted))
+    main = before.main + scene.joint.clearance * Vector(-0.2, 0.1)
+    expected = eqx.tree_at(lambda e: e.main, before, main)
+    # Places are divided by the clearances and multiplied again.
+    for found, wanted in ((after, expected), (same, rates)):
+        np.testing.assert_allclose(jax.tree.leaves(found), jax.tree.leaves(wanted), rtol=1e-12)
 
 
 def instant(scene):

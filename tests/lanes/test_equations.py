@@ -9,6 +9,7 @@ import pytest
 
 from jaxcrusher.lanes.code import LANES, Code, Module
 from jaxcrusher.lanes.equations import Atom, Emitter, exponents, number
+from jaxcrusher.lanes.expression import whole_of
 from jaxcrusher.lanes.primitives import ELEMENTWISE
 from jaxcrusher.lanes.verify import verified
 from tests.lanes.rows import run
@@ -135,6 +136,11 @@ def test_the_formulas_cover_the_table():
 def test_as_jax_computes(computed, name):
     # Sums are reassociated, and division by a number of the design is a product.
     np.testing.assert_allclose(*computed[name], rtol=1e-14, atol=1e-14)
+
+
+@pytest.mark.parametrize("x", [2.7, -2.7, 0.0, 2.0**62, 1e300, -1e300, np.inf, -np.inf, np.nan])
+def test_a_constant_becomes_the_whole_number_that_jax_makes_of_it(x):
+    assert int(whole_of(x)) == int(jnp.asarray(x).astype(int))
 
 
 def test_exponents_are_asked_for_and_written_in():

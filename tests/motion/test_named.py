@@ -30,6 +30,13 @@ def test_what_was_asked_for_is_there(results):
     assert section.winding.sum() == 2 and section.slices == 0
 
 
+def test_a_displacement_begins_at_zero():
+    motion = jc.simulate(jc.ideal_scene(30.0), [0.0, 0.05, 0.1], outputs=("jaw_position",))
+    moved = np.asarray(motion.jaw_displacement)
+    assert (moved[0] == 0).all() and (moved[1] != 0).all()
+    np.testing.assert_array_equal(moved, motion.jaw_position - motion.jaw_position[0])
+
+
 def test_print_shows_numbers_and_units(results):
     motion, summary = results
     mean = float(summary.foundation_mean)

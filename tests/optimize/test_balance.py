@@ -15,7 +15,7 @@ from jaxcrusher.files.program import program
 from optimize.balance import compare, objective, problem, report
 from optimize.balance import study as balance
 from optimize.balance.__main__ import study
-from optimize.balance.compare import Answer, Search, Smooth, search, spent_until
+from optimize.balance.compare import Answer, Search, Smooth, best_so_far, search, spent_until
 from optimize.balance.designs import designs, headline, long_runs
 from optimize.balance.methods import comparison, verdict
 from optimize.balance.options import Options
@@ -57,6 +57,12 @@ def test_every_method_finds_the_bottom_of_a_bowl(method):
 def test_a_search_stops_at_its_budget():
     found = search("L-BFGS-B", _bowl(), np.array([0.9, 0.1, 0.1]), 3.9)
     assert found.evaluations == 1 and found.total_work == 2.0
+
+
+def test_the_best_so_far_is_that_of_the_work_done():
+    found = Search("Adam", 0, work=[1.0, 4.0], best=[3.0, 2.0])
+    at = np.array([0.5, 1.0, 3.9, 4.0, 9.0])
+    np.testing.assert_array_equal(best_so_far(found, found.work, at), [np.nan, 3, 3, 2, 2])
 
 
 def test_no_number_is_never_the_best():

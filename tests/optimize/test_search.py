@@ -359,6 +359,10 @@ def test_checks_fail_where_their_rules_are_broken(finished):
         "better than the paper's choice"
     ]
     assert failed(bound=replace(answer.bound, gain=-1.0)) == ["not worse than any point of the map"]
+    for gain, where in ((-1.0, "above"), (1.0, "below")):
+        beside = replace(answer, bound=replace(answer.bound, gain=gain))
+        told = [check.detail for check in verdicts.checks(beside, problem)]
+        assert any(line.startswith(f"the optimum lies 1 N {where} the map's") for line in told)
     off = {"speed": 0.03 * best.orbit.slopes["speed"], "clearance": 0.0}
     wrong = replace(best, orbit=replace(best.orbit, slopes_apart=off))
     assert failed(optimum=wrong) == ["the slopes at the optimum may be believed"]
