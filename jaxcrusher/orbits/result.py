@@ -155,9 +155,12 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
     def _growth(self) -> str:
         """Say how disturbances of an unstable orbit grow."""
+        error = float(self.multipliers_error)
+        if not np.isfinite(self.multipliers).all() or not error < 1:
+            return "Its multipliers are not known, so it is not known whether disturbances die."
         largest = max(np.asarray(self.multipliers).tolist(), key=abs)
         if abs(largest) <= 1:
-            return "Its largest multiplier is 1 within the error of multipliers."
+            return f"Its largest multiplier is 1 within the error of multipliers, {error:.1g}."
         if largest.imag:
             return (
                 f"A pair of multipliers has a modulus of {abs(largest):.6g}: disturbances grow "

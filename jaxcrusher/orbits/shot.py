@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Int, Scalar
+from jaxtyping import Array, ArrayLike, Complex, Float, Int, Scalar
 
 from jaxcrusher.basics.checks import without_slopes
 from jaxcrusher.basics.loops import design_by_design
@@ -61,21 +61,13 @@ def closed(scene: Scene, guess: Float[Array, " dims"], period: int) -> Closed:
 @eqx.filter_jit
 @design_by_design
 def _closed(scene: Scene, guess: Float[Array, " dims"], period: Int[Array, ""]) -> Closed:
-    build, eye = eqx.Partial(same, scene=scene), jnp.eye(guess.size)
-
-    def mapped(x: Array, rtol: Scalar) -> tuple[Array, Array]:
-        def turn(_, carry: tuple[Array, Array]) -> tuple[Array, Array]:
-            end, slices, _ = sloped_turn(build, jnp.zeros(0), carry[0], rtol)
-            return end, chained(slices.jacobians, carry[1])
-
-        return jax.lax.fori_loop(0, period, turn, (x, eye))
 
     def closer(start: Array, now: Array) -> tuple[Array, tuple]:
         rtol, tolerance = now
 
         def sloped(x: Array) -> tuple[Array, Array]:
-            end, matrix = mapped(x, rtol)
-            return end - x, matrix - eye
+            end, matrix = _mapped(scene, x, period, rtol)
+            return end - x, matrix - jnp.eye(x.size)
 
         def residual(x: Array) -> Array:
             return jax.lax.fori_loop(0, period, lambda _, x: passed(scene, x, rtol)[0], x) - x
@@ -85,11 +77,47 @@ def _closed(scene: Scene, guess: Float[Array, " dims"], period: Int[Array, ""]) 
         return jnp.where(root.success, root.point, jnp.nan), (root.steps, root.result)
 
     state, (steps, results) = jax.lax.scan(closer, guess, jnp.array(ROUNDS))
-    tolerances = RTOL * jnp.array([COARSER, 1.0])
-    coarse, matrix = jax.lax.map(lambda rtol: mapped(state, rtol)[1], tolerances)
-    error = jnp.max(jnp.abs(matrix - coarse)) / jnp.max(jnp.abs(matrix))
+    matrix, error = _matrix(scene, state, period)
     last = jax.tree.map(lambda leaf: leaf[-1], results)
     return Closed(state, matrix, error, jnp.sum(steps), last)
+
+
+def integrated_multipliers(
+    scene: Scene, state: Float[Array, " dims"], period: int
+) -> tuple[Complex[Array, " dims"], Scalar]:
+    """Return the multipliers of the orbit through a section point, and the error of their matrix.
+
+    The tangents are integrated beside the motion; NaN, and infinite, where that fails.
+    """
+    matrix, error = eqx.filter_jit(_matrix)(scene, state, jnp.asarray(period))
+    good = jnp.all(jnp.isfinite(matrix))
+    values = jnp.linalg.eigvals(jnp.where(good, matrix, 0.0))
+    return jnp.where(good, values, jnp.nan), jnp.where(jnp.isnan(error), jnp.inf, error)
+
+
+def _matrix(
+    scene: Scene, state: Float[Array, " dims"], period: Int[Array, ""]
+) -> tuple[Float[Array, "dims dims"], Scalar]:
+    """Return what a period makes of a disturbance, and the error as a share of its largest entry.
+
+    A tolerance `COARSER` times as large tells the error.
+    """
+    tolerances = RTOL * jnp.array([COARSER, 1.0])
+    coarse, fine = jax.lax.map(lambda rtol: _mapped(scene, state, period, rtol)[1], tolerances)
+    return fine, jnp.max(jnp.abs(fine - coarse)) / jnp.max(jnp.abs(fine))
+
+
+def _mapped(
+    scene: Scene, state: Float[Array, " dims"], period: Int[Array, ""], rtol: Scalar
+) -> tuple[Float[Array, " dims"], Float[Array, "dims dims"]]:
+    """Return where a period leads from a section point, with its derivative by that."""
+    build = eqx.Partial(same, scene=scene)
+
+    def turn(_, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+        end, slices, _ = sloped_turn(build, jnp.zeros(0), carry[0], rtol)
+        return end, chained(slices.jacobians, carry[1])
+
+    return jax.lax.fori_loop(0, period, turn, (state, jnp.eye(state.size)))
 
 
 def described(scene: Scene, found: Closed, period: int) -> PeriodicOrbit:

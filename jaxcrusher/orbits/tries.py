@@ -26,7 +26,7 @@ from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits import forced, newton
 from jaxcrusher.orbits.multipliers import STEPS, Multipliers, multipliers
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
-from jaxcrusher.orbits.shot import can_be_shot, closed, described
+from jaxcrusher.orbits.shot import can_be_shot, closed, described, integrated_multipliers
 from jaxcrusher.orbits.solving import (
     FASTER,
     MOST_NODES,
@@ -114,7 +114,16 @@ class Search(NamedTuple):
                 orbit = dataclasses.replace(orbit, result=RESULTS.not_closed)
                 break
             guess, count = orbit.eccentricity, 2 * count
-        return Try(sloped, orbit)
+        # Stiff springs of a frame would take the integrator minutes.
+        known = bool(orbit.multipliers_error <= UNSURE) or self.still.supports is not None
+        if known or not bool(orbit.success):
+            return Try(sloped, orbit)
+        values, error = integrated_multipliers(self.still, orbit.section, turns)
+        both = (
+            dataclasses.replace(one, multipliers=values, multipliers_error=error)
+            for one in (sloped, orbit)
+        )
+        return Try(*both)
 
     def by_shooting(self, start: Array, turns: int) -> Try:
         """Return the orbit through a section point near `start`."""

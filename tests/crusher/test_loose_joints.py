@@ -1,10 +1,13 @@
 """Clearance in A, B and C: power, Newton and Euler, and the agreement of the formulations."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 
 import jaxcrusher as jc
 from benchmarks.scenes.operations import field_operations
@@ -12,6 +15,10 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import free_bodies, linkage
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.crusher.formulations import MultiplierFormulation
+from jaxcrusher.crusher.formulations.constraints import constraints_of
+from jaxcrusher.crusher.formulations.coordinates import arms_of
+from jaxcrusher.crusher.formulations.multiplier import CONTACT_TIME
 from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.crusher.starts import Given, shifted_start
@@ -65,8 +72,37 @@ def test_a_shifted_start_moves_the_pin_of_the_main_joint_alone():
         np.testing.assert_allclose(jax.tree.leaves(found), jax.tree.leaves(wanted), rtol=1e-12)
 
 
+def test_a_joint_that_is_put_into_a_scene_is_refused_by_its_own_name():
+    scene = jc.build_scene(described("B"))
+    wide = eqx.tree_at(lambda joint: joint.clearance, scene.elbow, jnp.array(1.0))
+    with pytest.raises(ValueError, match=r"^Argument `elbow\.clearance`"):
+        replace(scene, elbow=wide)
+
+
 def instant(scene):
     return scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
+
+
+def test_baumgarte_s_terms_end_what_violates_the_constraints():
+    """Each violation follows v'' + 2 alpha v' + beta^2 v = 0 (Table 2)."""
+    form = MultiplierFormulation(alpha=7.0, beta=11.0)
+    scene = jc.paper_scene(30.0, 6e-5, formulation="multiplier")
+    start, unravel = ravel_pytree(form.initial(scene))
+    off = unravel(start + 1e-4 * np.random.default_rng(5).standard_normal(start.size))
+
+    def constraints(time, state):
+        velocity = state.velocity * (1 / CONTACT_TIME)
+        arms = arms_of(scene.machine, state.position)
+        every = constraints_of(scene, time, state.position, velocity, arms)
+        return jnp.stack([c.violation for c in every]), jnp.stack([c.rate for c in every])
+
+    change = form.rate(form.snapshot(jnp.array(0.0), off, scene), off, scene)
+    at = jnp.array(0.0), off
+    (violation, rate), (first, second) = jax.jvp(constraints, at, (jnp.array(1.0), change))
+    assert np.abs(violation).min() > 0
+    np.testing.assert_allclose(first, rate, rtol=1e-9)
+    # Terms of size 1e3 m/s2 cancel in the accelerations.
+    np.testing.assert_allclose(second, -14.0 * rate - 121.0 * violation, rtol=1e-9, atol=1e-11)
 
 
 @pytest.mark.parametrize("formulation", ["eccentricity", "multiplier"])

@@ -36,6 +36,12 @@ def test_the_wave_has_unit_variance_and_a_flat_band():
     assert abs(seen.mean()) < allowed
 
 
+def test_each_cosine_has_its_own_share_of_the_band():
+    feed = rough_feed(AlongJaw(1.0), 0.2, 7.3, 3)
+    share = np.asarray(feed.places) * len(feed.places)
+    np.testing.assert_array_equal(np.floor(share), np.arange(len(share)))
+
+
 @pytest.mark.parametrize(
     "load",
     [

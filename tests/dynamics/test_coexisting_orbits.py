@@ -152,6 +152,18 @@ def test_known_orbits_are_not_shot_for_again(monkeypatch):
     assert known.approached(before, far) is None
 
 
+@pytest.mark.usefixtures("unchecked")  # what stands for the orbit is none
+def test_starts_whose_runs_fail_come_to_no_orbit(monkeypatch):
+    def failing(function, cases, chunk, **_):
+        states, _ = cases
+        return states[:, None], np.zeros(len(states), bool)
+
+    monkeypatch.setattr(module, "run_all", failing)
+    monkeypatch.setattr(module, "periodic_orbit", lambda scene: Orbit([[0.0, 0.0]], stable=False))
+    found = jc.coexisting_orbits(jc.paper_scene(30.0, 0.06e-3), starts=3)
+    assert found.labels.tolist() == [-1, -1, -1] and not found.orbits
+
+
 def test_refusals():
     with pytest.raises(ValueError, match="have a joint with clearance"):
         jc.coexisting_orbits(jc.ideal_scene(30.0))

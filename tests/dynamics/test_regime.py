@@ -7,6 +7,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.dynamics import regime as module
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.regime import spread_trend, verdict
 
@@ -78,3 +79,16 @@ def test_whirl_and_failure_are_named():
     broken = eqx.tree_at(lambda s: s.machine.gravity, scene, scalar(np.nan))
     found = jc.regime(broken, 1, 2)
     assert found.name == "failed" and "stopped at 0 rad" in str(found)
+
+
+def test_a_failure_is_told_by_the_angle_since_the_start(monkeypatch):
+    turn, calls = module.poincare_section, []
+
+    def failing(scene, *how, state, **more):
+        calls.append(state)
+        state = state if len(calls) < 3 else np.nan * state
+        return turn(scene, *how, state=state, **more)
+
+    monkeypatch.setattr(module, "poincare_section", failing)
+    found = jc.regime(jc.paper_scene(30.0, 0.06e-3, start="contact"), 0, 5)
+    assert found.name == "failed" and "stopped at 12.5664 rad" in str(found)

@@ -45,6 +45,13 @@ def test_the_integral_is_a_sum_over_very_many_rollers(depth):
     assert float(law.elastic_force(jnp.asarray(depth))) == pytest.approx(total, rel=1e-7)
 
 
+def test_the_force_is_the_slope_of_the_energy():
+    law, depths = rollers(), jnp.array([1e-7, 1e-6, 1e-5, 1e-3])
+    slope = jax.vmap(jax.grad(law.elastic_energy))(depths)
+    # Gauss' rules for force and energy are apart by what they leave out.
+    np.testing.assert_allclose(slope, jax.vmap(law.elastic_force)(depths), rtol=1e-9)
+
+
 def test_sjovall_s_integral_has_its_closed_forms():
     """Half of the bearing loaded: J_r = B(1/2, n/2 + 1) / (2 pi) = 0.2448.
 

@@ -16,7 +16,7 @@ from jaxcrusher.motion.statistic import (
     always_of,
     statistics_of,
 )
-from jaxcrusher.motion.statistics import over_pieces
+from jaxcrusher.motion.statistics import Statistics, over_pieces
 from jaxcrusher.motion.tangents import SLICES, combine, tangents
 from jaxcrusher.orbits.trigonometric import resample
 
@@ -45,6 +45,18 @@ def own(monkeypatch):
 
 def contact(speed=30.0, clearance=0.06e-3):
     return jc.paper_scene(speed, clearance, start="contact")
+
+
+@pytest.mark.usefixtures("unchecked")  # statistics of a batch
+def test_the_error_of_the_rms_is_that_of_each_motion_of_a_batch():
+    """The scatter of ten batches of two turns, over twice the RMS."""
+    by_turn = np.random.default_rng(2).uniform(1.0, 2.0, (3, 20))
+    rms = np.sqrt(np.mean(by_turn**2, axis=1))
+    known = {"foundation_rms": jnp.asarray(rms)}, {"foundation_rms": jnp.asarray(by_turn)}
+    found = Statistics(20, None, *known, jnp.zeros(4)).foundation_rms_error
+    batches = (by_turn**2).reshape(3, 10, 2).mean(axis=2)
+    expected = batches.std(axis=1, ddof=1) / np.sqrt(10) / (2 * rms)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
 def test_an_entry_makes_a_statistic(own):

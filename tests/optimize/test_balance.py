@@ -96,6 +96,16 @@ def test_gradient_against_differences():
     assert (np.abs(slope) > 5e-3 * np.abs(slope).max()).all()
 
 
+def test_a_search_without_gradients_is_given_none():
+    options = Options()
+    design, conditions = problem.design(options), problem.conditions(options)
+    smooth, scale = objective.orbit_objective(design, conditions, design.unit(reference(options)))
+    point = np.full(len(design.bounds), 0.4)
+    value, sloped = smooth.value(point), smooth.gradient(point)
+    assert value.slope is None and sloped.slope.shape == point.shape
+    assert scale > 1e4 and value.value == pytest.approx(sloped.value, rel=1e-12)
+
+
 def test_what_is_free_is_no_condition():
     """Twelve numbers more; the load is then chosen, and has no tolerance."""
     few, many = Options(), Options(machine=10.0)

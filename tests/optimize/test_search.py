@@ -5,7 +5,8 @@ import json
 import re
 import subprocess
 import sys
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,7 +20,17 @@ from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
 from jaxcrusher.motion.statistic import always_with, chosen
-from optimize import confirm, decay, formatting, landscape, local, open_points, stages, verdicts
+from optimize import (
+    confirm,
+    decay,
+    formatting,
+    landscape,
+    local,
+    open_points,
+    smooth,
+    stages,
+    verdicts,
+)
 from optimize import orbits as periodic
 from optimize.answer import Check, Coexisting, OpenPoint
 from optimize.bound import _about, _steepest_beside, cell_bounds, optimality_bound
@@ -698,6 +709,46 @@ def test_a_scene_file_that_makes_no_crusher(tmp_path):
     (tmp_path / "long.toml").write_text('[jaw]\nlength = "3 m"')
     with pytest.raises(ValueError, match=r"long\.toml: `jaw\.length`, .* must let the links close"):
         run(Options(out=tmp_path, scene=tmp_path / "long.toml"), Console(quiet=True))
+
+
+def test_a_search_says_what_is_unusual_before_it_begins(tmp_path, capfd):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ValueError, match="`out`"):
+        run(Options(out=tmp_path / "file", overrides=(("young", "20.7 GPa"),)), Console())
+    assert "unusual: " in capfd.readouterr().err
+
+
+def test_slopes_of_an_optimum_that_does_not_settle(monkeypatch):
+    """They are of the statistic that the objective is made of."""
+
+    @dataclass(frozen=True)
+    class Regime:
+        statistics: None = None
+        state: None = None
+
+    @dataclass(frozen=True)
+    class Report:
+        regime: Regime
+
+    asked = []
+
+    def report(build, metric, point, **_):
+        asked.append((metric, point))
+        return Report(Regime())
+
+    monkeypatch.setattr(stages.jc, "gradient_report", report)
+    best = SimpleNamespace(values={"speed": 30.0})
+    found = stages._slopes(resolve(Options(objective="energy", **SMALL)), best)
+    assert asked == [("drive_power", {"speed": 30.0})] and found == Report(Regime())
+
+
+@pytest.mark.parametrize("outside_counts", [True, False])
+def test_a_descent_keeps_inside_the_model_if_asked(monkeypatch, outside_counts):
+    rows = {"stable": [True], "inside_model": [False], "objective": [2.0], "slope": np.ones((1, 2))}
+    monkeypatch.setattr(smooth, "solve", lambda case, units: rows)
+    case = replace(resolve(Options(**SMALL)).case, inside_model=not outside_counts)
+    value, _ = smooth.objective(case)(np.full(2, 0.5))
+    assert value == 2.0 if outside_counts else np.isnan(value)
 
 
 def test_folder_that_cannot_be_written(tmp_path):

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.orbits import transient, tries
+from jaxcrusher.orbits import forced, transient, tries
+from jaxcrusher.orbits.multipliers import multipliers
 from jaxcrusher.orbits.result import RESULTS, WAYS
 from jaxcrusher.orbits.solving import solved
 from jaxcrusher.orbits.transient import Round, Wait
-from jaxcrusher.orbits.tries import UNSURE, Search, Try, searched
+from jaxcrusher.orbits.tries import MOST_STEPS, UNSURE, Search, Try, searched
 
 # Near a harmonic of the drive Newton's method fails from rest. RMS of 20 turns after 3000 from the
 # start in contact, at a tolerance of 1e-9, by the integrator.
@@ -46,13 +47,17 @@ def test_where_motions_coexist_the_answer_is_what_the_machine_comes_to():
     assert quiet.stable and float(quiet.foundation_rms) == pytest.approx(20931.5, abs=0.1)
 
 
-def test_multipliers_of_a_contact_that_damps_too_fast_for_the_usual_steps():
+@pytest.mark.parametrize("impact_velocity", [1e-4, 1e-6])
+def test_multipliers_of_a_contact_that_damps_too_fast_for_the_usual_steps(impact_velocity):
     """A small impact velocity damps a contact to rest within a thousandth of a turn."""
-    scene = jc.paper_scene(30.0, 0.06e-3, impact_velocity=1e-4)
+    scene = jc.paper_scene(30.0, 0.06e-3, impact_velocity=impact_velocity)
     usual = jc.periodic_orbit(scene, nodes=96)
     assert usual.stable and usual.multipliers_error < UNSURE
     found, _ = solved(scene, None, 1, 96)
     assert not found.multipliers.error < 1  # what `jax.jit` has
+    if impact_velocity < 1e-5:  # steps of the shortest length overflow too
+        shortest = multipliers(forced.system(scene, 1), found.x, MOST_STEPS)
+        assert not shortest.error < 1
     # By the integrator, slice by slice; at this tolerance it leaves 1e-8 of the largest.
     section = jc.poincare_section(scene, 0, 1, slices=64, state=usual.section, rtol=1e-10)
     matrix = np.eye(4)

@@ -37,6 +37,11 @@ OPENED = {
 }
 
 
+def test_what_is_counted_is_whole():
+    for name in ("rollers.bearings", "rollers.count"):
+        assert PARAMETERS[name].default % 1 == 0
+
+
 def test_defaults_are_tables_1_and_2():
     machine = build_machine({})
     bodies = {
