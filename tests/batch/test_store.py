@@ -25,6 +25,7 @@ from jaxcrusher.batch.layout import Layout, Memory
 from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import ChunkStore
 from jaxcrusher.batch.sweep import columns_of, plan
+from jaxcrusher.files.table import Column
 from jaxcrusher.motion.statistic import STATISTICS, chosen
 
 # The store alone is filled with made-up numbers: no JAX in it, so that it can be killed often.
@@ -223,6 +224,14 @@ def test_memory_holds_what_the_store_holds(tmp_path):
     kept = xr.open_zarr(tmp_path / "store", consolidated=True).load()
     xr.testing.assert_identical(memory.dataset(), kept)
     assert bool(kept.foundation_rms[1:].isnull().all()) and not bool(kept.success[1:].any())
+
+
+def test_values_of_a_design_have_as_many_entries_as_their_dims():
+    layout = replace(LAYOUT, further={"turn": 3, "joint": np.array(["main", "elbow"])})
+    column = Column("1", "a number of each turn and joint", dims=("turn", "joint"))
+    assert layout.inner(column) == (3, 2) and layout.inner(Column("1", "a scalar")) == ()
+    assert [*layout.coordinates()["joint"][1]] == ["main", "elbow"]
+    assert "turn" not in layout.coordinates()
 
 
 def test_foreign_folder_is_refused(tmp_path):

@@ -11,6 +11,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.moving_frame import frame_at, frame_units
 from jaxcrusher.crusher.starts import Given
+from jaxcrusher.scenes.parameters import PARAMETERS
 
 ROD = {"rod.stiffness": 3e5, "rod.preload": 2e4, "rod.damping": 2e3}
 LOOSE = {f"{joint}.clearance": 1e-4 for joint in ("elbow", "pivot")}
@@ -106,6 +107,10 @@ def test_a_frame_on_supports_is_pulled_by_it(kind):
     np.testing.assert_allclose((force - expected).array(), 0, atol=1e-11 * size)
     turned = scene.supports.inertia * frame.spin_up
     assert float(moment) == pytest.approx(float(turned), abs=1e-11 * size)
+
+
+def test_its_frame_end_is_by_default_behind_and_below_the_seat_of_the_toggle():
+    assert PARAMETERS["rod.x"].default < 0 and PARAMETERS["rod.y"].default < 0
 
 
 def test_tension_is_preload_where_it_was_set():

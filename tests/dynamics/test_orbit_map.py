@@ -137,6 +137,11 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
         orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine, period=2)
 
 
+def test_a_period_is_whole():
+    with pytest.raises(ValueError, match=r"^Argument `period` must be a whole number >= 1"):
+        orbit_map({"speed": [25.0, 30.0]}, period=0)
+
+
 def _with_law(speed, gap):
     return jc.paper_scene(speed, gap * 1e-3)
 
