@@ -487,6 +487,19 @@ def test_bounds_of_cells_hold_what_a_function_hides():
     # With the exact second derivatives (2, 4, 1, 1) twice over, by hand.
     expected = 2 * (2 * 0.1**2 + 4 * 0.125**2 + 2 * 0.1 * 0.125) / 2
     np.testing.assert_allclose(hidden, expected, rtol=1e-12)
+    # A map of the box has slopes by its parameters, and cells of its own size.
+    case = resolve(Options(**SMALL)).case
+    widths = [high - low for low, high in case.design.bounds.values()]
+    values, dims = height(x, y), ("speed", "clearance")
+    columns = {
+        "objective": (dims, values),
+        "slope": ((*dims, "parameter"), slopes / widths),
+        "counts": (dims, np.ones(x.shape, bool)),
+    }
+    best = SimpleNamespace(objective=float(fine.min()), half_width=0.0)
+    bound = optimality_bound(case, xr.Dataset(columns), best)
+    assert bound.curvature == pytest.approx(expected, rel=1e-12)
+    assert bound.within == pytest.approx(best.objective - lowest.min(), rel=1e-9)
     # An increasing function has its least at the corner, where nothing falls inwards.
     flat, none = cell_bounds(x + y, np.ones((*x.shape, 2)), sizes)
     assert flat.min() == 0 and not none.any()
