@@ -496,7 +496,7 @@ def test_bounds_of_cells_hold_what_a_function_hides():
         "slope": ((*dims, "parameter"), slopes / widths),
         "counts": (dims, np.ones(x.shape, bool)),
     }
-    best = SimpleNamespace(objective=float(fine.min()), half_width=0.0)
+    best = SimpleNamespace(objective=float(fine.min()), half_width=0.0, settles=True)
     bound = optimality_bound(case, xr.Dataset(columns), best)
     assert bound.curvature == pytest.approx(expected, rel=1e-12)
     assert bound.within == pytest.approx(best.objective - lowest.min(), rel=1e-9)
