@@ -157,7 +157,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         """Say how disturbances of an unstable orbit grow."""
         error = float(self.multipliers_error)
         if not np.isfinite(self.multipliers).all() or not error < 1:
-            return "Its multipliers are not known, so it is not known whether disturbances die."
+            return "Its multipliers are not known. Disturbances of it may die or grow."
         largest = max(np.asarray(self.multipliers).tolist(), key=abs)
         if abs(largest) <= 1:
             return f"Its largest multiplier is 1 within the error of multipliers, {error:.1g}."

@@ -89,12 +89,13 @@ def integrated_multipliers(
 
     The tangents are integrated beside the motion; NaN, and infinite, where that fails.
     """
-    matrix, error = eqx.filter_jit(_matrix)(scene, state, jnp.asarray(period))
+    matrix, error = _matrix(scene, state, jnp.asarray(period))
     good = jnp.all(jnp.isfinite(matrix))
     values = jnp.linalg.eigvals(jnp.where(good, matrix, 0.0))
     return jnp.where(good, values, jnp.nan), jnp.where(jnp.isnan(error), jnp.inf, error)
 
 
+@eqx.filter_jit
 def _matrix(
     scene: Scene, state: Float[Array, " dims"], period: Int[Array, ""]
 ) -> tuple[Float[Array, "dims dims"], Scalar]:

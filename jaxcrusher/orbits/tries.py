@@ -114,9 +114,10 @@ class Search(NamedTuple):
                 orbit = dataclasses.replace(orbit, result=RESULTS.not_closed)
                 break
             guess, count = orbit.eccentricity, 2 * count
+        known = not bool(orbit.success) or bool(orbit.multipliers_error <= UNSURE)
         # Stiff springs of a frame would take the integrator minutes.
-        known = bool(orbit.multipliers_error <= UNSURE) or self.still.supports is not None
-        if known or not bool(orbit.success):
+        framed = self.still.supports is not None
+        if known or framed or not can_be_shot(self.still, orbit.section):
             return Try(sloped, orbit)
         values, error = integrated_multipliers(self.still, orbit.section, turns)
         both = (
