@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float, Scalar
+from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Scalar
 
 from jaxcrusher.basics.loops import on_a_gpu
 from jaxcrusher.orbits.collocation import System
@@ -86,9 +86,13 @@ def of_slopes(
     error = jnp.max(jnp.abs(fine - coarse)) / jnp.max(jnp.abs(fine)) / 63
     # Where steps overflow nothing is known.
     error = jnp.where(jnp.isnan(error), jnp.inf, error)
-    good = jnp.all(jnp.isfinite(fine))
-    values = jnp.linalg.eigvals(jnp.where(good, fine, 0.0))
-    return Multipliers(jnp.where(good, values, jnp.nan), fine, error, closure)
+    values = eigenvalues(fine, jnp.all(jnp.isfinite(fine)))
+    return Multipliers(values, fine, error, closure)
+
+
+def eigenvalues(matrix: Float[Array, "n n"], good: Bool[ArrayLike, ""]) -> Complex[Array, " n"]:
+    """Return those of a matrix; NaN unless it is `good`, for LAPACK takes finite numbers only."""
+    return jnp.where(good, jnp.linalg.eigvals(jnp.where(good, matrix, 0.0)), jnp.nan)
 
 
 def _monodromies(

@@ -156,7 +156,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     def _growth(self) -> str:
         """Say how disturbances of an unstable orbit grow."""
         error = float(self.multipliers_error)
-        if not np.isfinite(self.multipliers).all() or not error < 1:
+        if not error < 1:
             return "Its multipliers are not known. Disturbances of it may die or grow."
         largest = max(np.asarray(self.multipliers).tolist(), key=abs)
         if abs(largest) <= 1:

@@ -20,6 +20,7 @@ from jaxcrusher.motion.statistic import Chosen, Sampled, Statistic, chosen, stat
 from jaxcrusher.motion.tangents import same, sloped_turn
 from jaxcrusher.orbits import newton
 from jaxcrusher.orbits.forced import unknowns
+from jaxcrusher.orbits.multipliers import eigenvalues
 from jaxcrusher.orbits.problem import least_penetrations
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from jaxcrusher.orbits.section_map import along, chained, passed
@@ -61,7 +62,6 @@ def closed(scene: Scene, guess: Float[Array, " dims"], period: int) -> Closed:
 @eqx.filter_jit
 @design_by_design
 def _closed(scene: Scene, guess: Float[Array, " dims"], period: Int[Array, ""]) -> Closed:
-
     def closer(start: Array, now: Array) -> tuple[Array, tuple]:
         rtol, tolerance = now
 
@@ -90,9 +90,8 @@ def integrated_multipliers(
     The tangents are integrated beside the motion; NaN, and infinite, where that fails.
     """
     matrix, error = _matrix(scene, state, jnp.asarray(period))
-    good = jnp.all(jnp.isfinite(matrix))
-    values = jnp.linalg.eigvals(jnp.where(good, matrix, 0.0))
-    return jnp.where(good, values, jnp.nan), jnp.where(jnp.isnan(error), jnp.inf, error)
+    values = eigenvalues(matrix, jnp.all(jnp.isfinite(matrix)))
+    return values, jnp.where(jnp.isnan(error), jnp.inf, error)
 
 
 @eqx.filter_jit
@@ -146,7 +145,6 @@ def _described(
     apart = table[RMS].reduction.of_pieces(rough) / values[RMS] - 1
     good = found.result == newton.RESULTS.successful
     result = RESULTS.promote(newton.RESULTS.successful)
-    eigenvalues = jnp.linalg.eigvals(jnp.where(good, found.matrix, 0.0))
     return built(
         scene,
         period,
@@ -156,7 +154,7 @@ def _described(
         result=RESULTS.where(good, result, RESULTS.not_closed),
         error=jax.lax.stop_gradient(jnp.abs(apart)),
         least_penetration=jnp.min(least_penetrations(path)),
-        multipliers=jnp.where(good, eigenvalues, jnp.nan),
+        multipliers=eigenvalues(found.matrix, good),
         multipliers_error=found.matrix_error,
         way=WAYS.shooting,
         steps=found.steps,

@@ -14,7 +14,7 @@ all: see `jaxcrusher.orbits.solving`.
 import dataclasses
 import logging
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -71,7 +71,11 @@ class Try(NamedTuple):
 
     def found(self, way: WAYS) -> "Try":
         """Say by which way a guess came about."""
-        return Try(*(dataclasses.replace(orbit, way=way) for orbit in self))
+        return self.replaced(way=way)
+
+    def replaced(self, **fields: Any) -> "Try":
+        """Return both with other values of some fields."""
+        return Try(*(dataclasses.replace(orbit, **fields) for orbit in self))
 
 
 class Search(NamedTuple):
@@ -114,17 +118,18 @@ class Search(NamedTuple):
                 orbit = dataclasses.replace(orbit, result=RESULTS.not_closed)
                 break
             guess, count = orbit.eccentricity, 2 * count
+        return self.with_multipliers(Try(sloped, orbit))
+
+    def with_multipliers(self, found: Try) -> Try:
+        """Return an orbit with multipliers by the integrator, if steps leave them unsure."""
+        orbit = found.orbit
         known = not bool(orbit.success) or bool(orbit.multipliers_error <= UNSURE)
         # Stiff springs of a frame would take the integrator minutes.
         framed = self.still.supports is not None
         if known or framed or not can_be_shot(self.still, orbit.section):
-            return Try(sloped, orbit)
-        values, error = integrated_multipliers(self.still, orbit.section, turns)
-        both = (
-            dataclasses.replace(one, multipliers=values, multipliers_error=error)
-            for one in (sloped, orbit)
-        )
-        return Try(*both)
+            return found
+        values, error = integrated_multipliers(self.still, orbit.section, orbit.period)
+        return found.replaced(multipliers=values, multipliers_error=error)
 
     def by_shooting(self, start: Array, turns: int) -> Try:
         """Return the orbit through a section point near `start`."""

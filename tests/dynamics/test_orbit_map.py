@@ -137,11 +137,6 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
         orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine, period=2)
 
 
-def test_a_period_is_whole():
-    with pytest.raises(ValueError, match=r"^Argument `period` must be a whole number >= 1"):
-        orbit_map({"speed": [25.0, 30.0]}, period=0)
-
-
 def _with_law(speed, gap):
     return jc.paper_scene(speed, gap * 1e-3)
 
@@ -160,6 +155,7 @@ def test_a_scene_function_of_ones_own():
         ({"slopes": ("velocity",)}, "`slopes` must be a known name, but is 'velocity'"),
         ({"metric": "noise"}, "`metric` must be one of"),
         ({"nodes": 95}, "`nodes` must be even"),
+        ({"period": 0}, "`period` must be a whole number >= 1"),
         ({"base": {"impact_law": "tracked"}}, "`scene` must have a constant impact velocity"),
         ({"axes": {"speed": [-1.0]}}, "`speed` must be finite"),
     ],
