@@ -75,11 +75,9 @@ def of_slopes(
     variational equations; None is a defect of zero. That sum has the error of the rectangle rule,
     which vanishes fast for what is periodic.
     """
-    along = _first_order(slopes)
-    driven = jnp.zeros(along.shape[:2])
-    if defect is not None:
-        driven = jnp.concatenate([jnp.zeros_like(defect), defect], axis=1)
-    coarse, fine = _monodromies(along, driven, period, (steps // 2, steps))
+    if defect is None:
+        defect = jnp.zeros(slopes[0].shape[:2])
+    coarse, fine = _monodromies(slopes, defect, period, (steps // 2, steps))
     fine, closure = fine[:, :-1], fine[:, -1]
     coarse = coarse[:, :-1]
     # Twice the steps leave a 64th of the error.
@@ -96,14 +94,16 @@ def eigenvalues(matrix: Float[Array, "n n"], good: Bool[ArrayLike, ""]) -> Compl
 
 
 def _monodromies(
-    along: Array, driven: Array, period: Scalar, counts: tuple[int, int]
+    slopes: tuple[Array, ...], defect: Array, period: Scalar, counts: tuple[int, int]
 ) -> tuple[Array, Array]:
     """Multiply all steps, the last on the left, for either number of steps, powers of two.
 
-    The last column is what the drive adds up to.
+    The last column is what the defect adds up to.
     """
-    units, gauss = _looks(along, period, counts)
-    pushes = jnp.concatenate([resample(period / n * units * driven, n) for n in counts])
+    units, gauss = _looks(slopes, period, counts)
+    dims = defect.shape[1]
+    pushes = jnp.concatenate([period / n * units[dims:] * resample(defect, n) for n in counts])
+    pushes = jnp.concatenate([jnp.zeros_like(pushes), pushes], axis=1)
     scale = units[:, None] / jnp.append(units, 1.0)
     if on_a_gpu():
         coarse, fine = jnp.split(jax.vmap(_driven_step)(gauss, pushes), counts[:1])
@@ -118,7 +118,7 @@ def _monodromies(
         passed = jnp.where(begins, still, passed)
         return (before, _step(*looks) @ (passed + push[:, None] * last)), None
 
-    size = along.shape[1]
+    size = 2 * dims
     still, last = jnp.eye(size, size + 1), np.arange(size + 1) == size
     begins = np.arange(sum(counts)) == counts[0]
     one, other = jax.lax.scan(pass_on, (still, still), (gauss, pushes, begins))[0]
@@ -145,39 +145,37 @@ def fundamental(
 
     It is of df/dx and df/dx', as `of_slopes`.
     """
-    along = _first_order(slopes)
-    units, gauss = _looks(along, period, (steps,))
+    units, gauss = _looks(slopes, period, (steps,))
     scale = units[:, None] / units
 
     def pass_on(passed: Array, looks: tuple[Array, ...]) -> tuple[Array, Array]:
         return _step(*looks) @ passed, passed
 
-    last, before = jax.lax.scan(pass_on, jnp.eye(along.shape[1]), gauss)
+    last, before = jax.lax.scan(pass_on, jnp.eye(len(units)), gauss)
     return before / scale, last / scale
 
 
-def _first_order(slopes: tuple[Float[Array, "n dims dims"], ...]) -> Array:
-    """Return d(x', x'') / d(x, x') at each instant."""
-    by_x, by_rate = slopes
-    zero, eye = jnp.zeros_like(by_x), jnp.broadcast_to(np.eye(by_x.shape[1]), by_x.shape)
-    upper, lower = (jnp.concatenate(row, axis=2) for row in ((zero, eye), (by_x, by_rate)))
-    return jnp.concatenate([upper, lower], axis=1)
-
-
 def _looks(
-    along: Array, period: Scalar, counts: tuple[int, ...]
+    slopes: tuple[Array, ...], period: Scalar, counts: tuple[int, ...]
 ) -> tuple[Array, tuple[Array, ...]]:
-    """Return the units of a disturbance, and the equations at Gauss' points of each step."""
-    dims = along.shape[1] // 2
+    """Return the units of a disturbance, and d(x', x'') / d(x, x') at Gauss' points of each step.
+
+    In these units, and a step long. One transform of the slopes serves all points.
+    """
+    by_x, dims = slopes[0], slopes[0].shape[1]
     # Rates in the unit of the fastest swing, so that all entries are of one size.
-    pace = jnp.sqrt(jnp.max(jnp.abs(along[:, dims:, :dims])))
+    pace = jnp.sqrt(jnp.max(jnp.abs(by_x)))
     units = jnp.concatenate([jnp.ones(dims), jnp.full(dims, 1 / pace)])
-    scale = units[:, None] / units
+    scale, upper = units[:, None] / units, np.eye(dims, 2 * dims, dims)
+    lower = jnp.concatenate(slopes, axis=2)
+
+    def looked(count: int, shift: float) -> Array:
+        found = resample(lower, count, shift)
+        both = jnp.concatenate([jnp.broadcast_to(upper, found.shape), found], axis=1)
+        return period / count * scale * both
+
     points = (-GAUSS, 0.0, GAUSS)
-    return units, tuple(
-        jnp.concatenate([resample(period / n * scale * along, n, 0.5 + off) for n in counts])
-        for off in points
-    )
+    return units, tuple(jnp.concatenate([looked(n, 0.5 + off) for n in counts]) for off in points)
 
 
 def _step(early: Array, first: Array, late: Array) -> Array:
