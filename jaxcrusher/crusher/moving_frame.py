@@ -154,28 +154,24 @@ def with_frame(
         return mechanism(None)
     frame = frame_units(scene).motion(state)
     own, turned = _on_frame(foundation, frame, machine.gravity)
-
-    def under(a_x: Scalar, a_y: Scalar, spin_up: Scalar) -> InertialForces:
-        return _inertial(scene, frame, shaft, chain, Vector(a_x, a_y), spin_up)
+    under = _inertial(scene, frame, shaft, chain)
 
     def residual(*unknown: Scalar) -> list[Scalar]:
-        inertial = under(*unknown)
-        now = dataclasses.replace(mechanism(inertial), inertial=inertial)
-        first, second, third = forces_on_frame(machine, now)
-        pushed = first + second + third + own
-        moment = moment_on_frame(machine, now, foundation.point) + turned
-        left = foundation.mass * Vector(*unknown[:2]) - pushed
+        now = under(*unknown)
+        now = dataclasses.replace(mechanism(now), inertial=now)
+        forces = forces_on_frame(machine, now)
+        moment = moment_on_frame(machine, now, forces, foundation.point) + turned
+        left = foundation.mass * Vector(*unknown[:2]) - sum(forces, own)
         return [left.x, left.y, foundation.inertia * unknown[2] - moment]
 
     zero, one = jnp.zeros_like(shaft.speed), jnp.ones_like(shaft.speed)
-    at_rest, columns = [zero] * 3, []
-    for i in range(3):
+    at_rest, linear = jax.linearize(residual, zero, zero, zero)
 
-        def along(unknown: Scalar, i: int = i) -> list[Scalar]:
-            return residual(*(unknown if k == i else zero for k in range(3)))
+    def along(unknown: Scalar, i: int) -> list[Scalar]:
+        return linear(*(unknown if k == i else zero for k in range(3)))
 
-        at_rest, column = jax.jvp(along, (zero,), (one,))
-        columns.append(column)
+    # By its derivative, which has no terms of the other two.
+    columns = [jax.jvp(lambda u, i=i: along(u, i), (zero,), (one,))[1] for i in range(3)]
     # The matrix is symmetric: what the frame feels of the mechanism's inertia.
     lower = {(i, j): columns[j][i] for i in range(3) for j in range(i + 1)}
     a_x, a_y, spin_up = solve_positive_definite(lower, [-one for one in at_rest])
@@ -195,24 +191,32 @@ def _on_frame(foundation: OnSupports, frame: FrameMotion, gravity: Scalar) -> tu
 
 
 def _inertial(
-    scene: AbstractScene,
-    frame: FrameMotion,
-    shaft: ShaftMotion,
-    chain: Chain,
-    acceleration: Vector,
-    spin_up: Scalar,
-) -> InertialForces:
-    """Return what an acceleration of the frame (in its axes) and its motion add to the bodies."""
+    scene: AbstractScene, frame: FrameMotion, shaft: ShaftMotion, chain: Chain
+) -> Callable[[Scalar, Scalar, Scalar], InertialForces]:
+    """Return what the frame's motion adds to the bodies, as a function of its accelerations.
+
+    These are the two of G, in the frame's axes, and that of the rotation.
+    """
     machine, foundation = scene.machine, scene.supports
     assert foundation is not None
     upright = Vector(0.0, -machine.gravity)
     lean = upright.seen_from(frame.axis) - upright
     places = mass_centres(machine, shaft, chain)
     rates = mass_centre_velocities(machine, shaft, chain)
-    found = []
-    for body, place, rate in zip(bodies_of(machine), places, rates, strict=True):
-        arm = place - foundation.point
-        felt = lean - acceleration - spin_up * arm.perp() + frame.spin**2 * arm
-        felt = felt - 2 * frame.spin * rate.perp()
-        found.append(Wrench(body.mass * felt, -body.inertia * spin_up))
-    return InertialForces(*found)
+    arms = [place - foundation.point for place in places]
+    felt = [
+        lean + frame.spin**2 * arm - 2 * frame.spin * rate.perp()
+        for arm, rate in zip(arms, rates, strict=True)
+    ]
+
+    def under(a_x: Scalar, a_y: Scalar, spin_up: Scalar) -> InertialForces:
+        found = [
+            Wrench(
+                body.mass * (steady - Vector(a_x, a_y) - spin_up * arm.perp()),
+                -body.inertia * spin_up,
+            )
+            for body, arm, steady in zip(bodies_of(machine), arms, felt, strict=True)
+        ]
+        return InertialForces(*found)
+
+    return under

@@ -133,7 +133,7 @@ def ground_moment(s: Snapshot, scene: Scene) -> Scalar:
     frame.
     """
     point = Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
-    return moment_on_frame(scene.machine, s, point)
+    return moment_on_frame(scene.machine, s, forces_on_frame(scene.machine, s), point)
 
 
 def drive_torque(s: Snapshot, scene: Scene) -> Scalar:

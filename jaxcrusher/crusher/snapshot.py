@@ -195,12 +195,15 @@ def forces_on_frame(machine: Machine, s: Snapshot) -> tuple[Vector, ...]:
     return tuple(one + added.force for one, added in zip(found, s.inertial.all(), strict=True))
 
 
-def moment_on_frame(machine: Machine, s: Snapshot, point: Vector) -> Scalar:
+def moment_on_frame(
+    machine: Machine, s: Snapshot, forces: tuple[Vector, ...], point: Vector
+) -> Scalar:
     """The moment about a point (m) of what the three bodies pass to the frame, N m.
 
-    A drive that stands on the frame adds nothing, as its reaction is the frame's too.
+    `forces` are those of `forces_on_frame`. A drive that stands on the frame adds nothing, as its
+    reaction is the frame's too.
     """
-    places, forces = mass_centres(machine, s.shaft, s.chain), forces_on_frame(machine, s)
+    places = mass_centres(machine, s.shaft, s.chain)
     turning = s.shaft.acceleration, s.chain_acceleration.jaw, s.chain_acceleration.toggle
     total = jnp.zeros_like(s.shaft.speed)
     for place, force in zip(places, forces, strict=True):
