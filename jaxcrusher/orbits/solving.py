@@ -18,7 +18,7 @@ from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import AbstractMean, Chosen, chosen, statistics_of
 from jaxcrusher.orbits import forced, newton
-from jaxcrusher.orbits.collocation import System, Unfactored, attached
+from jaxcrusher.orbits.collocation import System, Unfactored, attached, collocate
 from jaxcrusher.orbits.lowering import lowered
 from jaxcrusher.orbits.multipliers import LOOKS, STEPS, Multipliers, of_slopes
 from jaxcrusher.orbits.newton import Factors
@@ -148,14 +148,13 @@ def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
         # Where Newton's method fails more nodes are of no use.
         failed = few.result != newton.RESULTS.successful
         settled = failed | (few.residual_error <= SETTLED)
-        start = resample(few.x, MOST_NODES * period)
-        orbit = jax.lax.cond(
-            settled,
-            lambda: dataclasses.replace(few, x=start),
-            lambda: dataclasses.replace(
-                solved(scene, start, period, MOST_NODES * period)[0], way=few.way
-            ),
-        )
+        start, system = resample(few.x, MOST_NODES * period), forced.system(scene, period)
+
+        def more() -> Nodes:
+            x, root = collocate(system, start)
+            return of_nodes(system, x, root.factors, few.way, root.result, root.steps)
+
+        orbit = jax.lax.cond(settled, lambda: dataclasses.replace(few, x=start), more)
         return _Refined(orbit, settled, few.x, factors)
 
     return found(scene, guess)
