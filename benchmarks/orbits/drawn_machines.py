@@ -57,7 +57,8 @@ def answered(kind: Kind, seed: int, i: int) -> Row | None:
     if not bool(orbit.success):
         known = any(word in orbit.failure for word in MOTIONS)
         return Row(kind.name, i, NAMED if known else UNKNOWN, orbit.failure, seconds=spent)
-    answer = STABLE if bool(orbit.stable) else UNSTABLE
+    doubted = UNSTABLE if bool(orbit.multipliers_error < 1) else UNKNOWN
+    answer = STABLE if bool(orbit.stable) else doubted
     rms, modulus = float(orbit.foundation_rms), float(orbit.largest_multiplier)
     words = orbit.found if answer == STABLE else orbit.instability
     return Row(kind.name, i, answer, words, orbit.period, rms, modulus, spent)

@@ -31,7 +31,7 @@ class Multipliers(eqx.Module):
 
     values: Complex[Array, " twodims"]
     monodromy: Float[Array, "twodims twodims"]  # d(x, x') at the end / at the beginning
-    error: Scalar  # estimated, of the matrix, relative to its largest entry; infinite: unknown
+    error: Scalar  # estimated, of the matrix, as `difference` measures it; infinite: unknown
     # (x, x') at the end less that at the beginning, of a motion that begins on the orbit's nodes
     closure: Float[Array, " twodims"]
 
@@ -81,7 +81,7 @@ def of_slopes(
     fine, closure = fine[:, :-1], fine[:, -1]
     coarse = coarse[:, :-1]
     # Twice the steps leave a 64th of the error.
-    error = jnp.max(jnp.abs(fine - coarse)) / jnp.max(jnp.abs(fine)) / 63
+    error = difference(coarse, fine) / 63
     # Where steps overflow nothing is known.
     error = jnp.where(jnp.isnan(error), jnp.inf, error)
     values = eigenvalues(fine, jnp.all(jnp.isfinite(fine)))
@@ -91,6 +91,15 @@ def of_slopes(
 def eigenvalues(matrix: Float[Array, "n n"], good: Bool[ArrayLike, ""]) -> Complex[Array, " n"]:
     """Return those of a matrix; NaN unless it is `good`, for LAPACK takes finite numbers only."""
     return jnp.where(good, jnp.linalg.eigvals(jnp.where(good, matrix, 0.0)), jnp.nan)
+
+
+def difference(coarse: Float[Array, "n n"], fine: Float[Array, "n n"]) -> Scalar:
+    """Return by what two monodromy matrices differ, as a share of the largest entry of `fine`.
+
+    Where that is below 1 disturbances die, and the difference itself is returned: of a contact that
+    leaves 1e-60 of a disturbance no digit is known, and none is needed.
+    """
+    return jnp.max(jnp.abs(fine - coarse)) / jnp.maximum(jnp.max(jnp.abs(fine)), 1.0)
 
 
 def _monodromies(

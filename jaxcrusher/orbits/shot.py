@@ -20,7 +20,7 @@ from jaxcrusher.motion.statistic import Chosen, Sampled, Statistic, chosen, stat
 from jaxcrusher.motion.tangents import same, sloped_turn
 from jaxcrusher.orbits import newton
 from jaxcrusher.orbits.forced import unknowns
-from jaxcrusher.orbits.multipliers import eigenvalues
+from jaxcrusher.orbits.multipliers import difference, eigenvalues
 from jaxcrusher.orbits.problem import least_penetrations
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from jaxcrusher.orbits.section_map import along, chained, passed
@@ -40,7 +40,7 @@ class Closed(eqx.Module):
 
     state: Float[Array, " dims"]
     matrix: Float[Array, "dims dims"]  # what a period makes of a disturbance
-    matrix_error: Scalar  # estimated, as a share of its largest entry
+    matrix_error: Scalar  # estimated, as `difference` measures it
     steps: Int[Array, ""]
     result: newton.RESULTS
 
@@ -98,13 +98,13 @@ def integrated_multipliers(
 def _matrix(
     scene: Scene, state: Float[Array, " dims"], period: Int[Array, ""]
 ) -> tuple[Float[Array, "dims dims"], Scalar]:
-    """Return what a period makes of a disturbance, and the error as a share of its largest entry.
+    """Return what a period makes of a disturbance, and its error.
 
-    A tolerance `COARSER` times as large tells the error.
+    It is the difference that a tolerance `COARSER` times as large makes.
     """
     tolerances = RTOL * jnp.array([COARSER, 1.0])
     coarse, fine = jax.lax.map(lambda rtol: _mapped(scene, state, period, rtol)[1], tolerances)
-    return fine, jnp.max(jnp.abs(fine - coarse)) / jnp.max(jnp.abs(fine))
+    return fine, difference(coarse, fine)
 
 
 def _mapped(

@@ -57,6 +57,18 @@ def test_multipliers_of_mathieus_equation(numbers, expected):
     assert found.error < 1e-9
 
 
+@pytest.mark.parametrize(("rate", "left"), [(20.0, 2.6e-55), (300.0, 0.0)])
+def test_what_dies_before_a_period_ends_has_known_multipliers(rate, left):
+    """A critical damping leaves exp(-2 pi rate) of a disturbance: of no digit, but surely little.
+
+    Its double root, of which rounding moves half of the digits, is known to a factor.
+    """
+    system = System(mathieu, jnp.asarray(2 * np.pi), jnp.array([rate**2, 0.0, 2 * rate]))
+    found = multipliers(system, jnp.zeros((8, 1)))
+    assert found.largest == pytest.approx(left, rel=0.5, abs=1e-300)
+    assert found.error < 1e-50
+
+
 def test_magnus_is_of_sixth_order():
     """Twice the steps leave a 64th of the error."""
     system = System(mathieu, jnp.asarray(2 * np.pi), jnp.array([4.0, 2.0, 0.1]))
