@@ -167,11 +167,14 @@ def with_frame(
     zero, one = jnp.zeros_like(shaft.speed), jnp.ones_like(shaft.speed)
     at_rest, linear = jax.linearize(residual, zero, zero, zero)
 
-    def along(unknown: Scalar, i: int) -> list[Scalar]:
-        return linear(*(unknown if k == i else zero for k in range(3)))
+    def column(i: int) -> list[Scalar]:
+        def along(unknown: Scalar) -> list[Scalar]:
+            return linear(*(unknown if k == i else zero for k in range(3)))
 
-    # By its derivative, which has no terms of the other two.
-    columns = [jax.jvp(lambda u, i=i: along(u, i), (zero,), (one,))[1] for i in range(3)]
+        # By its derivative, which has no terms of the other two unknowns.
+        return jax.jvp(along, (zero,), (one,))[1]
+
+    columns = [column(i) for i in range(3)]
     # The matrix is symmetric: what the frame feels of the mechanism's inertia.
     lower = {(i, j): columns[j][i] for i in range(3) for j in range(i + 1)}
     a_x, a_y, spin_up = solve_positive_definite(lower, [-one for one in at_rest])

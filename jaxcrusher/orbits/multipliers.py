@@ -96,8 +96,8 @@ def eigenvalues(matrix: Float[Array, "n n"], good: Bool[ArrayLike, ""]) -> Compl
 def difference(coarse: Float[Array, "n n"], fine: Float[Array, "n n"]) -> Scalar:
     """Return by what two monodromy matrices differ, as a share of the largest entry of `fine`.
 
-    Where that is below 1 disturbances die, and the difference itself is returned: of a contact that
-    leaves 1e-60 of a disturbance no digit is known, and none is needed.
+    Where that is below 1 the difference itself is returned. Where a contact leaves 1e-60 of a
+    disturbance, for example, no digit is known, and none is needed.
     """
     return jnp.max(jnp.abs(fine - coarse)) / jnp.maximum(jnp.max(jnp.abs(fine)), 1.0)
 
