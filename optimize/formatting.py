@@ -15,7 +15,7 @@ from optimize.forces import FORCES, besides, name_of, opposed, quantity
 
 def number(value: float) -> str:
     """Return a number with five digits, or with all of those before the point."""
-    return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:.5g}"
+    return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.5g}"
 
 
 def interval(runs: Runs) -> str:
@@ -162,8 +162,8 @@ def limits(design: Confirmed) -> str:
     limits = [runs.validity for runs in design.transient.values()]
     return (
         "inside the contact model (half-width "
-        f"{max(float(one.half_width_ratio) for one in limits):.2f} bore radii, approach "
-        f"{max(float(one.impact_speed_ratio) for one in limits):.2f} of the elastic limit)"
+        f"{max(np.asarray(one.half_width_ratio) for one in limits):.2f} bore radii, approach "
+        f"{max(np.asarray(one.impact_speed_ratio) for one in limits):.2f} of the elastic limit)"
     )
 
 

@@ -23,11 +23,12 @@ from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.orbits.forced import refusal
-from jaxcrusher.orbits.load_sheet import SOURCE, Row, running_frequency, sheet
+from jaxcrusher.orbits.load_sheet import SOURCE, Row, joint_states, running_frequency, sheet
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.scene_file import read_range
 
+TITLE = "Load sheet of a jaw crusher's foundation"
 FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")
 # Statistic -> its name in the picture; of a clamped frame the first alone.
 CURVES = {"shaking_rms": "shaking force", "transmitted_rms": "force on the ground"}
@@ -66,6 +67,7 @@ def run(options: Foundation, console: Console) -> int:
         provenance("Load sheet of a foundation", scene=values)
         | {"rows": [asdict(row) for row in rows], "speed": speeds, **curves},
     )
+    console.print(f"{TITLE}: {joint_states(scene)}.", highlight=False, soft_wrap=True)
     for part in dict.fromkeys(row.part for row in rows):
         console.print(table(part, [row for row in rows if row.part == part]))
     if scene.supports is None:
@@ -87,7 +89,7 @@ def _speeds(options: Foundation, speed: float) -> tuple[float, float]:
 
 def _is_told(name: str) -> bool:
     """Whether the page's head names a number of the scene."""
-    return name.startswith(("foundation.", "counterweight.")) or name in ("speed", "clearance")
+    return name.startswith(("foundation.", "counterweight.")) or name == "speed"
 
 
 def run_up(values: dict[str, Any], speeds: np.ndarray) -> dict[str, np.ndarray]:
@@ -122,6 +124,7 @@ def draw(
                 if minutes[0] <= critical <= minutes[-1]:
                     ax.axvline(critical, color="C3", ls=style, lw=0.8)
     ax.set(xlabel="shaft speed, rpm", ylabel="force, kN", xlim=(minutes[0], minutes[-1]))
+    ax.set_title("ideal joints", fontsize=8)
     ax.set_ylim(bottom=0)
     ax.legend(fontsize=8)
     fig.tight_layout()
@@ -131,7 +134,7 @@ def draw(
 def _number(value: float | str) -> str:
     if isinstance(value, str):
         return value
-    return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:.4g}"
+    return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.4g}"
 
 
 def table(part: str, rows: Sequence[Row]) -> Table:
@@ -149,7 +152,7 @@ def cells(row: Row) -> tuple[str, ...]:
     if isinstance(row.phase, str):
         return row.name, _number(row.value), row.unit, row.remark
     phase = np.degrees(row.phase)
-    return row.name, _number(row.order), _number(row.value), row.unit, f"{phase:.1f}"
+    return row.name, _number(row.order), _number(row.value), row.unit, f"{phase:z.1f}"
 
 
 def across(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
@@ -177,6 +180,7 @@ def page(
         Environment(autoescape=True)
         .from_string(PAGE.read_text(encoding="utf-8"))
         .render(
+            title=f"{TITLE}: {joint_states(orbit.scene)}",
             parts=parts,
             orders=orders,
             harmonics=harmonics,

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy.linalg
 import xarray as xr
 from jaxtyping import Array, Float, Scalar
 
@@ -17,13 +18,20 @@ from jaxcrusher.files.table import Column, dataset
 
 COORDINATES = ("x", "y", "rotation")
 COLUMNS = {
-    "frequency": Column("Hz", "frequency"),
-    "damped_frequency": Column("Hz", "frequency of free vibration"),
-    "damping_ratio": Column("1", "damping ratio"),
+    "frequency": Column("Hz", "natural frequency without damping"),
+    "damping_ratio": Column("1", "damping ratio of the mode"),
     "share": Column("1", "share of the kinetic energy", dims=("coordinate",)),
+    "shape": Column("m, rad", "motion of G, of modal mass 1 kg m2", dims=("coordinate",)),
+}
+FREE_COLUMNS = {
+    "decay": Column("1/s", "rate of decay of a free motion"),
+    "damped_frequency": Column("Hz", "frequency of free vibration; 0 is overdamped"),
 }
 # Newton's steps to where the machine stands; its last one, as a share of the sag.
 STEPS, STANDING = 50, 1e-12
+# Rounding of the eigenvalues, over the largest of the matrix, which is normal without damping, and
+# that of a double eigenvalue, its root.
+ROUNDING, CRITICAL = 1e-13, 1e-6
 
 
 def natural_modes(scene: Scene) -> xr.Dataset:
@@ -37,11 +45,17 @@ def natural_modes(scene: Scene) -> xr.Dataset:
 
     - `scene`: with a frame on supports, and with concrete values.
 
-    **Returns:** an `xarray.Dataset` of the dimension `mode`: `frequency` (Hz) is the modulus of the
-    eigenvalue over 2 pi, `damping_ratio` its negative real part over its modulus, and
-    `damped_frequency` (Hz) its imaginary part over 2 pi. A pair of real eigenvalues is one mode, at
-    the root of their product, with a damping ratio of 1 or more. `share(mode, coordinate)` is how
-    much of the kinetic energy is in x, y and rotation of the frame's G.
+    **Returns:** an `xarray.Dataset`. Its dimension `mode` has the modes of M q'' + K q = 0:
+    `frequency` (Hz) is the natural frequency without damping, which a speed is compared with, and
+    `shape(mode, coordinate)` is the motion in x, y (m) and rotation (rad) of the frame's G that has
+    a modal mass of 1 kg m2. `share(mode, coordinate)` is how much of the kinetic energy is in each.
+    `damping_ratio` is shape' C shape / (2 omega), which leaves out that the dampers couple the
+    modes (Clough and Penzien, Dynamics of Structures, chapter 12).
+
+    The dimension `free` has the free motions with damping, which are the eigenvalues of M, C and K
+    together, by their modulus: `decay` (1/s) is the negative real part, and `damped_frequency` (Hz)
+    is the imaginary part over 2 pi. It is zero for an overdamped motion, which does not vibrate.
+    There are three free motions, and one more for each overdamped pair.
 
     Raises ValueError for a clamped frame, under `jax.jit`, and for a machine that topples.
     """
@@ -55,35 +69,33 @@ def natural_modes(scene: Scene) -> xr.Dataset:
     mass, damping, stiffness = matrices[:3]
     upright = np.isfinite(stiffness).all() and np.linalg.eigvalsh(stiffness).min() > 0
     require(bool(upright and left <= STANDING), "scene", toppled, "one that falls")
-    inverse = np.linalg.inv(mass)
-    upper = np.hstack([np.zeros((3, 3)), np.eye(3)])
-    lower = np.hstack([-inverse @ stiffness, -inverse @ damping])
-    found, vectors = np.linalg.eig(np.vstack([upper, lower]))
-    values = np.asarray(found, complex)
-    modes = [(one, other, k) for one, other, k in _pairs(values)]
-    modes.sort(key=lambda mode: abs(mode[0] * mode[1]))
-    sizes = np.sqrt([abs(one * other) for one, other, _ in modes])
-    sums = np.array([(one + other).real for one, other, _ in modes])
-    energies = [np.diag(mass) * np.abs(vectors[:3, k]) ** 2 for _, _, k in modes]
-    turns = 2 * np.pi
+    squares, shapes = scipy.linalg.eigh(stiffness, mass)
+    rates, dampers = np.sqrt(squares), shapes.T @ damping @ shapes
+    energies = np.diag(mass) * shapes.T**2
     told = {
-        "frequency": sizes / turns,
-        "damped_frequency": np.array([abs(np.imag(values)[k]) for _, _, k in modes]) / turns,
-        "damping_ratio": -sums / (2 * sizes),
-        "share": np.array([one / one.sum() for one in energies]),
+        "frequency": rates / (2 * np.pi),
+        "damping_ratio": np.diag(dampers) / (2 * rates),
+        "share": energies / energies.sum(axis=1, keepdims=True),
+        "shape": shapes.T,
     }
-    return dataset(("mode",), told, COLUMNS, {"coordinate": list(COORDINATES)})
+    decay, damped = _free(rates, dampers)
+    free = dataset(("free",), {"decay": decay, "damped_frequency": damped}, FREE_COLUMNS, {})
+    return dataset(("mode",), told, COLUMNS, {"coordinate": list(COORDINATES)}).merge(free)
 
 
-def _pairs(values: np.ndarray) -> list[tuple[complex, complex, int]]:
-    """Return eigenvalues two by two with the place of one: conjugates, and real ones in order."""
-    found = [(values[k], np.conj(values[k]), int(k)) for k in np.flatnonzero(np.imag(values) > 0)]
-    real = np.flatnonzero(np.imag(values) == 0)
-    real = real[np.argsort(np.abs(values[real]))]
-    # The slowest of overdamped motions goes with the fastest.
-    for slow, fast in zip(real[: len(real) // 2], real[::-1], strict=False):
-        found.append((values[slow], values[fast], int(slow)))
-    return found
+def _free(rates: np.ndarray, dampers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return decay (1/s) and frequency (Hz) of each free motion, the slowest first.
+
+    `rates` (rad/s) are those of the modes without damping, `dampers` (1/s) couple them.
+    """
+    # Of the modes' velocities and of their displacements times their rates.
+    matrix = np.block([[np.zeros((3, 3)), np.diag(rates)], [-np.diag(rates), -dampers]])
+    values = np.linalg.eigvals(matrix)
+    size, decay, swing = np.abs(values), -np.real(values), np.imag(values)
+    decay = np.where(np.abs(decay) > ROUNDING * np.abs(matrix).max(), decay, 0.0)
+    swing = np.where(np.abs(swing) > CRITICAL * size, swing, 0.0)
+    kept = [k for k in np.argsort(size) if swing[k] >= 0]  # one of each pair
+    return decay[kept], swing[kept] / (2 * np.pi)
 
 
 @jax.jit

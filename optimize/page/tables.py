@@ -12,7 +12,7 @@ from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
 from jaxcrusher.motion import statistic
 from jaxcrusher.motion.statistic import STATISTIC, always_with, chosen
-from jaxcrusher.orbits.load_sheet import SOURCE, Row
+from jaxcrusher.orbits.load_sheet import SOURCE, Row, joint_states
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, in_words, readable
 from jaxcrusher.scenes.plausibility import borrowed
@@ -117,25 +117,37 @@ def load_sheet(found: Answer) -> Table | None:
     """Return the load sheets of the foundation side by side; None where no design has one."""
     if not found.load_sheets:
         return None
-    rows = []
-    for same in zip(*found.load_sheets.values(), strict=True):
-        first = same[0]
-        order = f", order {first.order:g}" if first.order else ""
-        rows.append((f"{first.name}{order}, {first.unit}", *map(_carried, same)))
-    sheets = found.load_sheets.values()
-    judged = any("zone" in row.remark for sheet in sheets for row in sheet)
+    sheets = [{_heading(row): row for row in sheet} for sheet in found.load_sheets.values()]
+    # An overdamped design has more free motions than another.
+    part_of = {heading: row.part for sheet in sheets for heading, row in sheet.items()}
+    parts = list(dict.fromkeys(part_of.values()))
+    rows = [
+        (heading, *(_carried(sheet[heading]) if heading in sheet else "" for sheet in sheets))
+        for heading in sorted(part_of, key=lambda heading: parts.index(part_of[heading]))
+    ]
+    judged = any("zone" in row.remark for sheet in sheets for row in sheet.values())
     zones = f" Zones of {SOURCE}." if judged else ""
+    states = [
+        f" Of the {name} the {joint_states(design.orbit.solution.scene)}."
+        for name, design in found.designs.items()
+        if name in found.load_sheets and design.orbit is not None
+    ]
     about = (
         "Forces on the ground: x to the right, y up. Harmonics of the shaft's speed have their "
-        f"phase, by the angle from the right.{zones}"
+        f"phase, by the angle from the right.{zones}{''.join(states)}"
     )
     return Table(("", *found.load_sheets), rows, about=about)
 
 
+def _heading(row: Row) -> str:
+    order = f", order {row.order:g}" if row.order else ""
+    return f"{row.name}{order}, {row.unit}"
+
+
 def _carried(row: Row) -> str:
-    phase = "" if isinstance(row.phase, str) else f" at {math.degrees(row.phase):.0f}°"
+    phase = "" if isinstance(row.phase, str) else f" at {math.degrees(row.phase):z.0f}°"
     remark = f" ({row.remark})" if row.remark else ""
-    return f"{row.value:.4g}{phase}{remark}"
+    return f"{formatting.number(row.value)}{phase}{remark}"
 
 
 def checks(found: Answer) -> Table:

@@ -708,6 +708,16 @@ def test_narrow_window_needs_no_sideways_scrolling(phone):
     assert len(sizes) > 20 and min(sizes) >= 9, min(sizes)
 
 
+def test_nothing_is_folded_on_paper(phone):
+    shown = """return [...document.querySelectorAll("details > :not(summary)")].map((one) =>
+        one.checkVisibility({contentVisibilityAuto: true}) && one.offsetHeight > 0)"""
+    assert not any(phone.execute_script(shown))
+    phone.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    on_paper = phone.execute_script(shown)
+    phone.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
+    assert len(on_paper) > 1 and all(on_paper)
+
+
 def test_dark_and_light(phone):
     """Text stands off its ground in both, as far as WCAG asks (7 for small letters)."""
     contrasts = []
@@ -729,22 +739,30 @@ def luminance(colour: str) -> float:
 
 
 def test_load_sheets_stand_side_by_side():
-    def sheet(value: float) -> list[Row]:
+    def sheet(value: float, *more: Row) -> list[Row]:
         return [
+            *more,
             Row("harmonics", "left force, vertically", 2.0, value, "N", np.pi / 2),
             Row("motion", "RMS velocity of G", "", value, "mm/s", remark="zone A, rigid support"),
         ]
 
-    found: Any = SimpleNamespace(load_sheets={"optimum": sheet(12.0), "scene file": sheet(34.0)})
+    # A design may have a free motion more, and a phase that rounds to zero.
+    free = Row("harmonics", "left force, vertically", 1.0, -0.0, "N", -1e-3)
+    sheets = {"optimum": sheet(12.0), "scene file": sheet(34.0, free)}
+    solution = SimpleNamespace(scene=jc.ideal_scene(30.0))
+    design = SimpleNamespace(orbit=SimpleNamespace(solution=solution))
+    found: Any = SimpleNamespace(load_sheets=sheets, designs=dict.fromkeys(sheets, design))
     table = tables.load_sheet(found)
     assert table is not None and table.headings == ("", "optimum", "scene file")
     assert table.rows == [
         ("left force, vertically, order 2, N", "12 at 90°", "34 at 90°"),
+        ("left force, vertically, order 1, N", "", "0 at 0°"),
         (
             "RMS velocity of G, mm/s",
             "12 (zone A, rigid support)",
             "34 (zone A, rigid support)",
         ),
     ]
-    assert "ISO 20816-3" in table.about
+    assert "ISO 10816-3:2009" in table.about
+    assert "Of the optimum the main bearing A is ideal, elbow B is ideal" in table.about
     assert tables.load_sheet(cast(Any, SimpleNamespace(load_sheets={}))) is None

@@ -4,9 +4,10 @@ import itertools
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import jaxcrusher as jc
-from jaxcrusher.orbits.load_sheet import SAMPLES, ZONES, sheet, zone
+from jaxcrusher.orbits.load_sheet import SAMPLES, ZONES, joint_states, sheet, support_kind, zone
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +42,43 @@ def test_peaks_and_modes_are_the_orbit_s(orbit):
     assert peak == float(orbit["transmitted_peak"])
     away = rows["how far G comes from its mean place"]
     assert (away.unit, away.value) == ("um", 1e6 * float(orbit["frame_displacement_peak"]))
-    mode = rows["frequency of mode 1"]
+    mode = rows["undamped frequency of mode 1"]
     # Of three digits.
     times = mode.value / (31.0 / (2 * np.pi))
     assert mode.remark.startswith(f"{times:.3g} times the running frequency, most in ")
+    # Supports carry all weight, the frame feels what moves alone.
+    static = {row.name: row.remark for row in sheet(orbit, 1) if row.part == "static loads"}
+    assert static["left force, vertically"] == ""
+    assert static["ground moment"] == "of shaft, jaw and toggle alone"
+
+
+def test_a_support_is_rigid_or_flexible_in_each_direction():
+    """Soft springs horizontally, with vertical modes from 2.98 times the running frequency on."""
+    block = {"foundation.mass": 6e3, "foundation.x": 0.3, "foundation.y": 0.2, "joint": "ideal"}
+    block |= {"foundation.horizontal_stiffness": 1e6, "foundation.vertical_stiffness": 30e6}
+    scene = jc.build_scene(block | {"foundation.horizontal_damping": 50e3})
+    rows = {row.name: row for row in sheet(jc.periodic_orbit(scene), 1)}
+    upright = rows["RMS displacement of G, vertically"], rows["RMS velocity of G, vertically"]
+    # As measured by one who found both a zone too good.
+    assert [row.value for row in upright] == pytest.approx([70.5, 2.12], rel=2e-3)
+    assert [row.remark for row in upright] == ["zone C, rigid support", "zone B, rigid support"]
+    for place in ("G", "the main bearing"):
+        assert rows[f"RMS velocity of {place}, horizontally"].remark.endswith("flexible support")
+    decays = [row for row in rows.values() if row.name.startswith("decay of free motion")]
+    assert len(decays) == 3 and all("vibrates at" in row.remark for row in decays)
+
+
+def test_a_mode_counts_where_it_moves_the_place():
+    """Of a slow rocking mode G feels nothing, and a place above it moves horizontally alone."""
+    shapes = xr.DataArray([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]], dims=("mode", "coordinate"))
+    modes = xr.Dataset({"frequency": ("mode", [1.2, 3.0, 4.0]), "shape": shapes})
+    kinds = [
+        support_kind(modes, 1.0, np.array(arm), axis)
+        for arm in ([0.0, 0.0], [0.0, 1.0], [0.3, 0.3])
+        for axis in ("x", "y")
+    ]
+    # A rotation of 1 moves the last place by 0.3: 0.09 of 1.09 is less than a tenth.
+    assert kinds == ["rigid", "rigid", "flexible", "rigid", "rigid", "rigid"]
 
 
 def test_a_clamped_frame_has_a_shorter_sheet():
@@ -54,6 +88,19 @@ def test_a_clamped_frame_has_a_shorter_sheet():
     assert "ground force, vertically" in named and not any("support" in name for name in named)
     # The load and its reaction cancel, which rounding does not quite.
     assert next(row.value for row in rows if row.name == "ground force, horizontally") == 0.0
+    static = {row.remark for row in rows if row.part == "static loads"}
+    assert static == {"of shaft, jaw and toggle alone"}
+
+
+def test_the_title_says_the_state_of_each_joint():
+    ideal = joint_states(jc.ideal_scene(30.0))
+    assert ideal == "main bearing A is ideal, elbow B is ideal, pivot C is ideal"
+    worn = {"clearance": 6e-5, "elbow.clearance": 2e-5}
+    assert joint_states(jc.build_scene(worn)).startswith(
+        "main bearing A has a radial clearance of 0.06 mm, elbow B has a radial clearance of 0.02"
+    )
+    rolls = joint_states(jc.build_scene({"contact_law": "rollers"}))
+    assert rolls.startswith("main bearing A has rollers and a radial clearance of ")
 
 
 # ISO 10816-3:2009, table A.2, copied a second time.
@@ -72,3 +119,11 @@ def test_zones_are_those_of_the_standard(kind, quantity, edges):
         assert zone(kind, quantity, 0.999 * edge) == below
         assert zone(kind, quantity, 1.001 * edge) == above
     assert ZONES.keys() == {"rigid", "flexible"}
+
+
+@pytest.mark.parametrize("value", [np.nan, -1.0, np.inf])
+def test_what_is_no_rms_has_no_zone(value):
+    with pytest.raises(ValueError, match="`value` must be an RMS, finite and >= 0, but is"):
+        zone("rigid", "velocity", value)
+    with pytest.raises(ValueError, match="`kind` must be one of 'rigid', 'flexible'"):
+        zone("soft", "velocity", 1.0)

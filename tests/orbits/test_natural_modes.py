@@ -3,6 +3,7 @@
 import equinox as eqx
 import numpy as np
 import pytest
+import scipy.linalg
 
 import jaxcrusher as jc
 
@@ -23,6 +24,7 @@ PLAIN = {
     "joint": "ideal",
     "gravity": 0.0,
 }
+SIDES = ("horizontal", "vertical")
 PLAIN |= {f"{body}.mass": 1e-6 for body in ("shaft", "jaw", "toggle")}
 PLAIN |= {f"{body}.inertia": 1e-6 for body in ("shaft", "jaw", "toggle")}
 
@@ -38,18 +40,66 @@ def test_uncoupled():
     np.testing.assert_allclose(modes.frequency, frequency[order] / (2 * np.pi), rtol=1e-7)
     ratio = dampers / (2 * masses * frequency)
     np.testing.assert_allclose(modes.damping_ratio, ratio[order], rtol=1e-7)
-    damped = modes.frequency * np.sqrt(1 - ratio[order] ** 2)
+    damped = modes.frequency.values * np.sqrt(1 - ratio[order] ** 2)
     np.testing.assert_allclose(modes.damped_frequency, damped, rtol=1e-7)
+    np.testing.assert_allclose(modes.decay, ratio[order] * frequency[order], rtol=1e-7)
     np.testing.assert_allclose(modes.share, np.eye(3)[order], atol=1e-6)
+    still = jc.natural_modes(
+        jc.build_scene(PLAIN | {f"foundation.{one}_damping": 0.0 for one in SIDES})
+    )
+    # Not what rounding leaves: nothing takes energy.
+    assert not still.damping_ratio.any() and not still.decay.any()
+    np.testing.assert_allclose(still.frequency, modes.frequency, rtol=1e-12)
+
+
+def test_coupled():
+    """Modes are those of mass and stiffness alone, free motions the eigenvalues with dampers."""
+    beside = {"foundation.x": 0.2, "foundation.y": 0.3, "foundation.vertical_damping": 2e5}
+    modes = jc.natural_modes(jc.build_scene(PLAIN | beside))
+    mass = np.diag([5000.0, 5000.0, 2000.0])
+    # Of each support: how a motion (x, y, rotation) of G moves it.
+    moves = [np.array([[1, 0, 0.7], [0, 1, side - 0.2]]) for side in (-0.7, 0.7)]
+    stiffness = sum(one.T @ np.diag([2e6, 3e6]) @ one for one in moves)
+    damping = sum(one.T @ np.diag([1e4, 2e5]) @ one for one in moves)
+    squares, shapes = scipy.linalg.eigh(stiffness, mass)
+    # The mechanism has 3e-6 kg of 5000, at arms of a metre.
+    np.testing.assert_allclose(modes.frequency, np.sqrt(squares) / (2 * np.pi), rtol=1e-7)
+    np.testing.assert_allclose(np.abs(modes["shape"]), np.abs(shapes.T), rtol=1e-6)
+    ratio = np.diag(shapes.T @ damping @ shapes) / (2 * np.sqrt(squares))
+    np.testing.assert_allclose(modes.damping_ratio, ratio, rtol=1e-7)
+    upper, lower = np.hstack([0 * mass, np.eye(3)]), np.hstack([-stiffness, -damping])
+    values = np.linalg.eigvals(np.vstack([upper, np.linalg.solve(mass, lower)]))
+    expected = np.sort_complex(values[values.imag >= 0])
+    found = np.sort_complex(-modes.decay.values + 2j * np.pi * modes.damped_frequency.values)
+    assert len(found) == 4 and np.sum(found.imag == 0) == 2
+    np.testing.assert_allclose(found, expected, rtol=1e-6)
+
+
+def test_strong_dampers_do_not_move_natural_frequencies():
+    """A block of 6 t on soft springs: `scipy.linalg.eigh` of matrices by hand gives these Hz."""
+    block = {"foundation.mass": 6e3, "foundation.x": 0.3, "foundation.y": 0.2, "joint": "ideal"}
+    soft = {"foundation.horizontal_stiffness": 1e6, "foundation.vertical_stiffness": 15e6}
+    modes = jc.natural_modes(jc.build_scene(block | soft))
+    # As drawn, where the springs do not sag: to 1e-3.
+    np.testing.assert_allclose(modes.frequency, [2.6676, 10.0937, 14.8588], rtol=1e-3)
+    assert np.sum(modes.damped_frequency == 0) == 2
+    stiffer = soft | {"foundation.vertical_stiffness": 30e6}
+    assert (jc.natural_modes(jc.build_scene(block | stiffer)).frequency > modes.frequency).all()
 
 
 def test_overdamped():
     scene = jc.build_scene(PLAIN | {"foundation.vertical_damping": 6e5})
     modes = jc.natural_modes(scene)
     vertical = modes.isel(mode=int(np.argmax(modes.share.values[:, 1])))
-    assert float(vertical.damping_ratio) == pytest.approx(12e5 / (2 * 5000 * 1200**0.5), rel=1e-6)
+    ratio = 12e5 / (2 * 5000 * 1200**0.5)
+    assert float(vertical.damping_ratio) == pytest.approx(ratio, rel=1e-6)
     assert float(vertical.frequency) == pytest.approx(1200**0.5 / (2 * np.pi), rel=1e-6)
-    assert float(vertical.damped_frequency) == 0
+    # Vertically two motions without vibration, and as many of rotation.
+    rates = modes.decay.values[modes.damped_frequency == 0]
+    assert len(rates) == 4 and modes.sizes["free"] == 5
+    for sign in (-1, 1):
+        expected = 1200**0.5 * (ratio + sign * np.sqrt(ratio**2 - 1))
+        assert np.min(np.abs(rates / expected - 1)) < 1e-6
 
 
 def test_a_free_vibration():
@@ -58,10 +108,9 @@ def test_a_free_vibration():
     modes = jc.natural_modes(scene)
     orbit = jc.periodic_orbit(scene)
     turn = 2 * np.pi / 30
-    decay = 2 * np.pi * modes.frequency * modes.damping_ratio
     # The linkage moves through the turn, so that the block is not the same all the time: to 1 %.
     found = np.sort(np.log(np.abs(orbit.multipliers))[::2] / -turn)
-    np.testing.assert_allclose(found, np.sort(decay), rtol=1e-2)
+    np.testing.assert_allclose(found, np.sort(modes.decay), rtol=1e-2)
 
 
 def test_refused():

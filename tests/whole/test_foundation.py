@@ -10,6 +10,7 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.commands import foundation
 from jaxcrusher.commands.options import Crusher, Foundation, Results
+from jaxcrusher.orbits.load_sheet import Row, sheet
 
 BLOCK = (("foundation.mass", "6 t"), ("foundation.x", "0.3 m"), ("joint", "ideal"))
 
@@ -42,10 +43,26 @@ def test_files_of_a_sheet(tmp_path):
     rms = 1e3 * np.sqrt(np.mean(np.asarray(seen)[:, 1] ** 2))
     assert velocity == pytest.approx(rms, rel=1e-6)
     text, html = console.export_text(), (folder / "sheet.html").read_text()
-    for said in ("ISO 20816-3", "left force, vertically", "natural modes"):
+    joints = "Load sheet of a jaw crusher&#39;s foundation: main bearing A is ideal, elbow B is"
+    assert joints in html and joints.replace("&#39;", "'") in text.replace("\n", " ")
+    for said in ("ISO 10816-3:2009", "left force, vertically", "natural modes"):
         assert said in text and said in html
+    # An ideal joint has no clearance.
+    assert "clearance" not in html and "undamped natural frequency in red" in html
     assert re.search(r"foundation\.mass 6000 kg|foundation\.mass 6 t", html)
     assert (folder / "run_up.png").stat().st_size > 10_000
+
+
+def test_a_clamped_page_has_no_critical_speeds():
+    orbit = jc.periodic_orbit(jc.ideal_scene(30.0))
+    page = foundation.page(orbit, sheet(orbit, 1), [("speed", "30 rad/s")], "")
+    assert "all joints ideal" in page and "natural frequency" not in page and "red" not in page
+    assert page.count("of shaft, jaw and toggle alone") == 3
+
+
+def test_no_negative_zero_is_shown():
+    row = Row("harmonics", "left force", 1.0, -0.0, "N", -1e-5)
+    assert foundation.cells(row) == ("left force", "1", "0", "N", "0.0")
 
 
 def test_speeds_whose_harmonics_meet_a_natural_frequency_are_marked(monkeypatch, tmp_path):
