@@ -70,7 +70,6 @@ def confirmed(
         state = by_run.pop("state")[0]
         first = {name: jnp.asarray(column[0]) for name, column in by_run.items()}
         validity = limits_of(scene, first)
-        assert validity is not None
         settles = orbit is not None and orbit.stable and _in_contact(by_run)
         runs[start] = Runs(*numbers, validity, state, by_run, settles)
         if orbit is not None and settles:

@@ -97,7 +97,7 @@ def averages(cases: list[Case], load: str, slip: str) -> list[Row]:
                 load,
                 case,
                 "average",
-                all(bool(one.inside) for one in limits if one is not None),
+                all(bool(one.inside) for one in limits),
                 {name: mean for name, (mean, _) in both.items()},
                 {name: error for name, (_, error) in both.items()},
                 whirls,

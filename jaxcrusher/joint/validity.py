@@ -59,67 +59,81 @@ class RollerLoad(eqx.Module):
         return [f"{load:.2f} of the static rating, {pressure:.2f} of its pressure"]
 
 
-class Validity(eqx.Module):
-    """A motion against the limits of its contact model; all without unit."""
+def _within(ratio: Scalar | None, most: float) -> Bool[Array, "*batch"]:
+    """Whether a ratio is small enough; one that is not known is not."""
+    return jnp.asarray(False) if ratio is None else ratio <= most
 
-    half_width_ratio: Scalar  # Hertz's half-width over the bore's or a roller's radius, largest
-    impact_speed_ratio: Scalar  # fastest approach over that of an elastic impact
-    delivered_restitution: Scalar  # of the fastest impact, by the law's closed form
-    asked_restitution: Scalar
-    clearance_ratio: Scalar  # radial clearance over the bore radius
+
+class Validity(eqx.Module):
+    """A motion against the limits of its contact model; all without unit, None if not known."""
+
+    # Hertz's half-width over the bore's or a roller's radius, largest
+    half_width_ratio: Scalar | None = None
+    impact_speed_ratio: Scalar | None = None  # fastest approach over that of an elastic impact
+    delivered_restitution: Scalar | None = None  # of the fastest impact, by the law's closed form
+    asked_restitution: Scalar | None = None
+    clearance_ratio: Scalar | None = None  # radial clearance over the bore radius
     # Of further joints, by name, of a tension rod and of rollers.
     others: "Mapping[str, Validity | Tautness | RollerLoad]" = eqx.field(default_factory=dict)
+    # What would be needed to know the rest: names of statistics that were not asked for.
+    missing: tuple[str, ...] = eqx.field(static=True, default=())
 
     @property
     def hertzian(self) -> Bool[Array, "*batch"]:
         """Narrow enough a contact for Hertz's theory."""
-        return self.half_width_ratio <= WIDEST_CONTACT
+        return _within(self.half_width_ratio, WIDEST_CONTACT)
 
     @property
     def elastic(self) -> Bool[Array, "*batch"]:
         """No impact beyond the elastic limit."""
-        return self.impact_speed_ratio <= 1
+        return _within(self.impact_speed_ratio, 1)
 
     @property
     def restitution_kept(self) -> Bool[Array, "*batch"]:
         """Fastest impact rebounds as asked, as far as that is known."""
+        if self.delivered_restitution is None or self.asked_restitution is None:
+            return jnp.asarray(True)
         error = jnp.abs(self.delivered_restitution - self.asked_restitution)
         return jnp.isnan(error) | (error <= RESTITUTION_ERROR)
 
     @property
     def fitting(self) -> Bool[Array, "*batch"]:
         """A pin that nearly fills its bore."""
-        return self.clearance_ratio <= WIDEST_CLEARANCE
+        return _within(self.clearance_ratio, WIDEST_CLEARANCE)
 
     @property
     def inside(self) -> Bool[Array, "*batch"]:
-        """Fitting, Hertzian and elastic at each joint; without impacts restitution is no matter."""
-        own = self.fitting & self.hertzian & self.elastic
+        """Fitting, Hertzian and elastic at each joint; without impacts restitution is no matter.
+
+        A motion of which something is missing is not known to be inside.
+        """
+        own = self.fitting & self.hertzian & self.elastic & (not self.missing)
         return functools.reduce(operator.and_, [one.inside for one in self.others.values()], own)
 
     def verdict(self) -> str:
         """Say whether the motion is inside the model, and else why not (concrete values only)."""
         found = "; ".join(self.remarks())
-        return f"OUTSIDE the contact model: {found}" if found else "inside the contact model"
+        word = "NOT KNOWN to be inside" if self.missing else "OUTSIDE"
+        return f"{word} the contact model: {found}" if found else "inside the contact model"
 
     def remarks(self) -> list[str]:
-        """Say what is outside the model (concrete values only)."""
+        """Say what is outside the model, or not known to be inside (concrete values only)."""
         found = []
-        if not bool(self.fitting):
+        if self.clearance_ratio is not None and not bool(self.fitting):
             found.append(f"clearance {float(self.clearance_ratio):.2g} of the bore radius")
-        if not bool(self.hertzian):
+        if self.half_width_ratio is not None and not bool(self.hertzian):
             found.append(
                 f"contact {float(self.half_width_ratio):.2f} bore radii wide: not Hertzian"
             )
-        if not bool(self.elastic):
+        if self.impact_speed_ratio is not None and not bool(self.elastic):
             ratio = float(self.impact_speed_ratio)
             found.append(f"approaches at {ratio:.1f} times the elastic limit")
             if not bool(self.restitution_kept):
-                delivered, asked = float(self.delivered_restitution), float(self.asked_restitution)
+                delivered, asked = self.delivered_restitution, self.asked_restitution
                 found.append(f"restitution {delivered:.3f} for {asked:.3g}")
         for name, one in self.others.items():
             found += [f"{name}: {remark}" for remark in one.remarks()]
-        return found
+        return found + [f"not known without {name}" for name in self.missing]
 
 
 def validity(

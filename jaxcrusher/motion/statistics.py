@@ -3,7 +3,8 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -15,7 +16,7 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
-from jaxcrusher.joint.rollers import STATIC_PRESSURE
+from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
 from jaxcrusher.joint.validity import RollerLoad, Tautness, Validity, validity
 from jaxcrusher.motion.flow import Flow, by_angle, flat, unflattened
 from jaxcrusher.motion.integrate import (
@@ -43,6 +44,8 @@ from jaxcrusher.motion.statistic import (
 # that rests in the bore follows the joint force, which goes round at most once or twice.
 WHIRL_CONTACT = 0.99
 WHIRL_WINDING = 10.0
+# Statistics that tell whether the motion at a joint is inside the contact model.
+OF_CONTACT = ("penetration_ratio", "impact_speed")
 
 
 class AbstractOverTurns(AbstractNamed, StatisticNames):
@@ -76,21 +79,9 @@ class Statistics(eqx.Module, AbstractOverTurns):
     values: Mapping[str, Scalar]
     by_turn: Mapping[str, Float[Array, " turns"]]  # of each turn alone
     state: Float[Array, " dims"]  # at the end, to go on from: see `Section`
-    limits: Validity | None = None  # None without penetration_ratio or impact_speed
-
-    @property
-    def validity(self) -> Validity:
-        """The motion against the limits of its contact model; an ideal joint keeps to them.
-
-        Raises ValueError if `penetration_ratio` or `impact_speed` of a loose joint was not asked
-        for.
-        """
-        if self.limits is None:
-            raise ValueError(
-                "Argument `outputs` must contain 'penetration_ratio' and 'impact_speed', "
-                "but does not."
-            )
-        return self.limits
+    # The motion against the limits of its contact model, as far as the statistics that were asked
+    # for tell it; an ideal joint keeps to them.
+    validity: Validity = Validity(missing=("its scene",))
 
     @property
     def whirl(self) -> Bool[Array, "*batch"]:
@@ -185,26 +176,39 @@ def over_turns(
     return Statistics(turns, outcome, values, by_turn, end, limits)
 
 
-def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity | None:
-    """Return the limits of the contact model; None if the statistics that tell them are missing.
+def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
+    """Return the limits of the contact model, as far as these statistics tell them.
 
     They are those of the main joint, and in `others` those of the other loose joints, of a rod and
     of rollers.
     """
-    found = {}
-    for joint in ("main", *(name for name, _ in scene.joints.present())):
-        depth, speed = (before(joint) + name for name in ("penetration_ratio", "impact_speed"))
-        if depth not in values or speed not in values:
-            return None
-        found[joint] = validity(scene.joints[joint], values[depth], values[speed])
-    others = dict(found)
-    main = others.pop("main")
-    if scene.rod is not None and "rod_tension_least" in values:
-        others["rod"] = Tautness(values["rod_tension_least"])
-    if "roller_pressure" in values and "static_load_ratio" in values:
-        pressure = values["roller_pressure"] / STATIC_PRESSURE
-        others["rollers"] = RollerLoad(pressure, values["static_load_ratio"])
-    return dataclasses.replace(main, others=others)
+    if scene.joint is None:  # neither contact nor impacts; NaN if the run failed
+        none = 0 * next(iter(values.values()), jnp.zeros(()))
+        values = {**dict.fromkeys(OF_CONTACT, none), **values}
+    parts: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
+        joint: (
+            functools.partial(validity, scene.joints[joint]),
+            tuple(before(joint) + name for name in OF_CONTACT),
+        )
+        for joint in ("main", *(name for name, _ in scene.joints.present()))
+    }
+    if scene.rod is not None:
+        parts["rod"] = Tautness, ("rod_tension_least",)
+    if isinstance(scene.joint, RollerBearing):
+        parts["rollers"] = _roller_load, ("roller_pressure", "static_load_ratio")
+    others = {
+        part: limits(*(values[name] for name in names))
+        for part, (limits, names) in parts.items()
+        if all(name in values for name in names)
+    }
+    needed = dict.fromkeys(name for _, names in parts.values() for name in names)
+    missing = tuple(name for name in needed if name not in values)
+    main = others.pop("main", Validity())
+    return dataclasses.replace(main, others=others, missing=missing)
+
+
+def _roller_load(pressure: Scalar, load: Scalar) -> RollerLoad:
+    return RollerLoad(pressure / STATIC_PRESSURE, load)
 
 
 def over_pieces(name: str, values: Float[Array, " n"]) -> Scalar:

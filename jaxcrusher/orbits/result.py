@@ -220,8 +220,6 @@ def built(
     steps: ArrayLike = 0,
 ) -> PeriodicOrbit:
     """Return an orbit; its statistics tell the limits of the contact model."""
-    limits = limits_of(scene, values)
-    assert limits is not None
     return PeriodicOrbit(
         scene,
         period,
@@ -234,7 +232,7 @@ def built(
         least_penetration,
         jnp.asarray(multipliers, complex),
         jnp.asarray(multipliers_error, float),
-        limits,
+        limits_of(scene, values),
         way,
     )
 

@@ -16,7 +16,7 @@ from jaxcrusher.motion.statistic import (
     always_of,
     statistics_of,
 )
-from jaxcrusher.motion.statistics import Statistics, over_pieces
+from jaxcrusher.motion.statistics import Statistics, limits_of, over_pieces
 from jaxcrusher.motion.tangents import SLICES, combine, tangents
 from jaxcrusher.orbits.trigonometric import resample
 
@@ -198,3 +198,23 @@ def test_an_ideal_joint_keeps_to_the_limits_of_contact():
     assert bool(limits.inside) and limits.remarks() == []
     assert float(limits.half_width_ratio) == 0 == float(limits.impact_speed_ratio)
     assert np.isnan(limits.delivered_restitution)
+
+
+@pytest.mark.parametrize(
+    ("values", "missing"),
+    [
+        ({}, {"penetration_ratio", "impact_speed"}),
+        ({"elbow.clearance": 2e-5}, {"elbow_penetration_ratio", "elbow_impact_speed"}),
+        ({"rod.stiffness": 2e5, "rod.preload": 1e4}, {"rod_tension_least"}),
+        ({"contact_law": "rollers"}, {"roller_pressure", "static_load_ratio"}),
+    ],
+)
+def test_a_limit_that_was_not_asked_for_is_not_kept(values, missing):
+    """Of every part that has limits, and by all statistics that are asked for it is known."""
+    scene = jc.build_scene(values)
+    known = dict.fromkeys(always_of(scene), jnp.zeros(()))
+    assert limits_of(scene, known).missing == ()
+    some = limits_of(scene, {name: known[name] for name in known if name not in missing})
+    assert set(some.missing) == missing and not bool(some.inside)
+    assert some.remarks() == [f"not known without {name}" for name in some.missing]
+    assert some.verdict().startswith("NOT KNOWN to be inside the contact model: ")
