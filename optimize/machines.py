@@ -112,8 +112,7 @@ def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -
     if isinstance(result, jc.Statistics):
         by_turn = {name: result.by_turn[OBJECTIVES[name].outputs[0]] for name in PEAKS}
         typical = {name: float(np.median(values)) for name, values in by_turn.items()}
-    validity = result.validity
-    remarks = [] if validity is None else validity.remarks()
+    remarks = result.validity.remarks()
     clearance = math.nan if scene.joint is None else float(scene.joint.clearance)
     return Machine(
         name,
@@ -171,10 +170,13 @@ def table_rows(found: Sequence[Machine], density: float | None) -> list[tuple[st
 
 
 def draw(found: Sequence[Machine]) -> Figure:
-    """Draw bars of each number; a machine outside the contact model is hatched."""
+    """Draw bars of each number that a machine has; one outside the contact model is hatched."""
     fig, grid = plt.subplots(2, 3, figsize=(WIDTH, 5), layout="constrained")
     titles = [one.name for one in found]
-    for ax, name in zip(grid.ravel(), DRAWN, strict=True):
+    drawn = [n for n in DRAWN if not all(math.isnan(one.numbers.get(n, 0.0)) for one in found)]
+    for ax in grid.ravel()[len(drawn) :]:
+        ax.remove()
+    for ax, name in zip(grid.ravel(), drawn, strict=False):
         if name == "capacity":
             title, unit, values = name, "m3/h", [one.capacity for one in found]
         else:

@@ -68,6 +68,7 @@ def run(options: Orbit, console: Console) -> int:
         return 1
     with stages(console, "differentiating"):
         slopes = _slopes(lambda n: solve(n, **orbit.alike), numbers)
+    slopes = {metric: felt(of, float(orbit[metric]), values) for metric, of in slopes.items()}
     path = folder / "orbit.json"
     write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
     draw(orbit, folder / "orbit.png")
@@ -79,7 +80,7 @@ def run(options: Orbit, console: Console) -> int:
         console.print(line, highlight=False, soft_wrap=True)
     units, marked = units_given(options.crusher), borrowed_by(options.crusher)
     console.print(table(orbit, slopes, values, units, marked))
-    for line in notes(values, units, marked):
+    for line in notes(values, units, marked, slopes):
         console.print(line, highlight=False, soft_wrap=True)
     console.print(listed(folder, written), highlight=False, soft_wrap=True)
     return 0
@@ -119,13 +120,12 @@ def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:
     names = [f"{before(joint)}eccentricity" for joint in joints]
     seen = orbit.motion(angles, ("foundation_force", *names))
     ideal = jc.periodic_orbit(orbit.scene.ideal()).motion(angles, ("foundation_force",))
-    count = max(len(joints), 1)
-    fig, (*pins, force) = plt.subplots(
-        1, count + 1, figsize=(6 + 4 * count, 4), width_ratios=[1] * count + [1.6]
+    widths = [1.0] * len(joints) + [1.6]
+    fig, axes = plt.subplots(
+        1, len(widths), figsize=(2 + 4 * len(widths), 4), width_ratios=widths, squeeze=False
     )
-    if not joints:
-        pins[0].set_axis_off()
-    for pin, name, (joint, clear) in zip(pins, names, joints.items(), strict=False):
+    *pins, force = axes[0]
+    for pin, name, (joint, clear) in zip(pins, names, joints.items(), strict=True):
         clearance, at = float(clear.clearance), "" if joint == "main" else f"{joint}: "
         pin.add_patch(plt.Circle((0, 0), 1, fill=False, color="0.6"))  # pyright: ignore
         pin.plot(*(np.asarray(seen[name]).T / clearance))
@@ -171,11 +171,15 @@ def table(
 ) -> Table:
     """Slopes of both forces by every parameter, in the units given; `marked` ones have a *.
 
-    What changes the RMS most in a `step` comes first.
+    What changes the RMS most in a `step` comes first; what changes neither force is left out.
     """
     rms, shaking = (slopes[metric] for metric in METRICS)
     percent = 100 / float(orbit.foundation_rms)
-    shares = {name: percent * of * step(name, values[name]) for name, of in rms.items()}
+    shares = {
+        name: percent * of * step(name, values[name])
+        for name, of in rms.items()
+        if of or shaking[name]
+    }
     # Without a frame every key stands in one line of 80 columns.
     headings = ("parameter", "value", "slope of the RMS", "% a step", "of shaking")
     found = Table(*headings, box=None, padding=(0, 1, 0, 0), pad_edge=False)
@@ -183,11 +187,18 @@ def table(
     for name in sorted(shares, key=lambda name: -abs(shares[name])):
         unit, one = unit_of(name, units)
         value = f"{values[name] / one:.6g} {unit}".rstrip() + " *" * (name in marked)
-        # No "-0".
-        slope = f"{rms[name] * one + 0.0:.5g} {per('N', unit)}"
-        beside = f"{shaking[name] * one + 0.0:.5g}"
-        found.add_row(name, value, slope, f"{shares[name] + 0.0:.3g}", beside)
+        slope = f"{rms[name] * one:.5g} {per('N', unit)}"
+        found.add_row(name, value, slope, f"{shares[name]:.3g}", f"{shaking[name] * one:.5g}")
     return found
+
+
+def felt(slopes: dict[str, float], force: float, values: dict[str, Any]) -> dict[str, float]:
+    """Return slopes of a force (N), zero where a `step` changes no digit of it."""
+    least = np.finfo(float).eps * force
+    return {
+        name: 0.0 if abs(slope) * step(name, values[name]) <= least else slope
+        for name, slope in slopes.items()
+    }
 
 
 def step(name: str, value: float) -> float:
@@ -197,11 +208,19 @@ def step(name: str, value: float) -> float:
     return 0.01 * (abs(value) or NUMBERS[name].scale)
 
 
-def notes(values: dict[str, Any], units: dict[str, str], marked: Collection[str]) -> list[str]:
-    """Explain the columns of the table, and its marks."""
+def notes(
+    values: dict[str, Any],
+    units: dict[str, str],
+    marked: Collection[str],
+    slopes: dict[str, dict[str, float]],
+) -> list[str]:
+    """Explain the columns of the table, its marks, and what it leaves out."""
     zero = [n for n in numbers_of(values) if values[n] == 0 and NUMBERS[n].unit != "rad"]
     of_zero = "".join(f", {said(name, step(name, 0.0), units)} of {name}" for name in zero)
     found = [f"A step is 1 % of the value, 1 deg of an angle{of_zero}."]
+    idle = [name for name in numbers_of(values) if not any(of[name] for of in slopes.values())]
+    if idle:
+        found.append(f"Neither force changes with {', '.join(idle)}.")
     if marked:
         found.append("* is the PE250x400's value, because the scene file has none.")
     return found

@@ -3,12 +3,13 @@
 import csv
 import io
 import math
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
 
 import jaxcrusher as jc
-from optimize.machines import COMPARED, Machine, run, table_rows
+from optimize.machines import COMPARED, DRAWN, Machine, draw, run, table_rows
 from optimize.objectives import OBJECTIVES
 
 
@@ -48,6 +49,15 @@ def test_a_motion_without_an_orbit_has_means_and_the_scatter_of_its_peaks(compar
     # Speed and clearance are no numbers of the machine, of which the PE250x400 has 22.
     assert loud["numbers left to the PE250x400"] == "22" and "numbers left" in screen
     assert (folder / "compare.png").stat().st_size > 10_000
+
+
+def test_a_number_that_no_machine_has_is_not_drawn():
+    numbers = dict.fromkeys(COMPARED, 1.0)
+    smooth = Machine("a", 30.0, math.nan, 7.5, numbers | {"wear": math.nan}, {}, "x", "inside")
+    titles = [ax.get_title() for ax in draw([smooth]).axes]
+    assert len(titles) == len(DRAWN) - 1 and not any("wear" in title for title in titles)
+    rubs = replace(smooth, numbers=numbers)
+    assert len(draw([smooth, rubs]).axes) == len(DRAWN)
 
 
 def test_capacity_in_tonnes():

@@ -4,6 +4,7 @@ import contextlib
 import importlib.util
 import io
 import json
+import math
 import re
 import runpy
 import shlex
@@ -547,6 +548,14 @@ def scene_file(folder: Path) -> Path:
     return path
 
 
+def test_a_picture_of_ideal_joints_has_no_empty_place(monkeypatch, tmp_path):
+    kept = []
+    monkeypatch.setattr(orbit, "write_figure", lambda path, figure, **_: kept.append(figure))
+    orbit.draw(jc.periodic_orbit(jc.ideal_scene(30.0)), tmp_path / "orbit.png")
+    (ax,) = kept[0].axes
+    assert ax.get_ylabel() == "|R_O| + |R_C|, kN"
+
+
 def test_orbit_solves_for_the_periodic_orbit(tmp_path):
     """RMS, multipliers, and a slope by every number; no file where there is no orbit."""
     status, text = run(
@@ -587,6 +596,15 @@ def test_orbit_solves_for_the_periodic_orbit(tmp_path):
     shown = orbit.table(found, slopes, values, {}, marked)
     cells = dict(zip(*(list(shown.columns[i].cells) for i in (0, 1)), strict=True))
     assert cells["jaw.mass"] == "524 kg *" and cells["load"] == "8800 N"
+    # What changes neither force has no row, but a line: rounding is no slope, and NaN is no zero.
+    for name, slope in (("young", 0.0), ("poisson", -1e-13), ("load", math.nan)):
+        slopes = {metric: of | {name: slope} for metric, of in slopes.items()}
+    slopes = {metric: orbit.felt(of, 1e4, values) for metric, of in slopes.items()}
+    slopes["shaking_rms"]["friction"] = 0.0
+    names = list(orbit.table(found, slopes, values, {}, marked).columns[0].cells)
+    assert {"load", "friction"} < set(names) and not {"young", "poisson"} & set(names)
+    told = orbit.notes(values, {}, marked, slopes)
+    assert "Neither force changes with young, poisson." in told and len(told) == 3
     bad = ("orbit", "--out", tmp_path, "--name", "none", "--set", "load_law", "none")
     status, text = run(*bad)
     assert status == 1 and "no periodic orbit" in text and "Try a value a thousandth off" in text
