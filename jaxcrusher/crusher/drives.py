@@ -131,6 +131,7 @@ def _require_form(drive: AbstractDrive) -> None:
                 good = good and np.allclose(speed, drive.speed, rtol=1e-9, atol=0)
         else:
             must = "accelerate a free shaft by (torque + moment) / inertia, with a constant torque"
-            good = first is not None and second is not None
-            good = good and np.allclose(3 * first - 2, 5 * second - 7, rtol=1e-9, atol=1e-9)
+            good = False
+            if first is not None and second is not None:
+                good = np.allclose(3 * first - 2, 5 * second - 7, rtol=1e-9, atol=1e-9)
     require(good, "drive", must, f"a {type(drive).__name__}, which does not")
