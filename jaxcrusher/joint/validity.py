@@ -40,6 +40,23 @@ class Tautness(eqx.Module):
         return [] if bool(self.inside) else [f"slack, short of tension by {slack:.3g} N"]
 
 
+class Turning(eqx.Module):
+    """A free shaft against the limit of friction laws: regularised, they hold nothing at rest."""
+
+    least_speed: Scalar  # rad/s
+
+    @property
+    def inside(self) -> Bool[Array, "*batch"]:
+        """Never at rest, where dry friction might keep it."""
+        return self.least_speed > 0
+
+    def remarks(self) -> list[str]:
+        """Say that the shaft has come to rest (concrete values only)."""
+        if bool(self.inside):
+            return []
+        return ["comes to rest, where friction without stiction does not hold it"]
+
+
 class RollerLoad(eqx.Module):
     """A roller bearing against its static rating: beyond it the raceways keep dents (ISO 76)."""
 
@@ -67,8 +84,10 @@ class Validity(eqx.Module):
     delivered_restitution: Scalar  # of the fastest impact, by the law's closed form
     asked_restitution: Scalar
     clearance_ratio: Scalar  # radial clearance over the bore radius
-    # Of further joints, by name, of a tension rod and of rollers.
-    others: "Mapping[str, Validity | Tautness | RollerLoad]" = eqx.field(default_factory=dict)
+    # Of further joints, by name, of a tension rod, of a free shaft and of rollers.
+    others: "Mapping[str, Validity | Tautness | Turning | RollerLoad]" = eqx.field(
+        default_factory=dict
+    )
 
     @property
     def hertzian(self) -> Bool[Array, "*batch"]:

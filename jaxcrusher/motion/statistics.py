@@ -16,7 +16,7 @@ from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.joint.rollers import STATIC_PRESSURE
-from jaxcrusher.joint.validity import RollerLoad, Tautness, Validity, validity
+from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning, Validity, validity
 from jaxcrusher.motion.flow import Flow, by_angle, flat, unflattened
 from jaxcrusher.motion.integrate import (
     Carried,
@@ -188,8 +188,8 @@ def over_turns(
 def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity | None:
     """Return the limits of the contact model; None if the statistics that tell them are missing.
 
-    They are those of the main joint, and in `others` those of the other loose joints, of a rod and
-    of rollers.
+    They are those of the main joint, and in `others` those of the other loose joints, of a rod, of
+    a free shaft and of rollers.
     """
     found = {}
     for joint in ("main", *(name for name, _ in scene.joints.present())):
@@ -201,6 +201,8 @@ def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity | None:
     main = others.pop("main")
     if scene.rod is not None and "rod_tension_least" in values:
         others["rod"] = Tautness(values["rod_tension_least"])
+    if "shaft_speed_least" in values:
+        others["shaft"] = Turning(values["shaft_speed_least"])
     if "roller_pressure" in values and "static_load_ratio" in values:
         pressure = values["roller_pressure"] / STATIC_PRESSURE
         others["rollers"] = RollerLoad(pressure, values["static_load_ratio"])
