@@ -11,9 +11,6 @@ from jaxcrusher.files.results import run_folder
 Range = Annotated[tuple[str, str], tyro.conf.arg(metavar="LOW HIGH")]
 
 
-LoadLaw = Literal["along_jaw", "normal_to_jaw", "closing_stroke", "by_angle", "chamber", "none"]
-
-
 @dataclass(frozen=True)
 class Effort:
     """How hard to search."""
@@ -105,12 +102,13 @@ class Options(Effort):
     --limit frame_displacement_peak "0.2 mm". May be repeated."""
     inside_model: bool = False
     """Refuse designs whose motion leaves the contact model (wide contact, hard impacts)."""
-    slip: Literal["centre", "surface"] | None = None
-    """Reading of the slip speed in the friction law."""
+    slip: str | None = None
+    """Reading of the slip speed in the friction law, by its name in a scene file."""
     friction: float | None = None
     """Friction coefficient; 0 leaves friction out."""
-    load_law: LoadLaw | None = None
-    """Law of the crushing load on the jaw; by_angle comes with --set load_curve FILE."""
+    load_law: str | None = None
+    """Law of the crushing load on the jaw, by its name in a scene file; by_angle comes with
+    --set load_curve FILE."""
     impact_velocity: str | None = None
     """Impact velocity of the contact law, such as 0.5m/s, or tracked."""
 

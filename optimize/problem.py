@@ -10,7 +10,7 @@ from jaxcrusher.crusher.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, PE250X400, in_words, readable
+from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, in_words, readable
 from jaxcrusher.scenes.plausibility import require_possible
 from jaxcrusher.scenes.scene_file import (
     key_of,
@@ -147,10 +147,6 @@ def _check_numbers(options: Options) -> None:
         require(value >= least, name, f"be >= {least}", value)
     if options.friction is not None:
         require_within("friction", options.friction, 0, 10)
-    if options.slip is not None:
-        require_choice("slip", options.slip, CHOICES["slip"])
-    if options.load_law is not None:
-        require_choice("load_law", options.load_law, CHOICES["load_law"])
     if options.capacity_floor is not None:
         require(
             options.capacity_floor >= 0, "capacity_floor", "be >= 0 m3/h", options.capacity_floor
@@ -212,14 +208,11 @@ def _free(options: Options) -> tuple[tuple[str, str, str], ...]:
 def _description(options: Options) -> dict[str, Any]:
     """The crusher's other numbers and choices: the scene file's, then the options'."""
     values: dict[str, Any] = {} if options.scene is None else dict(read_scene_file(options.scene))
-    values |= read_overrides(options.overrides)
-    for name, value in (
-        ("slip", options.slip),
-        ("friction", options.friction),
-        ("load_law", options.load_law),
-    ):
-        if value is not None:
-            values[name] = value
+    choices = (("slip", options.slip), ("load_law", options.load_law))
+    given = [(name, choice) for name, choice in choices if choice is not None]
+    values |= read_overrides((*options.overrides, *given))
+    if options.friction is not None:
+        values["friction"] = options.friction
     if options.impact_velocity == "tracked":
         values["impact_law"] = "tracked"
     elif options.impact_velocity is not None:

@@ -8,12 +8,13 @@ import jax.numpy as jnp
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
 from jaxcrusher.joint.friction import AbstractFriction, AbstractSlip, SurfaceSlip
 from jaxcrusher.joint.normal import Flores
 from jaxcrusher.joint.rollers import RollerBearing
-from jaxcrusher.testing import _check_engines, check_law
+from jaxcrusher.testing import _check_bearing, _check_engines, _check_normal, check_law
 
 
 class Coulomb(AbstractFriction):
@@ -33,6 +34,13 @@ class Pulling(Flores):
 
     def damping_factor(self):
         return -0.1 * self.restitution
+
+
+class Clipped(Flores):
+    """A law that never pulls, by the corner that docs/own_parts.md recommends."""
+
+    def force(self, penetration, rate, memory):
+        return smooth.positive_part(super().force(penetration, rate, memory) - 1e-3, 1e-3)
 
 
 class Sorted(AbstractLoad):
@@ -65,6 +73,13 @@ def normal(kind):
 def test_the_package_s_own_laws_pass(part):
     scene = jc.build_scene({"slip": "surface", "load_law": "normal_to_jaw"})
     check_law(scene.load if part == "load" else getattr(scene.joint, part))
+
+
+def test_a_force_that_is_cut_off_smoothly_passes():
+    """The corner takes 1e-3 N, which at touch is more than the damping gives."""
+    law = normal(Clipped)
+    _check_normal(law)
+    _check_bearing(dataclasses.replace(jc.build_scene({}).joint, normal=law))
 
 
 class Endless(AbstractLoad):

@@ -129,7 +129,7 @@ def require_set_up() -> None:
     _one_thread()
     if not loops_are_slow() or (device_is_named() and computes_on() != "cpu"):
         return
-    _warn_once(
+    warn_once(
         "loops",
         "JAX had started before jaxcrusher was imported, so orbits and simulations take "
         f"{SLOWER} times as long. Import it before the first computation of the process.",
@@ -142,17 +142,22 @@ def remind_of_idle_cores() -> None:
         return
     if computes_on() != "cpu" or cores() == 1:
         return
-    _warn_once(
+    warn_once(
         "cores",
         f"Only one of {cores()} cores computes: jaxcrusher.set_up() was not called before the "
         "first computation of the process.",
     )
 
 
-def _warn_once(of: str, text: str) -> None:
+class UnusualNumbers(UserWarning):
+    """Numbers of a crusher that are unlikely together."""
+
+
+def warn_once(of: str, text: str, category: type[UserWarning] = UserWarning) -> None:
+    """Warn of a matter, once in a process, at the user's line that entered the package."""
     if of not in _told:
         _told.add(of)
-        warnings.warn(text, stacklevel=_level_of_the_user())
+        warnings.warn(text, category=category, stacklevel=_level_of_the_user())
 
 
 def _level_of_the_user() -> int:

@@ -179,10 +179,19 @@ class ChunkStore:
         file = self.path / _SIDE / "settings.json"
         try:
             kept = json.loads(file.read_bytes())
-            fault = broken(self.path, dict(kept["sha256"]))
-            before = dict(kept["settings"])
+            checksums, before = dict(kept["sha256"]), dict(kept["settings"])
+            fault = broken(self.path, checksums)
         except (ValueError, KeyError, TypeError, AttributeError):
-            fault, before = "its settings are not readable", {}
+            fault, checksums, before = "its settings are not readable", {}, {}
+        own = {name.partition("/")[0] for name in checksums}
+        there = {metadata.parent.name for metadata in self.path.glob("*/zarr.json")}
+        if fault and own and there - own:
+            added = ", ".join(str(self.path / name) for name in sorted(there - own))
+            raise ValueError(
+                f"Argument `store` must hold its own variables alone, but {added} was added, which "
+                f"changed the metadata. Move that elsewhere, delete {file} and start again: the "
+                "metadata are written anew, and finished chunks are kept."
+            )
         if fault:
             raise RuntimeError(
                 f"The store {self.path} is corrupt ({fault}). Delete {file} and start again: it is "

@@ -3,10 +3,12 @@
 import abc
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import require_positive
+from jaxcrusher.basics.checks import concrete, require, require_positive
 from jaxcrusher.basics.plane import scalar
 
 
@@ -30,12 +32,18 @@ class AbstractDrive(eqx.Module):
     """A drive; the shaft starts at angle 0 with `speed`.
 
     `speed` (rad/s) is also the unit of time of turns and windows: a turn lasts 2 pi / speed.
+
+    Raises ValueError for a speed that is not positive, and for a drive of another form than
+    formulations integrate: a prescribed speed is constant, and a free shaft has a torque that does
+    not depend on its motion.
     """
 
     speed: eqx.AbstractVar[Scalar]
 
     def __check_init__(self):
         require_positive("speed", self.speed, "rad/s")
+        if type(self) not in (ConstantSpeed, GivenTorque):
+            _require_form(self)
 
     @abc.abstractmethod
     def initial(self) -> ShaftState | None:
@@ -97,3 +105,33 @@ class GivenTorque(AbstractDrive):
     def rate(self, speed: Scalar, acceleration: Scalar) -> ShaftState:
         """The speed, and the acceleration over the nominal speed."""
         return ShaftState(speed, acceleration / self.speed)
+
+
+def _require_form(drive: AbstractDrive) -> None:
+    """Refuse a drive of one's own that formulations would integrate as another one.
+
+    They ask a prescribed drive for no acceleration: an uneven speed would count as constant.
+    Numbers that only a traced program will know are tried with others in their place.
+    """
+    leaves, structure = jax.tree.flatten(drive)
+    known = [
+        np.full(jnp.shape(leaf), 1 + 0.1 * i) if concrete(leaf) is None else leaf
+        for i, leaf in enumerate(leaves)
+    ]
+    drive = jax.tree.unflatten(structure, known)
+    with jax.ensure_compile_time_eval():
+        first, second = (drive.acceleration(scalar(m), scalar(j)) for m, j in ((2, 3), (7, 5)))
+        if drive.initial() is None:
+            must = "turn the shaft at a constant `speed` or leave it free, as `GivenTorque` does"
+            good = first is None
+            for share in (0.13, 0.4, 0.77):
+                time = 2 * np.pi * share / drive.speed
+                angle, speed = drive.motion(time, None)
+                good = good and np.allclose(angle, drive.speed * time, rtol=1e-9, atol=0)
+                good = good and np.allclose(speed, drive.speed, rtol=1e-9, atol=0)
+        else:
+            must = "accelerate a free shaft by (torque + moment) / inertia, with a constant torque"
+            good = False
+            if first is not None and second is not None:
+                good = np.allclose(3 * first - 2, 5 * second - 7, rtol=1e-9, atol=1e-9)
+    require(good, "drive", must, f"a {type(drive).__name__}, which does not")

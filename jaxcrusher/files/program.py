@@ -10,12 +10,13 @@ import io
 import os
 import re
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn
 
-from jaxcrusher.basics.setup import set_up
+from jaxcrusher.basics.setup import UnusualNumbers, set_up
 from jaxcrusher.files.messages import tell
 from jaxcrusher.files.provenance import program_words
 from jaxcrusher.files.resume import SETTINGS
@@ -38,6 +39,8 @@ def program(
             stream.reconfigure(errors="replace")
     # Figures go to files.
     os.environ["MPLBACKEND"] = "Agg"
+    # Commands tell what is unusual of the crusher that they are given, in a line of their own.
+    warnings.simplefilter("ignore", UnusualNumbers)
     try:
         run = parse(main)
         if prepare is not None:

@@ -1,4 +1,7 @@
-"""Friction of the clearance joint, and the two readings of its slip speed."""
+"""Friction of the clearance joint, and the two readings of its slip speed.
+
+All laws are regularised: without slip there is no force, so that nothing sticks.
+"""
 
 import abc
 

@@ -40,6 +40,23 @@ class Tautness(eqx.Module):
         return [] if bool(self.inside) else [f"slack, short of tension by {slack:.3g} N"]
 
 
+class Turning(eqx.Module):
+    """A free shaft against the limit of friction laws: regularised, they hold nothing at rest."""
+
+    least_speed: Scalar  # rad/s
+
+    @property
+    def inside(self) -> Bool[Array, "*batch"]:
+        """Never at rest, where dry friction might keep it."""
+        return self.least_speed > 0
+
+    def remarks(self) -> list[str]:
+        """Say that the shaft has come to rest (concrete values only)."""
+        if bool(self.inside):
+            return []
+        return ["comes to rest, where friction without stiction does not hold it"]
+
+
 class RollerLoad(eqx.Module):
     """A roller bearing against its static rating: beyond it the raceways keep dents (ISO 76)."""
 
@@ -73,8 +90,10 @@ class Validity(eqx.Module):
     delivered_restitution: Scalar | None = None  # of the fastest impact, by the law's closed form
     asked_restitution: Scalar | None = None
     clearance_ratio: Scalar | None = None  # radial clearance over the bore radius
-    # Of further joints, by name, of a tension rod and of rollers.
-    others: "Mapping[str, Validity | Tautness | RollerLoad]" = eqx.field(default_factory=dict)
+    # Of further joints, by name, of a tension rod, of a free shaft and of rollers.
+    others: "Mapping[str, Validity | Tautness | Turning | RollerLoad]" = eqx.field(
+        default_factory=dict
+    )
     # What would be needed to know the rest: names of statistics that were not asked for.
     missing: tuple[str, ...] = eqx.field(static=True, default=())
 

@@ -24,6 +24,7 @@ class StatisticNames:
     frame_displacement_peak: Array
     frame_velocity_rms: Array
     rod_tension_least: Array
+    shaft_speed_least: Array
     bearing_stiffness: Array
     roller_pressure: Array
     static_load_ratio: Array

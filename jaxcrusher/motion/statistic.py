@@ -262,6 +262,15 @@ _OF_ROD = {
         "N", "least tension of the rod; where it is negative the rod is slack", rod_margin, _LEAST
     ),
 }
+# Of a free shaft under friction.
+_OF_SHAFT = {
+    "shaft_speed_least": Statistic(
+        "rad/s",
+        "least speed of a free shaft, which friction does not hold at rest",
+        OBSERVABLES["shaft_speed"],
+        _LEAST,
+    ),
+}
 # Of a main bearing with clearance, and of rollers there, when asked.
 _OF_MAIN = {
     "bearing_stiffness": Statistic("N/m", "mean of dF/de at A", stiffness_now, PowerMean()),
@@ -275,7 +284,7 @@ _OF_ROLLERS = {
     ),
     "bearing_life": Statistic("h", "L10 of a bearing at A by ISO 281", fatigue, Lasting()),
 }
-_FURTHER |= _OF_SUPPORTS | _OF_ROD | _OF_MAIN | _OF_ROLLERS
+_FURTHER |= _OF_SUPPORTS | _OF_ROD | _OF_SHAFT | _OF_MAIN | _OF_ROLLERS
 # Of each joint, what is computed without being asked, and what when asked.
 _BY_JOINT = {joint: (_always_at(joint), _further_at(joint)) for joint in JOINTS}
 _OF_OTHERS = [of_joint for joint in JOINTS[1:] for of_joint in _BY_JOINT[joint]]
@@ -316,11 +325,19 @@ def always_with(loose: Iterable[str]) -> tuple[str, ...]:
     return tuple(name for name in STATISTIC if name not in left_out)
 
 
+def may_rest(scene: Scene) -> bool:
+    """Return whether a free shaft turns under friction, which might hold it at rest."""
+    rubs = any(joint.friction is not None for _, joint in scene.joints.present())
+    return rubs and scene.drive.initial() is not None
+
+
 def always_of(scene: Scene) -> tuple[str, ...]:
     """The names of what `statistics` computes of a scene without being asked."""
     found = always_with(joint for joint, _ in scene.joints.present())
     if scene.rod is not None:
         found = (*found, *_OF_ROD)
+    if may_rest(scene):
+        found = (*found, *_OF_SHAFT)
     return (*found, *_OF_ROLLERS) if isinstance(scene.joint, RollerBearing) else found
 
 
@@ -331,6 +348,8 @@ def statistics_of(scene: Scene) -> tuple[str, ...]:
         left_out |= set(_OF_SUPPORTS)
     if scene.rod is None:
         left_out |= set(_OF_ROD)
+    if not may_rest(scene):
+        left_out |= set(_OF_SHAFT)
     if scene.joint is None:
         left_out |= set(_OF_MAIN)
     if not isinstance(scene.joint, RollerBearing):

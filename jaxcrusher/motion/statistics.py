@@ -17,7 +17,7 @@ from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
-from jaxcrusher.joint.validity import RollerLoad, Tautness, Validity, validity
+from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning, Validity, validity
 from jaxcrusher.motion.flow import Flow, by_angle, flat, unflattened
 from jaxcrusher.motion.integrate import (
     Carried,
@@ -38,6 +38,7 @@ from jaxcrusher.motion.statistic import (
     Sampled,
     always_of,
     chosen,
+    may_rest,
 )
 
 # Friction whirl: the pin rolls round the bore, in contact, hundreds of times a turn. A pin
@@ -179,8 +180,8 @@ def over_turns(
 def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
     """Return the limits of the contact model, as far as these statistics tell them.
 
-    They are those of the main joint, and in `others` those of the other loose joints, of a rod and
-    of rollers.
+    They are those of the main joint, and in `others` those of the other loose joints, of a rod, of
+    a free shaft and of rollers.
     """
     if scene.joint is None:  # neither contact nor impacts; NaN if the run failed
         none = 0 * next(iter(values.values()), jnp.zeros(()))
@@ -194,6 +195,8 @@ def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
     }
     if scene.rod is not None:
         parts["rod"] = Tautness, ("rod_tension_least",)
+    if may_rest(scene):
+        parts["shaft"] = Turning, ("shaft_speed_least",)
     if isinstance(scene.joint, RollerBearing):
         parts["rollers"] = _roller_load, ("roller_pressure", "static_load_ratio")
     others = {

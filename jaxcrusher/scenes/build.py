@@ -61,6 +61,7 @@ from jaxcrusher.scenes.parameters import (
     readable,
     within_limits,
 )
+from jaxcrusher.scenes.plausibility import warn_of_unusual
 
 # What the names of `jaxcrusher.scenes.parameters.CHOICES` stand for.
 _STARTS = {"centred": Centred, "contact": InContact}
@@ -115,7 +116,8 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     `foundation.mass` the frame stands on supports, without it is clamped. With a `rod.stiffness`
     or a `rod.preload` a tension rod pulls at the jaw. With `contact_law="rollers"` the main bearing
     is a roller bearing of the numbers `rollers.NAME`, and what describes sliding steel (friction,
-    slip, restitution, elasticity) is not used.
+    slip, restitution, elasticity) is not used. Numbers that are unlikely together, as of a speed in
+    rpm, are warned of once in a process.
 
     Raises ValueError as `check_described` and `complete` do, and as `Scene` and `Machine` do.
     """
@@ -128,6 +130,7 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     elbow, pivot = (
         _joint(v, f"{joint}.") if f"{joint}.clearance" in v else None for joint in WORN_JOINTS
     )
+    warn_of_unusual(values)
     if main is None and elbow is None and pivot is None:
         return Scene(machine, drive, None, law, ClosedLinkage(), None, None, None, foundation, rod)
     formulation, start = _FORMULATIONS[v["formulation"]](), _STARTS[v["start"]]()

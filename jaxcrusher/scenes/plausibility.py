@@ -4,15 +4,17 @@ A clearance of 100 mm in a bore of 130 mm, or a jaw of 0.5 kg, has a unit and li
 limits, and is a slip all the same.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from jaxcrusher.basics.checks import concrete
+from jaxcrusher.basics.setup import UnusualNumbers, warn_once
 from jaxcrusher.files.messages import tell
-from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, WORN_JOINTS, complete, openers, readable
+from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, WORN_JOINTS, complete, readable
 
 STANDARD_GRAVITY = 9.80665  # m/s2
 
@@ -196,11 +198,20 @@ RATIOS = (
         ),
         # 44 of ISO 76 is for N and mm.
         lambda rating, roller, pitch, count, length: (
-            rating / (44e6 * (1 - roller / pitch) * count * length * roller)
+            rating / (44e6 * max(1 - roller / pitch, 1e-3) * count * length * roller)
         ),
         (0.7, 1.4),
         (1e-2, 100.0),
         "ISO 76 for radial roller bearings",
+    ),
+    Ratio(
+        "rollers.dynamic_rating / rollers.static_rating",
+        "",
+        ("rollers.dynamic_rating", "rollers.static_rating"),
+        lambda dynamic, static: dynamic / static,
+        (0.35, 1.6),
+        (1e-2, 100.0),
+        "judged: catalogues have 0.4 for large and 1.3 for small roller bearings",
     ),
     Ratio(
         "gravity",
@@ -228,6 +239,15 @@ RATIOS = (
         (5e-3, 0.9),
         (0.0, 1e3),
         "judged: steel springs have 0.01, soil under a block up to 0.7",
+    ),
+    Ratio(
+        "radius of gyration of the block over the distance of its supports",
+        "",
+        ("foundation.inertia", "foundation.mass", "foundation.left", "foundation.right"),
+        lambda inertia, mass, left, right: (inertia / mass) ** 0.5 / max(abs(right - left), 1e-3),
+        (0.2, 1.2),
+        (0.01, 1e4),
+        "judged: a square block as wide as its supports has 0.41",
     ),
     Ratio(
         "chamber.nip_angle",
@@ -259,30 +279,45 @@ RATIOS = (
 )
 
 
-def remarks(values: Mapping[str, Any]) -> list[str]:
-    """Say what is unusual in a description, a line each, with the usual range and its source.
-
-    `values` as in `jaxcrusher.build_scene`, concrete. Raises ValueError for what cannot be.
-    """
+def _unusual(values: Mapping[str, Any]) -> Iterator[tuple[Ratio, str, str, bool]]:
+    """Yield each ratio that is unusual, what is said of it, its numbers, and if it can be."""
     defaults = {name: parameter.default for name, parameter in CHAMBER.items()}
     v = {**defaults, **complete(values)}
-    found = []
     for one in RATIOS:
         ideal = v["joint"] == "ideal" and "clearance" in one.of
-        if ideal or any(name not in v for name in one.of):
+        there = (concrete(v[name]) for name in one.of if name in v)
+        numbers = [float(number) for number in there if number is not None and number.ndim == 0]
+        if ideal or len(numbers) < len(one.of):
             continue
-        ratio = float(one.ratio(*(float(v[name]) for name in one.of)))
+        ratio = float(one.ratio(*numbers))
         if one.usual[0] <= ratio <= one.usual[1]:
             continue
         given = ", ".join(f"{name} {readable(name, v[name])}" for name in one.of)
         is_, low, high = (_number(value, one.unit) for value in (ratio, *one.usual))
         said = f"{one.words} is {is_}, usually {low} to {high} ({one.source})"
-        if not one.possible[0] <= ratio <= one.possible[1]:
+        yield one, said, given, one.possible[0] <= ratio <= one.possible[1]
+
+
+def remarks(values: Mapping[str, Any]) -> list[str]:
+    """Say what is unusual in a description, a line each, with the usual range and its source.
+
+    `values` as in `jaxcrusher.build_scene`; a ratio of traced numbers is passed over. Raises
+    ValueError for what cannot be.
+    """
+    found = []
+    for one, said, given, possible in _unusual(values):
+        if not possible:
             raise ValueError(
                 f"Argument `{one.of[0]}` must be one of a crusher, but {said}, with {given}."
             )
         found.append(f"{said}: is {given} meant?")
     return found
+
+
+def warn_of_unusual(values: Mapping[str, Any]) -> None:
+    """Warn of what is unusual or cannot be in a description, of each ratio once in a process."""
+    for one, said, given, _ in _unusual(values):
+        warn_once(one.words, f"{said}: is {given} meant?", UnusualNumbers)
 
 
 def require_possible(values: Mapping[str, Any], axes: Mapping[str, Sequence[Any]]) -> None:
@@ -297,15 +332,22 @@ def _number(value: float, unit: str) -> str:
 
 
 # The numbers that differ from machine to machine.
-OF_A_MACHINE = ("bore_radius", "load", "shaft.", "jaw.", "toggle.", "bearing.", "chamber.")
+OF_A_MACHINE = (
+    *("bore_radius", "shaft.", "jaw.", "toggle.", "bearing.", "chamber.", "rod."),
+    *("elbow.bore_radius", "pivot.bore_radius", "foundation.", "rollers."),
+)
 # The laws that have a force of their own, or none.
 WITHOUT_LOAD = ("none", "by_angle", "chamber")
 
 
 def borrowed(given: Mapping[str, Any]) -> list[str]:
-    """Return which numbers of a machine are the PE250x400's in a description."""
+    """Return which numbers of a machine are the PE250x400's in a description.
+
+    Those of a part that it need not have, such as rollers or supports, count where it has it.
+    """
     known = set(given) | ({"load"} if given.get("load_law") in WITHOUT_LOAD else set())
-    return [n for n in NUMBERS if n.startswith(OF_A_MACHINE) and n not in known and not openers(n)]
+    left = (CHAMBER.keys() | complete(given).keys()) - known
+    return [n for n in NUMBERS if n in left and (n == "load" or n.startswith(OF_A_MACHINE))]
 
 
 def tell_borrowed(given: Mapping[str, Any], path: Path | None) -> None:

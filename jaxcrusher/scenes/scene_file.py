@@ -43,8 +43,9 @@ _TURNS_A_MINUTE = ("1/min", "U/min", "min-1", "min^-1", "min**-1")
 _TYPOGRAPHIC = "[\u201c\u201d\u201e\u2018\u2019\u00ab\u00bb]"
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _QUANTITY = re.compile(rf"\s*((?>{_NUMBER}))\s*([^,].*)")
-# Names with one digit of exponent, "m2", "m^2", "m**2", "s-1", and between them *, /, · or a space.
-_FACTOR = r"(?:[^\W\d_]+|%|°)(?:(?:\^|\*\*)?-?\d)?"
+# Names with one digit of exponent, "m2", "m^2", "m**2", "s-1", or a decimal one after a sign of a
+# power, "m^1.5", and between them *, /, · or a space.
+_FACTOR = r"(?:[^\W\d_]+|%|°)(?:(?:\^|\*\*)-?\d(?:\.\d+)?|-?\d)?"
 _UNIT = re.compile(rf"(?:1\s*/\s*)?{_FACTOR}(?:\s*[\s*/·]\s*{_FACTOR})*")
 _EXPONENT = re.compile(r"(?<=[^\W\d_])(-?\d)")
 
@@ -282,7 +283,12 @@ def quantity_in(unit: str, name: str, text: str) -> float:
     written = match[2].strip()
     if unit == "rad/s" and written.replace(" ", "") in _TURNS_A_MINUTE:
         written = "rpm"
-    registry, wanted = _registry(), _parse_unit(unit)
+    registry = _registry()
+    try:
+        wanted = _parse_unit(unit)
+    except (pint.UndefinedUnitError, ValueError):
+        must = 'be of a law that gives its field a known unit, such as "N/m^1.5"'
+        require(False, name, must, f"in {unit!r}")
     try:
         given = _parse_unit(written)
         number = registry.Quantity(Decimal(match[1]), given)

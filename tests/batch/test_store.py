@@ -210,6 +210,25 @@ def test_corrupt_metadata_are_named_and_written_again(tmp_path, name):
     assert contents(store) == whole
 
 
+@pytest.mark.filterwarnings("ignore:Consolidated", "ignore:Object at")
+def test_a_variable_that_a_user_adds_is_named_and_is_no_corruption(tmp_path):
+    store = tmp_path / "store"
+    fill(store)
+    whole = contents(store)
+    added = xr.Dataset({"mine": xr.open_zarr(store).foundation_rms / 2})
+    added.to_zarr(store, mode="a")
+    added.to_zarr(store, group="others", mode="a")
+    names = rf"{store / 'mine'}, {store / 'others'} was added"
+    with pytest.raises(ValueError, match=rf"^Argument `store` must .*{names}.*Move .*delete \S+"):
+        fill(store)
+    # What it says to do.
+    for name in ("mine", "others"):
+        (store / name).rename(tmp_path / name)
+    (store / ".sweep/settings.json").unlink()
+    assert fill(store) == []
+    assert contents(store) == whole
+
+
 def test_memory_holds_what_the_store_holds(tmp_path):
     """Also of a choice, and where only the first chunk is there."""
     grid = Grid({"speed": (28.0, 30.0, 33.0), "start": ("centred", "contact")}, {})

@@ -44,9 +44,9 @@ def test_power(balance, kind, rod):
     """What the spring stores and the damper takes is what the rod's force does."""
     scene = scene_of(kind, **(dict.fromkeys(ROD, 0.0) | rod))
     difference, scale = balance(scene)
-    s = at_start(scene)
-    lost = float(ob.rod_loss(s, scene))
-    assert abs(float(difference) + lost) < 1e-10 * float(scale)
+    # Rounding of a dozen terms of the size of the powers.
+    assert abs(float(difference)) < 1e-10 * float(scale)
+    lost = float(ob.rod_loss(at_start(scene), scene))
     assert lost > 1 if scene.rod.damping > 0 and kind != "ideal" else lost >= 0
 
 

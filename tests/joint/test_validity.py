@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.joint.validity import RollerLoad, Tautness, validity
+from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning, validity
 
 
 @pytest.mark.parametrize(
@@ -37,10 +37,15 @@ def test_an_ideal_joint_is_inside_and_has_no_restitution():
             RollerLoad(jnp.array(0.7), jnp.array(2.0)),
             "2.00 of the static rating, 0.70 of its pressure",
         ),
+        (Turning(jnp.array(0.1)), None),
+        (
+            Turning(jnp.array(0.0)),
+            "comes to rest, where friction without stiction does not hold it",
+        ),
         (Tautness(jnp.array(0.0)), None),
         (Tautness(jnp.array(-12.34)), "slack, short of tension by 12.3 N"),
     ],
 )
-def test_rollers_and_rod_say_what_is_beyond_their_limits(of, beyond):
+def test_rollers_rod_and_shaft_say_what_is_beyond_their_limits(of, beyond):
     assert bool(of.inside) == (beyond is None)
     assert of.remarks() == ([] if beyond is None else [beyond])

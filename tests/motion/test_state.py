@@ -1,5 +1,7 @@
 """A motion goes on from the state of another as if it had not stopped."""
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher.drives import GivenTorque
 from jaxcrusher.motion.flow import initial_state
+from jaxcrusher.motion.statistic import always_of, statistics_of
 
 RMS = "foundation_rms"
 OUTPUTS = (RMS, "winding")
@@ -95,3 +98,19 @@ def test_a_state_of_another_shape_is_refused(run):
 def test_a_free_shaft_has_no_section():
     with pytest.raises(ValueError, match=r"^Argument `scene` must have a shaft of constant speed"):
         jc.poincare_section(free(), 0, 1, state=np.zeros(6))
+
+
+def test_friction_that_does_not_hold_a_shaft_at_rest_says_so():
+    """Without a torque the shaft stops, and creeps on by less than the full friction."""
+    outputs = ("penetration_ratio", "impact_speed", "shaft_speed_least")
+    for torque, stops in ((0.0, True), (3e3, False)):
+        scene = replace(quiet(slip="surface"), drive=GivenTorque(torque, 30.0))
+        assert set(outputs) < set(always_of(scene)) & set(statistics_of(scene))
+        found = jc.statistics(scene, 0, 1, outputs=outputs)
+        assert (float(found.shaft_speed_least) < 0) == stops
+        limits = found.validity
+        assert bool(limits.others["shaft"].inside) != stops
+        assert any(line.startswith("shaft: comes to rest") for line in limits.remarks()) == stops
+    # What cannot rest, or has no friction that would hold it.
+    for scene in (quiet(slip="surface"), replace(quiet(friction=0), drive=GivenTorque(0.0, 30.0))):
+        assert "shaft_speed_least" not in {*always_of(scene), *statistics_of(scene)}

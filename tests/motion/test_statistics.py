@@ -158,7 +158,8 @@ def test_every_statistic_has_a_unit_and_a_meaning():
     main = (*jc.STATISTICS, *jc.FURTHER_STATISTICS)
     assert main == tuple(STATISTIC)[: len(main)]
     for name, statistic in STATISTIC.items():
-        assert statistic.unit in {"N", "N m", "N/m", "Pa", "W", "m", "m/s", "h", "1"}, name
+        units = {"N", "N m", "N/m", "Pa", "W", "m", "m/s", "rad/s", "h", "1"}
+        assert statistic.unit in units, name
         assert len(statistic.meaning) > 8, name
 
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from dataclasses import dataclass, fields, replace
 from types import SimpleNamespace
+from typing import Literal, get_args, get_origin, get_type_hints
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,7 +16,9 @@ import xarray as xr
 from rich.console import Console
 
 import jaxcrusher as jc
+from jaxcrusher.batch.engines import Engine
 from jaxcrusher.batch.sweep import columns_of
+from jaxcrusher.commands.options import Sweep
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
@@ -651,6 +654,26 @@ def test_a_law_of_ones_own_is_searched(tmp_path):
     expected = [float(one.foundation_rms) for one in plain]
     np.testing.assert_allclose(rows["objective"], expected, rtol=1e-7)
     assert rows["counts"].all() and (rows["slope"][:, 0] != 0).all()
+    # And by an option, which is known to no list either.
+    named = Options(load_law="law_of_a_search:Push", design=free, capacity_floor=1.0)
+    assert resolve(named).described["load_law"] == "law_of_a_search:Push"
+
+
+def named_by(options):
+    """Option -> the names that may be chosen, of each that lists them."""
+    return {
+        option: set(get_args(one))
+        for option, hint in get_type_hints(options).items()
+        for one in (hint, *get_args(hint))
+        if get_origin(one) is Literal
+    }
+
+
+def test_names_that_options_list_are_those_of_their_tables():
+    """Options import no JAX, so that they have lists of their own where --help needs them."""
+    assert named_by(Options) == {"objective": set(OBJECTIVES)}
+    engines = {name for of in get_args(Engine) for name in get_args(of) if isinstance(name, str)}
+    assert named_by(Sweep) == {"engine": engines} and "lanes" in engines
 
 
 PUSH = """
@@ -696,6 +719,8 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"capacity_floor": 20.0}, "capacity_floor"),
         ({"objective": "wear", "friction": 0.0}, "objective"),
         ({"friction": -0.1}, "friction"),
+        ({"load_law": "closing"}, "load_law"),
+        ({"slip": "bore"}, "slip"),
         ({"impact_velocity": "0 m/s"}, "impact_velocity"),
         ({"capacity_floor": -1.0}, "capacity_floor"),
         ({"design": (("speed", "30", "25 rad/s"),)}, "speed"),

@@ -31,6 +31,8 @@ class KelvinVoigt(AbstractNormalForce):
     spring: jax.Array = eqx.field(converter=scalar, metadata={"unit": "N/m"})
     damping: jax.Array = eqx.field(converter=scalar, metadata={"unit": "N s/m"})
     width: jax.Array = eqx.field(converter=scalar, default=1e-8)
+    hertz: jax.Array = eqx.field(converter=scalar, default=0.0, metadata={"unit": "N/m^1.5"})
+    odd: jax.Array = eqx.field(converter=scalar, default=0.0, metadata={"unit": "N/m^3/2"})
 
     def elastic_force(self, penetration):
         return self.spring * smooth.positive_part(penetration, self.width)
@@ -96,6 +98,7 @@ SCENE = """
     [contact]
     spring = "5 GN/m"
     damping = "20 kN s/m"
+    hertz = "2 kN/mm^1.5"
     speed = "0.2 m/s"
     [crushing]
     size = "9 kN"
@@ -117,6 +120,7 @@ def test_a_scene_file_names_laws_and_their_numbers(laws, tmp_path):
     values = read_scene_file(tmp_path / "scene.toml")
     numbers = {"contact.spring": 5e9, "contact.damping": 2e4, "crushing.size": 9e3}
     assert numbers.items() <= values.items()
+    assert values["contact.hertz"] == pytest.approx(2e3 * 1000**1.5, rel=1e-15)  # rounding
     scene = jc.build_scene(values)
     assert type(scene.joint.normal).__name__ == "KelvinVoigt"
     assert float(scene.joint.normal.spring) == 5e9 and float(scene.joint.friction.speed) == 0.2
@@ -130,6 +134,12 @@ def test_a_scene_file_names_laws_and_their_numbers(laws, tmp_path):
     assert read_overrides([("contact.damping", "30 kN s/m")]) == {"contact.damping": 3e4}
     with pytest.raises(ValueError, match=r"`contact\.spring` must have a unit of the kind N/m"):
         read_overrides([("contact.spring", "5 kN")])
+    with pytest.raises(
+        ValueError, match=r"`contact\.hertz` must have a unit of the kind N/m\^1\.5"
+    ):
+        read_overrides([("contact.hertz", "5 kN/m")])
+    with pytest.raises(ValueError, match=r"`contact\.odd` must .* known unit, .* is in 'N/m\^3/2'"):
+        read_overrides([("contact.odd", "5 N/m^3/2")])
 
 
 def test_a_whole_bearing_is_a_law(laws, tmp_path):

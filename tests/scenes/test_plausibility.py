@@ -1,13 +1,17 @@
 """Slips of units and magnitudes are told; the paper's box is not."""
 
 import itertools
+import warnings
 from pathlib import Path
 
+import jax
 import pint
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, PE250X400, readable
+from jaxcrusher.basics import setup
+from jaxcrusher.basics.setup import UnusualNumbers
+from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, PE250X400, openers, readable
 from jaxcrusher.scenes.plausibility import RATIOS, remarks, tell_borrowed
 
 
@@ -42,6 +46,8 @@ def test_the_paper_s_box_is_plausible():
         ({"jaw.mass_centre_distance": 0.6}, "jaw.length is 0.863, usually 0.2 to 0.7"),
         ({"chamber.nip_angle": 0.6}, "chamber.nip_angle is 34.4 deg"),
         ({"contact_law": "rollers", "rollers.length": 0.016}, "of their size is 1.9, usually 0.7"),
+        ({"contact_law": "rollers", "rollers.dynamic_rating": 98e6}, "static_rating is 87.5, usu"),
+        ({"foundation.mass": 1e5}, "distance of its supports is 0.0988, usually 0.2 to 1.2"),
     ],
 )
 def test_what_is_unusual_is_told(values, words):
@@ -62,6 +68,9 @@ def test_what_is_unusual_is_told(values, words):
         ({"clearance": 0.02, "bore_radius": 1.0, "jaw.length": 7.0}, "clearance"),
         ({"load": 8.8e9}, "load"),
         ({"contact_law": "rollers", "rollers.length": 32.0}, "rollers.static_rating"),
+        ({"contact_law": "rollers", "rollers.dynamic_rating": 980.0}, "rollers.dynamic_rating"),
+        # Without a scene that refuses it first.
+        ({"contact_law": "rollers", "rollers.diameter": 0.19}, "rollers.static_rating"),
         ({"jaw.mass_centre_distance": 0.8}, "jaw.mass_centre_distance"),
     ],
 )
@@ -74,13 +83,39 @@ def test_what_cannot_be_is_refused(values, name):
 def test_numbers_that_a_scene_file_leaves_to_the_paper_are_told(capsys):
     tell_borrowed({"toggle.mass": 20.0}, None)
     assert capsys.readouterr().err == ""
-    whole = {name: 1.0 for name in NUMBERS if name not in ("jaw.mass", "load", "friction")}
+    always = [name for name in NUMBERS if not openers(name)]
+    whole = {name: 1.0 for name in always if name not in ("jaw.mass", "load", "friction")}
     tell_borrowed(whole, Path("mine.toml"))
     told = "mine.toml leaves 2 numbers to the PE250x400: load 8800 N, jaw.mass 524 kg.\n"
     assert capsys.readouterr().err == told
     # A measured curve has its own force.
-    tell_borrowed(whole | {"load_law": "by_angle", "jaw.mass": 500.0}, Path("mine.toml"))
+    whole |= {"load_law": "by_angle", "jaw.mass": 500.0}
+    tell_borrowed(whole, Path("mine.toml"))
     assert capsys.readouterr().err == ""
+    # Parts that a crusher need not have, where it has them.
+    for part, count, words in (
+        ({"foundation.mass": 1e5}, 10, "foundation.inertia 2500 kg m2"),
+        ({"contact_law": "rollers"}, 10, "rollers.static_rating 1.12e+06 N"),
+        ({"elbow.clearance": 1e-4}, 1, "elbow.bore_radius 40 mm"),
+        ({"rod.stiffness": 1e5, "load_scatter": 0.1}, 6, "rod.jaw_along 650 mm"),
+    ):
+        tell_borrowed(whole | part, Path("mine.toml"))
+        told = capsys.readouterr().err
+        assert f" {count} numbers to the PE250x400: " in told and words in told
+
+
+def test_python_warns_once_of_what_commands_tell(monkeypatch):
+    monkeypatch.setattr(setup, "_told", set())
+    with pytest.warns(UnusualNumbers) as told:
+        jc.paper_scene(286.0, 0.06e-3)
+    assert ["speed 286 rad/s (2731 rpm)" in str(one.message) for one in told] == [True] * 2
+    with warnings.catch_warnings(record=True) as again:
+        warnings.simplefilter("always")
+        jc.paper_scene(287.0, 0.06e-3)
+        jc.paper_scene(30.0, 0.06e-3)
+        # What a traced program alone will know.
+        jax.jit(lambda clearance: jc.paper_scene(30.0, clearance).joint.clearance)(0.02)
+    assert again == []
 
 
 def test_an_ideal_joint_has_no_clearance_to_look_at():

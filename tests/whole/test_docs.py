@@ -74,6 +74,7 @@ def test_every_module_is_documented(documented):
         "docs/orbits.md",
         "docs/design_search.md",
         "docs/own_parts.md",
+        "docs/coming_from.md",
         "docs/foundation.md",
         "docs/rough_feed.md",
     ],
