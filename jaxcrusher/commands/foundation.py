@@ -19,6 +19,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.commands.crushers import read_crusher, units_given
 from jaxcrusher.commands.options import Foundation
+from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
@@ -34,6 +35,11 @@ FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")
 CURVES = {"shaking_rms": "shaking force", "transmitted_rms": "force on the ground"}
 NODES = 96
 PAGE = Path(__file__).with_name("load_sheet.html")
+REMEDY = (
+    "`--set joint ideal` gives the sheet with an ideal main bearing, whose forces are exact and "
+    "lack the impacts alone (without clearance in B and C as well, if these are loose). Any motion "
+    "has averages and peaks: `python -m jaxcrusher simulate --turns 200`."
+)
 
 
 def run(options: Foundation, console: Console) -> int:
@@ -47,10 +53,11 @@ def run(options: Foundation, console: Console) -> int:
     settings = {"command": "foundation", "scene": with_digests(values), "orders": options.orders}
     settings |= {"speeds": [low, high], "points": options.points}
     folder = begin_beside(options.results.folder, settings, *FILES)
-    with console.status("solving"):
+    with stages(console, "solving (the first time half a minute, most of it compilation)"):
         orbit = jc.periodic_orbit(scene)
     if not bool(orbit.success):
         console.print(f"no periodic orbit: {orbit.failure}", highlight=False, soft_wrap=True)
+        console.print(REMEDY, highlight=False, soft_wrap=True)
         return 1
     rows = sheet(orbit, options.orders)
     speeds = np.linspace(low, high, options.points)

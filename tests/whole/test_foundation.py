@@ -1,6 +1,7 @@
 """The load sheet of a foundation, from the command line to its files."""
 
 import csv
+import logging
 import re
 
 import numpy as np
@@ -11,6 +12,7 @@ import jaxcrusher as jc
 from jaxcrusher.commands import foundation
 from jaxcrusher.commands.options import Crusher, Foundation, Results
 from jaxcrusher.orbits.load_sheet import Row, sheet
+from jaxcrusher.orbits.result import RESULTS, missing
 
 BLOCK = (("foundation.mass", "6 t"), ("foundation.x", "0.3 m"), ("joint", "ideal"))
 
@@ -82,3 +84,21 @@ def test_speeds_whose_harmonics_meet_a_natural_frequency_are_marked(monkeypatch,
     assert speeds[1] < max(expected) and min(critical) < speeds[0] and speeds[-1] < max(critical)
     found = sorted(float(x[0]) for x in upright)
     assert found == pytest.approx(sorted([*expected, 60 * 30 / (2 * np.pi)]))
+
+
+def test_a_machine_without_an_orbit_is_shown_the_way_out(tmp_path, monkeypatch):
+    """Its steps are told meanwhile, and nothing is written."""
+    scene = jc.paper_scene(30.0, 0.06e-3)
+    failed = missing(scene, 1, RESULTS.chaotic)
+
+    def search(scene):
+        logging.getLogger("jaxcrusher").info("waiting: turns 1 to 240 from rest")
+        return failed
+
+    monkeypatch.setattr(jc, "periodic_orbit", search)
+    console = Console(record=True, width=100)
+    assert foundation.run(Foundation(results=Results("none", tmp_path)), console) == 1
+    text = " ".join(console.export_text().split())
+    assert "waiting: turns 1 to 240" in text and "is chaotic" in text
+    assert "`--set joint ideal` gives the sheet" in text
+    assert not (tmp_path / "none" / "sheet.csv").exists()
