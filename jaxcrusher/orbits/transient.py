@@ -136,6 +136,7 @@ class Round:
     """Section points of the last turns that were waited for."""
 
     states: Float[np.ndarray, "turns dims"]
+    chaotic: bool = False  # disturbances grow from its end on
 
     def means(self, period: int | None) -> Iterator[tuple[int, Float[Array, " dims"]]]:
         """Yield numbers of turns and the mean of section points so far apart.
@@ -211,11 +212,12 @@ class Wait:
             seen.append(np.asarray(states))
             self._ended, count = states[-1], turn + 1
             if count & turn == 0:  # a power of two
-                self._last = Round(np.concatenate(seen)[count * TURNS // 2 :])
+                # Half a second each: before what would be in vain, and at the end for its name.
+                self._chaotic = turn in (0, 1, last) and self._growth() > CHAOS
+                half = np.concatenate(seen)[count * TURNS // 2 :]
+                self._last = Round(half, self._chaotic)
                 yield self._last
-                # Half a second each: after the second round, and at the end for its name.
-                self._chaotic = turn in (1, last) and self._growth() > CHAOS
-                if self._chaotic:
+                if self._chaotic and turn > 0:
                     return
 
     def regime(self, otherwise: RESULTS) -> RESULTS:

@@ -4,7 +4,8 @@
    leads to the quietest of several motions: the motion from rest is looked at, and goes before.
 2. Shooting from the guess's section point, and without a guess: rest.
 3. Rest with twice the nodes, and shooting from what nodes do not resolve.
-4. Turns that are waited for from rest: their mean, by nodes and by shooting.
+4. Turns that are waited for from rest: their mean, by nodes and by shooting, unless they are
+   chaotic.
 
 Where one of these leads to an unstable orbit whose period has doubled, the orbit of twice the turns
 is shot for from beside it. The first stable orbit is the answer. Under `jax.jit` the first try is
@@ -215,8 +216,8 @@ def _tries(search: Search, wait: Wait) -> Iterator[Try]:
         yield from found
 
     def waited(rest: Round) -> Iterator[Try]:
-        """Yield what the means of turns lead to."""
-        for turns, mean in rest.means(search.period):
+        """Yield what the means of turns lead to; those of chaos lead nowhere that is stable."""
+        for turns, mean in () if rest.chaotic else rest.means(search.period):
             seen, success = one_period((mean, wait.scene), period=turns)
             if bool(success):
                 yield search.by_nodes(seen, turns).found(WAYS.waiting)
