@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxcrusher.basics.checks import require
+from jaxcrusher.basics.checks import nan_unless, require
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import in_lanes, in_turn, side_by_side, stack
 from jaxcrusher.crusher.loads import AbstractLoad
@@ -194,7 +194,7 @@ def _scenes(law: eqx.Module) -> Iterator[Scene]:
 
 def _turn(scene: Scene) -> Array:
     result = statistics(scene, 0, 1, outputs=("foundation_rms",))
-    return jnp.where(result.success, result.foundation_rms, jnp.nan)
+    return nan_unless(result.success, result.foundation_rms)
 
 
 def _check_engines(law: eqx.Module) -> None:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 import jaxcrusher as jc
+from jaxcrusher.basics.checks import nan_unless
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.rough_feed import RoughFeed
 from jaxcrusher.motion.statistic import STATISTIC
@@ -52,7 +53,7 @@ def _expected(found: jc.Statistics | jc.PeriodicOrbit, scene: jc.Scene, _) -> Sc
     if not isinstance(scene.load, RoughFeed):  # a free scatter at its bound 0
         return found.foundation_rms
     response = jc.feed_response(replace(found, scene=replace(found.scene, load=scene.load)))
-    return jnp.where(response.losses <= 1 / TURNS, response.expected_rms, jnp.nan)
+    return nan_unless(response.losses <= 1 / TURNS, response.expected_rms)
 
 
 def _per_volume(name: str) -> Formula:

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
+from jaxcrusher.basics.checks import nan_unless
 from jaxcrusher.crusher.capacity import stroke
 from jaxcrusher.scenes.build import build_machine
 
@@ -52,8 +53,10 @@ class EqualStroke:
 
         start = jnp.asarray(sum(self.limits) / 2)
         solved = jax.lax.stop_gradient(jax.lax.fori_loop(0, STEPS, newton, start))
-        # A last step, differentiated by the links only, has the derivative of the root.
+        # A step, differentiated by the links only, has the derivative of the root, and a second one
+        # has the second derivative too.
         slope = jax.lax.stop_gradient(jax.grad(excess)(solved, held))
-        solved = solved - excess(solved, values) / slope
+        for _ in range(2):
+            solved = solved - excess(solved, values) / slope
         inside = (solved > self.limits[0]) & (solved < self.limits[1])
-        return {**values, "shaft.eccentricity": jnp.where(inside, solved, jnp.nan)}
+        return {**values, "shaft.eccentricity": nan_unless(inside, solved)}

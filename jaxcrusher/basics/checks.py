@@ -5,8 +5,11 @@ from difflib import get_close_matches
 
 import jax
 import jax.core
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, PyTree
+from jaxtyping import Array, ArrayLike, Bool, PyTree
+
+from jaxcrusher.basics.processes import jax_is_stuck
 
 # More choices than these are not listed to whoever misspells one.
 SEVERAL = 8
@@ -36,6 +39,24 @@ def without_slopes(tree: PyTree) -> PyTree:
     return tree if is_concrete(tree) else jax.lax.stop_gradient(tree)
 
 
+def nan_unless(good: Bool[ArrayLike, "..."], tree: PyTree) -> PyTree:
+    """Return a tree of floats that are NaN, with all their slopes, where `good` does not hold.
+
+    `good` has the leading axes of every leaf. It is a factor: `jnp.where` passes nothing back to
+    what it does not choose, so that in reverse mode the slopes of a failure would be zero.
+    """
+    factor = jnp.where(good, 1.0, jnp.nan)
+    axes = jnp.ndim(factor)
+    return jax.tree.map(
+        lambda leaf: jnp.expand_dims(factor, tuple(range(axes, jnp.ndim(leaf)))) * leaf, tree
+    )
+
+
+def all_finite(tree: PyTree) -> Bool[Array, ""]:
+    """Tell whether every number of a tree is finite."""
+    return jnp.all(jnp.array([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(tree)]))
+
+
 def require(condition: bool | np.bool, name: str, must: str, value: object) -> None:
     """Raise the one-line error of this package unless `condition` holds."""
     if not condition:
@@ -43,8 +64,15 @@ def require(condition: bool | np.bool, name: str, must: str, value: object) -> N
         raise ValueError(f"Argument `{name}` must {must}, but is {given}.")
 
 
+def require_own_process() -> None:
+    """Refuse a process that was forked from one in which JAX had computed."""
+    must = "be 'spawn', as of multiprocessing.get_context('spawn'), once JAX has computed"
+    require(not jax_is_stuck(), "start_method", must, "'fork', after which JAX waits for ever")
+
+
 def require_x64() -> None:
     """Refuse 32-bit floats: a penetration of 3e-6 m at 0.6 m has no digits in them."""
+    require_own_process()
     require(
         jax.config.read("jax_enable_x64"),
         "jax_enable_x64",

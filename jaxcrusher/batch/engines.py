@@ -22,7 +22,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
-from jaxcrusher.basics.checks import require, require_choice
+from jaxcrusher.basics.checks import require, require_choice, require_own_process
 from jaxcrusher.basics.devices import computes_on, devices, finds_card
 from jaxcrusher.basics.setup import remind_of_idle_cores
 from jaxcrusher.basics.traced import traced
@@ -205,6 +205,7 @@ def run_all(
 
 def _require_stacked(function: Callable[[Any], PyTree], scenes: PyTree) -> None:
     """Check that all leaves have a first axis, and that it is of the same length."""
+    require_own_process()
     require(callable(function), "function", "be one", f"a {type(function).__name__}")
     lengths = {np.shape(leaf)[:1] for leaf in jax.tree.leaves(scenes)}
     good = len(lengths) == 1 and () not in lengths and (0,) not in lengths

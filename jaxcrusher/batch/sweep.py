@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jax
+import jax.numpy as jnp
 import xarray as xr
 
 from jaxcrusher.basics.checks import require_names, require_whole
@@ -161,8 +162,13 @@ def row_of(result: Statistics, statistics: Iterable[str]) -> dict[str, jax.Array
     row = {name: result[name] for name in statistics}
     row |= {name: getattr(result, name) for name in ("foundation_rms_error", "whirl", "success")}
     row |= {
-        before(joint) + name: getattr(one, name)
+        before(joint) + name: _number(getattr(one, name))
         for joint, one in limits.items()
         for name in _LIMITS
     }
     return row | {"inside_model": result.validity.inside, "reached": result.outcome.reached}
+
+
+def _number(value: jax.Array | None) -> jax.Array:
+    """Return what a column holds: NaN of what is not known."""
+    return jnp.full((), jnp.nan) if value is None else value

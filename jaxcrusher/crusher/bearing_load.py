@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import require, require_positive
+from jaxcrusher.basics.checks import require, require_own_process, require_positive
 from jaxcrusher.crusher.observables import force_at
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.crusher.snapshot import Snapshot
@@ -20,6 +20,7 @@ def bearing_stiffness(scene: Scene, force: float | Scalar) -> Scalar:
 
     Raises ValueError for an ideal bearing.
     """
+    require_own_process()
     require_positive("force", force, "N")
     law = _main(scene, "scene").normal
     return jax.grad(law.elastic_force)(law.penetration_under(jnp.asarray(force, float)))

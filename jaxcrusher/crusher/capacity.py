@@ -5,8 +5,9 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float, Scalar
+from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
+from jaxcrusher.basics.checks import require_own_process
 from jaxcrusher.basics.plane import Vector, direction, scalar
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.machine import Machine
@@ -58,25 +59,35 @@ def lower_end(angle: Scalar, machine: Machine) -> Scalar:
     return machine.toggle.length * chain.toggle.x
 
 
-def stationary(travel: Callable[[Scalar], Scalar], angle: Scalar) -> Scalar:
-    """Return the angle near a given one (rad) at which a travel (m) is least or greatest."""
-    rate = jax.grad(travel)
-    bend = jax.grad(rate)
-    return jax.lax.fori_loop(0, POLISH, lambda _, a: a - rate(a) / bend(a), angle)
+def stationary(travel: Callable[..., Scalar], angle: Scalar, *numbers: PyTree) -> Scalar:
+    """Return the angle near a given one (rad) at which a travel (m) is least or greatest.
+
+    `travel` is a function of the angle and of numbers, by which the angle has first derivatives. So
+    the travel there has second ones.
+    """
+    rate, held = jax.grad(travel), jax.lax.stop_gradient(numbers)
+
+    def closer(_, at: Scalar) -> Scalar:
+        return at - rate(at, *held) / bend(at)
+
+    def bend(at: Scalar) -> Scalar:
+        return jax.grad(rate)(at, *held)
+
+    found = jax.lax.stop_gradient(jax.lax.fori_loop(0, POLISH, closer, angle))
+    left = rate(found, *numbers)
+    return found - (left - jax.lax.stop_gradient(left)) / bend(found)
 
 
 def stroke(machine: Machine) -> Scalar:
     """s, the horizontal travel of the jaw's lower end B over a turn (m); ideal joint.
 
-    To rounding, and differentiable: at a stationary angle the derivative by the links is exact with
-    the angle held.
+    To rounding, with first and second derivatives.
     """
-    held = jax.lax.stop_gradient(machine)
     angles = jnp.linspace(0, 2 * jnp.pi, ANGLES, endpoint=False)
-    travel = jax.vmap(lower_end, (0, None))(angles, held)
+    travel = jax.vmap(lower_end, (0, None))(angles, jax.lax.stop_gradient(machine))
     ends = angles[jnp.stack([jnp.argmax(travel), jnp.argmin(travel)])]
-    ends = jax.vmap(lambda end: stationary(lambda a: lower_end(a, held), end))(ends)
-    right, left = jax.vmap(lower_end, (0, None))(jax.lax.stop_gradient(ends), machine)
+    ends = jax.vmap(lambda end: stationary(lower_end, end, machine))(ends)
+    right, left = jax.vmap(lower_end, (0, None))(ends, machine)
     return right - left
 
 
@@ -85,4 +96,5 @@ def chamber_from_stroke(machine: Machine, discharge_opening) -> CrushingChamber:
 
     `machine` gives the stroke s (see `stroke`), `discharge_opening` is b (m).
     """
+    require_own_process()
     return CrushingChamber(double_width=2 * scalar(discharge_opening) - stroke(machine))

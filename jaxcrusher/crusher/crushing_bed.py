@@ -66,20 +66,16 @@ def crushing_bed(
     along = machine.jaw.length - half * (1 - _PLACES)
     widths = discharge + (machine.jaw.length - along) * jnp.tan(nip_angle)
     towards = -_ideal(machine, jnp.zeros(())).away
-    held = jax.lax.stop_gradient((machine, along, towards))
 
     def reach(angle: Scalar, at: Array, machine: Machine, towards: Vector) -> Array:
         return _reach(_ideal(machine, angle), at, towards)
 
     angles = jnp.linspace(0, 2 * jnp.pi, ANGLES, endpoint=False)
-    seen = jax.vmap(lambda angle: reach(angle, held[1], held[0], held[2]))(angles)
-    near = angles[jnp.argmin(seen, axis=0)]
-    furthest = jax.lax.stop_gradient(
-        jax.vmap(lambda a, at: stationary(lambda x: reach(x, at, held[0], held[2]), a))(
-            near, held[1]
-        )
+    held = jax.lax.stop_gradient((along, machine, towards))
+    near = angles[jnp.argmin(jax.vmap(lambda angle: reach(angle, *held))(angles), axis=0)]
+    furthest = jax.vmap(lambda angle, at: stationary(reach, angle, at, machine, towards))(
+        near, along
     )
-    # At a stationary angle the slope by the machine is exact with the angle held.
     at_rest = jax.vmap(reach, (0, 0, None, None))(furthest, along, machine, towards)
     areas = length * half * jnp.asarray(_WEIGHTS)
     return CrushingBed(along, areas, widths, at_rest, towards, modulus, exponent)

@@ -12,6 +12,7 @@ from jaxcrusher.basics.checks import (
     require,
     require_double,
     require_kind,
+    require_own_process,
     require_positive,
     require_x64,
 )
@@ -77,6 +78,7 @@ class Scene(AbstractScene):
 
 def require_scene(scene: Any) -> None:
     """Check that it is one scene, of 64-bit floats."""
+    require_own_process()
     require_kind("scene", scene, Scene, "jaxcrusher.paper_scene(30.0, 6e-5)")
     require_double("scene", scene)
     shapes = {"speed": jnp.shape(getattr(scene.drive, "speed", 0.0))}

@@ -113,13 +113,13 @@ class AbstractNormalForce(eqx.Module):
     def penetration_under(self, force: Scalar) -> Scalar:
         """The penetration (m) at which the elastic part is `force` (N, > 0) at rest."""
 
-    def asked_restitution(self) -> Scalar:
-        """The coefficient of restitution that the law was made for; NaN: for none."""
-        return jnp.full((), jnp.nan)
+    def asked_restitution(self) -> Scalar | None:
+        """The coefficient of restitution that the law was made for; None: for none."""
+        return None
 
-    def delivered_restitution(self, speed: Scalar) -> Scalar:
-        """Rebound over impact speed of a free impact at `speed` (m/s); NaN where it is unknown."""
-        return jnp.full_like(speed, jnp.nan)
+    def delivered_restitution(self, speed: Scalar) -> Scalar | None:
+        """Rebound over impact speed of a free impact at `speed` (m/s); None where it is unknown."""
+        return None
 
     def in_contact(self, penetration: Scalar) -> Scalar:
         """1 in contact, 0 in flight, smooth between."""

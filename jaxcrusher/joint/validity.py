@@ -111,7 +111,7 @@ class Validity(eqx.Module):
     def restitution_kept(self) -> Bool[Array, "*batch"]:
         """Fastest impact rebounds as asked, as far as that is known."""
         if self.delivered_restitution is None or self.asked_restitution is None:
-            return jnp.asarray(True)
+            return jnp.ones(jnp.shape(self.impact_speed_ratio), bool)
         error = jnp.abs(self.delivered_restitution - self.asked_restitution)
         return jnp.isnan(error) | (error <= RESTITUTION_ERROR)
 
@@ -148,8 +148,9 @@ class Validity(eqx.Module):
             ratio = float(self.impact_speed_ratio)
             found.append(f"approaches at {ratio:.1f} times the elastic limit")
             if not bool(self.restitution_kept):
-                delivered, asked = self.delivered_restitution, self.asked_restitution
-                found.append(f"restitution {delivered:.3f} for {asked:.3g}")
+                found.append(
+                    f"restitution {self.delivered_restitution:.3f} for {self.asked_restitution:.3g}"
+                )
         for name, one in self.others.items():
             found += [f"{name}: {remark}" for remark in one.remarks()]
         return found + [f"not known without {name}" for name in self.missing]
@@ -160,11 +161,10 @@ def validity(
 ) -> Validity:
     """The limits of a motion with these largest penetration/clearance and approach (m/s).
 
-    An ideal joint has neither contact nor impacts, and its restitution is NaN.
+    An ideal joint has neither contact nor impacts, and so no restitution.
     """
     if joint is None:
-        none = jnp.full_like(impact_speed, jnp.nan)
-        return Validity(penetration_ratio, impact_speed, none, none, jnp.zeros_like(impact_speed))
+        return Validity(penetration_ratio, impact_speed, None, None, jnp.zeros_like(impact_speed))
     clearance_ratio = joint.clearance / joint.bore_radius
     return Validity(
         joint.half_width_ratio(joint.clearance * penetration_ratio),

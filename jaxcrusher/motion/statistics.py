@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import require_names, require_whole
+from jaxcrusher.basics.checks import nan_unless, require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
@@ -169,9 +169,7 @@ def over_turns(
     (states, by_turn), outcome = integrate(flow, times, problem=problem, method=method)
     by_turn = {name: values[settle_turns:] for name, values in by_turn.items()}
     values = {name: one.reduction.of_pieces(by_turn[name]) for name, one in outputs}
-    # A factor, and no choice by `jnp.where`, so that slopes of a failed run are NaN too.
-    factor = jnp.where(outcome.success, 1.0, jnp.nan)
-    values = {name: factor * v for name, v in values.items()}
+    values = nan_unless(outcome.success, values)
     limits = limits_of(scene, values)
     end = flat(jax.tree.map(lambda leaf: leaf[-1], states), scene)
     return Statistics(turns, outcome, values, by_turn, end, limits)

@@ -10,7 +10,13 @@ import numpy as np
 from jax.scipy.stats import norm as gauss
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.basics.checks import primal, require, require_kind
+from jaxcrusher.basics.checks import (
+    nan_unless,
+    primal,
+    require,
+    require_kind,
+    require_own_process,
+)
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.rough_feed import Multiplied, RoughFeed, steady
@@ -73,6 +79,7 @@ def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
 
     Raises ValueError for a scene without scatter or without a clearance, and for a batch.
     """
+    require_own_process()
     require_kind("orbit", orbit, PeriodicOrbit, "jaxcrusher.periodic_orbit(scene)")
     require(orbit.success.ndim == 0, "orbit", "be one orbit", f"a batch {orbit.success.shape}")
     feed = orbit.scene.load
@@ -136,8 +143,7 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
         _losing_scatter(contacts),
     )
     known = jnp.all(jnp.abs(multipliers) > LEAST)
-    good = jnp.where(orbit.stable & known, 1.0, jnp.nan)
-    return jax.tree.map(lambda leaf: good * leaf, found)
+    return nan_unless(orbit.stable & known, found)
 
 
 class Linearised(eqx.Module):

@@ -8,6 +8,7 @@ from jaxcrusher.basics.checks import (
     require,
     require_kind,
     require_names,
+    require_own_process,
     require_untraced,
     require_whole,
 )
@@ -42,6 +43,7 @@ def harmonics(
     Raises ValueError for an orbit that was not found, for orders out of range, for unknown outputs,
     and under `jax.jit`.
     """
+    require_own_process()
     require_kind("orbit", orbit, PeriodicOrbit, "jaxcrusher.periodic_orbit(scene)")
     require_untraced("orbit", orbit.values, "harmonics", "PeriodicOrbit.motion")
     require(orbit.success.ndim == 0, "orbit", "be one orbit", f"a batch {orbit.success.shape}")

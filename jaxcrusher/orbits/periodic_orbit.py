@@ -113,7 +113,9 @@ def periodic_orbit(
         orbit = kinematic(alike, turns, chosen(statistics_of(scene)))
     elif known:
         search = Search(alike, still, first, begin, period)
-        orbit = searched(search, nodes) if method is None else shot_for(search)
+        # Tries that fail are NaN; what comes out of all of them is looked at below.
+        with jax.debug_nans(False):
+            orbit = searched(search, nodes) if method is None else shot_for(search)
     elif method is not None:
         orbit = shot_once(alike, still, begin, turns)
     elif nodes is not None:

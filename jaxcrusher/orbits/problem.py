@@ -280,14 +280,18 @@ def least_penetrations(x: Float[Array, "nodes dims"]) -> Float[Array, " joints"]
     grid = resample(pairs, max(INSTANTS, 4 * len(x)))
 
     def least(pin: Float[Array, "nodes 2"], grid: Float[Array, "instants 2"]) -> Scalar:
-        def closer(_, place: Scalar) -> Scalar:
+        def step(place: Scalar) -> Scalar:
             e, rate, bend = (evaluate(pin, place, order) for order in range(3))
             curve = rate @ rate + e @ bend
             # A pin at rest is nowhere nearer.
-            return place - jnp.where(curve > 0, e @ rate / curve, 0.0) / (2 * np.pi)
+            return jnp.where(curve > 0, e @ rate / curve, 0.0) / (2 * np.pi)
 
         start = jnp.argmin(jnp.sum(grid**2, axis=1)) / len(grid)
-        place = jax.lax.stop_gradient(jax.lax.fori_loop(0, POLISHED, closer, start))
+        place = jax.lax.fori_loop(0, POLISHED, lambda _, place: place - step(place), start)
+        place = jax.lax.stop_gradient(place)
+        # The place has slopes, and so the penetration has second derivatives.
+        left = step(place)
+        place = place - (left - jax.lax.stop_gradient(left))
         return jnp.linalg.norm(evaluate(pin, place)) - 1
 
     return jax.vmap(least, in_axes=1)(pairs, grid)

@@ -10,7 +10,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import is_concrete, require, require_names
+from jaxcrusher.basics.checks import (
+    all_finite,
+    is_concrete,
+    nan_unless,
+    require,
+    require_names,
+    require_own_process,
+)
 from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.crusher.rough_feed import steady
@@ -175,6 +182,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
     def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
         """Return where the motion is at a shaft angle (rad); it may be handed to a formulation."""
+        require_own_process()
         require(self.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
         return _state(self, jnp.asarray(angle, dtype=float))
 
@@ -186,6 +194,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         None is all but those of an elbow and a pivot that are ideal, and of supports that are none.
         Raises ValueError for a name that `jaxcrusher.crusher.observables.OBSERVABLES` lacks.
         """
+        require_own_process()
         outputs = observables_of(self.scene) if outputs is None else outputs
         require_names("outputs", outputs, tuple(OBSERVABLES))
         return _seen(self, jnp.asarray(angles, dtype=float), tuple(outputs))
@@ -219,7 +228,11 @@ def built(
     way: WAYS,
     steps: ArrayLike = 0,
 ) -> PeriodicOrbit:
-    """Return an orbit; its statistics tell the limits of the contact model."""
+    """Return an orbit; its statistics tell the limits of the contact model.
+
+    Of a scene with a number that is not finite, as one outside its limits becomes, there is none.
+    """
+    result = RESULTS.where(all_finite(scene), result, RESULTS.promote(newton.RESULTS.not_finite))
     return PeriodicOrbit(
         scene,
         period,
@@ -295,8 +308,7 @@ def finished(
 @eqx.filter_jit
 def _masked(orbit: PeriodicOrbit) -> PeriodicOrbit:
     numbers, others = eqx.partition(orbit, eqx.is_inexact_array)
-    numbers = jax.tree.map(lambda leaf: jnp.where(orbit.success, leaf, jnp.nan), numbers)
-    return eqx.combine(numbers, others)
+    return eqx.combine(nan_unless(orbit.success, numbers), others)
 
 
 @eqx.filter_jit  # one program for all numbers: one by one they took most of an eager gradient
@@ -305,11 +317,14 @@ def _masked_with_slopes(orbit: PeriodicOrbit, scene: Scene) -> PeriodicOrbit:
     own = _sloped_if(own.success, own, scene)
     names = ("error", "multipliers", "multipliers_error")
     bare = {name: getattr(own, name) for name in names}
-    return dataclasses.replace(own, **_sloped_if(jnp.array(False), bare, scene))
+    return dataclasses.replace(own, **_sloped_if(None, bare, scene))
 
 
-def _sloped_if(good: Bool[Array, ""], tree: PyTree, scene: Scene) -> PyTree:
-    """Return the numbers of a tree, whose slopes by those of `scene` are NaN unless `good`."""
+def _sloped_if(good: Bool[Array, ""] | None, tree: PyTree, scene: Scene) -> PyTree:
+    """Return the numbers of a tree, whose slopes by those of `scene` are NaN unless `good`.
+
+    None is never.
+    """
     leaves = [leaf for leaf in jax.tree.leaves(scene) if eqx.is_inexact_array(leaf)]
     total = sum(map(jnp.sum, leaves), jnp.zeros(()))
     numbers, others = eqx.partition(tree, eqx.is_inexact_array)
@@ -317,7 +332,7 @@ def _sloped_if(good: Bool[Array, ""], tree: PyTree, scene: Scene) -> PyTree:
 
 
 @jax.custom_jvp
-def _marked(number: Array, good: Bool[Array, ""], total: Scalar) -> Array:
+def _marked(number: Array, good: Bool[Array, ""] | None, total: Scalar) -> Array:
     return number
 
 
@@ -325,4 +340,6 @@ def _marked(number: Array, good: Bool[Array, ""], total: Scalar) -> Array:
 def _marked_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     number, good, _ = primals
     slope, _, by_scene = tangents
-    return number, slope + jnp.where(good, 0.0, jnp.nan) * by_scene
+    # A constant where it is known: a slope that nobody asks for is then not computed.
+    added = jnp.nan if good is None else jnp.where(good, 0.0, jnp.nan)
+    return number, slope + added * by_scene

@@ -64,6 +64,8 @@ def along(
 @eqx.filter_custom_jvp
 def _along(scene: Scene, state: Array, *, period: int, rtol: float, outputs: Chosen) -> Passed:
     parts, x = [], state
+    if not outputs:
+        return state, {}
     for _ in range(period):
         x, seen = passed(scene, x, jnp.asarray(rtol), outputs)
         parts.append(seen)
@@ -81,6 +83,8 @@ def _along_jvp(
         return eqx.filter(scene, jax.tree.map(chosen, change, is_leaf=lambda leaf: leaf is None))
 
     point, unravel = ravel_pytree(part(True))
+    # It has slopes of its own, by which second derivatives are right.
+    state, _ = _along(scene, state, period=period, rtol=rtol, outputs=())
     build, parts, x = eqx.Partial(_combined, unravel=unravel, fixed=part(False)), [], state
     for _ in range(period):
         x, slices, _ = sloped_turn(build, point, x, jnp.asarray(rtol), outputs)

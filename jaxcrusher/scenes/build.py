@@ -9,7 +9,7 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import concrete, primal, require, require_x64
+from jaxcrusher.basics.checks import concrete, nan_unless, primal, require, require_x64
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.capacity import CrushingChamber, stroke
 from jaxcrusher.crusher.crushing_bed import crushing_bed
@@ -57,6 +57,7 @@ from jaxcrusher.scenes.parameters import (
     PE250X400,
     WORN_JOINTS,
     Value,
+    check_number,
     complete,
     readable,
     within_limits,
@@ -168,9 +169,13 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
     """The chamber of a description, its stroke from the links; differentiable by either.
 
     The paper's own has 2b - s = 60.6 mm to the last bit: what differs from it counts from there.
-    Raises ValueError as `build_machine` does, and for a discharge opening that the stroke closes.
+    A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
+    ValueError for known ones, as `build_machine` does, and for a discharge opening that the stroke
+    closes.
     """
-    v: dict[str, Any] = {**PE250X400, **_PAPER_CHAMBER, **values}
+    v = within_limits({**PE250X400, **_PAPER_CHAMBER, **values})
+    for name in CHAMBER:
+        check_number(name, v[name])
     paper = CrushingChamber()
     double_width = paper.double_width + 2 * (
         v["chamber.discharge"] - _PAPER_CHAMBER["chamber.discharge"]
@@ -183,6 +188,8 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
         largest = readable("chamber.discharge", float(np.max(2 * discharge - width)))
         must = f"be wider than the jaw's stroke at its lower end, {largest}"
         require(False, "chamber.discharge", must, readable("chamber.discharge", float(discharge)))
+    if width is None or discharge is None:
+        double_width = nan_unless(double_width > v["chamber.discharge"], double_width)
     return CrushingChamber(
         v["chamber.width"], v["chamber.height"], v["chamber.loosening"], double_width, v["gravity"]
     )

@@ -4,16 +4,19 @@ The names serve scene files, the command line, sweeps and the design search. Def
 PE250x400 of Wang, Cui, Wang, Appl. Sci. 2023, 13, 238, Tables 1 and 2.
 """
 
+import operator
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import ArrayLike
 
 from jaxcrusher.basics.checks import (
     concrete,
+    nan_unless,
+    primal,
     require,
     require_choice,
     require_known,
@@ -215,6 +218,14 @@ _OPENERS = {
     **dict.fromkeys(("chamber.bed_modulus", "chamber.bed_exponent"), "load_law=chamber"),
 }
 
+# Two numbers of a description, and how the first must compare with the second.
+_PAIRS = (
+    *((f"{at}clearance", operator.lt, f"{at}bore_radius") for at in ("", "elbow.", "pivot.")),
+    ("load_point", operator.le, "jaw.length"),
+    ("rollers.diameter", operator.lt, "rollers.pitch_diameter"),
+    ("foundation.left", operator.lt, "foundation.right"),
+)
+
 # Numbers whose law is a choice of its own.
 _LAWS = {"load": "load_law", "impact_velocity": "impact_law"}
 
@@ -306,17 +317,25 @@ def within_limits(values: Mapping[str, Any]) -> dict[str, Any]:
     """The same description, with NaN for every traced number that lies outside its limits.
 
     A check cannot raise an error for a value that only `jax.jit` will know. NaN makes the motion
-    a failure, in place of a number that means nothing.
+    a failure, in place of a number that means nothing. Where a number has its limit in another
+    one, what is checked of known ones where they are used is checked here of traced ones.
     """
-    traced = {name: v for name, v in values.items() if name in NUMBERS and concrete(v) is None}
-    return {**values, **{name: _or_nan(NUMBERS[name], v) for name, v in traced.items()}}
+    found = dict(values)
+    for name, value in values.items():
+        if name in NUMBERS and concrete(value) is None:
+            found[name] = nan_unless(_is_within(NUMBERS[name], value), value)
+    for name, compare, other in _PAIRS:
+        both = [found[one] for one in (name, other) if one in found]
+        if len(both) == 2 and any(primal(one) is None for one in both):
+            found[name] = nan_unless(compare(*both), found[name])
+    return found
 
 
-def _or_nan(parameter: Parameter, value: Array) -> Array:
+def _is_within(parameter: Parameter, value: Any) -> Any:
     if parameter.limits is None:
-        return jnp.where((value > 0) & (value < jnp.inf), value, jnp.nan)
+        return (value > 0) & (value < jnp.inf)
     low, high = parameter.limits
-    return jnp.where((value >= low) & (value <= high), value, jnp.nan)
+    return (value >= low) & (value <= high)
 
 
 def check_number(name: str, value: ArrayLike) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.basics.checks import (
+    nan_unless,
     require_choice,
     require_known,
     require_names,
@@ -73,3 +74,16 @@ def test_a_name_that_is_not_known():
         require_known("onne", NAMES)
     with pytest.raises(ValueError, match="but is not; there are one, two"):
         require_known("x", NAMES)
+
+
+def test_a_failure_is_nan_and_its_slopes_are_in_either_mode():
+    """In its lane alone, of a number and of a number for each of a row."""
+
+    def found(x):
+        return nan_unless(x > 0, {"one": 3 * x, "row": jnp.stack([x, x**2])})
+
+    at = jnp.array([1.0, -1.0, jnp.nan, 2.0])
+    for slopes in (jax.jacrev(found), jax.jacfwd(found), jax.jit(jax.jacrev(found)), found):
+        for leaf in jax.tree.leaves(jax.vmap(slopes)(at)):
+            rows = np.isnan(leaf).reshape(4, -1)
+            assert rows[1:3].all() and not rows[[0, 3]].any()

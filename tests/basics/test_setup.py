@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.basics import devices, setup
+from jaxcrusher.basics import checks, devices, setup
+from jaxcrusher.orbits.result import RESULTS, missing
 
 LOOP = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=262144"
 FUSION = "--xla_backend_extra_options=xla_cpu_disable_new_fusion_emitters"
@@ -212,6 +213,70 @@ def test_every_computation_tells_of_slow_loops(compute, monkeypatch):
     monkeypatch.setattr(warnings, "warn", refuse)
     with pytest.raises(Said, match=r"times as long\. Import it before"):
         compute()
+
+
+# Processes before JAX has computed, and after.
+FORKED = """
+import os, signal, sys, warnings
+import jaxcrusher as jc
+warnings.simplefilter("ignore")  # what JAX says of every fork
+jc.set_up()
+
+def fork():
+    if (child := os.fork()) == 0:
+        signal.alarm(120)  # in place of waiting for ever
+        try:
+            print(float(jc.build_scene({}).joint.clearance), flush=True)
+        except ValueError as error:
+            print(error, flush=True)
+        os._exit(0)
+    os.waitpid(child, 0)
+
+fork()
+jc.build_scene({})
+fork()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_process_forked_after_jax_has_computed_is_refused():
+    before, after = python(FORKED).stdout.splitlines()
+    assert float(before) == 6e-5
+    assert after.startswith("Argument `start_method` must be 'spawn', as of multiprocessing.get_")
+
+
+COMPUTATIONS = {
+    "statistics": lambda scene, _: jc.statistics(scene, 0, 1),
+    "simulate": lambda scene, _: jc.simulate(scene, [0.0, 0.1]),
+    "section": lambda scene, _: jc.poincare_section(scene, 0, 1),
+    "orbit": lambda scene, _: jc.periodic_orbit(scene),
+    "motion": lambda _, orbit: orbit.motion([0.0]),
+    "state": lambda _, orbit: orbit.state(),
+    "harmonics": lambda _, orbit: jc.harmonics(orbit),
+    "feed": lambda _, orbit: jc.feed_response(orbit),
+    "regime": lambda scene, _: jc.regime(scene),
+    "modes": lambda scene, _: jc.natural_modes(scene),
+    "coexisting": lambda scene, _: jc.coexisting_orbits(scene),
+    "stiffness": lambda scene, _: jc.bearing_stiffness(scene, 1e4),
+    "chamber": lambda scene, _: jc.chamber_from_stroke(scene.machine, 0.03),
+    "sweep": lambda *_: jc.sweep({"speed": [25.0, 30.0]}, 0, 1),
+    "map": lambda scene, _: list(jc.map_chunks(abs, np.ones(3))),
+    "orbit map": lambda *_: jc.orbit_map({"speed": [25.0, 30.0]}),
+    "basin map": lambda *_: jc.basin_map({"speed": [25.0, 30.0]}),
+    "branch": lambda *_: jc.orbit_branch(jc.ideal_scene, 30.0, (25.0, 35.0)),
+    "bifurcation": lambda *_: jc.bifurcation(jc.ideal_scene, [25.0], settle_turns=0, turns=1),
+    "gradient": lambda *_: jc.gradient_report(jc.paper_scene, "foundation_rms", SCENE),
+}
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("name", COMPUTATIONS)
+def test_every_computation_refuses_such_a_process(name, monkeypatch):
+    scene = jc.paper_scene(**SCENE)
+    orbit = missing(scene, 1, RESULTS.not_closed)
+    monkeypatch.setattr(checks, "jax_is_stuck", lambda: True)
+    with pytest.raises(ValueError, match=r"^Argument `start_method` must be 'spawn'"):
+        COMPUTATIONS[name](scene, orbit)
 
 
 # A second platform of JAX's, which it prefers to the processor as it does a GPU.

@@ -22,7 +22,15 @@ def test_a_wide_clearance_is_outside_the_model(clearance, fits):
 def test_an_ideal_joint_is_inside_and_has_no_restitution():
     found = validity(None, jnp.array(0.0), jnp.array(0.0))
     assert bool(found.inside) and found.remarks() == []
-    assert jnp.isnan(found.delivered_restitution) and jnp.isnan(found.asked_restitution)
+    assert found.delivered_restitution is None and found.asked_restitution is None
+    assert bool(found.restitution_kept)
+
+
+def test_rollers_have_no_restitution():
+    joint = jc.build_scene({"contact_law": "rollers"}).joint
+    found = validity(joint, jnp.array(0.1), jnp.array(1.0))
+    assert found.delivered_restitution is None and bool(found.restitution_kept)
+    assert found.remarks() == ["approaches at 19.6 times the elastic limit"]
 
 
 @pytest.mark.parametrize(

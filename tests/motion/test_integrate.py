@@ -24,6 +24,22 @@ def test_values_are_checked_only_where_concrete():
     assert not success and np.isnan(rms)
 
 
+@pytest.mark.parametrize("of", [jc.periodic_orbit, lambda scene: jc.statistics(scene, 0, 1)])
+def test_slopes_of_numbers_out_of_limits_are_nan_backwards_too(of):
+    """In their lanes alone."""
+
+    def rms(speed):
+        found = of(jc.ideal_scene(speed))
+        return found.foundation_rms, found.success
+
+    at = jnp.array([25.0, np.nan, 30.0, -3.0])
+    (value, success), slope = jax.vmap(jax.value_and_grad(rms, has_aux=True))(at)
+    assert success.tolist() == [True, False, True, False]
+    forward, _ = jax.vmap(jax.jacfwd(rms, has_aux=True))(at)
+    for numbers in (value, slope, forward):
+        assert np.isfinite(numbers).tolist() == success.tolist()
+
+
 @pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("given", "told"),

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
-from jaxcrusher.motion.last_step import earlier
+from jaxcrusher.motion.last_step import earlier, floats_counted_at_once
+from tests.basics.test_setup import python
 
 steps = []
 
@@ -45,5 +46,36 @@ def test_diffrax_counts_a_hundred_floats_back_from_the_end_at_once():
         floor = eqxi.prevbefore(floor)
     assert earlier(ends, 100).tolist() == floor.tolist()
     assert earlier(jnp.zeros(()), 100) == 0
+    usual = eqxi.prevbefore, eqxi.error_if
+    with floats_counted_at_once():
+        assert eqxi.prevbefore(eqxi.prevbefore(ends)).tolist() == earlier(ends, 2).tolist()
+    assert (eqxi.prevbefore, eqxi.error_if) == usual
     for program in programs(0, 1):
         assert str(program).count("nextafter") < 10
+
+
+LEAKS = """
+import jaxcrusher as jc
+jc.set_up()
+import diffrax, jax, jax.numpy as jnp
+from jaxcrusher.motion.integrate import Carried, Integration, Problem, integrate
+from jaxcrusher.motion.method import pi_controller
+problem = Problem(
+    lambda start: Carried(start, {"sum": jnp.zeros(())}),
+    lambda time, y, start: Carried(-y.motion, {"sum": y.motion}),
+    lambda time, y, start: y.motion,
+    lambda seen, end: seen[-1],
+)
+method = Integration(diffrax.Tsit5(), pi_controller(1e-9), 1000, 1e-3, None)
+def end(start):
+    return integrate(start, jnp.array([[0.5, 1.0]]), problem=problem, method=method)[0][0]
+with jax.checking_leaks():
+    print(*jax.jit(jax.value_and_grad(end))(2.0))
+"""
+
+
+def test_no_tracer_outlives_its_trace():
+    """In a process of its own: JAX looks through all objects after each trace."""
+    value, slope = map(float, python(LEAKS).stdout.split())
+    # At a tolerance of 1e-9.
+    np.testing.assert_allclose([value, slope], [2 / np.e, 1 / np.e], rtol=1e-8)

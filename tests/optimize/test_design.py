@@ -64,6 +64,14 @@ def test_eccentricity_has_the_right_derivative(solved):
     np.testing.assert_allclose(slopes[16], differences, rtol=1e-5)
 
 
+def test_eccentricity_has_the_right_second_derivatives(design, solved):
+    _, slopes = solved(POINTS)
+    differences = (slopes[17:21] - slopes[21:]) / (2 * STEP)
+    found = jax.jit(jax.hessian(lambda unit: design.description(unit)["shaft.eccentricity"]))(POINT)
+    # As above; with one step of Newton's the curvature of the stroke is missing.
+    np.testing.assert_allclose(found, differences, rtol=1e-4, atol=1e-8)
+
+
 def test_a_stroke_out_of_reach_is_not_a_number():
     flat = Design({"jaw.length": (0.66, 0.73)}, {}, (EqualStroke(0.2),))
     assert np.isnan(flat.description(np.array([0.5]))["shaft.eccentricity"])

@@ -1,6 +1,7 @@
 """Events that lie close together, and branches that leave at them, against closed forms."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -95,3 +96,17 @@ def test_contact_is_lost_between_instants():
     phases = 2 * np.pi * np.arange(16) / 16
     swings = np.stack([1.5 - 0.2 * np.cos(3 * phases - 0.1), 0 * phases], axis=1)
     np.testing.assert_allclose(least_penetrations(jnp.asarray(swings)), [0.3], atol=1e-14)
+
+
+def test_the_least_penetration_has_second_derivatives():
+    """Of 1.5 - 0.2 cos - p sin, whose least value is 1.5 - sqrt(0.04 + p^2), wherever it is."""
+    phases = 2 * np.pi * np.arange(16) / 16
+
+    def least(p):
+        place = 1.5 - 0.2 * jnp.cos(phases) - p * jnp.sin(phases)
+        return least_penetrations(jnp.stack([place, 0 * place], axis=1))[0]
+
+    size = np.hypot(0.2, 0.1)
+    # Rounding.
+    np.testing.assert_allclose(jax.grad(least)(0.1), -0.1 / size, rtol=1e-11)
+    np.testing.assert_allclose(jax.hessian(least)(0.1), -(0.2**2) / size**3, rtol=1e-11)

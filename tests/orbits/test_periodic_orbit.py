@@ -153,6 +153,8 @@ def test_an_ideal_joint_is_a_sum():
     assert forces.max() < found.foundation_peak
     with pytest.raises(ValueError, match="`scene` must have a clearance joint, but is an ideal"):
         found.state()
+    with jax.debug_nans(True):  # its restitution is none, and not a number that is not known
+        assert jax.grad(lambda speed: jc.periodic_orbit(jc.ideal_scene(speed)).foundation_rms)(30.0)
 
 
 @pytest.mark.parametrize("load_law", ["closing_stroke", "none"])

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.orbits.section_map import passed
+from jaxcrusher.motion.section import Slices
+from jaxcrusher.orbits import section_map
+from jaxcrusher.orbits.section_map import along, passed
 from jaxcrusher.orbits.shooting import Shooting
 from jaxcrusher.orbits.shot import closed
 
@@ -32,6 +34,39 @@ def rms(point, scene, **how):
 def waited():
     """An orbit and its slopes, traced: from the mean of turns that are waited for."""
     return eqx.filter_jit(jax.value_and_grad(lambda point: rms(point, closing), has_aux=True))
+
+
+@pytest.mark.usefixtures("unchecked")  # a number in place of a scene
+def test_what_is_seen_along_an_orbit_has_second_derivatives(monkeypatch):
+    """Of x = p cos x, a turn of which leads to p cos x and shows p x^2."""
+
+    def sloped_turn(build, point, x, rtol, outputs):
+        def turn(x, point):
+            p = build(point)
+            return p * jnp.cos(x), p * jnp.sum(x**2)
+
+        (jacobian, forcing), (by_state, by_parameter) = jax.jacfwd(turn, (0, 1))(x, point)
+        end, value = turn(x, point)
+        seen = [{"m": one[None]} for one in (value, by_state, by_parameter)]
+        return end, Slices(jacobian[None], forcing[None], *seen), None
+
+    def seen(p):
+        x = jnp.asarray([0.7])
+        for _ in range(50):  # a contraction by 0.5
+            x = p * jnp.cos(x)
+        return along(p, x, 1, 1e-9, ("m",))[1]["m"][0]
+
+    def expected(p):
+        x = 0.7
+        for _ in range(200):
+            x = p * jnp.cos(x)
+        return p * x**2
+
+    monkeypatch.setattr(section_map, "sloped_turn", sloped_turn)
+    monkeypatch.setattr(section_map, "passed", lambda *_: (jnp.zeros(1), {"m": jnp.zeros(1)}))
+    for of in (jax.grad, jax.hessian):
+        # Rounding, and what the contraction leaves.
+        np.testing.assert_allclose(of(seen)(0.8), of(expected)(0.8), rtol=1e-12)
 
 
 @pytest.mark.slow

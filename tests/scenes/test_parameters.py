@@ -152,8 +152,25 @@ def test_a_traced_number_is_nan_outside_its_limits_alone():
     assert (np.asarray(found["speed"]) == 30.0).all()
 
 
+@pytest.mark.parametrize(
+    ("name", "limit", "other"),
+    [
+        ("clearance", 0.13, {"bore_radius": 0.13}),
+        ("elbow.clearance", 0.04, {"elbow.bore_radius": 0.04}),
+        ("load_point", np.nextafter(0.695, 1), {"jaw.length": 0.695}),
+        ("rollers.diameter", 0.19, {"rollers.pitch_diameter": 0.19}),
+        ("foundation.left", 0.9, {"foundation.right": 0.9}),
+    ],
+)
+def test_a_traced_number_is_nan_beyond_a_limit_that_is_another_number(name, limit, other):
+    known = jax.jit(jax.vmap(lambda value: within_limits({name: value, **other})[name]))
+    assert np.isnan(known(jnp.array([np.nextafter(limit, -1), limit]))).tolist() == [False, True]
+    traced = jax.jit(lambda other: within_limits({name: limit, **other})[name])
+    assert np.isnan(traced(other))
+
+
 def test_rollers_fit_their_pitch_where_both_are_known():
-    """A traced diameter is compared with nothing, and reaches the scene."""
+    """A traced diameter raises nothing, and reaches the scene."""
 
     def build(**numbers):
         return jc.build_scene({"contact_law": "rollers", **numbers})

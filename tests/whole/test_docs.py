@@ -89,6 +89,21 @@ def test_blocks_of_a_page_run(page, capsys):
     assert "nan" not in capsys.readouterr().out
 
 
+def test_processes_of_the_page_on_sweeps_find_what_their_parent_does(tmp_path):
+    """Spawned, they import the file that they are of."""
+    (block,) = (one for one in python_blocks("docs/large_sweeps.md") if "spawn" in one)
+    (tmp_path / "several.py").write_text(block)
+    done = subprocess.run(
+        [sys.executable, "several.py"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.stdout == "True\n", done.stderr
+
+
 def test_blocks_of_the_readme_run_in_a_fresh_process():
     """The first of them sets JAX up."""
     blocks = python_blocks("README.md")
