@@ -111,7 +111,8 @@ class Validity(eqx.Module):
     def restitution_kept(self) -> Bool[Array, "*batch"]:
         """Fastest impact rebounds as asked, as far as that is known."""
         if self.delivered_restitution is None or self.asked_restitution is None:
-            return jnp.ones(jnp.shape(self.impact_speed_ratio), bool)
+            speeds = self.impact_speed_ratio
+            return jnp.asarray(True) if speeds is None else jnp.ones(speeds.shape, bool)
         error = jnp.abs(self.delivered_restitution - self.asked_restitution)
         return jnp.isnan(error) | (error <= RESTITUTION_ERROR)
 
