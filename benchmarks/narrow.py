@@ -12,7 +12,7 @@ def narrow(scene: jc.Scene) -> jc.Scene:
 
     def widths(scene: jc.Scene) -> list[Scalar]:
         found = []
-        for _, joint in scene.joints.present():
+        for _, joint in scene.joints.items():
             assert isinstance(joint.normal, AbstractNormalLaw)
             found += [joint.normal.width, joint.norm_width]
         return found

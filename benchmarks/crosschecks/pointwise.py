@@ -31,7 +31,7 @@ from benchmarks.peers import motion, nine_coordinates
 from benchmarks.peers.equations import Crusher
 from benchmarks.peers.exudyn_peer import Model
 from benchmarks.peers.motion import Motion
-from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.mechanism.drives import GivenTorque
 
 
 def instants(count: int = 40) -> Iterator[Comparison]:

@@ -14,7 +14,7 @@ from benchmarks.peers import exudyn_peer, nine_coordinates, scipy_peer, sundials
 from benchmarks.peers.equations import Crusher
 from benchmarks.peers.motion import Motion
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.mechanism.starts import Given
 
 Formulation = Literal["eccentricity", "multiplier"]
 FORMULATIONS: tuple[Formulation, ...] = ("eccentricity", "multiplier")

@@ -17,7 +17,7 @@ from benchmarks.joints.signature import mean_and_error, signature
 from benchmarks.peers.free_bodies import PREFIXES
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.joints import AtJoints, before
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.statistics import limits_of
 
 # Statistics have these before a joint's name.

@@ -14,7 +14,7 @@ from benchmarks.peers.motion import Motion
 from benchmarks.reproduction.readings import SETTLE_TURNS, Point, Slip, Start
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.mechanism.starts import shifted_start
 
 SHOWN_TURNS = 2
 HISTORY = 4000  # instants over them

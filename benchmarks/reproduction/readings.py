@@ -20,7 +20,7 @@ import jaxcrusher as jc
 from benchmarks.batch import map_scenes, stacked
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.joint.validity import validity
 
 Slip = Literal["centre", "surface"]

@@ -16,9 +16,9 @@ from benchmarks.batch import map_scenes, stacked
 from benchmarks.reproduction.variants import LiteralContact, PlainUnits, WeightedSlip, largest
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
-from jaxcrusher.crusher.interfaces import AbstractFormulation
+from jaxcrusher.mechanism.scene import AbstractFormulation
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.joint.friction import AmbrosioFriction
 from jaxcrusher.joint.normal import AbstractNormalLaw
 from jaxcrusher.motion.statistics import WHIRL_WINDING

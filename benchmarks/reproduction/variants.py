@@ -12,10 +12,10 @@ from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
-from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
-from jaxcrusher.crusher.formulations.multiplier import CONTACT_TIME, MultiplierState
-from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene
-from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.mechanism.eccentricity import EccentricityState
+from jaxcrusher.mechanism.multiplier import CONTACT_TIME, MultiplierState
+from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
+from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.joint.friction import AbstractSlip
 from jaxcrusher.motion.integrate import Carried
 

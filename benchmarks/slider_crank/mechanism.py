@@ -16,7 +16,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require_x64
 from jaxcrusher.basics.plane import Vector, direction, scalar
-from jaxcrusher.crusher.formulations.eccentricity import JointState
+from jaxcrusher.mechanism.eccentricity import JointState
 from jaxcrusher.crusher.linkage import turning
 from jaxcrusher.joint.clearance import ClearanceJoint, Contact
 from jaxcrusher.joint.friction import AbstractFriction

@@ -13,7 +13,7 @@ from benchmarks.stability.peer import AbstractPeer, Pins
 from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.linkage import Play
-from jaxcrusher.crusher.starts import Given, InContact
+from jaxcrusher.mechanism.starts import Given, InContact
 from jaxcrusher.joint.friction import AmbrosioFriction
 from jaxcrusher.scenes.parameters import PE250X400
 
@@ -48,7 +48,7 @@ class Case:
         """
         at = self.pins if pins is None else pins
         scene, starts = _scene(dict(self.numbers), formulation), {}
-        for (name, joint), e, rate in zip(scene.joints.present(), at.e, at.rates, strict=True):
+        for (name, joint), e, rate in zip(scene.joints.items(), at.e, at.rates, strict=True):
             relative = e / float(joint.clearance)
             starts[name] = Vector(relative.real, relative.imag), Vector(rate.real, rate.imag)
         still = Vector(0.0, 0.0), Vector(0.0, 0.0)
@@ -67,7 +67,7 @@ def _scene(values: Numbers, formulation: Formulation) -> jc.Scene:
 
 
 def _frictions(scene: jc.Scene) -> list[Scalar]:
-    laws = (joint.friction for _, joint in scene.joints.present())
+    laws = (joint.friction for _, joint in scene.joints.items())
     return [law.coefficient for law in laws if isinstance(law, AmbrosioFriction)]
 
 

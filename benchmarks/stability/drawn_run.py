@@ -23,7 +23,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import stack
 from jaxcrusher.crusher.joints import AtJoints, before
 from jaxcrusher.crusher.observables import OBSERVABLES
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.files.results import results_folder, write_table
 from jaxcrusher.motion.flow import by_angle
 
@@ -67,7 +67,7 @@ def motion(scene: jc.Scene, rtol: float, most: int) -> jc.Trajectory:
 
 
 def _compared(scene: jc.Scene) -> tuple[str, ...]:
-    joints = [before(name) for name, _ in scene.joints.present()]
+    joints = [before(name) for name, _ in scene.joints.items()]
     seen = [f"{joint}{name}" for joint in joints for name in ("eccentricity", "normal_force")]
     return ("foundation_force", *seen)
 

@@ -10,7 +10,7 @@ import numpy as np
 import jaxcrusher as jc
 from benchmarks.stability.judgement import DISAGREES, REFUSED, Judged, rms_of
 from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.mechanism.starts import Given
 
 NUMBERS = {
     "clearance": (0.0, -1e-6, float("nan"), 0.13, 1.0),

@@ -102,7 +102,7 @@ def judge(
 def rolling(scene: jc.Scene, found: jc.Statistics) -> list[str]:
     """Name the pins of B and C that go round their bores."""
     told = []
-    for name, _ in scene.joints.present():
+    for name, _ in scene.joints.items():
         prefix = before(name)
         winding, share = float(found[f"{prefix}winding"]), float(found[f"{prefix}contact_fraction"])
         if name != "main" and abs(winding) > WHIRL_WINDING:
@@ -117,7 +117,7 @@ def pointwise(scene: jc.Scene, history: jc.Trajectory, known: Reference) -> dict
     """
     multiplier = isinstance(scene.formulation, MultiplierFormulation)
     rounding = ROUNDING if multiplier else 0.0
-    widest = max(float(joint.clearance) for _, joint in scene.joints.present())
+    widest = max(float(joint.clearance) for _, joint in scene.joints.items())
     level = max(OURS_RELATIVE * widest, rounding, THEIRS)
     worst = {"error": 0.0, "allowed": PROMISED, "span_ms": 1e3 * TIMES[-1]}
     for name, theirs in known.histories.items():

@@ -23,7 +23,7 @@ class Ours(NamedTuple):
 
 def simulate(scene: jc.Scene) -> jc.Trajectory:
     """Return our motion at the reference's instants."""
-    played = (f"{before(name)}eccentricity" for name, _ in scene.joints.present())
+    played = (f"{before(name)}eccentricity" for name, _ in scene.joints.items())
     return jc.simulate(scene, TIMES, outputs=("foundation_force", *played), method=METHOD)
 
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import jaxcrusher as jc
 from benchmarks.step_cost.programs import Start
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.flow import Flow
 from jaxcrusher.motion.integrate import Integration, error_norm, integrate
 from jaxcrusher.motion.statistic import chosen

@@ -20,7 +20,7 @@ from benchmarks.timing import timed_in_turn
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch import engines
 from jaxcrusher.crusher.observables import foundation_force
-from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.flow import by_angle
 from jaxcrusher.motion.integrate import Carried
 from jaxcrusher.motion.method import resolve

@@ -12,7 +12,7 @@ from benchmarks.peers import motion, scipy_peer, sundials_peer
 from benchmarks.peers.equations import Chain, Crusher, Shaft
 from benchmarks.peers.motion import Motion
 from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.crusher.starts import Given, InContact
+from jaxcrusher.mechanism.starts import Given, InContact
 
 SAVES = 256  # instants of a force history
 TURN = 2 * np.pi

@@ -14,10 +14,11 @@ def _add(a: Scalar | None, b: Scalar | None) -> Scalar | None:
     return b if a is None else a if b is None else a + b
 
 
-def solve_positive_definite(lower: dict[tuple[int, int], Scalar], right: list) -> list[Scalar]:
-    """Solve A x = right for a symmetric positive definite A by A = L D L^T.
+def solve_symmetric(lower: dict[tuple[int, int], Scalar], right: list) -> list[Scalar]:
+    """Solve A x = right for a symmetric A by A = L D L^T, without exchanging rows.
 
-    `lower` holds A[i, j] for i >= j, where it is not structurally zero.
+    A is positive definite, or [M, R^T; R, 0] with such an M and independent rows R. `lower` holds
+    A[i, j] for i >= j, where it is not structurally zero.
     """
     size = len(right)
     factor: dict[tuple[int, int], Scalar] = {}
@@ -29,7 +30,7 @@ def solve_positive_definite(lower: dict[tuple[int, int], Scalar], right: list) -
                 if (i, k) in factor and (j, k) in factor:
                     entry = _add(entry, -factor[i, k] * factor[j, k] * diagonal[k])
             if i == j:
-                assert entry is not None, "a positive definite matrix has a full diagonal"
+                assert entry is not None, "all pivots are there"
                 diagonal.append(entry)
             elif entry is not None:
                 factor[i, j] = entry / diagonal[j]
@@ -66,7 +67,7 @@ def solve_constrained(
         sum(entry * free[column] for column, entry in row.items()) - value
         for row, value in zip(rows, right, strict=True)
     ]
-    multipliers = solve_positive_definite(lower, reduced)
+    multipliers = solve_symmetric(lower, reduced)
     accelerations = list(free)
     for row, multiplier in zip(rows, multipliers, strict=True):
         for column, entry in row.items():

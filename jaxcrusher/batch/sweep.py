@@ -140,7 +140,7 @@ def plan(
     require_names("outputs", outputs, tuple(STATISTIC))
     seen = chosen(dict.fromkeys((*always_of(first), *outputs)))
     look = Window(settle_turns, turns, float(rtol), seen)
-    loose = [joint for joint, _ in first.joints.present() if before(joint)]
+    loose = [joint for joint, _ in first.joints.items() if before(joint)]
     return Ensemble(Layout(grid, columns_of(loose, seen), chunk_shape(grid, designs)), look, engine)
 
 

@@ -116,7 +116,7 @@ def history(orbit: jc.PeriodicOrbit) -> xr.Dataset:
 def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:
     """Each pin in its bore, and the force on the foundation beside that of ideal joints."""
     angles = 2 * np.pi * np.arange(ANGLES * orbit.period + 1) / ANGLES
-    joints = dict(orbit.scene.joints.present())
+    joints = dict(orbit.scene.joints.items())
     names = [f"{before(joint)}eccentricity" for joint in joints]
     seen = orbit.motion(angles, ("foundation_force", *names))
     ideal = jc.periodic_orbit(orbit.scene.ideal()).motion(angles, ("foundation_force",))

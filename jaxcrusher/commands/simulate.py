@@ -151,7 +151,7 @@ def draw(
     motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray, units: dict[str, str]
 ) -> Figure:
     """An orbit for each joint with clearance, and foundation force, at the instants `drawn`."""
-    joints = dict(scene.joints.present())
+    joints = dict(scene.joints.items())
     names = ("foundation_force", *(f"{before(joint)}eccentricity" for joint in joints))
     seen = {name: motion[name][drawn] for name in names}
     part = jc.Trajectory(motion.time[drawn], motion.outcome, seen)

@@ -7,9 +7,9 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.checks import require, require_own_process, require_positive
 from jaxcrusher.crusher.observables import force_at
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.snapshot import Snapshot
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
+from jaxcrusher.mechanism.snapshot import Snapshot
 
 # Turns that a bearing at its dynamic rating lasts (ISO 281), and seconds an hour.
 _RATED_TURNS, _HOUR = 1e6, 3600.0
@@ -28,14 +28,14 @@ def bearing_stiffness(scene: Scene, force: float | Scalar) -> Scalar:
 
 def stiffness_now(s: Snapshot, scene: Scene) -> Scalar:
     """Return dF/de of the main bearing where it is, N/m; ValueError for an ideal one."""
-    joint, contact = _main(scene, "outputs"), s.contacts.main
+    joint, contact = _main(scene, "outputs"), s.contacts["main"]
     assert contact is not None
     return jax.grad(joint.normal.elastic_force)(contact.penetration)
 
 
 def roller_pressure(s: Snapshot, scene: Scene) -> Scalar:
     """Return Hertz's pressure of the most loaded roller, Pa; ValueError without rollers."""
-    bearing, contact = _rollers(scene), s.contacts.main
+    bearing, contact = _rollers(scene), s.contacts["main"]
     assert contact is not None
     return bearing.pressure(contact.penetration)
 
@@ -54,7 +54,7 @@ def fatigue(s: Snapshot, scene: Scene) -> Scalar:
     """
     bearing = _rollers(scene)
     load = force_at(s, scene, "main") / (bearing.bearings * bearing.dynamic_rating)
-    turns = jnp.abs(s.shaft.speed) / (2 * jnp.pi) * _HOUR
+    turns = jnp.abs(s.motion.crank.speed) / (2 * jnp.pi) * _HOUR
     return turns / _RATED_TURNS * load**LIFE_EXPONENT
 
 

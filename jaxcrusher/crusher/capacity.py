@@ -8,9 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require_own_process
-from jaxcrusher.basics.plane import Vector, direction, scalar
-from jaxcrusher.crusher import linkage
+from jaxcrusher.basics.plane import scalar
 from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.mechanism.motion import ideal_at_rest
 
 Values = Float[Array, "*shape"]
 
@@ -54,9 +54,8 @@ class CrushingChamber(eqx.Module):
 
 def lower_end(angle: Scalar, machine: Machine) -> Scalar:
     """How far right of C the jaw's end B is (m) at an angle of the shaft (rad); ideal joint."""
-    pin = machine.bearing + machine.shaft.eccentricity * direction(angle)
-    chain = linkage.assemble(machine, pin, Vector(0.0, 0.0))
-    return machine.toggle.length * chain.toggle.x
+    linkage = machine.linkage
+    return ideal_at_rest(linkage, angle).position(linkage.joint("elbow").pin).x
 
 
 def stationary(travel: Callable[..., Scalar], angle: Scalar, *numbers: PyTree) -> Scalar:

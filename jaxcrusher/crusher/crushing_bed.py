@@ -17,11 +17,11 @@ from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.capacity import ANGLES, stationary
-from jaxcrusher.crusher.loads import AbstractLoad, JawForce, JawMotion
+from jaxcrusher.crusher.jaw_forces import JawForce
+from jaxcrusher.crusher.loads import AbstractLoad, JawMotion
 from jaxcrusher.crusher.machine import Machine
-from jaxcrusher.crusher.snapshot import crank_motion, pin_position
+from jaxcrusher.mechanism.motion import ideal_at_rest
 
 # Gauss's points over the height of the chamber: the mean of the resultant is right to 1e-4.
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -83,10 +83,7 @@ def crushing_bed(
 
 def _ideal(machine: Machine, angle: Scalar) -> JawMotion:
     """Return the jaw at an angle of the shaft (rad), ideal joints at rest."""
-    shaft = crank_motion(angle, jnp.zeros(()))
-    none = Vector(0.0, 0.0)
-    chain = linkage.assemble(machine, pin_position(machine, shaft.crank), none)
-    return JawMotion(machine, shaft, chain)
+    return JawMotion(ideal_at_rest(machine.linkage, angle))
 
 
 def _reach(jaw: JawMotion, along: Array, towards: Vector) -> Array:

@@ -1,7 +1,7 @@
 """Crushing loads on the jaw; the reaction of each acts on the fixed jaw along the same line.
 
 A load is a function of the shaft's angle, and of pose and velocity of the jaw. It says the force
-and where on the line A-B it acts; a frame on supports carries all of it along.
+and where on the line A-B it acts.
 """
 
 import abc
@@ -14,10 +14,10 @@ from jaxtyping import Scalar
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.periodic_spline import PeriodicSeries, PeriodicSpline
 from jaxcrusher.basics.plane import Vector, optional_scalar, scalar
-from jaxcrusher.crusher import linkage
-from jaxcrusher.crusher.linkage import Chain
-from jaxcrusher.crusher.machine import Machine
-from jaxcrusher.crusher.snapshot import JawForce, ShaftMotion
+from jaxcrusher.crusher.jaw_forces import JawForce
+from jaxcrusher.mechanism.arms import Arm
+from jaxcrusher.mechanism.linkage import Point
+from jaxcrusher.mechanism.motion import Motion
 
 
 class JawMotion(eqx.Module):
@@ -26,19 +26,23 @@ class JawMotion(eqx.Module):
     A point of the jaw is so many metres from A towards B, and None is its mass centre S2.
     """
 
-    machine: Machine
-    shaft: ShaftMotion
-    chain: Chain
+    motion: Motion
+
+    @property
+    def turned(self) -> Scalar:
+        """Return the angle that the shaft has turned by since time zero, rad."""
+        return self.motion.crank.angle
 
     @property
     def angle(self) -> Scalar:
         """Return the shaft's angle theta1, from -pi to pi; 0 where A lies to the right of O."""
-        return jnp.arctan2(self.shaft.crank.y, self.shaft.crank.x)
+        crank = self.motion.axis("shaft")
+        return jnp.arctan2(crank.y, crank.x)
 
     @property
     def axis(self) -> Vector:
         """Return the unit vector along B-A."""
-        return self.chain.jaw
+        return self.motion.axis("jaw")
 
     @property
     def away(self) -> Vector:
@@ -48,26 +52,21 @@ class JawMotion(eqx.Module):
     @property
     def spin(self) -> Scalar:
         """Return the angular velocity of the jaw, counterclockwise, rad/s."""
-        return self.chain.jaw_spin
+        return self.motion.pose("jaw").spin
 
-    @property
-    def end_velocity(self) -> Vector:
-        """Return the velocity of the jaw's lower end B, m/s."""
-        return linkage.elbow_velocity(self.machine, self.chain)
-
-    def arm(self, along: Scalar | float | None) -> Vector:
-        """Return a point of the jaw from B, m."""
+    def point(self, along: Scalar | float | None = None, across: Scalar | None = None) -> Point:
+        """Return a point of the jaw; `across` (m) is towards the fixed jaw."""
         if along is None:
-            return linkage.mass_centre_arm(self.machine, self.chain)
-        return (self.machine.jaw.length - along) * self.axis
+            return Point("jaw", self.motion.linkage.body("jaw").mass_centre)
+        return Point("jaw", Arm(-along, None if across is None else -across))
 
     def position(self, along: Scalar | float | None = None) -> Vector:
         """Return a point of the jaw, m; C is the origin."""
-        return linkage.elbow_position(self.machine, self.chain) + self.arm(along)
+        return self.motion.position(self.point(along))
 
     def velocity(self, along: Scalar | float | None = None) -> Vector:
         """Return the velocity of a point of the jaw, m/s."""
-        return self.end_velocity + self.spin * self.arm(along).perp()
+        return self.motion.velocity(self.point(along))
 
 
 class AbstractLoad(eqx.Module):

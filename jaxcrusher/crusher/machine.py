@@ -10,6 +10,10 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import concrete, require, require_positive
 from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.mechanism.arms import Arm, arm_to
+from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.topology import FRAME
 
 
 class Shaft(eqx.Module):
@@ -68,6 +72,25 @@ class Machine(eqx.Module):
         require_positive("toggle.length", self.toggle.length, "m")
         require(self.elbow_side in (-1, 1), "elbow_side", "be -1 or 1", self.elbow_side)
         self.require_assembly(0.0)
+
+    @property
+    def linkage(self) -> Linkage:
+        """Return bodies and joints; the jaw's axis is that of B-A, the toggle's that of C-B."""
+        shaft, jaw, toggle = self.shaft, self.jaw, self.toggle
+        bodies = {
+            "shaft": Body(shaft.mass, shaft.inertia, arm_to(shaft.mass_centre)),
+            "toggle": Body(toggle.mass, toggle.inertia, Arm(toggle.length / 2)),
+            "jaw": Body(jaw.mass, jaw.inertia, arm_to(jaw.mass_centre)),
+        }
+        throw, lower = Point("shaft", Arm(shaft.eccentricity)), Point("jaw", Arm(-jaw.length))
+        joints = {
+            "main": Joint(bore=Point("jaw"), pin=throw),
+            "elbow": Joint(bore=lower, pin=Point("toggle", Arm(toggle.length))),
+            "pivot": Joint(bore=Point(FRAME), pin=Point("toggle")),
+            "shaft_bearing": Joint(bore=Point(FRAME, arm_to(self.bearing)), pin=Point("shaft")),
+        }
+        at = "shaft", "shaft_bearing"
+        return Linkage(Named(bodies), Named(joints), *at, (self.elbow_side,), self.gravity)
 
     def require_assembly(self, clearance) -> None:
         """Check that the linkage closes with room to spare for every shaft angle.

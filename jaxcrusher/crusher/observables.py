@@ -10,28 +10,15 @@ from jaxtyping import Array, Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
-from jaxcrusher.crusher import linkage
-from jaxcrusher.crusher.foundation import OnSupports
+from jaxcrusher.crusher.jaw_forces import RodPull
 from jaxcrusher.crusher.joints import JOINTS, LETTERS, before
 from jaxcrusher.crusher.loads import JawMotion
 from jaxcrusher.crusher.rod import Rod
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.snapshot import (
-    FrameMotion,
-    RodPull,
-    Snapshot,
-    bodies_of,
-    forces_on_frame,
-    mass_centre_velocities,
-    mass_centres,
-    moment_on_frame,
-    moment_on_shaft,
-    momentum_rates,
-    pin_position,
-    shaft_inertia,
-)
 from jaxcrusher.files.table import Column
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.mechanism.snapshot import FrameMotion, Snapshot
+from jaxcrusher.mechanism.supports import OnSupports
 
 # Smooths the length of a reaction (N) where it vanishes.
 FORCE_WIDTH = 1e-6
@@ -39,43 +26,31 @@ FORCE_WIDTH = 1e-6
 SPEED_WIDTH = 1e-12
 
 
-def _acting(s: Snapshot, scene: Scene) -> list[Vector]:
-    """Return weight and inertial force of shaft, jaw and toggle, N."""
-    machine = scene.machine
-    weights = [Vector(0.0, -body.mass * machine.gravity) for body in bodies_of(machine)]
-    if s.inertial is None:
-        return weights
-    return [one + added.force for one, added in zip(weights, s.inertial.all(), strict=True)]
+def _on_bore(s: Snapshot, joint: str) -> Vector:
+    """Return the force on the bore of a joint, N."""
+    found = s.accelerations.forces[joint]
+    assert found is not None
+    return found
+
+
+def joint_force(s: Snapshot, scene: Scene) -> Vector:
+    """Return the shaft's force on the jaw at A, N."""
+    return _on_bore(s, "main")
 
 
 def bearing_reaction(s: Snapshot, scene: Scene) -> Vector:
     """R_O, the frame's force on the shaft at the main bearing, N."""
-    if s.multipliers is not None:
-        return -s.multipliers.bearing
-    (rate, _, _), (acting, _, _) = momentum_rates(scene.machine, s), _acting(s, scene)
-    return rate - acting + s.joint_force
+    return -_on_bore(s, "shaft_bearing")
 
 
 def elbow_reaction(s: Snapshot, scene: Scene) -> Vector:
     """R_B, the toggle's force on the jaw, N."""
-    if s.multipliers is not None and s.multipliers.elbow is not None:
-        return -s.multipliers.elbow
-    (_, rate, _), (_, acting, _) = momentum_rates(scene.machine, s), _acting(s, scene)
-    reaction = rate - acting - s.joint_force
-    return reaction if s.applied.total is None else reaction - s.applied.total.force
+    return _on_bore(s, "elbow")
 
 
 def toggle_reaction(s: Snapshot, scene: Scene) -> Vector:
-    """R_C, the frame's force on the toggle, N.
-
-    In (13) the multipliers of S3's rows are not R_C: the rows of B lead to C through
-    theta3, so that R_C is minus the sum of both.
-    """
-    if s.multipliers is not None and s.multipliers.toggle_pivot is not None:
-        pivot = -s.multipliers.toggle_pivot
-        return pivot if s.multipliers.elbow is None else pivot - s.multipliers.elbow
-    (_, _, rate), (_, _, acting) = momentum_rates(scene.machine, s), _acting(s, scene)
-    return rate - acting + elbow_reaction(s, scene)
+    """R_C, the frame's force on the toggle, N."""
+    return -_on_bore(s, "pivot")
 
 
 def foundation_force(s: Snapshot, scene: Scene) -> Scalar:
@@ -91,9 +66,9 @@ def net_foundation_force(s: Snapshot, scene: Scene) -> Scalar:
 
 def _total_weight(scene: Scene) -> Vector:
     """Return the weight of the three bodies, N."""
-    machine = scene.machine
-    mass = machine.shaft.mass + machine.jaw.mass + machine.toggle.mass
-    return Vector(0.0, -mass * machine.gravity)
+    linkage = scene.linkage
+    masses = [body.mass for body in linkage.bodies.values]
+    return Vector(0.0, -sum(masses[1:], masses[0]) * linkage.gravity)
 
 
 def shaking_force(s: Snapshot, scene: Scene) -> Vector:
@@ -102,10 +77,19 @@ def shaking_force(s: Snapshot, scene: Scene) -> Vector:
     The machine stands on the ground by bearing, pivot and fixed jaw. The crushing load closes
     between jaw and fixed jaw, inside the machine, and the weight stands still: neither shakes.
     """
-    if s.frame is not None:
-        return ground_force(s, scene) - _total_weight(scene)
-    shaft, jaw, toggle = momentum_rates(scene.machine, s)
-    return -(shaft + jaw + toggle)
+    one, *others = (rate for _, rate in _momentum_rates(s, scene))
+    total = -sum(others, one)
+    return total if s.frame is None else total.along(s.frame.axis)
+
+
+def _momentum_rates(s: Snapshot, scene: Scene) -> list[tuple[str, Vector]]:
+    """Return mass times acceleration of each body, in the frame's axes, N."""
+    linkage, found = scene.linkage, []
+    for name, body in linkage.bodies.items():
+        acceleration = s.accelerations.centres[name]
+        assert acceleration is not None
+        found.append((name, body.mass * acceleration))
+    return found
 
 
 def shaking_size(s: Snapshot, scene: Scene) -> Scalar:
@@ -119,10 +103,7 @@ def ground_force(s: Snapshot, scene: Scene) -> Vector:
     A clamped frame passes it to the ground. It equals -(R_O + R_C) less the load on the jaw, whose
     reaction the fixed jaw carries.
     """
-    if s.frame is None:
-        return shaking_force(s, scene) + _total_weight(scene)
-    shaft, jaw, toggle = forces_on_frame(scene.machine, s)
-    return (shaft + jaw + toggle).along(s.frame.axis)
+    return shaking_force(s, scene) + _total_weight(scene)
 
 
 def ground_moment(s: Snapshot, scene: Scene) -> Scalar:
@@ -133,38 +114,38 @@ def ground_moment(s: Snapshot, scene: Scene) -> Scalar:
     frame.
     """
     point = Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
-    return moment_on_frame(scene.machine, s, forces_on_frame(scene.machine, s), point)
+    fall = Vector(0.0, -scene.linkage.gravity)
+    fall = fall if s.frame is None else fall.seen_from(s.frame.axis)
+    total = jnp.zeros_like(s.motion.crank.speed)
+    for name, rate in _momentum_rates(s, scene):
+        body, spin_up = scene.linkage.body(name), s.accelerations.spin_ups[name]
+        force = body.mass * fall - rate
+        total = total + (s.motion.centre(name) - point).cross(force) - body.inertia * spin_up
+    return total
 
 
 def drive_torque(s: Snapshot, scene: Scene) -> Scalar:
     """M0, counterclockwise on the shaft, N m."""
-    if s.multipliers is not None and s.multipliers.drive is not None:
-        return -s.multipliers.drive
-    others = moment_on_shaft(
-        scene.machine, s.shaft.crank, s.joint_force, s.shaft_moment, s.inertial
-    )
-    if s.shaft.acceleration is None:
-        return -others
-    return shaft_inertia(scene.machine) * s.shaft.acceleration - others
+    return s.accelerations.torque
 
 
 def drive_power(s: Snapshot, scene: Scene) -> Scalar:
     """M0 times the shaft's speed, W."""
-    return drive_torque(s, scene) * s.shaft.speed
+    return drive_torque(s, scene) * s.motion.crank.speed
 
 
 def load_power(s: Snapshot, scene: Scene) -> Scalar:
     """The power of the crushing load, W."""
     load = s.applied.load
     if load is None:
-        return jnp.zeros_like(s.shaft.speed)
-    return load.force.dot(JawMotion(scene.machine, s.shaft, s.chain).velocity(load.along))
+        return jnp.zeros_like(s.motion.crank.speed)
+    return load.force.dot(JawMotion(s.motion).velocity(load.along))
 
 
 def load_position(s: Snapshot, scene: Scene) -> Vector:
     """Where the crushing load acts on the jaw, m; S2 where there is none."""
     along = None if s.applied.load is None else s.applied.load.along
-    return JawMotion(scene.machine, s.shaft, s.chain).position(along)
+    return JawMotion(s.motion).position(along)
 
 
 def contact_loss(s: Snapshot, scene: Scene) -> Scalar:
@@ -179,57 +160,51 @@ def friction_loss(s: Snapshot, scene: Scene) -> Scalar:
 
 def elbow_position(s: Snapshot, scene: Scene) -> Vector:
     """B, the jaw's lower end, m; C is the origin."""
-    return linkage.elbow_position(scene.machine, s.chain)
+    return s.motion.position(scene.linkage.joint("elbow").bore)
+
+
+def elbow_velocity(s: Snapshot, scene: Scene) -> Vector:
+    """Return the velocity of B, the jaw's lower end, m/s."""
+    return s.motion.velocity(scene.linkage.joint("elbow").bore)
+
+
+def pin_position(s: Snapshot, scene: Scene) -> Vector:
+    """Return the centre A of the shaft's pin, m."""
+    return s.motion.position(scene.linkage.joint("main").pin)
 
 
 def jaw_mass_centre(s: Snapshot, scene: Scene) -> Vector:
     """S2, m."""
-    return elbow_position(s, scene) + linkage.mass_centre_arm(scene.machine, s.chain)
+    return s.motion.centre("jaw")
 
 
 def kinetic_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Return the kinetic energy of the three bodies, and of a frame on supports, J."""
-    machine = scene.machine
-    if s.frame is not None:
-        return _energy_on_supports(s, scene)
-    jaw_velocity = linkage.mass_centre_velocity(machine, s.chain)
-    toggle_velocity = linkage.toggle_centre_velocity(machine, s.chain)
-    return 0.5 * (
-        shaft_inertia(machine) * s.shaft.speed**2
-        + machine.jaw.mass * jaw_velocity.dot(jaw_velocity)
-        + machine.jaw.inertia * s.chain.jaw_spin**2
-        + machine.toggle.mass * toggle_velocity.dot(toggle_velocity)
-        + machine.toggle.inertia * s.chain.toggle_spin**2
-    )
-
-
-def _energy_on_supports(s: Snapshot, scene: Scene) -> Scalar:
-    frame, foundation, machine = s.frame, scene.supports, scene.machine
-    assert frame is not None and foundation is not None
-    drift = frame.velocity.seen_from(frame.axis)
-    total = foundation.mass * drift.dot(drift) + foundation.inertia * frame.spin**2
-    spins = s.shaft.speed, s.chain.jaw_spin, s.chain.toggle_spin
-    places = mass_centres(machine, s.shaft, s.chain)
-    rates = mass_centre_velocities(machine, s.shaft, s.chain)
-    for body, place, rate, spin in zip(bodies_of(machine), places, rates, spins, strict=True):
-        velocity = drift + frame.spin * (place - foundation.point).perp() + rate
-        total = total + body.mass * velocity.dot(velocity) + body.inertia * (spin + frame.spin) ** 2
+    total, drift = jnp.zeros_like(s.motion.crank.speed), None
+    frame, foundation = s.frame, scene.supports
+    if frame is not None and foundation is not None:
+        drift = frame.velocity.seen_from(frame.axis)
+        total = foundation.mass * drift.dot(drift) + foundation.inertia * frame.spin**2
+    for name, body in scene.linkage.bodies.items():
+        velocity, spin = s.motion.centre_velocity(name), s.motion.pose(name).spin
+        if drift is not None and frame is not None and foundation is not None:
+            arm = s.motion.centre(name) - foundation.point
+            velocity, spin = drift + frame.spin * arm.perp() + velocity, spin + frame.spin
+        total = total + body.mass * velocity.dot(velocity) + body.inertia * spin**2
     return 0.5 * total
 
 
 def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Return the potential energy of weight, zero at C's height as drawn, J."""
-    machine, frame, foundation = scene.machine, s.frame, scene.supports
-    shaft, jaw, toggle = mass_centres(machine, s.shaft, s.chain)
-    if frame is None or foundation is None:
-        return machine.gravity * (
-            machine.shaft.mass * shaft.y + machine.jaw.mass * jaw.y + machine.toggle.mass * toggle.y
-        )
-    centre = foundation.point + frame.displacement
-    total = foundation.mass * centre.y
-    for body, place in zip(bodies_of(machine), (shaft, jaw, toggle), strict=True):
-        total = total + body.mass * (centre + (place - foundation.point).along(frame.axis)).y
-    return machine.gravity * total
+    total, frame, foundation = jnp.zeros_like(s.motion.crank.speed), s.frame, scene.supports
+    places = [(body, s.motion.centre(name)) for name, body in scene.linkage.bodies.items()]
+    if frame is not None and foundation is not None:
+        centre = foundation.point + frame.displacement
+        total = foundation.mass * centre.y
+        places = [(b, centre + (at - foundation.point).along(frame.axis)) for b, at in places]
+    for body, place in places:
+        total = total + body.mass * place.y
+    return scene.linkage.gravity * total
 
 
 def elastic_energy(s: Snapshot, scene: Scene) -> Scalar:
@@ -340,21 +315,13 @@ def _over_joints(
     part: Callable[[AbstractBearing, Contact], Scalar | None], s: Snapshot, scene: Scene
 ) -> Scalar:
     """The sum of a number of each contact; zero where there is none."""
-    known: list[Scalar] = [one for _, one in scene.joints.map(part, s.contacts).present()]
-    return sum(known[1:], known[0]) if known else jnp.zeros_like(s.shaft.speed)
-
-
-# The force between pin and bore of each joint; of the frame on the toggle at C.
-_FORCES: dict[str, Callable[[Snapshot, Scene], Vector]] = {
-    "main": lambda s, _: s.joint_force,
-    "elbow": elbow_reaction,
-    "pivot": toggle_reaction,
-}
+    known: list[Scalar] = list(scene.joints.map(part, s.contacts).values)
+    return sum(known[1:], known[0]) if known else jnp.zeros_like(s.motion.crank.speed)
 
 
 def force_at(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     """The length of the force in a joint, N."""
-    return norm(_FORCES[joint](s, scene), FORCE_WIDTH)
+    return norm(_on_bore(s, joint), FORCE_WIDTH)
 
 
 def _normal_force(s: Snapshot, scene: Scene, joint: str) -> Scalar:
@@ -365,32 +332,32 @@ def _normal_force(s: Snapshot, scene: Scene, joint: str) -> Scalar:
 def _friction_force(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     contact = s.contacts[joint]
     force = None if contact is None else contact.friction_force
-    return jnp.zeros_like(s.shaft.speed) if force is None else force
+    return jnp.zeros_like(s.motion.crank.speed) if force is None else force
 
 
 def _eccentricity(s: Snapshot, scene: Scene, joint: str) -> Vector:
-    found = s.eccentricities[joint]
+    found = s.motion.eccentricities[joint]
     return Vector(0.0, 0.0) if found is None else found
 
 
 def _crushing_load(s: Snapshot, scene: Scene) -> Vector:
-    return Vector(0.0, 0.0) if s.load is None else s.load
+    return Vector(0.0, 0.0) if s.applied.load is None else s.applied.load.force
 
 
 def _penetration_ratio(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     contact, clearance = s.contacts[joint], scene.joints[joint]
     if contact is None:
-        return jnp.zeros_like(s.shaft.speed)
+        return jnp.zeros_like(s.motion.crank.speed)
     return contact.penetration / clearance.clearance
 
 
 def _penetration_rate(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     contact = s.contacts[joint]
-    return jnp.zeros_like(s.shaft.speed) if contact is None else contact.penetration_rate
+    return jnp.zeros_like(s.motion.crank.speed) if contact is None else contact.penetration_rate
 
 
 def _constraint_residual(s: Snapshot, scene: Scene) -> Scalar:
-    return jnp.zeros_like(s.shaft.speed) if s.multipliers is None else s.multipliers.residual
+    return jnp.zeros_like(s.motion.crank.speed) if s.residual is None else s.residual
 
 
 @dataclass(frozen=True)
@@ -457,26 +424,23 @@ OBSERVABLES = {
     "shaking_force": Observable(shaking_force, "N", "shaking force"),
     "ground_force": Observable(ground_force, "N", "force on the ground"),
     "ground_moment": Observable(ground_moment, "N m", "moment on the ground"),
-    "joint_force": Observable(lambda s, _: s.joint_force, "N", "force on the jaw at A"),
+    "joint_force": Observable(joint_force, "N", "force on the jaw at A"),
     "bearing_reaction": Observable(bearing_reaction, "N", "reaction R_O"),
     "elbow_reaction": Observable(elbow_reaction, "N", "reaction R_B"),
     "toggle_reaction": Observable(toggle_reaction, "N", "reaction R_C"),
     "drive_torque": Observable(drive_torque, "N m", "drive torque"),
     "drive_power": Observable(drive_power, "W", "drive power"),
-    "shaft_speed": Observable(lambda s, _: s.shaft.speed, "rad/s", "shaft speed"),
+    "shaft_speed": Observable(lambda s, _: s.motion.crank.speed, "rad/s", "shaft speed"),
     "crushing_load": Observable(_crushing_load, "N", "crushing load on the jaw"),
     "load_position": Observable(load_position, "m", "where the load acts on the jaw"),
-    "pin_position": Observable(
-        lambda s, scene: pin_position(scene.machine, s.shaft.crank), "m", "centre A of the pin"
-    ),
+    "pin_position": Observable(pin_position, "m", "centre A of the pin"),
     "jaw_position": Observable(elbow_position, "m", "lower end B"),
     "jaw_mass_centre": Observable(jaw_mass_centre, "m", "mass centre S2 of the jaw"),
-    "jaw_velocity": Observable(
-        lambda s, scene: linkage.elbow_velocity(scene.machine, s.chain), "m/s", "velocity of B"
-    ),
+    "jaw_velocity": Observable(elbow_velocity, "m/s", "velocity of B"),
     "constraint_residual": Observable(_constraint_residual, "m", "largest constraint residual"),
     **_at("elbow"),
     **_at("pivot"),
+    **_at("shaft_bearing"),
     **OF_SUPPORTS,
     **OF_ROD,
 }

@@ -9,10 +9,11 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.crusher import linkage
+from jaxcrusher.crusher.jaw_forces import RodPull
 from jaxcrusher.crusher.loads import JawMotion
 from jaxcrusher.crusher.machine import Machine
-from jaxcrusher.crusher.snapshot import RodPull, crank_motion, pin_position
+from jaxcrusher.mechanism.linkage import Point
+from jaxcrusher.mechanism.motion import ideal_at_rest
 
 
 class Rod(eqx.Module):
@@ -31,17 +32,21 @@ class Rod(eqx.Module):
     length: Scalar = eqx.field(converter=scalar)  # L0, m
     width: Scalar = eqx.field(converter=scalar, default=1.0)  # N
 
+    def end(self, jaw: JawMotion) -> Point:
+        """Return the point of the jaw that the rod pulls at."""
+        return jaw.point(self.along, self.across)
+
     def pull(self, jaw: JawMotion) -> RodPull:
         """Return what the rod does to a jaw that moves so."""
-        apart = _end(jaw, self.along, self.across) - self.on_frame
+        end = self.end(jaw)
+        apart = jaw.motion.position(end) - self.on_frame
         length = smooth.norm(apart, 0.0)
         axis = apart / length
-        arm = jaw.arm(self.along) - self.across * jaw.away
-        velocity = jaw.end_velocity + jaw.spin * arm.perp()
+        velocity = jaw.motion.velocity(end)
         stretch, rate = length - self.length, velocity.dot(axis)
         wanted = self.preload + self.stiffness * stretch + self.damping * rate
         tension = smooth.positive_part(wanted, self.width)
-        return RodPull(-tension * axis, arm - jaw.arm(None), tension, wanted, stretch, rate)
+        return RodPull(-tension * axis, tension, wanted, stretch, rate)
 
     def elastic_energy(self, pull: RodPull) -> Scalar:
         """Return the work of the spring since the length L0, J."""
@@ -63,15 +68,7 @@ class Rod(eqx.Module):
 
 def rod_at(machine: Machine, stiffness, preload, damping, jaw_along, jaw_across, x, y) -> Rod:
     """Return a rod on a machine: its L0 is the length at theta1 = 0 with ideal joints."""
-    still = jnp.zeros_like(machine.gravity)
-    shaft = crank_motion(still, still)
-    chain = linkage.assemble(machine, pin_position(machine, shaft.crank), Vector(still, still))
-    on_frame = Vector(x, y)
-    apart = _end(JawMotion(machine, shaft, chain), jaw_along, jaw_across) - on_frame
-    length = smooth.norm(apart, 0.0)
+    jaw, on_frame = JawMotion(ideal_at_rest(machine.linkage, 0.0)), Vector(x, y)
+    end = jaw.point(scalar(jaw_along), scalar(jaw_across))
+    length = smooth.norm(jaw.motion.position(end) - on_frame, 0.0)
     return Rod(stiffness, preload, damping, jaw_along, jaw_across, on_frame, length)
-
-
-def _end(jaw: JawMotion, along: Scalar | float, across: Scalar | float) -> Vector:
-    """Return the rod's end on the jaw, m."""
-    return jaw.position(along) - across * jaw.away

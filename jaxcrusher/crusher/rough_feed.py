@@ -15,9 +15,9 @@ from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import scalar
+from jaxcrusher.crusher.jaw_forces import JawForce
 from jaxcrusher.crusher.loads import AbstractLoad, JawMotion
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.snapshot import JawForce
 
 # Cosines of a wave.
 COSINES = 64
@@ -38,7 +38,7 @@ class RoughFeed(AbstractLoad):
 
     def force(self, jaw: JawMotion) -> JawForce:
         """The mean load's, times 1 + s w."""
-        return _times(1 + self.scatter * self.wave(jaw.shaft.angle), self.load.force(jaw))
+        return _times(1 + self.scatter * self.wave(jaw.turned), self.load.force(jaw))
 
     def wave(self, angle: Scalar) -> Scalar:
         """Return w at an angle that the shaft has turned by since time zero, rad."""

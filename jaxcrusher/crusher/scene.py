@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import jax.numpy as jnp
+from jaxtyping import Scalar
 
 # Made with the first scene, before a program of it is traced.
 import jaxcrusher.basics.integrator  # noqa: F401
@@ -16,22 +17,29 @@ from jaxcrusher.basics.checks import (
     require_positive,
     require_x64,
 )
-from jaxcrusher.crusher.drives import AbstractDrive
-from jaxcrusher.crusher.formulations import ClosedLinkage
-from jaxcrusher.crusher.foundation import AbstractFoundation
-from jaxcrusher.crusher.interfaces import AbstractFormulation, AbstractScene, AbstractStart
+from jaxcrusher.crusher.jaw_forces import Applied
 from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.loads import AbstractLoad
+from jaxcrusher.crusher.loads import AbstractLoad, JawMotion
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.crusher.rod import Rod
 from jaxcrusher.joint.clearance import AbstractBearing
+from jaxcrusher.mechanism.drives import AbstractDrive
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.equations import Wrench, wrench_at
+from jaxcrusher.mechanism.linkage import Linkage
+from jaxcrusher.mechanism.motion import Motion
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene, AbstractStart
+from jaxcrusher.mechanism.supports import AbstractFoundation
+from jaxcrusher.mechanism.topology import FRAME
 
 
 class Scene(AbstractScene):
     """A machine, what drives and loads it, its joints (None: ideal) and how to solve it.
 
-    `joint` is the main one, A; `elbow` is B, `pivot` C. With no `foundation` the frame is clamped,
-    and moments on the ground are counted about C. A `rod` pulls the jaw onto its toggle.
+    `joint` is the main one, A; `elbow` is B, `pivot` C, `shaft_bearing` O. With no `foundation` the
+    frame is clamped, and moments on the ground are counted about C. A `rod` pulls the jaw onto its
+    toggle.
 
     Raises ValueError (concrete values only) if 64-bit floats are off, if a clearance is not
     inside (0, R_i), or if the clearances let the linkage reach a dead point.
@@ -47,20 +55,49 @@ class Scene(AbstractScene):
     pivot: AbstractBearing | None = None
     foundation: AbstractFoundation | None = None
     rod: Rod | None = None
+    shaft_bearing: AbstractBearing | None = None
 
     def __check_init__(self):
         require_x64()
         total = 0.0
-        for name, joint in self.joints.present():
+        for name, joint in self.joints.items():
             prefix = "" if name == "main" else f"{name}."
             require_clearance(joint.clearance, joint.bore_radius, prefix)
             total = total + joint.clearance
         self.machine.require_assembly(total)
 
     @property
-    def is_ideal(self) -> bool:
-        """Whether no joint has clearance."""
-        return not any(self.joints.present())
+    def joints(self) -> Named[AbstractBearing]:
+        """Return the joints with clearance."""
+        others = {"elbow": self.elbow, "pivot": self.pivot, "shaft_bearing": self.shaft_bearing}
+        return Named({"main": self.joint, **others})
+
+    @property
+    def linkage(self) -> Linkage:
+        """Return bodies and joints of the machine."""
+        return self.machine.linkage
+
+    @property
+    def throw(self) -> Scalar:
+        """Return the shaft's eccentricity, m."""
+        return self.machine.shaft.eccentricity
+
+    def applied(self, motion: Motion) -> Applied:
+        """Return what load and rod do to the jaw, and to the frame by their reactions."""
+        jaw, load, rod, wrenches = JawMotion(motion), None, None, []
+        if self.load is not None:
+            load = self.load.force(jaw)
+            wrenches.append((jaw.point(load.along), load.force))
+        if self.rod is not None:
+            rod = self.rod.pull(jaw)
+            wrenches.append((self.rod.end(jaw), rod.force))
+        found = [wrench_at(motion, point, force) for point, force in wrenches]
+        if self.supports is not None:
+            # Each has its reaction on the frame, in the same line.
+            for point, force in wrenches:
+                arm = motion.position(point) - self.supports.point
+                found.append(Wrench(FRAME, -force, arm.cross(-force)))
+        return Applied(load, rod, tuple(found))
 
     def ideal(self) -> "Scene":
         """The same machine, drive and load with ideal joints: what a clearance adds to."""
@@ -69,7 +106,7 @@ class Scene(AbstractScene):
             self.drive,
             None,
             self.load,
-            ClosedLinkage(),
+            EccentricityFormulation(),
             None,
             foundation=self.foundation,
             rod=self.rod,
@@ -82,7 +119,7 @@ def require_scene(scene: Any) -> None:
     require_kind("scene", scene, Scene, "jaxcrusher.paper_scene(30.0, 6e-5)")
     require_double("scene", scene)
     shapes = {"speed": jnp.shape(getattr(scene.drive, "speed", 0.0))}
-    for joint, clearance in scene.joints.present():
+    for joint, clearance in scene.joints.items():
         shapes[f"{before(joint)}clearance"] = jnp.shape(clearance.clearance)
     for name, shape in shapes.items():
         one = "be one number (jax.vmap and jaxcrusher.sweep take many)"

@@ -17,7 +17,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all, stack
-from jaxcrusher.crusher.formulations import EccentricityFormulation
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.dynamics.indicators import detect_period
 from jaxcrusher.dynamics.regime import NOISE, OUTPUTS, spread_trend

@@ -123,7 +123,7 @@ def coexisting_orbits(
         state[going] = states[:, -1]
         failed += int(np.sum(~success))
         ended = zip(going, states, success, strict=True)
-        seen = {n: _oscillations(s, scene.joints.count) for n, s, good in ended if good}
+        seen = {n: _oscillations(s, len(scene.joints)) for n, s, good in ended if good}
         looks.append(seen)
         # The narrowest first: it leads to an orbit best.
         going = []
@@ -158,7 +158,7 @@ def _shifted(
 ) -> Float[np.ndarray, "starts dims"]:
     """Return section points about the scene's start, evenly over a disc at each joint."""
     random, start = np.random.default_rng(seed), np.asarray(initial_state(scene))
-    count = scene.joints.count, starts
+    count = len(scene.joints), starts
     radii, angles = spread * np.sqrt(random.uniform(size=count)), random.uniform(size=count)
     offsets = radii * np.exp(2j * np.pi * angles)
     still = np.zeros(count)

@@ -144,14 +144,14 @@ def _orbit_in_contact(scene: Scene, record: Section) -> PeriodicOrbit | None:
     """The stable motion of one turn that the record swings about without leaving contact."""
     kept = all(
         bool(jnp.all(record.values[f"{before(joint)}contact_fraction"] >= 1 - ROUNDING))
-        for joint, _ in scene.joints.present()
+        for joint, _ in scene.joints.items()
     )
     if not kept or scene.is_ideal or refusal(scene):
         return None
     orbit = periodic_orbit(scene, nodes=NODES)
     if not bool(orbit.stable):
         return None
-    swing = oscillation_about(np.asarray(record.states), 1, scene.joints.count)
+    swing = oscillation_about(np.asarray(record.states), 1, len(scene.joints))
     return orbit if distance(section_of(orbit), swing.middle) < swing.allowed else None
 
 
@@ -163,7 +163,7 @@ def _record(scene: Scene, settle_turns: int, turns: int, rtol: float) -> Section
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     state, steps, seen = initial_state(scene), 0, []
-    contact = (f"{before(joint)}contact_fraction" for joint, _ in scene.joints.present())
+    contact = (f"{before(joint)}contact_fraction" for joint, _ in scene.joints.items())
     outputs = tuple(dict.fromkeys((*OUTPUTS, *contact)))
     for i in range(settle_turns + turns):
         turn = poincare_section(scene, 0, 1, state=state, outputs=outputs, rtol=rtol)

@@ -17,7 +17,7 @@ from jaxcrusher.basics.checks import require, require_choice, require_untraced, 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene, require_maker
-from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.dynamics.fits import Fit, fit_slopes
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge

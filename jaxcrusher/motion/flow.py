@@ -9,7 +9,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.mechanism.snapshot import Snapshot
 
 
 class Flow(eqx.Module):

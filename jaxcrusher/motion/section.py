@@ -33,7 +33,7 @@ class Section(eqx.Module, AbstractOverTurns):
 
     With the default formulation a state is (e_x / c, e_y / c, e_x', e_y') in 1 and m/s, and
     after them the memory of a tracked impact velocity. A frame on supports has six numbers more, in
-    the units of `jaxcrusher.crusher.moving_frame.FrameUnits`. NaN from a failure on.
+    the units of `jaxcrusher.mechanism.frame.FrameUnits`. NaN from a failure on.
     """
 
     states: Float[Array, "turns dims"]

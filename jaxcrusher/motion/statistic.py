@@ -27,7 +27,7 @@ from jaxcrusher.crusher.observables import (
     transmitted_size,
 )
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.files.table import Column
 from jaxcrusher.joint.rollers import RollerBearing
 
@@ -327,13 +327,13 @@ def always_with(loose: Iterable[str]) -> tuple[str, ...]:
 
 def may_rest(scene: Scene) -> bool:
     """Return whether a free shaft turns under friction, which might hold it at rest."""
-    rubs = any(joint.friction is not None for _, joint in scene.joints.present())
+    rubs = any(joint.friction is not None for _, joint in scene.joints.items())
     return rubs and scene.drive.initial() is not None
 
 
 def always_of(scene: Scene) -> tuple[str, ...]:
     """The names of what `statistics` computes of a scene without being asked."""
-    found = always_with(joint for joint, _ in scene.joints.present())
+    found = always_with(joint for joint, _ in scene.joints.items())
     if scene.rod is not None:
         found = (*found, *_OF_ROD)
     if may_rest(scene):
@@ -343,7 +343,7 @@ def always_of(scene: Scene) -> tuple[str, ...]:
 
 def statistics_of(scene: Scene) -> tuple[str, ...]:
     """The names of all that a scene has."""
-    loose, left_out = dict(scene.joints.present()), set[str]()
+    loose, left_out = dict(scene.joints.items()), set[str]()
     if scene.supports is None:
         left_out |= set(_OF_SUPPORTS)
     if scene.rod is None:

@@ -15,7 +15,7 @@ from jaxcrusher.basics.checks import nan_unless, require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
 from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning, Validity, validity
 from jaxcrusher.motion.flow import Flow, by_angle, flat, unflattened
@@ -189,7 +189,7 @@ def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
             functools.partial(validity, scene.joints[joint]),
             tuple(before(joint) + name for name in OF_CONTACT),
         )
-        for joint in ("main", *(name for name, _ in scene.joints.present()))
+        for joint in ("main", *(name for name, _ in scene.joints.items()))
     }
     if scene.rod is not None:
         parts["rod"] = Tautness, ("rod_tension_least",)

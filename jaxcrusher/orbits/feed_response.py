@@ -195,7 +195,7 @@ def _seen_along(
             lambda joint, contact: joint.normal.elastic_force(contact.penetration),
             snapshot.contacts,
         )
-        forces = foundation_force(snapshot, scene), *(one for _, one in elastic.present())
+        forces = foundation_force(snapshot, scene), *elastic.values
         return jnp.append(forced.acceleration(angle, place, rate, scene), jnp.stack(forces))
 
     def along(angle: Scalar, state: Array, one: Array, other: Array, scene: Scene) -> _Seen:

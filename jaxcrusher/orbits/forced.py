@@ -12,14 +12,17 @@ from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.formulations import ClosedLinkage, EccentricityFormulation
-from jaxcrusher.crusher.formulations.eccentricity import EccentricityState, JointState
-from jaxcrusher.crusher.joints import AtJoints
-from jaxcrusher.crusher.moving_frame import FrameState, frame_units, initial_frame
+from jaxcrusher.mechanism.eccentricity import (
+    EccentricityFormulation,
+    EccentricityState,
+    JointState,
+)
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.frame import FrameState, frame_units, initial_frame
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.snapshot import Snapshot
-from jaxcrusher.crusher.starts import resting
+from jaxcrusher.mechanism.snapshot import Snapshot
+from jaxcrusher.mechanism.starts import resting
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.orbits.collocation import System
 from jaxcrusher.orbits.newton import Factors
@@ -31,11 +34,11 @@ REFINEMENTS = 2
 
 def refusal(scene: Scene) -> str:
     """Say what a scene must be for collocation and is not; nothing if it can be solved for."""
-    if not isinstance(scene.formulation, EccentricityFormulation | ClosedLinkage):
+    if not isinstance(scene.formulation, EccentricityFormulation):
         return "be written by eccentricity, but is written by multipliers"
     if scene.drive.initial() is not None:
         return "turn at constant speed, but its shaft is free: it repeats at a speed not given"
-    memories = [joint.normal.impact_velocity.initial() for _, joint in scene.joints.present()]
+    memories = [joint.normal.impact_velocity.initial() for _, joint in scene.joints.items()]
     if all(memory is None for memory in memories):
         return ""
     return "have a constant impact velocity, but tracks it: in contact any value repeats itself"
@@ -43,18 +46,18 @@ def refusal(scene: Scene) -> str:
 
 def unknowns(scene: Scene) -> int:
     """Count the unknowns of an orbit: two a joint with clearance, three a frame on supports."""
-    return 2 * len(list(scene.joints.present())) + (0 if scene.supports is None else 3)
+    return 2 * len(list(scene.joints.items())) + (0 if scene.supports is None else 3)
 
 
-def pairs(x: Float[Array, " dims *nodes"], scene: Scene) -> AtJoints[Vector]:
+def pairs(x: Float[Array, " dims *nodes"], scene: Scene) -> Named[Vector]:
     """Give two of the numbers to each joint with clearance."""
-    names = [name for name, _ in scene.joints.present()]
-    return AtJoints(**{n: Vector(x[2 * i], x[2 * i + 1]) for i, n in enumerate(names)})
+    names = [name for name, _ in scene.joints.items()]
+    return Named({n: Vector(x[2 * i], x[2 * i + 1]) for i, n in enumerate(names)})
 
 
-def numbers(e: AtJoints[Vector], frame: tuple[Array, ...] = ()) -> Float[Array, " dims *nodes"]:
+def numbers(e: Named[Vector], frame: tuple[Array, ...] = ()) -> Float[Array, " dims *nodes"]:
     """Invert `pairs`, with the coordinates of a frame behind them."""
-    return jnp.stack([*(part for _, one in e.present() for part in (one.x, one.y)), *frame])
+    return jnp.stack([*(part for one in e.values for part in (one.x, one.y)), *frame])
 
 
 def state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
@@ -113,13 +116,13 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count d
         at = frame.displacement.x, frame.displacement.y, frame.rotation
         still = tuple(jnp.broadcast_to(one, (count,)) for one in at)
     if scene.is_ideal:
-        return numbers(AtJoints(), still).T
+        return numbers(Named(), still).T
     pace = scene.drive.speed / period
     first, second = (pace**k * matrix for k, matrix in enumerate(differentiation(count), start=1))
     times = 2 * jnp.pi * jnp.asarray(nodes(count)) / pace
     e = jax.vmap(lambda time: scene.joints.map(lambda _: Vector(0 * time, 0 * time)))(times)
 
-    def refined(_, e: AtJoints[Vector]) -> AtJoints[Vector]:
+    def refined(_, e: Named[Vector]) -> Named[Vector]:
         rate, curvature = (jax.tree.map(lambda part, m=m: m @ part, e) for m in (first, second))
         return one_by_one(resting, (times, e, rate, curvature), scene)
 

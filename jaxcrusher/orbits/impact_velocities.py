@@ -26,7 +26,7 @@ _points = eqx.filter_jit(section_points)
 
 def tracks(scene: Scene) -> bool:
     """Tell whether a joint of the scene tracks its impact velocity."""
-    laws = [joint.normal.impact_velocity for _, joint in scene.joints.present()]
+    laws = [joint.normal.impact_velocity for _, joint in scene.joints.items()]
     return any(law.initial() is not None for law in laws)
 
 
@@ -36,7 +36,7 @@ def settled_velocities(scene: Scene) -> dict[str, Array] | None:
     None where contact is not kept within some 1900 turns: each impact then sets another velocity.
     Concrete values only.
     """
-    joints = dict(scene.joints.present())
+    joints = dict(scene.joints.items())
     outputs = tuple(f"{before(name)}contact_fraction" for name in joints)
     state = initial_state(scene)
     for _ in range(ROUNDS):

@@ -10,10 +10,9 @@ from jaxtyping import Array, Float, Scalar
 from jaxcrusher.basics.checks import require, require_untraced
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.crusher.foundation import frame_at
-from jaxcrusher.crusher.joints import AtJoints
+from jaxcrusher.mechanism.snapshot import frame_at
 from jaxcrusher.crusher.scene import Scene, require_scene
-from jaxcrusher.crusher.snapshot import bodies_of, chain_of, crank_motion, mass_centres
+from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.files.table import Column, dataset
 
 COORDINATES = ("x", "y", "rotation")
@@ -104,15 +103,12 @@ def _linearised(scene: Scene) -> tuple[Array, Array, Array, Scalar]:
 
     The coordinates are displacement and rotation of G.
     """
-    foundation, machine = scene.supports, scene.machine
+    foundation, linkage = scene.supports, scene.linkage
     assert foundation is not None
-    still = jnp.zeros_like(scene.drive.speed)
-    shaft, none = crank_motion(still, still), AtJoints()
-    arms = [
-        place - foundation.point
-        for place in mass_centres(machine, shaft, chain_of(machine, shaft, none, none))
+    at_rest = ideal_at_rest(linkage, 0.0)
+    bodies = [
+        (body, at_rest.centre(name) - foundation.point) for name, body in linkage.bodies.items()
     ]
-    bodies = list(zip(bodies_of(machine), arms, strict=True))
 
     def at(q: Float[Array, "3"], rate: Float[Array, "3"]):
         return frame_at(Vector(q[0], q[1]), q[2], Vector(rate[0], rate[1]), rate[2])
@@ -122,7 +118,7 @@ def _linearised(scene: Scene) -> tuple[Array, Array, Array, Scalar]:
         height = foundation.mass * q[1]
         for body, arm in bodies:
             height = height + body.mass * (q[1] + arm.along(frame.axis).y)
-        return foundation.elastic_energy(frame) + machine.gravity * height
+        return foundation.elastic_energy(frame) + linkage.gravity * height
 
     def kinetic(rate: Float[Array, "3"], q: Float[Array, "3"]) -> Scalar:
         frame = at(q, rate)

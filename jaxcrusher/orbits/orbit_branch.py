@@ -225,7 +225,7 @@ def problem_of(
 ) -> AbstractPeriodicProblem:
     """Return the problem of the orbits of a scene over one or more numbers, like `value`."""
     begin = scene(value)
-    watched = tuple(LOST[joint] for joint, _ in begin.joints.present())
+    watched = tuple(LOST[joint] for joint, _ in begin.joints.items())
     if not nodal:
         build = eqx.Partial(_made, scene=scene, shape=value.shape)
         return Shooting(build=build, period=period, watched=watched)

@@ -18,7 +18,7 @@ from jaxcrusher.basics.checks import (
     require_names,
     require_own_process,
 )
-from jaxcrusher.crusher.formulations.eccentricity import EccentricityState
+from jaxcrusher.mechanism.eccentricity import EccentricityState
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene

@@ -11,9 +11,9 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, Scalar
 
 from jaxcrusher.basics.checks import without_slopes
 from jaxcrusher.basics.loops import design_by_design
-from jaxcrusher.crusher.formulations import EccentricityFormulation
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.moving_frame import frame_units
+from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.statistic import Chosen, Sampled, Statistic, chosen, statistics_of
@@ -190,7 +190,7 @@ _SAMPLED = Sampled(_as_seen, _as_seen)
 
 def _samples(scene: Scene) -> Chosen:
     """Return what tells the unknowns of an orbit at 1024 instants a turn, as statistics do."""
-    names = [before(joint) + "eccentricity" for joint, _ in scene.joints.present()]
+    names = [before(joint) + "eccentricity" for joint, _ in scene.joints.items()]
     if scene.supports is not None:
         names += ["frame_displacement", "frame_rotation"]
     seen = {name: OBSERVABLES[name] for name in names}
@@ -210,7 +210,7 @@ def _relative(scene: Scene, seen: dict[str, Array]) -> Float[Array, "nodes dims"
     paths = {name: whole(one) for name, one in seen.items() if name.startswith("path")}
     relative = [
         paths[f"path of {before(name)}eccentricity"] / joint.clearance
-        for name, joint in scene.joints.present()
+        for name, joint in scene.joints.items()
     ]
     if scene.supports is not None:
         units = frame_units(scene)

@@ -14,7 +14,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int, Scalar
 from jaxcrusher.basics.loops import design_by_design, one_by_one
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.snapshot import Snapshot
+from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import AbstractMean, Chosen, chosen, statistics_of
 from jaxcrusher.orbits import forced, newton
@@ -254,7 +254,7 @@ def _statistics(
 
     values = {name: reduce(name) for name in statistics}
     error = jnp.abs(reduce("foundation_rms", 2) / values["foundation_rms"] - 1)
-    names = [f"{before(joint)}penetration_ratio" for joint, _ in scene.joints.present()]
+    names = [f"{before(joint)}penetration_ratio" for joint, _ in scene.joints.items()]
     depths = [samples[statistics[name].quantity] for name in names or ["penetration_ratio"]]
     least = jnp.min(jnp.stack([jnp.min(_finer(depth)) for depth in depths]))
     return values, jax.lax.stop_gradient(error), least

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Scalar
 
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.crusher.starts import InContact
+from jaxcrusher.mechanism.starts import InContact
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.integrate import integrate
 from jaxcrusher.motion.method import resolve

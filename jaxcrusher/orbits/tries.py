@@ -226,7 +226,7 @@ def _tries(search: Search, wait: Wait) -> Iterator[Try]:
     first, rounds = search.by_nodes(search.guess, turns), wait.rounds()
     if turns == 1 and bool(first.orbit.stable) and bool(first.orbit.way == WAYS.damping):
         rest = next(rounds, None)
-        if rest is not None and not rest.swings_about(first.orbit.section, scene.joints.count):
+        if rest is not None and not rest.swings_about(first.orbit.section, len(scene.joints)):
             yield from waited(rest)
     yield first
     if search.section is not None:
@@ -271,7 +271,7 @@ def _doubled(search: Search, orbit: PeriodicOrbit) -> Iterator[Try]:
         return
     values, vectors = np.linalg.eig(np.asarray(found.matrix))
     way = np.real(vectors[:, np.argmin(np.where(np.imag(values), np.inf, np.real(values)))])
-    way /= np.max(np.abs(places(way, search.still.joints.count)))
+    way /= np.max(np.abs(places(way, search.len(search.still.joints))))
     for distance in BESIDE:
         shots = search.by_shots(start + distance * way, turns, WAYS.doubling)
         yield from shots

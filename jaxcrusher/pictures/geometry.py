@@ -2,15 +2,15 @@
 
 from typing import Any
 
+import equinox as eqx
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle
 
-from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE, PURPLE
 
 ANGLE = np.radians(50)  # of the shaft
@@ -38,11 +38,13 @@ def _linkage(machine: Machine, ax: Axes) -> None:
     o = np.array([float(machine.bearing.x), float(machine.bearing.y)])
     size = float(machine.jaw.length)
     a = o + MAGNIFIED * float(machine.shaft.eccentricity) * _unit(ANGLE)
-    chain = linkage.assemble(machine, Vector(a[0], a[1]), Vector(0.0, 0.0))
-    b = float(machine.toggle.length) * np.asarray(chain.toggle.array())
-    c, jaw = np.zeros(2), np.asarray(chain.jaw.array())
-    centre = machine.jaw.mass_centre.along(chain.jaw)
-    s2 = a + np.asarray(centre.array())
+    magnified = eqx.tree_at(
+        lambda one: one.shaft.eccentricity, machine, MAGNIFIED * machine.shaft.eccentricity
+    )
+    motion = ideal_at_rest(magnified.linkage, ANGLE)
+    elbow = magnified.linkage.joint("elbow").pin
+    b, jaw = (np.asarray(one.array()) for one in (motion.position(elbow), motion.axis("jaw")))
+    c, s2 = np.zeros(2), np.asarray(motion.centre("jaw").array())
     ends = {"$l_0$": (c, o), "$l_1$": (o, a), "$l_2$": (b, a), "$l_3$": (c, b), "$l_{21}$": (a, s2)}
     for letter, (start, end) in ends.items():
         thin = letter in ("$l_0$", "$l_{21}$")

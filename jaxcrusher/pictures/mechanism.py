@@ -71,7 +71,7 @@ class Drawing:
     """
 
     def __init__(self, scene: Scene, trajectory: Trajectory, ax: Axes, instants: list[int]):
-        joints = dict(scene.joints.present())
+        joints = dict(scene.joints.items())
         of_joints = [(before(name) + "eccentricity", INSETS[name][0]) for name in joints]
         needed = tuple(dict.fromkeys((*DRAWN, *itertools.chain(*of_joints))))
         for name in needed:

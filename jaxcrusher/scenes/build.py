@@ -13,13 +13,10 @@ from jaxcrusher.basics.checks import concrete, nan_unless, primal, require, requ
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.capacity import CrushingChamber, stroke
 from jaxcrusher.crusher.crushing_bed import crushing_bed
-from jaxcrusher.crusher.drives import ConstantSpeed
-from jaxcrusher.crusher.formulations import (
-    ClosedLinkage,
-    EccentricityFormulation,
-    MultiplierFormulation,
-)
-from jaxcrusher.crusher.foundation import AbstractFoundation, Clamped, OnSupports
+from jaxcrusher.mechanism.drives import ConstantSpeed
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.multiplier import MultiplierFormulation
+from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupports
 from jaxcrusher.crusher.loads import (
     AbstractLoad,
     AlongJaw,
@@ -33,7 +30,7 @@ from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counter
 from jaxcrusher.crusher.rod import Rod, rod_at
 from jaxcrusher.crusher.rough_feed import rough_feed
 from jaxcrusher.crusher.scene import Scene, require_clearance
-from jaxcrusher.crusher.starts import Centred, InContact
+from jaxcrusher.mechanism.starts import Centred, InContact
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AbstractFriction, AmbrosioFriction, CentreSlip, SurfaceSlip
 from jaxcrusher.joint.normal import (
@@ -133,7 +130,8 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     )
     warn_of_unusual(values)
     if main is None and elbow is None and pivot is None:
-        return Scene(machine, drive, None, law, ClosedLinkage(), None, None, None, foundation, rod)
+        ideal = EccentricityFormulation()
+        return Scene(machine, drive, None, law, ideal, None, None, None, foundation, rod)
     formulation, start = _FORMULATIONS[v["formulation"]](), _STARTS[v["start"]]()
     return Scene(machine, drive, main, law, formulation, start, elbow, pivot, foundation, rod)
 

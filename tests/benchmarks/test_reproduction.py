@@ -36,8 +36,8 @@ from benchmarks.reproduction.verdict import (
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import linkage, observables
 from jaxcrusher.crusher.formulations import EccentricityFormulation
-from jaxcrusher.crusher.formulations.multiplier import CONTACT_TIME
-from jaxcrusher.crusher.interfaces import AbstractFormulation
+from jaxcrusher.mechanism.multiplier import CONTACT_TIME
+from jaxcrusher.mechanism.scene import AbstractFormulation
 
 
 def certain(value: float) -> Estimate:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.crusher.drives import ShaftState
+from jaxcrusher.mechanism.drives import ShaftState
 from jaxcrusher.crusher.joints import JOINTS
 
 # Shares of a turn at which power is looked at: at time zero the sine of an acceleration is zero.

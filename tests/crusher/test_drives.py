@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.drives import AbstractDrive, GivenTorque
+from jaxcrusher.mechanism.drives import AbstractDrive, GivenTorque
 
 
 class Prescribed(AbstractDrive):

@@ -12,7 +12,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.formulations import MultiplierFormulation
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.mechanism.starts import Given
 
 ANGLES = np.radians(np.arange(0, 360, 30.0))
 # Of angle (rad) and force (N): it acts at every angle.

@@ -14,14 +14,14 @@ from benchmarks.scenes.operations import field_operations
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import free_bodies, linkage
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.crusher.formulations import MultiplierFormulation
 from jaxcrusher.crusher.formulations.constraints import constraints_of
 from jaxcrusher.crusher.formulations.coordinates import arms_of
-from jaxcrusher.crusher.formulations.multiplier import CONTACT_TIME
+from jaxcrusher.mechanism.multiplier import CONTACT_TIME
 from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
-from jaxcrusher.crusher.starts import Given, shifted_start
+from jaxcrusher.mechanism.starts import Given, shifted_start
 
 CLEARANCES = {"elbow": 1e-4, "pivot": 8e-5}
 # Which of A, B and C are loose.

@@ -9,12 +9,12 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.crusher.formulations import MultiplierFormulation
-from jaxcrusher.crusher.moving_frame import frame_at, frame_units
+from jaxcrusher.mechanism.frame import frame_at, frame_units
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.crusher.snapshot import bodies_of, mass_centres
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.mechanism.starts import Given
 
 NUMBERS = {
     "foundation.mass": 2000.0,

@@ -9,10 +9,10 @@ import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.mechanism.starts import Given
 
 FORMULATIONS = {"eccentricity": EccentricityFormulation(), "multiplier": MultiplierFormulation()}
 # In flight, at the corner of the contact, in light and in hard contact; in or out, sliding.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.motion.flow import initial_state
 
 # Peak force at A per window, omega = 30 rad/s, c = 0.06 mm, centred start.

@@ -9,8 +9,8 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.crusher.moving_frame import frame_at, frame_units
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.mechanism.frame import frame_at, frame_units
+from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.scenes.parameters import PARAMETERS
 
 ROD = {"rod.stiffness": 3e5, "rod.preload": 2e4, "rod.damping": 2e3}

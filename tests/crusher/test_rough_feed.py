@@ -8,7 +8,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_lanes, in_turn, stack
-from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.crusher.loads import AlongJaw
 from jaxcrusher.crusher.rough_feed import RoughFeed, later, rough_feed
 from jaxcrusher.motion.statistics import statistics

@@ -12,7 +12,7 @@ import pytest
 import jaxcrusher as jc
 from benchmarks.scenes.operations import field_operations, operations, traced
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.crusher.machine import Jaw, Machine
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.motion.statistic import top

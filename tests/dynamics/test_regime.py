@@ -6,7 +6,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.crusher.starts import shifted_start
+from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.dynamics import regime as module
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.regime import spread_trend, verdict

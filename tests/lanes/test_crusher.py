@@ -9,7 +9,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.loop_kernels import OPTION
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all, stack
-from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
 from jaxcrusher.lanes import machine
 

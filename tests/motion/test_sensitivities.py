@@ -11,7 +11,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.mechanism.starts import Given
 
 DESIGN = jnp.array([30.0, 0.06e-3])
 

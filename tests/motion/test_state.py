@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.statistic import always_of, statistics_of
 

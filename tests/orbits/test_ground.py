@@ -10,7 +10,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.mechanism.starts import Given
 
 LAWS = ("along_jaw", "normal_to_jaw", "closing_stroke", "none")
 FORMULATIONS = {"eccentricity": EccentricityFormulation(), "multiplier": MultiplierFormulation()}

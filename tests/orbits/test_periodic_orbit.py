@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.drives import GivenTorque
+from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistic import STATISTIC, AbstractMean, statistics_of

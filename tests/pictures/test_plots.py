@@ -22,7 +22,7 @@ from PIL import Image
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.observables import OBSERVABLES
-from jaxcrusher.crusher.starts import Given
+from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.integrate import RESULTS, Outcome
 from jaxcrusher.motion.section import Section
 from jaxcrusher.motion.simulation import OUTPUTS, Trajectory

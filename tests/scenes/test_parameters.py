@@ -10,7 +10,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector, direction
-from jaxcrusher.crusher.drives import ConstantSpeed
+from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.machine import with_counterweight
 from jaxcrusher.crusher.snapshot import shaft_inertia

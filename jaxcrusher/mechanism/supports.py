@@ -5,14 +5,18 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import concrete, require, require_positive
-from jaxcrusher.basics.plane import Vector, direction, scalar
-from jaxcrusher.crusher.snapshot import FrameMotion
+from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.mechanism.arms import arm_to
+from jaxcrusher.mechanism.equations import MovingFrame, Wrench
+from jaxcrusher.mechanism.linkage import Body
+from jaxcrusher.mechanism.snapshot import FrameMotion
+from jaxcrusher.mechanism.topology import FRAME
 
 
 class AbstractFoundation(eqx.Module):
-    """Ground under the frame; a scene without a foundation has a clamped frame and counts about C.
+    """Ground under the frame; a scene without a foundation has a clamped frame.
 
-    `point` (m, C is the origin) is what moments on the ground are counted about.
+    `point` (m, in the frame's axes) is what moments on the ground are counted about.
     """
 
     point: eqx.AbstractVar[Vector]
@@ -100,7 +104,13 @@ class OnSupports(AbstractFoundation):
         (x, y), (also_x, also_y) = squares
         return self.horizontal_damping * (x + also_x) + self.vertical_damping * (y + also_y)
 
+    def moving(self, frame: FrameMotion) -> MovingFrame:
+        """Return the frame as one more body of the equations."""
+        return MovingFrame(Body(self.mass, self.inertia, arm_to(self.point)), frame.spin)
 
-def frame_at(displacement: Vector, rotation: Scalar, velocity: Vector, spin: Scalar) -> FrameMotion:
-    """Return a frame whose acceleration is not known yet."""
-    return FrameMotion(displacement, rotation, direction(rotation), velocity, spin)
+    def wrench(self, frame: FrameMotion) -> Wrench:
+        """Return what the supports do to the frame, in its axes."""
+        pairs = list(zip(self.arms(), self.support_forces(frame), strict=True))
+        moments = [-arm.along(frame.axis).cross(on_ground) for arm, on_ground in pairs]
+        (_, left), (_, right) = pairs
+        return Wrench(FRAME, -(left + right).seen_from(frame.axis), sum(moments))

@@ -1,0 +1,1 @@
+"""Planar mechanisms whose revolute joints may have clearance, and their equations."""

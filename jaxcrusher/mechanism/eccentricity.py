@@ -1,0 +1,94 @@
+"""Two degrees of freedom for each joint with clearance: the eccentricity of its pin in its bore.
+
+With the eccentricities known every dyad closes as an ideal one does, about shifted points. No
+constraints, no drift, and no penetration is a difference of two large numbers. A free crank and a
+frame on supports add their own states; with ideal joints there may be none at all.
+"""
+
+import equinox as eqx
+from jaxtyping import Scalar
+
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.mechanism.drives import CrankState
+from jaxcrusher.mechanism.equations import solve
+from jaxcrusher.mechanism.forces import contacts_of, wrenches_of
+from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
+from jaxcrusher.mechanism.motion import moving
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
+from jaxcrusher.mechanism.snapshot import Snapshot
+from jaxcrusher.mechanism.starts import start_of
+
+
+class JointState(eqx.Module):
+    """State of one joint, scaled to order one so that one tolerance fits all entries."""
+
+    relative_eccentricity: Vector  # e / c
+    rate: Vector  # e', m/s
+    impact_velocity: Scalar | None  # the normal law's memory, m/s
+
+
+class EccentricityState(eqx.Module):
+    """State of the joints with clearance, of a free crank, and of a frame on supports."""
+
+    joints: Named[JointState]
+    crank: CrankState | None = None
+    frame: FrameState | None = None
+
+    def unwound(self) -> "EccentricityState":
+        """Return the state with the angle of a free crank counted from the nearest whole turn."""
+        crank = None if self.crank is None else self.crank.unwound()
+        return EccentricityState(self.joints, crank, self.frame)
+
+
+class EccentricityFormulation(AbstractFormulation):
+    """Kane's equations in eccentricities, and in the spins of what is held together."""
+
+    def initial(self, scene: AbstractScene) -> EccentricityState:
+        """Return what the scene's start says, with crank and frame at theirs."""
+        joints = scene.joints.map(joint_state, *start_of(scene).eccentricities(scene))
+        return EccentricityState(joints, scene.drive.initial(), initial_frame(scene))
+
+    def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
+        """Return an instant: places first, then the forces, then the accelerations."""
+        frame = None if state.frame is None else frame_units(scene).motion(state.frame)
+        e = scene.joints.map(lambda one, at: one.clearance * at.relative_eccentricity, state.joints)
+        rates = state.joints.map(lambda at: at.rate)
+        motion = moving(scene.linkage, scene.drive.crank(time, state.crank), e, rates)
+        contacts = contacts_of(scene, motion, state.joints.map(lambda at: at.impact_velocity))
+        applied = scene.applied(motion)
+        wrenches, gravity, body = wrenches_of(scene, applied, frame)
+        torque = scene.drive.torque(time, motion.crank)
+        found = solve(motion, wrenches, contacts, torque, gravity, frame=body)
+        return Snapshot(motion, contacts, applied, found, frame)
+
+    def rate(
+        self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene
+    ) -> EccentricityState:
+        """Return e' and e'', and the rates of crank and frame."""
+        found = snapshot.accelerations
+
+        def one(
+            joint: AbstractBearing, at: JointState, contact: Contact, second: Vector
+        ) -> JointState:
+            memory = joint.memory_rate(contact, at.impact_velocity)
+            return JointState(at.rate / joint.clearance, second, memory)
+
+        joints = scene.joints.map(one, state.joints, snapshot.contacts, found.eccentricities)
+        crank = scene.drive.rate(snapshot.motion.crank, found.crank_acceleration)
+        return EccentricityState(joints, crank, frame_rate(scene, snapshot.frame, found))
+
+    def unwound(self, state: EccentricityState) -> EccentricityState:
+        """Return the state with a free crank's angle unwound; nothing else of it is an angle."""
+        return state.unwound()
+
+    def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
+        """Return the same: the state is e / c itself, and all else is of order one."""
+        return rtol
+
+
+def joint_state(joint: AbstractBearing, eccentricity: Vector, rate: Vector) -> JointState:
+    """Return a joint that begins with e (m) and e' (m/s)."""
+    memory = joint.normal.impact_velocity.initial()
+    return JointState(eccentricity / joint.clearance, rate, memory)

@@ -1,0 +1,371 @@
+"""Accelerations of a linkage under given forces, and the forces that hold it together.
+
+Kane's equations. Loose joints are cut; what is left are trees of bodies that joints hold together.
+A mass centre moves by the arms of the bodies on its way through the tree. With their spins w_i
+
+    r = root + sum of arm_i,   r'' = root'' + sum of (w_i' perp(arm_i) - w_i^2 arm_i),
+
+so that perp(arm_i) is its partial velocity by w_i, and for each spin, over all bodies of the tree,
+
+    sum of arm_i x (m r'' - F) + J_i w_i' - N_i = 0.
+
+The root of a tree that floats moves with the force on all of it. A joint that closes a loop adds
+its two rows, whose multipliers are its force. A frame on supports is one more body, and the tree
+that begins with it floats. Spins and accelerations are those past the ground, in the frame's axes.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.basics.linear import solve_symmetric
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.joint.clearance import Contact
+from jaxcrusher.mechanism.arms import Arm, minus, plus, total
+from jaxcrusher.mechanism.linkage import Body, Joint, Point
+from jaxcrusher.mechanism.motion import Motion
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.topology import FRAME, Tree, forest
+
+# By body: a force (N), and a moment about its mass centre (N m).
+Sums = dict[str, tuple[Vector | None, Scalar | None]]
+
+
+class Wrench(eqx.Module):
+    """A force on a body, or on the frame, and a moment about its mass centre; None: none."""
+
+    body: str = eqx.field(static=True)
+    force: Vector | None  # N
+    moment: Scalar | None = None  # N m
+
+
+class MovingFrame(eqx.Module):
+    """A frame on supports, as the equations see it."""
+
+    body: Body  # from the origin of its axes
+    spin: Scalar  # rad/s
+
+
+class Accelerations(eqx.Module):
+    """What a motion does next, in the frame's axes, and what holds it together."""
+
+    spin_ups: Named[Scalar]  # of bodies and of a frame on supports, past the ground, rad/s2
+    centres: Named[Vector]  # of their mass centres, past the ground, m/s2
+    eccentricities: Named[Vector]  # e'' of loose joints, past the frame, m/s2
+    forces: Named[Vector]  # on the bore of each joint, N
+    torque: Scalar  # on the crank by what drives it, N m
+    crank_acceleration: Scalar  # of a free crank past the frame, rad/s2
+
+
+@dataclass
+class _Way:
+    """The way from the root of a tree to a point: arms of bodies, and held eccentricities."""
+
+    arms: dict[str, Vector] = field(default_factory=dict)
+    steps: dict[str, int] = field(default_factory=dict)
+
+    def __sub__(self, other: "_Way") -> "_Way":
+        arms = {b: minus(self.arms.get(b), other.arms.get(b)) for b in self.arms | other.arms}
+        steps = {j: self.steps.get(j, 0) - other.steps.get(j, 0) for j in self.steps | other.steps}
+        return _Way(arms, steps)
+
+
+class _Ways:
+    """The ways to any point of a motion, and what moves along them."""
+
+    def __init__(
+        self,
+        motion: Motion,
+        trees: tuple[Tree, ...],
+        curvatures: Named[Vector],
+        frame: MovingFrame | None,
+        driven: bool,
+    ):
+        linkage = motion.linkage
+        self.motion, self.frame, self.curvatures = motion, frame, curvatures
+        self.bodies: dict[str, Body] = dict(linkage.bodies.items())
+        if frame is not None:
+            self.bodies[FRAME] = frame.body
+        # A driven crank turns with the frame, and past it by a spin that is known.
+        self.turning_with = {body: body for body in self.bodies}
+        if driven:
+            del self.turning_with[linkage.crank]
+            if frame is not None:
+                self.turning_with[linkage.crank] = FRAME
+        self.hung: dict[str, tuple[Arm, _Way]] = {}
+        for tree in trees:
+            floats = tree.base in self.bodies
+            base = self.bodies[tree.base].mass_centre if floats else Arm()
+            self.hung[tree.base] = base, _Way()
+            for body, parent, joint in tree.branches:
+                way = self.to(parent, linkage.side_of(joint, parent))
+                if joint in curvatures:
+                    sign = 1 if linkage.joint(joint).pin.body == body else -1
+                    way = _Way(way.arms, {**way.steps, joint: sign})
+                self.hung[body] = linkage.side_of(joint, body), way
+
+    def to(self, body: str, arm: Arm) -> _Way:
+        """Return the way to a point of a body."""
+        begin, way = self.hung[body]
+        own = (arm - begin).along(self.motion.axis(body)) if body in self.bodies else None
+        return way if own is None else _Way({**way.arms, body: own}, way.steps)
+
+    def to_centre(self, body: str) -> _Way:
+        """Return the way to the mass centre of a body."""
+        return self.to(body, self.bodies[body].mass_centre)
+
+    def to_end(self, point: Point) -> _Way:
+        """Return the way to a point of a joint."""
+        return self.to(point.body, point.arm)
+
+    def by_spin(self, way: _Way) -> dict[str, Vector]:
+        """Return the arms of a way by the bodies whose unknown spins they turn with."""
+        found: dict[str, Vector] = {}
+        for body, arm in way.arms.items():
+            if body in self.turning_with:
+                name = self.turning_with[body]
+                found[name] = arm if name not in found else found[name] + arm
+        return found
+
+    def known(self, way: _Way) -> Vector | None:
+        """Return the acceleration of a way's end past its root, of spins that do not change."""
+        crank, found = self.motion.crank, []
+        for body, arm in way.arms.items():
+            spin = plus(self.motion.spin(body), None if self.frame is None else self.frame.spin)
+            assert spin is not None
+            found.append(-(spin**2) * arm)
+            known = crank.acceleration if body == self.motion.linkage.crank else None
+            if known is not None and self.turning_with.get(body) != body:
+                found.append(known * arm.perp())
+        for joint, sign in way.steps.items():
+            curvature = self.curvatures[joint]
+            assert curvature is not None
+            found.append(sign * curvature)
+        return total(found)
+
+
+def solve(
+    motion: Motion,
+    wrenches: Iterable[Wrench],
+    contacts: Named[Contact],
+    torque: Scalar | None,
+    gravity: Vector,
+    curvatures: Named[Vector] | None = None,
+    frame: MovingFrame | None = None,
+) -> Accelerations:
+    """Return the accelerations of a motion, and the forces that hold its joints.
+
+    `wrenches` act besides the weight, `gravity` is that of the frame's axes (m/s2), `contacts` are
+    those of the loose joints. A crank without a `torque` (N m) turns as the motion says.
+    `curvatures` are e'' (m/s2) of joints that are not loose and have an eccentricity all the same.
+    """
+    linkage, curvatures = motion.linkage, Named() if curvatures is None else curvatures
+    trees, closing = forest(linkage.ends, linkage.bodies.names, contacts.names)
+    ways = _Ways(motion, trees, curvatures, frame, driven=torque is None)
+    weights = [Wrench(name, one.mass * gravity) for name, one in ways.bodies.items()]
+    sums = _sums([*weights, *wrenches, *pushes(motion, contacts, frame)])
+    if torque is not None:
+        sums = _sums([Wrench(linkage.crank, None, torque), Wrench(FRAME, None, -torque)], sums)
+
+    rows = [_Rows(ways, tree, sums) for tree in trees]
+    unknown = [name for one in rows for name in one.right]
+    lower, right = {}, [entry for one in rows for entry in one.right.values()]
+    for one in rows:
+        for (name, other), entry in one.lower.items():
+            lower[unknown.index(name), unknown.index(other)] = entry
+    for joint in closing:
+        ends = linkage.joint(joint)
+        apart = ways.to_end(ends.pin) - ways.to_end(ends.bore)
+        left = minus(ways.known(apart), curvatures[joint])
+        assert left is not None
+        for name, arm in ways.by_spin(apart).items():
+            partial = arm.perp()
+            lower[len(right), unknown.index(name)] = partial.x
+            lower[len(right) + 1, unknown.index(name)] = partial.y
+        right += [-left.x, -left.y]
+    found = solve_symmetric(lower, right)
+
+    spin_ups = dict(zip(unknown, found, strict=False))
+    # The rows' multipliers are forces on the bores: M w' + rows^T force = moments.
+    held = iter(found[len(unknown) :])
+    closed = {joint: Vector(next(held), next(held)) for joint in closing}
+    roots = {body: one.root(spin_ups) for one in rows for body in one.tree.bodies}
+
+    def acceleration(body: str, way: _Way) -> Vector | None:
+        parts = [spin_ups[name] * arm.perp() for name, arm in ways.by_spin(way).items()]
+        return total([roots[body], ways.known(way), *parts])
+
+    centres = {name: _there(acceleration(name, ways.to_centre(name))) for name in ways.bodies}
+    known = motion.crank.acceleration
+    for name, other in ways.turning_with.items():
+        spin_ups[name] = spin_ups[other]
+    if torque is None:
+        turned = plus(spin_ups.get(linkage.crank), known)
+        spin_ups[linkage.crank] = jnp.zeros_like(motion.crank.speed) if turned is None else turned
+    second = {}
+    for name in contacts.names:
+        pin, bore = linkage.joint(name).pin, linkage.joint(name).bore
+        ends = [acceleration(point.body, ways.to_end(point)) for point in (pin, bore)]
+        second[name] = _past(frame, motion, name, _there(minus(*ends)), spin_ups.get(FRAME))
+
+    ends = [(linkage.joint(name), force) for name, force in closed.items()]
+    sums = _sums([one for joint, force in ends for one in _pair(motion, joint, force, frame)], sums)
+    missing = {
+        name: minus(one.mass * centres[name], sums[name][0]) for name, one in ways.bodies.items()
+    }
+    forces = {name: contact.force for name, contact in contacts.items()} | closed
+    for tree in trees:
+        for body, _, name in tree.branches:
+            on_body = _there(total([missing[one] for one in tree.beyond(body)]))
+            forces[name] = on_body if linkage.joint(name).bore.body == body else -on_body
+    if torque is None:
+        torque = _torque(ways, trees, spin_ups, missing, sums)
+    past_frame = minus(spin_ups[linkage.crank], spin_ups.get(FRAME))
+    return Accelerations(
+        Named({name: spin_ups[name] for name in ways.bodies}),
+        Named(centres),
+        Named(second),
+        Named({name: forces[name] for name in linkage.joints.names}),
+        torque,
+        past_frame,
+    )
+
+
+class _Rows:
+    """The equations of the spins of one tree: those of its mass matrix, and their right sides."""
+
+    def __init__(self, ways: _Ways, tree: Tree, sums: Sums):
+        self.tree = tree
+        self.lower: dict[tuple[str, str], Scalar] = {}
+        members = [body for body in tree.bodies if body in ways.bodies]
+        self.right: dict[str, Scalar | None] = {
+            name: None for name in members if ways.turning_with.get(name) == name
+        }
+        columns, products, pushes = {}, {}, {}
+        for body in members:
+            one, way = ways.bodies[body], ways.to_centre(body)
+            columns[body], known = ways.by_spin(way), ways.known(way)
+            products[body] = {name: one.mass * arm for name, arm in columns[body].items()}
+            lost = None if known is None else one.mass * known
+            pushes[body] = minus(sums[body][0], lost)
+            if body in ways.turning_with:
+                name = ways.turning_with[body]
+                self.lower[name, name] = plus(self.lower.get((name, name)), one.inertia)
+                self.right[name] = plus(self.right[name], sums[body][1])
+        # Of a tree that floats: its mass, the force on it, and its mass moments about its root.
+        self.floats = tree.base in ways.bodies
+        self.mass = total([ways.bodies[body].mass for body in members])
+        self.push = total(list(pushes.values()))
+        self.sums = {n: total([products[b].get(n) for b in members]) for n in self.right}
+        names = list(self.right)
+        for i, name in enumerate(names):
+            moved = [body for body in members if name in columns[body]]
+            moments = [columns[body][name].cross(pushes[body]) for body in moved]
+            of_root = self.sums[name] if self.floats else None
+            if of_root is not None:
+                of_root = of_root / self.mass
+                moments.append(-of_root.cross(self.push))
+            self.right[name] = total([self.right[name], *moments])
+            for other in names[: i + 1]:
+                entries = [
+                    products[body][name].dot(columns[body][other])
+                    for body in moved
+                    if other in columns[body]
+                ]
+                if of_root is not None and self.sums[other] is not None:
+                    entries.append(-of_root.dot(self.sums[other]))
+                entry = total([self.lower.get((name, other)), *entries])
+                if entry is not None:
+                    self.lower[name, other] = entry
+
+    def root(self, spin_ups: dict[str, Scalar]) -> Vector | None:
+        """Return the acceleration of the root."""
+        if not self.floats:
+            return None
+        parts = [-spin_ups[n] * s.perp() for n, s in self.sums.items() if s is not None]
+        push = total([self.push, *parts])
+        assert push is not None
+        return push / self.mass
+
+
+def pushes(motion: Motion, contacts: Named[Contact], frame: MovingFrame | None) -> list[Wrench]:
+    """Return what the contacts of loose joints do to their bodies."""
+    found = []
+    for name, contact in contacts.items():
+        joint = motion.linkage.joint(name)
+        found += _pair(motion, joint, contact.force, frame)
+        for point, moment in (
+            (joint.bore, contact.bearing_moment),
+            (joint.pin, contact.journal_moment),
+        ):
+            found.append(Wrench(point.body, None, moment))
+    return found
+
+
+def _pair(
+    motion: Motion, joint: Joint, force: Vector, frame: MovingFrame | None
+) -> tuple[Wrench, Wrench]:
+    """Return a force on the bore of a joint, and its reaction on the pin."""
+    return (
+        wrench_at(motion, joint.bore, force, frame),
+        wrench_at(motion, joint.pin, -force, frame),
+    )
+
+
+def wrench_at(
+    motion: Motion, point: Point, force: Vector, frame: MovingFrame | None = None
+) -> Wrench:
+    """Return a force at a point of a body, or of the frame, as it counts at the mass centre."""
+    if point.body == FRAME:
+        centre = Arm() if frame is None else frame.body.mass_centre
+    else:
+        centre = motion.linkage.body(point.body).mass_centre
+    arm = (point.arm - centre).along(motion.axis(point.body))
+    return Wrench(point.body, force, None if arm is None else arm.cross(force))
+
+
+def _sums(wrenches: Iterable[Wrench], before: Sums | None = None) -> Sums:
+    """Return force and moment on each body, added to those before."""
+    found = {} if before is None else dict(before)
+    for one in wrenches:
+        force, moment = found.get(one.body, (None, None))
+        found[one.body] = plus(force, one.force), plus(moment, one.moment)
+    return found
+
+
+def _there(vector: Vector | None) -> Vector:
+    return Vector(0.0, 0.0) if vector is None else vector
+
+
+def _past(
+    frame: MovingFrame | None, motion: Motion, joint: str, second: Vector, spin_up: Scalar | None
+) -> Vector:
+    """Return e'' past the frame, from what pin and bore do past the ground."""
+    if frame is None or spin_up is None:
+        return second
+    e, rate = motion.eccentricities[joint], motion.rates[joint]
+    assert e is not None and rate is not None
+    turning = frame.spin**2 * e - 2 * frame.spin * rate.perp()
+    return second + turning - spin_up * e.perp()
+
+
+def _torque(
+    ways: _Ways,
+    trees: tuple[Tree, ...],
+    spin_ups: dict[str, Scalar],
+    missing: dict[str, Vector | None],
+    sums: Sums,
+) -> Scalar:
+    """Return the torque that turns a driven crank as it turns."""
+    crank = ways.motion.linkage.crank
+    tree = next(one for one in trees if crank in one.bodies)
+    parts = [ways.bodies[crank].inertia * spin_ups[crank], minus(None, sums[crank][1])]
+    for body in tree.beyond(crank):
+        arm, force = ways.to_centre(body).arms.get(crank), missing[body]
+        parts.append(None if arm is None or force is None else arm.cross(force))
+    found = total(parts)
+    assert found is not None
+    return found

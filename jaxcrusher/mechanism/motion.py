@@ -1,0 +1,198 @@
+"""Where the bodies of a linkage are and how fast, from its crank and its eccentricities.
+
+All is relative to the frame and in its axes. The bodies of a dyad follow by where two circles meet,
+their spins by the lever formula: no trigonometry, and one square root a dyad.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.basics.plane import Vector, direction
+from jaxcrusher.mechanism.arms import Arm, minus, plus
+from jaxcrusher.mechanism.linkage import Linkage, Point
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.topology import FRAME, Dyad
+
+
+class Crank(eqx.Module):
+    """The crank: its angle since time zero (rad), speed (rad/s) and acceleration (rad/s2)."""
+
+    angle: Scalar
+    speed: Scalar
+    acceleration: Scalar | None = None  # None: zero, or not known yet
+
+
+class Pose(eqx.Module):
+    """A body: the unit vector of its x axis, its spin, and where one of its points is."""
+
+    axis: Vector
+    spin: Scalar  # counterclockwise, rad/s
+    anchor: Arm  # the point
+    place: Vector | None  # of the point, m
+    rate: Vector | None  # and its velocity, m/s
+
+    def position(self, arm: Arm) -> Vector | None:
+        """Return where a point of the body is, m."""
+        return plus(self.place, (arm - self.anchor).along(self.axis))
+
+    def velocity(self, arm: Arm) -> Vector | None:
+        """Return the velocity of a point of the body, m/s."""
+        apart = (arm - self.anchor).along(self.axis)
+        return plus(self.rate, None if apart is None else self.spin * apart.perp())
+
+
+class Motion(eqx.Module):
+    """A linkage in motion; what it says of the frame's points is that they rest."""
+
+    linkage: Linkage
+    crank: Crank
+    poses: Named[Pose]
+    eccentricities: Named[Vector]  # pin less bore of the loose joints, m
+    rates: Named[Vector]  # m/s
+
+    def pose(self, body: str) -> Pose:
+        """Return how a body stands."""
+        found = self.poses[body]
+        assert found is not None, body
+        return found
+
+    def axis(self, body: str) -> Vector:
+        """Return the unit vector of a body's x axis."""
+        return Vector(1.0, 0.0) if body == FRAME else self.pose(body).axis
+
+    def spin(self, body: str) -> Scalar | None:
+        """Return the spin of a body, rad/s; None of the frame."""
+        return None if body == FRAME else self.pose(body).spin
+
+    def centre(self, body: str) -> Vector:
+        """Return the mass centre of a body, m."""
+        return _there(self.pose(body).position(self._mass_centre(body)))
+
+    def centre_velocity(self, body: str) -> Vector:
+        """Return the velocity of the mass centre of a body, m/s."""
+        return _there(self.pose(body).velocity(self._mass_centre(body)))
+
+    def _mass_centre(self, body: str) -> Arm:
+        return self.linkage.body(body).mass_centre
+
+    def position(self, point: Point) -> Vector:
+        """Return where a point is, m."""
+        return _there(_position(self.poses, point))
+
+    def velocity(self, point: Point) -> Vector:
+        """Return the velocity of a point, m/s."""
+        return _there(_velocity(self.poses, point))
+
+
+def _there(vector: Vector | None) -> Vector:
+    return Vector(0.0, 0.0) if vector is None else vector
+
+
+def _position(poses: Named[Pose], point: Point) -> Vector | None:
+    if point.body == FRAME:
+        arm = point.arm
+        return None if arm.x is None and arm.y is None else arm.vector()
+    pose = poses[point.body]
+    assert pose is not None, point.body
+    return pose.position(point.arm)
+
+
+def _velocity(poses: Named[Pose], point: Point) -> Vector | None:
+    pose = poses[point.body]
+    return None if pose is None else pose.velocity(point.arm)
+
+
+def moving(linkage: Linkage, crank: Crank, e: Named[Vector], rates: Named[Vector]) -> Motion:
+    """Return the motion whose pins are `e` (m) off their bores and move there at `rates` (m/s).
+
+    A joint that has no eccentricity is held together.
+    """
+    place, rate = _hung(linkage, Named(), linkage.bearing, linkage.crank, e, rates)
+    anchor = linkage.side_of(linkage.bearing, linkage.crank)
+    axis = direction(crank.angle)
+    poses = Named({linkage.crank: Pose(axis, crank.speed, anchor, place, rate)})
+    for dyad, side in zip(linkage.dyads, linkage.sides, strict=True):
+        poses = _with(linkage, poses, dyad, side, e, rates)
+    return Motion(linkage, crank, poses, e, rates)
+
+
+def ideal_at_rest(linkage: Linkage, angle: Scalar | float) -> Motion:
+    """Return a linkage of ideal joints that stands still at an angle of its crank (rad)."""
+    crank = Crank(jnp.asarray(angle, float), jnp.zeros(()))
+    return moving(linkage, crank, Named(), Named())
+
+
+def _hung(
+    linkage: Linkage,
+    poses: Named[Pose],
+    joint: str,
+    body: str,
+    e: Named[Vector],
+    rates: Named[Vector],
+) -> tuple[Vector | None, Vector | None]:
+    """Return place and velocity of a joint on the second of its bodies, from the other one."""
+    one = linkage.joint(joint)
+    if one.pin.body == body:
+        place, rate = _position(poses, one.bore), _velocity(poses, one.bore)
+        return plus(place, e[joint]), plus(rate, rates[joint])
+    place, rate = _position(poses, one.pin), _velocity(poses, one.pin)
+    return minus(place, e[joint]), minus(rate, rates[joint])
+
+
+def _with(
+    linkage: Linkage,
+    poses: Named[Pose],
+    dyad: Dyad,
+    side: int,
+    e: Named[Vector],
+    rates: Named[Vector],
+) -> Named[Pose]:
+    """Add the poses of a dyad: u from its first outer joint, v to its second one, la u + lb v = p.
+
+    The two meet to the left of p for side 1, to the right for side -1. Its spins solve
+    la spin_u perp(u) + lb spin_v perp(v) = p'.
+    """
+    outer = [
+        _hung(linkage, poses, joint, body, e, rates)
+        for joint, body in ((dyad.first_joint, dyad.first), (dyad.second_joint, dyad.second))
+    ]
+    (start, start_rate), (end, end_rate) = outer
+    span, change = minus(end, start), minus(end_rate, start_rate)
+    meeting = linkage.joint(dyad.meeting)
+    combine = plus if meeting.pin.body == dyad.first else minus
+    span, change = combine(span, e[dyad.meeting]), combine(change, rates[dyad.meeting])
+    assert span is not None and change is not None
+    arms = [linkage.side_of(dyad.first_joint, dyad.first)]
+    arms += [linkage.side_of(dyad.second_joint, dyad.second)]
+    first = _Link(linkage.side_of(dyad.meeting, dyad.first) - arms[0])
+    second = _Link(arms[1] - linkage.side_of(dyad.meeting, dyad.second))
+    la, lb, distance = first.length, second.length, span.dot(span)
+    share = (distance + la**2 - lb**2) / (2 * distance)
+    height = side * jnp.sqrt(la**2 / distance - share**2)
+    u = (share * span + height * span.perp()) / la
+    v = (span - la * u) / lb
+    lever = u.cross(v)
+    spins = change.dot(v) / (la * lever), -change.dot(u) / (lb * lever)
+    pair = {
+        dyad.first: Pose(first.axis(u), spins[0], arms[0], start, start_rate),
+        dyad.second: Pose(second.axis(v), spins[1], arms[1], end, end_rate),
+    }
+    return Named({**dict(poses.items()), **pair})
+
+
+class _Link:
+    """The line between two joints of a body: its length, negative where it runs against x."""
+
+    def __init__(self, arm: Arm):
+        self.arm = arm
+        straight = arm.y is None
+        squared = arm.squared()
+        assert squared is not None, "two joints of a body are apart"
+        self.length = arm.x if straight else jnp.sqrt(squared)
+
+    def axis(self, unit: Vector) -> Vector:
+        """Return the x axis of the body whose line points along a unit vector."""
+        if self.arm.y is None:
+            return unit
+        return unit.seen_from(self.arm.vector() / self.length)

@@ -1,0 +1,280 @@
+"""The paper's formulation for any linkage: absolute coordinates, multipliers, stabilisation.
+
+Wang, Cui, Wang, Appl. Sci. 2023, 13, 238, (12)-(20): mass centre and angle of each body, a pair of
+rows for each joint that is held, one for a driven crank, and Baumgarte's stabilisation. It shares
+neither trees nor dyads with the eccentricities, and so is their independent check. (13) of the
+paper lacks the drive's row; (19) omits the moments of a contact.
+"""
+
+import functools
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.basics.linear import SparseRow, solve_constrained
+from jaxcrusher.basics.plane import Vector, direction, scalar
+from jaxcrusher.mechanism.arms import plus
+from jaxcrusher.mechanism.drives import from_nearest_turn
+from jaxcrusher.mechanism.equations import Accelerations, MovingFrame, Wrench, pushes
+from jaxcrusher.mechanism.forces import contacts_of, wrenches_of
+from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
+from jaxcrusher.mechanism.linkage import Body, Joint
+from jaxcrusher.mechanism.motion import Crank, Motion, Pose, moving
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
+from jaxcrusher.mechanism.snapshot import Snapshot
+from jaxcrusher.mechanism.starts import start_of
+from jaxcrusher.mechanism.topology import FRAME
+
+# The unit of time of the velocities in the state: as long as a contact, so that the error
+# of a velocity weighs as much as that of the position it leads to.
+CONTACT_TIME = 1e-4  # s
+
+
+class Placement(eqx.Module):
+    """Mass centre (m) and angle (rad) of a body, past the frame, or a time derivative of them."""
+
+    centre: Vector
+    angle: Scalar
+
+    def __mul__(self, factor) -> "Placement":
+        return Placement(self.centre * factor, self.angle * factor)
+
+
+class MultiplierState(eqx.Module):
+    """q (m, rad), and q' in units per CONTACT_TIME."""
+
+    position: Named[Placement]
+    velocity: Named[Placement]
+    impact_velocities: Named[Scalar]  # the normal laws' memories, m/s
+    frame: FrameState | None = None
+
+
+class MultiplierFormulation(AbstractFormulation):
+    """The index-1 equations (20); Baumgarte's alpha and beta in 1/s, 20 each in Table 2."""
+
+    alpha: Scalar = eqx.field(converter=scalar, default=20.0)
+    beta: Scalar = eqx.field(converter=scalar, default=20.0)
+
+    def initial(self, scene: AbstractScene) -> MultiplierState:
+        """Return the scene's start, on the constraints to rounding."""
+        linkage, drive = scene.linkage, scene.drive
+        crank = drive.crank(scalar(0.0), drive.initial())
+        motion = moving(linkage, crank, *start_of(scene).eccentricities(scene))
+        position, velocity = {}, {}
+        # The crank first: `unwound` finds it there.
+        for name in sorted(linkage.bodies.names, key=lambda name: name != linkage.crank):
+            pose = motion.pose(name)
+            # A crank counts its turns.
+            turned = jnp.arctan2(pose.axis.y, pose.axis.x)
+            angle = crank.angle if name == linkage.crank else turned
+            position[name] = Placement(motion.centre(name), angle)
+            velocity[name] = Placement(motion.centre_velocity(name), pose.spin) * CONTACT_TIME
+        memories = scene.joints.map(lambda joint: joint.normal.impact_velocity.initial())
+        return MultiplierState(Named(position), Named(velocity), memories, initial_frame(scene))
+
+    def snapshot(self, time: Scalar, state: MultiplierState, scene: AbstractScene) -> Snapshot:
+        """Return an instant: solve (20) for the accelerations and the multipliers."""
+        frame = None if state.frame is None else frame_units(scene).motion(state.frame)
+        motion = _motion(scene, state)
+        contacts = contacts_of(scene, motion, state.impact_velocities)
+        applied = scene.applied(motion)
+        wrenches, gravity, body = wrenches_of(scene, applied, frame)
+        wrenches += pushes(motion, contacts, body)
+        linkage, torque = scene.linkage, scene.drive.torque(time, motion.crank)
+        if torque is not None:
+            wrenches += [Wrench(linkage.crank, None, torque), Wrench(FRAME, None, -torque)]
+
+        bodies = _Bodies(motion, body)
+        gaps = {name: bodies.gap(name) for name in linkage.joints.names}
+        rows, kept = [], []
+        for name, gap in gaps.items():
+            if name not in scene.joints:
+                rows += gap.rows
+                kept += zip(*(_parts(part) for part in (gap.e, gap.rate, gap.rest)), strict=True)
+        if torque is None:
+            rows.append(bodies.turning_of_crank())
+            kept.append(_off(scene, time, motion))
+        right = [-rest - 2 * self.alpha * rate - self.beta**2 * off for off, rate, rest in kept]
+        forces = bodies.forces(wrenches, gravity)
+        found, multipliers = solve_constrained(bodies.masses, rows, forces, right)
+
+        held, on_bore = iter(multipliers), {n: one.force for n, one in contacts.items()}
+        for name in gaps:
+            if name not in scene.joints:
+                on_bore[name] = Vector(next(held), next(held))
+        torque = -next(held) if torque is None else torque
+        spin_ups = {name: found[3 * i + 2] for i, name in enumerate(bodies.names)}
+        crank = spin_ups[linkage.crank]
+        accelerations = Accelerations(
+            Named(spin_ups),
+            Named({n: Vector(*found[3 * i : 3 * i + 2]) for i, n in enumerate(bodies.names)}),
+            Named({name: gaps[name].acceleration(found) for name in scene.joints.names}),
+            Named({name: on_bore[name] for name in gaps}),
+            torque,
+            crank if body is None else crank - spin_ups[FRAME],
+        )
+        residual = functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept])
+        return Snapshot(motion, contacts, applied, accelerations, frame, residual)
+
+    def rate(
+        self, snapshot: Snapshot, state: MultiplierState, scene: AbstractScene
+    ) -> MultiplierState:
+        """Return velocities and accelerations, q' and q''."""
+        found, frame = snapshot.accelerations, snapshot.frame
+        second = {}
+        for name in scene.linkage.bodies.names:
+            centre, spin_up = found.centres[name], found.spin_ups[name]
+            assert centre is not None and spin_up is not None
+            if frame is not None and scene.supports is not None:
+                carried, turned = found.centres[FRAME], found.spin_ups[FRAME]
+                assert carried is not None and turned is not None
+                arm = snapshot.motion.centre(name) - scene.supports.point
+                velocity = snapshot.motion.centre_velocity(name)
+                swept = turned * arm.perp() - frame.spin**2 * arm
+                centre = centre - carried - swept - 2 * frame.spin * velocity.perp()
+                spin_up = spin_up - turned
+            second[name] = Placement(centre, spin_up) * CONTACT_TIME
+        memories = scene.joints.map(
+            lambda joint, contact, memory: joint.memory_rate(contact, memory),
+            snapshot.contacts,
+            state.impact_velocities,
+        )
+        return MultiplierState(
+            state.velocity.map(lambda one: one * (1 / CONTACT_TIME)),
+            Named(second),
+            memories,
+            frame_rate(scene, frame, found),
+        )
+
+    def unwound(self, state: MultiplierState) -> MultiplierState:
+        """Return the state with the angle of its first body, the crank, unwound."""
+        angle = from_nearest_turn(state.position.values[0].angle)
+        return eqx.tree_at(lambda s: s.position.values[0].angle, state, angle)
+
+    def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
+        """Return a tolerance of positions of some 1 m against the clearance, above rounding."""
+        clearances = [joint.clearance for joint in scene.joints.values]
+        return jnp.maximum(rtol * functools.reduce(jnp.minimum, clearances), 2e-14)
+
+
+def _motion(scene: AbstractScene, state: MultiplierState) -> Motion:
+    """Return the motion of a state; its loose joints have the eccentricities that they show."""
+    linkage, poses = scene.linkage, {}
+    for name, at in state.position.items():
+        one, rate = linkage.body(name), state.velocity[name]
+        assert rate is not None
+        rate = rate * (1 / CONTACT_TIME)
+        axis = direction(at.angle)
+        poses[name] = Pose(axis, rate.angle, one.mass_centre, at.centre, rate.centre)
+    crank = state.position[linkage.crank]
+    assert crank is not None
+    turning = Crank(crank.angle, poses[linkage.crank].spin)
+    motion = Motion(linkage, turning, Named(poses), Named(), Named())
+    gaps = {name: _apart(motion, linkage.joint(name)) for name in scene.joints.names}
+    return Motion(
+        linkage,
+        turning,
+        Named(poses),
+        Named({name: e for name, (e, _) in gaps.items()}),
+        Named({name: rate for name, (_, rate) in gaps.items()}),
+    )
+
+
+def _apart(motion: Motion, joint: Joint) -> tuple[Vector, Vector]:
+    """Return pin less bore (m), and its rate (m/s)."""
+    return (
+        motion.position(joint.pin) - motion.position(joint.bore),
+        motion.velocity(joint.pin) - motion.velocity(joint.bore),
+    )
+
+
+class _Gap(eqx.Module):
+    """Pin less bore of a joint: its second derivative is rows . q'' + rest."""
+
+    e: Vector  # m
+    rate: Vector  # m/s
+    rows: tuple[SparseRow, SparseRow]  # of x and of y
+    rest: Vector  # m/s2
+
+    def acceleration(self, found: list[Scalar]) -> Vector:
+        """Return e'', from the accelerations of the bodies."""
+        x, y = (sum(entry * found[i] for i, entry in row.items()) for row in self.rows)
+        return Vector(x, y) + self.rest
+
+
+class _Bodies:
+    """Three coordinates of each body, and of a frame on supports: those past the ground."""
+
+    def __init__(self, motion: Motion, frame: MovingFrame | None):
+        self.motion, self.frame = motion, frame
+        self.bodies: dict[str, Body] = dict(motion.linkage.bodies.items())
+        if frame is not None:
+            self.bodies[FRAME] = frame.body
+        self.names = tuple(self.bodies)
+
+    @property
+    def masses(self) -> list[Scalar]:
+        """Return the diagonal of M, (17)."""
+        return [part for one in self.bodies.values() for part in (one.mass, one.mass, one.inertia)]
+
+    def forces(self, wrenches: list[Wrench], gravity: Vector) -> list[Scalar]:
+        """Return Q of (18), with weight, contacts and their moments."""
+        found = []
+        for name, one in self.bodies.items():
+            force, moment = one.mass * gravity, jnp.zeros_like(one.mass)
+            for wrench in wrenches:
+                if wrench.body == name:
+                    force = force if wrench.force is None else force + wrench.force
+                    moment = moment if wrench.moment is None else moment + wrench.moment
+            found += [force.x, force.y, moment]
+        return found
+
+    def gap(self, name: str) -> _Gap:
+        """Return how pin and bore of a joint part."""
+        joint = self.motion.linkage.joint(name)
+        e, rate = _apart(self.motion, joint)
+        rows: tuple[SparseRow, SparseRow] = ({}, {})
+        rest = Vector(0.0, 0.0)
+        for point, sign in ((joint.pin, 1), (joint.bore, -1)):
+            if point.body not in self.bodies:
+                continue
+            i, one = 3 * self.names.index(point.body), self.bodies[point.body]
+            arm = (point.arm - one.mass_centre).along(self.motion.axis(point.body))
+            unit = sign * jnp.ones_like(one.mass)
+            rows[0][i], rows[1][i + 1] = unit, unit
+            if arm is not None:
+                arm = sign * arm
+                rows[0][i + 2], rows[1][i + 2] = -arm.y, arm.x
+                rest = rest - self._spin(point.body) ** 2 * arm
+        if self.frame is not None:
+            # e'' past the frame, which turns.
+            i, spin = 3 * self.names.index(FRAME) + 2, self.frame.spin
+            rest = rest + spin**2 * e - 2 * spin * rate.perp()
+            for row, part in zip(rows, (e.y, -e.x), strict=True):
+                row[i] = part if i not in row else row[i] + part
+        return _Gap(e, rate, rows, rest)
+
+    def _spin(self, body: str) -> Scalar:
+        found = plus(self.motion.spin(body), None if self.frame is None else self.frame.spin)
+        assert found is not None
+        return found
+
+    def turning_of_crank(self) -> SparseRow:
+        """Return the row of the crank's angle past the frame."""
+        crank = self.motion.linkage.crank
+        one = jnp.ones_like(self.motion.crank.angle)
+        row = {3 * self.names.index(crank) + 2: one}
+        return row if self.frame is None else {**row, 3 * self.names.index(FRAME) + 2: -one}
+
+
+def _off(scene: AbstractScene, time: Scalar, motion: Motion) -> tuple[Scalar, Scalar, Scalar]:
+    """Return how far a driven crank is off its drive, its rate, and less what it should change."""
+    wanted, crank = scene.drive.crank(time, None), motion.crank
+    asked = jnp.zeros_like(time) if wanted.acceleration is None else -wanted.acceleration
+    return crank.angle - wanted.angle, crank.speed - wanted.speed, asked
+
+
+def _parts(vector: Vector) -> tuple[Scalar, Scalar]:
+    return vector.x, vector.y

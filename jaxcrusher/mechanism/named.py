@@ -1,0 +1,37 @@
+"""Something of each of several parts that have names, such as joints or bodies."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Generic, TypeVar
+
+import equinox as eqx
+
+T = TypeVar("T")
+
+
+class Named(eqx.Module, Generic[T]):
+    """One of a kind at each of some names, in an order that stays; None at every other name."""
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    values: tuple[T, ...]
+
+    def __init__(self, values: Mapping[str, T] | None = None):
+        present = {name: one for name, one in (values or {}).items() if one is not None}
+        self.names, self.values = tuple(present), tuple(present.values())
+
+    def __getitem__(self, name: str) -> T | None:
+        return self.values[self.names.index(name)] if name in self.names else None
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.names
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def items(self) -> Iterator[tuple[str, T]]:
+        """Yield names, and what is there."""
+        return zip(self.names, self.values, strict=True)
+
+    def map(self, function: Callable[..., Any], *others: "Named[Any]") -> "Named[Any]":
+        """Return `function` of what is at each name, in this and in others."""
+        found = {n: function(one, *(other[n] for other in others)) for n, one in self.items()}
+        return Named(found)
