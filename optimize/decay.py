@@ -52,7 +52,7 @@ def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
         if good.all():
             runs = found[i].transient[start]
             solution = _orbit(found[i]).solution
-            joints = solution.len(scene.joints)
+            joints = len(solution.scene.joints)
             section = places(np.asarray(solution.section), joints)
             apart, left = places(states, joints) - section
             decay = measured(apart, float(_oscillations(left).max()))

@@ -16,8 +16,8 @@ from jaxcrusher.batch.engines import chunk_of, run_all
 from jaxcrusher.batch.sweep import row_of
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.rough_feed import steady
-from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.files.journal import Journal
+from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.statistic import always_of
 from jaxcrusher.scenes.build import LINKS, build_chamber
 from optimize.design import Design

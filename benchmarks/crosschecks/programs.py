@@ -61,7 +61,9 @@ def our_scene(
         formulation=formulation,
     )
     relative = e / crusher.clearance
-    start = Given(Vector(relative.real, relative.imag), Vector(rate.real, rate.imag))
+    start = Given(
+        {"main": Vector(relative.real, relative.imag)}, {"main": Vector(rate.real, rate.imag)}
+    )
     return eqx.tree_at(lambda s: s.start, scene, start)
 
 

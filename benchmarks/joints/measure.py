@@ -16,7 +16,7 @@ from benchmarks.joints.cases import SPEED, Case
 from benchmarks.joints.signature import mean_and_error, signature
 from benchmarks.peers.free_bodies import PREFIXES
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.joints import AtJoints, before
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.statistics import limits_of
 
@@ -127,10 +127,8 @@ def _nudged(scene: jc.Scene, random: np.random.Generator) -> jc.Scene:
     assert scene.start is not None
     e, rates = scene.start.eccentricities(scene)
 
-    def off(joint: Any, at: Vector, rate: Vector) -> tuple[Vector, Vector]:
-        return at / joint.clearance + Vector(*OFFSET * random.standard_normal(2)), rate
+    def off(joint: Any, at: Vector) -> Vector:
+        return at / joint.clearance + Vector(*OFFSET * random.standard_normal(2))
 
-    places = scene.joints.map(off, e, rates)
-    at, rate = places.main or (Vector(0.0, 0.0), Vector(0.0, 0.0))
-    start = Given(at, rate, AtJoints(None, places.elbow, places.pivot))
+    start = Given(scene.joints.map(off, e), rates)
     return eqx.tree_at(lambda scene: scene.start, scene, start)

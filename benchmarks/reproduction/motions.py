@@ -95,9 +95,9 @@ def compare(start: Start, end: float, step: float) -> Comparison:
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface", start=start)
     assert scene.start is not None
     at = [
-        complex(float(play.main.x), float(play.main.y))
+        complex(float(one.x), float(one.y))
         for play in scene.start.eccentricities(scene)
-        if play.main is not None
+        for one in play.values
     ]
     crusher = Crusher(clearance=0.06e-3, friction=0.1, speed=30.0)
     seen = Model(Motion(crusher, e=at[0], rate=at[1])).run(end, step, every=1e-5)

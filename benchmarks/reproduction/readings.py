@@ -20,8 +20,8 @@ import jaxcrusher as jc
 from benchmarks.batch import map_scenes, stacked
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.joint.validity import validity
+from jaxcrusher.mechanism.starts import shifted_start
 
 Slip = Literal["centre", "surface"]
 Start = Literal["centred", "contact"]

@@ -15,12 +15,13 @@ import jaxcrusher as jc
 from benchmarks.batch import map_scenes, stacked
 from benchmarks.reproduction.variants import LiteralContact, PlainUnits, WeightedSlip, largest
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
-from jaxcrusher.mechanism.scene import AbstractFormulation
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.joint.friction import AmbrosioFriction
 from jaxcrusher.joint.normal import AbstractNormalLaw
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.multiplier import MultiplierFormulation
+from jaxcrusher.mechanism.scene import AbstractFormulation
+from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.statistics import WHIRL_WINDING
 
 SPEED = 30.0  # rad/s

@@ -3,6 +3,8 @@
 The search asks which of them leads to the paper's numbers that correct mechanics does not give.
 """
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -10,13 +12,14 @@ from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.basics.smooth import norm
-from jaxcrusher.crusher import linkage
-from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
-from jaxcrusher.mechanism.eccentricity import EccentricityState
-from jaxcrusher.mechanism.multiplier import CONTACT_TIME, MultiplierState
+from jaxcrusher.joint.friction import AbstractSlip
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation, EccentricityState
+from jaxcrusher.mechanism.equations import solve
+from jaxcrusher.mechanism.forces import wrenches_of
+from jaxcrusher.mechanism.multiplier import CONTACT_TIME, MultiplierFormulation, MultiplierState
+from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
-from jaxcrusher.joint.friction import AbstractSlip
 from jaxcrusher.motion.integrate import Carried
 
 
@@ -53,31 +56,22 @@ class LiteralContact(AbstractFormulation):
     def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
         """Return the correct snapshot with the contact's force and moment replaced."""
         s = EccentricityFormulation().snapshot(time, state, scene)
-        contact, eccentricity = s.contacts.main, s.eccentricities.main
-        assert scene.joint is not None and contact is not None and eccentricity is not None
+        contact, eccentricity = s.contacts["main"], s.motion.eccentricities["main"]
+        joint = scene.joints["main"]
+        assert joint is not None and contact is not None and eccentricity is not None
         friction = contact.friction_force
         assert friction is not None and contact.bearing_moment is not None
-        axis = eccentricity / norm(eccentricity, scene.joint.norm_width)
+        axis = eccentricity / norm(eccentricity, joint.norm_width)
         axis = Vector(axis.x, jnp.where(self.folded > 0, jnp.abs(axis.y), axis.y))
         push = contact.normal_force * axis + friction * axis.perp()
         force = Vector(self.x_sign * push.x, self.y_sign * push.y)
-        from_s2 = -scene.machine.jaw.mass_centre.along(s.chain.jaw)
+        jaw = scene.linkage.body("jaw").mass_centre
+        from_s2 = -jaw.vector().along(s.motion.axis("jaw"))
         moment = self.torque * contact.bearing_moment - (1 - self.at_joint) * from_s2.cross(force)
-        acceleration = linkage.chain_acceleration(
-            scene.machine, s.chain, s.applied.total, force, moment
-        )
-        return Snapshot(
-            s.shaft,
-            s.chain,
-            acceleration,
-            s.contacts,
-            s.eccentricities,
-            force,
-            moment,
-            s.shaft_moment,
-            s.applied,
-            None,
-        )
+        printed = Named({"main": dataclasses.replace(contact, force=force, bearing_moment=moment)})
+        wrenches, gravity, _ = wrenches_of(scene, s.applied, None)
+        found = solve(s.motion, wrenches, printed, None, gravity)
+        return dataclasses.replace(s, accelerations=found)
 
     def rate(
         self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene
@@ -126,7 +120,8 @@ class PlainUnits(AbstractFormulation):
 
 
 def _rescaled(state: MultiplierState, factor: float) -> MultiplierState:
-    return MultiplierState(state.position, state.velocity * factor, state.impact_velocities)
+    velocity = state.velocity.map(lambda one: one * factor)
+    return MultiplierState(state.position, velocity, state.impact_velocities)
 
 
 def largest(error: PyTree) -> Scalar:

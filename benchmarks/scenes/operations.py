@@ -42,7 +42,7 @@ def field_operations(scene: jc.Scene) -> int:
 
     def rate(scene):
         snapshot = scene.formulation.snapshot(jnp.array(0.1), state, scene)
-        return scene.formulation.rate(snapshot, state, scene), snapshot.joint_force
+        return scene.formulation.rate(snapshot, state, scene), snapshot.accelerations.forces["main"]
 
     program, numbers = traced(rate, scene)
     return operations(jax.make_jaxpr(program)(numbers).jaxpr)

@@ -16,8 +16,6 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require_x64
 from jaxcrusher.basics.plane import Vector, direction, scalar
-from jaxcrusher.mechanism.eccentricity import JointState
-from jaxcrusher.crusher.linkage import turning
 from jaxcrusher.joint.clearance import ClearanceJoint, Contact
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import (
@@ -26,6 +24,7 @@ from jaxcrusher.joint.normal import (
     TrackedImpactVelocity,
     cylinder_stiffness,
 )
+from jaxcrusher.mechanism.eccentricity import JointState
 from jaxcrusher.motion.integrate import (
     Carried,
     Integration,
@@ -122,6 +121,12 @@ def flores(
         gravity=gravity,
         joint=joint,
     )
+
+
+def turning(arm: Vector, spin: Scalar, acceleration: Scalar | None) -> Vector:
+    """Return the second derivative of a vector fixed in a turning body."""
+    centripetal = -(spin**2) * arm
+    return centripetal if acceleration is None else acceleration * arm.perp() + centripetal
 
 
 def initial(mechanism: SliderCrank) -> JointState | None:

@@ -10,7 +10,7 @@ import numpy as np
 import jaxcrusher as jc
 from benchmarks.stability.cases import BASE, bearing_case
 from benchmarks.timing import timed
-from jaxcrusher.crusher.formulations import MultiplierFormulation
+from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 
 TURNS = 20
 METHOD = jc.Method(max_steps=2_000_000)

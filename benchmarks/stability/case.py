@@ -11,10 +11,9 @@ import jaxcrusher as jc
 from benchmarks.peers.free_bodies import PREFIXES
 from benchmarks.stability.peer import AbstractPeer, Pins
 from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.crusher.joints import AtJoints
-from jaxcrusher.crusher.linkage import Play
-from jaxcrusher.mechanism.starts import Given, InContact
 from jaxcrusher.joint.friction import AmbrosioFriction
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.starts import Given, InContact
 from jaxcrusher.scenes.parameters import PE250X400
 
 Formulation = Literal["eccentricity", "multiplier"]
@@ -47,13 +46,12 @@ class Case:
         All cases have scenes of one structure, so that one compiled program serves them.
         """
         at = self.pins if pins is None else pins
-        scene, starts = _scene(dict(self.numbers), formulation), {}
+        scene, starts, rates = _scene(dict(self.numbers), formulation), {}, {}
         for (name, joint), e, rate in zip(scene.joints.items(), at.e, at.rates, strict=True):
             relative = e / float(joint.clearance)
-            starts[name] = Vector(relative.real, relative.imag), Vector(rate.real, rate.imag)
-        still = Vector(0.0, 0.0), Vector(0.0, 0.0)
-        main = starts.pop("main", still)
-        return eqx.tree_at(lambda s: s.start, scene, Given(main[0], main[1], AtJoints(**starts)))
+            starts[name] = Vector(relative.real, relative.imag)
+            rates[name] = Vector(rate.real, rate.imag)
+        return eqx.tree_at(lambda s: s.start, scene, Given(starts, rates))
 
 
 def _scene(values: Numbers, formulation: Formulation) -> jc.Scene:
@@ -71,10 +69,10 @@ def _frictions(scene: jc.Scene) -> list[Scalar]:
     return [law.coefficient for law in laws if isinstance(law, AmbrosioFriction)]
 
 
-def _complexes(of: Play) -> tuple[complex, ...]:
-    return tuple(complex(v.x, v.y) for _, v in of.present())
+def _complexes(of: Named[Vector]) -> tuple[complex, ...]:
+    return tuple(complex(v.x, v.y) for v in of.values)
 
 
 @eqx.filter_jit
-def _resting(scene: jc.Scene) -> tuple[Play, Play]:
+def _resting(scene: jc.Scene) -> tuple[Named[Vector], Named[Vector]]:
     return InContact().eccentricities(scene)

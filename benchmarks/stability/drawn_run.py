@@ -21,10 +21,10 @@ from benchmarks.stability.judgement import AGREES, DISAGREES, PREDICTABLE, PROMI
 from benchmarks.stability.peer import changes
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.crusher.joints import AtJoints, before
+from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.observables import OBSERVABLES
-from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.files.results import results_folder, write_table
+from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.flow import by_angle
 
 INSTANTS = 401  # compared
@@ -103,10 +103,7 @@ def _moved(scene: jc.Scene, offset: Vector) -> jc.Scene:
     assert scene.start is not None
     e, rates = scene.start.eccentricities(scene)
     moved = scene.joints.map(lambda joint, at: at / joint.clearance + offset, e)
-    both = moved.map(lambda at, rate: (at, rate), rates)
-    at, rate = both.main or (offset, offset)  # of an ideal joint it is not asked
-    start = Given(at, rate, AtJoints(None, both.elbow, both.pivot))
-    return eqx.tree_at(lambda s: s.start, scene, start)
+    return eqx.tree_at(lambda s: s.start, scene, Given(moved, rates))
 
 
 def _each(motions: jc.Trajectory, count: int) -> list[jc.Trajectory]:

@@ -48,7 +48,7 @@ def inputs() -> Iterator[Judged]:
             yield attempt(name, f"{value:g}", lambda n=name, v=value: run(jc.build_scene({n: v})))
     base = jc.build_scene({"friction": 0.02, "slip": "surface"})
     for label, (relative, rate) in STARTS.items():
-        start = Given(Vector(relative, 0.0), Vector(rate, 0.0))
+        start = Given({"main": Vector(relative, 0.0)}, {"main": Vector(rate, 0.0)})
         scene = eqx.tree_at(lambda s: s.start, base, start)
         yield attempt("start", label, lambda s=scene: run(s))
     for label, (where, value) in TRACED.items():

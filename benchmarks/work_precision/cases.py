@@ -64,7 +64,8 @@ class Case:
             return jc.ideal_scene(c.speed)
         scene = jc.paper_scene(c.speed, c.clearance, slip="surface", formulation=formulation)
         start = Given(
-            Vector(self.relative.real, self.relative.imag), Vector(self.rate.real, self.rate.imag)
+            {"main": Vector(self.relative.real, self.relative.imag)},
+            {"main": Vector(self.rate.real, self.rate.imag)},
         )
         return eqx.tree_at(
             lambda s: (s.start, s.joint.friction.coefficient), scene, (start, scalar(c.friction))
@@ -122,7 +123,7 @@ def cases() -> dict[str, Case]:
     """Return the cases by name."""
     quiet = centred(0.1)
     scene = jc.paper_scene(quiet.speed, quiet.clearance, slip="surface")
-    e, rate = (play.main for play in jax.jit(InContact().eccentricities)(scene))
+    e, rate = (play["main"] for play in jax.jit(InContact().eccentricities)(scene))
     assert e is not None and rate is not None
     relative = complex(e.x, e.y) / quiet.clearance
     whirl_e, whirl_rate = _after_turns(quiet, WHIRL_TURNS)

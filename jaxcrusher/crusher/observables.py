@@ -119,6 +119,7 @@ def ground_moment(s: Snapshot, scene: Scene) -> Scalar:
     total = jnp.zeros_like(s.motion.crank.speed)
     for name, rate in _momentum_rates(s, scene):
         body, spin_up = scene.linkage.body(name), s.accelerations.spin_ups[name]
+        assert spin_up is not None
         force = body.mass * fall - rate
         total = total + (s.motion.centre(name) - point).cross(force) - body.inertia * spin_up
     return total

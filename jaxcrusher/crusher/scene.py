@@ -69,8 +69,13 @@ class Scene(AbstractScene):
     @property
     def joints(self) -> Named[AbstractBearing]:
         """Return the joints with clearance."""
-        others = {"elbow": self.elbow, "pivot": self.pivot, "shaft_bearing": self.shaft_bearing}
-        return Named({"main": self.joint, **others})
+        every = {
+            "main": self.joint,
+            "elbow": self.elbow,
+            "pivot": self.pivot,
+            "shaft_bearing": self.shaft_bearing,
+        }
+        return Named({name: joint for name, joint in every.items() if joint is not None})
 
     @property
     def linkage(self) -> Linkage:
@@ -102,12 +107,12 @@ class Scene(AbstractScene):
     def ideal(self) -> "Scene":
         """The same machine, drive and load with ideal joints: what a clearance adds to."""
         return Scene(
-            self.machine,
-            self.drive,
-            None,
-            self.load,
-            EccentricityFormulation(),
-            None,
+            machine=self.machine,
+            drive=self.drive,
+            joint=None,
+            load=self.load,
+            formulation=EccentricityFormulation(),
+            start=None,
             foundation=self.foundation,
             rod=self.rod,
         )

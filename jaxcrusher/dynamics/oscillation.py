@@ -39,7 +39,7 @@ def oscillation_about(
 def section_of(orbit: PeriodicOrbit) -> Float[np.ndarray, "period half"]:
     """Return the positions of the pins at the beginning of each turn, in clearances."""
     turns = [flat(orbit.state(2 * np.pi * turn), orbit.scene) for turn in range(orbit.period)]
-    return places(np.array(turns), orbit.len(scene.joints))
+    return places(np.array(turns), len(orbit.scene.joints))
 
 
 def distance(section: Float[np.ndarray, "p half"], middle: Float[np.ndarray, "n half"]) -> float:

@@ -17,12 +17,12 @@ from jaxcrusher.basics.checks import require, require_choice, require_untraced, 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene, require_maker
-from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.dynamics.fits import Fit, fit_slopes
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
 from jaxcrusher.dynamics.shadowing import shadowing_slopes
+from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistic import STATISTIC, PowerMean
 from jaxcrusher.motion.statistics import over_pieces

@@ -76,7 +76,7 @@ class EccentricityFormulation(AbstractFormulation):
             return JointState(at.rate / joint.clearance, second, memory)
 
         joints = scene.joints.map(one, state.joints, snapshot.contacts, found.eccentricities)
-        crank = scene.drive.rate(snapshot.motion.crank, found.crank_acceleration)
+        crank = scene.drive.rate(snapshot.motion.crank, found.past_frame(scene.linkage.crank))
         return EccentricityState(joints, crank, frame_rate(scene, snapshot.frame, found))
 
     def unwound(self, state: EccentricityState) -> EccentricityState:

@@ -16,6 +16,7 @@ that begins with it floats. Spins and accelerations are those past the ground, i
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -57,7 +58,12 @@ class Accelerations(eqx.Module):
     eccentricities: Named[Vector]  # e'' of loose joints, past the frame, m/s2
     forces: Named[Vector]  # on the bore of each joint, N
     torque: Scalar  # on the crank by what drives it, N m
-    crank_acceleration: Scalar  # of a free crank past the frame, rad/s2
+
+    def past_frame(self, body: str) -> Scalar:
+        """Return the angular acceleration of a body past the frame, rad/s2."""
+        spin_up, frame = self.spin_ups[body], self.spin_ups[FRAME]
+        assert spin_up is not None
+        return spin_up if frame is None else spin_up - frame
 
 
 @dataclass
@@ -68,7 +74,8 @@ class _Way:
     steps: dict[str, int] = field(default_factory=dict)
 
     def __sub__(self, other: "_Way") -> "_Way":
-        arms = {b: minus(self.arms.get(b), other.arms.get(b)) for b in self.arms | other.arms}
+        apart = {b: minus(self.arms.get(b), other.arms.get(b)) for b in self.arms | other.arms}
+        arms = {body: arm for body, arm in apart.items() if arm is not None}
         steps = {j: self.steps.get(j, 0) - other.steps.get(j, 0) for j in self.steps | other.steps}
         return _Way(arms, steps)
 
@@ -203,8 +210,9 @@ def solve(
     for name, other in ways.turning_with.items():
         spin_ups[name] = spin_ups[other]
     if torque is None:
-        turned = plus(spin_ups.get(linkage.crank), known)
-        spin_ups[linkage.crank] = jnp.zeros_like(motion.crank.speed) if turned is None else turned
+        known = jnp.zeros_like(motion.crank.speed) if known is None else known
+        carried = spin_ups.get(linkage.crank)
+        spin_ups[linkage.crank] = known if carried is None else carried + known
     second = {}
     for name in contacts.names:
         pin, bore = linkage.joint(name).pin, linkage.joint(name).bore
@@ -223,14 +231,12 @@ def solve(
             forces[name] = on_body if linkage.joint(name).bore.body == body else -on_body
     if torque is None:
         torque = _torque(ways, trees, spin_ups, missing, sums)
-    past_frame = minus(spin_ups[linkage.crank], spin_ups.get(FRAME))
     return Accelerations(
         Named({name: spin_ups[name] for name in ways.bodies}),
         Named(centres),
         Named(second),
         Named({name: forces[name] for name in linkage.joints.names}),
         torque,
-        past_frame,
     )
 
 
@@ -241,7 +247,7 @@ class _Rows:
         self.tree = tree
         self.lower: dict[tuple[str, str], Scalar] = {}
         members = [body for body in tree.bodies if body in ways.bodies]
-        self.right: dict[str, Scalar | None] = {
+        self.right: dict[str, Any] = {
             name: None for name in members if ways.turning_with.get(name) == name
         }
         columns, products, pushes = {}, {}, {}

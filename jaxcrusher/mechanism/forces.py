@@ -11,9 +11,7 @@ from jaxcrusher.mechanism.scene import AbstractScene, Applied
 from jaxcrusher.mechanism.snapshot import FrameMotion
 
 
-def contacts_of(
-    scene: AbstractScene, motion: Motion, memories: Named[Scalar | None]
-) -> Named[Contact]:
+def contacts_of(scene: AbstractScene, motion: Motion, memories: Named[Scalar]) -> Named[Contact]:
     """Return the contacts of the joints with clearance; `memories` are those of normal laws."""
     found = {}
     for name, one in scene.joints.items():
@@ -25,8 +23,11 @@ def _contact(one: AbstractBearing, motion: Motion, name: str, memory: Scalar | N
     joint = motion.linkage.joint(name)
     e, rate = motion.eccentricities[name], motion.rates[name]
     assert e is not None and rate is not None
-    spins = (motion.spin(point.body) for point in (joint.bore, joint.pin))
-    return one.contact(e, rate, *(0.0 if spin is None else spin for spin in spins), memory)
+    bore, pin = motion.spin(joint.bore.body), motion.spin(joint.pin.body)
+    still = 0.0
+    return one.contact(
+        e, rate, still if bore is None else bore, still if pin is None else pin, memory
+    )
 
 
 def wrenches_of(

@@ -186,10 +186,9 @@ class _Link:
 
     def __init__(self, arm: Arm):
         self.arm = arm
-        straight = arm.y is None
         squared = arm.squared()
         assert squared is not None, "two joints of a body are apart"
-        self.length = arm.x if straight else jnp.sqrt(squared)
+        self.length: Scalar = jnp.sqrt(squared) if arm.x is None or arm.y is not None else arm.x
 
     def axis(self, unit: Vector) -> Vector:
         """Return the x axis of the body whose line points along a unit vector."""

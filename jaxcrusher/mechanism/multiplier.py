@@ -106,14 +106,12 @@ class MultiplierFormulation(AbstractFormulation):
                 on_bore[name] = Vector(next(held), next(held))
         torque = -next(held) if torque is None else torque
         spin_ups = {name: found[3 * i + 2] for i, name in enumerate(bodies.names)}
-        crank = spin_ups[linkage.crank]
         accelerations = Accelerations(
             Named(spin_ups),
             Named({n: Vector(*found[3 * i : 3 * i + 2]) for i, n in enumerate(bodies.names)}),
             Named({name: gaps[name].acceleration(found) for name in scene.joints.names}),
             Named({name: on_bore[name] for name in gaps}),
             torque,
-            crank if body is None else crank - spin_ups[FRAME],
         )
         residual = functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept])
         return Snapshot(motion, contacts, applied, accelerations, frame, residual)

@@ -1,6 +1,7 @@
 """Where pins start in their bores."""
 
 from collections.abc import Mapping
+from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -15,6 +16,8 @@ from jaxcrusher.mechanism.forces import wrenches_of
 from jaxcrusher.mechanism.motion import Crank, moving
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractScene, AbstractStart
+
+Scene = TypeVar("Scene", bound=AbstractScene)
 
 
 class Centred(AbstractStart):
@@ -112,16 +115,18 @@ class Given(AbstractStart):
         )
 
 
-def shifted_start(scene: AbstractScene, offset: Vector, joint: str) -> AbstractScene:
+def shifted_start(scene: Scene, offset: Vector, joint: str | None = None) -> Scene:
     """Return the scene with its start as numbers, a joint's pin `offset` clearances off it.
 
-    Scenes that differ in their start then run as one program.
+    The joint is the first one with clearance, if none is named. Scenes that differ in their start
+    then run as one program.
     """
     e, rates = start_of(scene).eccentricities(scene)
     relative = scene.joints.map(lambda one, at: at / one.clearance, e)
-    at = relative[joint]
+    name = relative.names[0] if joint is None else joint
+    at = relative[name]
     assert at is not None
-    start = Given({**dict(relative.items()), joint: at + offset}, rates)
+    start = Given({**dict(relative.items()), name: at + offset}, rates)
     return eqx.tree_at(lambda s: s.start, scene, start)
 
 

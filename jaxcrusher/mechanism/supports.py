@@ -111,6 +111,6 @@ class OnSupports(AbstractFoundation):
     def wrench(self, frame: FrameMotion) -> Wrench:
         """Return what the supports do to the frame, in its axes."""
         pairs = list(zip(self.arms(), self.support_forces(frame), strict=True))
-        moments = [-arm.along(frame.axis).cross(on_ground) for arm, on_ground in pairs]
+        one, other = (-arm.along(frame.axis).cross(on_ground) for arm, on_ground in pairs)
         (_, left), (_, right) = pairs
-        return Wrench(FRAME, -(left + right).seen_from(frame.axis), sum(moments))
+        return Wrench(FRAME, -(left + right).seen_from(frame.axis), one + other)

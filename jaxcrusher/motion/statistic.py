@@ -27,9 +27,9 @@ from jaxcrusher.crusher.observables import (
     transmitted_size,
 )
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.files.table import Column
 from jaxcrusher.joint.rollers import RollerBearing
+from jaxcrusher.mechanism.snapshot import Snapshot
 
 # Instants per turn at which peaks and contact are looked at.
 SAMPLES = 1024

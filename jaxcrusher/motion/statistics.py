@@ -15,9 +15,9 @@ from jaxcrusher.basics.checks import nan_unless, require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
 from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning, Validity, validity
+from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import Flow, by_angle, flat, unflattened
 from jaxcrusher.motion.integrate import (
     Carried,

@@ -12,18 +12,18 @@ from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.observables import foundation_force
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.mechanism.eccentricity import (
     EccentricityFormulation,
     EccentricityState,
     JointState,
 )
-from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.frame import FrameState, frame_units, initial_frame
-from jaxcrusher.crusher.observables import foundation_force
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import resting
-from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.orbits.collocation import System
 from jaxcrusher.orbits.newton import Factors
 from jaxcrusher.orbits.trigonometric import differentiation, nodes, resample

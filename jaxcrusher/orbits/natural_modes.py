@@ -10,10 +10,10 @@ from jaxtyping import Array, Float, Scalar
 from jaxcrusher.basics.checks import require, require_untraced
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.mechanism.snapshot import frame_at
 from jaxcrusher.crusher.scene import Scene, require_scene
-from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.files.table import Column, dataset
+from jaxcrusher.mechanism.motion import ideal_at_rest
+from jaxcrusher.mechanism.snapshot import frame_at
 
 COORDINATES = ("x", "y", "rotation")
 COLUMNS = {

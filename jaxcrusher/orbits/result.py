@@ -18,11 +18,11 @@ from jaxcrusher.basics.checks import (
     require_names,
     require_own_process,
 )
-from jaxcrusher.mechanism.eccentricity import EccentricityState
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.validity import Validity
+from jaxcrusher.mechanism.eccentricity import EccentricityState
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
 from jaxcrusher.motion.statistic import SAMPLES, STATISTIC, statistics_of

@@ -11,11 +11,11 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, Scalar
 
 from jaxcrusher.basics.checks import without_slopes
 from jaxcrusher.basics.loops import design_by_design
-from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.crusher.joints import before
-from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.motion.statistic import Chosen, Sampled, Statistic, chosen, statistics_of
 from jaxcrusher.motion.tangents import same, sloped_turn
 from jaxcrusher.orbits import newton

@@ -271,7 +271,7 @@ def _doubled(search: Search, orbit: PeriodicOrbit) -> Iterator[Try]:
         return
     values, vectors = np.linalg.eig(np.asarray(found.matrix))
     way = np.real(vectors[:, np.argmin(np.where(np.imag(values), np.inf, np.real(values)))])
-    way /= np.max(np.abs(places(way, search.len(search.still.joints))))
+    way /= np.max(np.abs(places(way, len(search.still.joints))))
     for distance in BESIDE:
         shots = search.by_shots(start + distance * way, turns, WAYS.doubling)
         yield from shots

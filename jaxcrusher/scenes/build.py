@@ -13,10 +13,6 @@ from jaxcrusher.basics.checks import concrete, nan_unless, primal, require, requ
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.capacity import CrushingChamber, stroke
 from jaxcrusher.crusher.crushing_bed import crushing_bed
-from jaxcrusher.mechanism.drives import ConstantSpeed
-from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
-from jaxcrusher.mechanism.multiplier import MultiplierFormulation
-from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupports
 from jaxcrusher.crusher.loads import (
     AbstractLoad,
     AlongJaw,
@@ -30,7 +26,6 @@ from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counter
 from jaxcrusher.crusher.rod import Rod, rod_at
 from jaxcrusher.crusher.rough_feed import rough_feed
 from jaxcrusher.crusher.scene import Scene, require_clearance
-from jaxcrusher.mechanism.starts import Centred, InContact
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AbstractFriction, AmbrosioFriction, CentreSlip, SurfaceSlip
 from jaxcrusher.joint.normal import (
@@ -46,6 +41,11 @@ from jaxcrusher.joint.normal import (
     cylinder_stiffness,
 )
 from jaxcrusher.joint.rollers import RollerBearing, Rollers
+from jaxcrusher.mechanism.drives import ConstantSpeed
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.multiplier import MultiplierFormulation
+from jaxcrusher.mechanism.starts import Centred, InContact
+from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupports
 from jaxcrusher.scenes.load_curve import load_curve
 from jaxcrusher.scenes.own_laws import built, check_described, is_own
 from jaxcrusher.scenes.parameters import (
@@ -129,11 +129,20 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
         _joint(v, f"{joint}.") if f"{joint}.clearance" in v else None for joint in WORN_JOINTS
     )
     warn_of_unusual(values)
-    if main is None and elbow is None and pivot is None:
-        ideal = EccentricityFormulation()
-        return Scene(machine, drive, None, law, ideal, None, None, None, foundation, rod)
-    formulation, start = _FORMULATIONS[v["formulation"]](), _STARTS[v["start"]]()
-    return Scene(machine, drive, main, law, formulation, start, elbow, pivot, foundation, rod)
+    ideal = main is None and elbow is None and pivot is None
+    formulation = EccentricityFormulation() if ideal else _FORMULATIONS[v["formulation"]]()
+    return Scene(
+        machine=machine,
+        drive=drive,
+        joint=main,
+        load=law,
+        formulation=formulation,
+        start=None if ideal else _STARTS[v["start"]](),
+        elbow=elbow,
+        pivot=pivot,
+        foundation=foundation,
+        rod=rod,
+    )
 
 
 def build_machine(values: Mapping[str, Any]) -> Machine:

@@ -35,7 +35,7 @@ from benchmarks.reproduction.verdict import (
 )
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import linkage, observables
-from jaxcrusher.crusher.formulations import EccentricityFormulation
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.multiplier import CONTACT_TIME
 from jaxcrusher.mechanism.scene import AbstractFormulation
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.mechanism.drives import ShaftState
 from jaxcrusher.crusher.joints import JOINTS
+from jaxcrusher.mechanism.drives import ShaftState
 
 # Shares of a turn at which power is looked at: at time zero the sine of an acceleration is zero.
 INSTANTS = np.array([0.0, 0.13, 0.4, 0.77])

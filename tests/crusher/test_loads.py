@@ -10,8 +10,8 @@ from scipy.integrate import quad
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.crusher.formulations import MultiplierFormulation
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
+from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.starts import Given
 
 ANGLES = np.radians(np.arange(0, 360, 30.0))

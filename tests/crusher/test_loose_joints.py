@@ -8,19 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
+from jaxcrusher.crusher.formulations.constraints import constraints_of
+from jaxcrusher.crusher.formulations.coordinates import arms_of
 
 import jaxcrusher as jc
 from benchmarks.scenes.operations import field_operations
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import free_bodies, linkage
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.mechanism.drives import GivenTorque
-from jaxcrusher.crusher.formulations import MultiplierFormulation
-from jaxcrusher.crusher.formulations.constraints import constraints_of
-from jaxcrusher.crusher.formulations.coordinates import arms_of
-from jaxcrusher.mechanism.multiplier import CONTACT_TIME
 from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
+from jaxcrusher.mechanism.drives import GivenTorque
+from jaxcrusher.mechanism.multiplier import CONTACT_TIME, MultiplierFormulation
 from jaxcrusher.mechanism.starts import Given, shifted_start
 
 CLEARANCES = {"elbow": 1e-4, "pivot": 8e-5}

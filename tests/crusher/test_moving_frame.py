@@ -5,15 +5,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxcrusher.crusher.snapshot import bodies_of, mass_centres
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.mechanism.drives import GivenTorque
-from jaxcrusher.crusher.formulations import MultiplierFormulation
-from jaxcrusher.mechanism.frame import frame_at, frame_units
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
-from jaxcrusher.crusher.snapshot import bodies_of, mass_centres
+from jaxcrusher.mechanism.drives import GivenTorque
+from jaxcrusher.mechanism.frame import frame_at, frame_units
+from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.starts import Given
 
 NUMBERS = {

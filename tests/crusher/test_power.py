@@ -9,9 +9,10 @@ import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import linkage
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.mechanism.drives import GivenTorque
-from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
+from jaxcrusher.mechanism.drives import GivenTorque
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.starts import Given
 
 FORMULATIONS = {"eccentricity": EccentricityFormulation(), "multiplier": MultiplierFormulation()}

@@ -8,9 +8,9 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_lanes, in_turn, stack
-from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.crusher.loads import AlongJaw
 from jaxcrusher.crusher.rough_feed import RoughFeed, later, rough_feed
+from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.motion.statistics import statistics
 
 ROUGH = {"load_scatter": 0.2, "load_bandwidth": 7.3, "load_seed": 5, "start": "contact"}

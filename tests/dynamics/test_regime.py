@@ -6,10 +6,10 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.dynamics import regime as module
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.regime import spread_trend, verdict
+from jaxcrusher.mechanism.starts import shifted_start
 
 
 def lyapunov(largest, error):

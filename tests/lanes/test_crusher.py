@@ -9,9 +9,9 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.loop_kernels import OPTION
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all, stack
-from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
 from jaxcrusher.lanes import machine
+from jaxcrusher.mechanism.drives import GivenTorque
 
 COUNT = 37  # no multiple of the lanes
 

@@ -19,8 +19,8 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.dynamics.slopes import Slope
+from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.orbits.load_sheet import Row
 from optimize import figures, formatting, stages
 from optimize.answer import (

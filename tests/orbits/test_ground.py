@@ -9,7 +9,8 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.starts import Given
 
 LAWS = ("along_jaw", "normal_to_jaw", "closing_stroke", "none")

@@ -7,13 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxcrusher.crusher.snapshot import shaft_inertia
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector, direction
-from jaxcrusher.mechanism.drives import ConstantSpeed
-from jaxcrusher.crusher.formulations import EccentricityFormulation
 from jaxcrusher.crusher.machine import with_counterweight
-from jaxcrusher.crusher.snapshot import shaft_inertia
+from jaxcrusher.mechanism.drives import ConstantSpeed
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.scenes.build import build_machine
 from jaxcrusher.scenes.parameters import (
     CHOICES,
