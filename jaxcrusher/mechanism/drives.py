@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import concrete, require, require_positive
+from jaxcrusher.basics.checks import concrete, require, require_positive, require_whole
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.mechanism.motion import Crank
 
@@ -103,13 +103,20 @@ class ConstantSpeed(AbstractMotion):
 class UnevenSpeed(AbstractMotion):
     """The crank's speed is w (1 + share cos(order w t + phase)), the angle its integral.
 
-    Raises ValueError for a share that is not inside (-1, 1): the crank would turn back.
+    Raises ValueError for a share that is not inside (-1, 1), as the crank would turn back, and for
+    an order that is not a whole number.
     """
 
     speed: Scalar = eqx.field(converter=scalar)  # w, rad/s
     fluctuation: Scalar = eqx.field(converter=scalar)  # share
     order: int = eqx.field(static=True, default=1)  # a turn
     phase: Scalar = eqx.field(converter=scalar, default=0.0)  # rad
+
+    def __check_init__(self):
+        require_whole("order", self.order, 1)
+        share = concrete(self.fluctuation)
+        good = share is None or bool(np.all(np.abs(share) < 1))
+        require(good, "fluctuation", "be less than 1 in size", share)
 
     def motion(self, time: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Return w t + share / order (sin(order w t + phase) - sin(phase)), and its derivatives."""

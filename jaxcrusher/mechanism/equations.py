@@ -245,7 +245,7 @@ class _Rows:
 
     def __init__(self, ways: _Ways, tree: Tree, sums: Sums):
         self.tree = tree
-        self.lower: dict[tuple[str, str], Scalar] = {}
+        self.lower: dict[tuple[str, str], Any] = {}
         members = [body for body in tree.bodies if body in ways.bodies]
         self.right: dict[str, Any] = {
             name: None for name in members if ways.turning_with.get(name) == name

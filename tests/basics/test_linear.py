@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.basics.linear import solve_constrained, solve_positive_definite
+from jaxcrusher.basics.linear import solve_constrained, solve_symmetric
 
 # Rounding of five unknowns, times conditions of some ten.
 ROUNDING = 1e-13
@@ -23,7 +23,7 @@ def test_positive_definite(absent):
     right = chance.normal(size=4)
     pairs = itertools.product(range(4), range(4))
     lower = {(i, j): jnp.asarray(matrix[i, j]) for i, j in pairs if i >= j and (i, j) not in absent}
-    found = solve_positive_definite(lower, list(right))
+    found = solve_symmetric(lower, list(right))
     np.testing.assert_allclose(found, np.linalg.solve(matrix, right), rtol=0, atol=ROUNDING)
 
 

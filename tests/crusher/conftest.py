@@ -10,7 +10,7 @@ import pytest
 
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.joints import JOINTS
-from jaxcrusher.mechanism.drives import ShaftState
+from jaxcrusher.mechanism.drives import CrankState
 
 # Shares of a turn at which power is looked at: at time zero the sine of an acceleration is zero.
 INSTANTS = np.array([0.0, 0.13, 0.4, 0.77])
@@ -59,10 +59,10 @@ def turned(scene, time):
 
     def initial():
         free = drive.initial()
-        return free if free is None else ShaftState(drive.speed * time, free.relative_speed)
+        return free if free is None else CrankState(drive.speed * time, free.relative_speed)
 
-    def motion(_, state):
-        return drive.motion(time, state)
+    def crank(_, state):
+        return drive.crank(time, state)
 
-    later = SimpleNamespace(initial=initial, motion=motion, speed=drive.speed)
+    later = SimpleNamespace(initial=initial, crank=crank, speed=drive.speed)
     return eqx.tree_at(lambda s: s.drive, scene, later)

@@ -8,18 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
-from jaxcrusher.crusher.formulations.constraints import constraints_of
-from jaxcrusher.crusher.formulations.coordinates import arms_of
 
 import jaxcrusher as jc
 from benchmarks.scenes.operations import field_operations
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher import free_bodies, linkage
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.crusher.joints import AtJoints
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.mechanism.drives import GivenTorque
-from jaxcrusher.mechanism.multiplier import CONTACT_TIME, MultiplierFormulation
+from jaxcrusher.mechanism.equations import solve
+from jaxcrusher.mechanism.forces import wrenches_of
+from jaxcrusher.mechanism.multiplier import MultiplierFormulation
+from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.starts import Given, shifted_start
 
 CLEARANCES = {"elbow": 1e-4, "pivot": 8e-5}
@@ -43,8 +42,11 @@ def described(letters, slip="surface", **values):
 
 
 def placed(scene, state):
-    a, b, c = (tuple(Vector(*pair) for pair in joint) for joint in state)
-    return eqx.tree_at(lambda s: s.start, scene, Given(*a, AtJoints(None, b, c)))
+    places, rates = (
+        dict(zip(("main", "elbow", "pivot"), (Vector(*one) for one in part), strict=True))
+        for part in zip(*state, strict=True)
+    )
+    return eqx.tree_at(lambda s: s.start, scene, Given(places, rates))
 
 
 def free_shaft(scene):
@@ -53,22 +55,25 @@ def free_shaft(scene):
 
 def test_a_joint_whose_start_is_not_given_rests_amid_its_bore():
     scene = jc.build_scene(described("ABC"))
-    places, rates = Given(Vector(0.3, -0.5), Vector(0.2, 0.1)).eccentricities(scene)
-    assert [float(rates.main.x), float(rates.main.y)] == [0.2, 0.1]
+    start = Given({"main": Vector(0.3, -0.5)}, {"main": Vector(0.2, 0.1)})
+    places, rates = start.eccentricities(scene)
+    assert [float(rates["main"].x), float(rates["main"].y)] == [0.2, 0.1]
     for given in (places, rates):
-        for one in (given.elbow, given.pivot):
-            assert (float(one.x), float(one.y)) == (0.0, 0.0)
+        for joint in ("elbow", "pivot"):
+            assert (float(given[joint].x), float(given[joint].y)) == (0.0, 0.0)
 
 
-def test_a_shifted_start_moves_the_pin_of_the_main_joint_alone():
+def test_a_shifted_start_moves_the_pin_of_one_joint_alone():
     scene = jc.build_scene(described("ABC", start="contact"))
-    shifted = shifted_start(scene, Vector(-0.2, 0.1))
-    (before, rates), (after, same) = (s.start.eccentricities(s) for s in (scene, shifted))
-    main = before.main + scene.joint.clearance * Vector(-0.2, 0.1)
-    expected = eqx.tree_at(lambda e: e.main, before, main)
-    # Places are divided by the clearances and multiplied again.
-    for found, wanted in ((after, expected), (same, rates)):
-        np.testing.assert_allclose(jax.tree.leaves(found), jax.tree.leaves(wanted), rtol=1e-12)
+    before, rates = scene.start.eccentricities(scene)
+    for named, moved in ((None, "main"), ("pivot", "pivot")):
+        shifted = shifted_start(scene, Vector(-0.2, 0.1), named)
+        after, same = shifted.start.eccentricities(shifted)
+        there = before[moved] + scene.joints[moved].clearance * Vector(-0.2, 0.1)
+        expected = Named({**dict(before.items()), moved: there})
+        # Places are divided by the clearances and multiplied again.
+        for found, wanted in ((after, expected), (same, rates)):
+            np.testing.assert_allclose(jax.tree.leaves(found), jax.tree.leaves(wanted), rtol=1e-12)
 
 
 def test_a_joint_that_is_put_into_a_scene_is_refused_by_its_own_name():
@@ -90,10 +95,14 @@ def test_baumgarte_s_terms_end_what_violates_the_constraints():
     off = unravel(start + 1e-4 * np.random.default_rng(5).standard_normal(start.size))
 
     def constraints(time, state):
-        velocity = state.velocity * (1 / CONTACT_TIME)
-        arms = arms_of(scene.machine, state.position)
-        every = constraints_of(scene, time, state.position, velocity, arms)
-        return jnp.stack([c.violation for c in every]), jnp.stack([c.rate for c in every])
+        motion = form.snapshot(time, state, scene).motion
+        off, rate = [motion.crank.angle - 30.0 * time], [motion.crank.speed - 30.0]
+        for name, joint in scene.linkage.joints.items():
+            if name not in scene.joints:
+                for found, of in ((off, motion.position), (rate, motion.velocity)):
+                    apart = of(joint.pin) - of(joint.bore)
+                    found += [apart.x, apart.y]
+        return jnp.stack(off), jnp.stack(rate)
 
     change = form.rate(form.snapshot(jnp.array(0.0), off, scene), off, scene)
     at = jnp.array(0.0), off
@@ -152,57 +161,77 @@ def test_bodies_obey_newton_and_euler(letters):
         s, m = instant(scene), scene.machine
         at_elbow, at_pivot = ob.elbow_reaction(s, scene), ob.toggle_reaction(s, scene)
         # Sums of forces up to 1e6 N.
-        for contact, reaction in ((s.contacts.elbow, at_elbow), (s.contacts.pivot, -at_pivot)):
-            if contact is not None:
-                apart = contact.force - reaction
+        for name, reaction in (("elbow", at_elbow), ("pivot", -at_pivot)):
+            if name in s.contacts:
+                apart = s.contacts[name].force - reaction
                 assert float(jnp.hypot(apart.x, apart.y)) < 1e-9 * 1e5
-        moments = {"jaw": 0.0, "toggle": 0.0}
-        for joint, (pin, bore) in (
-            ("main", (None, "jaw")),
-            ("elbow", ("toggle", "jaw")),
-            ("pivot", ("toggle", None)),
+        rates = {
+            name: scene.linkage.body(name).mass * s.accelerations.centres[name]
+            for name in ("jaw", "toggle")
+        }
+        load = s.applied.load.force
+        for name, forces in (
+            ("jaw", (ob.joint_force(s, scene), at_elbow, load)),
+            ("toggle", (-at_elbow, at_pivot)),
         ):
-            contact = getattr(s.contacts, joint)
-            for body, moment in ((pin, "journal_moment"), (bore, "bearing_moment")):
-                if body is not None and contact is not None:
-                    moments[body] += getattr(contact, moment)
-        elbow_arm = -linkage.mass_centre_arm(m, s.chain)
-        joint_arm = m.jaw.length * s.chain.jaw + elbow_arm
-        jaw = elbow_arm.cross(at_elbow) + joint_arm.cross(s.joint_force) + moments["jaw"]
-        half = m.toggle.length / 2 * s.chain.toggle
-        toggle = half.cross(-at_elbow) - half.cross(at_pivot) + moments["toggle"]
+            weight = Vector(0.0, -9.81 * scene.linkage.body(name).mass)
+            apart = sum(forces, weight) - rates[name]
+            assert float(jnp.hypot(apart.x, apart.y)) < 1e-9 * 1e5
+        moments = {"jaw": 0.0, "toggle": 0.0, "shaft": 0.0, "frame": 0.0}
+        for name, contact in s.contacts.items():
+            joint = scene.linkage.joint(name)
+            moments[joint.bore.body] += contact.bearing_moment
+            moments[joint.pin.body] += contact.journal_moment
+
+        def arm(joint, body, s=s, scene=scene):
+            one = scene.linkage.joint(joint)
+            end = one.bore if one.bore.body == body else one.pin
+            return s.motion.position(end) - s.motion.centre(body)
+
+        jaw = arm("elbow", "jaw").cross(at_elbow) + moments["jaw"]
+        jaw = jaw + arm("main", "jaw").cross(ob.joint_force(s, scene))
+        toggle = arm("pivot", "toggle").cross(at_pivot) - arm("elbow", "toggle").cross(at_elbow)
+        toggle = toggle + moments["toggle"]
         # Of moments that all but cancel: up to 1e5 N m.
-        turned = s.chain_acceleration
-        assert float(jaw) == pytest.approx(float(m.jaw.inertia * turned.jaw), rel=1e-9, abs=1e-6)
-        expected = float(m.toggle.inertia * turned.toggle)
+        turned = s.accelerations.spin_ups
+        expected = float(m.jaw.inertia * turned["jaw"])
+        assert float(jaw) == pytest.approx(expected, rel=1e-9, abs=1e-6)
+        expected = float(m.toggle.inertia * turned["toggle"])
         assert float(toggle) == pytest.approx(expected, rel=1e-8, abs=1e-6)
 
 
-def test_forces_at_rest_are_those_of_the_chain():
-    """Inverse dynamics of the bodies is that of the chain, where nothing is loose in it."""
-    scene = placed(jc.paper_scene(30.0, 0.06e-3, friction=0), STATES[1])
+def holding(scene, motion, applied, curvatures):
+    """The forces that hold joints while their eccentricities change so."""
+    wrenches, gravity, _ = wrenches_of(scene, applied, None)
+    return solve(motion, wrenches, Named(), None, gravity, curvatures=curvatures).forces
+
+
+@pytest.mark.parametrize("letters", ["A", *LOOSE])
+def test_forces_that_hold_a_motion_are_those_that_made_it(letters):
+    """What holds joints that move as loose ones do is the force of the loose ones' contacts."""
+    values = described(letters)
+    smooth = {name.replace("slip", "friction"): 0.0 for name in values if "slip" in name}
+    scene = placed(jc.build_scene({**values, **smooth}), STATES[1])
     s = instant(scene)
-    found = free_bodies.forces_for(scene.machine, s.chain, s.applied.total, s.chain_acceleration)
-    expected = s.joint_force, ob.elbow_reaction(s, scene), -ob.toggle_reaction(s, scene)
-    for one, other in zip((found.main, found.elbow, found.pivot), expected, strict=True):
+    held = holding(scene, s.motion, s.applied, s.accelerations.eccentricities)
+    for name in scene.linkage.joints.names:
         # Sums of forces of 1e5 N.
-        np.testing.assert_allclose(one.array(), other.array(), rtol=1e-11, atol=1e-6)
+        found, expected = held[name], s.accelerations.forces[name]
+        np.testing.assert_allclose(found.array(), expected.array(), rtol=1e-10, atol=1e-5)
 
 
 def test_pins_that_rest_carry_their_forces():
-    """Each contact's force is the reaction that momentum asks for, and nothing moves off."""
+    """Each contact's force is that which would hold its joint, and nothing moves off."""
     scene = jc.build_scene(
         described("ABC", slip="centre", load_law="normal_to_jaw", start="contact")
     )
     s = instant(scene)
-    for contact, reaction in (
-        (s.contacts.main, s.joint_force),
-        (s.contacts.elbow, ob.elbow_reaction(s, scene)),
-        (s.contacts.pivot, -ob.toggle_reaction(s, scene)),
-    ):
+    held = holding(scene, s.motion, s.applied, scene.joints.map(lambda _: Vector(0.0, 0.0)))
+    for name, contact in s.contacts.items():
         assert float(contact.penetration) > 0
-        apart = contact.force - reaction
-        assert float(jnp.hypot(apart.x, apart.y)) < 1e-6 * float(contact.normal_force)
+        apart = contact.force - held[name]
+        # The depth changes slowly, by some 1e-3 m/s2 of 300 kg; friction is not in the balance.
+        assert float(jnp.hypot(apart.x, apart.y)) < 1e-3 * float(contact.normal_force)
     motion = jc.simulate(scene, np.linspace(0, 0.05, 501))
     for name in ("penetration_ratio", "elbow_penetration_ratio", "pivot_penetration_ratio"):
         # At rest but for a swing that the refinements leave, less than a tenth of the depth.

@@ -5,15 +5,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxcrusher.crusher.snapshot import bodies_of, mass_centres
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.mechanism.drives import GivenTorque
-from jaxcrusher.mechanism.frame import frame_at, frame_units
+from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
+from jaxcrusher.mechanism.snapshot import frame_at
 from jaxcrusher.mechanism.starts import Given
 
 NUMBERS = {
@@ -44,7 +44,7 @@ def scene_of(kind, formulation="eccentricity", free=False):
     if kind != "ideal":
         # In hard contact, sliding.
         at = Vector(-0.9, -0.6), Vector(0.5, 0.9)
-        start = Given(*at, scene.joints.map(lambda _: at))
+        start = Given(*(scene.joints.map(lambda _, one=one: one) for one in at))
         scene = eqx.tree_at(lambda s: s.start, scene, start)
     if formulation == "multiplier":
         scene = eqx.tree_at(lambda s: s.formulation, scene, MultiplierFormulation())
@@ -90,16 +90,16 @@ def test_momentum_and_energy(kind, formulation, free):
             centre = point + frame.displacement
             return [centre] + [
                 centre + (at - point).along(frame.axis)
-                for at in mass_centres(machine, now.shaft, now.chain)
+                for at in map(now.motion.centre, scene.linkage.bodies.names)
             ], now
 
-        bodies = (foundation, *bodies_of(machine))
+        bodies = (foundation, *scene.linkage.bodies.values)
 
         def momenta(time, state):
             """Momentum, moment of momentum about C as drawn, and energy."""
             rate = field(time, state)
             (at, now), (velocity, _) = jax.jvp(places, (time, state), (jnp.ones(()), rate))
-            spins = 0.0, now.shaft.speed, now.chain.jaw_spin, now.chain.toggle_spin
+            spins = 0.0, *map(now.motion.spin, scene.linkage.bodies.names)
             x = sum(b.mass * v.x for b, v in zip(bodies, velocity, strict=True))
             y = sum(b.mass * v.y for b, v in zip(bodies, velocity, strict=True))
             turning = sum(
@@ -161,7 +161,7 @@ def test_force_on_the_frame_is_what_pushes_it():
     pushes = {
         "bearing": (scene.machine.bearing, -ob.bearing_reaction(s, scene)),
         "pivot": (Vector(0.0, 0.0), -ob.toggle_reaction(s, scene)),
-        "fixed jaw": (ob.jaw_mass_centre(s, scene), -s.load),
+        "fixed jaw": (ob.jaw_mass_centre(s, scene), -s.applied.load.force),
     }
     force = Vector(0.0, -foundation.mass * 9.81).seen_from(frame.axis)
     moment = -ob.drive_torque(s, scene)
@@ -171,11 +171,13 @@ def test_force_on_the_frame_is_what_pushes_it():
     for at, push in pushes.values():
         force = force + push
         moment = moment + (at - foundation.point).cross(push)
-    expected = frame.acceleration.seen_from(frame.axis)
+    expected = s.accelerations.centres["frame"]
     size = float(ob.foundation_force(s, scene)) + 1e6
     # Rounding of forces of 1e6 N.
     np.testing.assert_allclose(force.array(), (2000.0 * expected).array(), atol=1e-11 * size)
-    assert float(moment) == pytest.approx(900.0 * float(frame.spin_up), abs=1e-11 * size)
+    assert float(moment) == pytest.approx(
+        900.0 * float(s.accelerations.spin_ups["frame"]), abs=1e-11 * size
+    )
 
 
 def test_start_is_at_rest_on_the_springs():
@@ -183,8 +185,8 @@ def test_start_is_at_rest_on_the_springs():
     scene = jc.build_scene({**NUMBERS, "joint": "ideal"})
     s = scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
     left, right = (force(s, scene) for force in (ob.left_force, ob.right_force))
-    places = mass_centres(scene.machine, s.shaft, s.chain)
-    masses = [2000.0, *(float(body.mass) for body in bodies_of(scene.machine))]
+    places = [s.motion.centre(name) for name in scene.linkage.bodies.names]
+    masses = [2000.0, *(float(body.mass) for body in scene.linkage.bodies.values)]
     at = np.array([0.3, *(float(place.x) for place in places)])
     lever = 9.81 * np.sum(masses * (at + 0.6)) / 1.4
     assert float(right.y) == pytest.approx(-lever, rel=1e-3)

@@ -87,11 +87,11 @@ def test_by_multipliers_and_on_a_free_shaft_the_angle_is_that_of_the_state():
     scene, angle = jc.build_scene(ROUGH | {"formulation": "multiplier"}), jnp.asarray(9.0)
     free = eqx.tree_at(lambda s: s.drive, jc.build_scene(ROUGH), GivenTorque(300.0, 30.0))
     for one, of in (
-        (scene, lambda state: state.position.shaft.angle),
-        (free, lambda state: state.shaft.angle),
+        (scene, lambda state: state.position["shaft"].angle),
+        (free, lambda state: state.crank.angle),
     ):
         state = eqx.tree_at(of, one.formulation.initial(one), angle)
-        load = one.formulation.snapshot(jnp.asarray(0.0), state, one).load
+        load = one.formulation.snapshot(jnp.asarray(0.0), state, one).applied.load.force
         wave = float(one.load.wave(angle))
         assert float(jnp.hypot(load.x, load.y)) == pytest.approx(8800 * (1 + 0.2 * wave), rel=1e-12)
 
