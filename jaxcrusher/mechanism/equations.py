@@ -261,6 +261,9 @@ class _Rows:
                 name = ways.turning_with[body]
                 self.lower[name, name] = plus(self.lower.get((name, name)), one.inertia)
                 self.right[name] = plus(self.right[name], sums[body][1])
+                changing = None if name == body else ways.motion.crank.acceleration
+                if changing is not None:
+                    self.right[name] = minus(self.right[name], one.inertia * changing)
         # Of a tree that floats: its mass, the force on it, and its mass moments about its root.
         self.floats = tree.base in ways.bodies
         self.mass = total([ways.bodies[body].mass for body in members])

@@ -149,7 +149,7 @@ class MultiplierFormulation(AbstractFormulation):
     def unwound(self, state: MultiplierState) -> MultiplierState:
         """Return the state with the angle of its first body, the crank, unwound."""
         angle = from_nearest_turn(state.position.values[0].angle)
-        return eqx.tree_at(lambda s: s.position.values[0].angle, state, angle)
+        return eqx.tree_at(lambda s: s.position.present[0].angle, state, angle)
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Return a tolerance of positions of some 1 m against the clearance, above rounding."""

@@ -12,11 +12,17 @@ class Named(eqx.Module, Generic[T]):
     """One of a kind at each of some names, in an order that stays; None at every other name."""
 
     names: tuple[str, ...] = eqx.field(static=True)
-    values: tuple[T, ...]
+    # None where there are none: Equinox takes all empty tuples of a PyTree for one.
+    present: tuple[T, ...] | None
 
     def __init__(self, values: Mapping[str, T] | None = None):
-        present = {name: one for name, one in (values or {}).items() if one is not None}
-        self.names, self.values = tuple(present), tuple(present.values())
+        known = {name: one for name, one in (values or {}).items() if one is not None}
+        self.names, self.present = tuple(known), tuple(known.values()) or None
+
+    @property
+    def values(self) -> tuple[T, ...]:
+        """Return what is there, in the order of the names."""
+        return self.present or ()
 
     def __getitem__(self, name: str) -> T | None:
         return self.values[self.names.index(name)] if name in self.names else None

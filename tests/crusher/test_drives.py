@@ -93,7 +93,7 @@ def test_an_uneven_speed_has_an_orbit_with_slopes():
     slope, step = float(jax.grad(rms)(at)), 1e-4
     differences = (float(rms(at + step)) - float(rms(at - step))) / (2 * step)
     # Truncation of the differences, and orbits to 1e-9 of their RMS over a step of 1e-4.
-    assert slope == pytest.approx(differences, rel=1e-4) and abs(slope) > 1e3
+    assert slope == pytest.approx(differences, rel=1e-4) and abs(slope) > 100
     even = jc.periodic_orbit(jc.build_scene(KINDS["A"])).foundation_rms
     assert float(rms(jnp.asarray(0.0))) == pytest.approx(float(even), rel=1e-9)
 

@@ -61,12 +61,11 @@ def test_quiet_branch():
 
 def test_whirl_and_its_quiet_twin():
     """Two attractors at the same parameters; 5.6e6 N has two digits."""
-    scenes = [
-        jc.paper_scene(30.0, 0.06e-3, slip="surface", start=start)
-        for start in ("centred", "contact")
-    ]
-    # From a state, so that one program runs both.
-    whirl, quiet = (jc.statistics(scenes[0], 10, 4, state=initial_state(scene)) for scene in scenes)
+    scene = jc.paper_scene(30.0, 0.06e-3, slip="surface", start="contact")
+    # In contact, and thrown along the bore at 1 m/s: from anywhere near there it whirls, while
+    # rounding decides what becomes of the centred start.
+    starts = np.array([1.02, 0.0, 0.0, 1.0]), initial_state(scene)
+    whirl, quiet = (jc.statistics(scene, 10, 4, state=start) for start in starts)
     assert float(whirl.foundation_rms) == pytest.approx(5.6e6, rel=1e-2)
     assert bool(whirl.whirl) and float(whirl.penetration_ratio) > 2
     assert float(quiet.foundation_rms) < 2e4 and not bool(quiet.whirl)
