@@ -137,7 +137,7 @@ def test_finite_at_zero_eccentricity_and_zero_slip(slip, formulation):
     scene = jc.paper_scene(30.0, 0.06e-3, slip=slip, formulation=formulation)
     rate = Vector(0.0, 0.0)
     for relative in (Vector(0.0, 0.0), Vector(0.0, 1.05), Vector(1.0, 0.0)):
-        placed = eqx.tree_at(lambda s: s.start, scene, Given(relative, rate))
+        placed = eqx.tree_at(lambda s: s.start, scene, Given({"main": relative}, {"main": rate}))
 
         def field(state, placed=placed):
             s = placed.formulation.snapshot(jnp.array(0.0), state, placed)

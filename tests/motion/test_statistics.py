@@ -25,7 +25,8 @@ def eccentricity(s, scene):
     """The length of e in clearances; one of an ideal joint."""
     if scene.joint is None:
         return jnp.ones_like(scene.drive.speed)
-    return jnp.hypot(s.eccentricities.main.x, s.eccentricities.main.y) / scene.joint.clearance
+    e = s.motion.eccentricities["main"]
+    return jnp.hypot(e.x, e.y) / scene.joint.clearance
 
 
 OWN = {

@@ -63,9 +63,7 @@ def test_eigenvectors(folded):
     orbit, i = folded.orbits[0], int(np.argmax(np.abs(values)))
     size = 1e-5
     # By the shaft angle in clearances; a section point's rates are in m/s.
-    unit = np.array(
-        [1, 1, *[float(orbit.scene.drive.speed * orbit.scene.joints.main.clearance)] * 2]
-    )
+    unit = np.array([1, 1, *[float(orbit.scene.drive.speed * orbit.scene.joint.clearance)] * 2])
     shift = size * unit * np.real(vectors[:, i])
     ends = [
         np.asarray(jc.poincare_section(orbit.scene, 0, 1, state=state, rtol=1e-11).states[0])

@@ -105,7 +105,7 @@ def test_ground_carries_what_the_frame_is_pushed_with(law, name):
     if name == "ideal":
         scene = scene.ideal()
     else:
-        start = Given(Vector(-0.9, -0.6), Vector(0.5, 0.9))
+        start = Given({"main": Vector(-0.9, -0.6)}, {"main": Vector(0.5, 0.9)})
         parts = FORMULATIONS[name], start
         scene = eqx.tree_at(lambda s: (s.formulation, s.start), scene, parts)
 

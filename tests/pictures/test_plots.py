@@ -83,7 +83,7 @@ def drawn(name):
     else:
         scene, times = jc.paper_scene(30.0, 0.06e-3), jnp.zeros(1)
         # In contact: |e| = 1.024 c.
-        start = Given(Vector(0.6, 0.83), Vector(0.1, -0.2))
+        start = Given({"main": Vector(0.6, 0.83)}, {"main": Vector(0.1, -0.2)})
         scene = eqx.tree_at(lambda s: s.start, scene, start)
 
     @eqx.filter_jit
