@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import concrete, require, require_positive, require_whole
+from jaxcrusher.basics.checks import concrete, require, require_positive
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.mechanism.motion import Crank
 
@@ -66,7 +66,7 @@ class AbstractMotion(AbstractDrive):
     """
 
     def __check_init__(self):
-        if type(self) is not ConstantSpeed:
+        if type(self) not in (ConstantSpeed, UnevenSpeed):
             _require_rates(self)
 
     @abc.abstractmethod
@@ -109,14 +109,15 @@ class UnevenSpeed(AbstractMotion):
 
     speed: Scalar = eqx.field(converter=scalar)  # w, rad/s
     fluctuation: Scalar = eqx.field(converter=scalar)  # share
-    order: int = eqx.field(static=True, default=1)  # a turn
+    order: Scalar = eqx.field(converter=scalar, default=1.0)  # a turn
     phase: Scalar = eqx.field(converter=scalar, default=0.0)  # rad
 
     def __check_init__(self):
-        require_whole("order", self.order, 1)
-        share = concrete(self.fluctuation)
+        share, order = concrete(self.fluctuation), concrete(self.order)
         good = share is None or bool(np.all(np.abs(share) < 1))
-        require(good, "fluctuation", "be less than 1 in size", share)
+        require(good, "speed_fluctuation", "be less than 1 in size", share)
+        good = order is None or bool(np.all((order >= 1) & (order == np.round(order))))
+        require(good, "fluctuation_order", "be a whole number >= 1", order)
 
     def motion(self, time: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Return w t + share / order (sin(order w t + phase) - sin(phase)), and its derivatives."""

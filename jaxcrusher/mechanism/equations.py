@@ -177,12 +177,13 @@ def solve(
     if torque is not None:
         sums = _sums([Wrench(linkage.crank, None, torque), Wrench(FRAME, None, -torque)], sums)
 
-    rows = [_Rows(ways, tree, sums) for tree in trees]
-    unknown = [name for one in rows for name in one.right]
-    lower, right = {}, [entry for one in rows for entry in one.right.values()]
-    for one in rows:
-        for (name, other), entry in one.lower.items():
-            lower[unknown.index(name), unknown.index(other)] = entry
+    unknown = [
+        name for tree in trees for name in tree.bodies if ways.turning_with.get(name) == name
+    ]
+    rows = [_Rows(ways, tree, sums, unknown) for tree in trees]
+    lower, right = {}, [total([one.right.get(name) for one in rows]) for name in unknown]
+    for place in dict.fromkeys(place for one in rows for place in one.lower):
+        lower[place] = total([one.lower.get(place) for one in rows])
     for joint in closing:
         ends = linkage.joint(joint)
         apart = ways.to_end(ends.pin) - ways.to_end(ends.bore)
@@ -241,15 +242,14 @@ def solve(
 
 
 class _Rows:
-    """The equations of the spins of one tree: those of its mass matrix, and their right sides."""
+    """What one tree adds to the equations of the unknown spins: mass matrix and right sides."""
 
-    def __init__(self, ways: _Ways, tree: Tree, sums: Sums):
+    def __init__(self, ways: _Ways, tree: Tree, sums: Sums, unknown: list[str]):
         self.tree = tree
-        self.lower: dict[tuple[str, str], Any] = {}
+        self.lower: dict[tuple[int, int], Any] = {}
         members = [body for body in tree.bodies if body in ways.bodies]
-        self.right: dict[str, Any] = {
-            name: None for name in members if ways.turning_with.get(name) == name
-        }
+        turned = {ways.turning_with[body] for body in members if body in ways.turning_with}
+        self.right: dict[str, Any] = {name: None for name in unknown if name in turned}
         columns, products, pushes = {}, {}, {}
         for body in members:
             one, way = ways.bodies[body], ways.to_centre(body)
@@ -259,7 +259,8 @@ class _Rows:
             pushes[body] = minus(sums[body][0], lost)
             if body in ways.turning_with:
                 name = ways.turning_with[body]
-                self.lower[name, name] = plus(self.lower.get((name, name)), one.inertia)
+                place = (unknown.index(name), unknown.index(name))
+                self.lower[place] = plus(self.lower.get(place), one.inertia)
                 self.right[name] = plus(self.right[name], sums[body][1])
                 changing = None if name == body else ways.motion.crank.acceleration
                 if changing is not None:
@@ -286,9 +287,10 @@ class _Rows:
                 ]
                 if of_root is not None and self.sums[other] is not None:
                     entries.append(-of_root.dot(self.sums[other]))
-                entry = total([self.lower.get((name, other)), *entries])
+                place = unknown.index(name), unknown.index(other)
+                entry = total([self.lower.get(place), *entries])
                 if entry is not None:
-                    self.lower[name, other] = entry
+                    self.lower[place] = entry
 
     def root(self, spin_ups: dict[str, Scalar]) -> Vector | None:
         """Return the acceleration of the root."""

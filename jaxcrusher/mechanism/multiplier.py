@@ -113,7 +113,8 @@ class MultiplierFormulation(AbstractFormulation):
             Named({name: on_bore[name] for name in gaps}),
             torque,
         )
-        residual = functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept])
+        none = jnp.zeros_like(motion.crank.speed)  # where no joint is held
+        residual = functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept], none)
         return Snapshot(motion, contacts, applied, accelerations, frame, residual)
 
     def rate(

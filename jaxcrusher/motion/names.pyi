@@ -41,6 +41,12 @@ class StatisticNames:
     pivot_winding: Array
     pivot_joint_peak: Array
     pivot_sliding_power: Array
+    shaft_bearing_contact_fraction: Array
+    shaft_bearing_penetration_ratio: Array
+    shaft_bearing_impact_speed: Array
+    shaft_bearing_winding: Array
+    shaft_bearing_joint_peak: Array
+    shaft_bearing_sliding_power: Array
 
 class ObservableNames:
     normal_force: Array
@@ -77,6 +83,11 @@ class ObservableNames:
     pivot_eccentricity: Array
     pivot_penetration_ratio: Array
     pivot_penetration_rate: Array
+    shaft_bearing_normal_force: Array
+    shaft_bearing_friction_force: Array
+    shaft_bearing_eccentricity: Array
+    shaft_bearing_penetration_ratio: Array
+    shaft_bearing_penetration_rate: Array
     left_force: Array
     right_force: Array
     transmitted_force: Array

@@ -1,7 +1,7 @@
 """The crusher as a forced second-order system: eccentricities in clearances over shaft angle.
 
-The unknowns x are those of the main joint, of the elbow and of the pivot, of each that is loose;
-behind them the three coordinates of a frame on supports, in the units of its state.
+The unknowns x are those of each loose joint, in the order of their names; behind them the three
+coordinates of a frame on supports, in the units of its state.
 """
 
 import jax
@@ -37,7 +37,7 @@ def refusal(scene: Scene) -> str:
     if not isinstance(scene.formulation, EccentricityFormulation):
         return "be written by eccentricity, but is written by multipliers"
     if scene.drive.initial() is not None:
-        return "turn at constant speed, but its shaft is free: it repeats at a speed not given"
+        return "turn at a given speed, but its shaft is free: it repeats at a speed not given"
     memories = [joint.normal.impact_velocity.initial() for _, joint in scene.joints.items()]
     if all(memory is None for memory in memories):
         return ""

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.joints import JOINTS, before
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.normal import ConstantImpactVelocity
 from jaxcrusher.motion.flow import initial_state, unflattened
@@ -57,7 +57,7 @@ def settled_velocities(scene: Scene) -> dict[str, Array] | None:
 
 def held(scene: Scene, velocities: dict[str, Array]) -> Scene:
     """Return the scene whose joints have these constant impact velocities."""
-    fields = {"main": "joint", "elbow": "elbow", "pivot": "pivot"}
+    fields = {name: "joint" if name == "main" else name for name in JOINTS}
     for name, velocity in velocities.items():
         law = ConstantImpactVelocity(jnp.asarray(velocity))
         scene = eqx.tree_at(

@@ -48,6 +48,7 @@ LOST = {
     "main": "contact lost",
     "elbow": "contact lost at the elbow",
     "pivot": "contact lost at the pivot",
+    "shaft_bearing": "contact lost at the shaft's bearing",
 }
 # What a point holds: statistics, and further numbers of its orbit.
 HELD = ("foundation_rms", "foundation_mean", "foundation_peak")

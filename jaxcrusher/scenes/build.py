@@ -41,7 +41,7 @@ from jaxcrusher.joint.normal import (
     cylinder_stiffness,
 )
 from jaxcrusher.joint.rollers import RollerBearing, Rollers
-from jaxcrusher.mechanism.drives import ConstantSpeed
+from jaxcrusher.mechanism.drives import ConstantSpeed, UnevenSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.starts import Centred, InContact
@@ -107,8 +107,9 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     `jax.jit` knows and that lies outside its limits becomes NaN, and the motion a failure. A
     friction of exactly 0 that is not traced leaves friction out. A law may be "module:Class", a
     class of one's own, whose numbers are `contact.NAME`, `elbow.NAME`, `pivot.NAME`, or
-    `crushing.NAME` of a load. With an `elbow.clearance` B is
-    loose, with a `pivot.clearance` C; their other numbers and choices stand by the same prefix.
+    `crushing.NAME` of a load. With an `elbow.clearance` B is loose, with a `pivot.clearance` C,
+    with a `shaft_bearing.clearance` O; their other numbers and choices stand by the same prefix.
+    With a `speed_fluctuation` the shaft turns unevenly.
     With `load_law="by_angle"` a `load_curve` is a CSV file or an array of shape (n, 2) of angles
     (rad) and forces (N). A `load_scatter` makes any load that of a rough feed. With a
     `foundation.mass` the frame stands on supports, without it is clamped. With a `rod.stiffness`
@@ -122,14 +123,12 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     require_x64()
     check_described(values)
     v = within_limits(complete(values))
-    machine, drive = build_machine(v), ConstantSpeed(v["speed"])
+    machine, drive = build_machine(v), _drive(v)
     law, foundation, rod = _fed(_load(v, machine), v), _foundation(v), _rod(v, machine)
     main = None if v["joint"] == "ideal" else _joint(v, "")
-    elbow, pivot = (
-        _joint(v, f"{joint}.") if f"{joint}.clearance" in v else None for joint in WORN_JOINTS
-    )
+    worn = {joint: _joint(v, f"{joint}.") for joint in WORN_JOINTS if f"{joint}.clearance" in v}
     warn_of_unusual(values)
-    ideal = main is None and elbow is None and pivot is None
+    ideal = main is None and not worn
     formulation = EccentricityFormulation() if ideal else _FORMULATIONS[v["formulation"]]()
     return Scene(
         machine=machine,
@@ -138,10 +137,9 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
         load=law,
         formulation=formulation,
         start=None if ideal else _STARTS[v["start"]](),
-        elbow=elbow,
-        pivot=pivot,
         foundation=foundation,
         rod=rod,
+        **worn,
     )
 
 
@@ -205,6 +203,15 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
 def _differs(value: Any, other: Any) -> bool:
     known = concrete(value)
     return known is None or bool(np.any(known != other))
+
+
+def _drive(values: Mapping[str, Any]) -> ConstantSpeed | UnevenSpeed:
+    """Return what turns the shaft."""
+    speed = values["speed"]
+    if "speed_fluctuation" not in values:
+        return ConstantSpeed(speed)
+    names = "speed_fluctuation", "fluctuation_order", "fluctuation_phase"
+    return UnevenSpeed(speed, *(values[name] for name in names))
 
 
 def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:

@@ -84,16 +84,22 @@ PARAMETERS = {
 }
 
 # Joints that may be loose besides the main bearing, and the bodies of bore and pin.
-WORN_JOINTS = {"elbow": ("jaw", "toggle"), "pivot": ("frame", "toggle")}
+WORN_JOINTS = {
+    "elbow": ("jaw", "toggle"),
+    "pivot": ("frame", "toggle"),
+    "shaft_bearing": ("frame", "shaft"),
+}
+# Radii of their bores, m; judged.
+_BORES = {"elbow": 0.04, "pivot": 0.04, "shaft_bearing": 0.07}
 _OF_A_JOINT = ("clearance", "bore_radius", "friction", "restitution", "impact_velocity")
 
 
 def _worn(name: str, joint: str) -> Parameter:
-    """The number of B or C; it has the main bearing's default, but for the radius of its bore."""
+    """The number of B, C or O; it has the main bearing's default, but for the bore's radius."""
     letter, (bore, pin) = LETTERS[joint], WORN_JOINTS[joint]
     main = PARAMETERS[name]
     if name == "bore_radius":
-        return Parameter(0.04, "m", f"radius of the {bore}'s bore at {letter}")
+        return Parameter(_BORES[joint], "m", f"radius of the {bore}'s bore at {letter}")
     if name == "clearance":
         return Parameter(main.default, "m", f"of the {pin}'s pin at {letter}; none: ideal")
     return replace(main, meaning=f"{main.meaning.partition(';')[0]}, at {letter}")
@@ -152,6 +158,13 @@ PARAMETERS |= {
     "rollers.dynamic_rating": Parameter(0.98e6, "N", "C of a bearing"),
 }
 
+# Of a shaft whose speed is uneven; a scene has these names only with the first of them.
+PARAMETERS |= {
+    "speed_fluctuation": Parameter(0.01, "1", "of the speed, a share of it; none: 0", (0, 0.99)),
+    "fluctuation_order": Parameter(1.0, "1", "a whole number, so often a turn", (1, 40)),
+    "fluctuation_phase": Parameter(0.0, "rad", "of the fluctuation at shaft angle 0", _TURN),
+}
+
 # Of a crushing load; a scene has these names only where `openers` says so.
 PARAMETERS |= {
     "load_point": Parameter(0.3, "m", "from A towards B to where the load acts; none: S2", (0, 10)),
@@ -198,7 +211,7 @@ CHOICES = {
 }
 
 _CHOICES_OF_A_JOINT = ("slip", "contact_law", "friction_law", "impact_law")
-# B and C are a toggle's seats, which have no rollers.
+# B and C are a toggle's seats, which have no rollers, and O is not written with rollers yet.
 CHOICES |= {
     f"{joint}.{name}": tuple(choice for choice in CHOICES[name] if choice != "rollers")
     for joint in WORN_JOINTS
@@ -211,7 +224,9 @@ FILES = {"load_curve": "force over the shaft's angle: angle_deg, force_kN"}
 # Every number that a scene file may have.
 NUMBERS = PARAMETERS | CHAMBER
 
+_OF_FLUCTUATION = ("speed_fluctuation", "fluctuation_order", "fluctuation_phase")
 _OPENERS = {
+    **dict.fromkeys(_OF_FLUCTUATION, "speed_fluctuation"),
     "load_point": "load_point",
     **dict.fromkeys(("load_scatter", "load_bandwidth", "load_seed"), "load_scatter"),
     **dict.fromkeys(("load_curve", "load_factor", "load_direction"), "load_law=by_angle"),
@@ -220,7 +235,8 @@ _OPENERS = {
 
 # Two numbers of a description, and how the first must compare with the second.
 _PAIRS = (
-    *((f"{at}clearance", operator.lt, f"{at}bore_radius") for at in ("", "elbow.", "pivot.")),
+    ("clearance", operator.lt, "bore_radius"),
+    *((f"{at}.clearance", operator.lt, f"{at}.bore_radius") for at in WORN_JOINTS),
     ("load_point", operator.le, "jaw.length"),
     ("rollers.diameter", operator.lt, "rollers.pitch_diameter"),
     ("foundation.left", operator.lt, "foundation.right"),
@@ -244,7 +260,7 @@ def joint_of(name: str) -> str | None:
 def openers(name: str) -> tuple[str, ...]:
     """Return what a description must have one of to have this name; none: it always has.
 
-    It is a name, or the choice of a law as "load_law=by_angle". The numbers of B and C come with
+    It is a name, or the choice of a law as "load_law=by_angle". The numbers of B, C and O come with
     their clearance.
     """
     if name in _OPENERS:
@@ -275,7 +291,7 @@ def loose_besides(names: Iterable[str]) -> tuple[str, ...]:
 def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     """A description with the default of every name that it lacks, if one of its `openers` is there.
 
-    Raises ValueError for a name without any of its openers, as of B or C without its clearance.
+    Raises ValueError for a name without any of its openers, as of B, C or O without its clearance.
     """
     there = {*values, *(f"{name}={v}" for name, v in values.items() if isinstance(v, str))}
 

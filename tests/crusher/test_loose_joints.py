@@ -13,6 +13,7 @@ import jaxcrusher as jc
 from benchmarks.scenes.operations import field_operations
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
+from jaxcrusher.crusher.joints import JOINTS
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.equations import solve
@@ -21,10 +22,11 @@ from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.starts import Given, shifted_start
 
-CLEARANCES = {"elbow": 1e-4, "pivot": 8e-5}
-# Which of A, B and C are loose.
-LOOSE = ["B", "C", "BC", "AB", "AC", "ABC"]
-# e in clearances and e' (m/s) of A, B, C: in flight, in light and in hard contact, sliding.
+CLEARANCES = {"elbow": 1e-4, "pivot": 8e-5, "shaft_bearing": 5e-5}
+# Which of A, B, C and O are loose.
+LOOSE = ["B", "C", "BC", "AB", "AC", "ABC", "O", "AO", "CO", "ABCO"]
+# e in clearances and e' (m/s) of A, B, C: in flight, in light and in hard contact, sliding. The
+# shaft's bearing O is as B.
 STATES = [
     (((0.3, -0.5), (0.2, 0.1)), ((0.1, 0.7), (-0.2, 0.3)), ((-0.4, 0.2), (0.1, -0.4))),
     (((0.6, 0.81), (0.1, -0.3)), ((-0.9, -0.6), (0.5, 0.9)), ((0.72, 0.73), (-0.6, 0.4))),
@@ -34,7 +36,7 @@ STATES = [
 
 def described(letters, slip="surface", **values):
     found = {"joint": "clearance" if "A" in letters else "ideal", "slip": slip, **values}
-    for letter, joint in (("B", "elbow"), ("C", "pivot")):
+    for letter, joint in (("B", "elbow"), ("C", "pivot"), ("O", "shaft_bearing")):
         if letter in letters:
             found[f"{joint}.clearance"] = CLEARANCES[joint]
             found[f"{joint}.slip"] = slip
@@ -43,8 +45,8 @@ def described(letters, slip="surface", **values):
 
 def placed(scene, state):
     places, rates = (
-        dict(zip(("main", "elbow", "pivot"), (Vector(*one) for one in part), strict=True))
-        for part in zip(*state, strict=True)
+        {name: Vector(*one) for name, one in zip(JOINTS, part, strict=True)}
+        for part in zip(*state, state[1], strict=True)
     )
     return eqx.tree_at(lambda s: s.start, scene, Given(places, rates))
 

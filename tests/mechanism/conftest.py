@@ -1,0 +1,111 @@
+"""Mechanisms that are no crushers, for the tests of what holds for all of them."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import pytest
+
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
+from jaxcrusher.joint.friction import AmbrosioFriction, SurfaceSlip
+from jaxcrusher.joint.normal import ConstantImpactVelocity, LankaraniNikravesh
+from jaxcrusher.mechanism.arms import Arm
+from jaxcrusher.mechanism.drives import AbstractDrive, ConstantSpeed
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.equations import Wrench
+from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene, AbstractStart
+from jaxcrusher.mechanism.supports import AbstractFoundation
+from jaxcrusher.mechanism.topology import FRAME
+
+
+class Pull(eqx.Module):
+    """A constant force on the rocker of a four-bar linkage, at its mass centre."""
+
+    wrenches: tuple[Wrench, ...]
+
+
+class Machine(AbstractScene):
+    """A linkage with a crank, loose joints, and a constant force on one of its bodies."""
+
+    drawn: Linkage
+    bearings: Named[AbstractBearing]
+    drive: AbstractDrive
+    pulled: str = eqx.field(static=True)
+    formulation: AbstractFormulation = eqx.field(default_factory=EccentricityFormulation)
+    start: AbstractStart | None = None
+    foundation: AbstractFoundation | None = None
+
+    @property
+    def linkage(self):
+        return self.drawn
+
+    @property
+    def joints(self):
+        return self.bearings
+
+    @property
+    def throw(self):
+        return jnp.asarray(0.05)
+
+    def applied(self, motion):
+        return Pull((Wrench(self.pulled, Vector(-700.0, 200.0)),))
+
+
+def bearing(clearance=1e-4):
+    law = LankaraniNikravesh(1e9, 0.7, ConstantImpactVelocity(0.1), 1e-8)
+    return ClearanceJoint(0.02, clearance, law, AmbrosioFriction(SurfaceSlip(), 0.1))
+
+
+def four_bar():
+    """Crank, coupler and rocker; mass centres off the lines between joints, and bent links."""
+    bodies = {
+        "crank": Body(2.0, 0.01, Arm(0.02, 0.01)),
+        "coupler": Body(5.0, 0.2, Arm(0.15, 0.04)),
+        "rocker": Body(4.0, 0.1, Arm(0.1, -0.02)),
+    }
+    joints = {
+        "base": Joint(Point(FRAME), Point("crank")),
+        "big end": Joint(Point("coupler"), Point("crank", Arm(0.05))),
+        # Bent: this joint is not on the coupler's axis, nor the rocker's.
+        "small end": Joint(Point("coupler", Arm(0.3, 0.06)), Point("rocker", Arm(0.2, 0.03))),
+        "pivot": Joint(Point(FRAME, Arm(0.3, -0.05)), Point("rocker")),
+    }
+    return Linkage(Named(bodies), Named(joints), "crank", "base", (1,))
+
+
+def six_bar():
+    """The four-bar linkage, whose rocker drives a second dyad."""
+    one = four_bar()
+    more = {
+        "link": Body(1.5, 0.02, Arm(0.1)),
+        "lever": Body(3.0, 0.05, Arm(0.08, 0.01)),
+    }
+    joints = {
+        "upper": Joint(Point("rocker", Arm(0.25, 0.0)), Point("link")),
+        "middle": Joint(Point("lever", Arm(0.16)), Point("link", Arm(0.22))),
+        "foot": Joint(Point(FRAME, Arm(0.55, 0.0)), Point("lever")),
+    }
+    return Linkage(
+        Named({**dict(one.bodies.items()), **more}),
+        Named({**dict(one.joints.items()), **joints}),
+        "crank",
+        "base",
+        (1, 1),
+    )
+
+
+@pytest.fixture(scope="session")
+def linkages():
+    return {"four-bar": four_bar(), "six-bar": six_bar()}
+
+
+@pytest.fixture(scope="session")
+def machine(linkages):
+    """A function from a linkage's name and its loose joints to a scene."""
+
+    def made(name, loose=(), drive=None, pulled="rocker"):
+        drive = ConstantSpeed(20.0) if drive is None else drive
+        return Machine(linkages[name], Named({n: bearing() for n in loose}), drive, pulled)
+
+    return made
