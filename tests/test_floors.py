@@ -11,6 +11,7 @@ FLOORS = (
     ("jaxcrusher.basics",),
     ("jaxcrusher.files",),
     ("jaxcrusher.joint", "jaxcrusher.lanes"),
+    ("jaxcrusher.mechanism",),
     ("jaxcrusher.crusher",),
     ("jaxcrusher.scenes", "jaxcrusher.motion"),
     ("jaxcrusher.orbits", "jaxcrusher.batch"),
