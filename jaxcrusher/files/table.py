@@ -38,7 +38,7 @@ COLUMNS = {
     "inside_model": Column("1", "narrow clearance, Hertzian contact, elastic impacts", bool),
     "whirl": Column("1", "friction whirl", bool),
     "success": Column("1", "solved, or integrated to the end", bool),
-    "reached": Column("rad", "shaft angle at the end, or at the failure"),
+    "reached": Column("rad", "phase (2 pi a turn) at the end, or at the failure"),
     "steps": Column("1", "integration steps"),
     "state": Column("1, m/s", "state at the end, as in jaxcrusher.Section", dims=("coordinate",)),
     # of a periodic orbit

@@ -1,4 +1,6 @@
-"""The crusher as a forced second-order system: eccentricities in clearances over shaft angle.
+"""The crusher as a forced second-order system: eccentricities in clearances over phase.
+
+The phase is omega t in radians, 2 pi a turn: an orbit of p turns repeats after 2 pi p.
 
 The unknowns x are those of the main joint, of the elbow and of the pivot, of each that is loose;
 behind them the three coordinates of a frame on supports, in the units of its state.
@@ -58,7 +60,7 @@ def numbers(e: AtJoints[Vector], frame: tuple[Array, ...] = ()) -> Float[Array, 
 
 
 def state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
-    """Make a state from e / c, a frame's coordinates, and their derivatives by the shaft angle."""
+    """Make a state from e / c, a frame's coordinates, and their derivatives by the phase."""
     speed = scene.drive.speed
 
     def one(joint: AbstractBearing, at: Vector, change: Vector) -> JointState:
@@ -84,10 +86,10 @@ def coordinates(state: EccentricityState) -> Float[Array, " dims"]:
 
 @jax.jit  # traced once for all that is asked of orbits
 def acceleration(
-    angle: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
+    phase: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
 ) -> Float[Array, " dims"]:
-    """Return the second derivative of e / c, and of a frame's coordinates, by the shaft angle."""
-    seen, square = snapshot(angle, x, rate, scene), scene.drive.speed**2
+    """Return the second derivative of e / c, and of a frame's coordinates, by the phase."""
+    seen, square = snapshot(phase, x, rate, scene), scene.drive.speed**2
     change = scene.formulation.rate(seen, state(x, rate, scene), scene)
     scaled = scene.joints.map(lambda joint, at: at.rate / (joint.clearance * square), change.joints)
     if change.frame is None:
@@ -129,9 +131,9 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count d
 
 
 @jax.jit  # as above
-def snapshot(angle: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
+def snapshot(phase: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
     """Look at an instant of an orbit."""
-    return scene.formulation.snapshot(angle / scene.drive.speed, state(x, rate, scene), scene)
+    return scene.formulation.snapshot(phase / scene.drive.speed, state(x, rate, scene), scene)
 
 
 def residual_error(
@@ -150,8 +152,8 @@ def residual_error(
     Jacobian: then the error is that across a branch, which a fold does not make infinite.
     """
 
-    def square(angle: Scalar, x: Array, rate: Array, scene: Scene) -> tuple[Scalar, Scalar]:
-        found = foundation_force(snapshot(angle, x, rate, scene), scene) ** 2
+    def square(phase: Scalar, x: Array, rate: Array, scene: Scene) -> tuple[Scalar, Scalar]:
+        found = foundation_force(snapshot(phase, x, rate, scene), scene) ** 2
         return found, found
 
     points, pace = len(defect), 2 * np.pi / system.period

@@ -113,7 +113,7 @@ class OrbitBranch:
     ) -> tuple[Complex[np.ndarray, " n"], Complex[np.ndarray, "n n"]]:
         """Return the multipliers of a point, and the disturbances (columns) that they multiply.
 
-        By nodes these are of e / c and its derivative by the shaft angle, by shooting of the
+        By nodes these are of e / c and its derivative by the phase, by shooting of the
         section point.
         """
         points = [one for branch in self.branches for one in branch.points]

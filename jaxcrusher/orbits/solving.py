@@ -206,10 +206,10 @@ def described(
 def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
     """Return the orbit of ideal joints in a clamped frame: a sum over turns."""
     still = scene.formulation.initial(scene)
-    angles = 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS
+    phases = 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS
     values, error, _ = _statistics(
         lambda time, scene: scene.formulation.snapshot(time, still, scene),
-        (angles / scene.drive.speed,),
+        (phases / scene.drive.speed,),
         scene,
         outputs,
     )

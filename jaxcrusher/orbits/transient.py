@@ -32,7 +32,7 @@ from jaxcrusher.orbits.result import RESULTS
 TURNS, ROUNDS = 240, 4
 # The integration's tolerance: at 1e-6 the swing dies twice as fast as it should.
 RTOL = 1e-7
-# Shaft angles a turn at which the motion from a mean is looked at.
+# Instants a turn at which the motion from a mean is looked at.
 ANGLES = 96
 # The longest period that a motion is looked at for, and how much narrower it must be about the
 # means of every p-th turn than about the mean of all.
@@ -67,13 +67,13 @@ def section_points(
 
 
 def _states(
-    case: Case, angles: Float[np.ndarray, " n"], rtol: float
+    case: Case, phases: Float[np.ndarray, " n"], rtol: float
 ) -> tuple[Float[Array, "n dims"], Bool[Array, ""]]:
-    """Return states at shaft angles after a section point, and whether the run succeeded."""
+    """Return states at phases after a section point, and whether the run succeeded."""
     state, scene = case
     flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, rtol)
     (states, _), outcome = integrate(
-        flow, jnp.asarray(angles)[:, None], problem=statistics_problem(()), method=method
+        flow, jnp.asarray(phases)[:, None], problem=statistics_problem(()), method=method
     )
     return jax.vmap(lambda one: flat(one, scene))(states), outcome.success
 
@@ -99,7 +99,7 @@ def section_mean(
 
 
 def one_period(case: Case, *, period: int) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
-    """Return e / c at equal steps of shaft angle over `period` turns from a section point.
+    """Return e / c at equal steps of phase over `period` turns from a section point.
 
     With it comes whether the integration succeeded.
     """

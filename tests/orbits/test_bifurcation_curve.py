@@ -62,7 +62,7 @@ def test_eigenvectors(folded):
     np.testing.assert_allclose(np.sort_complex(values), np.sort_complex(found), atol=1e-9)
     orbit, i = folded.orbits[0], int(np.argmax(np.abs(values)))
     size = 1e-5
-    # By the shaft angle in clearances; a section point's rates are in m/s.
+    # By the phase in clearances; a section point's rates are in m/s.
     unit = np.array(
         [1, 1, *[float(orbit.scene.drive.speed * orbit.scene.joints.main.clearance)] * 2]
     )
