@@ -45,7 +45,7 @@ COLUMNS = {
     "error": Column("1", "estimated error of the RMS, as a share of it"),
     "least_penetration": Column("1", "least penetration / clearance"),
     "largest_multiplier": Column("1", "largest modulus of the Floquet multipliers"),
-    "multipliers_error": Column("1", "estimated error of the matrix whose eigenvalues they are"),
+    "multipliers_error": Column("1", "estimated error of the Floquet multipliers"),
     "settling_turns": Column("1", "turns in which a disturbance falls to 1/e"),
     "stable": Column("1", "disturbances die", bool),
     "unstable": Column("1", "Floquet multipliers outside of the unit circle", int),

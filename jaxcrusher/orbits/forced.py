@@ -146,10 +146,9 @@ def residual_error(
 
     The `defect` is known at equal steps, two a node or more. The dual of the mean square says what
     it matters (Becker and Rannacher, Acta Numerica 10, 2001).
-    Harmonics of both cancel each other in their mean product, but not in what the next order of
-    the defect does. So their sizes are added: at 350 random orbits with 96 nodes the true error
-    came to 0.58 of that at most, and to 29 times the mean product. `factors` may be of a bordered
-    Jacobian: then the error is that across a branch, which a fold does not make infinite.
+    It serves where `jaxcrusher.orbits.node_errors` overflows. It knows no harmonics but those of
+    the nodes: with 96 of them the true error came to 0.58 of it at most at 350 random orbits, and
+    with 24 to 3.2 times it.
     """
 
     def square(phase: Scalar, x: Array, rate: Array, scene: Scene) -> tuple[Scalar, Scalar]:
@@ -160,9 +159,7 @@ def residual_error(
     by_both = jax.grad(square, argnums=(1, 2), has_aux=True)
     (by_x, by_rate), squares = one_by_one(by_both, system.at(x, len(x)), system.args)
     weights = by_x + pace * differentiation(len(x))[0].T @ by_rate
-    # Equations that stand below those of the nodes have no defect.
-    weights = jnp.pad(weights.ravel(), (0, len(factors[1]) - x.size))
-    dual = lu_solve(factors, weights, trans=1)[: x.size].reshape(x.shape)
+    dual = lu_solve(factors, weights.ravel(), trans=1).reshape(x.shape)
     both = (jnp.fft.rfft(resample(dual, points) / points, axis=0), jnp.fft.rfft(defect, axis=0))
     by_harmonic = jnp.sum(jnp.real(jnp.conj(both[0]) * both[1]), axis=1) / points
     return jnp.sum(jnp.abs(by_harmonic)) / jnp.mean(squares)
