@@ -30,7 +30,8 @@ from jaxcrusher.orbits.result import RESULTS
 # Turns of the first round, half of which make a mean: a multiple of all periods up to six. Each
 # round lasts as long as all before it, and 1920 turns take a second.
 TURNS, ROUNDS = 240, 4
-# The integration's tolerance: at 1e-6 the swing dies twice as fast as it should.
+# The integration's tolerance: at 1e-6 the method feeds a swing as much as the joint damps it; at
+# 1e-7 it changes the decay by 5 to 14 %. No decay is judged by it.
 RTOL = 1e-7
 # Instants a turn at which the motion from a mean is looked at.
 ANGLES = 96
