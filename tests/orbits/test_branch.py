@@ -152,9 +152,9 @@ def test_a_fold_of_the_crusher():
     found = jc.orbit_branch(scene, 37.25, bounds, scale=1.0, points=60)
     (fold,) = found.events
     assert fold.kind == "fold"
-    # 96 nodes a turn say 37.31547, 192 and 384 37.315521.
+    # 96 nodes a turn say 37.31547; from 192 to 384 it moves by 2e-8.
     np.testing.assert_allclose(fold.parameter, 37.31552, atol=2e-5)
-    assert fold.error < 1e-8
+    assert fold.error < 1e-7
     parameter, stable = found.table.parameter.values, found.table.stable.values
     turned = int(np.argmax(parameter))
     assert stable[: turned - 1].all() and not stable[turned + 1 :].any()
