@@ -161,8 +161,8 @@ def test_a_fold_of_the_crusher():
     other = jc.orbit_branch(scene, 37.5, bounds, upwards=False, scale=1.0, points=60)
     # Both are stable at one speed, and differ by more than their errors.
     both = []
-    for branch in (found, other):
-        near = int(np.argmin(np.abs(branch.table.parameter.values[:turned] - 37.25)))
+    for branch, until in ((found, turned), (other, None)):
+        near = int(np.argmin(np.abs(branch.table.parameter.values[:until] - 37.25)))
         assert bool(branch.table.stable[near])
         both.append(float(branch.table.foundation_rms[near]))
     assert 80 < both[1] - both[0] < 140
