@@ -14,9 +14,10 @@ from optimize.evaluate import Case, started
 
 # Turns after the long runs, and parts of them over which a swing is averaged.
 TURNS, PARTS = 480, 8
-# Of that integration, whose error keeps a swing of 700 times the tolerance alive (measured at
-# 25 rad/s and 0.03 mm, for 1e-7 to 1e-9); less than ten times that, in clearances, says nothing.
-RTOL, RESOLVED = 1e-8, 1e-4
+# Of that integration. At 1e-7 to 1e-9 the method itself adds an eighth to the decay, at 1e-10 a
+# fiftieth (25 rad/s, 0.03 mm). A swing below the second number, in clearances, says nothing: the
+# error of the integration keeps one of 700 times the tolerance alive.
+RTOL, RESOLVED = 1e-10, 1e-4
 # Nor does less than so many times what it leaves of the periodic orbit itself. Errors add in
 # squares: a tenth of a swing changes its size by a two-hundredth.
 ABOVE = 10

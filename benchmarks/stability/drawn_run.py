@@ -25,7 +25,7 @@ from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.files.results import results_folder, write_table
 from jaxcrusher.mechanism.starts import Given
-from jaxcrusher.motion.flow import by_angle
+from jaxcrusher.motion.flow import by_phase
 
 INSTANTS = 401  # compared
 ANGLES = np.linspace(0, 0.25 * 2 * np.pi, INSTANTS)
@@ -79,12 +79,12 @@ def by_cvode(scene: jc.Scene) -> dict[str, np.ndarray]:
 
     @jax.jit  # its numbers are constants: a call with them as arguments takes four times as long
     def rate(angle: Scalar, y: Array) -> Array:
-        return jnp.stack(jax.tree.leaves(by_angle(angle, unflatten(structure, list(y)), scene)[0]))
+        return jnp.stack(jax.tree.leaves(by_phase(angle, unflatten(structure, list(y)), scene)[0]))
 
     @jax.jit
     @jax.vmap
     def seen(angle: Scalar, y: Array) -> dict[str, Array]:
-        _, snapshot = by_angle(angle, unflatten(structure, list(y)), scene)
+        _, snapshot = by_phase(angle, unflatten(structure, list(y)), scene)
         return {name: OBSERVABLES[name](snapshot, scene) for name in _compared(scene)}
 
     def field(angle: float, y: np.ndarray, into: np.ndarray) -> None:

@@ -21,7 +21,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch import engines
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.mechanism.starts import shifted_start
-from jaxcrusher.motion.flow import by_angle
+from jaxcrusher.motion.flow import by_phase
 from jaxcrusher.motion.integrate import Carried
 from jaxcrusher.motion.method import resolve
 
@@ -95,7 +95,7 @@ def _plain(scene: jc.Scene, turns: int) -> Found:
     """Integrate our right-hand side by `diffeqsolve` as its manual does, all turns in one go."""
 
     def field(angle, y, scene):
-        rate, snapshot = by_angle(angle, y.motion, scene)
+        rate, snapshot = by_phase(angle, y.motion, scene)
         return Carried(rate, foundation_force(snapshot, scene) ** 2)
 
     solution = diffrax.diffeqsolve(

@@ -17,7 +17,7 @@ import jaxcrusher as jc
 from benchmarks.work_precision.cases import Case
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.joint.normal import cylinder_stiffness
-from jaxcrusher.motion.flow import by_angle
+from jaxcrusher.motion.flow import by_phase
 from jaxcrusher.motion.integrate import Carried, Integration, Outcome, Problem, integrate
 from jaxcrusher.motion.method import resolve
 
@@ -54,12 +54,12 @@ def _initial(scene: jc.Scene) -> Carried:
 
 
 def _field(angle: Scalar, y: Carried, scene: jc.Scene) -> Carried:
-    rate, snapshot = by_angle(angle, y.motion, scene)
+    rate, snapshot = by_phase(angle, y.motion, scene)
     return Carried(rate, foundation_force(snapshot, scene) ** 2)
 
 
 def _observe(angle: Scalar, y: Carried, scene: jc.Scene) -> Scalar:
-    _, snapshot = by_angle(angle, y.motion, scene)
+    _, snapshot = by_phase(angle, y.motion, scene)
     return foundation_force(snapshot, scene)
 
 

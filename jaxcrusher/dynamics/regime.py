@@ -77,7 +77,8 @@ def regime(
     repeat or are chaotic. A motion that never leaves contact and swings about a stable orbit of one
     turn is "not settled" too, however slowly the swing dies: the multipliers of that orbit say so
     where no window does. Whirls are named by `Statistics.whirl`. `rtol` is that of
-    `jaxcrusher.statistics`, tighter by default: points that repeat are told by it.
+    `jaxcrusher.statistics`, tighter by default: points that repeat are told by it, and a looser one
+    than 1e-10 damps or feeds a swing itself, so that a trend of the spread may be the method's.
 
     Raises ValueError as `poincare_section` does.
     """

@@ -1,4 +1,9 @@
-"""A piece of motion: of which scene, from which state and shaft angle on."""
+"""A piece of motion: of which scene, from which state and phase on.
+
+The phase is omega t in radians, omega the drive's nominal speed: 2 pi a turn, counted on from turn
+to turn. It is the angle that a shaft of constant speed has turned through, but not that of a free
+shaft.
+"""
 
 import equinox as eqx
 import jax
@@ -17,7 +22,7 @@ class Flow(eqx.Module):
 
     scene: Scene
     state: PyTree[Scalar] | None = None
-    angle: Scalar = eqx.field(converter=scalar, default=0.0)  # of the shaft, rad
+    phase: Scalar = eqx.field(converter=scalar, default=0.0)  # rad
 
     def initial(self) -> PyTree[Scalar]:
         """The state to begin with."""
@@ -25,13 +30,13 @@ class Flow(eqx.Module):
 
 
 @jax.jit  # one trace for the rate, for what is observed, and for every set of outputs
-def by_angle(angle: Scalar, state: PyTree[Scalar], scene: Scene) -> tuple[PyTree[Scalar], Snapshot]:
-    """The derivative of the state by the shaft angle (rad), and the snapshot that it is of.
+def by_phase(phase: Scalar, state: PyTree[Scalar], scene: Scene) -> tuple[PyTree[Scalar], Snapshot]:
+    """The derivative of the state by the phase (rad), and the snapshot that it is of.
 
-    By angle every design has the same span. A free shaft counts by its drive's nominal speed.
+    By phase every design has the same span.
     """
     speed = scene.drive.speed
-    snapshot = scene.formulation.snapshot(angle / speed, state, scene)
+    snapshot = scene.formulation.snapshot(phase / speed, state, scene)
     rate = scene.formulation.rate(snapshot, state, scene)
     return jax.tree.map(lambda leaf: leaf / speed, rate), snapshot
 
@@ -43,7 +48,7 @@ def initial_state(scene: Scene) -> Float[Array, " dims"]:
 
 
 def flat(state: PyTree[Scalar], scene: Scene) -> Float[Array, " dims"]:
-    """A state as a section point: its shaft angle is counted from the nearest whole turn."""
+    """A state as a section point: a free shaft's angle is counted from the nearest whole turn."""
     return ravel_pytree(scene.formulation.unwound(state))[0].astype(float)
 
 

@@ -17,7 +17,7 @@ from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.motion.integrate import Integration, error_norm
 
 MOST_STEPS = 10_000_000
-FIRST_STEP = 1e-5  # rad of shaft angle
+FIRST_STEP = 1e-5  # rad of phase
 
 
 class Method(eqx.Module):
@@ -30,7 +30,7 @@ class Method(eqx.Module):
       times need not end with turns. None is ten million. With fewer than a motion needs the run
       fails, and a derivative, which may need more than twice as many, is NaN.
     - `dt0`: the first step of an integration, or every step of `diffrax.ConstantStepSize`: in rad
-      of shaft angle, but in s for `simulate`, as its times. None is 1e-5 rad, or 1e-6 s.
+      of phase (2 pi a turn), but in s for `simulate`, as its times. None is 1e-5 rad, or 1e-6 s.
     - `adjoint`: a diffrax adjoint differentiates through the steps; None is tangents beside the
       motion, under the same error control.
 
@@ -59,7 +59,7 @@ class Method(eqx.Module):
         if self.max_steps is not None:
             require_whole("max_steps", self.max_steps, 1)
         if self.dt0 is not None:
-            require_positive("dt0", self.dt0, "rad of shaft angle, or s")
+            require_positive("dt0", self.dt0, "rad of phase, or s")
 
 
 def resolve(

@@ -61,7 +61,7 @@ class Section(eqx.Module, AbstractOverTurns):
 def advance(
     flow: Flow, span: float, method: Integration, outputs: Chosen = ()
 ) -> tuple[PyTree[Scalar], dict[str, Array], Outcome]:
-    """The state after `span` radians of shaft angle, and statistics on the way there.
+    """The state after `span` radians of phase, and statistics on the way there.
 
     Differentiable by the scene and the state.
     """
@@ -97,9 +97,9 @@ def turn_in_slices(
     """
     span = 2 * math.pi / count
 
-    def one(carry, angle):
+    def one(carry, phase):
         state, before = carry
-        end, found, outcome = sloped_slice(build, point, state, angle, span, method, outputs)
+        end, found, outcome = sloped_slice(build, point, state, phase, span, method, outputs)
         return (end, first_failure(before, outcome)), found
 
     (state, outcome), slices = jax.lax.scan(one, (state, fine()), span * jnp.arange(count))
@@ -111,17 +111,17 @@ def sloped_slice(
     build: Callable[[Array], Scene],
     point: Float[Array, " n"],
     state: Float[Array, " dims"],
-    angle: Scalar,
+    phase: Scalar,
     span: float,
     method: Integration,
     outputs: Chosen = (),
 ) -> tuple[Float[Array, " dims"], Slices, Outcome]:
-    """Return where a slice of a turn leads from a state at a shaft angle, with slopes."""
+    """Return where a slice of a turn leads from a state at a phase, with slopes."""
     dims = state.size
     _, unravel = ravel_pytree(unflattened(state, build(point)))
 
     def after(both):
-        flow = Flow(build(both[dims:]), unravel(both[:dims]), angle)
+        flow = Flow(build(both[dims:]), unravel(both[:dims]), phase)
         end, values, outcome = advance(flow, span, method, outputs)
         found = ravel_pytree(end)[0], values
         return found, (*found, outcome)

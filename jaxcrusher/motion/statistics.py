@@ -18,7 +18,7 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
 from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning, Validity, validity
 from jaxcrusher.mechanism.snapshot import Snapshot
-from jaxcrusher.motion.flow import Flow, by_angle, flat, unflattened
+from jaxcrusher.motion.flow import Flow, by_phase, flat, unflattened
 from jaxcrusher.motion.integrate import (
     Carried,
     Integration,
@@ -66,7 +66,7 @@ class AbstractOverTurns(AbstractNamed, StatisticNames):
     @property
     def failure(self) -> str:
         """Why and when the integration stopped, or nothing (concrete values only)."""
-        return failure_text(self.outcome, "rad of shaft angle")
+        return failure_text(self.outcome, "rad of phase")
 
 
 class Statistics(eqx.Module, AbstractOverTurns):
@@ -131,7 +131,7 @@ def statistics(
       and whatever was added.
     - `state`: to start from, shape (dims,), as `Statistics.state` and `Section.state` have it, in
       place of the scene's start.
-    - `rtol`, `method`: as in `jaxcrusher.simulate`, with time in radians of shaft angle and
+    - `rtol`, `method`: as in `jaxcrusher.simulate`, with time in radians of phase and
       steps counted per turn.
 
     **Returns:** a `Statistics`. RMS and means are integrated with the motion; the rest is
@@ -228,7 +228,7 @@ def instants(outputs: Chosen, share: float = 1.0) -> Float[Array, " n"]:
 def statistics_problem(outputs: Chosen, share: float = 1.0) -> Problem:
     """Return the problem of a `Flow` over a turn, or a share of it, with its statistics.
 
-    Totals and samples by shaft angle, in radians.
+    Totals and samples by phase, in radians.
     """
     looks = {name: one.quantity for name, one in outputs}
     means = {n: one.reduction for n, one in outputs if isinstance(one.reduction, AbstractMean)}
@@ -244,14 +244,14 @@ def statistics_problem(outputs: Chosen, share: float = 1.0) -> Problem:
         totals = {name: mean.integrands(jnp.zeros(())) for name, mean in means.items()}
         return Carried(flow.initial(), jax.tree.map(jnp.zeros_like, totals))
 
-    def field(angle: Scalar, y: Carried, flow: Flow) -> Carried:
-        rate, snapshot = by_angle(flow.angle + angle, y.motion, flow.scene)
+    def field(phase: Scalar, y: Carried, flow: Flow) -> Carried:
+        rate, snapshot = by_phase(flow.phase + phase, y.motion, flow.scene)
         now = quantities(means, snapshot, flow)
         rates = {name: mean.integrands(now[name]) for name, mean in means.items()}
         return Carried(rate, jax.tree.map(lambda one: one / (2 * jnp.pi), rates))
 
-    def observe(angle: Scalar, y: Carried, flow: Flow) -> dict[str, Array]:
-        _, snapshot = by_angle(flow.angle + angle, y.motion, flow.scene)
+    def observe(phase: Scalar, y: Carried, flow: Flow) -> dict[str, Array]:
+        _, snapshot = by_phase(flow.phase + phase, y.motion, flow.scene)
         return quantities(samples, snapshot, flow)
 
     def summarise(seen: dict[str, Array], end: Carried) -> tuple[PyTree, dict[str, Array]]:

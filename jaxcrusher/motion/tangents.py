@@ -73,7 +73,7 @@ def tangents(
         along.values[metric],
         along.by_state[metric],
         along.by_parameter[metric],
-        failure_text(outcome, "rad of shaft angle"),
+        failure_text(outcome, "rad of phase"),
     )
 
 

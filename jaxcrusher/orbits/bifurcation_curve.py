@@ -14,7 +14,7 @@ from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.orbits.branch import Branch, follow
 from jaxcrusher.orbits.event_curve import EventCurve, curve_of, cusps
-from jaxcrusher.orbits.events import DOUBLING, FOLD, PAIR
+from jaxcrusher.orbits.events import DOUBLING, FOLD, PAIR, as_on
 from jaxcrusher.orbits.orbit_branch import (
     LOST,
     Event,
@@ -73,7 +73,7 @@ def bifurcation_curve(
     pair = eqx.Partial(_of_pair, scene=scene)
     pair = traced(pair, jnp.asarray(at, float))
     nodal = isinstance(event.branch.problem, Collocation)
-    u = event.point.u
+    u = as_on(event.branch, event.point.u)
     base = problem_of(pair, jnp.asarray(at, float), event.point.turns, nodal)
     curve = curve_of(base, event.kind, u.shape, scales[0], bounds[0])
     ways = []
@@ -91,7 +91,7 @@ def bifurcation_curve(
     ended = f"{_ended(down)} {_ended(up)}"
     orbits = (*before[:0:-1], *after)
     table = tabulated(orbits, {"parameter": _first_of(joined), "second": joined.parameter})
-    events = tuple(Event(one.kind, one.parameter, joined, one.point) for one in special)
+    events = tuple(Event(one.kind, one.parameter, one.error, joined, one.point) for one in special)
     return OrbitBranch(table, orbits, events, ended, (joined,))
 
 

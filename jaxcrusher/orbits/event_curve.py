@@ -125,13 +125,16 @@ class EventCurve(AbstractPeriodicProblem):
             found += [depth for kind, depth in depths.items() if kind in self.watched]
         return np.array([*map(float, found)])
 
-    def orbit(self, u: Array, p: Any, seen: Any, equations: Bordered) -> PeriodicOrbit:
+    def orbit(self, u: Array, p: Any, seen: Any, scales: Array) -> PeriodicOrbit:
         """Return all that is known of an orbit of a crusher."""
-        return self.base.orbit(*self.split(u, p), seen, equations)
+        return self.base.orbit(*self.split(u, p), seen, jnp.stack([self.scale, scales]))
 
     def over(self, turns: int, u: np.ndarray) -> tuple[AbstractPeriodicProblem, np.ndarray]:
         """Return the orbits' problem of so many turns, and the unknowns of one."""
         return self.base.over(turns, u[:-1].reshape(self.shape))
+
+    def resolved(self, u: np.ndarray, finer: bool) -> None:
+        """Return none: of finer equations each takes a minute to compile."""
 
     def weight(self, size: int) -> float:
         """Return that of the orbit's unknowns."""

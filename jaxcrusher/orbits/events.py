@@ -13,6 +13,9 @@ Theory, 2004, chapter 10). With M the monodromy matrix and mu its eigenvalues:
 
 Where one of them has the same sign at three points, and comes nearest to zero at the middle one, it
 may vanish twice in between. So its extremum is searched for.
+
+Where an event lies depends on how well the orbits there are resolved. Therefore it is located again
+with more nodes, which also tells its error.
 """
 
 import itertools
@@ -24,10 +27,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Scalar
 from scipy.interpolate import CubicHermiteSpline
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq, minimize_scalar, newton
 
 from jaxcrusher.orbits.branch import Branch, Point, corrected, follow, inner
+from jaxcrusher.orbits.multipliers import difference
 from jaxcrusher.orbits.problem import AbstractPeriodicProblem, OfMatrix
+from jaxcrusher.orbits.trigonometric import resample
 
 FOLD, CROSSING, DOUBLING, PAIR = "fold", "branch point", "period doubling", "Neimark-Sacker"
 # At a branch point the parameter's part of the branch's direction is larger; where it is not, few
@@ -43,6 +48,13 @@ NOISE = 1e-9
 # values, above which there is no zero; and how well the extremum is found, as a share of a step.
 CLEAR, EXTREMUM = 0.5, 1e-3
 
+# An event is located with more and more nodes until it moves by no more than this, in the scale of
+# the parameter; and steps of the secant method that locates it: the first one, and the longest way
+# along the branch.
+SHARP, FIRST, FURTHEST = 1e-8, 1e-5, 0.5
+# What steps leave of a monodromy matrix, as a share of its largest entry.
+STEPS_LEAVE = 1e-6
+
 # A number of a point whose sign matters.
 Test = Callable[[Point], float]
 
@@ -51,12 +63,14 @@ Test = Callable[[Point], float]
 class Special:
     """Where a branch changes; no point where a change is seen but not located.
 
-    `kind` is `FOLD`, `CROSSING`, `DOUBLING`, `PAIR` or what the problem watches.
+    `kind` is `FOLD`, `CROSSING`, `DOUBLING`, `PAIR` or what the problem watches. Behind
+    "unresolved" it is what finer equations or the multipliers do not confirm.
     """
 
     kind: str
     parameter: float
     point: Point | None
+    error: float = np.nan  # of the parameter, estimated
 
 
 def special_points(branch: Branch) -> list[Special]:
@@ -230,6 +244,84 @@ def _past(piece: _Piece, test: Test) -> float | None:
     return None
 
 
+def sharp_points(branch: Branch) -> list[Special]:
+    """Return the events along a branch by finer equations.
+
+    A branch point that these move to a fold is none: of few nodes the multipliers tell of a fold
+    some way off it.
+    """
+    found = [sharpened(branch, special) for special in special_points(branch)]
+    steep = lambda point: point is None or abs(point.along[-1]) >= STEEP  # noqa: E731
+    return [one for one in found if one.kind != CROSSING or steep(one.point)]
+
+
+def sharpened(branch: Branch, special: Special) -> Special:
+    """Return an event located by finer equations, as long as that moves it, with its error.
+
+    The error is the last move, or where there are no finer equations what coarser ones make of it.
+    """
+    problem, point = branch.problem, special.point
+    if point is None:
+        return special
+    # The point at which a branch meets the orbit of fewer turns is one of its folds.
+    met = special.kind == DOUBLING and point.turns < problem.period
+    test, before, error = tests(branch)[FOLD if met else special.kind], point, np.inf
+    try:
+        while error > SHARP * branch.scale and problem.resolved(point.u, True) is not None:
+            before, point = point, _relocated(branch, point, test, finer=True)
+            error = branch.scale * abs(point.value - before.value)
+        if before is point:
+            before = _relocated(branch, point, test, finer=False)
+            error = branch.scale * abs(point.value - before.value)
+    except _Lost:
+        error = np.inf
+    # A multiplier of a matrix that differs by no more than its error is as at the event.
+    value = {FOLD: 1.0, CROSSING: 1.0, DOUBLING: 1.0 if met else -1.0}.get(special.kind)
+    good = np.isfinite(error)
+    if good and value is not None:
+        matrix = point.monodromy
+        allowed = STEPS_LEAVE + float(
+            difference(jnp.asarray(before.monodromy), jnp.asarray(matrix))
+        )
+        nearest = np.linalg.svd(matrix - value * np.eye(len(matrix)))[1][-1]
+        good = nearest <= allowed * max(np.max(np.abs(matrix)), 1.0)
+    kind = special.kind if good else f"unresolved {special.kind}"
+    return Special(kind, branch.scale * point.value, point, error)
+
+
+def _relocated(branch: Branch, point: Point, test: Test, *, finer: bool) -> Point:
+    """Return where a test function vanishes near a point, by finer or coarser equations."""
+    problem, ways = branch.problem, (point.u, point.along[:-1].reshape(point.u.shape))
+    both = [problem.resolved(one, finer) for one in ways]
+    if both[0] is None or both[1] is None:
+        raise _Lost
+    (other, u), (_, way) = both[0], both[1]
+    place, along = np.append(u, point.value), np.append(way, point.along[-1])
+    found = {}
+
+    def value(share: float) -> float:
+        if not abs(share) < FURTHEST:
+            raise _Lost
+        at = corrected(other, u.shape, branch.scale, place + share * along, along)
+        if at is None:
+            raise _Lost
+        found[share] = at
+        return test(at)
+
+    try:
+        root = newton(value, 0.0, x1=FIRST, tol=100 * problem.stride.located)
+    except RuntimeError as none:
+        raise _Lost from none
+    value(root)
+    return found[root]
+
+
+def as_on(branch: Branch, u: np.ndarray) -> np.ndarray:
+    """Return unknowns at as many nodes as the points of a branch have."""
+    shape = branch.points[0].u.shape
+    return u if u.shape == shape else np.asarray(resample(jnp.asarray(u), shape[0]))
+
+
 def other_branch(
     branch: Branch, special: Special
 ) -> tuple[AbstractPeriodicProblem, np.ndarray, np.ndarray]:
@@ -241,7 +333,7 @@ def other_branch(
     """
     point = special.point
     turns = point.turns * (2 if special.kind == DOUBLING else 1)
-    problem, u = branch.problem.over(turns, point.u)
+    problem, u = branch.problem.over(turns, as_on(branch, point.u))
     matrix = problem.linearised(jnp.asarray(u), jnp.asarray(branch.scale * point.value)).by_unknowns
     return problem, u, np.append(np.linalg.svd(matrix)[2][-1], 0.0)
 
@@ -265,5 +357,5 @@ def origin(branch: Branch, parent: Point) -> Special:
         )
         for special in special_points(way):
             if special.kind == DOUBLING:
-                return special
+                return sharpened(way, special)
     return Special(DOUBLING, np.nan, None)

@@ -47,7 +47,7 @@ class FeedResponse(eqx.Module):
     multiplier is below 1e-9.
     """
 
-    angle: Float[Array, " nodes"]  # of the shaft, rad, over the period
+    angle: Float[Array, " nodes"]  # the phase, rad, over the period
     eccentricity: Float[Array, "nodes dims"]  # standard deviations, as `PeriodicOrbit.eccentricity`
     force: Float[Array, " nodes"]  # standard deviation of |R_O| + |R_C|, N
     rms: Scalar  # standard deviation of the RMS of one period, N

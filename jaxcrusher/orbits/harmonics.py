@@ -25,7 +25,8 @@ def harmonics(
 ) -> xr.Dataset:
     """Return amplitudes and phases of observables of an orbit, by harmonics of the shaft's turn.
 
-    A quantity is a(theta) = mean + sum of A_k cos(k theta + phi_k) of the shaft angle theta.
+    A quantity is a(theta) = mean + sum of A_k cos(k theta + phi_k) of the phase theta: the
+    shaft's angle, counted on through all turns of the period.
 
     **Arguments:**
 

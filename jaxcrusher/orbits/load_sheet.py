@@ -182,7 +182,7 @@ def _severity(orbit: PeriodicOrbit, modes: xr.Dataset) -> list[Row]:
     rows.append(Row("motion", "how far G comes from its mean place", "", peak, "um"))
     for place, (arm, path) in _paths(orbit).items():
         moving = path - path.mean(axis=0)
-        # The shaft angle's derivative by the harmonics.
+        # The derivative by time, from the harmonics.
         turns = np.fft.rfftfreq(len(path), 1 / len(path)) / orbit.period
         spectrum = (
             1j * float(orbit.scene.drive.speed) * turns[:, None] * np.fft.rfft(moving, axis=0)

@@ -31,7 +31,9 @@ class Multipliers(eqx.Module):
 
     values: Complex[Array, " twodims"]
     monodromy: Float[Array, "twodims twodims"]  # d(x, x') at the end / at the beginning
-    error: Scalar  # estimated, of the matrix, as `difference` measures it; infinite: unknown
+    # of the steps, estimated: of the matrix, as `difference` measures it, or of the values, as
+    # `spread` does, whichever is larger; infinite: unknown
+    error: Scalar
     # (x, x') at the end less that at the beginning, of a motion that begins on the orbit's nodes
     closure: Float[Array, " twodims"]
 
@@ -81,10 +83,14 @@ def of_slopes(
     fine, closure = fine[:, :-1], fine[:, -1]
     coarse = coarse[:, :-1]
     # Twice the steps leave a 64th of the error.
-    error = difference(coarse, fine) / 63
+    left = (fine - coarse) / 63
+    good = jnp.all(jnp.isfinite(left))
+    values = eigenvalues(fine, good)
+    # Of values that all but meet, the error is the root of that of the matrix.
+    apart = spread(values, eigenvalues(fine + left, good))
+    error = jnp.maximum(difference(coarse, fine) / 63, apart)
     # Where steps overflow nothing is known.
     error = jnp.where(jnp.isnan(error), jnp.inf, error)
-    values = eigenvalues(fine, jnp.all(jnp.isfinite(fine)))
     return Multipliers(values, fine, error, closure)
 
 
@@ -102,6 +108,15 @@ def difference(coarse: Float[Array, "n n"], fine: Float[Array, "n n"]) -> Scalar
     return jnp.max(jnp.abs(fine - coarse)) / jnp.maximum(jnp.max(jnp.abs(fine)), 1.0)
 
 
+def spread(one: Complex[Array, " n"], other: Complex[Array, " n"]) -> Scalar:
+    """Return how far a multiplier is at most from the nearest one of another set.
+
+    Of those larger than 1 that is a share of them.
+    """
+    apart = jnp.abs(one[:, None] - other) / jnp.maximum(jnp.abs(one), 1.0)[:, None]
+    return jnp.maximum(jnp.max(jnp.min(apart, axis=0)), jnp.max(jnp.min(apart, axis=1)))
+
+
 def _monodromies(
     slopes: tuple[Array, ...], defect: Array, period: Scalar, counts: tuple[int, int]
 ) -> tuple[Array, Array]:
@@ -115,7 +130,7 @@ def _monodromies(
     pushes = jnp.concatenate([jnp.zeros_like(pushes), pushes], axis=1)
     scale = units[:, None] / jnp.append(units, 1.0)
     if on_a_gpu():
-        coarse, fine = jnp.split(jax.vmap(_driven_step)(gauss, pushes), counts[:1])
+        coarse, fine = jnp.split(jax.vmap(_driven_step)(gauss, pushes[:, :, None]), counts[:1])
         return _product(coarse)[:-1] / scale, _product(fine)[:-1] / scale
 
     # Step by step, one number of steps after the other: XLA makes one kernel of the loop. Of all
@@ -134,10 +149,10 @@ def _monodromies(
     return one / scale, other / scale
 
 
-def _driven_step(gauss: tuple[Array, ...], push: Float[Array, " m"]) -> Array:
-    """Return the matrix of a step that drives too, of a disturbance with a 1 behind it."""
-    step, size = _step(*gauss), len(push)
-    return jnp.block([[step, (step @ push)[:, None]], [jnp.zeros((1, size)), jnp.ones((1, 1))]])
+def _driven_step(gauss: tuple[Array, ...], pushes: Float[Array, "m pushes"]) -> Array:
+    """Return the matrix of a step that drives too, of a disturbance with ones behind it."""
+    step, (size, count) = _step(*gauss), pushes.shape
+    return jnp.block([[step, step @ pushes], [jnp.zeros((count, size)), jnp.eye(count)]])
 
 
 def _product(matrices: Float[Array, "n m m"]) -> Float[Array, "m m"]:
@@ -148,19 +163,34 @@ def _product(matrices: Float[Array, "n m m"]) -> Float[Array, "m m"]:
 
 
 def fundamental(
-    slopes: tuple[Float[Array, "n dims dims"], ...], period: Scalar, steps: int = STEPS
-) -> tuple[Float[Array, "steps twodims twodims"], Float[Array, "twodims twodims"]]:
+    slopes: tuple[Float[Array, "n dims dims"], ...],
+    period: Scalar,
+    steps: int = STEPS,
+    pushes: Float[Array, "n dims pushes"] | None = None,
+) -> tuple[Float[Array, "steps twodims columns"], Float[Array, "twodims columns"]]:
     """Return d(x, x') / d(x, x') at the beginning, at the start of each step and at the end.
 
-    It is of df/dx and df/dx', as `of_slopes`.
+    It is of df/dx and df/dx', as `of_slopes`. Further columns are the motions from zero that
+    accelerations `pushes` at equally spaced instants drive.
     """
     units, gauss = _looks(slopes, period, (steps,))
-    scale = units[:, None] / units
+    size = len(units)
+    if pushes is None:
+        pushes = jnp.zeros((len(slopes[0]), size // 2, 0))
+    scale = units[:, None] / jnp.append(units, jnp.ones(pushes.shape[2]))
+    pushes = period / steps * units[size // 2 :, None] * resample(pushes, steps)
+    pushes = jnp.concatenate([jnp.zeros_like(pushes), pushes], axis=1)
+    still = jnp.eye(size, scale.shape[1])
+    if on_a_gpu():
+        matrices = jax.vmap(_driven_step)(gauss, pushes)
+        after = jax.lax.associative_scan(lambda one, other: other @ one, matrices)[:, :size]
+        return jnp.concatenate([still[None], after[:-1]]) / scale, after[-1] / scale
 
-    def pass_on(passed: Array, looks: tuple[Array, ...]) -> tuple[Array, Array]:
-        return _step(*looks) @ passed, passed
+    def pass_on(passed: Array, now: tuple) -> tuple[Array, Array]:
+        looks, push = now
+        return _step(*looks) @ passed.at[:, size:].add(push), passed
 
-    last, before = jax.lax.scan(pass_on, jnp.eye(len(units)), gauss)
+    last, before = jax.lax.scan(pass_on, still, (gauss, pushes))
     return before / scale, last / scale
 
 

@@ -34,12 +34,14 @@ from jaxcrusher.orbits.events import (
     Special,
     origin,
     other_branch,
-    special_points,
+    sharp_points,
 )
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
-from jaxcrusher.orbits.problem import AbstractPeriodicProblem, Bordered, Collocation
+from jaxcrusher.orbits.problem import AbstractPeriodicProblem, Collocation
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shooting import Shooting
+from jaxcrusher.orbits.solving import solved, with_statistics
+from jaxcrusher.orbits.trigonometric import resample
 
 # Nodes a turn: near a fold an orbit and its multipliers want more than elsewhere.
 NODES = 192
@@ -52,7 +54,7 @@ LOST = {
 }
 # What a point holds: statistics, and further numbers of its orbit.
 HELD = ("foundation_rms", "foundation_mean", "foundation_peak")
-FURTHER = ("error", "least_penetration", "largest_multiplier", "stable")
+FURTHER = ("error", "least_penetration", "largest_multiplier", "multipliers_error", "stable")
 
 
 @dataclass(frozen=True)
@@ -64,17 +66,35 @@ class Departure:
     unknowns: np.ndarray  # (nodes, dims), or where slices begin, one after the other
     direction: np.ndarray | None  # of the unknowns and the parameter; None: the parameter's
 
+    def with_nodes(self, nodes: int) -> "Departure":
+        """Return the same place with so many nodes a turn; where slices begin there are none."""
+        if self.unknowns.ndim == 1:
+            return self
+        shape, count = self.unknowns.shape, nodes * self.period
+        u, way = self.unknowns, self.direction
+        if way is not None:
+            across = resample(jnp.asarray(way[:-1].reshape(shape)), count)
+            way = np.append(np.ravel(across), way[-1])
+        return replace(self, unknowns=np.asarray(resample(jnp.asarray(u), count)), direction=way)
+
 
 @dataclass(frozen=True)
 class Event:
     """A change along a branch: its kind, and the value of the parameter, NaN if not located.
 
+    `error` is that of the value. By nodes it is located again with twice as many, up to 384 a turn,
+    until it moves by less than 1e-8 of the scale; by shooting it is what a tolerance 100 times as
+    large makes of the value. Of a cusp it is NaN, for no other equations are solved there.
+
     `kind` is "fold", "branch point", "period doubling", "Neimark-Sacker", "contact lost", "contact
     lost at the elbow", "contact lost at the pivot" or, on a curve of folds, "cusp".
+    "unresolved" stands before it if more nodes do not find it, or if no multiplier is 1 (-1 at a
+    period doubling) within the error of the matrix.
     """
 
     kind: str
     parameter: float
+    error: float
     branch: Branch = field(repr=False)
     point: Point | None = field(repr=False)
 
@@ -114,7 +134,7 @@ class OrbitBranch:
     ) -> tuple[Complex[np.ndarray, " n"], Complex[np.ndarray, "n n"]]:
         """Return the multipliers of a point, and the disturbances (columns) that they multiply.
 
-        By nodes these are of e / c and its derivative by the shaft angle, by shooting of the
+        By nodes these are of e / c and its derivative by the phase, by shooting of the
         section point.
         """
         points = [one for branch in self.branches for one in branch.points]
@@ -130,7 +150,7 @@ def orbit_branch(
     upwards: bool = True,
     scale: float | None = None,
     period: int | None = None,
-    nodes: int = NODES,
+    nodes: int | None = None,
     points: int = 200,
     guess: PeriodicOrbit | Float[ArrayLike, "n dims"] | None = None,
 ) -> OrbitBranch:
@@ -148,10 +168,11 @@ def orbit_branch(
     - `upwards`: whether the parameter grows at first; of a departure, to which of two sides.
     - `scale`: what a change of the parameter is small against, > 0; None is a thirtieth of
       `start`. Steps are a tenth of it at most, and shorter where multipliers move fast.
-    - `period`, `nodes`: turns, and an even number of nodes a turn, unless it is shot for.
+    - `period`, `nodes`: turns, and an even number of nodes a turn, unless it is shot for. None is
+      the guess's or 1, and 192 or those of a departure.
     - `points`: at most.
-    - `guess`: of the first motion, as in `periodic_orbit`. Neither it nor `period` and `nodes` are
-      used with a departure.
+    - `guess`: of the first motion, as in `periodic_orbit`. Neither it nor `period` is used with
+      a departure.
 
     **Returns:** an `OrbitBranch`. Its `table` has the dimension `point`, in the order of the
     branch, where a parameter may occur more than once: `parameter`, `foundation_rms`,
@@ -165,7 +186,9 @@ def orbit_branch(
     """
     require_set_up()
     require_whole("points", points, 2)
-    require_whole("nodes", nodes, 4)
+    if nodes is not None:
+        require_whole("nodes", nodes, 4)
+        require(nodes % 2 == 0, "nodes", "be even", nodes)
     require_maker(scene)
     require_untraced("start", (start, bounds), "orbit_branch", "jaxcrusher.periodic_orbit")
     value, (low, high) = start.parameter if isinstance(start, Departure) else start, bounds
@@ -173,7 +196,10 @@ def orbit_branch(
     scale = abs(value) / 30 if scale is None else scale
     require_positive("scale", scale, "")
     scene = traced(scene, jnp.asarray(value, float))
-    begin = start if isinstance(start, Departure) else _first(scene, start, period, nodes, guess)
+    if isinstance(start, Departure):
+        begin = start if nodes is None else start.with_nodes(nodes)
+    else:
+        begin = _first(scene, start, period, NODES if nodes is None else nodes, guess)
     problem = problem_of(scene, jnp.asarray(value, float), begin.period, begin.unknowns.ndim > 1)
     unknowns = begin.unknowns
     if isinstance(problem, Shooting) and not isinstance(start, Departure):
@@ -190,10 +216,10 @@ def orbit_branch(
     )
     require(bool(branch.points), "guess", "lead to an orbit that repeats", "one that does not")
     branch, orbits = with_orbits(branch)
-    special = special_points(branch)
+    special = sharp_points(branch)
     if branch.parent is not None:
         special.append(origin(branch, branch.parent))
-    events = tuple(Event(one.kind, one.parameter, branch, one.point) for one in special)
+    events = tuple(Event(one.kind, one.parameter, one.error, branch, one.point) for one in special)
     table = tabulated(orbits, {"parameter": branch.parameter})
     return OrbitBranch(table, orbits, events, branch.ended, (branch,))
 
@@ -205,7 +231,10 @@ def _first(
     nodes: int,
     guess: PeriodicOrbit | Float[ArrayLike, "n dims"] | None,
 ) -> Departure:
-    """Return the orbit at a value: its nodes, or its section point if they do not resolve it."""
+    """Return the orbit at a value: its nodes, or its section point if they do not resolve it.
+
+    They do if they know the RMS, as along the branch: a motion that begins on them need not close.
+    """
     if isinstance(guess, PeriodicOrbit):
         period = guess.period if period is None else period
         require(period == guess.period, "period", f"be the guess's {guess.period}", period)
@@ -216,7 +245,13 @@ def _first(
         found = periodic_orbit(begin, period=period, guess=guess)
         given = f"{value}. {found.failure}".removesuffix(".")
         require(bool(found.success), "start", "have a periodic orbit", given)
-        first = periodic_orbit(begin, nodes=nodes, guess=found)
+        path = found.eccentricity
+        if path is not None and found.least_penetration > 0:
+            still = steady(begin)
+            near = resample(path, nodes * found.period)
+            first = with_statistics(
+                still, *solved(still, near, found.period, len(near)), found.period
+            )
     unknowns = first.eccentricity if bool(first.success) else found.section
     return Departure(found.period, value, np.asarray(unknowns), None)
 
@@ -251,10 +286,7 @@ def with_orbits(branch: Branch) -> tuple[Branch, tuple[PeriodicOrbit, ...]]:
 def orbit_of(branch: Branch, point: Point) -> PeriodicOrbit:
     """Return all that is known of the orbit at a point."""
     scale = jnp.asarray(branch.scale, float)
-    place = jnp.asarray(point.place), jnp.asarray(point.along)
-    equations = Bordered(branch.problem, *place, scale, point.u.shape)
-    at = jnp.asarray(point.u), scale * point.value
-    return branch.problem.orbit(*at, point.seen, equations)
+    return branch.problem.orbit(jnp.asarray(point.u), scale * point.value, point.seen, scale)
 
 
 def tabulated(

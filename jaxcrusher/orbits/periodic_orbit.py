@@ -52,9 +52,9 @@ def periodic_orbit(
       `jax.grad`, `jax.jacfwd` and `jax.jvp`; slopes by the implicit function theorem.
     - `period`: turns of the shaft, >= 1. None is the guess's, or 1; or 2 to 4 where the motion that
       is waited for repeats so.
-    - `nodes`: even number of shaft angles a turn. None is 96, and more, up to 384, until the RMS
+    - `nodes`: even number of nodes a turn. None is 96, and more, up to 384, until the RMS
       stands to 1e-8 of itself. With a number given nothing is waited for.
-    - `guess`: a neighbour, or e / c at equally spaced angles of the whole period; None, or NaN, is
+    - `guess`: a neighbour, or e / c at equally spaced phases of the whole period; None, or NaN, is
       the pin resting in its bore under the ideal joint's force. To shoot from, a neighbour or a
       section point, shape (states,); None is the mean of turns that are waited for.
     - `method`: "shooting" solves for the section point by the integrator alone, which an impact
@@ -134,7 +134,7 @@ def _section(guess: ArrayLike, scene: Scene) -> Array:
 
 
 def _guess(guess: ArrayLike | None, scene: Scene) -> Array:
-    """Check a guess: a row of all unknowns at each of some angles."""
+    """Check a guess: a row of all unknowns at each of some phases."""
     dims, shape = forced.unknowns(scene), np.shape(guess)  # pyright: ignore
     good = len(shape) == 2 and shape[1] == dims and shape[0] > 0
     is_text = np.asarray(guess).dtype.kind in "US" if concrete(guess) is not None else False

@@ -14,15 +14,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import lu_factor
 from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.motion.statistic import Chosen
 from jaxcrusher.orbits.collocation import TOLERANCE, System
 from jaxcrusher.orbits.multipliers import monodromy
 from jaxcrusher.orbits.newton import HostRoot, newton
+from jaxcrusher.orbits.node_errors import Family
 from jaxcrusher.orbits.result import WAYS, PeriodicOrbit
-from jaxcrusher.orbits.solving import INSTANTS, described, of_nodes
+from jaxcrusher.orbits.solving import INSTANTS, MOST_NODES, described, of_nodes
 from jaxcrusher.orbits.trigonometric import evaluate, resample
 
 # Two places so near, in clearances, that they are one.
@@ -107,17 +107,23 @@ class AbstractPeriodicProblem(eqx.Module):
         """Return the least penetration / clearance of each loose joint: > 0 keeps contact."""
 
     @abstractmethod
-    def orbit(self, u: Array, p: Any, seen: Any, equations: "Bordered") -> PeriodicOrbit:
-        """Return all that is known of an orbit of a crusher.
-
-        In its place on a branch `equations` are regular, also at a fold.
-        """
+    def orbit(self, u: Array, p: Any, seen: Any, scales: Array) -> PeriodicOrbit:
+        """Return all that is known of an orbit of a crusher; `scales` are those of p."""
 
     @abstractmethod
     def over(self, turns: int, u: np.ndarray) -> tuple["AbstractPeriodicProblem", np.ndarray]:
         """Return the problem of so many turns, and the unknowns of an orbit that repeats in both.
 
         One of the two numbers of turns is a multiple of the other.
+        """
+
+    @abstractmethod
+    def resolved(
+        self, u: np.ndarray, finer: bool
+    ) -> tuple["AbstractPeriodicProblem", np.ndarray] | None:
+        """Return finer or coarser equations for the same orbits, and the unknowns of one.
+
+        None where there are no finer ones. A change of unknowns becomes one of theirs.
         """
 
     @abstractmethod
@@ -216,15 +222,21 @@ class Collocation(AbstractPeriodicProblem):
         """Return the least penetration of each joint, whose nodes are in clearances."""
         return np.asarray(least_penetrations(u))
 
-    def orbit(self, u: Array, p: Any, seen: Any, equations: "Bordered") -> PeriodicOrbit:
+    def orbit(self, u: Array, p: Any, seen: Any, scales: Array) -> PeriodicOrbit:
         """Return all that is known of an orbit of a crusher."""
-        return _described(self, u, jnp.asarray(p), _jacobian(equations, equations.guess))
+        return _described(self, u, jnp.asarray(p), jnp.asarray(scales))
 
     def over(self, turns: int, u: np.ndarray) -> tuple["Collocation", np.ndarray]:
         """Return the problem of so many turns, and the nodes repeated or cut."""
         family = eqx.Partial(_over, family=self.family, share=turns / self.period)
         nodes = np.resize(u, (len(u) * turns // self.period, *u.shape[1:]))
         return dataclasses.replace(self, family=family, period=turns), nodes
+
+    def resolved(self, u: np.ndarray, finer: bool) -> tuple["Collocation", np.ndarray] | None:
+        """Return twice as many nodes, up to the most that an orbit gets, or half as many."""
+        if finer and len(u) >= MOST_NODES * self.period:
+            return None
+        return self, np.asarray(resample(jnp.asarray(u), 2 * len(u) if finer else len(u) // 2))
 
     def weight(self, size: int) -> float:
         """Return that of a mean square."""
@@ -243,8 +255,7 @@ def _solved(equations: Bordered):
     return root.point, root.steps, root.success
 
 
-# A program of its own, which serves a branch's directions and its orbits: of an event's curve this
-# is by far the largest part of all that is compiled.
+# A program of its own: of an event's curve this is by far the largest part of all that is compiled.
 @eqx.filter_jit
 def _jacobian(equations: Bordered, both: Array) -> Array:
     return equations.linearised(both)[1]
@@ -262,10 +273,9 @@ def _over(p: Parameters, *, family: Callable[[Array], System], share: float) -> 
 
 
 @eqx.filter_jit
-def _described(problem: Collocation, u: Array, p: Array, jacobian: Array) -> PeriodicOrbit:
+def _described(problem: Collocation, u: Array, p: Array, scales: Array) -> PeriodicOrbit:
     system = problem.family(p)
-    factors = lu_factor(jacobian)
-    found = of_nodes(system, u, (factors[0], factors[1]), WAYS.branch)
+    found = of_nodes(system, u, None, WAYS.branch, family=Family(problem.family, p, scales))
     return described(system, found, u, problem.period, problem.outputs)
 
 

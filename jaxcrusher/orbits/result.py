@@ -76,10 +76,10 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
     scene: Scene
     period: int = eqx.field(static=True)  # turns
-    # e / c at equal steps of shaft angle: x and y of each joint with clearance, A, B, C; behind
+    # e / c at equal steps of phase: x and y of each joint with clearance, A, B, C; behind
     # them x, y and rotation of a frame on supports, in the units of its state. None: no state
     eccentricity: Float[Array, "nodes dims"] | None
-    section: Float[Array, " states"]  # the state at shaft angle zero: a section point
+    section: Float[Array, " states"]  # the state at phase zero: a section point
     result: RESULTS
     steps: Array  # Newton's
     values: Mapping[str, Scalar]  # statistics
@@ -181,7 +181,10 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         return f"Its largest multiplier is {largest.real:.6g}: disturbances grow to one side."
 
     def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
-        """Return where the motion is at a shaft angle (rad); it may be handed to a formulation."""
+        """Return where the motion is at a phase (rad); it may be handed to a formulation.
+
+        The phase is the shaft's angle, counted on through all turns of the period.
+        """
         require_own_process()
         require(self.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
         return _state(self, jnp.asarray(angle, dtype=float))
@@ -189,7 +192,9 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     def motion(
         self, angles: Float[ArrayLike, " n"], outputs: tuple[str, ...] | None = None
     ) -> dict[str, Array]:
-        """Return observables at any shaft angles (rad), by name, shape (n,) or (n, 2).
+        """Return observables at any phases (rad), by name, shape (n,) or (n, 2).
+
+        A phase is the shaft's angle, counted on through all turns of the period.
 
         None is all but those of an elbow and a pivot that are ideal, and of supports that are none.
         Raises ValueError for a name that `jaxcrusher.crusher.observables.OBSERVABLES` lacks.
@@ -269,25 +274,25 @@ def missing(scene: Scene, period: int, result: RESULTS) -> PeriodicOrbit:
 
 
 @eqx.filter_jit
-def _state(orbit: PeriodicOrbit, angle: Scalar) -> EccentricityState:
+def _state(orbit: PeriodicOrbit, phase: Scalar) -> EccentricityState:
     assert orbit.eccentricity is not None
-    place = angle / (2 * np.pi * orbit.period)
+    place = phase / (2 * np.pi * orbit.period)
     rate = evaluate(orbit.eccentricity, place, 1) / orbit.period
     return forced.state(evaluate(orbit.eccentricity, place), rate, orbit.scene)
 
 
 @eqx.filter_jit
 def _seen(
-    orbit: PeriodicOrbit, angles: Float[Array, " n"], outputs: tuple[str, ...]
+    orbit: PeriodicOrbit, phases: Float[Array, " n"], outputs: tuple[str, ...]
 ) -> dict[str, Array]:
-    def look(angle: Scalar) -> dict[str, Array]:
+    def look(phase: Scalar) -> dict[str, Array]:
         scene = steady(orbit.scene)
         still = orbit.eccentricity is None
-        state = scene.formulation.initial(scene) if still else _state(orbit, angle)
-        snapshot = scene.formulation.snapshot(angle / scene.drive.speed, state, scene)
+        state = scene.formulation.initial(scene) if still else _state(orbit, phase)
+        snapshot = scene.formulation.snapshot(phase / scene.drive.speed, state, scene)
         return {name: OBSERVABLES[name](snapshot, scene) for name in outputs}
 
-    return jax.vmap(look)(angles)
+    return jax.vmap(look)(phases)
 
 
 def finished(

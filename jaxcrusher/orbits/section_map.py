@@ -33,9 +33,9 @@ def passed(
     """Return where a turn leads from a section point, and the outputs of its slices."""
     method, span = resolve(scene, rtol), 2 * np.pi / SLICES
 
-    def slice_of(state: Array, angle: Scalar) -> Passed:
+    def slice_of(state: Array, phase: Scalar) -> Passed:
         # A failure leaves NaN, with which all that follows fails at once.
-        flow = Flow(scene, unflattened(state, scene), angle)
+        flow = Flow(scene, unflattened(state, scene), phase)
         end, seen, _ = advance(flow, span, method, outputs)
         return flat(end, scene), seen
 

@@ -27,6 +27,7 @@ from jaxcrusher.orbits.problem import (
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import (
     CLOSURE,
+    COARSER,
     RTOL,
     Closed,
     can_be_shot,
@@ -187,9 +188,7 @@ class Shooting(AbstractPeriodicProblem):
         scene = self.build(jnp.asarray(p).reshape(-1))
         return np.asarray(least_penetrations_from(scene, section, self.period))
 
-    def orbit(
-        self, u: Any, p: Any, seen: Turns, equations: Bordered | None = None
-    ) -> PeriodicOrbit:
+    def orbit(self, u: Any, p: Any, seen: Turns, scales: Any = None) -> PeriodicOrbit:
         """Return all that is known of an orbit, but for an error of its multipliers.
 
         Its `error` is what a tolerance 100 times as large makes of the RMS.
@@ -202,6 +201,10 @@ class Shooting(AbstractPeriodicProblem):
     def over(self, turns: int, u: np.ndarray) -> tuple["Shooting", np.ndarray]:
         """Return the problem of so many turns, and the states repeated or cut."""
         return dataclasses.replace(self, period=turns), np.resize(u, u.size * turns // self.period)
+
+    def resolved(self, u: np.ndarray, finer: bool) -> tuple["Shooting", np.ndarray] | None:
+        """Return the same states; coarser equations have a tolerance 100 times as large."""
+        return None if finer else (dataclasses.replace(self, rtol=COARSER * self.rtol), u)
 
     def weight(self, size: int) -> float:
         """Return that of a mean over slices."""

@@ -201,7 +201,7 @@ def _samples(scene: Scene) -> Chosen:
 
 
 def _relative(scene: Scene, seen: dict[str, Array]) -> Float[Array, "nodes dims"]:
-    """Return all unknowns at equal steps of shaft angle, from zero on."""
+    """Return all unknowns at equal steps of phase, from zero on."""
 
     def whole(samples: Array) -> Array:
         # Slices look at their ends, and not at their beginnings.

@@ -22,6 +22,7 @@ from jaxcrusher.orbits.collocation import System, Unfactored, attached, collocat
 from jaxcrusher.orbits.lowering import lowered
 from jaxcrusher.orbits.multipliers import LOOKS, STEPS, Multipliers, of_slopes
 from jaxcrusher.orbits.newton import Factors
+from jaxcrusher.orbits.node_errors import Family, NodeErrors, node_errors
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built
 from jaxcrusher.orbits.trigonometric import resample
 
@@ -48,8 +49,8 @@ class Nodes(eqx.Module):
     x: Float[Array, "nodes dims"]
     result: newton.RESULTS
     steps: Int[Array, ""]
-    residual_error: Scalar  # of the RMS of the force, as a share of it; estimated
     multipliers: Multipliers
+    node_errors: NodeErrors
     # Of a motion that begins on the nodes: by what it misses its beginning after a period, in
     # clearances and m/s, and a frame in the units of its state; estimated.
     closure: Scalar
@@ -59,26 +60,66 @@ class Nodes(eqx.Module):
 def of_nodes(
     system: System,
     x: Float[Array, "nodes dims"],
-    factors: Factors,
+    factors: Factors | None,
     way: WAYS,
     result: newton.RESULTS = newton.RESULTS.successful,
     steps: ArrayLike = 0,
+    family: Family | None = None,
 ) -> Nodes:
-    """Return what is known of the orbit through `x`."""
-    slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
-    scene, defect = system.args, system.defect(x, accelerations)
-    left = forced.residual_error(system, x, factors, defect)
-    found = of_slopes(slopes, system.period, defect=defect)
+    """Return what is known of the orbit through `x`, which may lie on a branch of a `family`.
+
+    `factors` are those of its equations; None on a branch.
+    """
+    scene = system.args
+    slopes, defect = _between(system, x)
+    found, errors = _passed_on(system, x, slopes, defect, family, STEPS)
     if scene.supports is not None:
         # A frame on stiff springs swings faster than a contact.
-        found = jax.lax.cond(
+        found, errors = jax.lax.cond(
             found.error <= BLURRED,
-            lambda: found,
-            lambda: of_slopes(slopes, system.period, FASTER * STEPS, defect),
+            lambda: (found, errors),
+            lambda: _passed_on(system, x, slopes, defect, family, FASTER * STEPS),
         )
+    if factors is not None:
+        rms = jax.lax.cond(
+            jnp.isfinite(errors.rms),
+            lambda: errors.rms,
+            lambda: forced.residual_error(system, x, factors, defect),
+        )
+        errors = errors._replace(rms=rms)
     missed, change = jnp.split(found.closure, 2)
     closure = jnp.max(jnp.abs(flat(forced.state(missed, change, scene), scene)))
-    return Nodes(x, result, jnp.asarray(steps), left, found, closure, way)
+    return Nodes(x, result, jnp.asarray(steps), found, errors, closure, way)
+
+
+@eqx.filter_jit
+def in_steps(scene: Scene, found: Nodes, period: int, steps: int) -> Nodes:
+    """Return an orbit with multipliers by so many steps a period."""
+    system = forced.system(scene, period)
+    known, errors = _passed_on(system, found.x, *_between(system, found.x), None, steps)
+    rms = jnp.where(jnp.isfinite(errors.rms), errors.rms, found.node_errors.rms)
+    return dataclasses.replace(found, multipliers=known, node_errors=errors._replace(rms=rms))
+
+
+def _between(
+    system: System, x: Float[Array, "nodes dims"]
+) -> tuple[tuple[Float[Array, "n dims dims"], ...], Float[Array, "n dims"]]:
+    """Return df/dx and df/dx' at equal steps, two a node or more, and the defect there."""
+    slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
+    return slopes, system.defect(x, accelerations)
+
+
+def _passed_on(
+    system: System,
+    x: Float[Array, "nodes dims"],
+    slopes: tuple[Float[Array, "n dims dims"], ...],
+    defect: Float[Array, "n dims"],
+    family: Family | None,
+    steps: int,
+) -> tuple[Multipliers, NodeErrors]:
+    """Return the multipliers of the orbit through `x`, and what its nodes leave."""
+    found = of_slopes(slopes, system.period, steps, defect)
+    return found, node_errors(system, x, slopes, defect, family, steps)
 
 
 @eqx.filter_jit
@@ -147,7 +188,7 @@ def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
         few, factors = solved(scene, guess, period, NODES * period)
         # Where Newton's method fails more nodes are of no use.
         failed = few.result != newton.RESULTS.successful
-        settled = failed | (few.residual_error <= SETTLED)
+        settled = failed | (few.node_errors.rms <= SETTLED)
         start, system = resample(few.x, MOST_NODES * period), forced.system(scene, period)
 
         def more() -> Nodes:
@@ -181,7 +222,7 @@ def described(
     """Return the orbit through `x`: the nodes found, moving with the numbers of `system`."""
     scene, instants = system.args, system.at(x, INSTANTS * period)
     values, error, least = _statistics(forced.snapshot, instants, scene, outputs)
-    error += found.residual_error
+    error += found.node_errors.rms
     result = RESULTS.promote(found.result)
     unresolved = (result == RESULTS.successful) & ~(error <= UNRESOLVED)
     why = RESULTS.where(least > 0, RESULTS.unresolved, RESULTS.contact_lost)
@@ -196,7 +237,7 @@ def described(
         error=error,
         least_penetration=least,
         multipliers=found.multipliers.values,
-        multipliers_error=found.multipliers.error,
+        multipliers_error=found.multipliers.error + found.node_errors.multipliers,
         steps=found.steps,
         way=found.way,
     )
@@ -206,10 +247,10 @@ def described(
 def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
     """Return the orbit of ideal joints in a clamped frame: a sum over turns."""
     still = scene.formulation.initial(scene)
-    angles = 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS
+    phases = 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS
     values, error, _ = _statistics(
         lambda time, scene: scene.formulation.snapshot(time, still, scene),
-        (angles / scene.drive.speed,),
+        (phases / scene.drive.speed,),
         scene,
         outputs,
     )

@@ -30,9 +30,10 @@ from jaxcrusher.orbits.result import RESULTS
 # Turns of the first round, half of which make a mean: a multiple of all periods up to six. Each
 # round lasts as long as all before it, and 1920 turns take a second.
 TURNS, ROUNDS = 240, 4
-# The integration's tolerance: at 1e-6 the swing dies twice as fast as it should.
+# The integration's tolerance: at 1e-6 the method feeds a swing as much as the joint damps it; at
+# 1e-7 it changes the decay by 5 to 14 %. No decay is judged by it.
 RTOL = 1e-7
-# Shaft angles a turn at which the motion from a mean is looked at.
+# Instants a turn at which the motion from a mean is looked at.
 ANGLES = 96
 # The longest period that a motion is looked at for, and how much narrower it must be about the
 # means of every p-th turn than about the mean of all.
@@ -67,13 +68,13 @@ def section_points(
 
 
 def _states(
-    case: Case, angles: Float[np.ndarray, " n"], rtol: float
+    case: Case, phases: Float[np.ndarray, " n"], rtol: float
 ) -> tuple[Float[Array, "n dims"], Bool[Array, ""]]:
-    """Return states at shaft angles after a section point, and whether the run succeeded."""
+    """Return states at phases after a section point, and whether the run succeeded."""
     state, scene = case
     flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, rtol)
     (states, _), outcome = integrate(
-        flow, jnp.asarray(angles)[:, None], problem=statistics_problem(()), method=method
+        flow, jnp.asarray(phases)[:, None], problem=statistics_problem(()), method=method
     )
     return jax.vmap(lambda one: flat(one, scene))(states), outcome.success
 
@@ -99,7 +100,7 @@ def section_mean(
 
 
 def one_period(case: Case, *, period: int) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
-    """Return e / c at equal steps of shaft angle over `period` turns from a section point.
+    """Return e / c at equal steps of phase over `period` turns from a section point.
 
     With it comes whether the integration succeeded.
     """

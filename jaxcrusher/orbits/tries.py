@@ -24,8 +24,8 @@ from jaxtyping import Array, Scalar
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.orbits import forced, newton
-from jaxcrusher.orbits.multipliers import STEPS, Multipliers, multipliers
+from jaxcrusher.orbits import newton
+from jaxcrusher.orbits.multipliers import STEPS
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import can_be_shot, closed, described, integrated_multipliers
 from jaxcrusher.orbits.solving import (
@@ -34,6 +34,7 @@ from jaxcrusher.orbits.solving import (
     NODES,
     SETTLED,
     Nodes,
+    in_steps,
     solved,
     with_statistics,
 )
@@ -105,9 +106,7 @@ class Search(NamedTuple):
             _LOG.info("Newton's method for a period of %d, %d nodes a turn", turns, count)
             found, factors = solved(self.still, guess, turns, count * turns)
             way = found.way if way is None else way
-            found = dataclasses.replace(
-                found, way=way, multipliers=_resolved(self.still, found, turns)
-            )
+            found = dataclasses.replace(_resolved(self.still, found, turns), way=way)
             sloped = with_statistics(self.scene, found, factors, turns)
             orbit = without_slopes(sloped)
             if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
@@ -119,12 +118,12 @@ class Search(NamedTuple):
                 orbit = dataclasses.replace(orbit, result=RESULTS.not_closed)
                 break
             guess, count = orbit.eccentricity, 2 * count
-        return self.with_multipliers(Try(sloped, orbit))
+        return self.with_multipliers(Try(sloped, orbit), found)
 
-    def with_multipliers(self, found: Try) -> Try:
+    def with_multipliers(self, found: Try, nodes: Nodes) -> Try:
         """Return an orbit with multipliers by the integrator, if steps leave them unsure."""
         orbit = found.orbit
-        known = not bool(orbit.success) or bool(orbit.multipliers_error <= UNSURE)
+        known = not bool(orbit.success) or bool(nodes.multipliers.error <= UNSURE)
         # Stiff springs of a frame would take the integrator minutes.
         framed = self.still.supports is not None
         if known or framed or not can_be_shot(self.still, orbit.section):
@@ -303,16 +302,16 @@ def _shots(search: Search, wait: Wait) -> Iterator[Try]:
     yield Try(none, none)
 
 
-def _resolved(scene: Scene, found: Nodes, turns: int) -> Multipliers:
-    """Return the multipliers of nodes, in shorter steps as long as their error is too large.
+def _resolved(scene: Scene, found: Nodes, turns: int) -> Nodes:
+    """Return nodes with multipliers in shorter steps, as long as their error is too large.
 
     A contact that damps itself to rest within a step of the usual length overflows there.
     """
-    known, steps = found.multipliers, STEPS
-    while bool(jnp.isfinite(found.x[0, 0])) and steps < MOST_STEPS and not known.error <= UNSURE:
+    steps, whole = STEPS, bool(jnp.isfinite(found.x[0, 0]))
+    while whole and steps < MOST_STEPS and not found.multipliers.error <= UNSURE:
         steps *= FASTER
-        known = multipliers(forced.system(scene, turns), found.x, steps)
-    return known
+        found = in_steps(scene, found, turns, steps)
+    return found
 
 
 def _is_unresolved(orbit: PeriodicOrbit) -> bool:

@@ -115,7 +115,7 @@ def test_its_frame_end_is_by_default_behind_and_below_the_seat_of_the_toggle():
 
 
 def test_tension_is_preload_where_it_was_set():
-    """At shaft angle 0 with ideal joints, whatever the stiffness; elsewhere by the length."""
+    """At phase 0 with ideal joints, whatever the stiffness; elsewhere by the length."""
     scene = jc.build_scene({"joint": "ideal", **ROD, "rod.damping": 0.0})
     times = np.array([0.0, 0.03, 0.11])
     names = ("rod_tension", "pin_position", "jaw_position")

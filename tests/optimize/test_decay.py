@@ -4,10 +4,14 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from optimize import verdicts
+import jaxcrusher as jc
+from jaxcrusher.orbits.transient import section_points
+from optimize import decay, verdicts
 from optimize.answer import Decay
 from optimize.decay import TURNS, measured, unmeasurable
 
@@ -34,6 +38,19 @@ def test_decay_of_a_swing(rate):
 def test_a_swing_that_does_not_die_is_told():
     found = measured(swinging(0.0), 0.0)
     assert abs(found.rate) < 3 * found.error < 1e-4
+
+
+def test_the_tolerance_resolves_a_decay():
+    """The method's own damping is a fiftieth of the joint's; at 1e-8 it is an eighth."""
+    scene = jc.paper_scene(25.0, 0.03e-3)
+    section = jc.periodic_orbit(scene).section
+    beside, run = section + jnp.array([1e-3, 0.0, 0.0, 0.0]), eqx.filter_jit(section_points)
+    rates = []
+    for rtol in (decay.RTOL, 1e-11):
+        points, success = run((beside, scene), turns=TURNS, rtol=rtol)
+        assert success
+        rates.append(measured(np.asarray(points - section)[:, :2], 0.0).rate)
+    assert 1e-4 < rates[1] and rates[0] == pytest.approx(rates[1], rel=0.03)
 
 
 # By a hundredth a turn, says the multiplier.

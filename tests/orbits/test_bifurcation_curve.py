@@ -62,7 +62,7 @@ def test_eigenvectors(folded):
     np.testing.assert_allclose(np.sort_complex(values), np.sort_complex(found), atol=1e-9)
     orbit, i = folded.orbits[0], int(np.argmax(np.abs(values)))
     size = 1e-5
-    # By the shaft angle in clearances; a section point's rates are in m/s.
+    # By the phase in clearances; a section point's rates are in m/s.
     unit = np.array([1, 1, *[float(orbit.scene.drive.speed * orbit.scene.joint.clearance)] * 2])
     shift = size * unit * np.real(vectors[:, i])
     ends = [
@@ -111,7 +111,7 @@ def test_lost_contact_is_followed_by_shooting():
     branch = follow(problem, states, 34.321, **more)
     (lost,) = special_points(branch)
     assert lost.kind == "contact lost"
-    event = Event(lost.kind, lost.parameter, branch, lost.point)
+    event = Event(lost.kind, lost.parameter, lost.error, branch, lost.point)
     curve = jc.bifurcation_curve(
         closing, event, 0.12e-3, ((34.0, 34.6), (0.11e-3, 0.13e-3)), scales=(0.3, 3e-7), points=2
     )

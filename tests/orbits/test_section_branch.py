@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from jaxcrusher.orbits import shooting as module
 from jaxcrusher.orbits.branch import ENDS, SHORTER, follow
 from jaxcrusher.orbits.event_curve import curve_of
-from jaxcrusher.orbits.events import origin, other_branch, special_points
+from jaxcrusher.orbits.events import origin, other_branch, sharpened, special_points
 from jaxcrusher.orbits.problem import Stride
 from jaxcrusher.orbits.shooting import Shooting
 
@@ -181,8 +181,9 @@ def test_a_change_that_is_seen_but_not_located(branches, raised):
         with pytest.raises(ValueError, match="must be right"):
             special_points(branch)
     else:
-        ((kind, parameter, point),) = (vars(one).values() for one in special_points(branch))
-        assert kind == "period doubling" and np.isnan(parameter) and point is None
+        (one,) = special_points(branch)
+        assert one.kind == "period doubling" and np.isnan(one.parameter) and one.point is None
+        assert sharpened(branch, one) is one
 
 
 def test_a_pair_that_leaves_the_unit_circle(branches):
