@@ -162,7 +162,7 @@ PARAMETERS |= {
 PARAMETERS |= {
     "speed_fluctuation": Parameter(0.01, "1", "of the speed, a share of it; none: 0", (0, 0.99)),
     "fluctuation_order": Parameter(1.0, "1", "a whole number, so often a turn", (1, 40)),
-    "fluctuation_phase": Parameter(0.0, "rad", "of the fluctuation at shaft angle 0", _TURN),
+    "fluctuation_phase": Parameter(0.0, "rad", "of the fluctuation at angle 0", _TURN, 1.0),
 }
 
 # Of a crushing load; a scene has these names only where `openers` says so.

@@ -28,6 +28,7 @@ CURVE = np.array([[0.0, 1e3], [2.0, 9e3], [4.0, 4e3], [5.0, 2e3]])
 # What opens names -> what a description then has.
 OPENED = {
     ("load_scatter",): {"load_scatter": 0.1},
+    ("speed_fluctuation",): {"speed_fluctuation": 0.02},
     ("load_point",): {"load_point": 0.3},
     ("load_law=by_angle",): {"load_law": "by_angle", "load_curve": CURVE},
     ("rod.stiffness", "rod.preload"): {"rod.stiffness": 2e5, "rod.preload": 1e4},
@@ -71,6 +72,8 @@ def test_every_number_reaches_the_scene():
     plain = jax.tree.leaves(jc.build_scene(loose))
     for name, parameter in jc.PARAMETERS.items():
         values = {name: parameter.default + 0.01 * parameter.scale}
+        if name == "fluctuation_order":
+            values = {name: 2.0}  # a whole number
         if name in ("counterweight.radius", "counterweight.angle"):
             plain_here = jax.tree.leaves(jc.build_scene(loose | {"counterweight.mass": 10.0}))
             values["counterweight.mass"] = 10.0
