@@ -50,7 +50,7 @@ def test_motions_are_named():
     assert quiet < 0.01 < loud
 
 
-@pytest.mark.slow
+@pytest.mark.optimised
 def test_a_map_names_a_motion_round_an_unstable_orbit():
     """A pair of multipliers has left the unit circle: the motion turns round the orbit."""
     axes = {"speed": [40.0], "clearance": [0.075e-3, 0.0975e-3]}

@@ -45,7 +45,7 @@ def test_trend_of_a_decaying_swing():
 
 # With the load on the closing stroke only the pin flies: windows of short periods, and chaos, which
 # the gradient report's test looks at.
-@pytest.mark.slow
+@pytest.mark.optimised
 def test_period_one_of_the_closing_stroke():
     scene = jc.paper_scene(35.0, 0.12e-3, load_law="closing_stroke")
     found = jc.regime(scene, 100, 300, tangent_turns=30)

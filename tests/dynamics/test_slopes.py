@@ -60,7 +60,7 @@ def closing(point):
     return jc.paper_scene(point[0], point[1], load_law="closing_stroke")
 
 
-@pytest.mark.slow
+@pytest.mark.optimised
 def test_slopes_along_a_periodic_orbit():
     """The implicit formula against differences of orbits, in both parameters."""
     point = jnp.array([35.0, 0.12e-3])
@@ -128,7 +128,7 @@ def test_a_global_that_changes_is_seen(monkeypatch):
         assert slope.value == pytest.approx(float(ends[0] - ends[1]) / 0.02, rel=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.optimised
 def test_chaos_is_refused():
     report = gradient_report(
         lambda **numbers: jc.build_scene({"load_law": "closing_stroke", **numbers}),

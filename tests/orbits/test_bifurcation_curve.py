@@ -102,7 +102,7 @@ def closing(speed, clearance):
     return jc.build_scene(described)
 
 
-@pytest.mark.slow
+@pytest.mark.optimised
 def test_lost_contact_is_followed_by_shooting():
     """On a branch, then over two parameters; single orbits on both sides of the curve tell."""
     over = eqx.Partial(closing, clearance=jnp.asarray(0.12e-3))

@@ -143,7 +143,7 @@ MACHINE = {
 PAPER = {"speed": 38.465164, "clearance": 0.105981e-3, "slip": "surface"}
 
 
-@pytest.mark.slow
+@pytest.mark.optimised
 @pytest.mark.parametrize(("values", "rms"), [(MACHINE, 56232.3449), (PAPER, None)])
 def test_a_motion_that_must_be_waited_for(values, rms):
     scene = jc.build_scene(values)
@@ -156,7 +156,7 @@ def test_a_motion_that_must_be_waited_for(values, rms):
         assert float(orbit.foundation_rms) == pytest.approx(rms, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.optimised
 def test_a_map_waits_for_what_its_neighbours_do_not_lead_to():
     axes = {"speed": [37.075044, 38.465164], "clearance": [0.105981e-3]}
     found = jc.orbit_map(axes, base={"slip": "surface"})

@@ -22,7 +22,7 @@ def orbit():
 
 
 # Compiled with XLA's optimisations, as users have it: README promises these numbers.
-@pytest.mark.slow
+@pytest.mark.optimised
 @pytest.mark.parametrize(
     ("speed", "clearance", "rms", "digits", "turns"),
     [

@@ -137,7 +137,7 @@ def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles(monkeypa
     )  # the same orbit, found again, is not doubled again
 
 
-@pytest.mark.slow
+@pytest.mark.optimised
 def test_an_orbit_that_has_doubled_leads_to_that_of_twice_the_turns():
     """Between two doublings 0.0003 rad/s apart; by random starts 20 927.9590 N."""
     scene = jc.paper_scene(36.5455, 0.11293e-3)
@@ -194,7 +194,7 @@ def test_means_are_taken_over_the_turns_that_a_motion_repeats_after():
     assert list(dict(Round(doubled).means(3))) == [3]
 
 
-@pytest.mark.slow
+@pytest.mark.optimised
 def test_what_has_no_orbit_is_named():
     """The jaw that its load leaves goes from impact to impact."""
     orbit = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3, load_law="closing_stroke"))

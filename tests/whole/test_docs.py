@@ -68,7 +68,7 @@ def test_every_module_is_documented(documented):
         "docs/model.md",
         "docs/roller_bearing.md",
         # Its steps at a loose tolerance are those of programs compiled as users have them.
-        pytest.param("docs/numerics.md", marks=pytest.mark.slow),
+        pytest.param("docs/numerics.md", marks=pytest.mark.optimised),
         "docs/gradients.md",
         "docs/lanes.md",
         "docs/orbits.md",

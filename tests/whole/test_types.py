@@ -21,7 +21,7 @@ def checked(folder: Path, source: str) -> subprocess.CompletedProcess:
     (folder / "script.py").write_text(source)
     (folder / "pyrightconfig.json").write_text(json.dumps(SETTINGS))
     return subprocess.run(
-        ["pyright", "--pythonpath", sys.executable, "--project", str(folder)],
+        [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, "--project", str(folder)],
         capture_output=True,
         text=True,
         timeout=900,
