@@ -44,6 +44,7 @@ def seat():
     return case, reference(case.peer, case.pins)
 
 
+@pytest.mark.slow
 def test_seats_are_compared_by_force_and_every_eccentricity(seat):
     case, known = seat
     assert known.contacts[-1] > 10
@@ -59,6 +60,7 @@ def test_seats_are_compared_by_force_and_every_eccentricity(seat):
         assert not found["error"] <= found["allowed"], name
 
 
+@pytest.mark.slow
 def test_pointwise_tells_another_stiffness_of_a_seat(seat):
     _, known = seat
     for name in ("elbow.young", "pivot.young"):

@@ -106,6 +106,7 @@ def test_without_scatter_nothing_of_it_is_there():
         jc.build_scene({"load_bandwidth": 3.0})
 
 
+@pytest.mark.slow
 def test_seeds_run_in_lanes_and_scatter_has_slopes():
     def rms(scene):
         return statistics(scene, 0, 1, outputs=("foundation_rms",)).foundation_rms
