@@ -38,6 +38,7 @@ def test_newtons_method_in_lanes_comes_to_the_orbit():
     assert not np.array_equal(waits.last(0).states[:120], before)
 
 
+@pytest.mark.slow
 def test_motions_are_named():
     """With a load on the closing stroke some repeat, and some hit their bores again and again."""
     waits = waits_of([0.0645e-3, 0.12e-3, 0.05e-3], speed=34.51, load_law="closing_stroke")
@@ -50,6 +51,7 @@ def test_motions_are_named():
     assert quiet < 0.01 < loud
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_a_map_names_a_motion_round_an_unstable_orbit():
     """A pair of multipliers has left the unit circle: the motion turns round the orbit."""

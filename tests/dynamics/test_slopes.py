@@ -60,6 +60,7 @@ def closing(point):
     return jc.paper_scene(point[0], point[1], load_law="closing_stroke")
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_slopes_along_a_periodic_orbit():
     """The implicit formula against differences of orbits, in both parameters."""
@@ -118,6 +119,7 @@ def worn(speed):
     return in_contact(speed=speed, clearance=CLEARANCE)
 
 
+@pytest.mark.slow
 def test_a_global_that_changes_is_seen(monkeypatch):
     """By each call anew; at 0.03 mm the slope was that at 0.06 mm."""
     for clearance in (0.06e-3, 0.03e-3):
@@ -128,6 +130,7 @@ def test_a_global_that_changes_is_seen(monkeypatch):
         assert slope.value == pytest.approx(float(ends[0] - ends[1]) / 0.02, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_chaos_is_refused():
     report = gradient_report(
@@ -150,6 +153,7 @@ def test_chaos_is_refused():
     assert not abs(tangent) < 1e6
 
 
+@pytest.mark.slow
 def test_tangents_that_fail_say_why(monkeypatch):
     """A turn takes 560 steps alone, and 1280 with its tangents."""
     monkeypatch.setattr(method, "MOST_STEPS", 900)
@@ -170,6 +174,7 @@ def test_tangents_that_fail_say_why(monkeypatch):
     assert slope.verdict == "refused" and np.isnan(slope.value)
 
 
+@pytest.mark.slow
 def test_whirl_is_refused_without_a_number():
     """The motions of all speeds near it whirl: at half the clearance rounding decides."""
     report = gradient_report(
