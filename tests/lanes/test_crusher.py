@@ -12,6 +12,7 @@ from jaxcrusher.batch.engines import in_lanes, in_turn, map_all, stack
 from jaxcrusher.crusher.drives import GivenTorque
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
 from jaxcrusher.lanes import machine
+from tests.pairs import slow
 
 COUNT = 37  # no multiple of the lanes
 
@@ -81,9 +82,8 @@ QUIET = {"foundation_rms": 1e-8, "foundation_mean": 1e-8, "foundation_peak": 5e-
     [
         {},
         {"joint": "ideal"},
-        {"formulation": "multiplier"},
         {"slip": "surface", "contact_law": "flores", "impact_law": "tracked"},
-        {"contact_law": "rollers"},
+        *slow({"formulation": "multiplier"}, {"contact_law": "rollers"}),
     ],
     ids=lambda choices: "-".join(choices.values()) or "paper",
 )

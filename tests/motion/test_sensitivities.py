@@ -70,6 +70,7 @@ def test_every_way_to_differentiate_agrees():
     np.testing.assert_allclose(through_steps(DESIGN), forward, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_quiet_motion_over_fifteen_turns():
     """Both slopes of the RMS; that by clearance is small and needs differences over 4 um."""
 
@@ -99,6 +100,7 @@ def test_a_second_derivative_at_the_tolerance_of_users():
     assert float(second(6e-5, 1e-12)) == pytest.approx(1.3003e8, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_any_parameter_of_the_machine():
     """The jaw's mass and the contact's restitution, through `equinox.tree_at`."""
 

@@ -594,6 +594,7 @@ def test_objectives_follow_from_their_statistics():
     assert values["excess"] == pytest.approx(values["rms"] - float(ideal), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_free_parameters_by_name():
     """Three free parameters: a Sobol sequence instead of a grid, and constraints that hold."""
     options = Options(
@@ -638,6 +639,7 @@ def test_the_rms_expected_under_a_rough_feed():
     assert rows["foundation_rms"][1, 0] == pytest.approx(18243, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_law_of_ones_own_is_searched(tmp_path):
     """Its numbers are fixed by a file, or free."""
     (tmp_path / "law_of_a_search.py").write_text(PUSH)
@@ -756,6 +758,7 @@ def test_a_search_says_what_is_unusual_before_it_begins(tmp_path, capfd):
     assert "unusual: " in capfd.readouterr().err
 
 
+@pytest.mark.slow
 def test_slopes_of_an_optimum_that_does_not_settle(monkeypatch):
     """They are of the statistic that the objective is made of."""
 

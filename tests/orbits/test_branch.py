@@ -155,6 +155,7 @@ def worn(speed):
     return jc.build_scene({"speed": speed, "clearance": CLEARANCE})
 
 
+@pytest.mark.slow
 def test_a_branch_by_shooting_begins_at_one_section_point(monkeypatch):
     """A motion of the crusher that keeps contact, as nodes have it at each speed."""
 
@@ -174,6 +175,7 @@ def test_a_branch_by_shooting_begins_at_one_section_point(monkeypatch):
         np.testing.assert_allclose(orbit.foundation_rms, nodes.foundation_rms, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_global_that_changes_is_seen(monkeypatch):
     """By each call anew: another program for another scene, and the same for the same."""
     seen, traces = [], []

@@ -15,6 +15,7 @@ from jaxcrusher.orbits.event_curve import curve_of, cusps
 from jaxcrusher.orbits.events import special_points, zeros
 from jaxcrusher.orbits.problem import Collocation, Stride
 from jaxcrusher.orbits.shooting import Shooting
+from tests.pairs import slow
 
 PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
 
@@ -46,7 +47,7 @@ def mathieu(time, x, rate, both):
     return -(both[0] + both[1] * jnp.cos(time)) * x
 
 
-@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("order", [1, *slow(3)])
 def test_tongues_of_mathieus_equation(order):
     """Where rest doubles its period, a is a characteristic value over all q = 2 b."""
     family = lambda both: System(mathieu, jnp.asarray(2 * np.pi), both)  # noqa: E731
@@ -94,7 +95,7 @@ def test_folds_of_duffings_equation():
     assert abs(cusp.point.along[-1]) < 1e-9
 
 
-@pytest.mark.parametrize("damping", [0.04, 0.01])
+@pytest.mark.parametrize("damping", [0.04, *slow(0.01)])
 def test_the_cusp_of_weak_damping(damping):
     """First harmonic: w^2 - 1 = sqrt(3) c w and f^2 = 32 (w^2 - 1)^3 / 81, to a share of c."""
     family = eqx.Partial(duffings, c=damping)

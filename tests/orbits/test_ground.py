@@ -11,6 +11,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.formulations import EccentricityFormulation, MultiplierFormulation
 from jaxcrusher.crusher.starts import Given
+from tests.pairs import crossed
 
 LAWS = ("along_jaw", "normal_to_jaw", "closing_stroke", "none")
 FORMULATIONS = {"eccentricity": EccentricityFormulation(), "multiplier": MultiplierFormulation()}
@@ -96,8 +97,7 @@ def test_without_a_foundation_moments_count_about_the_pivot():
         jc.build_scene({"foundation.x": 1000.0})
 
 
-@pytest.mark.parametrize("name", ["eccentricity", "multiplier", "ideal"])
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("law", "name"), crossed(LAWS, ("eccentricity", "multiplier", "ideal")))
 def test_ground_carries_what_the_frame_is_pushed_with(law, name):
     """Bearing, pivot, fixed jaw and the drive's reaction push the frame, in hard contact too."""
     scene = at_point(slip="surface", load_law=law)

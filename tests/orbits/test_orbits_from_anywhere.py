@@ -9,6 +9,7 @@ import jaxcrusher as jc
 from jaxcrusher.motion.statistic import statistics_of
 from jaxcrusher.orbits.problem import least_penetrations
 from jaxcrusher.scenes.build import build_chamber
+from tests.pairs import slow
 
 
 def rms_at(clearance):
@@ -16,6 +17,7 @@ def rms_at(clearance):
     return jc.periodic_orbit(jc.paper_scene(41.6, clearance, slip="surface")).foundation_rms
 
 
+@pytest.mark.slow
 def test_eager_and_traced_orbits_mean_the_same():
     value, slope = jax.value_and_grad(rms_at)(5e-5)
     under_jit, its_slope = jax.jit(jax.value_and_grad(rms_at))(5e-5)
@@ -28,6 +30,7 @@ def test_eager_and_traced_orbits_mean_the_same():
     assert float(slope) == pytest.approx(float(difference), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_an_error_is_not_claimed_too_small():
     """Sums of signed defects claim 2e-5 here, and the truth is 1e-3."""
     numbers = {"speed": 38.8277, "clearance": 9.1839e-5, "shaft.eccentricity": 0.0101464}
@@ -68,7 +71,7 @@ def test_multipliers_have_no_slopes():
         assert np.isfinite(backwards(30.0))
 
 
-@pytest.mark.parametrize("name", ["counterweight.mass", "shaft.mass", "shaft.inertia"])
+@pytest.mark.parametrize("name", ["counterweight.mass", *slow("shaft.mass", "shaft.inertia")])
 def test_numbers_that_do_not_move_the_orbit(name):
     """Each alone, forwards and backwards, of every statistic."""
     value = {"counterweight.mass": 20.0, "shaft.mass": 95.0, "shaft.inertia": 0.2}[name]
@@ -143,6 +146,7 @@ MACHINE = {
 PAPER = {"speed": 38.465164, "clearance": 0.105981e-3, "slip": "surface"}
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 @pytest.mark.parametrize(("values", "rms"), [(MACHINE, 56232.3449), (PAPER, None)])
 def test_a_motion_that_must_be_waited_for(values, rms):
@@ -156,6 +160,7 @@ def test_a_motion_that_must_be_waited_for(values, rms):
         assert float(orbit.foundation_rms) == pytest.approx(rms, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_a_map_waits_for_what_its_neighbours_do_not_lead_to():
     axes = {"speed": [37.075044, 38.465164], "clearance": [0.105981e-3]}
@@ -167,6 +172,7 @@ def test_a_map_waits_for_what_its_neighbours_do_not_lead_to():
         assert float(cell) == pytest.approx(float(orbit.foundation_rms), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_map_of_crushers_with_a_loose_elbow():
     base = {"elbow.clearance": 5e-5, "load_law": "normal_to_jaw"}
     found = jc.orbit_map({"speed": [25.0, 27.0]}, base=base, nodes=96)

@@ -69,6 +69,7 @@ def test_what_is_seen_along_an_orbit_has_second_derivatives(monkeypatch):
         np.testing.assert_allclose(of(seen)(0.8), of(expected)(0.8), rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_an_orbit_that_loses_contact_has_slopes_in_a_traced_call(waited):
     """Beside differences of runs that have settled, which know nothing of orbits."""
@@ -95,6 +96,7 @@ def test_an_orbit_that_loses_contact_has_slopes_in_a_traced_call(waited):
         assert float(slopes[i]) == pytest.approx(expected, rel=3e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_a_failure_has_no_slopes(waited):
     """Where the motion is chaotic the mean of its turns leads to no orbit."""
@@ -103,6 +105,7 @@ def test_a_failure_has_no_slopes(waited):
     assert np.isnan(orbit.multipliers).all()
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_an_eager_call_is_a_traced_one_and_its_multipliers_are_of_the_map(waited):
     (_, traced), _ = waited(CLOSING)
@@ -132,6 +135,7 @@ def test_an_eager_call_is_a_traced_one_and_its_multipliers_are_of_the_map(waited
     )
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_slopes_over_two_turns_are_those_of_collocation_over_one():
     """The quiet motion keeps contact."""

@@ -14,6 +14,7 @@ from jaxcrusher.orbits.result import RESULTS, WAYS
 from jaxcrusher.orbits.solving import solved
 from jaxcrusher.orbits.transient import Round, Wait
 from jaxcrusher.orbits.tries import MOST_STEPS, UNSURE, Search, Try, searched
+from tests.pairs import slow
 
 # Near a harmonic of the drive Newton's method fails from rest. RMS of 20 turns after 3000 from the
 # start in contact, at a tolerance of 1e-9, by the integrator.
@@ -24,7 +25,10 @@ def rms(speed, clearance):
     return jc.periodic_orbit(jc.paper_scene(speed, clearance, slip="surface")).foundation_rms
 
 
-@pytest.mark.parametrize(("speed", "clearance", "waited"), TONGUES)
+@pytest.mark.parametrize(
+    ("speed", "clearance", "waited"),
+    [TONGUES[0], pytest.param(*TONGUES[1], marks=pytest.mark.slow)],
+)
 def test_a_damping_is_lowered_where_rest_is_too_far(speed, clearance, waited):
     orbit = jc.periodic_orbit(jc.paper_scene(speed, clearance, slip="surface"))
     assert orbit.stable and orbit.found == "from the pins at rest, by a damping lowered to none"
@@ -35,6 +39,7 @@ def test_a_damping_is_lowered_where_rest_is_too_far(speed, clearance, waited):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_where_motions_coexist_the_answer_is_what_the_machine_comes_to():
     """A damping leads to a quieter motion, of 20 931.5 N, to which no start near rest comes."""
     scene = jc.paper_scene(37.8047, 0.094538e-3, slip="surface")
@@ -47,7 +52,7 @@ def test_where_motions_coexist_the_answer_is_what_the_machine_comes_to():
     assert quiet.stable and float(quiet.foundation_rms) == pytest.approx(20931.5, abs=0.1)
 
 
-@pytest.mark.parametrize("impact_velocity", [1e-4, 1e-6])
+@pytest.mark.parametrize("impact_velocity", [1e-4, *slow(1e-6)])
 def test_multipliers_of_a_contact_that_damps_too_fast_for_the_usual_steps(impact_velocity):
     """A small impact velocity damps a contact to rest within a thousandth of a turn."""
     scene = jc.paper_scene(30.0, 0.06e-3, impact_velocity=impact_velocity)
@@ -67,6 +72,7 @@ def test_multipliers_of_a_contact_that_damps_too_fast_for_the_usual_steps(impact
     assert float(usual.largest_multiplier) == pytest.approx(largest, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_slopes_of_an_orbit_that_took_the_long_way():
     """By the equations themselves, eagerly and under `jax.jit`, which lowers the same damping."""
     speed, clearance, waited = TONGUES[0]
@@ -78,6 +84,7 @@ def test_slopes_of_an_orbit_that_took_the_long_way():
     assert float(slope) == pytest.approx(-201103.0, rel=5e-5)
 
 
+@pytest.mark.slow
 def test_a_guess_is_not_left_for_the_pins_at_rest_under_jit():
     """The fixed tries of a traced call: its guess, or rest and the damping."""
     speed, clearance, _ = TONGUES[0]
@@ -137,6 +144,7 @@ def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles(monkeypa
     )  # the same orbit, found again, is not doubled again
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_an_orbit_that_has_doubled_leads_to_that_of_twice_the_turns():
     """Between two doublings 0.0003 rad/s apart; by random starts 20 927.9590 N."""
@@ -194,6 +202,7 @@ def test_means_are_taken_over_the_turns_that_a_motion_repeats_after():
     assert list(dict(Round(doubled).means(3))) == [3]
 
 
+@pytest.mark.slow
 @pytest.mark.optimised
 def test_what_has_no_orbit_is_named():
     """The jaw that its load leaves goes from impact to impact."""
@@ -202,6 +211,7 @@ def test_what_has_no_orbit_is_named():
     assert orbit.failure == "The motion from rest is chaotic: disturbances of it grow."
 
 
+@pytest.mark.slow
 def test_what_the_motion_does_beside_an_unstable_orbit_is_named():
     """The motion of one turn has doubled its period, and beyond a cascade there is chaos.
 
