@@ -126,6 +126,7 @@ def scene(speed):
     return jc.build_scene({"speed": speed, "clearance": 0.1e-3})
 
 
+@pytest.mark.slow
 def test_a_fold_of_the_crusher():
     """At 0.1 mm the quiet motion ends at 37.3155 rad/s; below, another stable one is as quiet."""
     bounds = (37.1, 37.6)

@@ -95,7 +95,8 @@ def test_folds_of_duffings_equation():
     assert abs(cusp.point.along[-1]) < 1e-9
 
 
-@pytest.mark.parametrize("damping", [0.04, *slow(0.01)])
+@pytest.mark.slow
+@pytest.mark.parametrize("damping", [0.04, 0.01])
 def test_the_cusp_of_weak_damping(damping):
     """First harmonic: w^2 - 1 = sqrt(3) c w and f^2 = 32 (w^2 - 1)^3 / 81, to a share of c."""
     family = eqx.Partial(duffings, c=damping)

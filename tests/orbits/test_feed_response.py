@@ -90,6 +90,7 @@ def test_a_motion_that_starts_on_its_response_stays_there(orbit, linear):
     np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_little_scatter_and_where_contact_is_lost(orbit, response):
     """Deviations are linear in the scatter, the mean RMS is quadratic; then contact is lost."""
     scene = jc.build_scene(ROUGH | {"load_scatter": 1e-3})
