@@ -76,6 +76,7 @@ def duffings(both, c):
     return System(duffing, 2 * jnp.pi / both[0], (c, both[1], both[0]))
 
 
+@pytest.mark.slow
 def test_folds_of_duffings_equation():
     """Both folds published for f = 0.015 lie on one curve, and meet in a cusp."""
     family = eqx.Partial(duffings, c=0.04)

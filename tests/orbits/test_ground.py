@@ -188,6 +188,7 @@ def test_harmonics_make_the_motion():
         jc.harmonics(lost)
 
 
+@pytest.mark.slow
 def test_the_moment_of_a_motion_with_clearance():
     """Integrated over turns it is the deviation of samples, and orbits have its slopes."""
     scene = at_point(clearance=5e-5, start="contact")

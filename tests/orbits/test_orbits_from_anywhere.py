@@ -45,6 +45,7 @@ def test_an_error_is_not_claimed_too_small():
         assert not found.success or true < 3 * float(found.error)
 
 
+@pytest.mark.slow
 def test_the_slope_of_a_failure_is_no_number():
     def rms(speed, clearance=0.12e-3):
         return jc.periodic_orbit(jc.paper_scene(speed, clearance), nodes=96).foundation_rms
@@ -94,7 +95,13 @@ def test_numbers_that_do_not_move_the_orbit(name):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("speed", -30.0), ("restitution", 1.5), ("friction", -0.1), ("poisson", 0.9)],
+    [
+        ("speed", -30.0),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (("restitution", 1.5), ("friction", -0.1), ("poisson", 0.9))
+        ),
+    ],
 )
 def test_traced_numbers_out_of_limits_are_failures(name, value):
     def scene(number):

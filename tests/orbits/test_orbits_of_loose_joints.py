@@ -71,6 +71,7 @@ def test_slopes_by_clearances_of_elbow_and_pivot(orbit):
         assert float(slope) == pytest.approx(float(difference), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_what_parts_has_no_orbit_in_contact():
     """The force at the elbow reverses: its pin crosses the play, and that is said."""
     orbit = jc.periodic_orbit(jc.build_scene(LOOSE | {"load_law": "along_jaw"}), nodes=NODES)
