@@ -124,6 +124,7 @@ def rms(numbers):
     return jc.periodic_orbit(scene).foundation_rms
 
 
+@pytest.mark.slow
 def test_slopes_by_all_numbers():
     """Forward, reverse and central differences of orbits, of fourth order."""
     at = jnp.array([BASE.get(name, PARAMETERS[name].default) for name in NAMES])

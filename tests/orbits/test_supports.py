@@ -144,6 +144,7 @@ def test_orbit_is_where_a_long_integration_ends(joint):
         np.testing.assert_allclose(run.values[name][0], orbit[name], rtol=allowed, err_msg=name)
 
 
+@pytest.mark.slow
 def test_multipliers_against_the_section():
     orbit = orbit_of(**springs(2e6, 2e3))
     section = jc.poincare_section(orbit.scene, 0, 1, slices=8, state=orbit.section, rtol=1e-11)
@@ -182,6 +183,7 @@ def test_multipliers_that_overflow_are_not_trusted():
     assert orbit.instability.startswith("Its multipliers are not known")
 
 
+@pytest.mark.slow
 def test_power_over_a_period():
     """The drive gives what load, contact and dampers take: energies come back to themselves."""
     works = []
