@@ -67,6 +67,7 @@ def test_any_law_is_multiplied_by_the_same_wave(load):
     assert np.ptp(wave) > 1
 
 
+@pytest.mark.slow
 def test_a_run_that_is_split_goes_on_with_its_feed():
     scene = jc.build_scene(ROUGH)
     names = ("foundation_rms",)

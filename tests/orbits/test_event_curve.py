@@ -121,6 +121,7 @@ def van_der_pol(time, x, rate, args):
     return f * jnp.cos(w * time) + 0.3 * (1 - x**2) * rate - x
 
 
+@pytest.mark.slow
 def test_where_van_der_pol_is_no_longer_driven():
     """A pair leaves the circle where det M = 1, so where x^2 is 1 in the mean (Liouville)."""
     family = lambda both: System(van_der_pol, 2 * jnp.pi / both[0], (both[1], both[0]))  # noqa: E731

@@ -161,6 +161,7 @@ def test_harmonics_of_a_rotating_unbalance():
     assert float(orbit.shaking_moment_rms) == pytest.approx(abs(turning) / np.sqrt(2), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_harmonics_make_the_motion():
     """Any observable, of two turns in orders of a half, and what is refused."""
     orbit = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3), period=2, nodes=96)

@@ -72,6 +72,7 @@ def test_multipliers_have_no_slopes():
         assert np.isfinite(backwards(30.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["counterweight.mass", *slow("shaft.mass", "shaft.inertia")])
 def test_numbers_that_do_not_move_the_orbit(name):
     """Each alone, forwards and backwards, of every statistic."""
@@ -196,6 +197,7 @@ def test_loss_of_contact_is_watched_at_each_joint():
     np.testing.assert_allclose(least_penetrations(jnp.asarray(x)), [0.5, -0.01], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_hessian_past_an_impact():
     """The second derivative of the contact's force jumps where its corner ends."""
 

@@ -61,6 +61,7 @@ def test_an_oscillator(bandwidth, damping, turns):
     np.testing.assert_allclose(mean, wanted, rtol=3e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bandwidth", "damping"), crossed((4.0, 4.5, 4.8), (0.02, 1e-4)))
 def test_slopes(bandwidth, damping):
     """By the bandwidth, also where it is whole and half whole, and by stiffness and damping."""

@@ -204,6 +204,7 @@ def test_power_over_a_period():
     assert float(sliding.friction_loss[1]) > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", ["ideal", *slow("clearance")])
 def test_slopes(joint):
     """By numbers of frame, springs and machine, against central differences of orbits."""

@@ -52,6 +52,7 @@ def test_where_motions_coexist_the_answer_is_what_the_machine_comes_to():
     assert quiet.stable and float(quiet.foundation_rms) == pytest.approx(20931.5, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("impact_velocity", [1e-4, *slow(1e-6)])
 def test_multipliers_of_a_contact_that_damps_too_fast_for_the_usual_steps(impact_velocity):
     """A small impact velocity damps a contact to rest within a thousandth of a turn."""
