@@ -47,6 +47,7 @@ def nothing_counts(rows, case, capacity):
     return np.zeros(np.shape(rows["success"]), bool)
 
 
+@pytest.mark.slow
 def test_a_box_without_a_design(tmp_path, monkeypatch):
     monkeypatch.setattr(evaluate, "may_count", nothing_counts)
     solved = orbits.solve
@@ -72,6 +73,7 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
     assert "━" not in written
 
 
+@pytest.mark.slow
 def test_a_box_without_an_orbit(tmp_path, monkeypatch):
     solved = orbits.solve
 
@@ -99,6 +101,7 @@ def test_a_box_without_an_orbit(tmp_path, monkeypatch):
     assert not (tmp_path / "box" / "settling.png").exists()
 
 
+@pytest.mark.slow
 def test_candidates_none_of_which_survives(tmp_path, monkeypatch):
     def only_on_the_map(rows, case, capacity):  # of two by two points
         return np.full(np.shape(rows["success"]), len(capacity) == 4)

@@ -484,6 +484,7 @@ def test_colours_run_over_the_whole_map():
     assert (found[0], found[-1]) == ("#00224e", "#fee838")
 
 
+@pytest.mark.slow
 def test_motions_go_on_from_the_landscape():
     # So fast that two turns of impacts end before trajectories diverge (like exp(200 t)).
     design = Design({"speed": (25.0, 250.0), "clearance": (3e-5, 6e-5)}, {"friction": 0.05})
