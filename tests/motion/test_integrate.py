@@ -9,6 +9,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import scalar
+from tests.pairs import slow
 
 
 def test_values_are_checked_only_where_concrete():
@@ -24,7 +25,7 @@ def test_values_are_checked_only_where_concrete():
     assert not success and np.isnan(rms)
 
 
-@pytest.mark.parametrize("of", [jc.periodic_orbit, lambda scene: jc.statistics(scene, 0, 1)])
+@pytest.mark.parametrize("of", [jc.periodic_orbit, *slow(lambda scene: jc.statistics(scene, 0, 1))])
 def test_slopes_of_numbers_out_of_limits_are_nan_backwards_too(of):
     """In their lanes alone."""
 
@@ -112,6 +113,7 @@ def peak(motion):
     return float(motion.normal_force.max())
 
 
+@pytest.mark.slow
 def test_other_solvers_and_controllers():
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
     times, outputs = np.linspace(0, 5e-3, 1001), ("normal_force",)

@@ -620,6 +620,7 @@ def test_free_parameters_by_name():
     assert float(scene.machine.shaft.mass) == pytest.approx(145.0)
 
 
+@pytest.mark.slow
 def test_the_rms_expected_under_a_rough_feed():
     """Of an orbit that bears the feed; not of one that does not, nor of an integrated motion."""
     rough = (("load_scatter", "0.2"), ("load_bandwidth", "3"))
