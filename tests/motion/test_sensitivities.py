@@ -55,6 +55,7 @@ def test_first_impact_agrees_with_differences():
     np.testing.assert_allclose(tangents, differences, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_every_way_to_differentiate_agrees():
     def peak(design, **method):
         return first_impact(design, **method)[1]
@@ -86,6 +87,7 @@ def test_quiet_motion_over_fifteen_turns():
     assert float(clearance) == pytest.approx(float(by_clearance), rel=5e-2)
 
 
+@pytest.mark.slow
 def test_a_second_derivative_at_the_tolerance_of_users():
     """By clearance, where the contact is a twentieth of a clearance deep."""
 
