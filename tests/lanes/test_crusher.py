@@ -103,6 +103,7 @@ def _on_supports(numbers):
     return {**result.values, "success": result.success}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_a_frame_on_supports_agrees_with_diffrax():
     numbers = _numbers(count=3)
@@ -119,6 +120,7 @@ def _free(scene):
     return {**result.values, "success": result.success}
 
 
+@pytest.mark.slow
 def test_a_free_shaft_agrees_with_diffrax():
     scenes = [jc.paper_scene(speed, 6e-5, start="contact") for speed in (28.0, 31.0, 34.0)]
     torque = GivenTorque(100.0, 30.0)
