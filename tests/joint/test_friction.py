@@ -14,6 +14,7 @@ from jaxcrusher.joint.friction import (
     Threlfall,
 )
 from jaxcrusher.testing import check_law
+from tests.pairs import slow
 
 
 def ramp(speed):
@@ -75,6 +76,6 @@ def test_stribeck():
     assert at(law, 0.0)[0] == 0
 
 
-@pytest.mark.parametrize("law", [Threlfall, BengisuAkay, Stribeck])
+@pytest.mark.parametrize("law", [Threlfall, *slow(BengisuAkay, Stribeck)])
 def test_laws_can_be_computed_with(law):
     check_law(law(SurfaceSlip()))
