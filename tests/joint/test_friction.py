@@ -14,7 +14,6 @@ from jaxcrusher.joint.friction import (
     Threlfall,
 )
 from jaxcrusher.testing import check_law
-from tests.pairs import slow
 
 
 def ramp(speed):
@@ -76,6 +75,7 @@ def test_stribeck():
     assert at(law, 0.0)[0] == 0
 
 
-@pytest.mark.parametrize("law", [Threlfall, *slow(BengisuAkay, Stribeck)])
+@pytest.mark.slow
+@pytest.mark.parametrize("law", [Threlfall, BengisuAkay, Stribeck])
 def test_laws_can_be_computed_with(law):
     check_law(law(SurfaceSlip()))

@@ -122,6 +122,7 @@ def test_any_parameter_of_the_machine():
     np.testing.assert_allclose(jax.grad(rms)(point), differences, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_ideal_joint():
     def numbers(speed):
         result = jc.statistics(jc.ideal_scene(speed), 0, 1)
@@ -134,7 +135,11 @@ def test_ideal_joint():
 
 @pytest.mark.parametrize(
     "slip, formulation",
-    [("centre", "eccentricity"), ("surface", "eccentricity"), ("surface", "multiplier")],
+    [
+        ("surface", "eccentricity"),
+        pytest.param("centre", "eccentricity", marks=pytest.mark.slow),
+        pytest.param("surface", "multiplier", marks=pytest.mark.slow),
+    ],
 )
 def test_finite_at_zero_eccentricity_and_zero_slip(slip, formulation):
     """The field's derivatives at e = 0, and in contact where the surfaces do not slip."""

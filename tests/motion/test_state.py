@@ -30,7 +30,7 @@ def free():
     [
         # What steps of 1e-9 leave in quiet motion: states were up to 2e-8 apart.
         (quiet(), 4, 1e-7),
-        (quiet(impact_law="tracked"), 5, 1e-7),
+        pytest.param(quiet(impact_law="tracked"), 5, 1e-7, marks=pytest.mark.slow),
         (free(), 6, 1e-7),
         # Its tolerance is 2e-14 m at best, 3e-10 clearances a step; three thousand steps.
         pytest.param(quiet(formulation="multiplier"), 18, 1e-4, marks=pytest.mark.slow),

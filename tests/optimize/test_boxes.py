@@ -113,6 +113,7 @@ def test_candidates_none_of_which_survives(tmp_path, monkeypatch):
     assert "No design may be chosen" in page
 
 
+@pytest.mark.slow
 def test_a_failure_is_not_called_finished(tmp_path, monkeypatch):
     def breaks(*_):
         raise ValueError("no such picture")
@@ -125,6 +126,7 @@ def test_a_failure_is_not_called_finished(tmp_path, monkeypatch):
     assert "This run is not finished" in (tmp_path / "box" / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_joint_that_is_ideal_in_the_paper_is_compared_with_its_default():
     """The paper has no clearance of the pivot to compare with, and the search ends all the same."""
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))

@@ -799,6 +799,7 @@ def test_folder_that_cannot_be_written(tmp_path):
         run(Options(out=tmp_path / "file"), Console(quiet=True))
 
 
+@pytest.mark.slow
 def test_interruption_leaves_what_was_finished(tmp_path, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
@@ -850,6 +851,7 @@ def test_keys_of_a_journal_hold_values():
     assert text_of(case) == text_of(again) != text_of(wide)
 
 
+@pytest.mark.slow
 def test_command_line_error_is_one_line():
     done = subprocess.run(
         [sys.executable, "-m", "optimize.run", "--speed", "40", "25rad/s"],

@@ -134,6 +134,7 @@ def test_lost_contact_is_followed_by_shooting():
         assert depths[0] < -1e-6 and depths[1] > 1e-6
 
 
+@pytest.mark.slow
 def test_refusals(folded):
     (fold,) = folded.events
     with pytest.raises(ValueError, match="`second` must lie in the bounds"):

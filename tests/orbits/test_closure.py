@@ -33,6 +33,7 @@ def test_the_closure_is_what_the_integrator_finds(more, nodes):
     assert float(found.closure) == pytest.approx(closure, rel=0.02)
 
 
+@pytest.mark.slow
 def test_an_orbit_that_does_not_close_is_none():
     scene = jc.paper_scene(36.0, 0.06e-3)
     found, factors = solved(scene, None, 1, 64)

@@ -31,7 +31,7 @@ def orbit():
         # of collocation by a third; turns in which the swing falls to 1/e.
         (25.0, 0.03e-3, 18243.4112, 5e-5, 4700),
         (30.0, 0.06e-3, 19102.316, 1e-3, 14300),
-        (39.0, 0.03e-3, 21796.415, 3e-3, 6930),
+        pytest.param(39.0, 0.03e-3, 21796.415, 3e-3, 6930, marks=pytest.mark.slow),
     ],
 )
 def test_orbit_rms(speed, clearance, rms, digits, turns):

@@ -14,7 +14,6 @@ from jaxcrusher.orbits.result import RESULTS, WAYS
 from jaxcrusher.orbits.solving import solved
 from jaxcrusher.orbits.transient import Round, Wait
 from jaxcrusher.orbits.tries import MOST_STEPS, UNSURE, Search, Try, searched
-from tests.pairs import slow
 
 # Near a harmonic of the drive Newton's method fails from rest. RMS of 20 turns after 3000 from the
 # start in contact, at a tolerance of 1e-9, by the integrator.
@@ -25,10 +24,8 @@ def rms(speed, clearance):
     return jc.periodic_orbit(jc.paper_scene(speed, clearance, slip="surface")).foundation_rms
 
 
-@pytest.mark.parametrize(
-    ("speed", "clearance", "waited"),
-    [TONGUES[0], pytest.param(*TONGUES[1], marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("speed", "clearance", "waited"), TONGUES)
 def test_a_damping_is_lowered_where_rest_is_too_far(speed, clearance, waited):
     orbit = jc.periodic_orbit(jc.paper_scene(speed, clearance, slip="surface"))
     assert orbit.stable and orbit.found == "from the pins at rest, by a damping lowered to none"
@@ -53,7 +50,7 @@ def test_where_motions_coexist_the_answer_is_what_the_machine_comes_to():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("impact_velocity", [1e-4, *slow(1e-6)])
+@pytest.mark.parametrize("impact_velocity", [1e-4, 1e-6])
 def test_multipliers_of_a_contact_that_damps_too_fast_for_the_usual_steps(impact_velocity):
     """A small impact velocity damps a contact to rest within a thousandth of a turn."""
     scene = jc.paper_scene(30.0, 0.06e-3, impact_velocity=impact_velocity)
