@@ -32,6 +32,7 @@ def error(scene, known) -> float:
     return found["error"] / found["allowed"]
 
 
+@pytest.mark.slow
 def test_pointwise_tells_another_stiffness(known):
     assert error(CASE.scene("eccentricity"), known) <= 1
     softer = replace(BASE, young=0.999 * BASE.young)

@@ -73,6 +73,7 @@ def test_shooting_and_collocation_agree(found):
     np.testing.assert_allclose(shot.least_penetration, quiet.least_penetration, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_shooting_from_nowhere_says_so():
     scene = jc.paper_scene(40.0, 0.12e-3)
     lost = shoot(scene, np.array([0.0, 0.0, 0.3, 0.0]), 1)

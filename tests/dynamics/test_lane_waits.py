@@ -16,6 +16,7 @@ def waits_of(axis, **others):
     return LaneWaits(scene, (np.array(axis)[:, None], {}), None, None)
 
 
+@pytest.mark.slow
 def test_newtons_method_in_lanes_comes_to_the_orbit():
     waits, both = waits_of([0.06e-3, 0.05e-3], speed=30.0), np.arange(2)
     waits.go_on(both, 240)

@@ -272,7 +272,8 @@ def test_a_wrong_slope_that_wide_fits_agreed_with():
     assert known.verdict == "refused" and "1.5e+09 ± 5e+08 disagree" in known.reasons[-1]
 
 
-@pytest.mark.parametrize("pairs", [6, pytest.param(32, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("pairs", [6, 32])
 def test_verdicts_err_as_often_as_they_may(pairs):
     """Of right slopes one in twenty is refused, and of wrong ones one in twenty agreed with."""
     rng, draws, freedom = np.random.default_rng(0), 500, pairs - 2

@@ -149,6 +149,7 @@ def swaying(time, x, rate, both):
     return pull - 0.2 * rate + jnp.array([0.0, 0.0, f, 0.0]) * jnp.cos(w * time)
 
 
+@pytest.mark.slow
 def test_contact_is_lost_over_two_numbers():
     """A linear motion of amplitude 0.5 just touches: f = sqrt((3 - w^2)^2 + (0.2 w)^2) / 2.
 
