@@ -6,8 +6,9 @@ import pytest
 
 
 def slow(*cases):
-    """Mark cases of one argument as slow."""
-    return [pytest.param(case, marks=pytest.mark.slow) for case in cases]
+    """Mark cases as slow, of which a tuple is one of several arguments."""
+    every = (case if isinstance(case, tuple) else (case,) for case in cases)
+    return [pytest.param(*case, marks=pytest.mark.slow) for case in every]
 
 
 def crossed(*choices):
@@ -15,9 +16,9 @@ def crossed(*choices):
 
     A fault of one choice is seen beside the first of the others.
     """
-    first, *others = itertools.product(*map(tuple, choices))
-    found = [pytest.param(*first)]
+    first, *others = itertools.product(*choices)
+    found = [first]
     for case in others:
         far = sum(one != standard for one, standard in zip(case, first, strict=True)) > 1
-        found.append(pytest.param(*case, marks=[pytest.mark.slow] if far else []))
+        found += slow(case) if far else [case]
     return found

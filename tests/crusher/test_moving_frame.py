@@ -15,6 +15,7 @@ from jaxcrusher.crusher.moving_frame import frame_at, frame_units
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.crusher.snapshot import bodies_of, mass_centres
 from jaxcrusher.crusher.starts import Given
+from tests.pairs import slow
 
 NUMBERS = {
     "foundation.mass": 2000.0,
@@ -67,7 +68,7 @@ def instant(scene):
 CASES = [("paper", "eccentricity", False), ("ideal", "eccentricity", True)]
 CASES += [("all loose", "multiplier", True)]
 REST = [
-    pytest.param(kind, formulation, free, marks=pytest.mark.slow)
+    (kind, formulation, free)
     for kind in KINDS
     for formulation in ("eccentricity", "multiplier")
     for free in (False, True)
@@ -75,7 +76,7 @@ REST = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "formulation", "free"), CASES + REST)
+@pytest.mark.parametrize(("kind", "formulation", "free"), [*CASES, *slow(*REST)])
 def test_momentum_and_energy(kind, formulation, free):
     """Of all four bodies: what they have changes by what acts from outside, to rounding."""
     scene = scene_of(kind, formulation, free)
