@@ -25,7 +25,7 @@ from jaxcrusher.basics.setup import programs_folder  # noqa: E402
 
 # Compiled programs are kept for the next run, and in CI for this one. JAX's keys hold the flags
 # that a program is compiled with. Workers, kernels of notebooks and subprocesses inherit the
-# folder; JAX reads it when it is imported.
+# folder; here the checks of types have imported JAX already.
 if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     programs = programs_folder() / "tests"
     if "CI" in os.environ:
@@ -34,6 +34,8 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(programs)
 
 import jax  # noqa: E402
+
+jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
 
 # A test compiles longer than it computes, so it compiles without optimisation (a third of the time
 # of all) unless it is marked `optimised`. Four passes of XLA are left out, which took 40 % of what
@@ -70,14 +72,13 @@ def pytest_collection_modifyitems(config, items):
     Tests that are compiled with all optimisations come last in their file. Notebooks are spread
     over the run: side by side they compile the same programs twice.
     """
+    named = [arg for arg in config.args if "::" in arg or arg.endswith(".ipynb")]
+    named = {(config.invocation_params.dir / arg.split("::")[0]).resolve() for arg in named}
 
     def left_out(item):
         slow = item.path.suffix == ".ipynb" or item.get_closest_marker("slow")
         return slow and item.path not in named
 
-    where = config.invocation_params.dir
-    named = [arg for arg in config.args if "::" in arg or arg.endswith(".ipynb")]
-    named = {(where / arg.split("::")[0]).resolve() for arg in named}
     if not config.getoption("all"):
         config.hook.pytest_deselected(items=[item for item in items if left_out(item)])
         items[:] = [item for item in items if not left_out(item)]
