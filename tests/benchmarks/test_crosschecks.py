@@ -38,6 +38,7 @@ def test_friction():
     check(clearance.clearance((0.1,), peers, ("multiplier",)), peers)
 
 
+@pytest.mark.slow
 def test_given_torque():
     peers = (DOP853, EXUDYN)
     check(pointwise.torque((0.1,), peers, ("eccentricity",)), peers)

@@ -63,6 +63,7 @@ def test_swing_that_decays_has_not_settled():
     assert found.name == "not settled" and found.trend < -0.05, str(found)
 
 
+@pytest.mark.slow
 def test_swing_that_hardly_decays_has_not_settled():
     """In 40 turns it loses a quarter of a per cent, which no indicator tells from a torus."""
     scene = shifted_start(jc.paper_scene(30.0, 0.06e-3, start="contact"), Vector(-0.005, 0.0))

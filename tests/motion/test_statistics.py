@@ -59,6 +59,7 @@ def test_the_error_of_the_rms_is_that_of_each_motion_of_a_batch():
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_an_entry_makes_a_statistic(own):
     """In statistics, sections whole and in slices, and tangents."""
     scene, turns = contact(), 2

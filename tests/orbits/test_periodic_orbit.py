@@ -14,7 +14,6 @@ from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistic import STATISTIC, AbstractMean, statistics_of
 from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
-from tests.pairs import slow
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +162,8 @@ def test_an_ideal_joint_is_a_sum():
         assert jax.grad(lambda speed: jc.periodic_orbit(jc.ideal_scene(speed)).foundation_rms)(30.0)
 
 
-@pytest.mark.parametrize("load_law", ["closing_stroke", *slow("none")])
+@pytest.mark.slow
+@pytest.mark.parametrize("load_law", ["closing_stroke", "none"])
 def test_no_orbit_that_keeps_contact(load_law):
     """The load leaves the jaw within the turn: contact is lost, and nothing is returned."""
     found = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3, load_law=load_law), nodes=96)
