@@ -1,4 +1,4 @@
-"""A process set up before its first computation; one folder of compiled programs for this run."""
+"""A process set up before its first computation; which tests run, and what they compile."""
 
 import atexit
 import gc
@@ -9,27 +9,36 @@ import pathlib
 import shutil
 import tempfile
 
-# Workers, kernels of notebooks and subprocesses inherit it; JAX reads it when it is imported.
-if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
-    os.environ["JAX_COMPILATION_CACHE_DIR"] = tempfile.mkdtemp(prefix="jaxcrusher-")
-    atexit.register(shutil.rmtree, os.environ["JAX_COMPILATION_CACHE_DIR"], ignore_errors=True)
-
-import jax
 import jaxtyping
 import pytest
 
 # Shapes and types of arguments and results are checked as the package is imported, but for what
 # writes LLVM's text, and what only writes and asks.
-ROOMS = "basics joint crusher scenes motion orbits batch dynamics pictures".split()
+ROOMS = "basics joint mechanism crusher scenes motion orbits batch dynamics pictures".split()
 jaxtyping.install_import_hook(
     [f"jaxcrusher.{name}" for name in ROOMS],
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
 )
 
 import jaxcrusher as jc  # noqa: E402
+from jaxcrusher.basics.setup import programs_folder  # noqa: E402
+
+# Compiled programs are kept for the next run, and in CI for this one. JAX's keys hold the flags
+# that a program is compiled with. Workers, kernels of notebooks and subprocesses inherit the
+# folder; here the checks of types have imported JAX already.
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    programs = programs_folder() / "tests"
+    if "CI" in os.environ:
+        programs = tempfile.mkdtemp(prefix="jaxcrusher-")
+        atexit.register(shutil.rmtree, programs, ignore_errors=True)
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = str(programs)
+
+import jax  # noqa: E402
+
+jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
 
 # A test compiles longer than it computes, so it compiles without optimisation (a third of the time
-# of all) unless it is marked `slow`. Four passes of XLA are left out, which took 40 % of what
+# of all) unless it is marked `optimised`. Four passes of XLA are left out, which took 40 % of what
 # compilation is left. Two look at loops and take longest; with all optimisations programs run a
 # fifth faster for them, so users have them. The third moves reshapes that another pass moves back,
 # so that all passes ran 25 times over. The fourth checks XLA's own work. XLA reads the flag as JAX
@@ -49,10 +58,35 @@ os.environ["XLA_FLAGS"] = FLAGS
 # After it: this imports Equinox, which reads then what `set_up` tells it.
 from jaxcrusher.scenes.parameters import NUMBERS, PARAMETERS  # noqa: E402
 
+# Seconds of the processor: 10 on an idle machine, and twice that on a busy one. Where all tests run
+# the machine may be another one, half as fast.
+QUICK = 20
 
-def pytest_collection_modifyitems(items):
-    """Spread the notebooks over the run: side by side they compile the same programs twice."""
-    files = [list(group) for _, group in itertools.groupby(items, key=lambda item: item.path)]
+
+def pytest_addoption(parser):
+    parser.addoption("--all", action="store_true", help="run slow tests and notebooks too")
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave slow tests and notebooks out unless they are named; put the rest in order.
+
+    Tests that are compiled with all optimisations come last in their file. Notebooks are spread
+    over the run: side by side they compile the same programs twice.
+    """
+    named = [arg for arg in config.args if "::" in arg or arg.endswith(".ipynb")]
+    named = {(config.invocation_params.dir / arg.split("::")[0]).resolve() for arg in named}
+
+    def left_out(item):
+        slow = item.path.suffix == ".ipynb" or item.get_closest_marker("slow")
+        return slow and item.path not in named
+
+    if not config.getoption("all"):
+        config.hook.pytest_deselected(items=[item for item in items if left_out(item)])
+        items[:] = [item for item in items if not left_out(item)]
+    files = [
+        sorted(group, key=lambda item: item.get_closest_marker("optimised") is not None)
+        for _, group in itertools.groupby(items, key=lambda item: item.path)
+    ]
     notebooks = [file for file in files if file[0].path.suffix == ".ipynb"]
     order = [file for file in files if file[0].path.suffix != ".ipynb"]
     apart = len(order) // max(len(notebooks), 1)
@@ -64,11 +98,24 @@ def pytest_collection_modifyitems(items):
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
     """Its fixtures are compiled as the test is that comes first."""
-    fast = item.get_closest_marker("slow") is None
+    fast = item.get_closest_marker("optimised") is None
     if not fast and jax.config.read("jax_disable_most_optimizations"):
         jax.clear_caches()  # JAX runs a program that it has, however that was compiled
     jax.config.update("jax_disable_most_optimizations", fast)
     return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item):
+    """Refuse a quick test that is slow; what it shares with others does not count."""
+    before = sum(os.times()[:4])  # of this process and of those that it waited for
+    result = yield
+    spent = sum(os.times()[:4]) - before
+    slowness = 2 if item.config.getoption("all") else 1
+    if spent > slowness * QUICK and item.get_closest_marker("slow") is None:
+        reason = f"{spent:.0f} s of the processor, and a quick test takes {QUICK} s at most"
+        pytest.fail(f"{reason}: make it cheaper, or mark it `slow`.", pytrace=False)
+    return result
 
 
 # Compiled programs of all files together fill 24 GB of memory.

@@ -15,6 +15,7 @@ from jaxcrusher.joint.friction import AbstractFriction, AbstractSlip, SurfaceSli
 from jaxcrusher.joint.normal import Flores
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.testing import _check_bearing, _check_engines, _check_normal, check_law
+from tests.pairs import slow
 
 
 class Coulomb(AbstractFriction):
@@ -69,12 +70,13 @@ def normal(kind):
     return kind(made.stiffness, made.restitution, made.impact_velocity, width=made.width)
 
 
-@pytest.mark.parametrize("part", ["normal", "friction", "load"])
+@pytest.mark.parametrize("part", ["normal", *slow("friction", "load")])
 def test_the_package_s_own_laws_pass(part):
     scene = jc.build_scene({"slip": "surface", "load_law": "normal_to_jaw"})
     check_law(scene.load if part == "load" else getattr(scene.joint, part))
 
 
+@pytest.mark.slow
 def test_a_force_that_is_cut_off_smoothly_passes():
     """The corner takes 1e-3 N, which at touch is more than the damping gives."""
     law = normal(Clipped)
@@ -95,6 +97,7 @@ def test_a_law_that_cannot_be_integrated_is_told():
         _check_engines(Endless())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["rollers", "jaxcrusher.joint.cylinders:Esdu"])
 def test_bearings_of_the_package_pass(law):
     check_law(jc.build_scene({"contact_law": law, "slip": "surface"}).joint)

@@ -178,7 +178,7 @@ def _keep_programs() -> None:
     import jax
 
     chosen = setting("jax_compilation_cache_dir")
-    folder = Path(chosen) if chosen else platformdirs.user_cache_path("jaxcrusher") / _kind()
+    folder = Path(chosen) if chosen else programs_folder()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
@@ -190,11 +190,16 @@ def _keep_programs() -> None:
     jax.config.update("jax_compilation_cache_dir", str(folder))
 
 
-def _kind() -> str:
-    """Package, XLA and processor: machine code of one processor may not run on another."""
+def programs_folder() -> Path:
+    """Return the folder of compiled programs for those who chose none: one in the user's cache.
+
+    It is for this version of the package, of XLA and of the processor: machine code of one
+    processor may not run on another.
+    """
     processor = platform.processor() + platform.machine()
     if (information := Path("/proc/cpuinfo")).exists():
         lines = set(information.read_text().splitlines())
         processor += "".join(sorted(line for line in lines if line.startswith(("model", "flags"))))
     digest = hashlib.sha256(processor.encode()).hexdigest()[:8]
-    return f"{__version__}-jaxlib{version('jaxlib')}-{digest}"
+    kind = f"{__version__}-jaxlib{version('jaxlib')}-{digest}"
+    return platformdirs.user_cache_path("jaxcrusher") / kind

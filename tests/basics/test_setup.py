@@ -155,6 +155,7 @@ def test_a_late_import_says_so_once():
     assert said.startswith("<string>:7: ")  # the user's line, not one of the package
 
 
+@pytest.mark.slow
 def test_nothing_is_said_of_loops_in_time_nor_to_who_knows_the_flag():
     assert python(WITHOUT.replace("jax.numpy.ones(1)", "")).stderr == ""
     assert python(WITHOUT, XLA_FLAGS=LOOP).stderr == ""

@@ -89,6 +89,7 @@ AXES = {"speed": [28.0, 30.0], "clearance": [4e-5, 5e-5, 6e-5]}
 IDEAL = {"base": {"joint": "ideal"}, "rtol": 1e-6}
 
 
+@pytest.mark.slow
 def test_a_sweep_says_which_engine_made_it_and_goes_on_with_it(tmp_path, monkeypatch):
     store = tmp_path / "grid"
     assert jc.sweep(AXES, 0, 1, **IDEAL, store=store).attrs["engine"] == "lanes"

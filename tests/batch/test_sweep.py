@@ -96,6 +96,7 @@ def test_the_engine_of_a_sweep_is_used_and_told_apart(tmp_path):
         jc.sweep(axes, 0, 1, **ideal, store=tmp_path / "half")
 
 
+@pytest.mark.slow
 def test_loose_elbow_and_pivot_through_lanes():
     """The same statistics, limits included, as one motion by diffrax; names say whose they are."""
     base = {"load_law": "normal_to_jaw", "start": "contact", "pivot.clearance": 8e-5}
@@ -112,6 +113,7 @@ def test_loose_elbow_and_pivot_through_lanes():
     assert {"elbow_contact_fraction", "pivot_impact_speed_ratio"} < set(grid)
 
 
+@pytest.mark.slow
 def test_a_curve_may_be_an_array():
     """It is a choice of every design, as a file is, and another curve is another motion."""
     angle = np.radians(np.arange(0.0, 360.0, 30.0))

@@ -32,11 +32,13 @@ def test_no_friction():
     check(clearance.clearance((None,), peers, ("eccentricity",)), peers)
 
 
+@pytest.mark.slow
 def test_friction():
     peers = (DOP853, IDA, EXUDYN)
     check(clearance.clearance((0.1,), peers, ("multiplier",)), peers)
 
 
+@pytest.mark.slow
 def test_given_torque():
     peers = (DOP853, EXUDYN)
     check(pointwise.torque((0.1,), peers, ("eccentricity",)), peers)
@@ -47,6 +49,7 @@ def test_statistics_of_impacts():
     check(longrun.impacts(crushers, 6, settle=0, turns=1, exudyn_members=0), (CVODE,))
 
 
+@pytest.mark.slow
 def test_whirl():
     check(longrun.whirl(settle=2, turns=3), (CVODE,))
 

@@ -7,6 +7,7 @@ import jaxcrusher as jc
 from benchmarks.peers.exudyn_free_bodies import Model, Stand
 from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
 from jaxcrusher.scenes.parameters import PE250X400
+from tests.pairs import crossed
 
 OTHERS = (PREFIXES["B"], PREFIXES["C"])
 ONE_JOINT = {name: value for name, value in PE250X400.items() if not name.startswith(OTHERS)}
@@ -55,8 +56,7 @@ def apart(mine: dict, other: dict, name: str) -> float:
     return float(np.abs(other[name] - mine[name])[10:].max() / moves)
 
 
-@pytest.mark.parametrize("speed", [25.0, 30.0, 40.0])
-@pytest.mark.parametrize("kind", BLOCKS)
+@pytest.mark.parametrize(("kind", "speed"), crossed(BLOCKS, (25.0, 30.0, 40.0)))
 def test_exudyn_agrees_to_second_order(kind, speed):
     """With ideal joints over a turn from rest: the difference falls with the step's square.
 
@@ -74,6 +74,7 @@ def test_exudyn_agrees_to_second_order(kind, speed):
         assert apart(mine, without, name) < 2e-7, name
 
 
+@pytest.mark.slow
 def test_exudyn_agrees_with_clearance():
     """The loose main bearing on the block near resonance, without friction, over 10 ms."""
     numbers = on_block("near resonance", friction=0.0)

@@ -12,6 +12,7 @@ from benchmarks.peers.free_bodies_numba import field as compiled_field
 from benchmarks.peers.motion import Motion
 from jaxcrusher.crusher.observables import observables_of
 from jaxcrusher.scenes.parameters import PE250X400
+from tests.pairs import crossed, slow
 
 OTHERS = (PREFIXES["B"], PREFIXES["C"])
 FORCES = ("bearing_reaction", "elbow_reaction", "toggle_reaction", "normal_force")
@@ -79,6 +80,7 @@ def test_a_alone_is_the_chain_in_angles(friction):
         assert largest(mine[name] - other[name]) < 1e-6 * largest(other[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loose", ["ABC", "AC", "B", "C"])
 def test_compiled_is_free_bodies_in_one_instant(loose):
     random, rate = np.random.default_rng(0), np.empty(13)
@@ -101,6 +103,7 @@ def test_compiled_is_free_bodies_in_one_instant(loose):
             assert force == pytest.approx(theirs[0], rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loose", ["ABC", "AC", "B", "C"])
 def test_compiled_moves_as_free_bodies(loose):
     times = 1e-5 * np.arange(151)
@@ -125,7 +128,7 @@ def test_ideal_joints_are_the_closed_form():
     assert largest(mine["imbalance"]) < 1e-8
 
 
-@pytest.mark.parametrize("slip", ["centre", "surface"])
+@pytest.mark.parametrize("slip", ["surface", *slow("centre")])
 def test_energy(slip):
     known = run(free_bodies("ABC", slip), 2e-5 * np.arange(600))
     assert min(known[prefix + "normal_force"].max() for prefix in PREFIXES.values()) > 1e4
@@ -161,6 +164,7 @@ def test_exudyn_agrees_to_second_order():
         assert largest(found[1e-6][name] - known[name]) < 5e-4 * largest(known[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slip", ["centre", "surface"])
 def test_exudyn_agrees_with_friction(slip):
     """From a start in which all three joints touch and slide."""
@@ -180,7 +184,7 @@ def test_exudyn_agrees_with_friction(slip):
         assert largest((found[name] - known[name])[1:]) < 2e-3 * largest(known[name])
 
 
-@pytest.mark.parametrize("loose", ["B", "C"])
+@pytest.mark.parametrize("loose", ["B", *slow("C")])
 def test_exudyn_agrees_where_a_is_ideal(loose):
     bodies = free_bodies(loose, friction=0.0)
     known = run(bodies, 1e-5 * np.arange(1501))
@@ -198,9 +202,14 @@ def test_other_laws_are_refused():
         FreeBodies(PE250X400 | {"load_law": "none"})
 
 
-@pytest.mark.parametrize("formulation", ["eccentricity", "multiplier"])
-@pytest.mark.parametrize(("loose", "slip"), [("ABC", "surface"), ("B", "centre"), ("AC", "centre")])
-def test_the_package_moves_as_free_bodies(loose, slip, formulation):
+@pytest.mark.parametrize(
+    ("formulation", "joints"),
+    crossed(
+        ("eccentricity", "multiplier"), (("B", "centre"), ("ABC", "surface"), ("AC", "centre"))
+    ),
+)
+def test_the_package_moves_as_free_bodies(formulation, joints):
+    loose, slip = joints
     bodies, times = free_bodies(loose, slip), 1e-5 * np.arange(501)
     numbers = bodies.numbers | {"formulation": formulation}
     numbers |= {f"{PREFIXES[joint]}slip": slip for joint in loose}
@@ -222,6 +231,7 @@ def test_the_package_moves_as_free_bodies(loose, slip, formulation):
         assert apart < 10 * close * largest(theirs[name]), name
 
 
+@pytest.mark.slow
 def test_tight_seats_soften_the_first_impact():
     """Two seats as stiff as the bearing itself, however tight, take a sixth off the impact at A.
 

@@ -28,6 +28,7 @@ def test_the_page_has_places_for_all_tables():
     assert made["roofline"].splitlines()[2] == "| 1000 | 0.020 | 0.005 | 25 % |"
 
 
+@pytest.mark.slow
 def test_a_card_fills_the_page(simulated: Card, monkeypatch, tmp_path):  # noqa: F811
     class Event:
         def record(self):

@@ -74,6 +74,7 @@ def test_exudyn_agrees_over_a_turn(case):
         assert np.abs(apart[name][RINGS:]).max() < 2e-5, name
 
 
+@pytest.mark.slow
 def test_exudyn_agrees_with_clearance():
     """The loose main bearing under curve and rod, without friction, over 10 ms."""
     apart = compared("both", ("eccentricity", "joint_force"), 0.01, 20_000, 500, friction=0.0)

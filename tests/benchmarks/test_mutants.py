@@ -111,6 +111,7 @@ def test_those_that_name_a_place_come_first_and_of_them_the_cheapest(tree):
     assert found[0] == f"{own}other"
 
 
+@pytest.mark.slow
 def test_pytest_in_a_copy_of_a_process_tells_faults_apart(tree):
     """A fault is seen or not, tests that compute for ever are stopped, and costs are kept."""
     (tree / "benchmarks").symlink_to(ROOT / "benchmarks")

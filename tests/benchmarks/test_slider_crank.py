@@ -188,6 +188,7 @@ def first_impact(numbers):
     return jnp.stack([peak, made.work["contact"][-1], made.instants.eccentricity.x[-1]])
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_first_impact():
     point = np.array([0.5e-3, 0.14])
     tangents = np.asarray(jax.jacfwd(first_impact)(point))

@@ -11,6 +11,9 @@ import pytest
 import jaxcrusher as jc
 from benchmarks.step_cost import programs
 
+# A guard of speed needs a machine that does little else.
+pytestmark = pytest.mark.slow
+
 TURNS = 2
 
 

@@ -32,6 +32,7 @@ def error(scene, known) -> float:
     return found["error"] / found["allowed"]
 
 
+@pytest.mark.slow
 def test_pointwise_tells_another_stiffness(known):
     assert error(CASE.scene("eccentricity"), known) <= 1
     softer = replace(BASE, young=0.999 * BASE.young)
@@ -44,6 +45,7 @@ def seat():
     return case, reference(case.peer, case.pins)
 
 
+@pytest.mark.slow
 def test_seats_are_compared_by_force_and_every_eccentricity(seat):
     case, known = seat
     assert known.contacts[-1] > 10
@@ -59,6 +61,7 @@ def test_seats_are_compared_by_force_and_every_eccentricity(seat):
         assert not found["error"] <= found["allowed"], name
 
 
+@pytest.mark.slow
 def test_pointwise_tells_another_stiffness_of_a_seat(seat):
     _, known = seat
     for name in ("elbow.young", "pivot.young"):

@@ -50,6 +50,7 @@ def test_stiffness_is_a_difference_of_forces(orbit):
         jc.bearing_stiffness(jc.build_scene({"joint": "ideal"}), 1e4)
 
 
+@pytest.mark.slow
 def test_slopes_are_differences():
     names = ("rollers.count", "rollers.length", "rollers.friction", "clearance", "rollers.damping")
 

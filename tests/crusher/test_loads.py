@@ -13,6 +13,7 @@ from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.starts import Given
+from tests.pairs import crossed, slow
 
 ANGLES = np.radians(np.arange(0, 360, 30.0))
 # Of angle (rad) and force (N): it acts at every angle.
@@ -32,8 +33,8 @@ LOADS = {
 }
 LOOSE = {f"{joint}.clearance": 1e-4 for joint in ("elbow", "pivot")}
 KINDS = {
-    "ideal": {"joint": "ideal"},
     "A": {},
+    "ideal": {"joint": "ideal"},
     "A by multipliers": {"formulation": "multiplier"},
     "all": LOOSE,
     "all by multipliers": {"formulation": "multiplier", **LOOSE},
@@ -55,8 +56,7 @@ def at_start(scene):
     return scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize(("load", "kind"), crossed(LOADS, KINDS))
 def test_power(balance, load, kind):
     """A load that acts off S2 turns the jaw too: its power is that of its point."""
     scene = scene_of(load, kind)
@@ -69,8 +69,7 @@ def test_power(balance, load, kind):
     assert power == 0 if opens else abs(power) > 1e-3
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize(("load", "kind"), crossed(LOADS, KINDS))
 def test_the_fixed_jaw_carries_the_reaction_in_the_same_line(load, kind):
     """Bearing, pivot, drive and fixed jaw push the frame by what the bodies' momentum says."""
     scene = scene_of(load, kind)
@@ -148,7 +147,7 @@ def test_a_curve_acts_at_its_angle():
     np.testing.assert_array_equal(motion.load_position, plain.jaw_mass_centre)
 
 
-@pytest.mark.parametrize("joint", ["ideal", "clearance"])
+@pytest.mark.parametrize("joint", ["ideal", *slow("clearance")])
 def test_slopes_by_curve_factor_and_point(joint):
     """Of an orbit's RMS, against central differences."""
     values = {"joint": joint, "load_law": "by_angle", "speed": 27.0, "clearance": 5e-5}
@@ -208,6 +207,7 @@ def test_a_bed_is_pressed_as_the_jaw_moves():
     assert eqx.tree_equal(plain, scene.load, rtol=1e-12, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_slopes_by_the_bed():
     """Through the furthest place too, which the links move."""
 

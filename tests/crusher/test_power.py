@@ -13,6 +13,7 @@ from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.starts import Given
+from tests.pairs import crossed
 
 FORMULATIONS = {"eccentricity": EccentricityFormulation(), "multiplier": MultiplierFormulation()}
 # In flight, at the corner of the contact, in light and in hard contact; in or out, sliding.
@@ -36,26 +37,21 @@ def with_formulation(scene, name):
     return eqx.tree_at(lambda s: s.formulation, scene, FORMULATIONS[name])
 
 
-def scenes():
-    for options in (
-        {"friction": 0.0, "load_law": "none"},
-        {"slip": "surface"},
-        {"slip": "centre", "load_law": "closing_stroke"},
-        {"slip": "surface", "load_law": "normal_to_jaw", "impact_law": "tracked"},
-        {"contact_law": "rollers", "rollers.damping": 1e5},
-    ):
-        yield jc.paper_scene(30.0, 0.06e-3, **options)
-    scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
-    yield eqx.tree_at(lambda s: s.drive, scene, GivenTorque(300.0, 30.0))
+CHOICES = {
+    "surface": {"slip": "surface"},
+    "bare": {"friction": 0.0, "load_law": "none"},
+    "closing": {"slip": "centre", "load_law": "closing_stroke"},
+    "tracked": {"slip": "surface", "load_law": "normal_to_jaw", "impact_law": "tracked"},
+    "rollers": {"contact_law": "rollers", "rollers.damping": 1e5},
+}
+SCENES = {name: jc.paper_scene(30.0, 0.06e-3, **options) for name, options in CHOICES.items()}
+SCENES["torque"] = eqx.tree_at(lambda s: s.drive, SCENES["surface"], GivenTorque(300.0, 30.0))
 
 
-@pytest.mark.parametrize("name", FORMULATIONS)
-@pytest.mark.parametrize(
-    "scene", [*scenes()], ids=["bare", "surface", "closing", "tracked", "rollers", "torque"]
-)
-def test_power_balance(balance, scene, name):
+@pytest.mark.parametrize(("kind", "name"), crossed(SCENES, FORMULATIONS))
+def test_power_balance(balance, kind, name):
     """The energies change along the vector field by what the powers put in."""
-
+    scene = SCENES[kind]
     for state in STATES:
         difference, scale = balance(placed(with_formulation(scene, name), state))
         # Rounding of a dozen terms of the size of the powers.
@@ -84,8 +80,13 @@ def test_formulations_agree_at_an_instant(choices):
             np.testing.assert_allclose(other[name], one[name], rtol=0, atol=1e-8 * scale + 1e-12)
 
 
-@pytest.mark.parametrize("name", ["eccentricity", "multiplier", "ideal"])
-@pytest.mark.parametrize("law", ["along_jaw", "normal_to_jaw", "closing_stroke", "none"])
+@pytest.mark.parametrize(
+    ("law", "name"),
+    crossed(
+        ("along_jaw", "normal_to_jaw", "closing_stroke", "none"),
+        ("eccentricity", "multiplier", "ideal"),
+    ),
+)
 def test_the_ground_feels_the_shaking_force(law, name):
     """R_O + R_C + weights + load = sum of m a: the force on the ground moves by -sum of m a."""
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface", load_law=law)

@@ -8,6 +8,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.motion.flow import initial_state
+from tests.pairs import crossed, slow
 
 # Peak force at A per window, omega = 30 rad/s, c = 0.06 mm, centred start.
 WINDOWS = [(0, 4), (4, 8), (8, 12), (12, 16), (16, 20), (20, 30)]  # ms
@@ -17,8 +18,9 @@ PEAKS = {
 }
 
 
-@pytest.mark.parametrize("formulation", ["eccentricity", "multiplier"])
-@pytest.mark.parametrize("friction", [0.0, 0.1])
+@pytest.mark.parametrize(
+    ("friction", "formulation"), crossed((0.1, 0.0), ("eccentricity", "multiplier"))
+)
 def test_windows_of_the_centred_start(formulation, friction):
     microseconds = np.arange(30_000)
     scene = jc.paper_scene(
@@ -76,7 +78,7 @@ def test_whirl_and_its_quiet_twin():
     assert "not Hertzian" in whirl.validity.remarks()[0] and not bool(whirl.validity.inside)
 
 
-@pytest.mark.parametrize("formulation", ["eccentricity", "multiplier"])
+@pytest.mark.parametrize("formulation", ["eccentricity", *slow("multiplier")])
 def test_twenty_turns_keep_energy_and_constraints(formulation):
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface", friction=0.02, formulation=formulation)
     times = np.linspace(0, 20 * 2 * np.pi / 30, 401)
@@ -89,6 +91,7 @@ def test_twenty_turns_keep_energy_and_constraints(formulation):
     assert float(motion.constraint_residual.max()) < 1e-9
 
 
+@pytest.mark.slow
 def test_given_torque_spins_up_alike():
     """A free shaft under 300 N m, in both formulations, before impacts part them."""
     speeds = []
@@ -104,6 +107,7 @@ def test_given_torque_spins_up_alike():
     np.testing.assert_allclose(speeds[1], speeds[0], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_vmap_over_scenes():
     clearances = np.array([0.04e-3, 0.1e-3])
 

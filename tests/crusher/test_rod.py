@@ -13,12 +13,13 @@ from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.mechanism.snapshot import frame_at
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.scenes.parameters import PARAMETERS
+from tests.pairs import crossed
 
 ROD = {"rod.stiffness": 3e5, "rod.preload": 2e4, "rod.damping": 2e3}
 LOOSE = {f"{joint}.clearance": 1e-4 for joint in ("elbow", "pivot")}
 KINDS = {
-    "ideal": {"joint": "ideal"},
     "A": {},
+    "ideal": {"joint": "ideal"},
     "A by multipliers": {"formulation": "multiplier"},
     "all": LOOSE,
     "all by multipliers": {"formulation": "multiplier", **LOOSE},
@@ -39,8 +40,9 @@ def at_start(scene):
     return scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
 
 
-@pytest.mark.parametrize("rod", [ROD, {"rod.stiffness": 0.0, "rod.preload": 5e3}])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("kind", "rod"), crossed(KINDS, (ROD, {"rod.stiffness": 0.0, "rod.preload": 5e3}))
+)
 def test_power(balance, kind, rod):
     """What the spring stores and the damper takes is what the rod's force does."""
     scene = scene_of(kind, **(dict.fromkeys(ROD, 0.0) | rod))
@@ -167,6 +169,7 @@ def test_without_stiffness_and_preload_nothing_is_traced():
         jc.simulate(plain, [0.0, 0.1], outputs=("rod_tension",))
 
 
+@pytest.mark.slow
 def test_it_keeps_the_toggle_in_its_seats_and_its_slope_says_how():
     """At idle B and C open without it; with it they stay closed, more by more preload."""
     idle = {"load_law": "none", "start": "contact"}

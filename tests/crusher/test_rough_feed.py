@@ -67,6 +67,7 @@ def test_any_law_is_multiplied_by_the_same_wave(load):
     assert np.ptp(wave) > 1
 
 
+@pytest.mark.slow
 def test_a_run_that_is_split_goes_on_with_its_feed():
     scene = jc.build_scene(ROUGH)
     names = ("foundation_rms",)
@@ -106,6 +107,7 @@ def test_without_scatter_nothing_of_it_is_there():
         jc.build_scene({"load_bandwidth": 3.0})
 
 
+@pytest.mark.slow
 def test_seeds_run_in_lanes_and_scatter_has_slopes():
     def rms(scene):
         return statistics(scene, 0, 1, outputs=("foundation_rms",)).foundation_rms

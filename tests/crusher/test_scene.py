@@ -25,6 +25,7 @@ def count(function, scene):
     return operations(jax.make_jaxpr(program)(numbers).jaxpr)
 
 
+@pytest.mark.slow
 def test_what_is_left_out_is_not_traced():
     full = jc.paper_scene(30.0, 0.06e-3, slip="surface")
     frictionless = jc.paper_scene(30.0, 0.06e-3, friction=0)

@@ -12,6 +12,7 @@ from jaxcrusher.dynamics import basin_map
 from jaxcrusher.dynamics.coexisting_orbits import coexisting_orbits
 
 
+@pytest.mark.slow
 def test_two_designs_side_by_side(monkeypatch):
     """A quiet one beside one of several motions: each as `coexisting_orbits` finds it alone."""
     told, asked, whole = [], [], coexisting_orbits

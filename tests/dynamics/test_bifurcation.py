@@ -33,6 +33,7 @@ def points(diagram, speed):
 
 
 # Sections of cold starts come from a batch, in NumPy's arrays.
+@pytest.mark.slow
 @pytest.mark.usefixtures("unchecked")
 def test_directions_agree_on_a_quiet_range_and_hand_the_state_on():
     up, down, cold = (

@@ -15,6 +15,7 @@ def found():
     return jc.coexisting_orbits(jc.paper_scene(40.0, 0.12e-3), starts=16, turns=400)
 
 
+@pytest.mark.slow
 def test_a_companion_of_two_turns(found):
     """Most centred starts come to it, the others swing about the quiet motion."""
     # The most frequent of each period: rarer ones lie round the quiet motion.
@@ -57,6 +58,7 @@ def test_the_standard_error_of_a_share():
         np.testing.assert_allclose(error, sampled, rtol=5e-3)
 
 
+@pytest.mark.slow
 def test_shooting_and_collocation_agree(found):
     """The same quiet motion by the integrator, from a point beside it."""
     quiet = next(orbit for orbit in found.orbits if orbit.period == 1)
@@ -71,6 +73,7 @@ def test_shooting_and_collocation_agree(found):
     np.testing.assert_allclose(shot.least_penetration, quiet.least_penetration, rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_shooting_from_nowhere_says_so():
     scene = jc.paper_scene(40.0, 0.12e-3)
     lost = shoot(scene, np.array([0.0, 0.0, 0.3, 0.0]), 1)
@@ -173,6 +176,7 @@ def test_refusals():
         jc.coexisting_orbits(jc.paper_scene(30.0, 0.06e-3), turns=95)
 
 
+@pytest.mark.slow
 def test_what_was_found_can_be_handed_back(found):
     """The loud motion leaves the bore: shooting goes on from its section point."""
     loud = next(orbit for orbit in found.orbits if orbit.period == 2)

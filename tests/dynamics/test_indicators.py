@@ -100,6 +100,7 @@ def test_zero_one_of_a_rotation():
     assert zero_one_test(np.cos(angle)) < 0.1
 
 
+@pytest.mark.slow
 def test_section_of_the_quiet_motion():
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
     start = initial_state(scene)

@@ -16,6 +16,7 @@ def waits_of(axis, **others):
     return LaneWaits(scene, (np.array(axis)[:, None], {}), None, None)
 
 
+@pytest.mark.slow
 def test_newtons_method_in_lanes_comes_to_the_orbit():
     waits, both = waits_of([0.06e-3, 0.05e-3], speed=30.0), np.arange(2)
     waits.go_on(both, 240)
@@ -38,6 +39,7 @@ def test_newtons_method_in_lanes_comes_to_the_orbit():
     assert not np.array_equal(waits.last(0).states[:120], before)
 
 
+@pytest.mark.slow
 def test_motions_are_named():
     """With a load on the closing stroke some repeat, and some hit their bores again and again."""
     waits = waits_of([0.0645e-3, 0.12e-3, 0.05e-3], speed=34.51, load_law="closing_stroke")
@@ -51,6 +53,7 @@ def test_motions_are_named():
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_a_map_names_a_motion_round_an_unstable_orbit():
     """A pair of multipliers has left the unit circle: the motion turns round the orbit."""
     axes = {"speed": [40.0], "clearance": [0.075e-3, 0.0975e-3]}

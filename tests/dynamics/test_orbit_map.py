@@ -30,6 +30,7 @@ def test_cells_against_known_orbits():
     assert found.attrs["period"] == 1 and "30.0" not in found.attrs["parameters"]
 
 
+@pytest.mark.slow
 def test_failures_do_not_stop_the_others():
     """At 45 rad/s Newton's method finds nothing: a reason, and no number."""
     axes = {"speed": [27.0, 45.0], "joint": ["clearance", "ideal"]}
@@ -141,6 +142,7 @@ def _with_law(speed, gap):
     return jc.paper_scene(speed, gap * 1e-3)
 
 
+@pytest.mark.slow
 def test_a_scene_function_of_ones_own():
     found = orbit_map({"gap": [0.05, 0.06]}, base={"speed": 27.0}, scene=_with_law, slopes=("gap",))
     same = orbit_map({"clearance": [5e-5, 6e-5]}, base={"speed": 27.0}, slopes=("clearance",))
@@ -169,6 +171,7 @@ def test_public_name():
     assert jc.orbit_map is orbit_map
 
 
+@pytest.mark.slow
 def test_a_store_keeps_other_programs_of_the_same_numbers_apart(tmp_path):
     """Choices are in the program of a cell and not among its numbers."""
     axes, settings = {"slip": ["centre", "surface"], "speed": [27.0]}, {"nodes": 96}

@@ -46,6 +46,7 @@ def test_trend_of_a_decaying_swing():
 # With the load on the closing stroke only the pin flies: windows of short periods, and chaos, which
 # the gradient report's test looks at.
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_period_one_of_the_closing_stroke():
     scene = jc.paper_scene(35.0, 0.12e-3, load_law="closing_stroke")
     found = jc.regime(scene, 100, 300, tangent_turns=30)
@@ -54,6 +55,7 @@ def test_period_one_of_the_closing_stroke():
     assert found.exponents.exponents[0] == pytest.approx(-0.498, abs=0.05)
 
 
+@pytest.mark.slow
 def test_swing_that_decays_has_not_settled():
     # Off its rest in the bore, and without impacts: no two machines swing differently.
     scene = shifted_start(jc.paper_scene(30.0, 0.06e-3, start="contact"), Vector(-0.2, 0.0))
@@ -61,6 +63,7 @@ def test_swing_that_decays_has_not_settled():
     assert found.name == "not settled" and found.trend < -0.05, str(found)
 
 
+@pytest.mark.slow
 def test_swing_that_hardly_decays_has_not_settled():
     """In 40 turns it loses a quarter of a per cent, which no indicator tells from a torus."""
     scene = shifted_start(jc.paper_scene(30.0, 0.06e-3, start="contact"), Vector(-0.005, 0.0))

@@ -61,6 +61,7 @@ def closing(point):
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_slopes_along_a_periodic_orbit():
     """The implicit formula against differences of orbits, in both parameters."""
     point = jnp.array([35.0, 0.12e-3])
@@ -118,6 +119,7 @@ def worn(speed):
     return in_contact(speed=speed, clearance=CLEARANCE)
 
 
+@pytest.mark.slow
 def test_a_global_that_changes_is_seen(monkeypatch):
     """By each call anew; at 0.03 mm the slope was that at 0.06 mm."""
     for clearance in (0.06e-3, 0.03e-3):
@@ -129,6 +131,7 @@ def test_a_global_that_changes_is_seen(monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_chaos_is_refused():
     report = gradient_report(
         lambda **numbers: jc.build_scene({"load_law": "closing_stroke", **numbers}),
@@ -150,6 +153,7 @@ def test_chaos_is_refused():
     assert not abs(tangent) < 1e6
 
 
+@pytest.mark.slow
 def test_tangents_that_fail_say_why(monkeypatch):
     """A turn takes 560 steps alone, and 1280 with its tangents."""
     monkeypatch.setattr(method, "MOST_STEPS", 900)
@@ -170,6 +174,7 @@ def test_tangents_that_fail_say_why(monkeypatch):
     assert slope.verdict == "refused" and np.isnan(slope.value)
 
 
+@pytest.mark.slow
 def test_whirl_is_refused_without_a_number():
     """The motions of all speeds near it whirl: at half the clearance rounding decides."""
     report = gradient_report(
@@ -267,6 +272,7 @@ def test_a_wrong_slope_that_wide_fits_agreed_with():
     assert known.verdict == "refused" and "1.5e+09 ± 5e+08 disagree" in known.reasons[-1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pairs", [6, 32])
 def test_verdicts_err_as_often_as_they_may(pairs):
     """Of right slopes one in twenty is refused, and of wrong ones one in twenty agreed with."""

@@ -75,6 +75,7 @@ def test_stribeck():
     assert at(law, 0.0)[0] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", [Threlfall, BengisuAkay, Stribeck])
 def test_laws_can_be_computed_with(law):
     check_law(law(SurfaceSlip()))

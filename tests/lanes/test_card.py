@@ -18,6 +18,7 @@ from jaxcrusher.batch.engines import in_lanes, map_all, on_gpu
 from jaxcrusher.lanes import card, machine, program
 from jaxcrusher.lanes.layout import FIELDS
 from tests.lanes.test_lanes import SEGMENTS, TIMES, Swing, _run, _swings
+from tests.pairs import slow
 
 
 class Memory(np.ndarray):
@@ -163,7 +164,7 @@ def test_a_batch_is_one_copy_up_a_kernel_and_one_copy_down(simulated, function, 
     assert simulated.used == {name: 2 for name in once} | {"compiled": 1, "streams": 1}
 
 
-@pytest.mark.parametrize(("speeds", "turns"), [(2, 1), (70, 1), (2, 3)])
+@pytest.mark.parametrize(("speeds", "turns"), [(70, 1), *slow((2, 1), (2, 3))])
 def test_a_sweep_calls_jax_as_often_for_any_designs_and_turns(
     simulated, monkeypatch, speeds, turns
 ):

@@ -12,6 +12,7 @@ from jaxcrusher.batch.engines import in_lanes, in_turn, map_all, stack
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
 from jaxcrusher.lanes import machine
 from jaxcrusher.mechanism.drives import GivenTorque
+from tests.pairs import slow
 
 COUNT = 37  # no multiple of the lanes
 
@@ -80,10 +81,8 @@ QUIET = {"foundation_rms": 1e-8, "foundation_mean": 1e-8, "foundation_peak": 5e-
     "choices",
     [
         {},
-        {"joint": "ideal"},
-        {"formulation": "multiplier"},
         {"slip": "surface", "contact_law": "flores", "impact_law": "tracked"},
-        {"contact_law": "rollers"},
+        *slow({"joint": "ideal"}, {"formulation": "multiplier"}, {"contact_law": "rollers"}),
     ],
     ids=lambda choices: "-".join(choices.values()) or "paper",
 )
@@ -103,6 +102,7 @@ def _on_supports(numbers):
     return {**result.values, "success": result.success}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_a_frame_on_supports_agrees_with_diffrax():
     numbers = _numbers(count=3)
@@ -119,6 +119,7 @@ def _free(scene):
     return {**result.values, "success": result.success}
 
 
+@pytest.mark.slow
 def test_a_free_shaft_agrees_with_diffrax():
     scenes = [jc.paper_scene(speed, 6e-5, start="contact") for speed in (28.0, 31.0, 34.0)]
     torque = GivenTorque(100.0, 30.0)
@@ -144,6 +145,7 @@ def _rms(scene):
     return {"foundation_rms": result.foundation_rms, "success": result.success}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_a_law_with_casts_and_whole_numbers_agrees_with_diffrax():
     load = Stepped(jnp.asarray(12239.0), jnp.asarray(10))
@@ -155,6 +157,7 @@ def test_a_law_with_casts_and_whole_numbers_agrees_with_diffrax():
     _agree(found, map_all(_rms, scenes, 8, in_turn), {"foundation_rms": 1e-6})
 
 
+@pytest.mark.slow
 def test_sections_agree_with_diffrax():
     scenes = stack([jc.paper_scene(speed, 6e-5, start="contact") for speed in (28.0, 31.0, 34.0)])
     function = eqx.Partial(jc.poincare_section, settle_turns=1, turns=2)
@@ -171,6 +174,7 @@ def _early(numbers, choices):
     return jc.simulate(jc.build_scene({**numbers, **choices}), times, rtol=1e-12).foundation_force
 
 
+@pytest.mark.slow
 def test_impacts_agree_pointwise_at_first():
     function, numbers = eqx.Partial(_early, choices={"start": "centred"}), _numbers(count=3)
     found = map_all(function, numbers, engine=in_lanes)

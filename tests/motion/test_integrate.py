@@ -24,6 +24,7 @@ def test_values_are_checked_only_where_concrete():
     assert not success and np.isnan(rms)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("of", [jc.periodic_orbit, lambda scene: jc.statistics(scene, 0, 1)])
 def test_slopes_of_numbers_out_of_limits_are_nan_backwards_too(of):
     """In their lanes alone."""
@@ -76,6 +77,7 @@ def test_a_failed_run_is_reported_and_never_a_number():
         assert np.isnan(getattr(result, name)), name
 
 
+@pytest.mark.slow
 def test_a_failed_lane_leaves_the_others_alone():
     scenes = [jc.paper_scene(30.0, c, start="contact") for c in (5e-5, 6e-5)]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *scenes)
@@ -112,6 +114,7 @@ def peak(motion):
     return float(motion.normal_force.max())
 
 
+@pytest.mark.slow
 def test_other_solvers_and_controllers():
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
     times, outputs = np.linspace(0, 5e-3, 1001), ("normal_force",)

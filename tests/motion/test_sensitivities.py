@@ -55,6 +55,7 @@ def test_first_impact_agrees_with_differences():
     np.testing.assert_allclose(tangents, differences, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_every_way_to_differentiate_agrees():
     def peak(design, **method):
         return first_impact(design, **method)[1]
@@ -70,6 +71,7 @@ def test_every_way_to_differentiate_agrees():
     np.testing.assert_allclose(through_steps(DESIGN), forward, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_quiet_motion_over_fifteen_turns():
     """Both slopes of the RMS; that by clearance is small and needs differences over 4 um."""
 
@@ -85,6 +87,7 @@ def test_quiet_motion_over_fifteen_turns():
     assert float(clearance) == pytest.approx(float(by_clearance), rel=5e-2)
 
 
+@pytest.mark.slow
 def test_a_second_derivative_at_the_tolerance_of_users():
     """By clearance, where the contact is a twentieth of a clearance deep."""
 
@@ -99,6 +102,7 @@ def test_a_second_derivative_at_the_tolerance_of_users():
     assert float(second(6e-5, 1e-12)) == pytest.approx(1.3003e8, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_any_parameter_of_the_machine():
     """The jaw's mass and the contact's restitution, through `equinox.tree_at`."""
 
@@ -118,6 +122,7 @@ def test_any_parameter_of_the_machine():
     np.testing.assert_allclose(jax.grad(rms)(point), differences, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_ideal_joint():
     def numbers(speed):
         result = jc.statistics(jc.ideal_scene(speed), 0, 1)
@@ -130,7 +135,11 @@ def test_ideal_joint():
 
 @pytest.mark.parametrize(
     "slip, formulation",
-    [("centre", "eccentricity"), ("surface", "eccentricity"), ("surface", "multiplier")],
+    [
+        ("surface", "eccentricity"),
+        pytest.param("centre", "eccentricity", marks=pytest.mark.slow),
+        pytest.param("surface", "multiplier", marks=pytest.mark.slow),
+    ],
 )
 def test_finite_at_zero_eccentricity_and_zero_slip(slip, formulation):
     """The field's derivatives at e = 0, and in contact where the surfaces do not slip."""

@@ -30,10 +30,10 @@ def free():
     [
         # What steps of 1e-9 leave in quiet motion: states were up to 2e-8 apart.
         (quiet(), 4, 1e-7),
-        (quiet(impact_law="tracked"), 5, 1e-7),
+        pytest.param(quiet(impact_law="tracked"), 5, 1e-7, marks=pytest.mark.slow),
         (free(), 6, 1e-7),
         # Its tolerance is 2e-14 m at best, 3e-10 clearances a step; three thousand steps.
-        (quiet(formulation="multiplier"), 18, 1e-4),
+        pytest.param(quiet(formulation="multiplier"), 18, 1e-4, marks=pytest.mark.slow),
         # The mean alone is integrated, to 1e-9.
         (jc.ideal_scene(30.0), 0, 1e-8),
     ],
@@ -73,6 +73,7 @@ def test_histories_go_on():
     np.testing.assert_allclose(further.foundation_force, whole.foundation_force, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_slopes_by_the_state():
     """The derivative by the state that a turn begins with is the section's Jacobian."""
     scene = quiet()

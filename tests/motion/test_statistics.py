@@ -60,6 +60,7 @@ def test_the_error_of_the_rms_is_that_of_each_motion_of_a_batch():
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_an_entry_makes_a_statistic(own):
     """In statistics, sections whole and in slices, and tangents."""
     scene, turns = contact(), 2
@@ -101,6 +102,7 @@ def test_an_entry_makes_a_statistic(own):
         jc.statistics(scene, 0, 1, outputs=("rms_eccentricty",))
 
 
+@pytest.mark.slow
 def test_a_new_entry_is_known_wherever_statistics_are(own):
     """In orbits, maps, reports and sweeps, which compute all or what needs not be asked for."""
     name, scene = own[0], contact()
@@ -127,6 +129,7 @@ def test_a_new_entry_is_known_wherever_statistics_are(own):
         assert swept[name].attrs == {"units": "1", "long_name": OWN[name].meaning}
 
 
+@pytest.mark.slow
 def test_an_entry_that_is_redefined_is_seen(own, monkeypatch):
     """Wherever it was computed before: programs are of entries, not of their names."""
     name, scene, state = own[0], contact(), jnp.array([1.0, 0.0, 0.0, 0.0])

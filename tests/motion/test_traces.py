@@ -5,6 +5,7 @@ import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.motion.last_step import earlier, floats_counted_at_once
@@ -74,6 +75,7 @@ with jax.checking_leaks():
 """
 
 
+@pytest.mark.slow
 def test_no_tracer_outlives_its_trace():
     """In a process of its own: JAX looks through all objects after each trace."""
     value, slope = map(float, python(LEAKS).stdout.split())

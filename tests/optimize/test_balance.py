@@ -96,6 +96,7 @@ def test_gradient_against_differences():
     assert (np.abs(slope) > 5e-3 * np.abs(slope).max()).all()
 
 
+@pytest.mark.slow
 def test_a_search_without_gradients_is_given_none():
     options = Options()
     design, conditions = problem.design(options), problem.conditions(options)

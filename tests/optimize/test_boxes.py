@@ -47,6 +47,7 @@ def nothing_counts(rows, case, capacity):
     return np.zeros(np.shape(rows["success"]), bool)
 
 
+@pytest.mark.slow
 def test_a_box_without_a_design(tmp_path, monkeypatch):
     monkeypatch.setattr(evaluate, "may_count", nothing_counts)
     solved = orbits.solve
@@ -72,6 +73,7 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
     assert "━" not in written
 
 
+@pytest.mark.slow
 def test_a_box_without_an_orbit(tmp_path, monkeypatch):
     solved = orbits.solve
 
@@ -99,6 +101,7 @@ def test_a_box_without_an_orbit(tmp_path, monkeypatch):
     assert not (tmp_path / "box" / "settling.png").exists()
 
 
+@pytest.mark.slow
 def test_candidates_none_of_which_survives(tmp_path, monkeypatch):
     def only_on_the_map(rows, case, capacity):  # of two by two points
         return np.full(np.shape(rows["success"]), len(capacity) == 4)
@@ -110,6 +113,7 @@ def test_candidates_none_of_which_survives(tmp_path, monkeypatch):
     assert "No design may be chosen" in page
 
 
+@pytest.mark.slow
 def test_a_failure_is_not_called_finished(tmp_path, monkeypatch):
     def breaks(*_):
         raise ValueError("no such picture")
@@ -122,6 +126,7 @@ def test_a_failure_is_not_called_finished(tmp_path, monkeypatch):
     assert "This run is not finished" in (tmp_path / "box" / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_joint_that_is_ideal_in_the_paper_is_compared_with_its_default():
     """The paper has no clearance of the pivot to compare with, and the search ends all the same."""
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))

@@ -64,6 +64,7 @@ def test_eccentricity_has_the_right_derivative(solved):
     np.testing.assert_allclose(slopes[16], differences, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_eccentricity_has_the_right_second_derivatives(design, solved):
     _, slopes = solved(POINTS)
     differences = (slopes[17:21] - slopes[21:]) / (2 * STEP)

@@ -81,6 +81,7 @@ def limited_to(newtons: float):
     return case, end
 
 
+@pytest.mark.slow
 def test_multiplier_of_a_limit_is_what_its_last_newton_costs():
     """The slope of the least objective by the limit, by central differences of descents.
 

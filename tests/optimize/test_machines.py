@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 import jaxcrusher as jc
+from jaxcrusher.orbits.result import RESULTS, missing
 from optimize.machines import COMPARED, DRAWN, Machine, draw, run, table_rows
 from optimize.objectives import OBJECTIVES
 
@@ -21,7 +22,16 @@ def compared(tmp_path_factory):
     (folder / "loud.toml").write_text('load_law = "closing_stroke"\n')
     written = io.StringIO()
     console = Console(file=written, width=120)
-    run([folder / "quiet.toml", folder / "loud.toml"], 2, 3, "1.6 t/m3", folder, console)
+    solve = jc.periodic_orbit
+
+    def orbit(scene):
+        """Return that of the quiet machine; to find that the loud one has none takes long."""
+        quiet = float(scene.drive.speed) == 27.0
+        return solve(scene) if quiet else missing(scene, 1, RESULTS.chaotic)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(jc, "periodic_orbit", orbit)
+        run([folder / "quiet.toml", folder / "loud.toml"], 2, 3, "1.6 t/m3", folder, console)
     rows = list(csv.DictReader((folder / "compare.csv").read_text().splitlines()))
     return written.getvalue(), rows, folder
 

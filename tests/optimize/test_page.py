@@ -484,6 +484,7 @@ def test_colours_run_over_the_whole_map():
     assert (found[0], found[-1]) == ("#00224e", "#fee838")
 
 
+@pytest.mark.slow
 def test_motions_go_on_from_the_landscape():
     # So fast that two turns of impacts end before trajectories diverge (like exp(200 t)).
     design = Design({"speed": (25.0, 250.0), "clearance": (3e-5, 6e-5)}, {"friction": 0.05})
@@ -582,6 +583,7 @@ def radius(browser, start: int) -> float:
     )
 
 
+@pytest.mark.slow
 def test_hover_shows_a_cell(opened):
     text = hover(opened, 4)
     assert text.splitlines()[0] == "speed 35 rad/s, clearance 0.03 mm"
@@ -595,6 +597,7 @@ def test_hover_shows_a_cell(opened):
     assert "kN" in opened.find_element("id", "force-0").text
 
 
+@pytest.mark.slow
 def test_cells_without_numbers_say_why(opened):
     text = hover(opened, 5)
     assert "centred start: failed" in text and "contact start: RMS 19\u202f100" in text
@@ -605,6 +608,7 @@ def test_cells_without_numbers_say_why(opened):
     assert [fill.startswith("url") for fill in fills] == [False, False, True, False, False, True]
 
 
+@pytest.mark.slow
 def test_click_keeps_a_cell_and_the_mouse_leaves_it(opened):
     hover(opened, 3)
     opened.find_element("css selector", '[data-cell="3"]').click()
@@ -617,12 +621,14 @@ def test_click_keeps_a_cell_and_the_mouse_leaves_it(opened):
     assert opened.find_element("id", "place").text == "speed 30 rad/s, clearance 0.06 mm"
 
 
+@pytest.mark.slow
 def test_no_row_twice(opened):
     hover(opened, 3)
     rows = [row.text for row in opened.find_elements("css selector", "#numbers td:first-child")]
     assert len(rows) == len(set(rows)) == 7
 
 
+@pytest.mark.slow
 def test_keyboard_and_choices(opened):
     place = opened.find_element("id", "place")
     assert place.text == "speed 25 rad/s, clearance 0.06 mm"  # the optimum's cell
@@ -645,6 +651,7 @@ def test_keyboard_and_choices(opened):
     assert "whirl" in opened.find_element("id", "bar-label").text
 
 
+@pytest.mark.slow
 def test_one_parameter_and_many(browser, tmp_path):
     """A strip of cells, and points of a sequence with their numbers."""
     landscape, motions = hand_made_landscape(), hand_made_motions()
@@ -680,6 +687,7 @@ def phone(opened):
     opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
+@pytest.mark.slow
 def test_narrow_window_needs_no_sideways_scrolling(phone):
     """Neither the page nor any table of it: rows are cards."""
     phone.execute_script(
@@ -708,6 +716,7 @@ def test_narrow_window_needs_no_sideways_scrolling(phone):
     assert len(sizes) > 20 and min(sizes) >= 9, min(sizes)
 
 
+@pytest.mark.slow
 def test_nothing_is_folded_on_paper(phone):
     shown = """return [...document.querySelectorAll("details > :not(summary)")].map((one) =>
         one.checkVisibility({contentVisibilityAuto: true}) && one.offsetHeight > 0)"""
@@ -718,6 +727,7 @@ def test_nothing_is_folded_on_paper(phone):
     assert len(on_paper) > 1 and all(on_paper)
 
 
+@pytest.mark.slow
 def test_dark_and_light(phone):
     """Text stands off its ground in both, as far as WCAG asks (7 for small letters)."""
     contrasts = []

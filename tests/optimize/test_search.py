@@ -594,6 +594,7 @@ def test_objectives_follow_from_their_statistics():
     assert values["excess"] == pytest.approx(values["rms"] - float(ideal), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_free_parameters_by_name():
     """Three free parameters: a Sobol sequence instead of a grid, and constraints that hold."""
     options = Options(
@@ -619,6 +620,7 @@ def test_free_parameters_by_name():
     assert float(scene.machine.shaft.mass) == pytest.approx(145.0)
 
 
+@pytest.mark.slow
 def test_the_rms_expected_under_a_rough_feed():
     """Of an orbit that bears the feed; not of one that does not, nor of an integrated motion."""
     rough = (("load_scatter", "0.2"), ("load_bandwidth", "3"))
@@ -638,6 +640,7 @@ def test_the_rms_expected_under_a_rough_feed():
     assert rows["foundation_rms"][1, 0] == pytest.approx(18243, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_law_of_ones_own_is_searched(tmp_path):
     """Its numbers are fixed by a file, or free."""
     (tmp_path / "law_of_a_search.py").write_text(PUSH)
@@ -756,6 +759,7 @@ def test_a_search_says_what_is_unusual_before_it_begins(tmp_path, capfd):
     assert "unusual: " in capfd.readouterr().err
 
 
+@pytest.mark.slow
 def test_slopes_of_an_optimum_that_does_not_settle(monkeypatch):
     """They are of the statistic that the objective is made of."""
 
@@ -795,6 +799,7 @@ def test_folder_that_cannot_be_written(tmp_path):
         run(Options(out=tmp_path / "file"), Console(quiet=True))
 
 
+@pytest.mark.slow
 def test_interruption_leaves_what_was_finished(tmp_path, monkeypatch):
     def interrupt(*_):
         raise KeyboardInterrupt
@@ -846,6 +851,7 @@ def test_keys_of_a_journal_hold_values():
     assert text_of(case) == text_of(again) != text_of(wide)
 
 
+@pytest.mark.slow
 def test_command_line_error_is_one_line():
     done = subprocess.run(
         [sys.executable, "-m", "optimize.run", "--speed", "40", "25rad/s"],

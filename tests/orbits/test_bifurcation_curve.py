@@ -31,6 +31,7 @@ def folded():
     return jc.orbit_branch(over_speed(0.1e-3), 37.3, BOUNDS[0], scale=1.0, nodes=96, points=25)
 
 
+@pytest.mark.slow
 def test_a_fold_over_two_parameters(folded):
     """A point of the curve is the fold of a branch over the speed at its own clearance."""
     (fold,) = folded.events
@@ -55,6 +56,7 @@ def test_a_fold_over_two_parameters(folded):
     np.testing.assert_allclose(near, speed, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_eigenvectors(folded):
     """They belong to the multipliers; a disturbance along one is seen to grow by it."""
     values, vectors = folded.eigenvectors(0)
@@ -74,6 +76,7 @@ def test_eigenvectors(folded):
     np.testing.assert_allclose(grown, np.real(values[i] * vectors[:, i]), atol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_narrow_doubling_of_the_crusher():
     """Two doublings 0.0006 rad/s apart, inside a step of 0.04; a motion of two turns leaves."""
     at = over_speed(0.11e-3)
@@ -101,6 +104,7 @@ def closing(speed, clearance):
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_lost_contact_is_followed_by_shooting():
     """On a branch, then over two parameters; single orbits on both sides of the curve tell."""
     over = eqx.Partial(closing, clearance=jnp.asarray(0.12e-3))
@@ -128,6 +132,7 @@ def test_lost_contact_is_followed_by_shooting():
         assert depths[0] < -1e-6 and depths[1] > 1e-6
 
 
+@pytest.mark.slow
 def test_refusals(folded):
     (fold,) = folded.events
     with pytest.raises(ValueError, match="`second` must lie in the bounds"):

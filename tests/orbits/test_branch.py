@@ -146,6 +146,7 @@ def scene(speed):
     return jc.build_scene({"speed": speed, "clearance": 0.1e-3})
 
 
+@pytest.mark.slow
 def test_a_fold_of_the_crusher():
     """At 0.1 mm the quiet motion ends at 37.3155 rad/s; below, another stable one is as quiet."""
     bounds = (37.1, 37.6)
@@ -176,6 +177,7 @@ def worn(speed):
     return jc.build_scene({"speed": speed, "clearance": CLEARANCE})
 
 
+@pytest.mark.slow
 def test_a_branch_by_shooting_begins_at_one_section_point(monkeypatch):
     """A motion of the crusher that keeps contact, as nodes have it at each speed."""
 
@@ -195,6 +197,7 @@ def test_a_branch_by_shooting_begins_at_one_section_point(monkeypatch):
         np.testing.assert_allclose(orbit.foundation_rms, nodes.foundation_rms, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_global_that_changes_is_seen(monkeypatch):
     """By each call anew: another program for another scene, and the same for the same."""
     seen, traces = [], []

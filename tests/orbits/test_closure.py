@@ -19,7 +19,9 @@ def integrated(orbit):
     return np.max(np.abs(end.states[-1] - orbit.section))
 
 
-@pytest.mark.parametrize(("more", "nodes"), [({}, 48), (LOOSE_ELBOW, 96)])
+@pytest.mark.parametrize(
+    ("more", "nodes"), [({}, 48), pytest.param(LOOSE_ELBOW, 96, marks=pytest.mark.slow)]
+)
 def test_the_closure_is_what_the_integrator_finds(more, nodes):
     scene = jc.build_scene({"clearance": 0.06e-3, **more, "speed": 30.0})
     found, factors = solved(scene, None, 1, nodes)
@@ -31,6 +33,7 @@ def test_the_closure_is_what_the_integrator_finds(more, nodes):
     assert float(found.closure) == pytest.approx(closure, rel=0.02)
 
 
+@pytest.mark.slow
 def test_an_orbit_that_does_not_close_is_none():
     scene = jc.paper_scene(36.0, 0.06e-3)
     found, factors = solved(scene, None, 1, 64)

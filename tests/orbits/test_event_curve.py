@@ -15,6 +15,7 @@ from jaxcrusher.orbits.event_curve import curve_of, cusps
 from jaxcrusher.orbits.events import special_points, zeros
 from jaxcrusher.orbits.problem import Collocation, Stride
 from jaxcrusher.orbits.shooting import Shooting
+from tests.pairs import slow
 
 PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
 
@@ -46,7 +47,7 @@ def mathieu(time, x, rate, both):
     return -(both[0] + both[1] * jnp.cos(time)) * x
 
 
-@pytest.mark.parametrize("order", [1, 3])
+@pytest.mark.parametrize("order", [1, *slow(3)])
 def test_tongues_of_mathieus_equation(order):
     """Where rest doubles its period, a is a characteristic value over all q = 2 b."""
     family = lambda both: System(mathieu, jnp.asarray(2 * np.pi), both)  # noqa: E731
@@ -75,6 +76,7 @@ def duffings(both, c):
     return System(duffing, 2 * jnp.pi / both[0], (c, both[1], both[0]))
 
 
+@pytest.mark.slow
 def test_folds_of_duffings_equation():
     """Both folds published for f = 0.015 lie on one curve, and meet in a cusp."""
     family = eqx.Partial(duffings, c=0.04)
@@ -94,6 +96,7 @@ def test_folds_of_duffings_equation():
     assert abs(cusp.point.along[-1]) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [0.04, 0.01])
 def test_the_cusp_of_weak_damping(damping):
     """First harmonic: w^2 - 1 = sqrt(3) c w and f^2 = 32 (w^2 - 1)^3 / 81, to a share of c."""
@@ -118,6 +121,7 @@ def van_der_pol(time, x, rate, args):
     return f * jnp.cos(w * time) + 0.3 * (1 - x**2) * rate - x
 
 
+@pytest.mark.slow
 def test_where_van_der_pol_is_no_longer_driven():
     """A pair leaves the circle where det M = 1, so where x^2 is 1 in the mean (Liouville)."""
     family = lambda both: System(van_der_pol, 2 * jnp.pi / both[0], (both[1], both[0]))  # noqa: E731
@@ -145,6 +149,7 @@ def swaying(time, x, rate, both):
     return pull - 0.2 * rate + jnp.array([0.0, 0.0, f, 0.0]) * jnp.cos(w * time)
 
 
+@pytest.mark.slow
 def test_contact_is_lost_over_two_numbers():
     """A linear motion of amplitude 0.5 just touches: f = sqrt((3 - w^2)^2 + (0.2 w)^2) / 2.
 

@@ -11,6 +11,7 @@ from jaxcrusher.orbits.branch import follow
 from jaxcrusher.orbits.collocation import System
 from jaxcrusher.orbits.events import other_branch, special_points
 from jaxcrusher.orbits.problem import Collocation, Stride, least_penetrations
+from tests.pairs import crossed
 
 
 def mathieu(time, x, rate, args):
@@ -31,12 +32,13 @@ def rest_branch(b, bounds, *, longest):
     return follow(problem, np.zeros((8, 1)), bounds[0], **more)
 
 
-@pytest.mark.parametrize("shift", 0.01 * np.arange(5))
 @pytest.mark.parametrize(
-    ("order", "kind", "b"), [(2, "branch point", 0.1), (3, "period doubling", 0.4)]
+    ("shift", "tongue"),
+    crossed(0.01 * np.arange(5), ((2, "branch point", 0.1), (3, "period doubling", 0.4))),
 )
-def test_two_events_inside_one_step(order, kind, b, shift):
+def test_two_events_inside_one_step(shift, tongue):
     """Tongues of Mathieu's equation narrower than a step, wherever the step begins."""
+    order, kind, b = tongue
     expected = [edge(order, 2 * b) / 4 for edge in (mathieu_b, mathieu_a)]
     bounds = (expected[0] - 0.31 - shift, expected[1] + 0.31)
     branch = rest_branch(b, bounds, longest=0.05)

@@ -64,6 +64,7 @@ def test_a_cosine_of_whole_order_makes_a_periodic_orbit(orbit, linear):
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_a_motion_that_starts_on_its_response_stays_there(orbit, linear):
     """Cosines of any order, integrated over three turns, against the sum of their responses."""
     modes, by_state = linear
@@ -89,6 +90,7 @@ def test_a_motion_that_starts_on_its_response_stays_there(orbit, linear):
     np.testing.assert_allclose(found, expected, atol=2e-3 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_little_scatter_and_where_contact_is_lost(orbit, response):
     """Deviations are linear in the scatter, the mean RMS is quadratic; then contact is lost."""
     scene = jc.build_scene(ROUGH | {"load_scatter": 1e-3})
@@ -125,6 +127,7 @@ def test_crossings_of_a_stationary_process():
     assert float(slope) == pytest.approx((mean / deviation) ** 2, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_slopes(monkeypatch):
     """By a clearance, a mass, a bandwidth and a scatter at once, against differences."""
     # As many as the band needs: a quarter of the time.

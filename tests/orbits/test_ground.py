@@ -12,6 +12,7 @@ from jaxcrusher.crusher import observables as ob
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.starts import Given
+from tests.pairs import crossed
 
 LAWS = ("along_jaw", "normal_to_jaw", "closing_stroke", "none")
 FORMULATIONS = {"eccentricity": EccentricityFormulation(), "multiplier": MultiplierFormulation()}
@@ -97,8 +98,7 @@ def test_without_a_foundation_moments_count_about_the_pivot():
         jc.build_scene({"foundation.x": 1000.0})
 
 
-@pytest.mark.parametrize("name", ["eccentricity", "multiplier", "ideal"])
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize(("law", "name"), crossed(LAWS, ("eccentricity", "multiplier", "ideal")))
 def test_ground_carries_what_the_frame_is_pushed_with(law, name):
     """Bearing, pivot, fixed jaw and the drive's reaction push the frame, in hard contact too."""
     scene = at_point(slip="surface", load_law=law)
@@ -162,6 +162,7 @@ def test_harmonics_of_a_rotating_unbalance():
     assert float(orbit.shaking_moment_rms) == pytest.approx(abs(turning) / np.sqrt(2), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_harmonics_make_the_motion():
     """Any observable, of two turns in orders of a half, and what is refused."""
     orbit = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3), period=2, nodes=96)
@@ -189,6 +190,7 @@ def test_harmonics_make_the_motion():
         jc.harmonics(lost)
 
 
+@pytest.mark.slow
 def test_the_moment_of_a_motion_with_clearance():
     """Integrated over turns it is the deviation of samples, and orbits have its slopes."""
     scene = at_point(clearance=5e-5, start="contact")

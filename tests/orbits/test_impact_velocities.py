@@ -18,6 +18,7 @@ def test_a_tracked_velocity_is_held_at_what_it_comes_to():
     assert jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3), nodes=96).held_velocities is None
 
 
+@pytest.mark.slow
 def test_slopes_hold_it():
     def rms(clearance):
         scene = jc.paper_scene(27.0, clearance, impact_law="tracked")
@@ -29,6 +30,7 @@ def test_slopes_hold_it():
     assert slope == pytest.approx(difference, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_motion_that_goes_on_losing_contact_is_refused(monkeypatch):
     scene = jc.paper_scene(30.0, 0.06e-3, impact_law="tracked", load_law="closing_stroke")
     monkeypatch.setattr("jaxcrusher.orbits.impact_velocities.ROUNDS", 1)

@@ -56,6 +56,7 @@ def test_the_orbit_by_boundary_values(orbit, field, judged):
     np.testing.assert_allclose(np.sqrt(np.mean(squares)), orbit.foundation_rms, rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_multipliers_by_neighbouring_motions(orbit, field, judged):
     """Differences of SciPy's DOP853 over a turn, about the orbit by boundary values."""
     start, step = judged.sol(0.0), 5e-5

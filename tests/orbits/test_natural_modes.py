@@ -102,6 +102,7 @@ def test_overdamped():
         assert np.min(np.abs(rates / expected - 1)) < 1e-6
 
 
+@pytest.mark.slow
 def test_a_free_vibration():
     """A machine that turns swings by its modes: multipliers of its orbit decay as the modes do."""
     scene = jc.build_scene({"foundation.mass": 3000.0, "joint": "ideal", "speed": 30.0})

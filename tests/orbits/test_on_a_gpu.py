@@ -42,6 +42,7 @@ def lengths(jaxpr):
             yield from lengths(inner)
 
 
+@pytest.mark.slow
 def test_designs_go_side_by_side_to_the_same_numbers(gpu):
     batch = jax.jit(jax.vmap(solved))
     # Nodes, instants and steps of multipliers are 96 and more.

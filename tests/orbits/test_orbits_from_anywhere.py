@@ -16,6 +16,7 @@ def rms_at(clearance):
     return jc.periodic_orbit(jc.paper_scene(41.6, clearance, slip="surface")).foundation_rms
 
 
+@pytest.mark.slow
 def test_eager_and_traced_orbits_mean_the_same():
     value, slope = jax.value_and_grad(rms_at)(5e-5)
     under_jit, its_slope = jax.jit(jax.value_and_grad(rms_at))(5e-5)
@@ -28,6 +29,7 @@ def test_eager_and_traced_orbits_mean_the_same():
     assert float(slope) == pytest.approx(float(difference), rel=5e-3)
 
 
+@pytest.mark.slow
 def test_an_error_is_not_claimed_too_small():
     """Sums of signed defects claim 2e-5 here, and the truth is 1e-3."""
     numbers = {"speed": 38.8277, "clearance": 9.1839e-5, "shaft.eccentricity": 0.0101464}
@@ -42,6 +44,7 @@ def test_an_error_is_not_claimed_too_small():
         assert not found.success or true < 3 * float(found.error)
 
 
+@pytest.mark.slow
 def test_the_slope_of_a_failure_is_no_number():
     def rms(speed, clearance=0.12e-3):
         return jc.periodic_orbit(jc.paper_scene(speed, clearance), nodes=96).foundation_rms
@@ -68,6 +71,7 @@ def test_multipliers_have_no_slopes():
         assert np.isfinite(backwards(30.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["counterweight.mass", "shaft.mass", "shaft.inertia"])
 def test_numbers_that_do_not_move_the_orbit(name):
     """Each alone, forwards and backwards, of every statistic."""
@@ -89,6 +93,7 @@ def test_numbers_that_do_not_move_the_orbit(name):
         assert float(slope) == pytest.approx(difference, rel=1e-3, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "value"),
     [("speed", -30.0), ("restitution", 1.5), ("friction", -0.1), ("poisson", 0.9)],
@@ -144,6 +149,7 @@ PAPER = {"speed": 38.465164, "clearance": 0.105981e-3, "slip": "surface"}
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 @pytest.mark.parametrize(("values", "rms"), [(MACHINE, 56232.3449), (PAPER, None)])
 def test_a_motion_that_must_be_waited_for(values, rms):
     scene = jc.build_scene(values)
@@ -157,6 +163,7 @@ def test_a_motion_that_must_be_waited_for(values, rms):
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_a_map_waits_for_what_its_neighbours_do_not_lead_to():
     axes = {"speed": [37.075044, 38.465164], "clearance": [0.105981e-3]}
     found = jc.orbit_map(axes, base={"slip": "surface"})
@@ -167,6 +174,7 @@ def test_a_map_waits_for_what_its_neighbours_do_not_lead_to():
         assert float(cell) == pytest.approx(float(orbit.foundation_rms), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_map_of_crushers_with_a_loose_elbow():
     base = {"elbow.clearance": 5e-5, "load_law": "normal_to_jaw"}
     found = jc.orbit_map({"speed": [25.0, 27.0]}, base=base, nodes=96)
@@ -183,6 +191,7 @@ def test_loss_of_contact_is_watched_at_each_joint():
     np.testing.assert_allclose(least_penetrations(jnp.asarray(x)), [0.5, -0.01], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_hessian_past_an_impact():
     """The second derivative of the contact's force jumps where its corner ends."""
 

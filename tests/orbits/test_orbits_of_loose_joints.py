@@ -40,6 +40,7 @@ def test_the_orbit_is_a_motion(orbit):
         assert float(turn[name]) == pytest.approx(float(orbit[name]), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_multipliers_against_the_section(orbit):
     """Moduli of the map's Jacobian, which is integrated."""
     start = flat(orbit.state(), orbit.scene)
@@ -51,6 +52,7 @@ def test_multipliers_against_the_section(orbit):
     assert moduli[:2].max() < 1e-5
 
 
+@pytest.mark.slow
 def test_slopes_by_clearances_of_elbow_and_pivot(orbit):
     names = ("speed", "elbow.clearance", "pivot.clearance", "elbow.bore_radius")
     point = jnp.array([30.0, 1e-4, 8e-5, 0.04])
@@ -69,6 +71,7 @@ def test_slopes_by_clearances_of_elbow_and_pivot(orbit):
         assert float(slope) == pytest.approx(float(difference), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_what_parts_has_no_orbit_in_contact():
     """The force at the elbow reverses: its pin crosses the play, and that is said."""
     orbit = jc.periodic_orbit(jc.build_scene(LOOSE | {"load_law": "along_jaw"}), nodes=NODES)
@@ -76,6 +79,7 @@ def test_what_parts_has_no_orbit_in_contact():
     assert np.isnan(orbit.foundation_rms)
 
 
+@pytest.mark.slow
 def test_more_nodes_where_few_do_not_close():
     """96 nodes estimate no error here, and yet the integrator does not come back."""
     values = {"load_law": "normal_to_jaw", "clearance": 1.2e-4, "elbow.clearance": 3e-5}

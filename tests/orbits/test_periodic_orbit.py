@@ -22,7 +22,7 @@ def orbit():
 
 
 # Compiled with XLA's optimisations, as users have it: README promises these numbers.
-@pytest.mark.slow
+@pytest.mark.optimised
 @pytest.mark.parametrize(
     ("speed", "clearance", "rms", "digits", "turns"),
     [
@@ -30,7 +30,7 @@ def orbit():
         # of collocation by a third; turns in which the swing falls to 1/e.
         (25.0, 0.03e-3, 18243.4112, 5e-5, 4700),
         (30.0, 0.06e-3, 19102.316, 1e-3, 14300),
-        (39.0, 0.03e-3, 21796.415, 3e-3, 6930),
+        pytest.param(39.0, 0.03e-3, 21796.415, 3e-3, 6930, marks=pytest.mark.slow),
     ],
 )
 def test_orbit_rms(speed, clearance, rms, digits, turns):
@@ -43,7 +43,10 @@ def test_orbit_rms(speed, clearance, rms, digits, turns):
 
 @pytest.mark.parametrize(
     ("speed", "clearance", "rms"),
-    [(27.0, 0.05e-3, 15256.015326), (30.0, 0.06e-3, 15835.128865)],
+    [
+        (27.0, 0.05e-3, 15256.015326),
+        pytest.param(30.0, 0.06e-3, 15835.128865, marks=pytest.mark.slow),
+    ],
 )
 def test_load_normal_to_the_jaw(speed, clearance, rms):
     scene = jc.paper_scene(speed, clearance, load_law="normal_to_jaw")
@@ -51,6 +54,7 @@ def test_load_normal_to_the_jaw(speed, clearance, rms):
     np.testing.assert_allclose(jc.periodic_orbit(scene).foundation_rms, rms, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_slope_beside_an_orbit_compiles_no_second_search(caplog):
     def rms(clearance):
         return jc.periodic_orbit(jc.paper_scene(27.0, clearance), nodes=96).foundation_rms
@@ -119,6 +123,7 @@ def rms(numbers):
     return jc.periodic_orbit(scene).foundation_rms
 
 
+@pytest.mark.slow
 def test_slopes_by_all_numbers():
     """Forward, reverse and central differences of orbits, of fourth order."""
     at = jnp.array([BASE.get(name, PARAMETERS[name].default) for name in NAMES])
@@ -157,6 +162,7 @@ def test_an_ideal_joint_is_a_sum():
         assert jax.grad(lambda speed: jc.periodic_orbit(jc.ideal_scene(speed)).foundation_rms)(30.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load_law", ["closing_stroke", "none"])
 def test_no_orbit_that_keeps_contact(load_law):
     """The load leaves the jaw within the turn: contact is lost, and nothing is returned."""

@@ -47,7 +47,10 @@ def over_amplitude(amplitude):
 
 @pytest.mark.parametrize(
     ("family", "bounds", "scale", "published"),
-    [(over_offset, (0.0, 0.5), 0.1, 0.422945), (over_amplitude, (0.1, 5.0), 1.0, 4.52337)],
+    [
+        (over_offset, (0.0, 0.5), 0.1, 0.422945),
+        pytest.param(over_amplitude, (0.1, 5.0), 1.0, 4.52337, marks=pytest.mark.slow),
+    ],
 )
 def test_the_torus_of_a_forced_neuron(family, bounds, scale, published):
     stride = Stride(first=0.2, longest=0.8, shortest=1e-6)
@@ -89,6 +92,7 @@ def round_once(build, point, states, rtol):
     return end[None, 1:, 0], slopes[None, :, :2], slopes[None, :, 2:]
 
 
+@pytest.mark.slow
 def test_the_cascade_of_lorenz(monkeypatch):
     """The second doubling is on the branch that leaves at the first."""
     monkeypatch.setattr(module, "slices_apart", round_once)

@@ -248,6 +248,7 @@ def reach(numbers, state, period):
     return np.array([run.y_events[0][:, 0].max() - gap])
 
 
+@pytest.mark.slow
 def test_two_masses_and_a_stop(monkeypatch):
     """The points published for NLvib's example 03. Its stiffness jumps: nodes do not reach them."""
     monkeypatch.setattr(module, "slices_apart", one_turn)

@@ -70,6 +70,7 @@ def test_what_is_seen_along_an_orbit_has_second_derivatives(monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_an_orbit_that_loses_contact_has_slopes_in_a_traced_call(waited):
     """Beside differences of runs that have settled, which know nothing of orbits."""
     (value, orbit), slopes = waited(CLOSING)
@@ -96,6 +97,7 @@ def test_an_orbit_that_loses_contact_has_slopes_in_a_traced_call(waited):
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_a_failure_has_no_slopes(waited):
     """Where the motion is chaotic the mean of its turns leads to no orbit."""
     (value, orbit), slopes = waited(jnp.array([30.0, 0.06e-3]))
@@ -104,6 +106,7 @@ def test_a_failure_has_no_slopes(waited):
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_an_eager_call_is_a_traced_one_and_its_multipliers_are_of_the_map(waited):
     (_, traced), _ = waited(CLOSING)
     _, orbit = rms(CLOSING, closing, guess=traced)
@@ -133,6 +136,7 @@ def test_an_eager_call_is_a_traced_one_and_its_multipliers_are_of_the_map(waited
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_slopes_over_two_turns_are_those_of_collocation_over_one():
     """The quiet motion keeps contact."""
     point = jnp.array([30.0, 0.06e-3])

@@ -10,6 +10,7 @@ from jaxcrusher.motion.flow import flat
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.tries import UNSURE
 from jaxcrusher.orbits.trigonometric import resample
+from tests.pairs import slow
 
 BLOCK = {"foundation.mass": 6000.0, "foundation.x": 0.3, "foundation.y": 0.2}
 ANGLES = 2 * np.pi * np.arange(1024) / 1024
@@ -87,7 +88,7 @@ def test_one_rotating_unbalance():
         assert float(orbit.frame_velocity_rms) == pytest.approx(rms, rel=2e-5)
 
 
-@pytest.mark.parametrize("joint", ["ideal", "clearance"])
+@pytest.mark.parametrize("joint", ["ideal", *slow("clearance")])
 def test_stiff_springs_or_a_heavy_frame_clamp_it(joint):
     still = {"foundation.x": 0.3, "foundation.y": 0.2, "joint": joint}
     clamped = jc.periodic_orbit(jc.build_scene(still))
@@ -129,7 +130,7 @@ def test_slowly_turned_the_springs_carry_the_weight():
     assert sag + 0.6 * turned == pytest.approx(right / 1.5e8, rel=1e-4)
 
 
-@pytest.mark.parametrize("joint", ["ideal", "clearance"])
+@pytest.mark.parametrize("joint", ["ideal", *slow("clearance")])
 def test_orbit_is_where_a_long_integration_ends(joint):
     orbit = orbit_of(joint=joint)
     names = ("transmitted_rms", "frame_velocity_rms", "frame_displacement_peak", "left_peak")
@@ -143,6 +144,7 @@ def test_orbit_is_where_a_long_integration_ends(joint):
         np.testing.assert_allclose(run.values[name][0], orbit[name], rtol=allowed, err_msg=name)
 
 
+@pytest.mark.slow
 def test_multipliers_against_the_section():
     orbit = orbit_of(**springs(2e6, 2e3))
     section = jc.poincare_section(orbit.scene, 0, 1, slices=8, state=orbit.section, rtol=1e-11)
@@ -158,6 +160,7 @@ def test_multipliers_against_the_section():
     assert orbit.multipliers.shape == (10,) and orbit.stable
 
 
+@pytest.mark.slow
 def test_multipliers_of_very_stiff_springs():
     """Springs of 1e14 N/m swing at 1.1e5 rad/s, which only the shortest steps resolve."""
     orbit = orbit_of(joint="ideal", **springs(1e14, 1e5))
@@ -172,6 +175,7 @@ def test_multipliers_of_very_stiff_springs():
     assert float(orbit.largest_multiplier) == pytest.approx(expected, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_multipliers_that_overflow_are_not_trusted():
     """Springs of 1e16 N/m are too stiff for the shortest steps: the stability is unknown."""
     orbit = orbit_of(joint="ideal", **springs(1e16, 1e5))
@@ -179,6 +183,7 @@ def test_multipliers_that_overflow_are_not_trusted():
     assert orbit.instability.startswith("Its multipliers are not known")
 
 
+@pytest.mark.slow
 def test_power_over_a_period():
     """The drive gives what load, contact and dampers take: energies come back to themselves."""
     works = []
@@ -199,7 +204,8 @@ def test_power_over_a_period():
     assert float(sliding.friction_loss[1]) > 10
 
 
-@pytest.mark.parametrize("joint", ["ideal", "clearance"])
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", ["ideal", *slow("clearance")])
 def test_slopes(joint):
     """By numbers of frame, springs and machine, against central differences of orbits."""
     given = {**BLOCK, "joint": joint, "load_law": "normal_to_jaw", **springs(4e7, 6e4)}
@@ -244,6 +250,7 @@ def test_slopes(joint):
         )
 
 
+@pytest.mark.slow
 def test_an_orbit_that_is_shot_for_is_the_same():
     orbit = orbit_of(**springs(5e7, 1e5))
     found = shoot(orbit.scene, orbit.section, 1)

@@ -24,6 +24,7 @@ def rms(speed, clearance):
     return jc.periodic_orbit(jc.paper_scene(speed, clearance, slip="surface")).foundation_rms
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("speed", "clearance", "waited"), TONGUES)
 def test_a_damping_is_lowered_where_rest_is_too_far(speed, clearance, waited):
     orbit = jc.periodic_orbit(jc.paper_scene(speed, clearance, slip="surface"))
@@ -35,6 +36,7 @@ def test_a_damping_is_lowered_where_rest_is_too_far(speed, clearance, waited):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_where_motions_coexist_the_answer_is_what_the_machine_comes_to():
     """A damping leads to a quieter motion, of 20 931.5 N, to which no start near rest comes."""
     scene = jc.paper_scene(37.8047, 0.094538e-3, slip="surface")
@@ -47,6 +49,7 @@ def test_where_motions_coexist_the_answer_is_what_the_machine_comes_to():
     assert quiet.stable and float(quiet.foundation_rms) == pytest.approx(20931.5, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("impact_velocity", [1e-4, 1e-6])
 def test_multipliers_of_a_contact_that_damps_too_fast_for_the_usual_steps(impact_velocity):
     """A small impact velocity damps a contact to rest within a thousandth of a turn."""
@@ -67,6 +70,7 @@ def test_multipliers_of_a_contact_that_damps_too_fast_for_the_usual_steps(impact
     assert float(usual.largest_multiplier) == pytest.approx(largest, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_slopes_of_an_orbit_that_took_the_long_way():
     """By the equations themselves, eagerly and under `jax.jit`, which lowers the same damping."""
     speed, clearance, waited = TONGUES[0]
@@ -78,6 +82,7 @@ def test_slopes_of_an_orbit_that_took_the_long_way():
     assert float(slope) == pytest.approx(-201103.0, rel=5e-5)
 
 
+@pytest.mark.slow
 def test_a_guess_is_not_left_for_the_pins_at_rest_under_jit():
     """The fixed tries of a traced call: its guess, or rest and the damping."""
     speed, clearance, _ = TONGUES[0]
@@ -138,6 +143,7 @@ def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles(monkeypa
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_an_orbit_that_has_doubled_leads_to_that_of_twice_the_turns():
     """Between two doublings 0.0003 rad/s apart; by random starts 20 927.9590 N."""
     scene = jc.paper_scene(36.5455, 0.11293e-3)
@@ -195,6 +201,7 @@ def test_means_are_taken_over_the_turns_that_a_motion_repeats_after():
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_what_has_no_orbit_is_named():
     """The jaw that its load leaves goes from impact to impact."""
     orbit = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3, load_law="closing_stroke"))
@@ -202,6 +209,7 @@ def test_what_has_no_orbit_is_named():
     assert orbit.failure == "The motion from rest is chaotic: disturbances of it grow."
 
 
+@pytest.mark.slow
 def test_what_the_motion_does_beside_an_unstable_orbit_is_named():
     """The motion of one turn has doubled its period, and beyond a cascade there is chaos.
 

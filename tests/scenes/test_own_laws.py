@@ -153,6 +153,7 @@ def test_a_whole_bearing_is_a_law(laws, tmp_path):
         jc.build_scene({"contact_law": f"{laws}:Tanh"})
 
 
+@pytest.mark.slow
 def test_slopes_sweeps_and_lanes(laws, tmp_path):
     values = read_scene_file(tmp_path / "scene.toml")
 

@@ -425,6 +425,7 @@ def test_word_that_is_no_command():
         parse(__main__.run, ["simulat"])
 
 
+@pytest.mark.slow
 def test_results_of_another_command_line_are_kept(simulated):
     """They are moved beside those of the new command, which computes at once."""
     out, _, _ = simulated
@@ -556,11 +557,28 @@ def test_a_picture_of_ideal_joints_has_no_empty_place(monkeypatch, tmp_path):
     assert ax.get_ylabel() == "|R_O| + |R_C|, kN"
 
 
+SOLVED = ("orbit", "--set", "speed", "27rad/s", "--set", "clearance", "5e-5 m")
+
+
+def test_orbit_writes_what_it_found(tmp_path, monkeypatch):
+    """Its slopes by every number are looked at in the next test."""
+
+    def ones(solve, numbers):
+        return {metric: dict.fromkeys(numbers, 1.0) for metric in orbit.METRICS}
+
+    monkeypatch.setattr(orbit, "_slopes", ones)
+    status, text = run(*SOLVED, "--out", tmp_path)
+    assert status == 0 and "settles in" in text and "inside the contact model" in text
+    kept = json.loads((tmp_path / "orbit" / "orbit.json").read_text())
+    assert kept["stable"] and kept["foundation_rms"] == pytest.approx(18524.15958, rel=1e-9)
+    assert kept["slopes_of_foundation_rms"]["speed"] == 1.0
+    assert {file.name for file in (tmp_path / "orbit").iterdir()} > {"orbit.png", "orbit.csv"}
+
+
+@pytest.mark.slow
 def test_orbit_solves_for_the_periodic_orbit(tmp_path):
-    """RMS, multipliers, and a slope by every number; no file where there is no orbit."""
-    status, text = run(
-        "orbit", "--out", tmp_path, "--set", "speed", "27rad/s", "--set", "clearance", "5e-5 m"
-    )
+    """RMS, multipliers, and a slope by every number."""
+    status, text = run(*SOLVED, "--out", tmp_path)
     assert status == 0 and "settles in" in text and "inside the contact model" in text
     kept = json.loads((tmp_path / "orbit" / "orbit.json").read_text())
     assert kept["stable"] and kept["foundation_rms"] == pytest.approx(18524.15958, rel=1e-9)
@@ -587,6 +605,9 @@ def test_orbit_solves_for_the_periodic_orbit(tmp_path):
     rms = np.sqrt(np.mean(history["foundation_force_N"][:-1] ** 2))
     assert rms == pytest.approx(kept["foundation_rms"], rel=1e-5)
     assert {"shaking_force_x_N", "eccentricity_y_m"} < set(history.dtype.names)
+
+
+def test_slopes_of_an_orbit_are_shown_where_a_force_feels_them(tmp_path):
     # Numbers that a scene file leaves out are marked.
     marked = orbit.borrowed_by(Crusher(scene_file(tmp_path), (("load", "9 kN"),)))
     assert "jaw.mass" in marked and not {"load", "toggle.mass", "speed"} & set(marked)
@@ -605,6 +626,10 @@ def test_orbit_solves_for_the_periodic_orbit(tmp_path):
     assert {"load", "friction"} < set(names) and not {"young", "poisson"} & set(names)
     told = orbit.notes(values, {}, marked, slopes)
     assert "Neither force changes with young, poisson." in told and len(told) == 3
+
+
+@pytest.mark.slow
+def test_no_orbit_leaves_no_file(tmp_path):
     bad = ("orbit", "--out", tmp_path, "--name", "none", "--set", "load_law", "none")
     status, text = run(*bad)
     assert status == 1 and "no periodic orbit" in text and "Try a value a thousandth off" in text

@@ -38,6 +38,7 @@ def documented(tmp_path_factory) -> set[str]:
     return {line.split()[0] for line in inventory.splitlines()}
 
 
+@pytest.mark.slow
 def test_every_public_name_is_documented(documented):
     exported = ast.parse((ROOT / "jaxcrusher" / "__init__.pyi").read_text()).body
     names = [
@@ -49,6 +50,7 @@ def test_every_public_name_is_documented(documented):
     assert sorted(set(names) - documented) == []
 
 
+@pytest.mark.slow
 def test_every_module_is_documented(documented):
     folder = ROOT / "jaxcrusher"
     paths = [path.relative_to(ROOT).with_suffix("") for path in folder.rglob("*.py")]
@@ -61,6 +63,7 @@ def test_every_module_is_documented(documented):
     assert sorted(modules - documented) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page",
     [
@@ -68,7 +71,7 @@ def test_every_module_is_documented(documented):
         "docs/model.md",
         "docs/roller_bearing.md",
         # Its steps at a loose tolerance are those of programs compiled as users have them.
-        pytest.param("docs/numerics.md", marks=pytest.mark.slow),
+        pytest.param("docs/numerics.md", marks=pytest.mark.optimised),
         "docs/gradients.md",
         "docs/lanes.md",
         "docs/orbits.md",
@@ -89,6 +92,7 @@ def test_blocks_of_a_page_run(page, capsys):
     assert "nan" not in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_processes_of_the_page_on_sweeps_find_what_their_parent_does(tmp_path):
     """Spawned, they import the file that they are of."""
     (block,) = (one for one in python_blocks("docs/large_sweeps.md") if "spawn" in one)
@@ -104,6 +108,7 @@ def test_processes_of_the_page_on_sweeps_find_what_their_parent_does(tmp_path):
     assert done.stdout == "True\n", done.stderr
 
 
+@pytest.mark.slow
 def test_blocks_of_the_readme_run_in_a_fresh_process():
     """The first of them sets JAX up."""
     blocks = python_blocks("README.md")

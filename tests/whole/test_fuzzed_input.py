@@ -203,6 +203,7 @@ def test_scene_files_with_slips(text, tmp_path, capsys):
     assert "\x1b" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @CHEAP
 @given(words=command_lines())
 def test_command_lines_with_slips(words, tmp_path_factory):
@@ -210,6 +211,7 @@ def test_command_lines_with_slips(words, tmp_path_factory):
     refused_or_begun(__main__.run, words, tmp_path_factory, empty=words[:1] != ["sweep"])
 
 
+@pytest.mark.slow
 @CHEAP
 @given(words=command_lines(SEARCHES))
 def test_searches_with_slips(words, tmp_path_factory):

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.pairs import slow
+
 ROOT = Path(__file__).parents[2]
 PROGRAMS = sorted(
     path.relative_to(ROOT)
@@ -51,7 +53,11 @@ def test_programs_are_found():
     assert len(PROGRAMS) > 15
 
 
-@pytest.mark.parametrize("path", PROGRAMS, ids=lambda path: " ".join(start(path)[-1:]))
+@pytest.mark.parametrize(
+    "path",
+    [path if path.parts[0] != "benchmarks" else slow(path)[0] for path in PROGRAMS],
+    ids=lambda path: " ".join(start(path)[-1:]),
+)
 def test_help_comes_at_once_and_what_is_unknown_is_refused(path, run):
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = run(*start(path), "--help", jax=NO_JAX)

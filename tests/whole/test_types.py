@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.motion.statistic import STATISTIC
 
@@ -21,7 +23,7 @@ def checked(folder: Path, source: str) -> subprocess.CompletedProcess:
     (folder / "script.py").write_text(source)
     (folder / "pyrightconfig.json").write_text(json.dumps(SETTINGS))
     return subprocess.run(
-        ["pyright", "--pythonpath", sys.executable, "--project", str(folder)],
+        [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, "--project", str(folder)],
         capture_output=True,
         text=True,
         timeout=900,
@@ -29,6 +31,7 @@ def checked(folder: Path, source: str) -> subprocess.CompletedProcess:
     )
 
 
+@pytest.mark.slow
 def test_the_readmes_python_satisfies_pyright(tmp_path):
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
     assert blocks
@@ -47,6 +50,7 @@ jc.periodic_orbit(scene).foundation_rms, jc.simulate(scene, [0.0]).foundation_fo
 """
 
 
+@pytest.mark.slow
 def test_a_misspelt_result_is_seen_by_pyright(tmp_path):
     done = checked(tmp_path, MISSPELT)
     assert re.findall(r"script.py:(\d+):.*Cannot access attribute", done.stdout) == ["5", "6", "7"]
