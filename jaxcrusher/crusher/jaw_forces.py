@@ -5,6 +5,7 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector, optional_scalar
 from jaxcrusher.mechanism.equations import Wrench
+from jaxcrusher.mechanism.scene import AbstractApplied
 
 
 class JawForce(eqx.Module):
@@ -24,7 +25,7 @@ class RodPull(eqx.Module):
     rate: Scalar  # m/s
 
 
-class Applied(eqx.Module):
+class Applied(AbstractApplied):
     """Forces on the jaw by their source, None where there is none, and all they do to bodies."""
 
     load: JawForce | None

@@ -68,7 +68,10 @@ class Points(NamedTuple):
 
 
 class LaneWaits:
-    """Motions of stacked cases, each waited for as far as it is asked for."""
+    """Motions of stacked cases, each waited for as far as it is asked for.
+
+    `tell` is called after each round of turns, and may raise an error to end the wait.
+    """
 
     def __init__(
         self,
@@ -76,8 +79,9 @@ class LaneWaits:
         cases: Cases,
         engine: Engine | None,
         journal: Journal | None,
+        tell: Callable[[], None],
     ) -> None:
-        self._scene, self._cases = scene, cases
+        self._scene, self._cases, self._tell = scene, cases, tell
         self._settings, self._journal = {"engine": engine, "whole": LANES}, journal
         self._at: dict[int, np.ndarray] = {}  # states
         self._scenes: dict[int, Scene] = {}
@@ -91,6 +95,7 @@ class LaneWaits:
             for i, case in enumerate(behind):
                 self._at[case] = found["states"][i, -1]
                 self._seen[case].append({name: column[i] for name, column in found.items()})
+            self._tell()
 
     def _begin(self, which: Int[np.ndarray, " some"]) -> None:
         """Set cases to rest."""

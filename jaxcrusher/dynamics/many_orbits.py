@@ -97,6 +97,8 @@ def solve_orbits(
       nothing is known. What is waited for has its own.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
     - `journal`: of finished chunks.
+    - `progress`: called with the number of finished and of all cases; while motions are waited for,
+      those with a stable orbit are finished.
 
     **Returns:** statistics, `SEEN`, `number`, `slope` (cases, n), `inside_model`, multipliers, the
     orbits themselves, `failure` and the way by which each was `found` in words; NaN where there is
@@ -109,7 +111,11 @@ def solve_orbits(
     search.fill(np.arange(count), levels[0], alone, report)
     left = search.unsolved(np.inf)
     sections = np.full((count, 2 * problem.dims), np.nan) if sections is None else sections.copy()
-    waits = LaneWaits(problem.scene, cases, engine, journal)
+
+    def tell() -> None:
+        report(count - len(search.unstable()), count)
+
+    waits = LaneWaits(problem.scene, cases, engine, journal, tell)
     if neighbours is not None and len(left):
         sections[left] = search.wait(waits, left)
     for nodes in levels[1:] or levels:

@@ -7,7 +7,7 @@ from jaxcrusher.joint.clearance import AbstractBearing, Contact
 from jaxcrusher.mechanism.equations import MovingFrame, Wrench
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractScene, Applied
+from jaxcrusher.mechanism.scene import AbstractApplied, AbstractScene
 from jaxcrusher.mechanism.snapshot import FrameMotion
 
 
@@ -31,7 +31,7 @@ def _contact(one: AbstractBearing, motion: Motion, name: str, memory: Scalar | N
 
 
 def wrenches_of(
-    scene: AbstractScene, applied: Applied, frame: FrameMotion | None
+    scene: AbstractScene, applied: AbstractApplied, frame: FrameMotion | None
 ) -> tuple[list[Wrench], Vector, MovingFrame | None]:
     """Return what acts besides contacts, the weight of a unit mass, and the frame as a body."""
     upright = Vector(0.0, -scene.linkage.gravity)

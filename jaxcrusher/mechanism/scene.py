@@ -1,7 +1,6 @@
 """What equations of motion ask of a scene, and what a scene asks of them."""
 
 import abc
-from typing import Protocol
 
 import equinox as eqx
 from jaxtyping import PyTree, Scalar
@@ -17,13 +16,13 @@ from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation, OnSupports
 
 
-class Applied(Protocol):
-    """What acts on the bodies besides weight and joints."""
+class AbstractApplied(eqx.Module):
+    """What acts on the bodies besides weight and joints.
 
-    @property
-    def wrenches(self) -> tuple[Wrench, ...]:
-        """Return forces and moments on bodies, and on the frame what it feels of them."""
-        ...
+    `wrenches` are forces and moments on bodies, and on the frame what it feels of them.
+    """
+
+    wrenches: eqx.AbstractVar[tuple[Wrench, ...]]
 
 
 class AbstractScene(eqx.Module):
@@ -50,7 +49,7 @@ class AbstractScene(eqx.Module):
         """Return how far the crank carries its pin, m: what a moving frame is measured by."""
 
     @abc.abstractmethod
-    def applied(self, motion: Motion) -> Applied:
+    def applied(self, motion: Motion) -> AbstractApplied:
         """Return what acts on the bodies of a motion besides weight and joints."""
 
     @property

@@ -83,6 +83,7 @@ def test_formulations_agree_at_an_uneven_speed(kind):
         np.testing.assert_allclose(other, one, rtol=1e-8, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_an_uneven_speed_has_an_orbit_with_slopes():
     """Its slope by the fluctuation is that of differences; at none it is the even speed's orbit."""
 

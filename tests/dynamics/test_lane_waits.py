@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.dynamics.lane_waits import LaneWaits
+from jaxcrusher.dynamics.lane_waits import TURNS, LaneWaits
 
 
-def waits_of(axis, **others):
+def waits_of(axis, tell=lambda: None, **others):
     """Crushers over the clearance, in m."""
 
     def scene(free, rest):
         return jc.build_scene({"clearance": free[0], **others, **rest})
 
-    return LaneWaits(scene, (np.array(axis)[:, None], {}), None, None)
+    return LaneWaits(scene, (np.array(axis)[:, None], {}), None, None, tell)
 
 
 @pytest.mark.slow
@@ -37,6 +37,21 @@ def test_newtons_method_in_lanes_comes_to_the_orbit():
     waits.go_on(np.array([0]), 480)
     assert waits.last(0).states.shape == (240, 4) and waits.last(1).states.shape == (120, 4)
     assert not np.array_equal(waits.last(0).states[:120], before)
+
+
+def test_a_wait_is_told_of_and_ends_where_that_is_asked():
+    """A long wait shows that it goes on, and Ctrl-C ends it; what it has come to is kept."""
+    told = []
+
+    def tell():
+        told.append(len(told))
+        if len(told) == 3:
+            raise InterruptedError
+
+    waits = waits_of([0.06e-3], tell, speed=30.0)
+    with pytest.raises(InterruptedError):
+        waits.go_on(np.arange(1), 100 * TURNS)
+    assert told == [0, 1, 2] and waits.last(0).states.shape == (3 * TURNS // 2, 4)
 
 
 @pytest.mark.slow

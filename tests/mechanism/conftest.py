@@ -14,12 +14,17 @@ from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.equations import Wrench
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene, AbstractStart
+from jaxcrusher.mechanism.scene import (
+    AbstractApplied,
+    AbstractFormulation,
+    AbstractScene,
+    AbstractStart,
+)
 from jaxcrusher.mechanism.supports import AbstractFoundation
 from jaxcrusher.mechanism.topology import FRAME
 
 
-class Pull(eqx.Module):
+class Pull(AbstractApplied):
     """A constant force on the rocker of a four-bar linkage, at its mass centre."""
 
     wrenches: tuple[Wrench, ...]
