@@ -79,7 +79,9 @@ def bifurcation(
     good = numbers.ndim == 1 and numbers.size > 0 and bool((np.diff(numbers) > 0).all())
     require(good, "values", "have shape (n,), n > 0, and increase", values)
     scenes = [scene(float(number)) for number in numbers]
-    moves = all(isinstance(one.formulation, EccentricityFormulation) for one in scenes)
+    moves = all(
+        isinstance(one.formulation, EccentricityFormulation) and not one.is_ideal for one in scenes
+    )
     require(
         moves, "scene", "make scenes with clearance, in the eccentricity formulation", scenes[0]
     )

@@ -175,7 +175,7 @@ def _require_rates(drive: AbstractMotion) -> None:
 
         def part(i: int, time: Scalar) -> Scalar:
             found = drive.motion(time)[i]
-            return jnp.zeros_like(time) if found is None else found
+            return jnp.zeros_like(time) if found is None else jnp.asarray(found)
 
         one = jnp.ones(())
         for share in (0.13, 0.4, 0.77):

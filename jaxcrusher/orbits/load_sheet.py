@@ -63,7 +63,8 @@ def joint_states(scene: Scene) -> str:
         if one is not None:
             rolls = "rollers and " if isinstance(one, RollerBearing) else ""
             state = f"has {rolls}a radial clearance of {1e3 * float(one.clearance):.4g} mm"
-        states.append(f"{'main bearing' if joint == 'main' else joint} {letter} {state}")
+        name = "main bearing" if joint == "main" else joint.replace("_", " ")
+        states.append(f"{name} {letter} {state}")
     return ", ".join(states)
 
 

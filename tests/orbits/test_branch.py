@@ -230,6 +230,7 @@ def test_refusals():
         jc.orbit_branch(scene, 30.0, (29.0, 32.0), period=1, guess=lost)
 
 
+@pytest.mark.slow
 def test_a_fold_of_the_crusher_by_few_nodes():
     """96 nodes place it 2.1e-4 rad/s below; 192, 384 and 768 agree to 2e-9.
 

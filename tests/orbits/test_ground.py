@@ -117,9 +117,10 @@ def test_ground_carries_what_the_frame_is_pushed_with(law, name):
         force = -(at_bearing + at_pivot)
         moment = point.cross(at_pivot) - (scene.machine.bearing - point).cross(at_bearing)
         moment -= ob.drive_torque(s, scene)
-        if s.load is not None:
-            force -= s.load
-            moment -= (ob.jaw_mass_centre(s, scene) - point).cross(s.load)
+        if s.applied.load is not None:
+            load = s.applied.load.force
+            force -= load
+            moment -= (ob.jaw_mass_centre(s, scene) - point).cross(load)
         size = ob.foundation_force(s, scene)
         ground = ob.ground_force(s, scene), ob.ground_moment(s, scene)
         return force.array() - ground[0].array(), moment - ground[1], size

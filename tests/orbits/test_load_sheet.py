@@ -94,7 +94,8 @@ def test_a_clamped_frame_has_a_shorter_sheet():
 
 def test_the_title_says_the_state_of_each_joint():
     ideal = joint_states(jc.ideal_scene(30.0))
-    assert ideal == "main bearing A is ideal, elbow B is ideal, pivot C is ideal"
+    named = "main bearing A", "elbow B", "pivot C", "shaft bearing O"
+    assert ideal == ", ".join(f"{name} is ideal" for name in named)
     worn = {"clearance": 6e-5, "elbow.clearance": 2e-5}
     assert joint_states(jc.build_scene(worn)).startswith(
         "main bearing A has a radial clearance of 0.06 mm, elbow B has a radial clearance of 0.02"

@@ -178,7 +178,7 @@ def test_refusals():
     free = eqx.tree_at(lambda s: s.drive, scene, GivenTorque(100.0, 30.0))
     for bad, words in (
         (jc.paper_scene(30.0, 0.06e-3, formulation="multiplier"), "by eccentricity"),
-        (free, "constant speed"),
+        (free, "given speed"),
     ):
         with pytest.raises(ValueError, match=words):
             jc.periodic_orbit(bad)
