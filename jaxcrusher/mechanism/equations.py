@@ -181,25 +181,7 @@ def solve(
         name for tree in trees for name in tree.bodies if ways.turning_with.get(name) == name
     ]
     rows = [_Rows(ways, tree, sums, unknown) for tree in trees]
-    lower, right = {}, [total([one.right.get(name) for one in rows]) for name in unknown]
-    for place in dict.fromkeys(place for one in rows for place in one.lower):
-        lower[place] = total([one.lower.get(place) for one in rows])
-    for joint in closing:
-        ends = linkage.joint(joint)
-        apart = ways.to_end(ends.pin) - ways.to_end(ends.bore)
-        left = minus(ways.known(apart), curvatures[joint])
-        assert left is not None
-        for name, arm in ways.by_spin(apart).items():
-            partial = arm.perp()
-            lower[len(right), unknown.index(name)] = partial.x
-            lower[len(right) + 1, unknown.index(name)] = partial.y
-        right += [-left.x, -left.y]
-    found = solve_symmetric(lower, right)
-
-    spin_ups = dict(zip(unknown, found, strict=False))
-    # The rows' multipliers are forces on the bores: M w' + rows^T force = moments.
-    held = iter(found[len(unknown) :])
-    closed = {joint: Vector(next(held), next(held)) for joint in closing}
+    spin_ups, closed = _solved(ways, rows, unknown, closing)
     roots = {body: one.root(spin_ups) for one in rows for body in one.tree.bodies}
 
     def acceleration(body: str, way: _Way) -> Vector | None:
@@ -207,21 +189,19 @@ def solve(
         return total([roots[body], ways.known(way), *parts])
 
     centres = {name: _there(acceleration(name, ways.to_centre(name))) for name in ways.bodies}
-    known = motion.crank.acceleration
-    for name, other in ways.turning_with.items():
-        spin_ups[name] = spin_ups[other]
+    turned = {name: spin_ups[other] for name, other in ways.turning_with.items()}
     if torque is None:
+        known, carried = motion.crank.acceleration, turned.get(linkage.crank)
         known = jnp.zeros_like(motion.crank.speed) if known is None else known
-        carried = spin_ups.get(linkage.crank)
-        spin_ups[linkage.crank] = known if carried is None else carried + known
+        turned[linkage.crank] = known if carried is None else carried + known
     second = {}
     for name in contacts.names:
         pin, bore = linkage.joint(name).pin, linkage.joint(name).bore
         ends = [acceleration(point.body, ways.to_end(point)) for point in (pin, bore)]
-        second[name] = _past(frame, motion, name, _there(minus(*ends)), spin_ups.get(FRAME))
+        second[name] = _past(frame, motion, name, _there(minus(*ends)), turned.get(FRAME))
 
-    ends = [(linkage.joint(name), force) for name, force in closed.items()]
-    sums = _sums([one for joint, force in ends for one in _pair(motion, joint, force, frame)], sums)
+    for name, force in closed.items():
+        sums = _sums(_pair(motion, linkage.joint(name), force, frame), sums)
     missing = {
         name: minus(one.mass * centres[name], sums[name][0]) for name, one in ways.bodies.items()
     }
@@ -231,14 +211,42 @@ def solve(
             on_body = _there(total([missing[one] for one in tree.beyond(body)]))
             forces[name] = on_body if linkage.joint(name).bore.body == body else -on_body
     if torque is None:
-        torque = _torque(ways, trees, spin_ups, missing, sums)
+        torque = _torque(ways, trees, turned, missing, sums)
     return Accelerations(
-        Named({name: spin_ups[name] for name in ways.bodies}),
+        Named({name: turned[name] for name in ways.bodies}),
         Named(centres),
         Named(second),
         Named({name: forces[name] for name in linkage.joints.names}),
         torque,
     )
+
+
+def _solved(
+    ways: _Ways, rows: "list[_Rows]", unknown: list[str], closing: tuple[str, ...]
+) -> tuple[dict[str, Scalar], dict[str, Vector]]:
+    """Return the derivatives of the unknown spins, and the forces on the bores that close loops.
+
+    Pin and bore of a closing joint move alike: rows . w' = right. The multipliers of the rows are
+    forces on the bore, M w' + rows^T force = moments.
+    """
+    linkage = ways.motion.linkage
+    lower, right = {}, [total([one.right.get(name) for one in rows]) for name in unknown]
+    for place in dict.fromkeys(place for one in rows for place in one.lower):
+        lower[place] = total([one.lower.get(place) for one in rows])
+    for joint in closing:
+        ends = linkage.joint(joint)
+        apart = ways.to_end(ends.pin) - ways.to_end(ends.bore)
+        left = minus(ways.known(apart), ways.curvatures[joint])
+        assert left is not None
+        for name, arm in ways.by_spin(apart).items():
+            partial = arm.perp()
+            lower[len(right), unknown.index(name)] = partial.x
+            lower[len(right) + 1, unknown.index(name)] = partial.y
+        right += [-left.x, -left.y]
+    found = solve_symmetric(lower, right)
+    held = iter(found[len(unknown) :])
+    forces = {joint: Vector(next(held), next(held)) for joint in closing}
+    return dict(zip(unknown, found, strict=False)), forces
 
 
 class _Rows:
