@@ -69,7 +69,7 @@ def designs(start: Start, turns: int, side: int = 8) -> Designs:
         return shifted_start(crusher, Vector(0.0, 0.0))
 
     scenes = jax.jit(jax.vmap(scene))(speeds, clearances)
-    place, rate = scenes.start.relative, scenes.start.rate
+    place, rate = (one["main"] for one in (scenes.start.relative, scenes.start.rate))
     starts = np.stack([place.x, place.y, rate.x, rate.y, np.zeros_like(speeds)], axis=1)
     crushers = [
         Crusher(clearance=c, speed=w, friction=FRICTION)

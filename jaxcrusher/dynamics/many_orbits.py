@@ -122,6 +122,9 @@ def solve_orbits(
         search.fill(search.begun(search.unsolved(enough)), nodes, neighbours or alone, report)
     left = search.unsolved(np.inf)
     search.shoot(left[np.isfinite(sections[left]).all(axis=1)], sections)
+    for nodes in (levels[-1], MOST_NODES):
+        if len(doubted := search.doubted()):
+            search.fill(doubted, nodes, alone, report)
     motions = Rows()
     if neighbours is not None:
         search.wait_on(waits, report)
@@ -164,6 +167,12 @@ class _Search:
             return np.arange(len(self.orbits))
         good = np.logical_and(self.rows["success"], self.rows["error"] <= enough)
         return np.flatnonzero(~good)
+
+    def doubted(self) -> np.ndarray:
+        """Return the cases whose orbit is neither stable nor unstable by the error of its nodes."""
+        apart = np.abs(self.rows["largest_multiplier"] - 1)
+        close = apart <= self.rows["multipliers_error"]
+        return np.flatnonzero(np.logical_and(self.rows["success"], close))
 
     def begun(self, cases: np.ndarray) -> np.ndarray:
         """Return the cases of which an orbit or a guess is known: more nodes help no others."""

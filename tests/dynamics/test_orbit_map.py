@@ -181,3 +181,15 @@ def test_a_store_keeps_other_programs_of_the_same_numbers_apart(tmp_path):
     # Friction between the surfaces takes some 400 N off.
     assert centre - surface > 100
     np.testing.assert_array_equal(kept.foundation_rms, whole.foundation_rms)
+
+
+def test_orbits_that_the_error_of_their_nodes_leaves_open_are_solved_for_again():
+    """Neither stable nor unstable is what lies by less than its error beside 1."""
+    search = _Made(5, lambda case, guess: True)
+    largest, errors = [0.9, 0.9999, 1.0002, 1.1, 1.0], [1e-3, 1e-3, 1e-3, 1e-3, np.nan]
+    search.rows = {
+        "success": np.array([True, True, True, True, False]),
+        "largest_multiplier": np.array(largest),
+        "multipliers_error": np.array(errors),
+    }
+    assert search.doubted().tolist() == [1, 2]
