@@ -98,10 +98,10 @@ def whirl(settle: int = 4, turns: int = 8) -> Iterator[Comparison]:
     decides.
     """
     crusher = Crusher(friction=0.1)
-    thrown = {"e": 1.02 * crusher.clearance + 0j, "rate": 1j}
+    e, rate = 1.02 * crusher.clearance + 0j, 1j
     with timed(OURS):
-        ours = jc.statistics(our_scene(crusher, **thrown), settle, turns)
-    start = Motion(crusher, **thrown)
+        ours = jc.statistics(our_scene(crusher, e=e, rate=rate), settle, turns)
+    start = Motion(crusher, e=e, rate=rate)
     times = 2 * np.pi / crusher.speed / SAMPLES * np.arange((settle + turns) * SAMPLES + 1)
     with timed(CVODE):
         theirs = start.observe(times, sundials_peer.cvode(start, times, rtol=1e-9))

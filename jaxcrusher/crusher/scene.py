@@ -102,7 +102,7 @@ class Scene(AbstractScene):
             for point, force in wrenches:
                 arm = motion.position(point) - self.supports.point
                 found.append(Wrench(FRAME, -force, arm.cross(-force)))
-        return Applied(load, rod, tuple(found))
+        return Applied(load=load, rod=rod, wrenches=tuple(found))
 
     def ideal(self) -> "Scene":
         """The same machine, drive and load with ideal joints: what a clearance adds to."""
