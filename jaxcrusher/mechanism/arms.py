@@ -23,6 +23,11 @@ def minus(one: T | None, other: T | None) -> T | None:
     return one if other is None else -other if one is None else one - other
 
 
+def or_zero(vector: Vector | None) -> Vector:
+    """Return a vector; None is the one without length."""
+    return Vector(0.0, 0.0) if vector is None else vector
+
+
 class Arm(eqx.Module):
     """A point of a body in the body's axes, from its origin; None is zero, and is never traced."""
 

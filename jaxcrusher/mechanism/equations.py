@@ -25,7 +25,7 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.linear import solve_symmetric
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.joint.clearance import Contact
-from jaxcrusher.mechanism.arms import Arm, minus, plus, total
+from jaxcrusher.mechanism.arms import Arm, minus, or_zero, plus, total
 from jaxcrusher.mechanism.linkage import Body, Joint, Point
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
@@ -173,9 +173,9 @@ def solve(
     trees, closing = forest(linkage.ends, linkage.bodies.names, contacts.names)
     ways = _Ways(motion, trees, curvatures, frame, driven=torque is None)
     weights = [Wrench(name, one.mass * gravity) for name, one in ways.bodies.items()]
-    sums = _sums([*weights, *wrenches, *pushes(motion, contacts, frame)])
+    sums = sums_of([*weights, *wrenches, *pushes(motion, contacts, frame)])
     if torque is not None:
-        sums = _sums([Wrench(linkage.crank, None, torque), Wrench(FRAME, None, -torque)], sums)
+        sums = sums_of([Wrench(linkage.crank, None, torque), Wrench(FRAME, None, -torque)], sums)
 
     unknown = [
         name for tree in trees for name in tree.bodies if ways.turning_with.get(name) == name
@@ -188,7 +188,7 @@ def solve(
         parts = [spin_ups[name] * arm.perp() for name, arm in ways.by_spin(way).items()]
         return total([roots[body], ways.known(way), *parts])
 
-    centres = {name: _there(acceleration(name, ways.to_centre(name))) for name in ways.bodies}
+    centres = {name: or_zero(acceleration(name, ways.to_centre(name))) for name in ways.bodies}
     turned = {name: spin_ups[other] for name, other in ways.turning_with.items()}
     if torque is None:
         known, carried = motion.crank.acceleration, turned.get(linkage.crank)
@@ -198,17 +198,17 @@ def solve(
     for name in contacts.names:
         pin, bore = linkage.joint(name).pin, linkage.joint(name).bore
         ends = [acceleration(point.body, ways.to_end(point)) for point in (pin, bore)]
-        second[name] = _past(frame, motion, name, _there(minus(*ends)), turned.get(FRAME))
+        second[name] = _past(frame, motion, name, or_zero(minus(*ends)), turned.get(FRAME))
 
     for name, force in closed.items():
-        sums = _sums(_pair(motion, linkage.joint(name), force, frame), sums)
+        sums = sums_of(_pair(motion, linkage.joint(name), force, frame), sums)
     missing = {
         name: minus(one.mass * centres[name], sums[name][0]) for name, one in ways.bodies.items()
     }
     forces = {name: contact.force for name, contact in contacts.items()} | closed
     for tree in trees:
         for body, _, name in tree.branches:
-            on_body = _there(total([missing[one] for one in tree.beyond(body)]))
+            on_body = or_zero(total([missing[one] for one in tree.beyond(body)]))
             forces[name] = on_body if linkage.joint(name).bore.body == body else -on_body
     if torque is None:
         torque = _torque(ways, trees, turned, missing, sums)
@@ -346,17 +346,13 @@ def wrench_at(
     return Wrench(point.body, force, None if arm is None else arm.cross(force))
 
 
-def _sums(wrenches: Iterable[Wrench], before: Sums | None = None) -> Sums:
+def sums_of(wrenches: Iterable[Wrench], before: Sums | None = None) -> Sums:
     """Return force and moment on each body, added to those before."""
     found = {} if before is None else dict(before)
     for one in wrenches:
         force, moment = found.get(one.body, (None, None))
         found[one.body] = plus(force, one.force), plus(moment, one.moment)
     return found
-
-
-def _there(vector: Vector | None) -> Vector:
-    return Vector(0.0, 0.0) if vector is None else vector
 
 
 def _past(

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector, direction
-from jaxcrusher.mechanism.arms import Arm, minus, plus
+from jaxcrusher.mechanism.arms import Arm, minus, or_zero, plus
 from jaxcrusher.mechanism.linkage import Linkage, Point
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME, Dyad
@@ -67,26 +67,22 @@ class Motion(eqx.Module):
 
     def centre(self, body: str) -> Vector:
         """Return the mass centre of a body, m."""
-        return _there(self.pose(body).position(self._mass_centre(body)))
+        return or_zero(self.pose(body).position(self._mass_centre(body)))
 
     def centre_velocity(self, body: str) -> Vector:
         """Return the velocity of the mass centre of a body, m/s."""
-        return _there(self.pose(body).velocity(self._mass_centre(body)))
+        return or_zero(self.pose(body).velocity(self._mass_centre(body)))
 
     def _mass_centre(self, body: str) -> Arm:
         return self.linkage.body(body).mass_centre
 
     def position(self, point: Point) -> Vector:
         """Return where a point is, m."""
-        return _there(_position(self.poses, point))
+        return or_zero(_position(self.poses, point))
 
     def velocity(self, point: Point) -> Vector:
         """Return the velocity of a point, m/s."""
-        return _there(_velocity(self.poses, point))
-
-
-def _there(vector: Vector | None) -> Vector:
-    return Vector(0.0, 0.0) if vector is None else vector
+        return or_zero(_velocity(self.poses, point))
 
 
 def _position(poses: Named[Pose], point: Point) -> Vector | None:

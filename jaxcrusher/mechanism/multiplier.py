@@ -14,9 +14,9 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.linear import SparseRow, solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, scalar
-from jaxcrusher.mechanism.arms import plus
+from jaxcrusher.mechanism.arms import or_zero, plus
 from jaxcrusher.mechanism.drives import from_nearest_turn
-from jaxcrusher.mechanism.equations import Accelerations, MovingFrame, Wrench, pushes
+from jaxcrusher.mechanism.equations import Accelerations, MovingFrame, Wrench, pushes, sums_of
 from jaxcrusher.mechanism.forces import contacts_of, wrenches_of
 from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
 from jaxcrusher.mechanism.linkage import Body, Joint
@@ -220,14 +220,11 @@ class _Bodies:
 
     def forces(self, wrenches: list[Wrench], gravity: Vector) -> list[Scalar]:
         """Return Q of (18), with weight, contacts and their moments."""
-        found = []
+        found, sums = [], sums_of(wrenches)
         for name, one in self.bodies.items():
-            force, moment = one.mass * gravity, jnp.zeros_like(one.mass)
-            for wrench in wrenches:
-                if wrench.body == name:
-                    force = force if wrench.force is None else force + wrench.force
-                    moment = moment if wrench.moment is None else moment + wrench.moment
-            found += [force.x, force.y, moment]
+            force, moment = sums.get(name, (None, None))
+            force = or_zero(plus(one.mass * gravity, force))
+            found += [force.x, force.y, jnp.zeros_like(one.mass) if moment is None else moment]
         return found
 
     def gap(self, name: str) -> _Gap:

@@ -308,11 +308,6 @@ def numbers_of(names: Iterable[str]) -> list[str]:
     return [name for name in PARAMETERS if name in names]
 
 
-def choices_of(names: Iterable[str]) -> list[str]:
-    """Return the names that are in `CHOICES`, in its order."""
-    return [name for name in CHOICES if name in names]
-
-
 def check_description(values: Mapping[str, Any]) -> None:
     """ValueError for an unknown name, a number outside its limits, or an unknown choice.
 
