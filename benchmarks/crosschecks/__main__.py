@@ -18,11 +18,11 @@ def main(
 ) -> None:
     """Compare jaxcrusher with closed forms, SciPy, SUNDIALS and EXUDYN; seven minutes.
 
-    Prints a table for each case, and writes crosschecks.md where all are run.
+    Prints a table for each case, and writes crosschecks.md and .csv where all are run.
 
     Args:
         cases: What to compare; everything without one.
-        out: Folder that crosschecks.md is written to.
+        out: Folder of crosschecks.md and .csv.
     """
     from benchmarks.crosschecks.run import run
 

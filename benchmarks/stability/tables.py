@@ -4,32 +4,33 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 
+import numpy as np
+
 from benchmarks.pages import table
 from benchmarks.stability.baumgarte import TOLERANCES, Stabilised
 from benchmarks.stability.drift import Drift
-from benchmarks.stability.judgement import DISAGREES, VERDICTS, Judged
+from benchmarks.stability.judgement import DISAGREES, OUTSIDE, VERDICTS, WHIRL, Judged
 
-NUMBERS = ("error / allowed", "over ms", "RMS, N", "its error / allowed", "steps a turn")
-COLUMNS = ("case", "start", "formulation", "verdict", "agrees", *NUMBERS, "remark")
+# Of 1/s; a greater alpha or beta is 1/h, h the mean step.
+GREATEST = 100.0
 
 
 def tables(rows: Sequence[Judged], refused: Sequence[Judged] = ()) -> dict[str, str]:
-    """Return the counts of verdicts, the exceptions, and a table for each axis."""
+    """Return the counts of verdicts, the exceptions, and a row for each axis and start."""
     motions, inputs = (Counter(row.verdict for row in judged) for judged in (rows, refused))
     counted = [[verdict, motions[verdict], inputs[verdict] or ""] for verdict in VERDICTS]
     apart = [row for row in (*rows, *refused) if row.agreement not in ("yes", "")]
     exceptions = [
-        (r.axis, r.value, r.start, r.formulation, r.verdict, r.agreement, r.remark) for r in apart
+        (r.axis, r.value, r.start, r.formulation, _marked(r), r.agreement, r.remark) for r in apart
     ]
+    labels = ("axis", "case", "start", "formulation", "verdict", "agrees", "remark")
     found = {
         "verdicts": table(["verdict", "motions", "inputs without a motion"], counted),
-        "exceptions": table(["axis", *COLUMNS[:5], "remark"], exceptions),
+        "exceptions": table(labels, exceptions),
+        "axes": _axes(rows),
     }
-    for axis in dict.fromkeys(row.axis for row in rows):
-        found[axis] = table(COLUMNS, [_cells(row) for row in rows if row.axis == axis])
     if refused:
-        cells = [(r.axis, r.value, _marked(r), r.remark) for r in refused]
-        found["inputs"] = table(["input", "value", "verdict", "message"], cells)
+        found["inputs"] = _inputs(refused)
     return found
 
 
@@ -37,16 +38,44 @@ def _marked(row: Judged) -> str:
     return f"**{row.verdict}**" if row.verdict == DISAGREES else row.verdict
 
 
-def _cells(r: Judged) -> list[str]:
-    numbers = [
-        f"{r.error:.1e} / {r.allowed:.1e}",
-        f"{r.span_ms:.1f}",
-        f"{r.rms:.6g}",
-        f"{r.rms_error:.1e} / {r.rms_allowed:.1e}",
-        f"{r.steps_a_turn:.0f}",
+def _axes(rows: Sequence[Judged]) -> str:
+    """A row for each axis and start: what was judged how, and the worst of it."""
+    groups: dict[tuple[str, str], list[Judged]] = {}
+    for row in rows:
+        start = "its own" if row.start == row.value else row.start
+        groups.setdefault((row.axis, start), []).append(row)
+    headings = [
+        *("axis", "start", "cases", "agrees", "whirl at", "outside the model at"),
+        *("error / allowed", "RMS: error / allowed", "steps a turn"),
     ]
-    known = ["" if "nan" in number else number for number in numbers]
-    return [r.value, r.start, r.formulation, _marked(r), r.agreement, *known, r.remark]
+    return table(headings, [[*labels, *_summary(group)] for labels, group in groups.items()])
+
+
+def _summary(rows: Sequence[Judged]) -> list[str]:
+    values = list(dict.fromkeys(row.value for row in rows))
+    ends = values if len(values) < 3 else [values[0], "...", values[-1]]
+    agrees = sum(row.agreement == "yes" for row in rows)
+    at = [
+        "; ".join(dict.fromkeys(row.value for row in rows if row.verdict == verdict))
+        for verdict in (WHIRL, OUTSIDE)
+    ]
+    errors = [row.error / row.allowed for row in rows]
+    rms = [row.rms_error / row.rms_allowed for row in rows]
+    worst = [f"{np.nanmax(ratios):.2g}" for ratios in (errors, rms)]
+    steps = [row.steps_a_turn for row in rows]
+    taken = f"{np.nanmin(steps):.0f} to {np.nanmax(steps):.0f}"
+    return ["; ".join(ends), f"{agrees} of {len(rows)}", *at, *worst, taken]
+
+
+def _inputs(refused: Sequence[Judged]) -> str:
+    """A row for each input and message, with the values that get it."""
+    groups: dict[tuple[str, str, str], list[str]] = {}
+    for row in refused:
+        # Without the value and the instant, which differ.
+        message = row.remark.split(", but is")[0].split("of phase: ")[-1]
+        groups.setdefault((row.axis, _marked(row), message), []).append(row.value)
+    cells = [(axis, "; ".join(v), verdict, text) for (axis, verdict, text), v in groups.items()]
+    return table(["input", "values", "verdict", "message"], cells)
 
 
 def drift_table(rows: Sequence[Drift]) -> str:
@@ -68,17 +97,41 @@ def drift_table(rows: Sequence[Drift]) -> str:
 
 
 def baumgarte_tables(rows: Sequence[Stabilised]) -> dict[str, str]:
-    """Return a table of alpha and beta for each tolerance."""
-    headings = ("alpha, 1/s", "beta, 1/s", "violation", "error", "steps a turn", "CPU s", "ended")
-    return {
-        f"Baumgarte {rtol:g}": table(headings, [_of_pair(r) for r in rows if r.rtol == rtol])
-        for rtol in TOLERANCES
-    }
+    """Return a table for each tolerance; a row has the least and the greatest of its pairs."""
+    headings = (
+        *("alpha, 1/s", "beta, 1/s", "runs", "violation", "error"),
+        *("steps a turn", "CPU s", "failures"),
+    )
+    found = {}
+    for rtol in TOLERANCES:
+        groups: dict[tuple[str, str], list[Stabilised]] = {}
+        for row in rows:
+            if row.rtol == rtol:
+                groups.setdefault((_rate(row.alpha), _rate(row.beta)), []).append(row)
+        cells = [[*pair, *_of_pairs(group)] for pair, group in groups.items()]
+        found[f"Baumgarte {rtol:g}"] = table(headings, cells)
+    return found
 
 
-def _of_pair(r: Stabilised) -> list[str]:
-    free = math.isnan(r.alpha)
-    pair = ["eccentricities", ""] if free else [f"{r.alpha:.4g}", f"{r.beta:.4g}"]
-    kept = "none" if free else f"{r.residual:.1e}"
-    numbers = [f"{r.force_error:.1e}", f"{r.steps_a_turn:.0f}", f"{r.seconds:.2f}"]
-    return [*pair, kept, *numbers, r.failure or "yes"]
+def _rate(rate: float) -> str:
+    if math.isnan(rate):
+        return "eccentricities"
+    return f"0 to {GREATEST:g}" if rate <= GREATEST else f"1/h = {rate:.4g}"
+
+
+def _of_pairs(rows: Sequence[Stabilised]) -> list[str]:
+    free = math.isnan(rows[0].alpha)
+    failures = sum(bool(row.failure) for row in rows)
+    return [
+        str(len(rows)),
+        "none" if free else _between([row.residual for row in rows], ".1e"),
+        _between([row.force_error for row in rows], ".1e"),
+        _between([row.steps_a_turn for row in rows], ".0f"),
+        _between([row.seconds for row in rows], ".2f"),
+        str(failures or "none"),
+    ]
+
+
+def _between(values: Sequence[float], style: str) -> str:
+    """Return the least and the greatest, as one number where both look alike."""
+    return " to ".join(dict.fromkeys(format(f(values), style) for f in (min, max)))

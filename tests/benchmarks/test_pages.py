@@ -6,13 +6,17 @@ import pytest
 from matplotlib.figure import Figure
 
 from benchmarks import pages
+from benchmarks.crosschecks.tables import Row as Crosscheck
+from benchmarks.crosschecks.tables import summary
 from benchmarks.joints.cases import Case
 from benchmarks.joints.measure import Row as Worn
 from benchmarks.joints.tables import tables as joints
 from benchmarks.pages import DOCS, NOT_MEASURED, filled, table, tables_of
 from benchmarks.scaling.tables import tables as scaling
 from benchmarks.scenes.run import tables as scenes
+from benchmarks.stability.baumgarte import Stabilised
 from benchmarks.stability.judgement import Judged
+from benchmarks.stability.tables import baumgarte_tables
 from benchmarks.stability.tables import tables as stability
 from benchmarks.step_cost.tables import cost_tables, steps_tables
 from benchmarks.work_precision.measure import Row
@@ -54,8 +58,10 @@ def made():
     moving = [row for row in rows if row.formulation]
     refused = [row for row in rows if not row.formulation]
     return {
-        "stability.md": stability(moving, refused),
+        "stability.md": stability(moving, refused)
+        | baumgarte_tables(read_table(DOCS / "stability_baumgarte.csv", Stabilised)),
         "stability_seats.md": stability(read_table(DOCS / "stability_seats.csv", Judged)),
+        "crosschecks.md": {"summary": summary(read_table(DOCS / "crosschecks.csv", Crosscheck))},
         "scaling.md": scaling(csv_rows("scaling.csv")),
         "scenes.md": scenes(csv_rows("scenes.csv")),
         "step_cost.md": cost_tables(csv_rows("step_cost.csv"))
