@@ -12,9 +12,9 @@ from benchmarks.reproduction import figures, readings
 from benchmarks.reproduction.claims import Evidence, claims
 from benchmarks.reproduction.motions import compare, portraits
 from benchmarks.reproduction.search import search, variants
-from benchmarks.reproduction.tables import tables
+from benchmarks.reproduction.tables import reading_rows, search_rows, tables
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import results_folder
+from jaxcrusher.files.results import results_folder, write_table
 
 TURN = 2 * np.pi / 30  # s
 SPEEDS = np.linspace(25, 40, 11)  # rad/s
@@ -59,6 +59,8 @@ def run(out: Path) -> None:
         listed = variants()
         found = search(listed, stage("Where 1.1e6 N comes from", len(listed)))
         evidence = Evidence(measured, *boxes)
+    write_table(out / "readings.csv", reading_rows(claims(), evidence))
+    write_table(out / "variants.csv", search_rows(found))
     publish(out, "reproduction/claims.md", tables(claims(), evidence, found), "exudyn")
 
 

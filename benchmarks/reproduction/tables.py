@@ -2,7 +2,8 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from benchmarks.pages import table
 from benchmarks.reproduction.claims import Claim, Evidence
@@ -26,11 +27,11 @@ def tables(listed: Sequence[Claim], evidence: Evidence, found: Sequence[Found]) 
     return {
         "counts": counts_table(listed, evidence),
         "claims": verdict_table(listed, evidence),
-        "readings": reading_table(listed, evidence),
+        "readings": reading_table(reading_rows(listed, evidence)),
         "combinations": ranking(listed, evidence),
         "nearest": nearest_table(found),
         "whirls": whirl_table(found),
-        "variants": search_table(found),
+        "variants": search_table(search_rows(found)),
     }
 
 
@@ -75,16 +76,27 @@ def counts_table(listed: Sequence[Claim], evidence: Evidence) -> str:
     return table(["verdict", "claims"], [[kind, words[kind]] for kind in KINDS])
 
 
-def reading_table(listed: Sequence[Claim], evidence: Evidence) -> str:
-    """Return the table of claims that a reading can change, under each single change."""
+def reading_rows(listed: Sequence[Claim], evidence: Evidence) -> list[dict[str, Any]]:
+    """Return the numbers of each claim that a reading can change, under each single change."""
     rows = []
     for claim in (c for c in listed if c.by.by_reading):
-        cells = []
-        for reading in SINGLE_CHANGES.values():
+        for name, reading in SINGLE_CHANGES.items():
             found, word = judged(claim, evidence, reading)
-            cells.append(f"**{spread(found)}**" if word == REPRODUCED else spread(found))
-        rows.append([claim.text, paper_value(claim), *cells])
-    return table(["claim", "paper", *SINGLE_CHANGES], rows)
+            value, low, high = found or (math.nan,) * 3
+            row = {"claim": claim.text, "paper": paper_value(claim), "reading": name}
+            row |= {"value": value, "low": low, "high": high, "met": word == REPRODUCED}
+            rows.append(row)
+    return rows
+
+
+def reading_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the table of the claims that each reading meets, of the rows of `reading_rows`."""
+    met: dict[str, list[str]] = {}
+    for row in rows:
+        met.setdefault(row["reading"], []).extend([row["claim"]] if row["met"] else [])
+    claims = len({row["claim"] for row in rows})
+    cells = [[name, f"{len(of)} of {claims}", "; ".join(of)] for name, of in met.items()]
+    return table(["reading", "claims met", "which"], cells)
 
 
 def ranking(listed: Sequence[Claim], evidence: Evidence) -> str:
@@ -103,21 +115,53 @@ def ranking(listed: Sequence[Claim], evidence: Evidence) -> str:
     return table(headings, [cells for _, cells in rows])
 
 
-def search_table(found: Sequence[Found]) -> str:
-    """Return the table of each variant's peaks, the count of whirls in brackets."""
-    rows = []
-    for one in found:
-        cells = []
-        for c in TARGETS:
-            runs, whirls = one.statistics[c]["foundation_peak"].size, one.whirling(c)
-            text = plain(one.value(c)) + (f" [{whirls} of {runs}]" if whirls else "")
-            gone = f"runs away, turn {one.value(c, 'turns'):.2g}"
-            cells.append(text if math.isfinite(one.value(c)) else gone)
-        distances = (one.distance(LARGE), one.distance(tuple(TARGETS)))
-        factors = [f"{math.exp(d):.3g}" if d < math.inf else "-" for d in distances]
-        rows.append([one.variant.name, *cells, *factors])
-    headings = ["variant", *(f"{c:g} mm (paper {plain(TARGETS[c])})" for c in TARGETS)]
-    return table([*headings, "off by a factor, 0.09 and 0.12", "off, all four"], rows)
+def search_rows(found: Sequence[Found]) -> list[dict[str, Any]]:
+    """Return each variant's peaks; NaN where all of its runs ran away, after `turns`."""
+    return [
+        {
+            "variant": one.variant.name,
+            "clearance_mm": c,
+            "paper_N": TARGETS[c],
+            "peak_N": one.value(c),
+            "runs": one.statistics[c]["foundation_peak"].size,
+            "whirls": one.whirling(c),
+            "turns": one.value(c, "turns"),
+        }
+        for one in found
+        for c in TARGETS
+    ]
+
+
+def search_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the table of how the variants end, of the rows of `search_rows`."""
+    variants: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        variants.setdefault(row["variant"], []).append(row)
+    ends: dict[str, list[list[Mapping[str, Any]]]] = {
+        end: [] for end in ("every run whirls", "some runs whirl", "no run whirls", "runs away")
+    }
+    for of in variants.values():
+        if any(math.isnan(row["peak_N"]) for row in of):
+            end = "runs away"
+        elif all(row["whirls"] == row["runs"] for row in of):
+            end = "every run whirls"
+        else:
+            end = "some runs whirl" if any(row["whirls"] for row in of) else "no run whirls"
+        ends[end].append(of)
+    cells = []
+    for end, group in ends.items():
+        peaks = [
+            _between([row["peak_N"] for of in group for row in of if row["clearance_mm"] == c])
+            for c in TARGETS
+        ]
+        cells.append([end, len(group), *peaks])
+    headings = [f"{c:g} mm (paper {plain(TARGETS[c])})" for c in TARGETS]
+    return table(["end", "variants", *headings], cells)
+
+
+def _between(values: Sequence[float]) -> str:
+    known = [value for value in values if math.isfinite(value)]
+    return " to ".join(dict.fromkeys(plain(f(known)) for f in (min, max))) if known else "-"
 
 
 def nearest_table(found: Sequence[Found]) -> str:

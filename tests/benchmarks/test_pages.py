@@ -12,6 +12,7 @@ from benchmarks.joints.cases import Case
 from benchmarks.joints.measure import Row as Worn
 from benchmarks.joints.tables import tables as joints
 from benchmarks.pages import DOCS, NOT_MEASURED, filled, table, tables_of
+from benchmarks.reproduction.tables import reading_table, search_table
 from benchmarks.scaling.tables import tables as scaling
 from benchmarks.scenes.run import tables as scenes
 from benchmarks.stability.baumgarte import Stabilised
@@ -54,6 +55,7 @@ def worn(row):
 
 def made():
     """Page -> the tables that its program makes of the committed data."""
+    read = [row | {"met": row["met"] == "True"} for row in csv_rows("reproduction/readings.csv")]
     rows = read_table(DOCS / "stability.csv", Judged)
     moving = [row for row in rows if row.formulation]
     refused = [row for row in rows if not row.formulation]
@@ -62,6 +64,10 @@ def made():
         | baumgarte_tables(read_table(DOCS / "stability_baumgarte.csv", Stabilised)),
         "stability_seats.md": stability(read_table(DOCS / "stability_seats.csv", Judged)),
         "crosschecks.md": {"summary": summary(read_table(DOCS / "crosschecks.csv", Crosscheck))},
+        "reproduction/claims.md": {
+            "readings": reading_table(read),
+            "variants": search_table(csv_rows("reproduction/variants.csv")),
+        },
         "scaling.md": scaling(csv_rows("scaling.csv")),
         "scenes.md": scenes(csv_rows("scenes.csv")),
         "step_cost.md": cost_tables(csv_rows("step_cost.csv"))

@@ -120,6 +120,10 @@ def test_arithmetic_of_the_source(listed):
         assert any(c.number.value == pytest.approx(turns, abs=5e-4) for c in listed)
 
 
+def told(rows):
+    return tables.reading_table(rows).splitlines()[2:]
+
+
 def test_tables(listed):
     evidence = synthetic()
     lines = tables.verdict_table(listed, evidence).splitlines()
@@ -134,16 +138,18 @@ def test_tables(listed):
     # Smallest and largest contour of Figure 15b are what the made-up sweep holds.
     assert words[[c.number.value for c in listed].index(2e5)] == REPRODUCED
     assert words[[c.number.value for c in listed].index(2e4)] == REPRODUCED
-    changed = tables.reading_table(listed, evidence).splitlines()
-    assert len(changed) == 2 + sum(claim.by.by_reading for claim in listed)
-    assert len({line.count("|") for line in changed}) == 1
-    # The made-up peaks differ from reading to reading: each column shows its own, bold if met.
-    row = next(line for line in changed if "25 rad/s, 0.06 mm" in line).split(" | ")
+    changed = tables.reading_rows(listed, evidence)
+    able = [claim.text for claim in listed if claim.by.by_reading]
+    assert len(changed) == len(able) * len(SINGLE_CHANGES)
+    # The made-up peaks differ from reading to reading: each row has its own, and says if it meets.
+    rows = [row for row in changed if "25 rad/s, 0.06 mm" in row["claim"]]
     places = [1 + READINGS.index(reading) for reading in SINGLE_CHANGES.values()]
-    met_by = {11: "**2.2e4**", 12: "**2.4e4**"}
-    assert [cell.strip(" |") for cell in row[2:]] == [
-        met_by.get(place, tables.plain(2e3 * place)) for place in places
-    ]
+    assert [row["value"] for row in rows] == [2e3 * place for place in places]
+    assert [row["met"] for row in rows] == [place in (11, 12) for place in places]
+    met_by = {line.split(" | ")[0].strip("| "): line for line in told(changed)}
+    for row in changed:
+        assert (row["claim"] in met_by[row["reading"]]) == row["met"]
+        assert f" of {len(able)} " in met_by[row["reading"]]
     ranked = tables.ranking(listed, evidence).splitlines()[2:]
     met = [int(line.split(" | ")[4].split("of")[0]) for line in ranked]
     assert met == sorted(met, reverse=True) and len(met) == 16 and met[0] > met[-1]
@@ -177,7 +183,18 @@ def test_search_takes_the_run_nearest_to_the_paper():
     assert len(nearest) == 3 and all(f"| {one.variant.name} | 2.00 |" in line for line in nearest)
     # No variant whirls in every run.
     assert tables.whirl_table([one, other]).count("| - | 0 |") == 2
-    assert "runs away, turn 0.5" in tables.search_table([one, other])
+    rows = tables.search_rows([one, other])
+    assert [row["turns"] for row in rows] == [24.0] * 4 + [0.5] * 4
+    ends = [
+        line.strip("| ").split(" | ")[:3] for line in tables.search_table(rows).splitlines()[2:]
+    ]
+    half = tables.plain(TARGETS[0.03] / 2)
+    assert ends == [
+        ["every run whirls", "0", "-"],
+        ["some runs whirl", "1", half],
+        ["no run whirls", "0", "-"],
+        ["runs away", "1", "-"],
+    ]
 
 
 def test_numbers_that_hold():
