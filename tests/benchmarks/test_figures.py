@@ -11,17 +11,13 @@ import pytest
 from matplotlib.text import Text
 
 from benchmarks.pages import DOCS
-from benchmarks.scaling import tables as scaling
-from benchmarks.smoothing import run as smoothing
 from benchmarks.stability import figure as stability
 from benchmarks.stability.judgement import Judged
-from benchmarks.waiting import run as waiting
 from benchmarks.work_precision import figure as work_precision
 from benchmarks.work_precision.measure import Row
 from jaxcrusher.files.results import read_table
 from jaxcrusher.pictures.page import SMALLEST, STYLE, WIDTH, power
 from optimize.balance import figure as balance
-from tests.benchmarks.test_pages import csv_rows
 
 
 @pytest.fixture(scope="module")
@@ -127,22 +123,8 @@ def test_powers_of_ten_in_few_letters(value, text):
 NAMES = ("paper", "optimised", "robust")
 
 
-@pytest.fixture(scope="module")
-def further():
-    """Figures that fit one page each, of rows made by hand or committed."""
-    numbers = csv_rows("scaling.csv")
-    widths = [
-        smoothing.Row(name, float(width), 1e-6, 1.0, 1e-7)
-        for name, (_, _, values, _) in smoothing.WIDTHS.items()
-        for width in values
-    ]
-    waited = [waiting.Row(case, "periodic_orbit", "", None, 3e-3, 1e-15) for case in waiting.CASES]
-    waited += [
-        waiting.Row(case, way, start, 10, 0.1, 1e-6)
-        for case in waiting.CASES
-        for way in waiting.WAYS
-        for start in waiting.LINES
-    ]
+def test_type_of_the_figure_of_the_balance():
+    """A figure that fits one page, of rows made by hand."""
     result = {
         "cost": {"scale": 19102.0},
         "robust": {
@@ -164,24 +146,11 @@ def further():
         for name in NAMES
     }
     with plt.rc_context(STYLE):
-        found = {
-            "scaling": scaling.figure(numbers),
-            "smoothing": smoothing.draw(widths),
-            "waiting": waiting.draw(waited),
-            "balance": balance.figure(result, turn),
-        }
+        fig = balance.figure(result, turn)
         # Ticks take their type when they are first drawn.
-        for fig in found.values():
-            fig.draw_without_rendering()
-    yield found
-    for fig in found.values():
-        plt.close(fig)
-
-
-@pytest.mark.parametrize("name", ["scaling", "smoothing", "waiting", "balance"])
-def test_type_of_further_figures(further, name):
-    fig = further[name]
+        fig.draw_without_rendering()
     assert fig.get_figwidth() <= WIDTH and fig.get_figheight() <= 10
     shown = [t for t in fig.findobj(Text) if t.get_visible() and t.get_text()]
     assert len(shown) > 20 and min(text.get_fontsize() for text in shown) >= SMALLEST
     assert not [text.get_text() for text in shown if "$" in text.get_text()]
+    plt.close(fig)

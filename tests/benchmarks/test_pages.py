@@ -8,13 +8,8 @@ from matplotlib.figure import Figure
 from benchmarks import pages
 from benchmarks.crosschecks.tables import Row as Crosscheck
 from benchmarks.crosschecks.tables import summary
-from benchmarks.joints.cases import Case
-from benchmarks.joints.measure import Row as Worn
-from benchmarks.joints.tables import tables as joints
 from benchmarks.pages import DOCS, NOT_MEASURED, filled, table, tables_of
 from benchmarks.reproduction.tables import reading_table, search_table
-from benchmarks.scaling.tables import tables as scaling
-from benchmarks.scenes.run import tables as scenes
 from benchmarks.stability.baumgarte import Stabilised
 from benchmarks.stability.judgement import Judged
 from benchmarks.stability.tables import baumgarte_tables
@@ -43,16 +38,6 @@ def _number(text):
     return text
 
 
-def worn(row):
-    """A row of joints as it was measured."""
-    labels = {name: row.pop(name) for name in ("load", "worn", "how", "inside", "whirls")}
-    clearances = {j: row.pop(key) for j in "ABC" if (key := f"clearance_{j}") in row}
-    errors = {name.removesuffix("_error"): v for name, v in row.items() if name.endswith("_error")}
-    values = {name: v for name, v in row.items() if not name.endswith("_error")}
-    case, inside = Case(labels["worn"], clearances), labels["inside"] == "True"
-    return Worn(labels["load"], case, labels["how"], inside, values, errors, labels["whirls"])
-
-
 def made():
     """Page -> the tables that its program makes of the committed data."""
     read = [row | {"met": row["met"] == "True"} for row in csv_rows("reproduction/readings.csv")]
@@ -68,11 +53,8 @@ def made():
             "readings": reading_table(read),
             "variants": search_table(csv_rows("reproduction/variants.csv")),
         },
-        "scaling.md": scaling(csv_rows("scaling.csv")),
-        "scenes.md": scenes(csv_rows("scenes.csv")),
         "step_cost.md": cost_tables(csv_rows("step_cost.csv"))
         | {"steps": steps_tables(csv_rows("step_cost_steps.csv"), {})["steps"]},
-        "which_joint.md": joints([worn(row) for row in csv_rows("which_joint.csv")]),
         "work_precision.md": work_precision(read_table(DOCS / "work_precision.csv", Row)),
     }
 

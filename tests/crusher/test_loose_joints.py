@@ -10,7 +10,6 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 import jaxcrusher as jc
-from benchmarks.scenes.operations import field_operations
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.joints import JOINTS
@@ -21,6 +20,7 @@ from jaxcrusher.mechanism.forces import wrenches_of
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.starts import Given, shifted_start
+from tests.crusher.operations import field_operations
 from tests.pairs import crossed, slow
 
 CLEARANCES = {"elbow": 1e-4, "pivot": 8e-5, "shaft_bearing": 5e-5}

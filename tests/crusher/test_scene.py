@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from benchmarks.scenes.operations import field_operations, operations, traced
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.machine import Jaw, Machine
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.motion.statistic import top
 from jaxcrusher.scenes.build import build_machine
+from tests.crusher.operations import field_operations, operations, traced
 
 
 def count(function, scene):

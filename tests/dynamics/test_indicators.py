@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from benchmarks.lyapunov.systems import duffing, flow, henon, iterate, logistic, lorenz
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.dynamics.indicators import (
     Lyapunov,
@@ -17,6 +16,7 @@ from jaxcrusher.dynamics.indicators import (
 )
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.section import poincare_section
+from tests.dynamics.systems import duffing, flow, henon, iterate, logistic, lorenz
 
 
 def test_linear_map():

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from benchmarks.lyapunov.systems import henon
 from jaxcrusher.dynamics.fits import fit_slopes
 from jaxcrusher.dynamics.judgement import judge
 from jaxcrusher.dynamics.shadowing import shadowing_slopes, shadowing_tangent
+from tests.dynamics.systems import henon
 
 PEAK = 0.3
 

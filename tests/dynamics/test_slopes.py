@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from benchmarks.lyapunov.systems import lorenz
 from jaxcrusher.dynamics import slopes
 from jaxcrusher.dynamics.fits import fit_slopes
 from jaxcrusher.dynamics.judgement import judge
@@ -17,6 +16,7 @@ from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import Tangents
 from jaxcrusher.orbits.shooting import section_point
 from jaxcrusher.orbits.slopes import periodic_slopes
+from tests.dynamics.systems import lorenz
 
 
 def test_fit_of_lorenz():

@@ -482,7 +482,7 @@ def test_commands_are_found_in_blocks_sentences_and_comments():
     assert sum(map(len, SHOWN.values())) > 50
     for page, one in (
         ("README.md", ("optimize.run", " --scene my_crusher.toml --speed 200 350rpm")),
-        ("docs/isolation.md", ("benchmarks.isolation", " --out docs")),
+        ("docs/work_precision.md", ("benchmarks.work_precision", " --out docs")),
         ("examples/template.toml", ("jaxcrusher", " simulate --scene my_crusher.toml")),
     ):
         assert one in SHOWN[page]

@@ -65,13 +65,3 @@ def henon(x):
 def logistic(r: float) -> Callable:
     """Return the map x -> r x (1 - x)."""
     return lambda x: r * x * (1 - x)
-
-
-# Name -> step, start, interval of the samples, samples between two points of the 0-1 test (a flow
-# sampled too finely misleads it), unit of the exponent, and the published one.
-SYSTEMS = {
-    "logistic map, r = 4": (logistic(4.0), [0.3], 1.0, 1, "step", np.log(2)),
-    "Hénon map": (henon, [0.1, 0.1], 1.0, 1, "step", 0.419),
-    "Lorenz": (flow(lorenz, 0.05, 28.0), [1.0, 1.0, 20.0], 0.05, 10, "time", 0.9056),
-    "Duffing": (flow(duffing, 2 * np.pi), [0.5, 0.0], 2 * np.pi, 1, "time", 0.1589),
-}

@@ -1,1 +1,0 @@
-"""The gain of programs by lanes."""

@@ -1,1 +1,0 @@
-"""Springs and a counterweight that keep a crusher's block quiet, by two ways of search."""

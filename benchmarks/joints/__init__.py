@@ -1,1 +1,0 @@
-"""Wear in A, B and C: its effect on the foundation and the joints, and its signs."""

@@ -1,1 +1,0 @@
-"""The cost of sweeps of many designs."""

@@ -1,1 +1,0 @@
-"""Whether the quiet motion survives a rough feed: predictions, and ensembles of random feeds."""

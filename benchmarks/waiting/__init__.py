@@ -1,1 +1,0 @@
-"""The steady-state RMS: solved for, and waited for by other programs."""
