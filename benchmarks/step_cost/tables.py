@@ -16,7 +16,7 @@ C = {"C, scalar": 1, "C, 8 lanes": 8, "C, 16 lanes": 16, "C, 32 lanes": 32}
 GOALS = ((NUMBA, 4.0), (VMAP, 8.0), ("C, 16 lanes", 1.0))
 # Relative errors of the RMS at which methods are compared.
 ERRORS = (1e-3, 1e-4, 1e-6)
-UNITS = ("wall us", "CPU us", "numbas", "trace + compile s", "steps", "RMS")
+UNITS = ("CPU us", "numbas", "trace + compile s", "RMS")
 Rows = Iterable[Mapping[str, Any]]
 
 
@@ -26,9 +26,9 @@ def cost_tables(costs: list[dict[str, Any]]) -> dict[str, str]:
     for row in costs:
         compiled = f"{row['first_s']:.1f}" if row["program"] in (OURS, TURN, VMAP, PLAIN) else ""
         differs = f"{row['difference']:.1e}" if row["motion"] == "quiet" else ""
-        times = (f"{row[name]:.2f}" for name in ("wall_us", "cpu_us", "in_numba"))
+        times = (f"{row[name]:.2f}" for name in ("cpu_us", "in_numba"))
         labels = row["motion"], row["program"], row["XLA"]
-        cells.append([*labels, *times, compiled, row["steps"], differs])
+        cells.append([*labels, *times, compiled, differs])
     aims = []
     for motion in dict.fromkeys(row["motion"] for row in costs):
         least = _least(costs, motion)
