@@ -69,6 +69,7 @@ def test_every_module_is_documented(documented):
     [
         "docs/index.md",
         "docs/model.md",
+        "docs/loads.md",
         "docs/roller_bearing.md",
         # Its steps at a loose tolerance are those of programs compiled as users have them.
         pytest.param("docs/numerics.md", marks=pytest.mark.optimised),
