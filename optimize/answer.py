@@ -9,8 +9,11 @@ from typing import Any
 
 import numpy as np
 
-import jaxcrusher as jc
+from jaxcrusher.dynamics.regime import Regime
+from jaxcrusher.dynamics.slopes import GradientReport
+from jaxcrusher.joint.validity import Validity
 from jaxcrusher.orbits.load_sheet import Row
+from jaxcrusher.orbits.result import PeriodicOrbit
 from optimize.limits import Limit
 from optimize.throughput import throughput
 
@@ -19,7 +22,7 @@ from optimize.throughput import throughput
 class Orbit:
     """The periodic orbit of a design, with the objective on it and its slopes."""
 
-    solution: jc.PeriodicOrbit
+    solution: PeriodicOrbit
     objective: float  # NaN where there is no orbit
     slopes: dict[str, float]  # of the objective, per unit of each free parameter
     slopes_apart: dict[str, float]  # how far differences of orbits are from them
@@ -45,7 +48,7 @@ class Coexisting:
     """A stable orbit of a design, and the share of random starts that come to it."""
 
     share: float
-    solution: jc.PeriodicOrbit
+    solution: PeriodicOrbit
     objective: float
 
 
@@ -66,8 +69,8 @@ class Runs:
 
     objective_mean: float
     objective_half_width: float  # of the mean's confidence interval, from the scatter of the runs
-    validity: jc.Validity  # of the first run
-    state: np.ndarray  # at the end of the first run, as in `jaxcrusher.Section`
+    validity: Validity  # of the first run
+    state: np.ndarray  # at the end of the first run, as in `Section`
     by_run: dict[str, np.ndarray]  # every variable, shape (runs,); the first start is not shifted
     settles: bool  # the design has a stable orbit, and no run ever lost contact
     decay: Decay | None = None  # of the run whose start is not shifted, if it settles
@@ -102,7 +105,7 @@ class Confirmed:
     capacity: float  # m3/h
     orbit: Orbit | None  # None: a scene whose orbits cannot be solved for
     transient: dict[str, Runs]  # by start
-    regime: dict[str, jc.Regime] = field(default_factory=dict)  # of starts that do not settle
+    regime: dict[str, Regime] = field(default_factory=dict)  # of starts that do not settle
     coexisting: tuple[Coexisting, ...] = ()  # of random starts, the most frequent first
 
     @property
@@ -235,7 +238,7 @@ class Answer:
     bound: Bound | None = None
     load_sheets: Mapping[str, list[Row]] = field(default_factory=dict)  # of designs with an orbit
     fronts: tuple[Front, ...] = ()
-    gradient_report: jc.GradientReport | None = None  # where the optimum has no orbit
+    gradient_report: GradientReport | None = None  # where the optimum has no orbit
     checks: tuple[Check, ...] = ()
     remark: str = ""
 

@@ -9,6 +9,7 @@ import numpy as np
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.motion.statistic import STATISTIC, statistics_of
+from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.scene_file import quantity_in
 
 # A periodic orbit may exceed a limit by this share of it, which a descent leaves.
@@ -29,7 +30,7 @@ class Limit:
         """Return the statistic's unit."""
         return STATISTIC[self.statistic].unit
 
-    def kept(self, found: Mapping[str, Any] | jc.PeriodicOrbit, share: float) -> np.ndarray:
+    def kept(self, found: Mapping[str, Any] | PeriodicOrbit, share: float) -> np.ndarray:
         """Tell whether the statistics `found` exceed the limit by no more than a `share` of it."""
         return np.asarray(found[self.statistic]) <= self.most * (1 + share)
 

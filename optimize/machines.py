@@ -17,6 +17,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.files.results import results_folder, write_figure, write_table
 from jaxcrusher.motion.statistic import always_of
+from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.pictures.page import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber
@@ -109,7 +110,7 @@ def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -
             motion = "friction whirl, outside the theory"
     numbers = {name: float(OBJECTIVES[name].formula(result, scene, chamber)) for name in names}
     typical = {}
-    if isinstance(result, jc.Statistics):
+    if isinstance(result, Statistics):
         by_turn = {name: result.by_turn[OBJECTIVES[name].outputs[0]] for name in PEAKS}
         typical = {name: float(np.median(values)) for name, values in by_turn.items()}
     remarks = result.validity.remarks()

@@ -18,6 +18,7 @@ from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.batch.engines import chunk_of, run_all, stack
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import Column
+from jaxcrusher.motion.simulation import Trajectory
 from optimize.answer import Confirmed
 from optimize.evaluate import Case, Progress, stacked_scenes, started
 
@@ -95,7 +96,7 @@ def cell_motions(
 
 def design_motions(
     case: Case, designs: Sequence[Confirmed], turns: Float[np.ndarray, " n"]
-) -> list[dict[str, jc.Trajectory]]:
+) -> list[dict[str, Trajectory]]:
     """Return each design's motion after its long runs, by start, at these turns."""
     batch = [
         (
@@ -111,7 +112,7 @@ def design_motions(
     return [{start: next(each) for start in one.transient} for one in designs]
 
 
-def _drawn(batch: tuple[jc.Scene, Array, Array]) -> jc.Trajectory:
+def _drawn(batch: tuple[jc.Scene, Array, Array]) -> Trajectory:
     scene, state, times = batch
     return jc.simulate(scene, times, outputs=DRAWN, state=state, rtol=FINE)
 

@@ -12,9 +12,11 @@ from jaxcrusher.basics.checks import nan_unless
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.rough_feed import RoughFeed
 from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.feed_response import TURNS
+from jaxcrusher.orbits.result import PeriodicOrbit
 
-Formula = Callable[[jc.Statistics | jc.PeriodicOrbit, jc.Scene, CrushingChamber], Scalar]
+Formula = Callable[[Statistics | PeriodicOrbit, jc.Scene, CrushingChamber], Scalar]
 
 
 @dataclass(frozen=True)
@@ -37,18 +39,18 @@ def plain(name: str) -> Objective:
     return Objective(statistic.unit, statistic.meaning, (name,), lambda found, *_: found[name])
 
 
-def _excess(statistics: jc.Statistics | jc.PeriodicOrbit, scene: jc.Scene, _) -> Scalar:
+def _excess(statistics: Statistics | PeriodicOrbit, scene: jc.Scene, _) -> Scalar:
     """The RMS less that of the same machine with an ideal joint."""
     return statistics.foundation_rms - jc.periodic_orbit(scene.ideal()).foundation_rms
 
 
-def _expected(found: jc.Statistics | jc.PeriodicOrbit, scene: jc.Scene, _) -> Scalar:
+def _expected(found: Statistics | PeriodicOrbit, scene: jc.Scene, _) -> Scalar:
     """The RMS that a rough feed makes of an orbit.
 
     NaN of a motion that is integrated, which is one under the mean load, and of an orbit that loses
     contact more than once in `TURNS`: the response to the feed is then not linear.
     """
-    if not isinstance(found, jc.PeriodicOrbit):
+    if not isinstance(found, PeriodicOrbit):
         return jnp.full_like(found.foundation_rms, jnp.nan)
     if not isinstance(scene.load, RoughFeed):  # a free scatter at its bound 0
         return found.foundation_rms

@@ -15,6 +15,7 @@ from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion import statistic
 from jaxcrusher.motion.statistic import STATISTICS
 from jaxcrusher.orbits.forced import refusal, unknowns
+from jaxcrusher.orbits.result import PeriodicOrbit
 from optimize.answer import Coexisting, Orbit
 from optimize.evaluate import Case, Progress, Rows, started
 from optimize.landscape import GRID_DIMENSIONS, labelled
@@ -87,9 +88,7 @@ def _scene(unit: Array, _: PyTree, case: Case) -> jc.Scene:
     return case.design.scene(unit)
 
 
-def _objective(
-    orbit: jc.PeriodicOrbit, scene: jc.Scene, unit: Array, _: PyTree, case: Case
-) -> Scalar:
+def _objective(orbit: PeriodicOrbit, scene: jc.Scene, unit: Array, _: PyTree, case: Case) -> Scalar:
     return case.objective.formula(orbit, scene, case.chamber_of(case.design.description(unit)))
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-import jaxcrusher as jc
+from jaxcrusher.orbits.result import PeriodicOrbit
 from optimize.answer import Answer
 from optimize.forces import FORCES
 
@@ -25,7 +25,7 @@ def content(answer: Answer) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, jc.PeriodicOrbit):
+    if isinstance(value, PeriodicOrbit):
         return _orbit(value)
     if is_dataclass(value):
         return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
@@ -36,7 +36,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _orbit(orbit: jc.PeriodicOrbit) -> dict[str, Any]:
+def _orbit(orbit: PeriodicOrbit) -> dict[str, Any]:
     """Return the numbers of an orbit without its path."""
     numbers = {name: float(getattr(orbit, name)) for name in (*FORCES, *_NUMBERS)}
     parts = [[float(m.real), float(m.imag)] for m in orbit.multipliers]

@@ -14,6 +14,8 @@ from rich.progress import Progress as Bars
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import default_engine
+from jaxcrusher.dynamics.regime import Regime
+from jaxcrusher.dynamics.slopes import GradientReport
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
@@ -293,7 +295,7 @@ def by_worst_orbit(design: Confirmed, found: tuple[Coexisting, ...]) -> Confirme
 
 def with_regimes(
     problem: Problem, work: Work, designs: tuple[Confirmed, Confirmed]
-) -> tuple[tuple[Confirmed, Confirmed], jc.GradientReport | None]:
+) -> tuple[tuple[Confirmed, Confirmed], GradientReport | None]:
     """Return two designs with the regimes of starts that do not come to an orbit.
 
     Where that is true of the first design, the slopes that its motions allow are returned too.
@@ -322,7 +324,7 @@ def _with_regime(case: Case, design: Confirmed) -> Confirmed:
     return replace(design, regime=found)
 
 
-def _slopes(problem: Problem, best: Confirmed) -> jc.GradientReport:
+def _slopes(problem: Problem, best: Confirmed) -> GradientReport:
     case, effort = problem.case, problem.effort
     report = jc.gradient_report(
         lambda **numbers: started({**case.design.fixed, **numbers}, "contact"),
@@ -334,7 +336,7 @@ def _slopes(problem: Problem, best: Confirmed) -> jc.GradientReport:
     return replace(report, regime=_without_motion(report.regime))
 
 
-def _without_motion(regime: jc.Regime) -> jc.Regime:
+def _without_motion(regime: Regime) -> Regime:
     """Return the verdict with its indicators, without the motion that they were computed from."""
     return replace(regime, statistics=None, state=None)
 

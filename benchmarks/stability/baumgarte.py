@@ -11,6 +11,7 @@ import jaxcrusher as jc
 from benchmarks.stability.cases import BASE, bearing_case
 from benchmarks.timing import timed
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
+from jaxcrusher.motion.simulation import Trajectory
 
 TURNS = 20
 METHOD = jc.Method(max_steps=2_000_000)
@@ -56,7 +57,7 @@ def _run(scene: jc.Scene, times, exact, alpha: float, beta: float, rtol: float) 
         scene = eqx.tree_at(lambda s: s.formulation, scene, formulation)
         outputs += ("constraint_residual",)
 
-    def simulate() -> jc.Trajectory:
+    def simulate() -> Trajectory:
         return jc.simulate(scene, times, outputs=outputs, rtol=rtol, method=METHOD)
 
     run = timed(simulate, 1)

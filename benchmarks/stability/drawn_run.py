@@ -26,6 +26,7 @@ from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.files.results import results_folder, write_table
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.flow import by_phase
+from jaxcrusher.motion.simulation import Trajectory
 
 INSTANTS = 401  # compared
 ANGLES = np.linspace(0, 0.25 * 2 * np.pi, INSTANTS)
@@ -60,7 +61,7 @@ class Row:
     remark: str = ""
 
 
-def motion(scene: jc.Scene, rtol: float, most: int) -> jc.Trajectory:
+def motion(scene: jc.Scene, rtol: float, most: int) -> Trajectory:
     """Return a quarter of a turn."""
     times, method = jnp.asarray(ANGLES) / scene.drive.speed, jc.Method(max_steps=most)
     return jc.simulate(scene, times, outputs=_compared(scene), rtol=rtol, method=method)
@@ -106,7 +107,7 @@ def _moved(scene: jc.Scene, offset: Vector) -> jc.Scene:
     return eqx.tree_at(lambda s: s.start, scene, Given(moved, rates))
 
 
-def _each(motions: jc.Trajectory, count: int) -> list[jc.Trajectory]:
+def _each(motions: Trajectory, count: int) -> list[Trajectory]:
     return [jax.tree.map(lambda leaf, i=i: np.asarray(leaf[i]), motions) for i in range(count)]
 
 
@@ -146,10 +147,10 @@ def compared(kind: Kind, seed: int, count: int, with_cvode: int) -> Iterator[Row
 def judged(
     name: str,
     i: int,
-    ours: jc.Trajectory,
-    known: jc.Trajectory,
-    fellow: jc.Trajectory,
-    others: list[jc.Trajectory],
+    ours: Trajectory,
+    known: Trajectory,
+    fellow: Trajectory,
+    others: list[Trajectory],
     third: dict[str, np.ndarray] | None = None,
 ) -> Row:
     """Compare a motion with the reference for as long as neighbours and a fellow stay with it.

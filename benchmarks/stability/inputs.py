@@ -11,6 +11,7 @@ import jaxcrusher as jc
 from benchmarks.stability.judgement import DISAGREES, REFUSED, Judged, rms_of
 from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.mechanism.starts import Given
+from jaxcrusher.motion.statistics import Statistics
 
 NUMBERS = {
     "clearance": (0.0, -1e-6, float("nan"), 0.13, 1.0),
@@ -59,12 +60,12 @@ def inputs() -> Iterator[Judged]:
     yield attempt("float32", "a scene cast to it", lambda: run(cast(base)))
 
 
-def run(scene: jc.Scene) -> jc.Statistics:
+def run(scene: jc.Scene) -> Statistics:
     """Integrate two turns."""
     return jc.statistics(scene, 1, 1, method=jc.Method(max_steps=100_000))
 
 
-def without_x64(scene: jc.Scene) -> jc.Statistics:
+def without_x64(scene: jc.Scene) -> Statistics:
     """Run with 64-bit floats off."""
     jax.config.update("jax_enable_x64", False)
     try:
@@ -73,7 +74,7 @@ def without_x64(scene: jc.Scene) -> jc.Statistics:
         jax.config.update("jax_enable_x64", True)
 
 
-def in_context() -> jc.Statistics:
+def in_context() -> Statistics:
     """Run with 64-bit floats off in this thread only."""
     with jax.enable_x64(False):
         return run(jc.build_scene({}))
@@ -84,7 +85,7 @@ def cast(scene: jc.Scene) -> jc.Scene:
     return jax.tree.map(lambda leaf: leaf.astype(np.float32) if eqx.is_array(leaf) else leaf, scene)
 
 
-def attempt(what: str, value: str, job: Callable[[], jc.Statistics]) -> Judged:
+def attempt(what: str, value: str, job: Callable[[], Statistics]) -> Judged:
     """Judge an input: a ValueError or a failure refuses it, and any number is wrong."""
     labels = (what, value, "", "")
     try:

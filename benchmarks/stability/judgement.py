@@ -14,7 +14,8 @@ from benchmarks.stability.ours import MOST_STEPS, Ours, simulate, statistics
 from benchmarks.stability.reference import FEW, OURS, SETTLE, TIMES, TURNS, Reference, members
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
-from jaxcrusher.motion.statistics import WHIRL_WINDING
+from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.motion.statistics import WHIRL_WINDING, Statistics
 
 AGREES, WHIRL, OUTSIDE = "agrees", "whirl", "outside the model"
 REFUSED, DISAGREES = "refused", "DISAGREES"
@@ -99,7 +100,7 @@ def judge(
     )
 
 
-def rolling(scene: jc.Scene, found: jc.Statistics) -> list[str]:
+def rolling(scene: jc.Scene, found: Statistics) -> list[str]:
     """Name the pins of B and C that go round their bores."""
     told = []
     for name, _ in scene.joints.items():
@@ -110,7 +111,7 @@ def rolling(scene: jc.Scene, found: jc.Statistics) -> list[str]:
     return told
 
 
-def pointwise(scene: jc.Scene, history: jc.Trajectory, known: Reference) -> dict[str, float]:
+def pointwise(scene: jc.Scene, history: Trajectory, known: Reference) -> dict[str, float]:
     """Return error and tolerance where their ratio is largest, in units of the largest value.
 
     The span is zero where rounding alone moves the force by more than is compared.
@@ -139,7 +140,7 @@ def others(case: Case, formulation: Formulation, count: int) -> list[float]:
     return list(map(rms_of, map_scenes(statistics, scenes)))
 
 
-def rms_of(found: jc.Statistics) -> float:
+def rms_of(found: Statistics) -> float:
     """Return the RMS of |R_O| + |R_C|, N."""
     return float(found.foundation_rms)
 

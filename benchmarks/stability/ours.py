@@ -8,6 +8,8 @@ from benchmarks.batch import map_scenes
 from benchmarks.stability.case import Case, Formulation
 from benchmarks.stability.reference import SETTLE, TIMES, TURNS
 from jaxcrusher.crusher.joints import before
+from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.motion.statistics import Statistics
 
 # The most steps of a span and of a turn: a bound of seconds a case.
 MOST_STEPS = 1_000_000
@@ -17,17 +19,17 @@ METHOD = jc.Method(max_steps=MOST_STEPS)
 class Ours(NamedTuple):
     """A motion of a case."""
 
-    history: jc.Trajectory
-    statistics: jc.Statistics
+    history: Trajectory
+    statistics: Statistics
 
 
-def simulate(scene: jc.Scene) -> jc.Trajectory:
+def simulate(scene: jc.Scene) -> Trajectory:
     """Return our motion at the reference's instants."""
     played = (f"{before(name)}eccentricity" for name, _ in scene.joints.items())
     return jc.simulate(scene, TIMES, outputs=("foundation_force", *played), method=METHOD)
 
 
-def statistics(scene: jc.Scene) -> jc.Statistics:
+def statistics(scene: jc.Scene) -> Statistics:
     """Return our statistics over the reference's turns."""
     return jc.statistics(scene, SETTLE, TURNS, method=METHOD)
 

@@ -56,6 +56,7 @@ def bearings() -> Figure:
     import numpy as np
 
     import jaxcrusher as jc
+    from jaxcrusher.crusher.bearing_load import bearing_stiffness
     from jaxcrusher.pictures.page import WIDTH
 
     fig, (stiff, settling) = plt.subplots(1, 2, figsize=(WIDTH, 3.4), layout="constrained")
@@ -65,7 +66,7 @@ def bearings() -> Figure:
     named |= {f"line, {one}": line + one for one in ("Johnson", "Esdu", "Liu")}
     for label, law in named.items():
         scene = jc.build_scene({"contact_law": law})
-        found = jax.vmap(lambda force, scene=scene: jc.bearing_stiffness(scene, force))(
+        found = jax.vmap(lambda force, scene=scene: bearing_stiffness(scene, force))(
             jnp.asarray(forces)
         )
         stiff.loglog(forces / 1e3, found / 1e9, label=label)

@@ -97,10 +97,6 @@ def set_up() -> None:
         jax.config.update("jax_num_cpu_devices", count)
 
 
-# Its name when it did less.
-use_all_cores = set_up
-
-
 def _one_thread() -> None:
     """Let SciPy's OpenBLAS, in which JAX solves linear systems, take one thread.
 

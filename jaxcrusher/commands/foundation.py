@@ -25,6 +25,7 @@ from jaxcrusher.files.results import write_figure, write_json, write_table, writ
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.orbits.load_sheet import SOURCE, Row, joint_states, running_frequency, sheet
+from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.scene_file import read_range
@@ -116,7 +117,7 @@ def run_up(values: dict[str, Any], speeds: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def draw(
-    orbit: jc.PeriodicOrbit, speeds: np.ndarray, curves: dict[str, np.ndarray], path: Path
+    orbit: PeriodicOrbit, speeds: np.ndarray, curves: dict[str, np.ndarray], path: Path
 ) -> None:
     """Draw what shakes over the speed, with the speeds whose harmonics meet a natural frequency."""
     fig, ax = plt.subplots(figsize=(7, 3.2))
@@ -174,7 +175,7 @@ def across(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
 
 
 def page(
-    orbit: jc.PeriodicOrbit, rows: Sequence[Row], given: Sequence[tuple[str, str]], picture: str
+    orbit: PeriodicOrbit, rows: Sequence[Row], given: Sequence[tuple[str, str]], picture: str
 ) -> str:
     """Return the printable page."""
     parts = {

@@ -13,6 +13,8 @@ from jaxcrusher.basics.checks import require, require_choice, require_positive, 
 from jaxcrusher.commands.crushers import read_moving, units_given
 from jaxcrusher.commands.options import Gradient
 from jaxcrusher.dynamics.judgement import Slope
+from jaxcrusher.dynamics.regime import Regime
+from jaxcrusher.dynamics.slopes import GradientReport
 from jaxcrusher.files.provenance import environment, provenance
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import SETTINGS, begin, earlier, keep_beside
@@ -58,7 +60,7 @@ def run(options: Gradient, console: Console) -> int:
     return _tell(report, given, str(path), console)
 
 
-def _tell(report: jc.GradientReport, given: dict[str, str], path: str, console: Console) -> int:
+def _tell(report: GradientReport, given: dict[str, str], path: str, console: Console) -> int:
     """Print a report; the exit status."""
     console.print(str(shown(report, given)), highlight=False, markup=False, soft_wrap=True)
     of = STATISTIC[report.metric].unit
@@ -79,7 +81,7 @@ def _check(options: Gradient, values: dict[str, Any]) -> None:
     require_tolerance(options.rtol)
 
 
-def shown(report: jc.GradientReport, units: dict[str, str]) -> jc.GradientReport:
+def shown(report: GradientReport, units: dict[str, str]) -> GradientReport:
     """With slopes by the units that the numbers are given in."""
 
     def one(slope: Slope) -> Slope:
@@ -95,7 +97,7 @@ def shown(report: jc.GradientReport, units: dict[str, str]) -> jc.GradientReport
     return dataclasses.replace(report, slopes=slopes)
 
 
-def content(report: jc.GradientReport) -> dict[str, Any]:
+def content(report: GradientReport) -> dict[str, Any]:
     """A report as JSON keeps it."""
     slopes = {}
     for name, slope in report.slopes.items():
@@ -112,7 +114,7 @@ def content(report: jc.GradientReport) -> dict[str, Any]:
     }
 
 
-def restored(path: Path, settings: dict[str, Any]) -> jc.GradientReport | None:
+def restored(path: Path, settings: dict[str, Any]) -> GradientReport | None:
     """The report that the same question got of the same versions, or None.
 
     Raises ValueError for a folder with the answer to another question.
@@ -123,7 +125,7 @@ def restored(path: Path, settings: dict[str, Any]) -> jc.GradientReport | None:
     kept = json.loads(path.read_text(encoding="utf-8"))
     if kept.get("environment") != json.dumps(environment()) or "period" not in kept:
         return None
-    kind = jc.Regime(kept["regime"], tuple(kept["evidence"]), kept["period"])
+    kind = Regime(kept["regime"], tuple(kept["evidence"]), kept["period"])
     growth = _number(kept["growth"]["value"]), _number(kept["growth"]["standard_error"])
     slopes = {}
     for name, slope in kept["slopes"].items():
@@ -132,7 +134,7 @@ def restored(path: Path, settings: dict[str, Any]) -> jc.GradientReport | None:
             slope[key] = _number(slope[key])
         estimates = {key: (_number(a), _number(b)) for key, (a, b) in slope["estimates"].items()}
         slopes[name] = Slope(**slope | {"reasons": tuple(slope["reasons"]), "estimates": estimates})
-    return jc.GradientReport(kept["metric"], kind, kept["horizon_turns"], growth, slopes)
+    return GradientReport(kept["metric"], kind, kept["horizon_turns"], growth, slopes)
 
 
 def _number(value: float | None) -> float:

@@ -26,6 +26,7 @@ from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json, write_mat, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import as_csv
+from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.echo import per, said, unit_of
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import NUMBERS, numbers_of
@@ -57,7 +58,7 @@ def run(options: Orbit, console: Console) -> int:
         return jc.build_scene({**values, **numbers})
 
     # Not under `jax.jit`: the program that solves for the orbit serves its slopes too.
-    def solve(numbers: dict[str, Any], **how: Any) -> jc.PeriodicOrbit:
+    def solve(numbers: dict[str, Any], **how: Any) -> PeriodicOrbit:
         return jc.periodic_orbit(build(numbers), **how)
 
     with stages(console, "solving (the first time half a minute, most of it compilation)"):
@@ -87,7 +88,7 @@ def run(options: Orbit, console: Console) -> int:
 
 
 def _slopes(
-    solve: Callable[[dict[str, Any]], jc.PeriodicOrbit], numbers: dict[str, Any]
+    solve: Callable[[dict[str, Any]], PeriodicOrbit], numbers: dict[str, Any]
 ) -> dict[str, dict[str, float]]:
     """Return the slopes of each of `METRICS` by every number: one orbit, pulled back twice."""
 
@@ -103,7 +104,7 @@ def _slopes(
     return slopes
 
 
-def history(orbit: jc.PeriodicOrbit) -> xr.Dataset:
+def history(orbit: PeriodicOrbit) -> xr.Dataset:
     """Return all observables over the angle of the shaft."""
     degrees = np.arange(360 * orbit.period + 1)
     seen = orbit.motion(np.radians(degrees), observables_of(orbit.scene))
@@ -113,7 +114,7 @@ def history(orbit: jc.PeriodicOrbit) -> xr.Dataset:
     return table_of.dataset(("angle",), values, columns(values), coordinates)
 
 
-def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:
+def draw(orbit: PeriodicOrbit, path: Path) -> None:
     """Each pin in its bore, and the force on the foundation beside that of ideal joints."""
     angles = 2 * np.pi * np.arange(ANGLES * orbit.period + 1) / ANGLES
     joints = dict(orbit.scene.joints.items())
@@ -140,7 +141,7 @@ def draw(orbit: jc.PeriodicOrbit, path: Path) -> None:
     plt.close(fig)
 
 
-def summary(orbit: jc.PeriodicOrbit) -> list[str]:
+def summary(orbit: PeriodicOrbit) -> list[str]:
     """Return the motion in a few lines."""
     lines = [
         f"RMS force on the foundation {float(orbit.foundation_rms):.4f} N "
@@ -163,7 +164,7 @@ def summary(orbit: jc.PeriodicOrbit) -> list[str]:
 
 
 def table(
-    orbit: jc.PeriodicOrbit,
+    orbit: PeriodicOrbit,
     slopes: dict[str, dict[str, float]],
     values: dict[str, Any],
     units: dict[str, str],
@@ -226,7 +227,7 @@ def notes(
     return found
 
 
-def content(orbit: jc.PeriodicOrbit, slopes: dict[str, dict[str, float]]) -> dict[str, Any]:
+def content(orbit: PeriodicOrbit, slopes: dict[str, dict[str, float]]) -> dict[str, Any]:
     """An orbit as JSON keeps it."""
     forces = ("foundation_rms", "foundation_mean", "foundation_peak", "shaking_rms", "shaking_peak")
     names = (*forces, "error", "least_penetration")

@@ -14,7 +14,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, units_given
 from jaxcrusher.commands.options import Regimes
-from jaxcrusher.dynamics.regime import OUTPUTS
+from jaxcrusher.dynamics.regime import OUTPUTS, Regime
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance, versions
@@ -142,7 +142,7 @@ def dataset(rows: list[dict], settings: dict, attributes: dict[str, str]) -> xr.
     return table.dataset(("design",), values, kept, coordinates, attributes)
 
 
-def _row(design: dict[str, Any], verdict: jc.Regime, seconds: float) -> dict[str, Any]:
+def _row(design: dict[str, Any], verdict: Regime, seconds: float) -> dict[str, Any]:
     exponents, summary = verdict.exponents, verdict.statistics
     row: dict[str, Any] = {
         "design": design,

@@ -26,6 +26,8 @@ from jaxcrusher.files.results import listed, write_figure, write_mat, write_netc
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import Column, as_csv
 from jaxcrusher.motion.method import require_tolerance
+from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.pictures import plots
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.own_laws import with_digests
@@ -102,7 +104,7 @@ def run(options: Simulate, console: Console) -> int:
     return 1 if failure else 0
 
 
-def _statistics(scene: jc.Scene, settle: int, turns: int, rtol: float) -> jc.Statistics:
+def _statistics(scene: jc.Scene, settle: int, turns: int, rtol: float) -> Statistics:
     """As a batch of one, since lanes compile in half the time."""
     function = eqx.Partial(jc.statistics, settle_turns=settle, turns=turns, rtol=rtol)
     return jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), jc.map_all(function, stack([scene])))
@@ -128,7 +130,7 @@ def _settle(options: Simulate, span: float) -> int:
     return options.settle
 
 
-def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
+def dataset(motion: Trajectory, values: dict[str, Any]) -> xr.Dataset:
     """Return the motion with units, long names and provenance."""
     seen = [name for name in OBSERVABLES if name in motion.values]
     arrays = {name: np.asarray(motion[name]) for name in seen}
@@ -147,14 +149,12 @@ def dataset(motion: jc.Trajectory, values: dict[str, Any]) -> xr.Dataset:
     return table.dataset(("time",), arrays, kept, coordinates, attributes)
 
 
-def draw(
-    motion: jc.Trajectory, scene: jc.Scene, drawn: np.ndarray, units: dict[str, str]
-) -> Figure:
+def draw(motion: Trajectory, scene: jc.Scene, drawn: np.ndarray, units: dict[str, str]) -> Figure:
     """An orbit for each joint with clearance, and foundation force, at the instants `drawn`."""
     joints = dict(scene.joints.items())
     names = ("foundation_force", *(f"{before(joint)}eccentricity" for joint in joints))
     seen = {name: motion[name][drawn] for name in names}
-    part = jc.Trajectory(motion.time[drawn], motion.outcome, seen)
+    part = Trajectory(motion.time[drawn], motion.outcome, seen)
     fig = plt.figure(figsize=(6 + 4 * max(len(joints), 1), 4), layout="constrained")
     if not joints:
         ax = fig.add_subplot()
@@ -172,7 +172,7 @@ def draw(
     return fig
 
 
-def scattered(summary: jc.Statistics) -> str:
+def scattered(summary: Statistics) -> str:
     """Advise what to do about an average that still changes, or return nothing."""
     share = float(summary.foundation_rms_error) / float(summary.foundation_rms)
     if not SCATTERED < share < math.inf or bool(summary.whirl):
@@ -184,7 +184,7 @@ def scattered(summary: jc.Statistics) -> str:
 
 
 def closing(
-    motion: jc.Trajectory, summary: jc.Statistics | None, settle: int, values: dict[str, Any]
+    motion: Trajectory, summary: Statistics | None, settle: int, values: dict[str, Any]
 ) -> str:
     """RMS of both forces, peak, contact, whirl and what is outside the model, on one line."""
     ideal = values["joint"] == "ideal" and not loose_besides(values)

@@ -57,7 +57,7 @@ def orbit_map(
     - `period`: turns of the motions, as in `periodic_orbit`.
     - `nodes`: even number of nodes a turn. None is 96, and 192 for what these do not solve, or
       leave with an `error` above 1e-8.
-    - `slopes`: names of numbers by which `metric`, a statistic of `jaxcrusher.PeriodicOrbit`, is
+    - `slopes`: names of numbers by which `metric`, a statistic of `PeriodicOrbit`, is
       differentiated: any number of them costs about as much as one.
     - `scene`: a function of your own that makes the scene, as in `jaxcrusher.sweep`.
     - `store`: None, or a folder in which the map is kept while it is computed, and then as a Zarr

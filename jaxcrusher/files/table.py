@@ -40,7 +40,7 @@ COLUMNS = {
     "success": Column("1", "solved, or integrated to the end", bool),
     "reached": Column("rad", "phase (2 pi a turn) at the end, or at the failure"),
     "steps": Column("1", "integration steps"),
-    "state": Column("1, m/s", "state at the end, as in jaxcrusher.Section", dims=("coordinate",)),
+    "state": Column("1, m/s", "state at the end, as in Section", dims=("coordinate",)),
     # of a periodic orbit
     "error": Column("1", "estimated error of the RMS, as a share of it"),
     "least_penetration": Column("1", "least penetration / clearance"),

@@ -17,7 +17,6 @@ from matplotlib.patches import Patch
 from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.joints import before
-from jaxcrusher.motion.section import Section
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.echo import unit_of
 from jaxcrusher.scenes.parameters import in_words
@@ -26,8 +25,6 @@ from jaxcrusher.scenes.parameters import in_words
 BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 HATCHES = ("xx", "//", "..", "\\\\", "++", "oo")
 FORCE = "|R_O| + |R_C|"
-DIRECTIONS = {"up": (BLUE, "^"), "down": (ORANGE, "v")}
-STATES = ("$e_x / c$", "$e_y / c$", "$\\dot e_x$ (m/s)", "$\\dot e_y$ (m/s)", "$v$ (m/s)")
 
 
 def plot_landscape(
@@ -113,12 +110,6 @@ def label_axes(ax: Axes, across: str, up: str, units: Mapping[str, str]) -> None
     ax.set(xlabel=labels[0], ylabel=labels[1], facecolor="0.6")
 
 
-def _label(values: xr.DataArray) -> str:
-    """Name and unit, for an axis."""
-    unit = values.attrs.get("units", "1")
-    return _name(values) if unit == "1" else f"{_name(values)} ({unit})"
-
-
 def _name(values: xr.DataArray) -> str:
     """Return the name of the values, with the symbols of the force typeset."""
     name = str(values.attrs.get("long_name", values.name))
@@ -199,66 +190,6 @@ def plot_force(
         )
     ax.set(xlabel="time (s)", ylabel=f"${FORCE}$ (kN)")
     ax.legend()
-    return ax
-
-
-def plot_section(
-    section: Section, coordinates: tuple[int, int] = (0, 1), ax: Axes | None = None
-) -> Axes:
-    """A Poincaré section: two coordinates of the state, once a turn.
-
-    The states are those of the default formulation, see `jaxcrusher.Section`; the first two, the
-    eccentricity in clearances, come with the clearance circle.
-    """
-    ax = plt.subplots()[1] if ax is None else ax
-    across, up = coordinates
-    if set(coordinates) == {0, 1}:
-        _circle(ax, 1.0)
-        ax.set_aspect("equal")
-        ax.locator_params(nbins=4)
-    ax.plot(
-        section.states[:, across],
-        section.states[:, up],
-        "o",
-        color=BLUE,
-        markersize=2.5,
-        markeredgewidth=0,
-        label="once a turn",
-    )
-    ax.set(xlabel=STATES[across], ylabel=STATES[up])
-    return ax
-
-
-def plot_bifurcation(diagram: xr.DataArray, ax: Axes | None = None) -> Axes:
-    """A bifurcation diagram: points of a section over a parameter.
-
-    `diagram` is a variable of a `jaxcrusher.bifurcation`, with a dim `turn` and one of
-    the parameter; several of them joined along a dim `direction` ("up", "down", "cold") get a
-    colour and a marker each. What the axes say comes from the attributes `long_name` and `units`;
-    missing points are NaN.
-    """
-    ax = plt.subplots()[1] if ax is None else ax
-    if "direction" not in diagram.dims:
-        diagram = diagram.expand_dims(direction=[""])
-    (parameter,) = [str(dim) for dim in diagram.dims if dim not in ("direction", "turn")]
-    for name in diagram.direction.to_numpy():
-        colour, marker = DIRECTIONS.get(str(name), (GREEN, "o"))
-        points = diagram.sel(direction=name).transpose(parameter, "turn").to_numpy()
-        values = np.broadcast_to(diagram[parameter].to_numpy()[:, None], points.shape)
-        # Hollow, so that directions which agree are both seen.
-        ax.plot(
-            values.ravel(),
-            points.ravel(),
-            marker,
-            color=colour,
-            markersize=3.5,
-            markerfacecolor="none",
-            markeredgewidth=0.8,
-            label=str(name),
-        )
-    if diagram.sizes["direction"] > 1:
-        ax.legend(markerscale=2)
-    ax.set(xlabel=_label(diagram[parameter]), ylabel=_label(diagram))
     return ax
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 import jaxcrusher as jc
+from jaxcrusher.joint.validity import Validity
 from optimize.balance.evidence import AS_IT_IS, STANDING
 from optimize.evaluate import STARTS
 from optimize.forces import FORCES, NAMES, opposed, quantity
@@ -88,7 +89,7 @@ def _long_run(run: dict) -> str:
     if not run["success"]:
         return "failed"
     wrong = ["friction whirl"] if run["whirl"] else []
-    wrong += jc.Validity(**run["validity"]).remarks()
+    wrong += Validity(**run["validity"]).remarks()
     text = f"{run['foundation_rms']:.0f} ± {run['foundation_rms_error']:.1f}"
     return ", ".join([f"{text} ({run['shaking_rms']:.0f})", *wrong])
 

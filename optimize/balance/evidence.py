@@ -11,6 +11,7 @@ import numpy as np
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import run_all, stack
+from jaxcrusher.joint.validity import Validity
 from optimize.design import Design
 from optimize.evaluate import STARTS, started
 from optimize.forces import FORCES
@@ -46,7 +47,7 @@ def confirm(design: Design, points: Mapping[str, np.ndarray], settle: int) -> di
 def _long_run(scene: jc.Scene, turns: int) -> dict[str, Any]:
     result = jc.statistics(scene, turns, turns, rtol=CONFIRM_RTOL)
     names = (*jc.STATISTICS, "foundation_rms_error", "whirl", "success")
-    limits = {field.name: getattr(result.validity, field.name) for field in fields(jc.Validity)}
+    limits = {field.name: getattr(result.validity, field.name) for field in fields(Validity)}
     return {name: getattr(result, name) for name in names} | {"validity": limits}
 
 

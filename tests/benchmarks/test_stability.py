@@ -16,6 +16,7 @@ from benchmarks.stability.judgement import AGREES, DISAGREES
 from benchmarks.stability.reference import reference
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.motion.section import fine
+from jaxcrusher.motion.simulation import Trajectory
 
 CASE = bearing_case("centred")
 
@@ -124,7 +125,7 @@ def test_a_drawn_motion_is_compared_while_neighbours_stay_together():
 
     def motion(force):
         seen = {"foundation_force": force, "normal_force": 1 + 0 * force}
-        return jc.Trajectory(jnp.asarray(instants), fine(), jax.tree.map(jnp.asarray, seen))
+        return Trajectory(jnp.asarray(instants), fine(), jax.tree.map(jnp.asarray, seen))
 
     known = motion(1e4 * np.cos(instants))
     off = motion(1e4 * np.cos(instants) + 10 * (instants > 0.5))

@@ -4,13 +4,18 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-import jaxcrusher as jc
-from jaxcrusher.crusher.capacity import AFFLUENCE, lower_end, stroke
+from jaxcrusher.crusher.capacity import (
+    AFFLUENCE,
+    CrushingChamber,
+    chamber_from_stroke,
+    lower_end,
+    stroke,
+)
 from jaxcrusher.scenes.build import build_chamber, build_machine
 
 
 def test_paper_capacity():
-    chamber = jc.CrushingChamber()
+    chamber = CrushingChamber()
     # 2b - s = 60.6 mm has three digits, and so has the paper's 9.41.
     assert float(chamber.capacity(25.0)) == pytest.approx(9.41, rel=1e-3)
     assert float(chamber.layer_height(25.0)) == pytest.approx(0.0775, abs=5e-5)
@@ -20,7 +25,7 @@ def test_paper_capacity():
 
 
 def test_floor_and_speed_limit():
-    chamber = jc.CrushingChamber()
+    chamber = CrushingChamber()
     floor = 9.41 / AFFLUENCE
     assert floor == pytest.approx(5.63, abs=0.01)
     # 41.8 rad/s by the equations; the paper prints 41.45.
@@ -40,14 +45,14 @@ def test_stroke_of_the_mechanism():
     angles = jnp.linspace(0, 2 * jnp.pi, 720, endpoint=False)
     sampled = jnp.ptp(jax.jit(jax.vmap(lower_end, (0, None)))(angles, machine))
     assert 0 <= found / float(sampled) - 1 < 1e-5
-    chamber = jc.chamber_from_stroke(machine, 0.034)
+    chamber = chamber_from_stroke(machine, 0.034)
     assert float(chamber.double_width) == pytest.approx(0.068 - 7.45e-3, abs=5e-6)
 
 
 def test_chamber_of_a_description():
     """The paper's to the last bit; b and s of another as in (22)."""
     paper = build_chamber({"speed": 40.0, "jaw.mass": 1.0})
-    assert float(paper.capacity(25.0)) == float(jc.CrushingChamber().capacity(25.0))
+    assert float(paper.capacity(25.0)) == float(CrushingChamber().capacity(25.0))
     longer = {"shaft.eccentricity": 0.012, "chamber.discharge": 0.05, "chamber.width": 0.6}
     longer |= {"chamber.loosening": 0.5, "chamber.height": 0.7, "gravity": 9.0}
     chamber = build_chamber(longer)

@@ -9,6 +9,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.motion.statistic import (
+    FURTHER_STATISTICS,
     STATISTIC,
     PowerMean,
     Sampled,
@@ -159,7 +160,7 @@ def still(point):
 
 
 def test_every_statistic_has_a_unit_and_a_meaning():
-    main = (*jc.STATISTICS, *jc.FURTHER_STATISTICS)
+    main = (*jc.STATISTICS, *FURTHER_STATISTICS)
     assert main == tuple(STATISTIC)[: len(main)]
     for name, statistic in STATISTIC.items():
         units = {"N", "N m", "N/m", "Pa", "W", "m", "m/s", "rad/s", "h", "1"}

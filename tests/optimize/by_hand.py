@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 
 import jaxcrusher as jc
-from jaxcrusher.orbits.result import RESULTS, WAYS, built, missing
+from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from optimize.answer import Orbit
 
 VALUES = {"foundation_rms": 8.0, "foundation_peak": 9.0, "shaking_rms": 5.0, "shaking_peak": 6.0}
@@ -11,7 +11,7 @@ VALUES = {"foundation_rms": 8.0, "foundation_peak": 9.0, "shaking_rms": 5.0, "sh
 
 def solution_by_hand(
     multiplier: float = 0.5, error: float = 1e-9, period: int = 1, **values: float
-) -> jc.PeriodicOrbit:
+) -> PeriodicOrbit:
     """Return an orbit of the paper's crusher at 25 rad/s with these statistics."""
     scene = jc.paper_scene(25.0, 0.03e-3)
     numbers = missing(scene, period, RESULTS.not_closed)

@@ -12,6 +12,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.files.program import program
+from jaxcrusher.joint.validity import Validity
 from optimize.balance import compare, objective, problem, report
 from optimize.balance import study as balance
 from optimize.balance.__main__ import study
@@ -351,7 +352,7 @@ def test_a_study_begins_with_the_machine_of_a_scene_file(tmp_path):
 
 
 def test_a_long_run_outside_the_contact_model_says_so():
-    names = [one.name for one in fields(jc.Validity) if one.name not in ("others", "missing")]
+    names = [one.name for one in fields(Validity) if one.name not in ("others", "missing")]
     limits = dict(zip(names, map(jnp.array, (0.2, 0.1, 0.9, 0.9, 0.001)), strict=True))
     run = {
         "success": True,

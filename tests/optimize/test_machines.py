@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 
 import jaxcrusher as jc
+from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.orbits.result import RESULTS, missing
 from optimize.machines import COMPARED, DRAWN, Machine, draw, run, table_rows
 from optimize.objectives import OBJECTIVES
@@ -39,7 +40,7 @@ def compared(tmp_path_factory):
 def test_numbers_are_those_of_the_orbit(compared):
     _, (quiet, _), _ = compared
     orbit = jc.periodic_orbit(jc.paper_scene(27.0, 0.05e-3))
-    chamber = jc.CrushingChamber()
+    chamber = CrushingChamber()
     assert quiet["numbers of"] == "periodic orbit" and quiet["contact model"] == "inside"
     for name in COMPARED:
         # The same program; the capacity's width has four digits.

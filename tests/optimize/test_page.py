@@ -19,7 +19,10 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.dynamics.slopes import Slope
+from jaxcrusher.crusher.capacity import CrushingChamber
+from jaxcrusher.dynamics.regime import Regime
+from jaxcrusher.dynamics.slopes import GradientReport, Slope
+from jaxcrusher.joint.validity import Validity
 from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.orbits.load_sheet import Row
 from optimize import figures, formatting, stages
@@ -123,7 +126,7 @@ def hand_made_runs(mean: float, success: bool = True) -> Runs:
     """Six that do not settle, the first 7 N above the mean, too wide for Hertz; one may fail."""
     objective = mean + np.array([7.0, -7.0, 1.0, -1.0, 2.0, np.nan])
     objective[5] = mean - 2.0 if success else np.nan
-    validity = jc.Validity(*map(jnp.asarray, (1.8, 0.1, 0.9, 0.9, 0.001)))
+    validity = Validity(*map(jnp.asarray, (1.8, 0.1, 0.9, 0.9, 0.001)))
     return Runs(
         mean,
         7.2,
@@ -146,7 +149,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
         values = {"speed": speed, "clearance": clearance, "friction": 0.05}
         return {name: values[name] for name in free}
 
-    quiet = jc.Regime("periodic", (), period=1)
+    quiet = Regime("periodic", (), period=1)
     optimum = Confirmed(
         chosen(25.0, 6e-5),
         *(18250.1, 7.2, "centred"),
@@ -180,7 +183,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
         optimum=optimum,
         seed_choice=other,
         bound=Bound(None, None, 0, 0.0, "Nothing is said of what lies between."),
-        gradient_report=jc.GradientReport("foundation_rms", quiet, 80, (0.0, 0.1), slopes),
+        gradient_report=GradientReport("foundation_rms", quiet, 80, (0.0, 0.1), slopes),
         checks=(Check("inside the box", True, EVIL), Check("both starts agree", False, "")),
         remark="Wear is not counted.",
     )
@@ -323,7 +326,7 @@ def cells(text: str, row: str) -> list[str]:
 
 def test_page_of_a_periodic_orbit(tmp_path):
     """The answer in a sentence, slopes and multipliers in the reader's units."""
-    validity = jc.Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9, 0.001)))
+    validity = Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9, 0.001)))
     slopes = {"speed": 220.0, "clearance": 51000.0}, {"speed": 0.1, "clearance": 40.0}
     # A disturbance falls to 1/e in 5000 turns.
     orbit = orbit_by_hand(np.exp(-1 / 5000), 18243.4112, *slopes, foundation_rms=18243.4112)
@@ -397,7 +400,7 @@ def test_the_first_sentence_recommends_only_what_nothing_speaks_against():
     assert "because of centred start, contact 1.80 bore radii wide: not Hertzian" in text
     passed = replace(found, checks=found.checks[:1])
     assert formatting.answer(passed).startswith("Outside the contact model: the best is 25 rad/s")
-    validity = jc.Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9, 0.001)))
+    validity = Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9, 0.001)))
     runs = {n: replace(one, validity=validity) for n, one in found.optimum.transient.items()}
     inside = replace(passed, optimum=replace(found.optimum, transient=runs))
     assert formatting.answer(inside).startswith("Run it at 25 rad/s (239 rpm) with 0.06 mm")
@@ -488,7 +491,7 @@ def test_colours_run_over_the_whole_map():
 def test_motions_go_on_from_the_landscape():
     # So fast that two turns of impacts end before trajectories diverge (like exp(200 t)).
     design = Design({"speed": (25.0, 250.0), "clearance": (3e-5, 6e-5)}, {"friction": 0.05})
-    case = Case(design, OBJECTIVES["rms"], jc.CrushingChamber())
+    case = Case(design, OBJECTIVES["rms"], CrushingChamber())
     cells = {"start": list(STARTS), "speed": [25.0, 250.0], "clearance": [3e-5, 6e-5]}
     after = [jc.statistics(scene(*cell), 0, 1, **AFTER).state for cell in product(*cells.values())]
     states = np.stack(after).reshape(2, 2, 2, -1)

@@ -19,6 +19,7 @@ import jaxcrusher as jc
 from jaxcrusher.batch.engines import Engine
 from jaxcrusher.batch.sweep import columns_of
 from jaxcrusher.commands.options import Sweep
+from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
@@ -510,7 +511,7 @@ def test_bounds_of_cells_hold_what_a_function_hides():
 
 def test_capacity_is_the_scene_s(tmp_path):
     """Floor and capacities of a chamber twice as wide; the paper's to the last bit; free links."""
-    paper, chamber = resolve(Options()).case, jc.CrushingChamber()
+    paper, chamber = resolve(Options()).case, CrushingChamber()
     assert paper.capacity_floor == float(chamber.capacity(25.0)) / 1.67
     ends = np.array([[0.0, 0.0], [1.0, 1.0]])
     assert paper.capacity(ends).tolist() == [float(chamber.capacity(v)) for v in (25.0, 40.0)]
@@ -552,7 +553,7 @@ def test_points_near_a_bad_start_do_not_count():
 
 def test_objectives_follow_from_their_statistics():
     """Formulas on the paper's crusher, 30 rad/s and 0.06 mm, against sampled motions."""
-    chamber = jc.CrushingChamber()
+    chamber = CrushingChamber()
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
     outputs = ("foundation_force", "shaking_force", "joint_force", "drive_power", "normal_force")
     outputs = (*outputs, "ground_moment")

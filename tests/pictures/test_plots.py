@@ -24,7 +24,6 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.integrate import RESULTS, Outcome
-from jaxcrusher.motion.section import Section
 from jaxcrusher.motion.simulation import OUTPUTS, Trajectory
 from jaxcrusher.pictures import plots
 from jaxcrusher.pictures.film import animate
@@ -299,7 +298,7 @@ def test_map_of_other_numbers_in_the_units_given():
 
 
 def test_lines_hold_the_data():
-    fig, (orbit, force, spectrum, section) = plt.subplots(1, 4)
+    fig, (orbit, force, spectrum) = plt.subplots(1, 3)
     motion = Trajectory(
         jnp.arange(3.0),
         ENDED,
@@ -321,33 +320,7 @@ def test_lines_hold_the_data():
         np.arange(3.0), np.array([9.0, 4.0, 1.0]), "N", spectrum, turn_frequency=1.5
     )
     np.testing.assert_array_equal(spectrum.lines[0].get_xydata(), [[1, 4], [2, 1]])
-    states = np.arange(12.0).reshape(3, 4)
-    plots.plot_section(
-        Section(jnp.asarray(states), jnp.zeros((0, 4, 4)), motion.outcome, {}), (1, 3), section
-    )
-    np.testing.assert_array_equal(section.lines[0].get_xydata(), states[:, [1, 3]])
-    assert section.get_xlabel() == "$e_y / c$" and section.get_ylabel() == r"$\dot e_y$ (m/s)"
     fig.canvas.draw()
-
-
-def test_bifurcation_diagram():
-    values = np.arange(12.0).reshape(2, 3, 2)
-    diagram = xr.DataArray(
-        values,
-        dims=("direction", "speed", "turn"),
-        coords={"direction": ["up", "down"], "speed": [25.0, 26.0, 27.0]},
-        attrs={"long_name": "eccentricity"},
-    )
-    diagram.speed.attrs["units"] = "rad/s"
-    ax = plots.plot_bifurcation(diagram)
-    assert ax.get_xlabel() == "speed (rad/s)" and ax.get_ylabel() == "eccentricity"
-    for line, name, points in zip(ax.lines, ("up", "down"), values, strict=True):
-        assert line.get_label() == name
-        np.testing.assert_array_equal(line.get_xdata(), [25, 25, 26, 26, 27, 27])
-        np.testing.assert_array_equal(line.get_ydata(), points.ravel())
-    assert len({line.get_marker() for line in ax.lines}) == 2
-    single = plots.plot_bifurcation(diagram.sel(direction="up", drop=True))
-    assert len(single.lines) == 1 and single.get_legend() is None
 
 
 def test_all_that_is_drawn_can_be_simulated():

@@ -26,6 +26,8 @@ from jaxcrusher.commands import gradient, orbit, regimes, simulate
 from jaxcrusher.commands.options import Crusher
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import Slope
+from jaxcrusher.dynamics.regime import Regime
+from jaxcrusher.dynamics.slopes import GradientReport
 from jaxcrusher.files.program import parse
 from jaxcrusher.files.resume import begin
 from jaxcrusher.scenes.echo import said
@@ -230,7 +232,7 @@ def verdicts(monkeypatch):
         if len(asked) == 3:
             raise KeyboardInterrupt
         exponents = Lyapunov(np.array([0.5, -1.0]), np.array([0.1, 0.1]))
-        return jc.Regime("chaotic", ("evidence",), None, exponents, 0.99, 0.01)
+        return Regime("chaotic", ("evidence",), None, exponents, 0.99, 0.01)
 
     monkeypatch.setattr(regimes.jc, "regime", regime)
     return asked
@@ -281,8 +283,8 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
             )
             for name in parameters
         }
-        kind = jc.Regime("chaotic", ("evidence",))
-        return jc.GradientReport(metric, kind, 10, (0.5, 0.1), slopes)
+        kind = Regime("chaotic", ("evidence",))
+        return GradientReport(metric, kind, 10, (0.5, 0.1), slopes)
 
     monkeypatch.setattr(gradient.jc, "gradient_report", report)
     line = (
