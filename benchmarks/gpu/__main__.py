@@ -1,4 +1,4 @@
-"""`python -m benchmarks.gpu`: sweeps on a GPU, beside the cores and its FP64 units."""
+"""`python -m benchmarks.gpu`: sweeps on a GPU, beside the cores."""
 
 from benchmarks.start import start
 

@@ -1,7 +1,6 @@
 """The programs, all integrating the same designs with the same tableau, controller and tolerance.
 
-Each is a function that runs all designs in the current process and returns its answer. For one
-core start the process with one device (`XLA_FLAGS`) and pin it.
+Each is a function that runs all designs in the current process and returns its answer.
 """
 
 from collections.abc import Callable
@@ -49,9 +48,8 @@ class Found(NamedTuple):
 class Cost(NamedTuple):
     """Medians over the repeats; the first run apart."""
 
-    wall: float  # s a step
     cpu: float  # s a step
-    first: float  # wall seconds of the first run less a later one: trace and compile
+    first: float  # CPU seconds of the first run less a later one: trace and compile
     found: Found
 
 
@@ -175,5 +173,5 @@ def costs(programs: dict[str, Program], repeats: int) -> dict[str, Cost]:
     found = {}
     for name, (first, again, result) in timed_in_turn(programs, repeats).items():
         steps = int(result.steps.sum())
-        found[name] = Cost(again.wall / steps, again.cpu / steps, first.wall - again.wall, result)
+        found[name] = Cost(again.cpu / steps, first.cpu - again.cpu, result)
     return found

@@ -1,39 +1,86 @@
-"""Every measurement in a process of its own, one after the other; their tables and page."""
+"""The costs of all programs on two motions, their tables and page."""
 
-import os
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from rich.console import Console
-
-from benchmarks.pages import publish
+from benchmarks.pages import publish, table
 from benchmarks.peers import c_peer
-from benchmarks.setting import run_apart, setting
-from benchmarks.step_cost.measure import MOTIONS
-from benchmarks.step_cost.tables import cost_tables, profile_tables, steps_tables
+from benchmarks.step_cost import programs
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import results_folder, write_json, write_table
+from jaxcrusher.files.results import results_folder
 
-COSTS = [("costs", motion, flag) for flag in ("loop flag", "no flag") for motion in MOTIONS]
-JOBS = [*COSTS, ("profiled",), ("steps",)]
+# Start and whole turns. With the slip of the surfaces the centred start ends in the whirl.
+MOTIONS: dict[str, tuple[programs.Start, int]] = {
+    "quiet": ("contact", 2),
+    "impacting": ("centred", 1),
+}
+OURS, TURN = "jaxcrusher, lanes", "jaxcrusher, `lax.map`"
+VMAP = "`jax.vmap` over `jaxcrusher.statistics`"
+PLAIN = "`lax.map` over `diffrax.diffeqsolve`"
+NUMBA = "numba, scalar"
+C = {"C, scalar": 1, "C, 8 lanes": 8, "C, 16 lanes": 16, "C, 32 lanes": 32}
+# The aims: a step of these takes at least as long as so many of ours.
+AIMS = {NUMBA: 4.0, VMAP: 8.0, "C, 16 lanes": 1.0}
+UNITS = ("CPU us", "numbas", "trace + compile s", "RMS")
+
+
+def costs(motion: str) -> list[dict[str, Any]]:
+    """Return the cost of a step of each program on a motion, CPU time in microseconds."""
+    designs = programs.designs(*MOTIONS[motion])
+    asked = {
+        OURS: programs.in_lanes(designs),
+        TURN: programs.in_turn(designs),
+        VMAP: programs.vmap(designs),
+        NUMBA: programs.numba(designs),
+        PLAIN: programs.plain_map(designs),
+    }
+    if c_peer.missing() is None:
+        asked |= {name: programs.c(designs, lanes) for name, lanes in C.items()}
+    measured = programs.costs(asked, 5)
+    numba = measured[NUMBA]
+    return [
+        {
+            "motion": motion,
+            "program": name,
+            "cpu_us": 1e6 * cost.cpu,
+            "in_numba": cost.cpu / numba.cpu,
+            "first_s": cost.first,
+            "steps": int(cost.found.steps.sum()),
+            "difference": float(abs(cost.found.rms / numba.found.rms - 1).max()),
+        }
+        for name, cost in measured.items()
+    ]
+
+
+def tables(rows: Sequence[dict[str, Any]]) -> dict[str, str]:
+    """Return the table of costs, and that of the aims in CPU time of a step."""
+    cells = []
+    for row in rows:
+        compiled = f"{row['first_s']:.1f}" if row["program"] in (OURS, TURN, VMAP, PLAIN) else ""
+        differs = f"{row['difference']:.1e}" if row["motion"] == "quiet" else ""
+        times = (f"{row[name]:.2f}" for name in ("cpu_us", "in_numba"))
+        cells.append([row["motion"], row["program"], *times, compiled, differs])
+    aims = []
+    for motion in MOTIONS:
+        cost = {row["program"]: row["in_numba"] for row in rows if row["motion"] == motion}
+        for name, aim in AIMS.items():
+            if name in cost:
+                ratio = cost[name] / cost[OURS]
+                verdict = "met" if ratio >= aim else "**not met**"
+                aims.append([motion, name, f"{ratio:.2f}", f"{aim:g}", verdict])
+    return {
+        "costs": table(("motion", "program", *UNITS), cells),
+        "aims": table(("motion", "program", "steps of ours", "aim, at least", "verdict"), aims),
+    }
 
 
 def run(out: Path) -> None:
-    """Run every measurement; write the page, its tables and their data."""
-    folder, console = results_folder(out), Console()
+    """Measure every program; write the page and its data."""
+    folder, rows = results_folder(out), []
     if c_peer.missing():
-        console.print(f"The programs in C are left out: {c_peer.missing()}.")
-    if not hasattr(os, "sched_setaffinity"):
-        console.print("This system does not pin a process to a core: times may be of several.")
-    found = {}
-    with progress(console) as bars:
-        for job in bars.track(JOBS, description="measurements"):
-            # Without the flag nothing else is set; one core means one device anyway.
-            bare = ["--bare"] if "no flag" in job else []
-            words = ["benchmarks.step_cost.measure", *job, *bare]
-            found[job] = list(run_apart("benchmarks.worker", *words, cores=1))
-    costs = [row for job in COSTS for row in found[job]]
-    (profile,), (*steps, doubt) = found[JOBS[-2]], found[JOBS[-1]]
-    write_table(folder / "step_cost_steps.csv", steps, setting("numba"))
-    write_json(folder / "step_cost_profile.json", {"profile": profile, "references": doubt})
-    tables = cost_tables(costs) | profile_tables(profile, costs) | steps_tables(steps, doubt)
-    publish(folder, "step_cost.md", tables, "numba", rows=costs)
+        print(f"The programs in C are left out: {c_peer.missing()}.")
+    with progress() as bars:
+        for motion in bars.track(MOTIONS, description="motions"):
+            rows += costs(motion)
+    publish(folder, "step_cost.md", tables(rows), "numba", rows=rows)

@@ -14,7 +14,7 @@ from benchmarks.stability.baumgarte import Stabilised
 from benchmarks.stability.judgement import Judged
 from benchmarks.stability.tables import baumgarte_tables
 from benchmarks.stability.tables import tables as stability
-from benchmarks.step_cost.tables import cost_tables, steps_tables
+from benchmarks.step_cost.run import tables as step_cost
 from benchmarks.work_precision.measure import Row
 from benchmarks.work_precision.tables import tables as work_precision
 from jaxcrusher.files.results import read_table
@@ -53,8 +53,7 @@ def made():
             "readings": reading_table(read),
             "variants": search_table(csv_rows("reproduction/variants.csv")),
         },
-        "step_cost.md": cost_tables(csv_rows("step_cost.csv"))
-        | {"steps": steps_tables(csv_rows("step_cost_steps.csv"), {})["steps"]},
+        "step_cost.md": step_cost(csv_rows("step_cost.csv")),
         "work_precision.md": work_precision(read_table(DOCS / "work_precision.csv", Row)),
     }
 

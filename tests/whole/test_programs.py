@@ -80,7 +80,6 @@ def test_help_comes_at_once_and_what_is_unknown_is_refused(path, run):
         ("optimize.run",),
         ("optimize.balance",),
         ("benchmarks.reproduction",),
-        ("benchmarks.worker", "benchmarks.step_cost.measure", "steps"),
     ],
     ids=lambda words: words[0],
 )
