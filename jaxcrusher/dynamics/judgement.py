@@ -70,7 +70,6 @@ def judge(
     """
     estimator = "fit" if chaotic else "implicit" if "implicit" in estimates else "tangent"
     names = ("orbits",) if estimator == "implicit" else FITS
-    names = (*names, "shadowing") if chaotic else names
     made = {key: _Estimate(*one, freedom.get(key, np.inf)) for key, one in estimates.items()}
     own, beside = made[estimator], {n: made[n] for n in names if n in made and n != estimator}
     # Each comparison gets its part of the level, that of the fit's two windows too (Bonferroni).
@@ -90,8 +89,6 @@ def judge(
         allowed = AGREEMENT * abs(own.value) + own.quantile(level) * drift[1]
         if not abs(drift[0]) <= allowed:
             refusals.append(f"doubling the window moves the fit by {drift[0]:.4g}")
-        if "shadowing" in refuting:
-            doubts.append(f"shadowing {made['shadowing']} disagrees with the fit")
     elif refuting:
         against = "orbits beside it" if estimator == "implicit" else "fits"
         listed = ", ".join(str(beside[n]) for n in refuting)

@@ -21,12 +21,11 @@ from jaxcrusher.dynamics.fits import Fit, fit_slopes
 from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
-from jaxcrusher.dynamics.shadowing import shadowing_slopes
 from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistic import STATISTIC, PowerMean
+from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.motion.statistics import over_pieces
-from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangents, weights
+from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangents
 from jaxcrusher.orbits.shooting import section_point
 from jaxcrusher.orbits.slopes import (
     SettledSlopes,
@@ -42,8 +41,6 @@ UNSETTLED = {
     "not settled": "the motion has not settled: this slope is of its transient",
     "undecided": "the motion is undecided: this slope may be of a transient",
 }
-# Batches of the slices along a shadowing motion, whose scatter tells its error.
-BATCHES = 20
 # A chaotic run forgets a start shifted by this many clearances.
 START_SHIFT = 1e-3
 # Pairs of runs that check a derivative, at least.
@@ -170,7 +167,7 @@ def gradient_report(
     largest, error = kind.exponents.exponents[0], kind.exponents.errors[0]
     chaotic = kind.exponents.positive
     estimates: dict[str, tuple[np.ndarray, np.ndarray]] = {"tangent": _tangent(along[0], metric)}
-    freedom: dict[str, float] = {"tangent": PARTS - 1, "shadowing": BATCHES - 1}
+    freedom: dict[str, float] = {"tangent": PARTS - 1}
     evidence: dict[str, Any] = {"multipliers": np.nan, "freedom": freedom}
     fits: list[Fit] = []
     period, orbit = kind.period, None
@@ -195,8 +192,6 @@ def gradient_report(
             fits.append(fit_slopes(value, numbers, share * radii, count, seed, shift, chunk))
             estimates[name] = fits[-1].slopes, fits[-1].errors
             freedom[name] = fits[-1].freedom
-    if chaotic and isinstance(STATISTIC[metric].reduction, PowerMean):
-        estimates["shadowing"] = _shadowing(along[0], metric)
     evidence["growth"] = float(largest * TANGENT_TURNS) if chaotic else _growth(along[0])
     evidence["unsettled"] = UNSETTLED.get(kind.name, "")
     slopes = {}
@@ -265,18 +260,6 @@ def _tangent(along: Tangents, metric: str) -> tuple[np.ndarray, np.ndarray]:
     with np.errstate(over="ignore", invalid="ignore"):
         error = np.std(slopes, axis=0, ddof=1) / np.sqrt(PARTS)
         return combine(metric, along.values, found), error
-
-
-def _shadowing(along: Tangents, metric: str) -> tuple[np.ndarray, np.ndarray]:
-    """Shadowing slopes of the statistic, which is a mean, or a function of one."""
-    scale = len(along.values) * weights(metric, along.values)[:, None]
-    return shadowing_slopes(
-        along.jacobians,
-        along.forcing,
-        scale * along.by_state,
-        scale * along.by_parameter,
-        batches=BATCHES,
-    )
 
 
 def _metric(case, build, metric: str, settle_turns: int, turns: int, rtol: float) -> Array:

@@ -1,7 +1,7 @@
 """A motion with its derivatives by its state and by parameters, slice by slice of a turn.
 
-One compiled turn serves Lyapunov exponents, tangents over any horizon, the slope along a
-periodic orbit and shadowing: they are sums and products of the same matrices.
+One compiled turn serves Lyapunov exponents, tangents over any horizon and the slope along a
+periodic orbit: they are sums and products of the same matrices.
 """
 
 from collections.abc import Callable
@@ -130,14 +130,10 @@ def changes(parts: Tangents, moved: Float[np.ndarray, "dims n"]) -> Float[np.nda
     return found
 
 
-def weights(metric: str, values: Float[np.ndarray, " slices"]) -> Float[np.ndarray, " slices"]:
-    """The derivative of the statistic over all slices by that of each."""
-    return np.asarray(jax.grad(lambda values: over_pieces(metric, values))(jnp.asarray(values)))
-
-
 def combine(
     metric: str, values: Float[np.ndarray, " slices"], changes: Float[np.ndarray, "slices n"]
 ) -> Float[np.ndarray, " n"]:
     """Slopes of the statistic over all slices."""
+    weights = jax.grad(lambda values: over_pieces(metric, values))(jnp.asarray(values))
     with np.errstate(over="ignore", invalid="ignore"):
-        return weights(metric, values) @ changes
+        return np.asarray(weights) @ changes

@@ -147,7 +147,7 @@ def test_chaos_is_refused():
     # 6.3 to 7.3 a turn in four runs of other lengths and tolerances, errors 0.3 to 0.9.
     assert report.regime.exponents.exponents[0] == pytest.approx(6.8, abs=2.5)
     assert slope.verdict == "refused" and slope.reasons
-    assert report.growth[0] > 100 and "shadowing" in slope.estimates
+    assert report.growth[0] > 100
     # What a plain derivative would have handed out.
     tangent = slope.estimates["tangent"][0]
     assert not abs(tangent) < 1e6
@@ -198,8 +198,6 @@ FIT = {"fit": (10.0, 0.5), "fit at half the radius": (10.2, 0.9)}
         (FIT | {"fit": (10.0, 4.0)}, 100.0, True, "undecided"),
         (FIT | {"fit": (10.0, 6.0)}, 100.0, True, "refused"),
         (FIT | {"fit at half the radius": (20.0, 1.0)}, 100.0, True, "refused"),
-        (FIT | {"shadowing": (10.3, 0.01)}, 100.0, True, "ok"),
-        (FIT | {"shadowing": (16.0, 0.01)}, 100.0, True, "doubtful"),
         (FIT | {"tangent": (10.1, 0.0)}, 0.0, False, "ok"),
         (FIT | {"tangent": (10.1, 4.0)}, 0.0, False, "undecided"),
         (FIT | {"tangent": (10.1, 6.0)}, 0.0, False, "refused"),
