@@ -87,37 +87,36 @@ def normal_to_jaw(jaw: JawMotion) -> Vector:
     return jaw.away
 
 
-class AlongJaw(AbstractLoad):
-    """Constant, along the jaw towards B: (18) of the paper, taken literally."""
+class AbstractConstantLoad(AbstractLoad):
+    """A force of one size."""
 
     magnitude: Scalar = eqx.field(converter=scalar)  # N
     along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
+
+
+class AlongJaw(AbstractConstantLoad):
+    """Constant, along the jaw towards B: (18) of the paper, taken literally."""
 
     def force(self, jaw: JawMotion) -> JawForce:
         """-F (B-A axis)."""
         return JawForce(self.magnitude * along_jaw(jaw), self.along)
 
 
-class NormalToJaw(AbstractLoad):
+class NormalToJaw(AbstractConstantLoad):
     """Constant, normal to the jaw's face, away from the fixed jaw."""
-
-    magnitude: Scalar = eqx.field(converter=scalar)  # N
-    along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
 
     def force(self, jaw: JawMotion) -> JawForce:
         """F times the axis turned by 90 degrees."""
         return JawForce(self.magnitude * normal_to_jaw(jaw), self.along)
 
 
-class ClosingStroke(AbstractLoad):
+class ClosingStroke(AbstractConstantLoad):
     """Normal to the jaw's face, only while its point moves towards the fixed jaw.
 
     The switch at rest is smoothed over `width` (m/s) of the closing speed.
     """
 
-    magnitude: Scalar = eqx.field(converter=scalar)  # N
     width: Scalar = eqx.field(converter=scalar, default=0.01)  # m/s
-    along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
 
     def force(self, jaw: JawMotion) -> JawForce:
         """F times the axis turned by 90 degrees, or nothing."""

@@ -5,6 +5,7 @@ between their centres.
 """
 
 import abc
+import dataclasses
 
 import equinox as eqx
 from jaxtyping import Scalar
@@ -27,13 +28,13 @@ class Contact(eqx.Module):
     penetration_rate: Scalar  # delta' = e'.n, m/s
     orbit_speed: Scalar  # of the pin round the bore, (e x e') / |e|^2, rad/s
     normal_force: Scalar  # F_n, N
-    friction_force: Scalar | None  # F_t on the bearing along t, N
-    surface_speed: Scalar | None  # bearing's material past the journal's, along t, m/s
     force: Vector  # on the bearing, N
-    bearing_moment: Scalar | None  # on the bearing about its centre, N m
-    journal_moment: Scalar | None  # on the journal about its centre, N m
     normal_loss: Scalar  # power that the damping takes, W
-    friction_loss: Scalar | None  # power that friction takes, W
+    friction_force: Scalar | None = None  # F_t on the bearing along t, N
+    friction_loss: Scalar | None = None  # power that friction takes, W
+    surface_speed: Scalar | None = None  # bearing's material past the journal's, along t, m/s
+    bearing_moment: Scalar | None = None  # on the bearing about its centre, N m
+    journal_moment: Scalar | None = None  # on the journal about its centre, N m
 
 
 class AbstractBearing(eqx.Module):
@@ -105,43 +106,32 @@ class ClearanceJoint(AbstractBearing):
         normal = eccentricity / length
         penetration = length - self.clearance
         penetration_rate = rate.dot(normal)
-        orbit_speed = normal.cross(rate) / length
         normal_force = self.normal.force(penetration, penetration_rate, memory)
         elastic = self.normal.elastic_force(penetration)
-        normal_loss = (normal_force - elastic) * penetration_rate
-        push = normal_force * normal
+        touch = Contact(
+            penetration=penetration,
+            penetration_rate=penetration_rate,
+            orbit_speed=normal.cross(rate) / length,
+            normal_force=normal_force,
+            force=normal_force * normal,
+            normal_loss=(normal_force - elastic) * penetration_rate,
+        )
         if self.friction is None:
-            return Contact(
-                penetration,
-                penetration_rate,
-                orbit_speed,
-                normal_force,
-                None,
-                None,
-                push,
-                None,
-                None,
-                normal_loss,
-                None,
-            )
+            return touch
         tangent = normal.perp()
         journal_arm = self.bore_radius - length
         centre_speed = -rate.dot(tangent)
         surface_speed = centre_speed + self.bore_radius * bearing_spin - journal_arm * journal_spin
         slip = self.friction.slip.speed(centre_speed, surface_speed)
         friction_force = self.friction.force(normal_force, slip)
-        return Contact(
-            penetration,
-            penetration_rate,
-            orbit_speed,
-            normal_force,
-            friction_force,
-            surface_speed,
-            push + friction_force * tangent,
-            self.bore_radius * friction_force,
-            -journal_arm * friction_force,
-            normal_loss,
-            -friction_force * surface_speed,
+        return dataclasses.replace(
+            touch,
+            force=touch.force + friction_force * tangent,
+            friction_force=friction_force,
+            friction_loss=-friction_force * surface_speed,
+            surface_speed=surface_speed,
+            bearing_moment=self.bore_radius * friction_force,
+            journal_moment=-journal_arm * friction_force,
         )
 
     def half_width_ratio(self, penetration: Scalar) -> Scalar:

@@ -41,9 +41,12 @@ class AbstractCylinders(AbstractHysteresis):
     chamber of the PE250x400 is wide.
     """
 
-    clearance: eqx.AbstractVar[Scalar]  # c, m
-    modulus: eqx.AbstractVar[Scalar]  # E, Pa
-    length: eqx.AbstractVar[Scalar]  # L, m
+    restitution: Scalar = eqx.field(converter=scalar)
+    impact_velocity: AbstractImpactVelocity
+    clearance: Scalar = eqx.field(converter=scalar, metadata=_METRE)  # c
+    modulus: Scalar = eqx.field(converter=scalar, metadata={"unit": "Pa"})  # E
+    length: Scalar = eqx.field(converter=scalar, default=0.4, metadata=_METRE)  # L
+    width: Scalar = eqx.field(converter=scalar, default=1e-8, metadata=_METRE)
 
     @abc.abstractmethod
     def load(self, depth: Scalar) -> Scalar:
@@ -126,36 +129,17 @@ class AbstractLogarithmic(AbstractCylinders):
 class Johnson(AbstractLogarithmic):
     """delta = x (ln(4 c / x) - 1): Johnson, Contact Mechanics, 1985."""
 
-    restitution: Scalar = eqx.field(converter=scalar)
-    impact_velocity: AbstractImpactVelocity
-    clearance: Scalar = eqx.field(converter=scalar, metadata=_METRE)
-    modulus: Scalar = eqx.field(converter=scalar, metadata={"unit": "Pa"})
-    length: Scalar = eqx.field(converter=scalar, default=0.4, metadata=_METRE)
-    width: Scalar = eqx.field(converter=scalar, default=1e-8, metadata=_METRE)
     constant = -1.0
 
 
 class Esdu(AbstractLogarithmic):
     """delta = x (ln(4 c / x) + 1): ESDU 78035, 1978."""
 
-    restitution: Scalar = eqx.field(converter=scalar)
-    impact_velocity: AbstractImpactVelocity
-    clearance: Scalar = eqx.field(converter=scalar, metadata=_METRE)
-    modulus: Scalar = eqx.field(converter=scalar, metadata={"unit": "Pa"})
-    length: Scalar = eqx.field(converter=scalar, default=0.4, metadata=_METRE)
-    width: Scalar = eqx.field(converter=scalar, default=1e-8, metadata=_METRE)
     constant = 1.0
 
 
 class Liu(AbstractCylinders):
     """x = (delta / 2) sqrt(delta / (2 (c + delta))): Liu, Zhang and Yang 2007."""
-
-    restitution: Scalar = eqx.field(converter=scalar)
-    impact_velocity: AbstractImpactVelocity
-    clearance: Scalar = eqx.field(converter=scalar, metadata=_METRE)
-    modulus: Scalar = eqx.field(converter=scalar, metadata={"unit": "Pa"})
-    length: Scalar = eqx.field(converter=scalar, default=0.4, metadata=_METRE)
-    width: Scalar = eqx.field(converter=scalar, default=1e-8, metadata=_METRE)
 
     def load(self, depth: Scalar) -> Scalar:
         """Return x, m, of a penetration >= 0."""

@@ -199,94 +199,68 @@ class AbstractNormalLaw(AbstractHysteresis):
         return (force / self.stiffness) ** (1 / self.exponent)
 
 
-class LankaraniNikravesh(AbstractNormalLaw):
+class AbstractPublishedLaw(AbstractNormalLaw):
+    """A law of the literature, which its restitution alone tells from others."""
+
+    stiffness: Scalar = eqx.field(converter=scalar)  # K, N/m^m
+    restitution: Scalar = eqx.field(converter=scalar)  # e
+    impact_velocity: AbstractImpactVelocity
+    exponent: Scalar = eqx.field(converter=scalar, default=1.5)  # m
+    width: Scalar = eqx.field(converter=scalar, default=1e-8)  # m
+
+
+class LankaraniNikravesh(AbstractPublishedLaw):
     """D = 3 (1 - e^2) / 4: Lankarani and Nikravesh 1990 (paper, (8)).
 
     Derived for e near 1: asked for e = 0.9 it delivers 0.9132, for 0.5 it delivers 0.725.
     """
-
-    stiffness: Scalar = eqx.field(converter=scalar)
-    restitution: Scalar = eqx.field(converter=scalar)
-    impact_velocity: AbstractImpactVelocity
-    exponent: Scalar = eqx.field(converter=scalar, default=1.5)
-    width: Scalar = eqx.field(converter=scalar, default=1e-8)
 
     def damping_factor(self) -> Scalar:
         """3 (1 - e^2) / 4."""
         return 3 * (1 - self.restitution**2) / 4
 
 
-class HuntCrossley(AbstractNormalLaw):
+class HuntCrossley(AbstractPublishedLaw):
     """D = 3 (1 - e) / 2: Hunt and Crossley 1975. Asked for 0.9 it delivers 0.9090."""
-
-    stiffness: Scalar = eqx.field(converter=scalar)
-    restitution: Scalar = eqx.field(converter=scalar)
-    impact_velocity: AbstractImpactVelocity
-    exponent: Scalar = eqx.field(converter=scalar, default=1.5)
-    width: Scalar = eqx.field(converter=scalar, default=1e-8)
 
     def damping_factor(self) -> Scalar:
         """3 (1 - e) / 2."""
         return 3 * (1 - self.restitution) / 2
 
 
-class Flores(AbstractNormalLaw):
+class Flores(AbstractPublishedLaw):
     """D = 8 (1 - e) / (5 e): Flores and co-workers 2011, for e from 0 to 1."""
-
-    stiffness: Scalar = eqx.field(converter=scalar)
-    restitution: Scalar = eqx.field(converter=scalar)
-    impact_velocity: AbstractImpactVelocity
-    exponent: Scalar = eqx.field(converter=scalar, default=1.5)
-    width: Scalar = eqx.field(converter=scalar, default=1e-8)
 
     def damping_factor(self) -> Scalar:
         """8 (1 - e) / (5 e)."""
         return 8 * (1 - self.restitution) / (5 * self.restitution)
 
 
-class Gonthier(AbstractNormalLaw):
+class Gonthier(AbstractPublishedLaw):
     """D = (1 - e^2) / e: Gonthier and co-workers 2004.
 
     It is near the root D of (1 + D) / (1 - D e) = exp(D (1 + e)), which delivers e itself: the
     closed form of `delivered_restitution`. Asked for 0.9 it delivers 0.8764.
     """
 
-    stiffness: Scalar = eqx.field(converter=scalar)
-    restitution: Scalar = eqx.field(converter=scalar)
-    impact_velocity: AbstractImpactVelocity
-    exponent: Scalar = eqx.field(converter=scalar, default=1.5)
-    width: Scalar = eqx.field(converter=scalar, default=1e-8)
-
     def damping_factor(self) -> Scalar:
         """(1 - e^2) / e."""
         return (1 - self.restitution**2) / self.restitution
 
 
-class ZhiyingQishao(AbstractNormalLaw):
+class ZhiyingQishao(AbstractPublishedLaw):
     """D = 3 (1 - e^2) exp(2 (1 - e)) / 4: Zhiying and Qishao 2006.
 
     It is Lankarani and Nikravesh's law with a factor for lower e. Asked for 0.9 it delivers 0.8959.
     """
-
-    stiffness: Scalar = eqx.field(converter=scalar)
-    restitution: Scalar = eqx.field(converter=scalar)
-    impact_velocity: AbstractImpactVelocity
-    exponent: Scalar = eqx.field(converter=scalar, default=1.5)
-    width: Scalar = eqx.field(converter=scalar, default=1e-8)
 
     def damping_factor(self) -> Scalar:
         """3 (1 - e^2) exp(2 (1 - e)) / 4."""
         return 3 * (1 - self.restitution**2) * jnp.exp(2 * (1 - self.restitution)) / 4
 
 
-class HuGuo(AbstractNormalLaw):
+class HuGuo(AbstractPublishedLaw):
     """D = 3 (1 - e) / (2 e): Hu and Guo 2015. Asked for 0.9 it delivers 0.8999."""
-
-    stiffness: Scalar = eqx.field(converter=scalar)
-    restitution: Scalar = eqx.field(converter=scalar)
-    impact_velocity: AbstractImpactVelocity
-    exponent: Scalar = eqx.field(converter=scalar, default=1.5)
-    width: Scalar = eqx.field(converter=scalar, default=1e-8)
 
     def damping_factor(self) -> Scalar:
         """3 (1 - e) / (2 e)."""

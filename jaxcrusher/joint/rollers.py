@@ -156,17 +156,16 @@ class RollerBearing(AbstractBearing):
         rolling = self.rolling_friction * elastic * self.bore / 2
         rolling = rolling * turning / jnp.sqrt(turning**2 + REST**2)
         return Contact(
-            penetration,
-            penetration_rate,
-            normal.cross(rate) / length,
-            normal_force,
-            swept,
-            None,
-            normal_force * normal + swept * tangent,
-            (1 - inner) * lever + rolling,
-            inner * lever - rolling,
-            along * penetration_rate**2 + across * sweep**2,
-            rolling * turning,
+            penetration=penetration,
+            penetration_rate=penetration_rate,
+            orbit_speed=normal.cross(rate) / length,
+            normal_force=normal_force,
+            force=normal_force * normal + swept * tangent,
+            normal_loss=along * penetration_rate**2 + across * sweep**2,
+            friction_force=swept,
+            friction_loss=rolling * turning,
+            bearing_moment=(1 - inner) * lever + rolling,
+            journal_moment=inner * lever - rolling,
         )
 
     def half_width_ratio(self, penetration: Scalar) -> Scalar:
