@@ -11,8 +11,7 @@ from benchmarks.pages import publish
 from benchmarks.reproduction import figures, readings
 from benchmarks.reproduction.claims import Evidence, claims
 from benchmarks.reproduction.motions import compare, portraits
-from benchmarks.reproduction.search import search, variants
-from benchmarks.reproduction.tables import reading_rows, search_rows, tables
+from benchmarks.reproduction.tables import reading_rows, tables
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_table
 
@@ -56,12 +55,9 @@ def run(out: Path) -> None:
             boxes.append(box)
         programs = len({(r.slip, r.impact_law, r.load_law, r.settle) for r in readings.READINGS})
         measured = readings.measure(readings.READINGS, done=stage("Readings", programs))
-        listed = variants()
-        found = search(listed, stage("Where 1.1e6 N comes from", len(listed)))
         evidence = Evidence(measured, *boxes)
     write_table(out / "readings.csv", reading_rows(claims(), evidence))
-    write_table(out / "variants.csv", search_rows(found))
-    publish(out, "reproduction/claims.md", tables(claims(), evidence, found), "exudyn")
+    publish(out, "reproduction/claims.md", tables(claims(), evidence), "exudyn")
 
 
 def draw_validation(out: Path, done: Callable[..., None]) -> None:

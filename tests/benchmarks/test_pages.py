@@ -9,7 +9,7 @@ from benchmarks import pages
 from benchmarks.crosschecks.tables import Row as Crosscheck
 from benchmarks.crosschecks.tables import summary
 from benchmarks.pages import DOCS, NOT_MEASURED, filled, table, tables_of
-from benchmarks.reproduction.tables import reading_table, search_table
+from benchmarks.reproduction.tables import reading_table
 from benchmarks.stability.baumgarte import Stabilised
 from benchmarks.stability.judgement import Judged
 from benchmarks.stability.tables import baumgarte_tables
@@ -49,10 +49,7 @@ def made():
         | baumgarte_tables(read_table(DOCS / "stability_baumgarte.csv", Stabilised)),
         "stability_seats.md": stability(read_table(DOCS / "stability_seats.csv", Judged)),
         "crosschecks.md": {"summary": summary(read_table(DOCS / "crosschecks.csv", Crosscheck))},
-        "reproduction/claims.md": {
-            "readings": reading_table(read),
-            "variants": search_table(csv_rows("reproduction/variants.csv")),
-        },
+        "reproduction/claims.md": {"readings": reading_table(read)},
         "step_cost.md": step_cost(csv_rows("step_cost.csv")),
         "work_precision.md": work_precision(read_table(DOCS / "work_precision.csv", Row)),
     }

@@ -2,14 +2,10 @@
 
 import math
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
 
-import jaxcrusher as jc
 from benchmarks.reproduction import tables
 from benchmarks.reproduction.claims import CHOICE, Evidence, claims
 from benchmarks.reproduction.readings import (
@@ -22,8 +18,6 @@ from benchmarks.reproduction.readings import (
     ideal_statistics,
     measure,
 )
-from benchmarks.reproduction.search import TARGETS, Found, variants
-from benchmarks.reproduction.variants import LiteralContact, PlainUnits, WeightedSlip
 from benchmarks.reproduction.verdict import (
     INCONSISTENT,
     NOT_REPRODUCED,
@@ -34,11 +28,6 @@ from benchmarks.reproduction.verdict import (
     printed,
     verdict,
 )
-from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher import observables
-from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
-from jaxcrusher.mechanism.multiplier import CONTACT_TIME
-from jaxcrusher.mechanism.scene import AbstractFormulation
 
 
 def certain(value: float) -> Estimate:
@@ -163,40 +152,6 @@ def test_every_claim_reads_its_own_reading(listed):
         assert peak.by.compute(evidence, reading).value == 2e3 * (1 + places[reading])
 
 
-def test_search_takes_the_run_nearest_to_the_paper():
-    statistics = {
-        c: {
-            "foundation_peak": np.array([math.nan, target / 2, 1e9]),
-            "foundation_mean": np.array([math.nan, target / 4, 1e9]),
-            "winding": np.array([math.nan, 50.0, 0.1]),
-            "turns": np.array([0.5, 24.0, 24.0]),
-        }
-        for c, target in TARGETS.items()
-    }
-    one = Found(variants()[0], statistics)
-    assert one.distance(tuple(TARGETS)) == pytest.approx(math.log(2), rel=1e-12)  # arithmetic
-    assert one.whirling(0.09) == 1
-    gone = {c: {name: values[:1] for name, values in of.items()} for c, of in statistics.items()}
-    other = Found(variants()[1], gone)
-    assert other.distance(tuple(TARGETS)) == math.inf
-    nearest = tables.nearest_table([other, one]).splitlines()[2:]
-    assert len(nearest) == 3 and all(f"| {one.variant.name} | 2.00 |" in line for line in nearest)
-    # No variant whirls in every run.
-    assert tables.whirl_table([one, other]).count("| - | 0 |") == 2
-    rows = tables.search_rows([one, other])
-    assert [row["turns"] for row in rows] == [24.0] * 4 + [0.5] * 4
-    ends = [
-        line.strip("| ").split(" | ")[:3] for line in tables.search_table(rows).splitlines()[2:]
-    ]
-    half = tables.plain(TARGETS[0.03] / 2)
-    assert ends == [
-        ["every run whirls", "0", "-"],
-        ["some runs whirl", "1", half],
-        ["no run whirls", "0", "-"],
-        ["runs away", "1", "-"],
-    ]
-
-
 def test_numbers_that_hold():
     """The ideal joint's mean of 1.8e4 N, and 2.19e4 N as the RMS of the paper's choice."""
     ideal = ideal_statistics(30.0, "along_jaw")
@@ -212,88 +167,3 @@ def test_numbers_that_hold():
     assert np.ptp(centred["sum_peak"]) > 0
     assert verdict(printed("2.19e4"), estimate(chosen["sum_rms"])) == REPRODUCED
     assert verdict(printed("2.19e4"), estimate(chosen["sum_mean"])) == NOT_REPRODUCED
-
-
-def touching(formulation) -> tuple:
-    """A snapshot 5 um inside the bore, sliding, and its scene."""
-    scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
-    scene = eqx.tree_at(
-        lambda s: s.formulation,
-        scene,
-        formulation,
-        is_leaf=lambda leaf: isinstance(leaf, AbstractFormulation),
-    )
-    state = EccentricityFormulation().initial(scene)
-    state = eqx.tree_at(
-        lambda s: (s.joints["main"].relative_eccentricity, s.joints["main"].rate),
-        state,
-        (Vector(0.5, -0.95), Vector(0.02, 0.1)),
-    )
-    return formulation.snapshot(jnp.asarray(0.01), state, scene), scene
-
-
-def test_literal_contact_with_nothing_changed_is_the_correct_one():
-    right, _ = touching(EccentricityFormulation())
-    same, _ = touching(LiteralContact())
-    assert float(right.contacts["main"].normal_force) > 1e4
-    # The direction of e is normalised twice: rounding only.
-    assert float(same.accelerations.spin_ups["jaw"]) == pytest.approx(
-        float(right.accelerations.spin_ups["jaw"]), rel=1e-10
-    )
-
-
-def test_without_moments_the_contact_does_not_turn_the_jaw():
-    """(19) literally: about S2 only the elbow's reaction has a moment."""
-    s, scene = touching(LiteralContact(at_joint=0.0, torque=0.0))
-    arm = observables.elbow_position(s, scene) - observables.jaw_mass_centre(s, scene)
-    moment = arm.cross(observables.elbow_reaction(s, scene))
-    inertia = scene.machine.jaw.inertia * s.accelerations.spin_ups["jaw"]
-    # Newton and Euler on numbers of 1e4 N m.
-    assert float(inertia) == pytest.approx(float(moment), rel=1e-9)
-    full, _ = touching(LiteralContact())
-    assert (
-        abs(float(full.accelerations.spin_ups["jaw"] / s.accelerations.spin_ups["jaw"]) - 1) > 0.1
-    )
-
-
-def test_signs_as_printed():
-    right, _ = touching(LiteralContact())
-    printed_, _ = touching(LiteralContact(x_sign=-1.0, folded=1.0))
-    friction, normal = (
-        float(f)
-        for f in (right.contacts["main"].friction_force, right.contacts["main"].normal_force)
-    )
-    cosine, sine = np.array([0.5, 0.95]) / math.hypot(0.5, 0.95)  # sin phi >= 0, though e_y < 0
-    expected = [-(normal * cosine - friction * sine), normal * sine + friction * cosine]
-    np.testing.assert_allclose(
-        printed_.accelerations.forces["main"].array(), expected, rtol=1e-9
-    )  # rounding
-
-
-def test_weighted_slip():
-    speeds = jnp.asarray(1.0), jnp.asarray(5.0)
-    assert float(WeightedSlip(0.0).speed(*speeds)) == 1
-    assert float(WeightedSlip(1.0).speed(*speeds)) == 5
-
-
-def test_plain_units():
-    """The same accelerations, in m/s2 and rad/s2; rounding only."""
-    scene = jc.paper_scene(30.0, 0.06e-3, formulation="multiplier", start="contact")
-    rates = []
-    for formulation in (scene.formulation, PlainUnits()):
-        state = formulation.initial(scene)
-        snapshot = formulation.snapshot(jnp.asarray(0.0), state, scene)
-        assert float(snapshot.contacts["main"].normal_force) > 1e4
-        rates.append((state.velocity, formulation.rate(snapshot, state, scene)))
-    (scaled, scaled_rate), (plain, plain_rate) = rates
-    for one, other, factor in (
-        (scaled, plain, 1 / CONTACT_TIME),
-        (scaled_rate.velocity, plain_rate.velocity, 1 / CONTACT_TIME),
-        (scaled_rate.position, plain_rate.position, 1.0),
-    ):
-        expected = factor * np.array(jax.tree.leaves(one))
-        # Of contact forces of 2e4 N that hang on digits of the penetration: 1e-10 of 1 m.
-        scale = np.abs(expected).max()
-        np.testing.assert_allclose(
-            np.array(jax.tree.leaves(other)), expected, rtol=0, atol=1e-9 * scale
-        )
