@@ -12,17 +12,16 @@ from pathlib import Path
 from rich.progress import Progress
 
 from benchmarks.pages import publish
-from benchmarks.stability import baumgarte, drift
 from benchmarks.stability.case import FORMULATIONS, Case
-from benchmarks.stability.cases import bearing_case, cases, seat_cases
+from benchmarks.stability.cases import cases, seat_cases
 from benchmarks.stability.figure import draw, draw_seats
 from benchmarks.stability.inputs import inputs
 from benchmarks.stability.judgement import DISAGREES, Judged, judge
 from benchmarks.stability.ours import motions
 from benchmarks.stability.reference import Reference, reference
-from benchmarks.stability.tables import baumgarte_tables, drift_table, tables
+from benchmarks.stability.tables import tables
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import read_table, results_folder, write_figure, write_table
+from jaxcrusher.files.results import read_table, results_folder, write_figure
 
 # Beside this process, which judges meanwhile.
 WORKERS = 2
@@ -74,27 +73,14 @@ def run(what: str, out: Path) -> None:
     """Judge the cases of the bearing or of the seats; write the page, the csv and the figure."""
     folder, begin, name = results_folder(out), time.perf_counter(), PAGES[what]
     with _pool() as pool, progress() as bar:
-        if what == "seats":
-            rows = _judged(list(seat_cases()), pool, bar)
-            found, every = tables(rows), rows
-        else:
-            starts = ("centred", "in contact")
-            ended = {s: pool.submit(drift.reference, bearing_case(s).pins) for s in starts}
-            rows = _judged(list(cases()), pool, bar)
-            refused = list(bar.track(inputs(), 38, description="inputs"))
-            known = {start: waited.result() for start, waited in ended.items()}
-            long = list(bar.track(drift.measure(known), 4, description="long runs"))
-            stabilised = list(bar.track(baumgarte.measure(), 52, description="Baumgarte"))
-            write_table(folder / "stability_drift.csv", map(asdict, long))
-            write_table(folder / "stability_baumgarte.csv", map(asdict, stabilised))
-            found, every = tables(rows, refused), rows + refused
-            found |= {"drift": drift_table(long), **baumgarte_tables(stabilised)}
+        rows = _judged(list(seat_cases() if what == "seats" else cases()), pool, bar)
+        refused = [] if what == "seats" else list(bar.track(inputs(), 38, description="inputs"))
     publish(
         folder,
         f"{name}.md",
-        found,
+        tables(rows, refused),
         *("scikit-sundae", "numba"),
-        rows=map(asdict, every),
+        rows=map(asdict, rows + refused),
         draw=lambda: FIGURES[name](rows),
         minutes=(time.perf_counter() - begin) / 60,
     )

@@ -10,9 +10,7 @@ from benchmarks.crosschecks.tables import Row as Crosscheck
 from benchmarks.crosschecks.tables import summary
 from benchmarks.pages import DOCS, NOT_MEASURED, filled, table, tables_of
 from benchmarks.reproduction.tables import reading_table
-from benchmarks.stability.baumgarte import Stabilised
 from benchmarks.stability.judgement import Judged
-from benchmarks.stability.tables import baumgarte_tables
 from benchmarks.stability.tables import tables as stability
 from benchmarks.step_cost.run import tables as step_cost
 from benchmarks.work_precision.measure import Row
@@ -45,8 +43,7 @@ def made():
     moving = [row for row in rows if row.formulation]
     refused = [row for row in rows if not row.formulation]
     return {
-        "stability.md": stability(moving, refused)
-        | baumgarte_tables(read_table(DOCS / "stability_baumgarte.csv", Stabilised)),
+        "stability.md": stability(moving, refused),
         "stability_seats.md": stability(read_table(DOCS / "stability_seats.csv", Judged)),
         "crosschecks.md": {"summary": summary(read_table(DOCS / "crosschecks.csv", Crosscheck))},
         "reproduction/claims.md": {"readings": reading_table(read)},
