@@ -10,7 +10,7 @@ FLOORS = (
     ("jaxcrusher.version",),
     ("jaxcrusher.basics",),
     ("jaxcrusher.files",),
-    ("jaxcrusher.joint", "jaxcrusher.lanes"),
+    ("jaxcrusher.joint", "jaxcrusher.lanes", "jaxcrusher.periodic"),
     ("jaxcrusher.mechanism",),
     ("jaxcrusher.crusher",),
     ("jaxcrusher.scenes", "jaxcrusher.motion"),

@@ -15,6 +15,15 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require_x64
+from jaxcrusher.basics.integrate import (
+    Carried,
+    Integration,
+    Outcome,
+    Problem,
+    failure_text,
+    integrate,
+    pi_controller,
+)
 from jaxcrusher.basics.plane import Vector, direction, scalar
 from jaxcrusher.joint.clearance import ClearanceJoint, Contact
 from jaxcrusher.joint.friction import AbstractFriction
@@ -25,15 +34,6 @@ from jaxcrusher.joint.normal import (
     cylinder_stiffness,
 )
 from jaxcrusher.mechanism.eccentricity import JointState
-from jaxcrusher.motion.integrate import (
-    Carried,
-    Integration,
-    Outcome,
-    Problem,
-    failure_text,
-    integrate,
-)
-from jaxcrusher.motion.method import pi_controller
 from jaxcrusher.motion.simulation import require_times
 
 
@@ -245,7 +245,7 @@ PROBLEM = Problem(_initial, _field, _observe, lambda observed, end: observed)
 def simulate(mechanism: SliderCrank, times: ArrayLike, rtol: float = 1e-10) -> Motion:
     """Integrate to `times` (s, increasing) to a tolerance in clearances and m/s.
 
-    Differentiable by every number of the mechanism: see `jaxcrusher.motion.integrate`.
+    Differentiable by every number of the mechanism: see `jaxcrusher.basics.integrate`.
     """
     require_x64()
     require_times(times)

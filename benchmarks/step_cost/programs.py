@@ -16,12 +16,12 @@ import jaxcrusher as jc
 from benchmarks.peers import c_peer, numba_peer
 from benchmarks.peers.equations import Crusher
 from benchmarks.timing import timed_in_turn
+from jaxcrusher.basics.integrate import Carried
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch import engines
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.flow import by_phase
-from jaxcrusher.motion.integrate import Carried
 from jaxcrusher.motion.method import resolve
 
 # The tolerance hardly matters to the quiet motion, whose steps are limited by stability.

@@ -18,11 +18,11 @@ from jaxcrusher.basics.checks import (
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.scene import Scene, require_maker
-from jaxcrusher.dynamics.indicators import detect_period
-from jaxcrusher.dynamics.regime import NOISE, OUTPUTS, spread_trend
+from jaxcrusher.dynamics.regime import NOISE, OUTPUTS
 from jaxcrusher.files.table import COLUMNS, dataset
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.motion.flow import initial_state
+from jaxcrusher.motion.indicators import detect_period, spread_trend
 from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.statistic import columns
 

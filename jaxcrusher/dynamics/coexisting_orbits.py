@@ -92,7 +92,7 @@ def coexisting_orbits(
     The scene's start is shifted by up to `spread` clearances in any direction. Each motion is
     integrated over `turns` turns (or up to three more) and looked at four times. Where it
     oscillates about a point that repeats after one to four turns, shooting starts from there
-    (`jaxcrusher.orbits.shooting`), with or without loss of contact. Oscillations take thousands of
+    (`jaxcrusher.orbits.shot`), with or without loss of contact. Oscillations take thousands of
     turns to decay. A motion has therefore come to an orbit if it oscillates about it and keeps
     contact, or if its oscillation is smaller at the end than half-way. The quiet orbit, from the
     pin resting in its bore, is searched for too.

@@ -15,22 +15,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from jaxcrusher.basics.integrate import integrate
 from jaxcrusher.batch.engines import Engine, run_all
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.dynamics.indicators import zero_one_test
-from jaxcrusher.dynamics.regime import ORDER, spread_trend
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.motion.flow import Flow, flat, unflattened
-from jaxcrusher.motion.integrate import integrate
+from jaxcrusher.motion.indicators import CHAOS, ENOUGH, spread_trend, verdict, widest, zero_one_test
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.statistic import STATISTIC, chosen
 from jaxcrusher.motion.statistics import Statistics, statistics, statistics_problem
 from jaxcrusher.orbits.shot import CLOSURE, STEPS
 from jaxcrusher.orbits.transient import (
-    CHAOS,
     GROWN,
     OF_WHIRL,
     RTOL,
@@ -51,8 +49,6 @@ FINE = 1e-10
 SHARE, SHORTEST = 0.01, 1e-6
 # How far apart two motions begin whose distance tells chaos, in clearances and m/s.
 APART = 1e-5
-# Section points that the 0-1 test needs.
-ENOUGH = 480
 
 
 # Numbers that are free, and all others, of stacked cases.
@@ -171,20 +167,24 @@ class LaneWaits:
         if whirls:
             return "whirl"
         last = self.last(case)
-        points, repeats = last.states, last.repeats_after()
-        if repeats is not None:
-            return f"period {repeats}"
-        if growth > CHAOS:
-            return "chaotic"
+        points, period = last.states, last.repeats_after()
+        if period is None and growth <= CHAOS:
+            period = self._shorter(case, last)
+        zero_one = zero_one_test(widest(points)) if len(points) >= ENOUGH else None
+        trending = spread_trend(points)[1]
+        # How far growth is known tells nothing of a motion that repeats.
+        grows = period is None and growth > CHAOS
+        name = verdict(period, grows, None if grows else zero_one, trending=trending, neutral=True)
+        return name if period is None else f"period {period}"
+
+    def _shorter(self, case: int, last: Round) -> int | None:
+        """Return the turns of a stable orbit that a motion swings about."""
         for period, _ in last.means(None):
             if period > 1:
                 found = self.near(np.array([case]), period)
                 if bool(found.closed[0]) and float(found.multipliers[0]) < 1:
-                    return f"period {period}"
-        widest = points[:, int(np.argmax(np.ptp(points, axis=0)))]
-        in_order = len(points) >= ENOUGH and zero_one_test(widest) < ORDER
-        trending = spread_trend(points)[1]
-        return "quasi-periodic" if in_order and not trending else "not settled"
+                    return period
+        return None
 
     def _closed(
         self, which: list[int], start: np.ndarray, steps: np.ndarray, period: int

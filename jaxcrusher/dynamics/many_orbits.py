@@ -27,7 +27,7 @@ from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, words
 from jaxcrusher.orbits.solving import MOST_NODES
 from jaxcrusher.orbits.transient import TURNS
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.periodic.trigonometric import resample
 
 Rows = dict[str, np.ndarray]
 # Numbers that are free, and all others.

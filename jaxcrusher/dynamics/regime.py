@@ -8,12 +8,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require_untraced, require_whole
+from jaxcrusher.basics.integrate import Outcome
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene, require_scene
-from jaxcrusher.dynamics.indicators import Lyapunov, detect_period, lyapunov_spectrum, zero_one_test
 from jaxcrusher.dynamics.oscillation import distance, oscillation_about, section_of
 from jaxcrusher.motion.flow import initial_state
-from jaxcrusher.motion.integrate import Outcome
+from jaxcrusher.motion.indicators import (
+    Lyapunov,
+    detect_period,
+    lyapunov_spectrum,
+    spread_trend,
+    verdict,
+    widest,
+    zero_one_test,
+)
 from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.motion.tangents import SLICES, Tangents
@@ -25,16 +33,9 @@ from jaxcrusher.orbits.solving import NODES
 # Statistics of the motion that is classified, and after how many turns a whirl is called one.
 OUTPUTS = ("foundation_rms", "contact_fraction", "winding")
 WHIRL_TURNS = 20
-# Below and above, the 0-1 test speaks for order and for chaos.
-ORDER, CHAOS = 0.2, 0.8
 # What the integration leaves on a periodic orbit, in tolerances: a thousand steps a turn, and
 # turns that hardly contract. Measured on orbits of period 2 to 8: up to 1.2e5.
 NOISE = 2e5
-# An exponent known no better than this is not known to be zero.
-NEUTRAL_ERROR = 0.1
-# A trend in the section's spread that is no accident: rank correlation with time (of ten batches
-# without a trend one set in 2000 comes so far), and change as a share.
-TREND_RANK, TREND_SHARE = 0.9, 0.05
 # A motion is in contact if rounding alone is missing of all the time.
 ROUNDING = 1e-9
 
@@ -116,8 +117,7 @@ def classify(
         why = f"the tangents are not finite; {along.failure}".rstrip("; ")
         return Regime("failed", (why,), statistics=summary)
     exponents = lyapunov_spectrum(along.jacobians, slices=SLICES)
-    # The coordinate that spreads most: a constant one holds no motion.
-    zero_one = zero_one_test(points[:, int(np.argmax(np.ptp(points, axis=0)))])
+    zero_one = zero_one_test(widest(points))
     period = detect_period(points, noise=NOISE * rtol)
     trend, significant = spread_trend(points)
     largest, error = exponents.exponents[0], exponents.errors[0]
@@ -127,7 +127,9 @@ def classify(
         f"period {period}" if period else "no period up to 32",
         f"spread changes by {100 * trend:.0f} %",
     ]
-    name = verdict(exponents, zero_one, period, significant)
+    name = verdict(
+        period, exponents.positive, zero_one, trending=significant, neutral=exponents.neutral
+    )
     orbit = None if name == "chaotic" else _orbit_in_contact(scene, record)
     if orbit is not None:
         # Of neither a torus nor a limit does it tell that a window sees no change in.
@@ -187,37 +189,3 @@ def _joined(turns: list[Section], outcome: Outcome) -> Section:
     values = {name: jnp.concatenate([turn[name] for turn in turns]) for name in names}
     states = jnp.concatenate([turn.states for turn in turns])
     return Section(states, turns[0].jacobians, outcome, values)
-
-
-def verdict(exponents: Lyapunov, zero_one: float, period: int | None, trending: bool) -> str:
-    """The name on which the indicators agree, or "undecided"."""
-    largest, error = exponents.exponents[0], exponents.errors[0]
-    neutral = abs(largest) <= 3 * error and error < NEUTRAL_ERROR
-    if period is not None:
-        return "undecided" if exponents.positive else "periodic"
-    if exponents.positive and zero_one > CHAOS:
-        return "chaotic"
-    if trending:
-        return "not settled"
-    if neutral and zero_one < ORDER:
-        return "quasi-periodic"
-    return "undecided"
-
-
-def spread_trend(points: np.ndarray, batches: int = 10) -> tuple[float, bool]:
-    """The change of the points' spread over the window as a share of it, and if it is no accident.
-
-    The spread of a batch is the root mean square distance from its mean, each coordinate in
-    units of its range; the change is that of a straight line through the batches' logarithms.
-    """
-    span = np.ptp(points, axis=0)
-    scaled = points / np.where(span > 0, span, 1)
-    length = len(points) // batches
-    parts = scaled[: batches * length].reshape(batches, length, -1)
-    spread = np.sqrt(np.sum(parts.var(axis=1), axis=1))
-    if not spread.all():
-        return 0.0, False
-    place = np.linspace(-0.5, 0.5, batches)
-    share = np.expm1(place @ np.log(spread) / (place @ place))
-    rank = np.corrcoef(place, np.argsort(np.argsort(spread)))[0, 1]
-    return float(share), bool(abs(rank) > TREND_RANK and abs(share) > TREND_SHARE)

@@ -18,22 +18,17 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.dynamics.fits import Fit, fit_slopes
-from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
 from jaxcrusher.mechanism.starts import shifted_start
+from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangents
-from jaxcrusher.orbits.shooting import section_point
-from jaxcrusher.orbits.slopes import (
-    SettledSlopes,
-    multipliers,
-    orbit_differences,
-    orbit_slopes,
-    periodic_slopes,
-)
+from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.shot import shoot
+from jaxcrusher.orbits.slopes import OrbitSlopes, orbit_beside, orbit_slopes
 from jaxcrusher.scenes.parameters import PARAMETERS
 
 # Regime -> why its slope may not be that of the motion in the end.
@@ -45,8 +40,6 @@ UNSETTLED = {
 START_SHIFT = 1e-3
 # Pairs of runs that check a derivative, at least.
 QUIET_PAIRS = 6
-# The integration's tolerance on an orbit that tells what it leaves in a slope.
-COARSE_RTOL = 1e-7
 # Parts of the tangents' window whose scatter tells the error. Two were alike by chance where a
 # swing beats with the shaft, and leave Student's t one degree of freedom; parts of less than ten
 # turns would know of each other.
@@ -119,15 +112,14 @@ def gradient_report(
     - `chunk`: runs at most in a batch of a fit.
     - `progress`: called with what begins, in words: which stages there are, the motion decides.
 
-    **Returns:** a `GradientReport`. A start beside a stable motion of one turn that keeps contact
-    gets that motion's slopes, solved for (`jaxcrusher.orbits.slopes`), in seconds. Otherwise
-    periodic motions get the implicit formula on their orbit, beside differences of neighbouring
-    orbits; other motions that do not grow the forward tangent
-    over the turns after settling, chaotic ones the fit; the others stand beside it. A failed
-    motion and a whirl are refused. Standard errors: of a slope solved for its distance from
-    differences over a thousandth of the radius, of the implicit formula what a tolerance
-    10 000 times coarser changes, of the tangent the scatter of the four quarters of its window, of
-    the fit that of its residuals; differences of orbits have none.
+    **Returns:** a `GradientReport`. Periodic motions get the slopes of their orbit, which is solved
+    for (`jaxcrusher.orbits.slopes`), beside differences of neighbouring orbits. Of a start beside a
+    stable motion of one turn that keeps contact that takes seconds; others are classified first.
+    Other motions that do not grow get the forward tangent over the turns after settling, chaotic
+    ones the fit; the others stand beside it. A failed motion and a whirl are refused. Standard
+    errors: of an orbit's slope its distance from differences over a thousandth of the radius, of
+    the tangent the scatter of the four quarters of its window, of the fit that of its residuals;
+    differences of orbits have none.
 
     Raises ValueError for an unknown metric, for no parameters, for a value of 0 without a scale,
     and for an ideal joint.
@@ -148,9 +140,15 @@ def gradient_report(
     build = traced(make, point)
     horizon = settle_turns + turns
     progress("looking for the periodic orbit")
-    settled = orbit_slopes(build, point, metric, radii)
-    if settled is not None:
-        return _settled_report(metric, names, radii, settled, horizon)
+
+    def of_orbit(orbit: PeriodicOrbit, kind: Regime) -> GradientReport:
+        found = orbit_slopes(build, point, metric, radii, orbit)
+        slopes = _judged(names, radii, found, orbit)
+        return GradientReport(metric, kind, horizon, _growth_over(horizon, kind), slopes)
+
+    beside = orbit_beside(here)
+    if beside is not None:
+        return of_orbit(beside, _regime_of(beside))
     along: list[Tangents] = []
 
     def further(state: Float[Array, " dims"]) -> Tangents:
@@ -164,56 +162,52 @@ def gradient_report(
         why = (f"the motion is {kind.name}: outside the model",)
         slopes = {n: Slope(n, "none", np.nan, np.nan, 0.0, "refused", why, {}) for n in names}
         return GradientReport(metric, kind, horizon, (np.nan, np.nan), slopes)
-    largest, error = kind.exponents.exponents[0], kind.exponents.errors[0]
+    if kind.period is not None and kind.state is not None:
+        progress("differentiating along its orbit")
+        orbit = shoot(here, kind.state, kind.period)
+        if bool(orbit.success):
+            return of_orbit(orbit, kind)
     chaotic = kind.exponents.positive
     estimates: dict[str, tuple[np.ndarray, np.ndarray]] = {"tangent": _tangent(along[0], metric)}
     freedom: dict[str, float] = {"tangent": PARTS - 1}
-    evidence: dict[str, Any] = {"multipliers": np.nan, "freedom": freedom}
+    evidence: dict[str, Any] = {"freedom": freedom}
     fits: list[Fit] = []
-    period, orbit = kind.period, None
-    if period is not None and kind.state is not None:
-        progress("differentiating along its orbit")
-        orbit = section_point(build, point, metric, kind.state, period)
-    if period is not None and orbit is not None:
-        evidence["multipliers"] = multipliers(orbit[1])
-        implicit = periodic_slopes(orbit[1], metric)
-        coarse = tangents(build, point, metric, orbit[0], period, COARSE_RTOL)
-        estimates["implicit"] = implicit, np.abs(periodic_slopes(coarse, metric) - implicit)
-        differences = orbit_differences(build, numbers, metric, orbit, period, radii)
-        estimates["orbits"] = differences, np.zeros_like(differences)
-    else:
-        value = eqx.Partial(
-            _metric, build=build, metric=metric, settle_turns=settle_turns, turns=turns, rtol=rtol
-        )
-        count = max(pairs if chaotic else QUIET_PAIRS, 2 * len(names))
-        shift = START_SHIFT if chaotic else 0.0
-        for share, name in zip((1.0, 0.5), FITS, strict=True):
-            progress(f"fitting slopes to {2 * count} runs of {horizon} turns")
-            fits.append(fit_slopes(value, numbers, share * radii, count, seed, shift, chunk))
-            estimates[name] = fits[-1].slopes, fits[-1].errors
-            freedom[name] = fits[-1].freedom
-    evidence["growth"] = float(largest * TANGENT_TURNS) if chaotic else _growth(along[0])
+    value = eqx.Partial(
+        _metric, build=build, metric=metric, settle_turns=settle_turns, turns=turns, rtol=rtol
+    )
+    count = max(pairs if chaotic else QUIET_PAIRS, 2 * len(names))
+    shift = START_SHIFT if chaotic else 0.0
+    for share, name in zip((1.0, 0.5), FITS, strict=True):
+        progress(f"fitting slopes to {2 * count} runs of {horizon} turns")
+        fits.append(fit_slopes(value, numbers, share * radii, count, seed, shift, chunk))
+        estimates[name] = fits[-1].slopes, fits[-1].errors
+        freedom[name] = fits[-1].freedom
+    grown = _growth_over(TANGENT_TURNS, kind)[0] if chaotic else _growth(along[0])
+    evidence["growth"] = grown
     evidence["unsettled"] = UNSETTLED.get(kind.name, "")
     slopes = {}
     for i, name in enumerate(names):
         single = {key: (float(a[i]), float(b[i])) for key, (a, b) in estimates.items()}
-        if fits:
-            evidence["share"] = float(fits[0].shares[i])
-            evidence["drift"] = float(fits[0].drifts[i]), float(fits[0].drift_errors[i])
+        evidence["share"] = float(fits[0].shares[i])
+        evidence["drift"] = float(fits[0].drifts[i]), float(fits[0].drift_errors[i])
         slopes[name] = judge(name, single, chaotic, radii[i], **evidence)
-    growth = float(largest) * horizon, float(error) * horizon
-    return GradientReport(metric, kind, horizon, growth, slopes)
+    return GradientReport(metric, kind, horizon, _growth_over(horizon, kind), slopes)
 
 
-def _settled_report(
-    metric: str,
-    names: tuple[str, ...],
-    radii: Float[np.ndarray, " n"],
-    settled: SettledSlopes,
-    horizon: int,
-) -> GradientReport:
-    """Return the report of a motion that was solved for."""
-    orbit = settled.orbit
+def _judged(
+    names: tuple[str, ...], radii: Float[np.ndarray, " n"], found: OrbitSlopes, orbit: PeriodicOrbit
+) -> dict[str, Slope]:
+    """Return the slopes of an orbit, each with its verdict."""
+    slopes, multipliers = {}, np.asarray(orbit.multipliers)
+    columns = names, radii.tolist(), *(part.tolist() for part in found)
+    for name, radius, value, error, beside in zip(*columns, strict=True):
+        estimates = {"implicit": (value, error), "orbits": (beside, 0.0)}
+        slopes[name] = judge(name, estimates, False, radius, growth=0.0, multipliers=multipliers)
+    return slopes
+
+
+def _regime_of(orbit: PeriodicOrbit) -> Regime:
+    """Return the regime of a stable motion that was solved for."""
     exponents = np.sort(np.log(np.abs(orbit.multipliers)))[::-1] / orbit.period
     errors = np.full_like(exponents, float(orbit.multipliers_error))
     evidence = (
@@ -221,16 +215,14 @@ def _settled_report(
         f"settles in {float(orbit.settling_turns):.3g} turns",
         f"penetrates {float(orbit.least_penetration):.2g} clearances at least",
     )
-    kind = Regime("periodic", evidence, orbit.period, Lyapunov(exponents, errors))
-    slopes = {}
-    columns = (names, radii, settled.values, settled.errors, settled.beside)
-    for name, radius, value, error, beside in zip(*columns, strict=True):
-        estimates = {"implicit": (float(value), float(error)), "orbits": (float(beside), 0.0)}
-        slopes[name] = judge(
-            name, estimates, False, radius, growth=0.0, multipliers=np.asarray(orbit.multipliers)
-        )
-    growth = float(exponents[0]) * horizon, float(errors[0]) * horizon
-    return GradientReport(metric, kind, horizon, growth, slopes)
+    return Regime("periodic", evidence, orbit.period, Lyapunov(exponents, errors))
+
+
+def _growth_over(turns: int, kind: Regime) -> tuple[float, float]:
+    """Return the largest exponent times so many turns, and its standard error."""
+    assert kind.exponents is not None
+    largest, error = kind.exponents.exponents[0], kind.exponents.errors[0]
+    return float(largest) * turns, float(error) * turns
 
 
 def _build(values: Float[Array, " n"], scene: Callable[..., Scene], names: tuple) -> Scene:

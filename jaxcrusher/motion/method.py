@@ -13,8 +13,8 @@ from jaxcrusher.basics.checks import (
     require_positive,
     require_whole,
 )
+from jaxcrusher.basics.integrate import Integration, pi_controller
 from jaxcrusher.crusher.scene import Scene, require_scene
-from jaxcrusher.motion.integrate import Integration, error_norm
 
 MOST_STEPS = 10_000_000
 FIRST_STEP = 1e-5  # rad of phase
@@ -90,19 +90,6 @@ def require_tolerance(rtol: Scalar | float) -> None:
     require_positive("rtol", rtol, "")
     known = concrete(rtol)
     require(known is None or bool(known.ndim == 0 and known < 1), "rtol", "be one number < 1", rtol)
-
-
-def pi_controller(tolerance: Scalar | float, smallest: float = 1e-14) -> diffrax.PIDController:
-    """Return a PI controller with equal relative and absolute tolerance, and a smallest step."""
-    return diffrax.PIDController(
-        rtol=tolerance,
-        atol=tolerance,
-        pcoeff=0.4,
-        icoeff=0.3,
-        norm=error_norm,
-        dtmin=smallest,
-        force_dtmin=False,
-    )
 
 
 def _controller(scene: Scene, rtol: Scalar | float) -> diffrax.PIDController:

@@ -8,9 +8,7 @@ import equinox as eqx
 import jax
 from jaxtyping import Array, PyTree
 
-from jaxcrusher.lanes.record import record as record_integration
-from jaxcrusher.lanes.verify import Unsupported
-from jaxcrusher.motion.integrate import (
+from jaxcrusher.basics.integrate import (
     RESULTS,
     Carried,
     Integration,
@@ -20,6 +18,8 @@ from jaxcrusher.motion.integrate import (
     error_norm,
     integrator,
 )
+from jaxcrusher.lanes.record import record as record_integration
+from jaxcrusher.lanes.verify import Unsupported
 
 
 def recorded(function: Callable[[Any], PyTree]) -> Callable[[Any], PyTree]:

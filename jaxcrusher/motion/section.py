@@ -11,11 +11,11 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require, require_whole
+from jaxcrusher.basics.integrate import RESULTS, Integration, Outcome, integrate
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.rough_feed import require_steady
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import Flow, flat, unflattened
-from jaxcrusher.motion.integrate import RESULTS, Integration, Outcome, integrate
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.statistic import Chosen, chosen
 from jaxcrusher.motion.statistics import (

@@ -10,12 +10,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import concrete, require, require_names
-from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.crusher import observables
-from jaxcrusher.crusher.observables import OBSERVABLES, OF_ROD, OF_SUPPORTS, observables_of
-from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.motion.flow import Flow, unflattened
-from jaxcrusher.motion.integrate import (
+from jaxcrusher.basics.integrate import (
     Carried,
     Integration,
     Outcome,
@@ -23,6 +18,11 @@ from jaxcrusher.motion.integrate import (
     failure_text,
     integrate,
 )
+from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.crusher import observables
+from jaxcrusher.crusher.observables import OBSERVABLES, OF_ROD, OF_SUPPORTS, observables_of
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.flow import Flow, unflattened
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import ObservableNames

@@ -12,14 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import nan_unless, require_names, require_whole
-from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
-from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning, Validity, validity
-from jaxcrusher.mechanism.snapshot import Snapshot
-from jaxcrusher.motion.flow import Flow, by_phase, flat, unflattened
-from jaxcrusher.motion.integrate import (
+from jaxcrusher.basics.integrate import (
     Carried,
     Integration,
     Outcome,
@@ -27,6 +20,13 @@ from jaxcrusher.motion.integrate import (
     failure_text,
     integrate,
 )
+from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
+from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning, Validity, validity
+from jaxcrusher.mechanism.snapshot import Snapshot
+from jaxcrusher.motion.flow import Flow, by_phase, flat, unflattened
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames

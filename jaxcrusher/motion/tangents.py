@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Scalar
 
+from jaxcrusher.basics.integrate import Outcome, failure_text
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.motion.integrate import Outcome, failure_text
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import Slices, fine, first_failure, sloped_slice, turn_in_slices
 from jaxcrusher.motion.statistic import Chosen, chosen

@@ -12,18 +12,12 @@ from jaxcrusher.basics.checks import require, require_positive, require_untraced
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.orbits.branch import Branch, follow
-from jaxcrusher.orbits.event_curve import EventCurve, curve_of, cusps
-from jaxcrusher.orbits.events import DOUBLING, FOLD, PAIR, as_on
-from jaxcrusher.orbits.orbit_branch import (
-    LOST,
-    Event,
-    OrbitBranch,
-    problem_of,
-    tabulated,
-    with_orbits,
-)
-from jaxcrusher.orbits.problem import Collocation
+from jaxcrusher.orbits.orbit_branch import Event, OrbitBranch, tabulated, with_orbits
+from jaxcrusher.orbits.scene_problems import LOST, problem_of
+from jaxcrusher.periodic.branch import Branch, follow
+from jaxcrusher.periodic.collocation_problem import CollocationProblem
+from jaxcrusher.periodic.event_curve import EventCurve, curve_of, cusps
+from jaxcrusher.periodic.events import DOUBLING, FOLD, PAIR, as_on
 
 
 def bifurcation_curve(
@@ -72,7 +66,7 @@ def bifurcation_curve(
         require_positive("scales", scale, "")
     pair = eqx.Partial(_of_pair, scene=scene)
     pair = traced(pair, jnp.asarray(at, float))
-    nodal = isinstance(event.branch.problem, Collocation)
+    nodal = isinstance(event.branch.problem, CollocationProblem)
     u = as_on(event.branch, event.point.u)
     base = problem_of(pair, jnp.asarray(at, float), event.point.turns, nodal)
     curve = curve_of(base, event.kind, u.shape, scales[0], bounds[0])
@@ -88,7 +82,7 @@ def bifurcation_curve(
     backwards = [replace(point, along=-point.along) for point in down.points[:0:-1]]
     joined = replace(up, points=[*backwards, *up.points])
     special = cusps(joined) if event.kind == FOLD else []
-    ended = f"{_ended(down)} {_ended(up)}"
+    ended = f"{down.ended} {up.ended}"
     orbits = (*before[:0:-1], *after)
     table = tabulated(orbits, {"parameter": _first_of(joined), "second": joined.parameter})
     events = tuple(Event(one.kind, one.parameter, one.error, joined, one.point) for one in special)
@@ -104,10 +98,3 @@ def _first_of(branch: Branch) -> Float[np.ndarray, " points"]:
     curve = branch.problem
     assert isinstance(curve, EventCurve)
     return np.array([float(curve.split(point.u, 0.0)[1][0]) for point in branch.points])
-
-
-def _ended(branch: Branch) -> str:
-    """Say why a curve ends, with what was watched."""
-    last = branch.points[-1].monitors if branch.points else np.zeros(0)
-    lost = [name for name, at in zip(branch.problem.watched, last, strict=False) if not at > 0]
-    return branch.ended + (f" ({', '.join(lost)})" if lost else "")

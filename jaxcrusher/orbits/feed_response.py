@@ -22,11 +22,11 @@ from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.rough_feed import Multiplied, RoughFeed, steady
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.collocation import System
-from jaxcrusher.orbits.multipliers import of_slopes
-from jaxcrusher.orbits.random_forcing import LEAST, Modes, band, mean_variance, modes
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.periodic.multipliers import of_slopes
+from jaxcrusher.periodic.random_forcing import LEAST, Modes, band, mean_variance, modes
+from jaxcrusher.periodic.system import System
+from jaxcrusher.periodic.trigonometric import resample
 
 # Nodes a turn: the response follows the feed up to its bandwidth.
 NODES = 192
@@ -64,7 +64,7 @@ class FeedResponse(eqx.Module):
 def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
     """Return the linear response of an orbit to the rough feed of its scene.
 
-    Floquet's modes (`jaxcrusher.orbits.random_forcing`) give the covariance of the
+    Floquet's modes (`jaxcrusher.periodic.random_forcing`) give the covariance of the
     motion by angle, and Rice's formula how often the elastic force at a joint crosses zero. That
     force, and not the penetration, is near to linear in the load. Infinitely many cosines stand for
     the feed's, so that it is the mean over seeds.

@@ -1,4 +1,4 @@
-"""The crusher as a forced second-order system: eccentricities in clearances over phase.
+"""A scene as a forced second-order system: eccentricities in clearances over phase.
 
 The phase is omega t in radians, 2 pi a turn: an orbit of p turns repeats after 2 pi p.
 
@@ -9,13 +9,10 @@ coordinates of a frame on supports, in the units of its state.
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import lu_solve
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.observables import foundation_force
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.mechanism.eccentricity import (
     EccentricityFormulation,
@@ -24,17 +21,17 @@ from jaxcrusher.mechanism.eccentricity import (
 )
 from jaxcrusher.mechanism.frame import FrameState, frame_units, initial_frame
 from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import resting
-from jaxcrusher.orbits.collocation import System
-from jaxcrusher.orbits.newton import Factors
-from jaxcrusher.orbits.trigonometric import differentiation, nodes, resample
+from jaxcrusher.periodic.system import System
+from jaxcrusher.periodic.trigonometric import differentiation, nodes
 
 # Refinements of the first guess: each adds what the last one's acceleration asks of the contact.
 REFINEMENTS = 2
 
 
-def refusal(scene: Scene) -> str:
+def refusal(scene: AbstractScene) -> str:
     """Say what a scene must be for collocation and is not; nothing if it can be solved for."""
     if not isinstance(scene.formulation, EccentricityFormulation):
         return "be written by eccentricity, but is written by multipliers"
@@ -46,12 +43,12 @@ def refusal(scene: Scene) -> str:
     return "have a constant impact velocity, but tracks it: in contact any value repeats itself"
 
 
-def unknowns(scene: Scene) -> int:
+def unknowns(scene: AbstractScene) -> int:
     """Count the unknowns of an orbit: two a joint with clearance, three a frame on supports."""
     return 2 * len(list(scene.joints.items())) + (0 if scene.supports is None else 3)
 
 
-def pairs(x: Float[Array, " dims *nodes"], scene: Scene) -> Named[Vector]:
+def pairs(x: Float[Array, " dims *nodes"], scene: AbstractScene) -> Named[Vector]:
     """Give two of the numbers to each joint with clearance."""
     names = [name for name, _ in scene.joints.items()]
     return Named({n: Vector(x[2 * i], x[2 * i + 1]) for i, n in enumerate(names)})
@@ -62,7 +59,7 @@ def numbers(e: Named[Vector], frame: tuple[Array, ...] = ()) -> Float[Array, " d
     return jnp.stack([*(part for one in e.values for part in (one.x, one.y)), *frame])
 
 
-def state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
+def state(x: Array, rate: Array, scene: AbstractScene) -> EccentricityState:
     """Make a state from e / c, a frame's coordinates, and their derivatives by the phase."""
     speed = scene.drive.speed
 
@@ -89,7 +86,7 @@ def coordinates(state: EccentricityState) -> Float[Array, " dims"]:
 
 @jax.jit  # traced once for all that is asked of orbits
 def acceleration(
-    phase: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
+    phase: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: AbstractScene
 ) -> Float[Array, " dims"]:
     """Return the second derivative of e / c, and of a frame's coordinates, by the phase."""
     seen, square = snapshot(phase, x, rate, scene), scene.drive.speed**2
@@ -102,12 +99,12 @@ def acceleration(
     return numbers(scaled, (*moved, second.spin / (units.radius * units.angle * square)))
 
 
-def system(scene: Scene, period: int) -> System:
+def system(scene: AbstractScene, period: int) -> System:
     """Return the system of motions that repeat after `period` turns."""
     return System(acceleration, jnp.asarray(2 * np.pi * period), scene)
 
 
-def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count dims"]:
+def quasi_static(scene: AbstractScene, period: int, count: int) -> Float[Array, "count dims"]:
     """Return the pins resting under the forces of a motion that their own depth corrects.
 
     A frame on supports stands under its weight and does not move yet.
@@ -134,35 +131,6 @@ def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count d
 
 
 @jax.jit  # as above
-def snapshot(phase: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
+def snapshot(phase: Scalar, x: Array, rate: Array, scene: AbstractScene) -> Snapshot:
     """Look at an instant of an orbit."""
     return scene.formulation.snapshot(phase / scene.drive.speed, state(x, rate, scene), scene)
-
-
-def residual_error(
-    system: System,
-    x: Float[Array, "nodes dims"],
-    factors: Factors,
-    defect: Float[Array, "instants dims"],
-) -> Scalar:
-    """Estimate the error that the nodes leave in the RMS of the force, as a share of it.
-
-    The `defect` is known at equal steps, two a node or more. The dual of the mean square says what
-    it matters (Becker and Rannacher, Acta Numerica 10, 2001).
-    It serves where `jaxcrusher.orbits.node_errors` overflows. It knows no harmonics but those of
-    the nodes: with 96 of them the true error came to 0.58 of it at most at 350 random orbits, and
-    with 24 to 3.2 times it.
-    """
-
-    def square(phase: Scalar, x: Array, rate: Array, scene: Scene) -> tuple[Scalar, Scalar]:
-        found = foundation_force(snapshot(phase, x, rate, scene), scene) ** 2
-        return found, found
-
-    points, pace = len(defect), 2 * np.pi / system.period
-    by_both = jax.grad(square, argnums=(1, 2), has_aux=True)
-    (by_x, by_rate), squares = one_by_one(by_both, system.at(x, len(x)), system.args)
-    weights = by_x + pace * differentiation(len(x))[0].T @ by_rate
-    dual = lu_solve(factors, weights.ravel(), trans=1).reshape(x.shape)
-    both = (jnp.fft.rfft(resample(dual, points) / points, axis=0), jnp.fft.rfft(defect, axis=0))
-    by_harmonic = jnp.sum(jnp.real(jnp.conj(both[0]) * both[1]), axis=1) / points
-    return jnp.sum(jnp.abs(by_harmonic)) / jnp.mean(squares)

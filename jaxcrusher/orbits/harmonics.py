@@ -13,8 +13,8 @@ from jaxcrusher.basics.checks import (
     require_whole,
 )
 from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.orbits.penetrations import INSTANTS
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.orbits.solving import INSTANTS
 
 # What a foundation is laid out for.
 OUTPUTS = ("ground_force", "ground_moment")

@@ -17,8 +17,9 @@ from jaxtyping import Array, Bool, Float, Int, Scalar
 
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.collocation import System, collocate
-from jaxcrusher.orbits.newton import RESULTS, Factors
+from jaxcrusher.periodic.collocation import collocate
+from jaxcrusher.periodic.newton import RESULTS, Factors
+from jaxcrusher.periodic.system import System
 
 # The damping, per radian of the shaft, at which rest is as good as an orbit, where contact is kept:
 # a swing of 27 to a turn is damped critically by 54. The least that is told from none keeps

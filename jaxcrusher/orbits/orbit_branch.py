@@ -7,7 +7,6 @@ there may be followed; `jaxcrusher.orbits.bifurcation_curve` follows the event o
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
@@ -24,11 +23,13 @@ from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.files.table import COLUMNS, dataset
-from jaxcrusher.motion.statistic import chosen, columns, statistics_of
-from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.branch import Branch, Point, follow
-from jaxcrusher.orbits.collocation import System
-from jaxcrusher.orbits.events import (
+from jaxcrusher.motion.statistic import columns
+from jaxcrusher.orbits.periodic_orbit import periodic_orbit
+from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.scene_problems import orbit_of, problem_of
+from jaxcrusher.orbits.solving import solved, with_statistics
+from jaxcrusher.periodic.branch import Branch, Point, follow
+from jaxcrusher.periodic.events import (
     CROSSING,
     DOUBLING,
     Special,
@@ -36,22 +37,11 @@ from jaxcrusher.orbits.events import (
     other_branch,
     sharp_points,
 )
-from jaxcrusher.orbits.periodic_orbit import periodic_orbit
-from jaxcrusher.orbits.problem import AbstractPeriodicProblem, Collocation
-from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.orbits.shooting import Shooting
-from jaxcrusher.orbits.solving import solved, with_statistics
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.periodic.shooting_problem import ShootingProblem
+from jaxcrusher.periodic.trigonometric import resample
 
 # Nodes a turn: near a fold an orbit and its multipliers want more than elsewhere.
 NODES = 192
-# Joint -> kind of the special point where its pin leaves its bore.
-LOST = {
-    "main": "contact lost",
-    "elbow": "contact lost at the elbow",
-    "pivot": "contact lost at the pivot",
-    "shaft_bearing": "contact lost at the shaft's bearing",
-}
 # What a point holds: statistics, and further numbers of its orbit.
 HELD = ("foundation_rms", "foundation_mean", "foundation_peak")
 FURTHER = ("error", "least_penetration", "largest_multiplier", "multipliers_error", "stable")
@@ -202,7 +192,7 @@ def orbit_branch(
         begin = _first(scene, start, period, NODES if nodes is None else nodes, guess)
     problem = problem_of(scene, jnp.asarray(value, float), begin.period, begin.unknowns.ndim > 1)
     unknowns = begin.unknowns
-    if isinstance(problem, Shooting) and not isinstance(start, Departure):
+    if isinstance(problem, ShootingProblem) and not isinstance(start, Departure):
         unknowns = problem.along(unknowns, value)
     branch = follow(
         problem,
@@ -256,20 +246,6 @@ def _first(
     return Departure(found.period, value, np.asarray(unknowns), None)
 
 
-def problem_of(
-    scene: Callable[[Array], Scene], value: Array, period: int, nodal: bool
-) -> AbstractPeriodicProblem:
-    """Return the problem of the orbits of a scene over one or more numbers, like `value`."""
-    begin = scene(value)
-    watched = tuple(LOST[joint] for joint, _ in begin.joints.items())
-    if not nodal:
-        build = eqx.Partial(_made, scene=scene, shape=value.shape)
-        return Shooting(build=build, period=period, watched=watched)
-    family = eqx.Partial(_family, scene=scene, period=period)
-    outputs = chosen(statistics_of(begin))
-    return Collocation(family=family, period=period, watched=watched, outputs=outputs)
-
-
 def with_orbits(branch: Branch) -> tuple[Branch, tuple[PeriodicOrbit, ...]]:
     """Return a branch as far as its nodes resolve the motion, and the orbits on it."""
     orbits = []
@@ -281,12 +257,6 @@ def with_orbits(branch: Branch) -> tuple[Branch, tuple[PeriodicOrbit, ...]]:
             break
         orbits.append(orbit)
     return branch, tuple(orbits)
-
-
-def orbit_of(branch: Branch, point: Point) -> PeriodicOrbit:
-    """Return all that is known of the orbit at a point."""
-    scale = jnp.asarray(branch.scale, float)
-    return branch.problem.orbit(jnp.asarray(point.u), scale * point.value, point.seen, scale)
 
 
 def tabulated(
@@ -305,11 +275,3 @@ def tabulated(
     period = {"period": orbits[0].period} if orbits else {}
     found = dataset(("point",), values, kept, {}, period)
     return found.assign({name: ("point", column) for name, column in parameters.items()})
-
-
-def _family(value: Array, *, scene: Callable[[Array], Scene], period: int) -> System:
-    return forced.system(steady(scene(value)), period)
-
-
-def _made(point: Float[Array, " n"], scene: Callable[[Array], Scene], shape: tuple) -> Scene:
-    return steady(scene(point.reshape(shape)))

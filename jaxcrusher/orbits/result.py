@@ -27,8 +27,9 @@ from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
 from jaxcrusher.motion.statistic import SAMPLES, STATISTIC, statistics_of
 from jaxcrusher.motion.statistics import limits_of
-from jaxcrusher.orbits import forced, newton
-from jaxcrusher.orbits.trigonometric import evaluate
+from jaxcrusher.orbits import forced
+from jaxcrusher.periodic import newton
+from jaxcrusher.periodic.trigonometric import evaluate
 
 
 class RESULTS(newton.RESULTS):  # pyright: ignore

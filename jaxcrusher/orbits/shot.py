@@ -18,12 +18,12 @@ from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.motion.statistic import Chosen, Sampled, Statistic, chosen, statistics_of
 from jaxcrusher.motion.tangents import same, sloped_turn
-from jaxcrusher.orbits import newton
 from jaxcrusher.orbits.forced import unknowns
-from jaxcrusher.orbits.multipliers import difference, eigenvalues
-from jaxcrusher.orbits.problem import least_penetrations
+from jaxcrusher.orbits.penetrations import least_penetrations
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from jaxcrusher.orbits.section_map import along, chained, passed
+from jaxcrusher.periodic import newton
+from jaxcrusher.periodic.multipliers import difference, eigenvalues
 
 # Newton's steps, at either tolerance of the integration.
 STEPS = 16
@@ -176,7 +176,7 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> Period
 def least_penetrations_from(
     scene: Scene, state: Float[ArrayLike, " dims"], period: int
 ) -> Float[Array, " joints"]:
-    """Return those of `jaxcrusher.orbits.problem.least_penetrations` from a section point."""
+    """Return those of `jaxcrusher.orbits.penetrations.least_penetrations` from a section point."""
     _, seen = along(scene, jnp.asarray(state), period, RTOL, _samples(scene))
     return least_penetrations(_relative(scene, seen))
 

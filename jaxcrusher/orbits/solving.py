@@ -13,18 +13,22 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int, Scalar
 
 from jaxcrusher.basics.loops import design_by_design, one_by_one
 from jaxcrusher.crusher.joints import before
+from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.statistic import AbstractMean, Chosen, chosen, statistics_of
-from jaxcrusher.orbits import forced, newton
-from jaxcrusher.orbits.collocation import System, Unfactored, attached, collocate
+from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.lowering import lowered
-from jaxcrusher.orbits.multipliers import LOOKS, STEPS, Multipliers, of_slopes
-from jaxcrusher.orbits.newton import Factors
-from jaxcrusher.orbits.node_errors import Family, NodeErrors, node_errors
+from jaxcrusher.orbits.penetrations import INSTANTS
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.periodic import newton
+from jaxcrusher.periodic.collocation import Unfactored, attached, collocate
+from jaxcrusher.periodic.multipliers import LOOKS, STEPS, Multipliers, of_slopes
+from jaxcrusher.periodic.newton import Factors
+from jaxcrusher.periodic.node_errors import Family, NodeErrors, dual_error, node_errors
+from jaxcrusher.periodic.system import System
+from jaxcrusher.periodic.trigonometric import resample
 
 # Nodes a turn to begin with, and the most that a motion gets.
 NODES, MOST_NODES = 96, 384
@@ -35,9 +39,6 @@ SETTLED = 1e-8
 UNRESOLVED = 1e-3
 # Multipliers of a frame on supports with a larger error are computed again in shorter steps.
 BLURRED, FASTER = 1e-7, 8
-# Instants a turn at which forces are looked at: the length of a reaction that passes near zero
-# bends more sharply than the motion does.
-INSTANTS = 1024
 # Instants between two of these at which the trigonometric polynomial through them is searched for
 # peaks.
 FINER = 8
@@ -84,7 +85,7 @@ def of_nodes(
         rms = jax.lax.cond(
             jnp.isfinite(errors.rms),
             lambda: errors.rms,
-            lambda: forced.residual_error(system, x, factors, defect),
+            lambda: dual_error(system, x, factors, defect, _foundation_force),
         )
         errors = errors._replace(rms=rms)
     missed, change = jnp.split(found.closure, 2)
@@ -119,7 +120,11 @@ def _passed_on(
 ) -> tuple[Multipliers, NodeErrors]:
     """Return the multipliers of the orbit through `x`, and what its nodes leave."""
     found = of_slopes(slopes, system.period, steps, defect)
-    return found, node_errors(system, x, slopes, defect, family, steps)
+    return found, node_errors(system, x, slopes, defect, _foundation_force, family, steps)
+
+
+def _foundation_force(phase: Scalar, x: Array, rate: Array, scene: Scene) -> Scalar:
+    return foundation_force(forced.snapshot(phase, x, rate, scene), scene)
 
 
 @eqx.filter_jit

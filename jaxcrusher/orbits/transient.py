@@ -16,14 +16,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Scalar
 
+from jaxcrusher.basics.integrate import integrate
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.mechanism.starts import InContact
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
-from jaxcrusher.motion.integrate import integrate
+from jaxcrusher.motion.indicators import CHAOS, detect_period, lyapunov_spectrum
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistics import statistics_problem
-from jaxcrusher.motion.tangents import same, tangents
+from jaxcrusher.motion.tangents import SLICES, same, tangents
 from jaxcrusher.orbits.forced import coordinates
 from jaxcrusher.orbits.result import RESULTS
 
@@ -42,10 +43,8 @@ LONGEST, NARROWER = 4, 0.5
 REPEATED = 1e-4
 # The statistics that tell a whirl in two turns.
 OF_WHIRL = ("foundation_rms", "contact_fraction", "winding")
-# Turns over which a disturbance is followed, and the growth in a turn that is called chaos. For so
-# few turns a swing about a stable orbit lets disturbances grow too, by up to 0.1 a turn; of chaotic
-# motions, which lose contact, it is 1.7 to 7.
-GROWN, CHAOS = 24, 0.2
+# Turns over which a disturbance is followed.
+GROWN = 24
 
 # An orbit is the mean of a swing if it is no further from it, as a share of its spread and in
 # clearances.
@@ -161,10 +160,7 @@ class Round:
 
     def repeats_after(self) -> int | None:
         """Return the least number of turns, up to `LONGEST`, after which the points repeat."""
-        for period in range(1, LONGEST + 1):
-            if np.max(np.abs(self.states[period:] - self.states[:-period])) < REPEATED:
-                return period
-        return None
+        return detect_period(self.states, longest=LONGEST, tolerance=0.0, noise=REPEATED)
 
     def _spread(self, period: int) -> float:
         parts = self.states.reshape(-1, period, self.states.shape[1])
@@ -241,8 +237,5 @@ class Wait:
         """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980)."""
         build = eqx.Partial(same, scene=self.scene)
         along = tangents(build, jnp.zeros(0), "foundation_rms", self._state, GROWN, RTOL)
-        frame, growth = np.eye(along.jacobians.shape[1]), 0.0
-        for jacobian in along.jacobians:
-            frame, upper = np.linalg.qr(jacobian @ frame)
-            growth += np.log(np.abs(upper[0, 0])) / GROWN
-        return float(growth)
+        exponents = lyapunov_spectrum(along.jacobians, slices=SLICES, discard=0.0).exponents
+        return float(exponents[0])

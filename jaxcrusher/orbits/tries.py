@@ -24,8 +24,6 @@ from jaxtyping import Array, Scalar
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.orbits import newton
-from jaxcrusher.orbits.multipliers import STEPS
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import can_be_shot, closed, described, integrated_multipliers
 from jaxcrusher.orbits.solving import (
@@ -48,6 +46,8 @@ from jaxcrusher.orbits.transient import (
     resting_start,
     section_mean,
 )
+from jaxcrusher.periodic import newton
+from jaxcrusher.periodic.multipliers import STEPS
 
 # Distances in clearances from an unstable orbit, at which the orbit of twice the turns is shot for.
 # Where |mu| is 1.0004 to 1.01 the first one leads there.

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.basics.integrate import RESULTS, Outcome
 from jaxcrusher.dynamics.bifurcation import _row, bifurcation
 from jaxcrusher.motion.flow import initial_state
-from jaxcrusher.motion.integrate import RESULTS, Outcome
 from jaxcrusher.motion.section import Section
 
 # With the closing stroke's load one orbit of period 1, with an exponent of -0.5 a turn: 30 turns

@@ -7,40 +7,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.dynamics import regime as module
-from jaxcrusher.dynamics.indicators import Lyapunov
-from jaxcrusher.dynamics.regime import spread_trend, verdict
 from jaxcrusher.mechanism.starts import shifted_start
-
-
-def lyapunov(largest, error):
-    return Lyapunov(np.array([largest, -1.0]), np.array([error, 0.1]))
-
-
-@pytest.mark.parametrize(
-    "exponents, zero_one, period, trending, name",
-    [
-        (lyapunov(2.0, 0.1), 0.99, None, False, "chaotic"),
-        (lyapunov(2.0, 0.1), 0.1, None, False, "undecided"),
-        (lyapunov(2.0, 0.1), 0.99, 3, False, "undecided"),
-        (lyapunov(-0.5, 0.1), 0.0, 3, False, "periodic"),
-        (lyapunov(0.001, 0.01), 0.0, None, False, "quasi-periodic"),
-        (lyapunov(0.001, 0.01), 0.0, None, True, "not settled"),
-        (lyapunov(0.001, 0.01), 0.9, None, False, "undecided"),
-        (lyapunov(0.1, 0.5), 0.0, None, False, "undecided"),
-    ],
-)
-def test_indicators_must_agree(exponents, zero_one, period, trending, name):
-    assert verdict(exponents, zero_one, period, trending) == name
-
-
-def test_trend_of_a_decaying_swing():
-    rng = np.random.default_rng(0)
-    steady = rng.normal(size=(1000, 2))
-    assert not spread_trend(steady)[1]
-    share, significant = spread_trend(steady * np.exp(-np.arange(1000) / 1000)[:, None])
-    # The batches span nine tenths of the window; 1000 random points know it to a few percent.
-    assert significant and share == pytest.approx(np.exp(-1) - 1, abs=0.1)
-    assert spread_trend(np.ones((100, 2))) == (0.0, False)
 
 
 # With the load on the closing stroke only the pin flies: windows of short periods, and chaos, which

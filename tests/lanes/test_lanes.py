@@ -12,17 +12,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
-from jaxcrusher.lanes import machine, program, record
-from jaxcrusher.lanes.code import LANES
-from jaxcrusher.motion.integrate import (
+from jaxcrusher.basics.integrate import (
     RESULTS,
     Carried,
     Integration,
     Problem,
     integrate,
+    pi_controller,
 )
-from jaxcrusher.motion.method import pi_controller
+from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
+from jaxcrusher.lanes import machine, program, record
+from jaxcrusher.lanes.code import LANES
 from tests.basics.test_setup import python
 
 SEGMENTS, INSTANTS = 3, 20

@@ -19,7 +19,7 @@ from jaxcrusher.motion.statistic import (
 )
 from jaxcrusher.motion.statistics import Statistics, limits_of, over_pieces
 from jaxcrusher.motion.tangents import SLICES, combine, tangents
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.periodic.trigonometric import resample
 
 
 def eccentricity(s, scene):

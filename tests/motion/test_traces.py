@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.motion.last_step import earlier, floats_counted_at_once
+from jaxcrusher.basics.last_step import earlier, floats_counted_at_once
 from tests.basics.test_setup import python
 
 steps = []
@@ -59,8 +59,8 @@ LEAKS = """
 import jaxcrusher as jc
 jc.set_up()
 import diffrax, jax, jax.numpy as jnp
-from jaxcrusher.motion.integrate import Carried, Integration, Problem, integrate
-from jaxcrusher.motion.method import pi_controller
+from jaxcrusher.basics.integrate import Carried, Integration, Problem, integrate
+from jaxcrusher.basics.integrate import pi_controller
 problem = Problem(
     lambda start: Carried(start, {"sum": jnp.zeros(())}),
     lambda time, y, start: Carried(-y.motion, {"sum": y.motion}),

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.orbits.branch import follow
-from jaxcrusher.orbits.events import special_points
-from jaxcrusher.orbits.orbit_branch import Event, problem_of
+from jaxcrusher.orbits.orbit_branch import Event
+from jaxcrusher.orbits.scene_problems import problem_of
 from jaxcrusher.orbits.shot import closed, least_penetrations_from
+from jaxcrusher.periodic.branch import follow
+from jaxcrusher.periodic.events import special_points
 
 # Wide enough for a few steps.
 BOUNDS = ((36.0, 39.0), (0.09e-3, 0.115e-3))

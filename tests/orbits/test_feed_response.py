@@ -10,9 +10,9 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher.rough_feed import RoughFeed
 from jaxcrusher.orbits import feed_response, forced
-from jaxcrusher.orbits.collocation import collocate
 from jaxcrusher.orbits.feed_response import NODES, _Crossing
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.periodic.collocation import collocate
+from jaxcrusher.periodic.trigonometric import resample
 
 ROUGH = {"start": "contact", "load_scatter": 0.1, "load_bandwidth": 5.3}
 

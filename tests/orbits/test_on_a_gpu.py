@@ -8,7 +8,7 @@ from jax.extend.core import jaxprs_in_params
 
 import jaxcrusher as jc
 from jaxcrusher.basics import loops
-from jaxcrusher.orbits import collocation, multipliers
+from jaxcrusher.periodic import collocation, multipliers
 
 POINTS = jnp.array([[27.0, 0.05e-3], [30.0, 0.06e-3], [33.457, 0.10988e-3]])
 

@@ -7,7 +7,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.motion.statistic import statistics_of
-from jaxcrusher.orbits.problem import least_penetrations
+from jaxcrusher.orbits.penetrations import least_penetrations
 from jaxcrusher.scenes.build import build_chamber
 
 

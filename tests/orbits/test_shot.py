@@ -9,9 +9,10 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.motion.section import Slices
 from jaxcrusher.orbits import section_map
+from jaxcrusher.orbits.scene_problems import SceneFlow
 from jaxcrusher.orbits.section_map import along, passed
-from jaxcrusher.orbits.shooting import Shooting
 from jaxcrusher.orbits.shot import closed
+from jaxcrusher.periodic.shooting_problem import ShootingProblem
 
 # rad/s, m: its jaw opens without load, and for a moment the pin leaves its bore.
 CLOSING = jnp.array([34.23, 0.0645e-3])
@@ -175,7 +176,7 @@ def test_what_shooting_needs_is_said_in_one_line():
 def test_slices_of_a_turn_from_states_of_their_own():
     """Joined, they are the turn: the last ends where that ends, and their matrices multiply."""
     section = np.array([0.6, 0.8, -0.003, 0.002])
-    shooting = Shooting(build=eqx.Partial(closing), period=1)
+    shooting = ShootingProblem(flow=SceneFlow(eqx.Partial(closing)))
     at = shooting.linearised(shooting.along(section, CLOSING), CLOSING)
     turned = lambda state: np.asarray(passed(closing(CLOSING), jnp.asarray(state), 1e-11)[0])  # noqa: E731
     left = at.residual.reshape(8, 4)

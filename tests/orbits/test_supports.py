@@ -9,7 +9,7 @@ import jaxcrusher as jc
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.tries import UNSURE
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.periodic.trigonometric import resample
 from tests.pairs import slow
 
 BLOCK = {"foundation.mass": 6000.0, "foundation.x": 0.3, "foundation.y": 0.2}

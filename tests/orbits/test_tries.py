@@ -9,11 +9,11 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.orbits import forced, transient, tries
-from jaxcrusher.orbits.multipliers import multipliers
 from jaxcrusher.orbits.result import RESULTS, WAYS
 from jaxcrusher.orbits.solving import solved
 from jaxcrusher.orbits.transient import Round, Wait
 from jaxcrusher.orbits.tries import MOST_STEPS, UNSURE, Search, Try, searched
+from jaxcrusher.periodic.multipliers import multipliers
 
 # Near a harmonic of the drive Newton's method fails from rest. RMS of 20 turns after 3000 from the
 # start in contact, at a tolerance of 1e-9, by the integrator.

@@ -20,10 +20,10 @@ from matplotlib.quiver import Quiver
 from PIL import Image
 
 import jaxcrusher as jc
+from jaxcrusher.basics.integrate import RESULTS, Outcome
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.mechanism.starts import Given
-from jaxcrusher.motion.integrate import RESULTS, Outcome
 from jaxcrusher.motion.simulation import OUTPUTS, Trajectory
 from jaxcrusher.pictures import plots
 from jaxcrusher.pictures.film import animate

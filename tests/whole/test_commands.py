@@ -24,12 +24,12 @@ from jaxcrusher import __main__
 from jaxcrusher.batch.ensemble import Ensemble
 from jaxcrusher.commands import gradient, orbit, regimes, simulate
 from jaxcrusher.commands.options import Crusher
-from jaxcrusher.dynamics.indicators import Lyapunov
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.dynamics.regime import Regime
 from jaxcrusher.dynamics.slopes import GradientReport
 from jaxcrusher.files.program import parse
 from jaxcrusher.files.resume import begin
+from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.scenes.echo import said
 
 

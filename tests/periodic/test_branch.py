@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
 
-import jaxcrusher as jc
-from jaxcrusher.orbits import orbit_branch
-from jaxcrusher.orbits.branch import follow
-from jaxcrusher.orbits.collocation import System, collocate
-from jaxcrusher.orbits.events import sharp_points, sharpened, special_points
-from jaxcrusher.orbits.problem import Collocation, Stride
-from jaxcrusher.orbits.result import RESULTS, missing
+from jaxcrusher.orbits.penetrations import least_penetrations
+from jaxcrusher.periodic.branch import HAPPENED, follow
+from jaxcrusher.periodic.collocation import collocate
+from jaxcrusher.periodic.collocation_problem import CollocationProblem
+from jaxcrusher.periodic.events import sharp_points, sharpened, special_points
+from jaxcrusher.periodic.problem import Stride
+from jaxcrusher.periodic.system import System
 
 PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
 
@@ -32,7 +32,7 @@ def followed(family, x, bounds, *, first, longest, points):
     """The branch from the lower bound on, or from the upper one with a negative first step."""
     start = bounds[0] if first > 0 else bounds[1]
     stride = Stride(first=abs(first), longest=longest, shortest=1e-6 * abs(first))
-    problem, upwards = Collocation(family=family), first > 0
+    problem, upwards = CollocationProblem(family=family), first > 0
     more = dict(stride=stride, points=points, upwards=upwards)
     return follow(problem, x, start, scale=0.1, bounds=bounds, **more)
 
@@ -131,119 +131,14 @@ def parting(time, x, rate, place):
 def test_contact_is_watched_at_each_joint():
     """The first joint, deep in contact, hides nothing: the second loses it at 0.5 exactly."""
     family = lambda place: System(parting, jnp.asarray(3.0), place)  # noqa: E731
-    problem = Collocation(family=family, watched=("first", "second"))
+    problem = CollocationProblem(
+        family=family, watched=("first", "second"), watch=least_penetrations
+    )
     rest = jnp.broadcast_to(jnp.array([2.0, 0.0, 1.5, 0.0]), (8, 4))
     branch = follow(problem, rest, 0.0, scale=1.0, bounds=(-1.0, 2.0))
-    assert branch.ended == "A joint is about to lose contact."
+    assert branch.ended == HAPPENED.format("second")
     (lost,) = special_points(branch)
     assert lost.kind == "second"
     # The root is searched for to 1e-12 of a step.
     np.testing.assert_allclose(lost.parameter, 0.5, atol=1e-11)
     np.testing.assert_allclose(lost.point.monitors, [1.0, 0.0], atol=1e-11)
-
-
-def scene(speed):
-    return jc.build_scene({"speed": speed, "clearance": 0.1e-3})
-
-
-@pytest.mark.slow
-def test_a_fold_of_the_crusher():
-    """At 0.1 mm the quiet motion ends at 37.3155 rad/s; below, another stable one is as quiet."""
-    bounds = (37.1, 37.6)
-    found = jc.orbit_branch(scene, 37.25, bounds, scale=1.0, points=60)
-    (fold,) = found.events
-    assert fold.kind == "fold"
-    # 96 nodes a turn say 37.31547; from 192 to 384 it moves by 2e-8.
-    np.testing.assert_allclose(fold.parameter, 37.31552, atol=2e-5)
-    assert fold.error < 1e-7
-    parameter, stable = found.table.parameter.values, found.table.stable.values
-    turned = int(np.argmax(parameter))
-    assert stable[: turned - 1].all() and not stable[turned + 1 :].any()
-    other = jc.orbit_branch(scene, 37.5, bounds, upwards=False, scale=1.0, points=60)
-    # Both are stable at one speed, and differ by more than their errors.
-    both = []
-    for branch, until in ((found, turned), (other, None)):
-        near = int(np.argmin(np.abs(branch.table.parameter.values[:until] - 37.25)))
-        assert bool(branch.table.stable[near])
-        both.append(float(branch.table.foundation_rms[near]))
-    assert 80 < both[1] - both[0] < 140
-    assert "resolve" in other.ended or "bounds" in other.ended
-
-
-CLEARANCE = 0.1e-3
-
-
-def worn(speed):
-    return jc.build_scene({"speed": speed, "clearance": CLEARANCE})
-
-
-@pytest.mark.slow
-def test_a_branch_by_shooting_begins_at_one_section_point(monkeypatch):
-    """A motion of the crusher that keeps contact, as nodes have it at each speed."""
-
-    def first(scene, value, *_):
-        orbit = jc.periodic_orbit(scene(jnp.asarray(value)))
-        return orbit_branch.Departure(1, value, np.asarray(orbit.section), None)
-
-    def scene(speed):
-        return jc.paper_scene(speed, 6e-5)
-
-    monkeypatch.setattr(orbit_branch, "_first", first)
-    found = jc.orbit_branch(scene, 30.0, (29.0, 31.0), points=3)
-    assert len(found.orbits) == 3
-    for orbit in found.orbits:
-        nodes = jc.periodic_orbit(scene(orbit.scene.drive.speed))
-        # Shooting closes to 1e-7 clearances.
-        np.testing.assert_allclose(orbit.foundation_rms, nodes.foundation_rms, rtol=1e-7)
-
-
-@pytest.mark.slow
-def test_a_global_that_changes_is_seen(monkeypatch):
-    """By each call anew: another program for another scene, and the same for the same."""
-    seen, traces = [], []
-
-    @eqx.filter_jit
-    def clearance(family, value):
-        traces.append(CLEARANCE)
-        return family(value).args.joint.clearance
-
-    def follow(problem, x, start, **_):
-        seen.append(float(clearance(problem.family, jnp.asarray(start))))
-        raise StopIteration
-
-    monkeypatch.setattr(orbit_branch, "follow", follow)
-    expected = [0.1e-3, 0.06e-3, 0.1e-3]
-    for value in expected:
-        monkeypatch.setitem(globals(), "CLEARANCE", value)
-        with pytest.raises(StopIteration):
-            jc.orbit_branch(worn, 30.0, (29.0, 31.0), nodes=96)
-    assert seen == expected and traces == expected[:2]
-
-
-def test_refusals():
-    with pytest.raises(ValueError, match="`start` must lie in the bounds"):
-        jc.orbit_branch(scene, 30.0, (31.0, 32.0))
-    with pytest.raises(ValueError, match="`points` must be a whole number"):
-        jc.orbit_branch(scene, 30.0, (29.0, 32.0), points=0)
-    lost = missing(jc.paper_scene(30.0, 0.1e-3), 2, RESULTS.not_closed)
-    with pytest.raises(ValueError, match="`period` must be the guess's 2, but is 1"):
-        jc.orbit_branch(scene, 30.0, (29.0, 32.0), period=1, guess=lost)
-
-
-@pytest.mark.slow
-def test_a_fold_of_the_crusher_by_few_nodes():
-    """96 nodes place it 2.1e-4 rad/s below; 192, 384 and 768 agree to 2e-9.
-
-    A motion that begins on so few nodes does not close, and the branch goes on all the same: as one
-    that comes from lower speeds.
-    """
-    at = lambda speed: jc.build_scene({"speed": speed, "clearance": 0.11e-3})  # noqa: E731
-    found = jc.orbit_branch(at, 38.01, (37.0, 38.5), scale=1.0, points=7, nodes=96)
-    assert found.branches[0].points[0].u.shape == (96, 2)
-    (fold,) = found.events
-    assert fold.kind == "fold" and fold.error < 1e-8
-    np.testing.assert_allclose(fold.parameter, 38.0276250, atol=1e-7)
-    orbit = fold.orbit()
-    # Steps move the double root by the root of what they leave of the matrix.
-    least = np.abs(np.asarray(orbit.multipliers) - 1).min()
-    assert 1e-5 < least < orbit.multipliers_error < 1e-3

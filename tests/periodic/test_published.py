@@ -3,18 +3,17 @@
 The numbers are those of `test/hyper.all` in github.com/auto-07p/auto-07p, six digits of each.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxcrusher.orbits import shooting as module
-from jaxcrusher.orbits.branch import follow
-from jaxcrusher.orbits.collocation import System
-from jaxcrusher.orbits.events import other_branch, special_points
-from jaxcrusher.orbits.problem import Collocation, Stride
-from jaxcrusher.orbits.shooting import Shooting
+from jaxcrusher.periodic.branch import follow
+from jaxcrusher.periodic.collocation_problem import CollocationProblem
+from jaxcrusher.periodic.events import other_branch, special_points
+from jaxcrusher.periodic.problem import Stride
+from jaxcrusher.periodic.system import System
+from tests.periodic.maps import of_map
 
 # What is left of a difference from the flow after a time of one is exp(-DECAY).
 DECAY = 10.0
@@ -55,7 +54,7 @@ def over_amplitude(amplitude):
 def test_the_torus_of_a_forced_neuron(family, bounds, scale, published):
     stride = Stride(first=0.2, longest=0.8, shortest=1e-6)
     more = dict(scale=scale, bounds=bounds, stride=stride, points=40)
-    branch = follow(Collocation(family=family), np.zeros((24, 2)), bounds[0], **more)
+    branch = follow(CollocationProblem(family=family), np.zeros((24, 2)), bounds[0], **more)
     (torus,) = special_points(branch)
     assert torus.kind == "Neimark-Sacker"
     # Half of the last digit that AUTO prints.
@@ -81,7 +80,7 @@ def passes(time, values, r):
 passes.terminal, passes.direction = True, 1
 
 
-def round_once(build, point, states, rtol):
+def round_once(point, states):
     """The map of (y, z) from a section to the next: the freedom of phase is gone."""
     begun = np.concatenate([[0.0], states[0], [0, 1, 0], [0, 0, 1], np.zeros(3)])
     more = dict(method="DOP853", rtol=1e-8, atol=1e-8, events=passes)
@@ -93,13 +92,12 @@ def round_once(build, point, states, rtol):
 
 
 @pytest.mark.slow
-def test_the_cascade_of_lorenz(monkeypatch):
+def test_the_cascade_of_lorenz():
     """The second doubling is on the branch that leaves at the first."""
-    monkeypatch.setattr(module, "slices_apart", round_once)
     # A state is of order 100, so steps are a hundred times as long as those of clearances.
     stride = Stride(first=1.0, longest=40.0, shortest=1e-3, straight=0.1, located=1e-7)
     more = dict(scale=0.1, stride=stride, points=40)
-    sections = Shooting(build=eqx.Partial(round_once), period=1, slices=1)
+    sections = of_map(round_once)
     # Where a run comes to at r = 231.
     start = np.array([52.9, 207.6])
     branch = follow(sections, start, 231.0, bounds=(229.0, 232.0), upwards=False, **more)

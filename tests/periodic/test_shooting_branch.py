@@ -3,17 +3,15 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-import equinox as eqx
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxcrusher.orbits import shooting as module
-from jaxcrusher.orbits.branch import ENDS, SHORTER, follow
-from jaxcrusher.orbits.event_curve import curve_of
-from jaxcrusher.orbits.events import origin, other_branch, sharpened, special_points
-from jaxcrusher.orbits.problem import Stride
-from jaxcrusher.orbits.shooting import Shooting
+from jaxcrusher.periodic.branch import OUTSIDE, SHORTER, follow
+from jaxcrusher.periodic.event_curve import curve_of
+from jaxcrusher.periodic.events import origin, other_branch, sharpened, special_points
+from jaxcrusher.periodic.problem import Stride
+from tests.periodic.maps import of_map
 
 
 def henon(state, number):
@@ -26,23 +24,18 @@ def delayed_logistic(state, number):
     return np.array([number * state[0] * (1 - state[1]), state[0], 0.3 * state[2] + state[0]])
 
 
-@pytest.fixture
-def branches(monkeypatch):
-    """Of a map in place of the integrated turn."""
+def of_function(of, period=1):
+    """The problem of a map whose derivatives are differences."""
 
-    def made(of, period):
-        def slices_apart(build, point, states, rtol):
-            (state,), number, step = np.asarray(states), float(point[0]), 1e-6
-            shifts = step * np.eye(state.size)
-            columns = [(of(state + d, number) - of(state - d, number)) / 2e-6 for d in shifts]
-            jacobian = np.stack(columns, axis=1)
-            forcing = (of(state, number + step) - of(state, number - step)) / (2 * step)
-            return of(state, number)[None], jacobian[None], forcing[None, :, None]
+    def leads(point, states):
+        (state,), number, step = states, float(point[0]), 1e-6
+        shifts = step * np.eye(state.size)
+        columns = [(of(state + d, number) - of(state - d, number)) / 2e-6 for d in shifts]
+        jacobian = np.stack(columns, axis=1)
+        forcing = (of(state, number + step) - of(state, number - step)) / (2 * step)
+        return of(state, number)[None], jacobian[None], forcing[None, :, None]
 
-        monkeypatch.setattr(module, "slices_apart", slices_apart)
-        return Shooting(build=eqx.Partial(of), period=period, slices=1)
-
-    return made
+    return of_map(leads, period=period)
 
 
 def followed(problem, state, start, bounds, *, upwards, points, scale=1.0):
@@ -54,7 +47,7 @@ def followed(problem, state, start, bounds, *, upwards, points, scale=1.0):
 
 
 @pytest.mark.usefixtures("unchecked")  # equations of no branch
-def test_the_noise_of_integrations_ends_newtons_method(branches):
+def test_the_noise_of_integrations_ends_newtons_method():
     """A residual known to less than 1e-9, with a slope of 1e-4: no step is shorter than 1e-6."""
     draws = np.random.default_rng(0)
 
@@ -62,14 +55,14 @@ def test_the_noise_of_integrations_ends_newtons_method(branches):
         return 1e-4 * (x - 2) + 1e-9 * draws.uniform(0.2, 0.9, x.shape), 1e-4 * np.eye(2), None
 
     noisy = SimpleNamespace(guess=np.zeros(2), linearised=linearised)
-    found = branches(henon, 1).solved(noisy)
+    found = of_function(henon, 1).solved(noisy)
     assert found is not None
     np.testing.assert_allclose(found.point, [2.0, 2.0], atol=2 * 1e-9 / 1e-4)
 
 
-def test_slopes_of_the_matrix_of_three_slices(branches):
+def test_slopes_of_the_matrix_of_three_slices():
     """Against central differences of the product, whose order and places they must know."""
-    problem = branches(henon, 3)
+    problem = of_function(henon, 3)
     u, number = np.array([0.9, 0.3, -0.4, 0.8, 0.2, -0.6]), np.asarray(0.7)
 
     def of(matrix):
@@ -90,9 +83,9 @@ def test_slopes_of_the_matrix_of_three_slices(branches):
     np.testing.assert_allclose(by_number, [expected], atol=2e-3)
 
 
-def test_folds_and_doublings_of_henons_map(branches):
+def test_folds_and_doublings_of_henons_map():
     """The fold at -(1 - b)^2 / 4, the doubling at 3 (1 - b)^2 / 4."""
-    sections = branches(henon, 1)
+    sections = of_function(henon, 1)
     # From the stable point at a = 0, down and round the fold.
     stable = np.full(2, 1 / 0.7)
     low, (fold,) = followed(sections, stable, 0.0, (-1.0, 0.3), upwards=False, points=25)
@@ -113,23 +106,23 @@ def cycle(number):
     return state
 
 
-def test_a_branch_of_two_turns_from_birth_to_doubling(branches):
+def test_a_branch_of_two_turns_from_birth_to_doubling():
     """It turns back in what it came from; and it doubles at (1 - b)^2 + (1 + b)^2 / 4."""
-    sections = branches(henon, 2)
+    sections = of_function(henon, 2)
     branch, (birth,) = followed(sections, cycle(0.6), 0.6, (0.1, 0.7), upwards=False, points=200)
     assert {point.turns for point in branch.points} == {2}
     assert birth.kind == "period doubling" and birth.point.turns == 1
     np.testing.assert_allclose(birth.parameter, 0.3675, atol=1e-8)
     branch, (last,) = followed(sections, cycle(0.8), 0.8, (0.1, 0.95), upwards=True, points=200)
-    assert branch.ended == ENDS[1]
+    assert branch.ended == OUTSIDE
     assert last.kind == "period doubling" and last.point.turns == 2
     np.testing.assert_allclose(last.parameter, 0.9125, atol=1e-8)
 
 
-def test_the_branch_that_leaves_at_a_doubling(branches):
+def test_the_branch_that_leaves_at_a_doubling():
     """Its two places are the roots of a^2 x^2 - a (1 - b) x + (1 - b)^2 - a, at each a beyond."""
     branch, (doubling,) = followed(
-        branches(henon, 1), np.full(2, 1 / 0.7), 0.0, (-0.1, 0.5), upwards=True, points=200
+        of_function(henon, 1), np.full(2, 1 / 0.7), 0.0, (-0.1, 0.5), upwards=True, points=200
     )
     problem, u, off = other_branch(branch, doubling)
     assert problem.period == 2
@@ -147,10 +140,10 @@ def test_the_branch_that_leaves_at_a_doubling(branches):
     assert (np.diff(places[0]) * np.diff(places[1])).item() < 0
 
 
-def test_a_step_past_the_birth_of_a_branch(branches):
+def test_a_step_past_the_birth_of_a_branch():
     """What repeats after one turn is no point of a branch of two; where it was left is located."""
     # So small that a step passes where the two turns come together.
-    sections = branches(lambda state, number: 1e-2 * henon(1e2 * state, number), 2)
+    sections = of_function(lambda state, number: 1e-2 * henon(1e2 * state, number), 2)
     state = 1e-2 * cycle(0.4)
     branch, special = followed(sections, state, 0.4, (0.0, 0.95), upwards=False, points=200)
     assert branch.ended == SHORTER
@@ -162,7 +155,7 @@ def test_a_step_past_the_birth_of_a_branch(branches):
 
 
 @pytest.mark.parametrize("raised", [None, ValueError("Argument `x` must be right.")])
-def test_a_change_that_is_seen_but_not_located(branches, raised):
+def test_a_change_that_is_seen_but_not_located(raised):
     """No orbit about the doubling: that is said; an error of the map is not taken for that."""
 
     followed = []
@@ -175,7 +168,9 @@ def test_a_change_that_is_seen_but_not_located(branches, raised):
         return np.full(2, np.nan)
 
     start, stride = np.full(2, 1 / 0.7), Stride(first=0.05, longest=0.05, shortest=1e-3)
-    branch = follow(branches(broken, 1), start, 0.3, scale=1.0, bounds=(0.2, 0.42), stride=stride)
+    branch = follow(
+        of_function(broken, 1), start, 0.3, scale=1.0, bounds=(0.2, 0.42), stride=stride
+    )
     followed.append(branch)
     if raised is not None:
         with pytest.raises(ValueError, match="must be right"):
@@ -186,8 +181,8 @@ def test_a_change_that_is_seen_but_not_located(branches, raised):
         assert sharpened(branch, one) is one
 
 
-def test_a_pair_that_leaves_the_unit_circle(branches):
-    sections = branches(delayed_logistic, 1)
+def test_a_pair_that_leaves_the_unit_circle():
+    sections = of_function(delayed_logistic, 1)
     start = np.full(3, 0.4), 1 / 0.6
     _, (special,) = followed(sections, *start, (1.5, 2.3), upwards=True, points=200)
     assert special.kind == "Neimark-Sacker"
@@ -225,14 +220,14 @@ def speed_and_gap(point):
     return float(point[0]), float(point[1]) if point.size > 1 else 1.0
 
 
-def one_turn(build, point, states, rtol):
+def one_turn(point, states):
     begun = np.concatenate([states[0], np.eye(4).ravel(), np.zeros(4 * point.size)])
     run = solve_ivp(stopped, (0, 2 * np.pi), begun, args=speed_and_gap(point), **WELL)
     after, by_state, by_point = np.split(run.y[:, -1].reshape(-1, 4).T, [1, 5], axis=1)
     return after.T, by_state[None], by_point[None]
 
 
-def reach(numbers, state, period):
+def reach(numbers, state):
     """How far the first mass comes beyond the gap, in a turn."""
     speed, gap = numbers
 
@@ -249,10 +244,9 @@ def reach(numbers, state, period):
 
 
 @pytest.mark.slow
-def test_two_masses_and_a_stop(monkeypatch):
+def test_two_masses_and_a_stop():
     """The points published for NLvib's example 03. Its stiffness jumps: nodes do not reach them."""
-    monkeypatch.setattr(module, "slices_apart", one_turn)
-    sections = Shooting(build=eqx.Partial(speed_and_gap), period=1, slices=1)
+    sections = of_map(one_turn, watches=reach)
     near, more = np.array([0.961, 0.658, 0.317, 0.086]), dict(scale=0.05)
     quiet, found = followed(sections, near, 0.635, (0.615, 0.7), upwards=False, points=9, **more)
     moduli = np.sort(np.abs(quiet.points[0].multipliers))
@@ -264,7 +258,6 @@ def test_two_masses_and_a_stop(monkeypatch):
     assert [one.kind for one in found] == kinds
     speeds = [one.parameter for one in found]
     np.testing.assert_allclose(speeds, [0.6186069, 0.7387830, 0.7555862, 0.7556274], atol=6e-8)
-    monkeypatch.setattr(module, "least_penetrations_from", reach)
     contact_ends(replace(sections, watched=("contact ends",)), quiet)
 
 
@@ -275,7 +268,7 @@ def contact_ends(sections, branch):
     enough. The curve of the event needs only an orbit near it.
     """
     last = branch.points[-1]
-    assert reach((branch.parameter[-1], 1.0), last.u, 1) > 0
+    assert reach((branch.parameter[-1], 1.0), last.u) > 0
     curve = curve_of(sections, "contact ends", (4,), 0.05, (0.5, 0.62))
     found = []
     for upwards in (True, False):

@@ -3,7 +3,7 @@
 Pseudo-arclength continuation (Keller 1977; Doedel's AUTO): the parameter is one unknown more, and
 a step has its length along the branch, so that a fold is a point like any other. Where a branch
 turns back there is more than one motion for one parameter. It takes any discretisation of
-`jaxcrusher.orbits.problem`. Where a branch changes, `jaxcrusher.orbits.events` finds.
+`jaxcrusher.periodic.problem`. Where a branch changes, `jaxcrusher.periodic.events` finds.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import ArrayLike, Complex, Float
 from scipy.optimize import linear_sum_assignment
 
-from jaxcrusher.orbits.newton import linear_solution
-from jaxcrusher.orbits.problem import AbstractPeriodicProblem, Bordered, Stride
+from jaxcrusher.periodic.newton import linear_solution
+from jaxcrusher.periodic.problem import AbstractPeriodicProblem, Bordered, Stride
 
 # After so many of Newton's steps a step along the branch may grow.
 EASY = 4
@@ -27,13 +27,12 @@ CLOSED = 8
 # No multiplier near the unit circle moves further in a step, so that none passes -1 or 1 unseen.
 MOST_MOVED = 0.6
 
-ENDS = (
-    "As many points as were asked for are found.",
-    "The parameter has left its bounds.",
-    "A joint is about to lose contact.",
-    "No step is short enough for Newton's method.",
-    "The branch is closed.",
-)
+# Why a branch ends.
+ENOUGH = "As many points as were asked for are found."
+OUTSIDE = "The parameter has left its bounds."
+HAPPENED = "The branch ends with an event: {}."
+NO_STEP = "No step is short enough for Newton's method."
+LOOP = "The branch is closed."
 SHORTER = "The orbit repeats after fewer turns, which were doubled."
 
 
@@ -46,7 +45,7 @@ class Point:
     along: Float[np.ndarray, " both"]  # of both, of length one
     monodromy: Float[np.ndarray, "states states"]
     multipliers: Complex[np.ndarray, " states"]  # its eigenvalues
-    monitors: Float[np.ndarray, " joints"]  # least penetrations, as far as they are watched
+    monitors: Float[np.ndarray, " watched"]
     turns: int  # after which it repeats already
     corrections: int
     seen: Any  # what its equations told
@@ -110,7 +109,7 @@ def follow(
         guess = guess + stride.first * onward
     here = corrected(problem, u.shape, scale, guess, onward)
     if here is None:
-        return Branch(problem, scale, [], ENDS[3])
+        return Branch(problem, scale, [], NO_STEP)
     found, length = [here], stride.first
     while len(found) < points:
         there = corrected(problem, u.shape, scale, here.place + length * here.along, here.along)
@@ -118,22 +117,25 @@ def follow(
         if there is None or lost or (length > 2 * stride.shortest and _leapt(here, there)):
             length *= SHRINKAGE
             if length < stride.shortest:
-                return Branch(problem, scale, found, ENDS[3])
+                return Branch(problem, scale, found, NO_STEP)
             continue
         if there.turns < problem.period:
             return Branch(problem, scale, found, SHORTER, there)
         found.append(there)
         if not bounds[0] <= scale * there.value <= bounds[1]:
-            return Branch(problem, scale, found, ENDS[1])
+            return Branch(problem, scale, found, OUTSIDE)
         if problem.ends and not np.all(there.monitors > 0):
-            return Branch(problem, scale, found, ENDS[2])
+            happened = [
+                name for name, at in zip(problem.watched, there.monitors, strict=True) if not at > 0
+            ]
+            return Branch(problem, scale, found, HAPPENED.format(", ".join(happened)))
         back = found[0].place - there.place
         near = np.sqrt(inner(problem, back, back)) < length
         if near and len(found) > CLOSED and inner(problem, found[0].along, there.along) > 0:
-            return Branch(problem, scale, found, ENDS[4])
+            return Branch(problem, scale, found, LOOP)
         here = there
         length = min(length * (GROWTH if here.corrections <= EASY else 1.0), stride.longest)
-    return Branch(problem, scale, found, ENDS[0])
+    return Branch(problem, scale, found, ENOUGH)
 
 
 def corrected(

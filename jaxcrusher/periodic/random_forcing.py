@@ -15,8 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float, Scalar
 
-from jaxcrusher.orbits.multipliers import fundamental
-from jaxcrusher.orbits.trigonometric import nodes, resample
+from jaxcrusher.periodic.multipliers import fundamental
+from jaxcrusher.periodic.trigonometric import nodes, resample
 
 # Of Gauss and Legendre on either side of each resonance: 1e-7 of the integral over a resonance
 # whose width is 1e-5 of the period's frequency.

@@ -15,8 +15,8 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Scalar
 
 from jaxcrusher.basics.loops import on_a_gpu
-from jaxcrusher.orbits.collocation import System
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.periodic.system import System
+from jaxcrusher.periodic.trigonometric import resample
 
 # Instants a period at which the equations are linearised; a trigonometric polynomial joins them.
 LOOKS = 256

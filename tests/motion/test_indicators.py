@@ -6,15 +6,17 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import scalar
-from jaxcrusher.dynamics.indicators import (
+from jaxcrusher.motion.flow import initial_state
+from jaxcrusher.motion.indicators import (
     Lyapunov,
     birkhoff_average,
     detect_period,
     lyapunov_spectrum,
     power_spectrum,
+    spread_trend,
+    verdict,
     zero_one_test,
 )
-from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.section import poincare_section
 from tests.dynamics.systems import duffing, flow, henon, iterate, logistic, lorenz
 
@@ -135,3 +137,35 @@ def test_section_of_a_failed_motion():
     section = poincare_section(broken, 0, 3, slices=4, state=initial_state(scene))
     assert not section.outcome.success and np.isnan(section.states).all()
     assert detect_period(section.states) is None
+
+
+def lyapunov(largest, error):
+    return Lyapunov(np.array([largest, -1.0]), np.array([error, 0.1]))
+
+
+@pytest.mark.parametrize(
+    "exponents, zero_one, period, trending, name",
+    [
+        (lyapunov(2.0, 0.1), 0.99, None, False, "chaotic"),
+        (lyapunov(2.0, 0.1), 0.1, None, False, "undecided"),
+        (lyapunov(2.0, 0.1), 0.99, 3, False, "undecided"),
+        (lyapunov(-0.5, 0.1), 0.0, 3, False, "periodic"),
+        (lyapunov(0.001, 0.01), 0.0, None, False, "quasi-periodic"),
+        (lyapunov(0.001, 0.01), 0.0, None, True, "not settled"),
+        (lyapunov(0.001, 0.01), 0.9, None, False, "undecided"),
+        (lyapunov(0.1, 0.5), 0.0, None, False, "undecided"),
+    ],
+)
+def test_indicators_must_agree(exponents, zero_one, period, trending, name):
+    agreed = dict(trending=trending, neutral=exponents.neutral)
+    assert verdict(period, exponents.positive, zero_one, **agreed) == name
+
+
+def test_trend_of_a_decaying_swing():
+    rng = np.random.default_rng(0)
+    steady = rng.normal(size=(1000, 2))
+    assert not spread_trend(steady)[1]
+    share, significant = spread_trend(steady * np.exp(-np.arange(1000) / 1000)[:, None])
+    # The batches span nine tenths of the window; 1000 random points know it to a few percent.
+    assert significant and share == pytest.approx(np.exp(-1) - 1, abs=0.1)
+    assert spread_trend(np.ones((100, 2))) == (0.0, False)

@@ -3,7 +3,7 @@
 The minimally augmented system (Govaerts, Numerical Methods for Bifurcations of Dynamical
 Equilibria, 2000): beside the equations of an orbit stands the scalar that vanishes at the event,
 and the first parameter is one unknown more. Such orbits form a branch over the second parameter,
-which `jaxcrusher.orbits.branch` follows as any other.
+which `jaxcrusher.periodic.branch` follows as any other.
 """
 
 import itertools
@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.orbits.branch import Branch, Point
-from jaxcrusher.orbits.events import CROSSING, FOLD, PAIR, ZERO_OF, Special, zeros
-from jaxcrusher.orbits.newton import HostRoot
-from jaxcrusher.orbits.problem import (
+from jaxcrusher.periodic.branch import Branch, Point
+from jaxcrusher.periodic.events import CROSSING, FOLD, PAIR, ZERO_OF, Special, zeros
+from jaxcrusher.periodic.newton import HostRoot
+from jaxcrusher.periodic.problem import (
     AbstractPeriodicProblem,
     Bordered,
     Linearised,
@@ -25,7 +25,6 @@ from jaxcrusher.orbits.problem import (
     Stride,
     Vanishing,
 )
-from jaxcrusher.orbits.result import PeriodicOrbit
 
 CUSP = "cusp"
 
@@ -83,7 +82,7 @@ class EventCurve(AbstractPeriodicProblem):
     def _event(self, x: Any, both: Array, seen: Any) -> Vanishing:
         """Return what vanishes at the event, with its slopes by the orbit's own numbers."""
         if self.kind in self.base.watched:
-            return self.base.grazing(self.base.watched.index(self.kind), x, both, seen)
+            return self.base.monitored(self.base.watched.index(self.kind), x, both, seen)
         of = ZERO_OF[CROSSING if self.kind == FOLD else self.kind]
         return self.base.vanishing(of, x, both, seen)
 
@@ -99,9 +98,9 @@ class EventCurve(AbstractPeriodicProblem):
         """Return a function of the monodromy matrix, with slopes by the orbit's own numbers."""
         return self.base.vanishing(of, *self.split(u, p), seen)
 
-    def grazing(self, joint: int, u: Array, p: Any, seen: Any) -> Vanishing:
-        """Return a least penetration of the orbit, with slopes by the orbit's own numbers."""
-        return self.base.grazing(joint, *self.split(u, p), seen)
+    def monitored(self, which: int, u: Array, p: Any, seen: Any) -> Vanishing:
+        """Return a monitor of the orbit, with slopes by the orbit's own numbers."""
+        return self.base.monitored(which, *self.split(u, p), seen)
 
     def turns(self, u: Any, seen: Any) -> int:
         """Return after how many turns the orbit repeats already."""
@@ -124,10 +123,6 @@ class EventCurve(AbstractPeriodicProblem):
             depths = dict(zip(self.base.watched, self.base.monitors(x, both, seen), strict=True))
             found += [depth for kind, depth in depths.items() if kind in self.watched]
         return np.array([*map(float, found)])
-
-    def orbit(self, u: Array, p: Any, seen: Any, scales: Array) -> PeriodicOrbit:
-        """Return all that is known of an orbit of a crusher."""
-        return self.base.orbit(*self.split(u, p), seen, jnp.stack([self.scale, scales]))
 
     def over(self, turns: int, u: np.ndarray) -> tuple[AbstractPeriodicProblem, np.ndarray]:
         """Return the orbits' problem of so many turns, and the unknowns of one."""

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
 
-from jaxcrusher.orbits.branch import follow
-from jaxcrusher.orbits.collocation import System
-from jaxcrusher.orbits.events import other_branch, special_points
-from jaxcrusher.orbits.problem import Collocation, Stride, least_penetrations
+from jaxcrusher.orbits.penetrations import least_penetrations
+from jaxcrusher.periodic.branch import follow
+from jaxcrusher.periodic.collocation_problem import CollocationProblem
+from jaxcrusher.periodic.events import other_branch, special_points
+from jaxcrusher.periodic.problem import Stride
+from jaxcrusher.periodic.system import System
 from tests.pairs import crossed
 
 
@@ -26,7 +28,7 @@ def mathieus(a, b):
 
 def rest_branch(b, bounds, *, longest):
     """The branch of rest over a."""
-    problem = Collocation(family=eqx.Partial(mathieus, b=jnp.asarray(b)))
+    problem = CollocationProblem(family=eqx.Partial(mathieus, b=jnp.asarray(b)))
     stride = Stride(first=longest / 5, longest=longest, shortest=1e-6)
     more = dict(scale=1.0, bounds=bounds, stride=stride, points=80)
     return follow(problem, np.zeros((8, 1)), bounds[0], **more)
@@ -89,7 +91,7 @@ def test_contact_is_lost_between_instants():
     """
     stiff = lambda t, x, v, p: dipping(t, 3 * x, v, 3 * p + 2)  # noqa: E731
     family = lambda p: System(stiff, jnp.asarray(2 * np.pi), p)  # noqa: E731
-    problem = Collocation(family=family, watched=("lost",))
+    problem = CollocationProblem(family=family, watched=("lost",), watch=least_penetrations)
     rest = np.tile([[1.2, 0.0]], (16, 1))
     branch = follow(problem, rest, 0.3, scale=1.0, bounds=(-1, 1), upwards=False)
     (lost,) = special_points(branch)

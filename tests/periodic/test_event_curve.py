@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
 
-from jaxcrusher.orbits import shooting as module
-from jaxcrusher.orbits.branch import ENDS, follow
-from jaxcrusher.orbits.collocation import System, collocate
-from jaxcrusher.orbits.event_curve import curve_of, cusps
-from jaxcrusher.orbits.events import special_points, zeros
-from jaxcrusher.orbits.problem import Collocation, Stride
-from jaxcrusher.orbits.shooting import Shooting
+from jaxcrusher.orbits.penetrations import least_penetrations
+from jaxcrusher.periodic.branch import HAPPENED, OUTSIDE, follow
+from jaxcrusher.periodic.collocation import collocate
+from jaxcrusher.periodic.collocation_problem import CollocationProblem
+from jaxcrusher.periodic.event_curve import curve_of, cusps
+from jaxcrusher.periodic.events import special_points, zeros
+from jaxcrusher.periodic.problem import Stride
+from jaxcrusher.periodic.system import System
 from tests.pairs import slow
+from tests.periodic.maps import of_map
 
 PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
 
@@ -27,7 +29,7 @@ def at_second(first, family, second):
 
 def first_event(family, x, second, bounds, **more):
     """The first event of a branch over the first parameter."""
-    problem = Collocation(family=eqx.Partial(at_second, family=family, second=second))
+    problem = CollocationProblem(family=eqx.Partial(at_second, family=family, second=second))
     x, root = collocate(problem.family(jnp.asarray(bounds[0])), jnp.asarray(x))
     assert root.success
     branch = follow(problem, x, bounds[0], scale=0.1, bounds=bounds, points=150, **more)
@@ -55,7 +57,7 @@ def test_tongues_of_mathieus_equation(order):
     stride = Stride(first=0.02, longest=0.1, shortest=1e-6)
     special = first_event(family, np.zeros((8, 1)), 0.4, (begin - 0.3, begin + 0.3), stride=stride)
     assert special.kind == "period doubling"
-    base = Collocation(family=family)
+    base = CollocationProblem(family=family)
     curve = curve_of(base, special.kind, (8, 1), 0.1, (-2.0, 9.0))
     _, both = followed(curve, special, 0.4, 0.1, (0.05, 1.0), upwards=True, points=40)
     assert both[-1, 1] > 1.0 and len(both) > 10
@@ -82,9 +84,9 @@ def test_folds_of_duffings_equation():
     family = eqx.Partial(duffings, c=0.04)
     stride = Stride(first=0.02, longest=0.3, shortest=1e-6)
     fold = first_event(family, 0.3 * np.cos(PHASES), 0.015, (0.9, 1.2), stride=stride)
-    curve = curve_of(Collocation(family=family), "fold", (48, 1), 0.1, (0.5, 2.0))
+    curve = curve_of(CollocationProblem(family=family), "fold", (48, 1), 0.1, (0.5, 2.0))
     branch, both = followed(curve, fold, 0.015, 2e-3, (1e-3, 0.016), upwards=False, points=80)
-    assert branch.ended == ENDS[1]
+    assert branch.ended == OUTSIDE
     np.testing.assert_allclose(both[0, 0], 1.0492623992, atol=2e-10)
     # Back at 0.015, on the other side of the cusp.
     ((_, back),) = zeros(branch, lambda point: point.value - 0.015 / 2e-3)
@@ -106,7 +108,7 @@ def test_the_cusp_of_weak_damping(damping):
     stride = Stride(first=0.1 * damping, longest=1.5 * damping, shortest=1e-8)
     bounds = (1 - damping, 1 + 4 * damping)
     fold = first_event(family, 0.1 * np.cos(PHASES), force, bounds, stride=stride)
-    curve = curve_of(Collocation(family=family), "fold", (48, 1), damping, (0.5, 2.0))
+    curve = curve_of(CollocationProblem(family=family), "fold", (48, 1), damping, (0.5, 2.0))
     branch, _ = followed(
         curve, fold, force, 0.1 * force, (0.3 * force, 2 * force), upwards=False, points=60
     )
@@ -129,13 +131,13 @@ def test_where_van_der_pol_is_no_longer_driven():
     # Far off resonance a strong force holds the oscillator.
     x = 0.8 / (1 - 1.6**2) * np.cos(PHASES)
     branch = follow(
-        Collocation(family=eqx.Partial(at_second, family=family, second=2.0)),
+        CollocationProblem(family=eqx.Partial(at_second, family=family, second=2.0)),
         collocate(family(jnp.array([1.3, 2.0])), jnp.asarray(5 * x))[0],
         1.3, scale=0.1, bounds=(1.2, 2.5), stride=stride, points=100,
     )  # fmt: skip
     special = special_points(branch)[0]
     assert special.kind == "Neimark-Sacker"
-    curve = curve_of(Collocation(family=family), special.kind, (48, 1), 0.1, (1.02, 2.4))
+    curve = curve_of(CollocationProblem(family=family), special.kind, (48, 1), 0.1, (1.02, 2.4))
     branch, both = followed(curve, special, 2.0, 0.3, (0.3, 3.0), upwards=False, points=40)
     assert len(both) > 10 and both[:, 1].min() < 1.0
     mean = [np.mean(point.u[:48] ** 2) for point in branch.points]
@@ -157,56 +159,54 @@ def test_contact_is_lost_over_two_numbers():
     """
     family = lambda both: System(swaying, 2 * jnp.pi / both[0], both)  # noqa: E731
     exact = lambda w: np.sqrt((3 - w**2) ** 2 + (0.2 * w) ** 2) / 2  # noqa: E731
-    base = Collocation(family=family, watched=("rests", "lost"))
+    base = CollocationProblem(family=family, watched=("rests", "lost"), watch=least_penetrations)
     lower = replace(base, family=eqx.Partial(at_second, family=family, second=0.3))
     rest = np.tile([[2.0, 0.0, 1.5, 0.0]], (8, 1))
     stride = Stride(first=0.2, longest=0.5, shortest=1e-6)
     branch = follow(lower, rest, 1.5, scale=0.1, bounds=(1.0, 2.0), stride=stride, points=20)
     (lost,) = special_points(branch)
-    assert branch.ended == ENDS[2] and lost.kind == "lost"
+    assert branch.ended == HAPPENED.format("lost") and lost.kind == "lost"
     np.testing.assert_allclose(exact(lost.parameter), 0.3, atol=1e-10)
     curve = curve_of(base, lost.kind, (8, 4), 0.1, (1.0, 2.5))
     branch, found = followed(curve, lost, 0.3, 0.1, (0.1, 0.4), upwards=False, points=40)
-    assert branch.ended == ENDS[1] and found[-1, 0] > np.sqrt(3) > found[0, 0]
+    assert branch.ended == OUTSIDE and found[-1, 0] > np.sqrt(3) > found[0, 0]
     # Newton's method leaves 1e-10 of the nodes.
     np.testing.assert_allclose(found[:, 1], exact(found[:, 0]), atol=1e-9)
 
 
-@pytest.fixture
-def ball(monkeypatch):
+def ball():
     """A ball on a table that moves by a sine, flying high (Guckenheimer and Holmes 1983, 2.4).
 
     The map stands in place of the integrated turn: in one slice the ball flies, in one it bounces.
     """
 
-    def slices_apart(build, point, states, rtol):
-        (phase, speed), (landed, falling) = np.asarray(states)
-        force, kept = np.append(np.asarray(point), 0.5)[:2]
+    def bounced(point, states):
+        (phase, speed), (landed, falling) = states
+        force, kept = np.append(point, 0.5)[:2]
         ends = [phase + speed - 2 * np.pi, speed], [landed, kept * falling - force * np.cos(landed)]
         flies, bounces = [[1, 1], [0, 1]], [[1, 0], [force * np.sin(landed), kept]]
         forcing = np.zeros((2, 2, 2))
         forcing[1, 1] = -np.cos(landed), falling
         return np.array(ends), np.array([flies, bounces]), forcing[:, :, : point.size]
 
-    monkeypatch.setattr(module, "slices_apart", slices_apart)
-    return Shooting(build=eqx.Partial(np.asarray), period=1, slices=2)
+    return of_map(bounced, slices=2)
 
 
-def test_a_bouncing_ball_doubles_its_period(ball):
+def test_a_bouncing_ball_doubles_its_period():
     """Once a turn: born at 2 pi (1 - k), doubled at 2 sqrt(pi^2 (1 - k)^2 + (1 + k)^2).
 
     Their formulas for n = 1, with the restitution k.
     """
-    force = 4.0
+    force, problem = 4.0, ball()
     state = np.array([-np.arccos(2 * np.pi * (0.5 - 1) / force), 2 * np.pi])
-    start = ball.along(state, force), force
-    branch = follow(ball, *start, scale=1.0, bounds=(3.0, 5.0), points=40)
+    start = problem.along(state, force), force
+    branch = follow(problem, *start, scale=1.0, bounds=(3.0, 5.0), points=40)
     (special,) = special_points(branch)
     assert special.kind == "period doubling"
     exact = lambda kept: 2 * np.sqrt(np.pi**2 * (1 - kept) ** 2 + (1 + kept) ** 2)  # noqa: E731
     # The section points close to 1e-7, and Newton's method squares what is left of that.
     np.testing.assert_allclose(special.parameter, exact(0.5), atol=1e-8)
-    curve = curve_of(ball, special.kind, (4,), 1.0, (0.1, 10.0))
+    curve = curve_of(problem, special.kind, (4,), 1.0, (0.1, 10.0))
     _, both = followed(curve, special, 0.5, 0.1, (0.2, 0.9), upwards=True, points=40)
     assert both[-1, 1] > 0.8
     np.testing.assert_allclose(both[:, 0], exact(both[:, 1]), atol=1e-7)

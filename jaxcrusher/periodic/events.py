@@ -29,10 +29,10 @@ from jaxtyping import Array, Complex, Float, Scalar
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq, minimize_scalar, newton
 
-from jaxcrusher.orbits.branch import Branch, Point, corrected, follow, inner
-from jaxcrusher.orbits.multipliers import difference
-from jaxcrusher.orbits.problem import AbstractPeriodicProblem, OfMatrix
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.periodic.branch import Branch, Point, corrected, follow, inner
+from jaxcrusher.periodic.multipliers import difference
+from jaxcrusher.periodic.problem import AbstractPeriodicProblem, OfMatrix
+from jaxcrusher.periodic.trigonometric import resample
 
 FOLD, CROSSING, DOUBLING, PAIR = "fold", "branch point", "period doubling", "Neimark-Sacker"
 # At a branch point the parameter's part of the branch's direction is larger; where it is not, few

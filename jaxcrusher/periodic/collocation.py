@@ -5,125 +5,23 @@ the period; x' and x'' follow from the trigonometric polynomial through them. Ti
 found: the orbit has no freedom of phase, and no multiplier that is always 1.
 """
 
-import functools
 from collections.abc import Callable
-from types import ModuleType
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.custom_batching import custom_vmap
 from jax.scipy.linalg import lu_factor, lu_solve
-from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
+from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jaxcrusher.basics.loops import on_a_gpu, one_by_one
-from jaxcrusher.orbits.newton import Factors, Root, newton
-from jaxcrusher.orbits.trigonometric import differentiation, nodes, resample
-
-# time, x, x', args -> x''; x of shape (dims,)
-Acceleration = Callable[[Scalar, Array, Array, PyTree], Array]
+from jaxcrusher.basics.loops import on_a_gpu
+from jaxcrusher.periodic.newton import Factors, Root, newton
+from jaxcrusher.periodic.system import System
 
 # Of the last step, in the unit of x: rounding leaves some 1e-13 of the differentiation matrix.
 TOLERANCE, MAX_STEPS = 1e-10, 40
 # What the factors of a Jacobian one step away leave of a slope, each time it is put right.
 REFINEMENTS = 3
-
-
-class System(eqx.Module):
-    """x'' = acceleration(t, x, x', args) - damping x', with everything of `period` in t."""
-
-    acceleration: Acceleration = eqx.field(static=True)
-    period: Scalar
-    args: PyTree
-    damping: Scalar | None = None
-
-    def residual(self, x: Float[Array, "nodes dims"]) -> Float[Array, "nodes dims"]:
-        """Return by what the nodes' acceleration exceeds x''."""
-        times, rate, second = self._motion(x)
-        found = one_by_one(self.acceleration, (times, x, rate), self.args)
-        return found - second - self._damped(rate)
-
-    def linearised(
-        self, x: Float[Array, "nodes dims"]
-    ) -> tuple[Float[Array, "nodes dims"], Float[Array, "nodes dims nodes dims"]]:
-        """Return the residual and its Jacobian: full by differentiation of x, in blocks by f."""
-        times, rate, bend = self._motion(x)
-        (by_x, by_rate), found = self.slopes(times, x, rate)
-        return found - bend, self.jacobian(by_x, by_rate)
-
-    def jacobian(
-        self,
-        by_x: Float[Array, "nodes dims dims"],
-        by_rate: Float[Array, "nodes dims dims"],
-        xp: ModuleType = np,
-    ) -> Float[Array, "nodes dims nodes dims"]:
-        """Return the Jacobian of the residual from df/dx and df/dx' at the nodes.
-
-        `xp` is as in `differentiation`.
-        """
-        first, second = self.matrices(len(by_x), xp)
-        eye_nodes, eye = xp.eye(len(by_x)), xp.eye(by_x.shape[1])
-        return (
-            jnp.einsum("iab,ij->iajb", by_x, eye_nodes)
-            + jnp.einsum("iab,ij->iajb", by_rate, first)
-            - jnp.einsum("ab,ij->iajb", eye, second)
-        )
-
-    def slopes(
-        self, times: Float[Array, " n"], x: Float[Array, "n dims"], rate: Float[Array, "n dims"]
-    ) -> tuple[tuple[Float[Array, "n dims dims"], ...], Float[Array, "n dims"]]:
-        """df/dx and df/dx' at some instants, and f."""
-        by_both = functools.partial(_by_both, self.acceleration)
-        (by_x, by_rate), found = one_by_one(by_both, (times, x, rate), self.args)
-        by_rate = by_rate - self._damped(jnp.eye(x.shape[1]))
-        return (by_x, by_rate), found - self._damped(rate)
-
-    def defect(
-        self, x: Float[Array, "nodes dims"], found: Float[Array, "points dims"]
-    ) -> Float[Array, "points dims"]:
-        """Return by what the accelerations `found` at equally spaced points exceed x'' there.
-
-        It is zero at the nodes of a solution, and between them what the nodes cannot follow.
-        """
-        pace = 2 * np.pi / self.period
-        return found - pace**2 * resample(x, len(found), order=2)
-
-    def at(
-        self, x: Float[Array, "nodes dims"], points: int, shift: float = 0.0
-    ) -> tuple[Float[Array, " points"], Float[Array, "points dims"], Float[Array, "points dims"]]:
-        """Times, x and x' at equally spaced `points` of the period, of the orbit through `x`.
-
-        `shift` in steps between the points.
-        """
-        rate = 2 * np.pi / self.period * resample(x, points, shift, 1)
-        return self.period * (np.arange(points) + shift) / points, resample(x, points, shift), rate
-
-    def matrices(self, count: int, xp: ModuleType = np) -> tuple[Array, Array]:
-        """Return those from values at the nodes to the first two derivatives by t there."""
-        pace = 2 * np.pi / self.period
-        first, second = differentiation(count, xp)
-        return pace * first, pace**2 * second
-
-    def _damped(self, rate: Array) -> Array | float:
-        return 0.0 if self.damping is None else self.damping * rate
-
-    def _motion(self, x: Array) -> tuple[Array, Array, Array]:
-        first, second = self.matrices(len(x))
-        return self.period * nodes(len(x)), first @ x, second @ x
-
-
-@functools.partial(jax.jit, static_argnums=0)  # traced once for all that is asked of orbits
-def _by_both(
-    acceleration: Acceleration, *instant: PyTree
-) -> tuple[tuple[Float[Array, "dims dims"], ...], Float[Array, " dims"]]:
-    """Return the slopes of an acceleration by x and x', and the acceleration."""
-
-    def twice(*instant) -> tuple[Array, Array]:
-        found = acceleration(*instant)
-        return found, found
-
-    return jax.jacfwd(twice, argnums=(1, 2), has_aux=True)(*instant)
 
 
 @eqx.filter_jit
@@ -181,7 +79,7 @@ def _attached_jvp(primals, tangents):
     x = attached(system, x, factors)
 
     # Of the differentiated equations, at the orbit itself.
-    times, rate, _ = system._motion(x)
+    times, rate, _ = system.motion(x)
     (by_x, by_rate), _ = system.slopes(times, x, rate)
     first, second = system.matrices(len(x))
 

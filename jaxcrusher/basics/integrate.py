@@ -21,7 +21,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree, Scalar
 
 from jaxcrusher.basics.checks import all_finite, nan_unless
 from jaxcrusher.basics.integrator import integrator
-from jaxcrusher.motion.last_step import floats_counted_at_once
+from jaxcrusher.basics.last_step import floats_counted_at_once
 
 # How much narrower the tolerance is where second derivatives come along. A penetration is a
 # twentieth of a clearance, and so is the change of clearance in which the error of a slope may
@@ -123,6 +123,19 @@ def error_norm(error: PyTree) -> Scalar:
     largest = _largest(error, 0)
     second = isinstance(error, Sensitive) and isinstance(error.state, Sensitive)
     return NARROWER * largest if second else largest
+
+
+def pi_controller(tolerance: Scalar | float, smallest: float = 1e-14) -> diffrax.PIDController:
+    """Return a PI controller with equal relative and absolute tolerance, and a smallest step."""
+    return diffrax.PIDController(
+        rtol=tolerance,
+        atol=tolerance,
+        pcoeff=0.4,
+        icoeff=0.3,
+        norm=error_norm,
+        dtmin=smallest,
+        force_dtmin=False,
+    )
 
 
 def _largest(error: PyTree, order: int) -> Scalar:

@@ -1,21 +1,19 @@
-"""The problem of orbits by the integrator over a parameter: multiple shooting.
+"""The problem of orbits over a parameter by multiple shooting.
 
-Such orbits may lose contact and impact. See `jaxcrusher.orbits.shot` for one orbit alone.
+An integrator carries states over slices of a turn, and so impacts do not disturb it.
 """
 
 import dataclasses
+from abc import abstractmethod
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, Scalar
 
-from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.motion.tangents import SLICES, Build, Tangents, slices_apart, tangents
-from jaxcrusher.orbits import newton
-from jaxcrusher.orbits.newton import HostRoot, newton_on_host
-from jaxcrusher.orbits.problem import (
+from jaxcrusher.periodic.newton import HostRoot, newton_on_host
+from jaxcrusher.periodic.problem import (
     MOST_CORRECTIONS,
     AbstractPeriodicProblem,
     Bordered,
@@ -24,26 +22,45 @@ from jaxcrusher.orbits.problem import (
     Stride,
     Vanishing,
 )
-from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.orbits.shot import (
-    CLOSURE,
-    COARSER,
-    RTOL,
-    Closed,
-    can_be_shot,
-    closed,
-    described,
-    least_penetrations_from,
-)
 
-# Section points so near, in clearances and m/s, are one. Turns differ by thousandths where a branch
-# has left its doubling by hundredths of a rad/s.
+# States so near, in their own units, are one. Turns of a crusher differ by thousandths where a
+# branch has left its doubling by hundredths of a rad/s.
 ALIKE = 1e-4
+# Newton's last step, in these units.
+CLOSURE = 1e-7
 # Steps of differences, as a share of what a function depends on.
 DIFFERENCE = 1e-6
 # The tolerance along a branch, and what two integrations that start all but alike differ by. Where
 # contact is lost such a difference moves the speed by more than Newton's last step may be.
 BRANCH_RTOL, NOISE = 1e-10, 1e-9
+# A tolerance so many times as large tells the error of an event.
+COARSER = 100.0
+
+
+class AbstractFlow(eqx.Module):
+    """Motions over one turn of the forcing, over parameters p of shape (n,).
+
+    A state may be any that an orbit comes back to. It is of order one.
+    """
+
+    @abstractmethod
+    def slices(
+        self, p: Float[Array, " n"], states: Float[Array, "slices dims"], rtol: Scalar
+    ) -> tuple[
+        Float[Array, "slices dims"],
+        Float[Array, "slices dims dims"],
+        Float[Array, "slices dims n"],
+    ]:
+        """Return where each slice of a turn leads from its own state, by that and by p.
+
+        Slices are of one length; the first one begins with the turn. NaN where a motion fails.
+        """
+
+    @abstractmethod
+    def monitors(
+        self, p: Float[Array, " n"], state: Float[np.ndarray, " dims"], turns: int
+    ) -> Float[np.ndarray, " watched"]:
+        """Return what stays > 0 over so many turns from a state, if nothing watched happens."""
 
 
 class Turns(NamedTuple):
@@ -58,21 +75,21 @@ class Turns(NamedTuple):
         return _products(self.jacobians)[-1]
 
 
-class Shooting(AbstractPeriodicProblem):
+class ShootingProblem(AbstractPeriodicProblem):
     """By the integrator, from many states of the period: u are those where its slices begin.
 
-    The scene of the numbers p is `build(p)`. A disturbance may grow a thousandfold in a period;
-    in a slice it does not, so that Newton's method leads from further off.
+    A disturbance may grow a thousandfold in a period; in a slice it does not, so that Newton's
+    method leads from further off.
     """
 
-    build: Build
-    period: int = eqx.field(static=True)
-    slices: int = eqx.field(static=True, default=SLICES)  # a turn
+    flow: AbstractFlow
+    period: int = eqx.field(static=True, default=1)
+    slices: int = eqx.field(static=True, default=8)  # a turn
     rtol: float = eqx.field(static=True, default=BRANCH_RTOL)
     watched: tuple[str, ...] = eqx.field(static=True, default=())
 
-    # Where branches fold a state differs by thousandths of a clearance: a tangent leads less far.
-    # The integrations leave some 3e-8 of a step in a place.
+    # Where branches fold a crusher's state differs by thousandths: a tangent leads less far. The
+    # integrations leave some 3e-8 of a step in a place.
     stride: ClassVar[Stride] = Stride(
         first=0.02, longest=0.4, shortest=2e-6, straight=0.1, located=1e-7
     )
@@ -89,7 +106,7 @@ class Shooting(AbstractPeriodicProblem):
         for _ in range(self.period):
             for k in range(self.slices):
                 # The program of all slices serves this too, though one of them is new.
-                ends, _, _ = slices_apart(self.build, point, jnp.asarray(states), rtol)
+                ends, _, _ = self.flow.slices(point, jnp.asarray(states), rtol)
                 found.append(states[k].copy())
                 states[(k + 1) % self.slices] = ends[k]
         return np.concatenate(found)
@@ -116,7 +133,7 @@ class Shooting(AbstractPeriodicProblem):
         """Return where slices end, with derivatives. One program serves all periods."""
         point, rtol = jnp.asarray(p, float).reshape(-1), jnp.asarray(self.rtol)
         turns = np.split(states, self.period)
-        parts = [slices_apart(self.build, point, jnp.asarray(one), rtol) for one in turns]
+        parts = [self.flow.slices(point, jnp.asarray(one), rtol) for one in turns]
         return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
     def solved(self, equations: Bordered) -> HostRoot | None:
@@ -158,18 +175,18 @@ class Shooting(AbstractPeriodicProblem):
             by_p.append(grown(_products(moved)[-1]))
         return Vanishing(value, (by_states.ravel(), np.array(by_p) / np.abs(np.ravel(p))))
 
-    def grazing(self, joint: int, u: Any, p: Any, seen: Turns) -> Vanishing:
-        """Return the least penetration of a joint, with slopes by one-sided differences."""
+    def monitored(self, which: int, u: Any, p: Any, seen: Turns) -> Vanishing:
+        """Return a monitor, with slopes by one-sided differences."""
         states, p = self.states(u), np.ravel(p)
         both = np.concatenate([states[0], p])
 
-        def depth(both: np.ndarray) -> float:
+        def monitor(both: np.ndarray) -> float:
             section, numbers = np.split(both, [states.shape[1]])
-            return float(self._depths(section, numbers)[joint])
+            return float(self.flow.monitors(jnp.asarray(numbers), section, self.period)[which])
 
-        value = depth(both)
+        value = monitor(both)
         steps = DIFFERENCE * np.concatenate([np.ones(states.shape[1]), np.abs(p)])
-        moved = np.array([depth(both + shift) for shift in np.diag(steps)])
+        moved = np.array([monitor(both + shift) for shift in np.diag(steps)])
         by_section, by_p = np.split((moved - value) / steps, [states.shape[1]])
         by_states = np.zeros(states.shape)
         by_states[0] = by_section
@@ -180,29 +197,15 @@ class Shooting(AbstractPeriodicProblem):
         apart = np.max(np.abs(seen.ends - seen.ends[-1]), axis=1)
         return 1 + int(np.argmax(apart < ALIKE))
 
-    def monitors(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, " joints"]:
-        """Return the least penetration of each joint over the period, in clearances."""
-        return self._depths(self.states(u)[0], p)
+    def monitors(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, " watched"]:
+        """Return what the flow tells of the motion from the first state on."""
+        return self.flow.monitors(jnp.asarray(p).reshape(-1), self.states(u)[0], self.period)
 
-    def _depths(self, section: np.ndarray, p: Any) -> Float[np.ndarray, " joints"]:
-        scene = self.build(jnp.asarray(p).reshape(-1))
-        return np.asarray(least_penetrations_from(scene, section, self.period))
-
-    def orbit(self, u: Any, p: Any, seen: Turns, scales: Any = None) -> PeriodicOrbit:
-        """Return all that is known of an orbit, but for an error of its multipliers.
-
-        Its `error` is what a tolerance 100 times as large makes of the RMS.
-        """
-        successful, matrix = newton.RESULTS.successful, jnp.asarray(seen.matrix)
-        unknown, steps = jnp.asarray(jnp.nan), jnp.array(0)
-        found = Closed(jnp.asarray(self.states(u)[0]), matrix, unknown, steps, successful)
-        return described(self.build(jnp.asarray(p).reshape(-1)), found, self.period)
-
-    def over(self, turns: int, u: np.ndarray) -> tuple["Shooting", np.ndarray]:
+    def over(self, turns: int, u: np.ndarray) -> tuple["ShootingProblem", np.ndarray]:
         """Return the problem of so many turns, and the states repeated or cut."""
         return dataclasses.replace(self, period=turns), np.resize(u, u.size * turns // self.period)
 
-    def resolved(self, u: np.ndarray, finer: bool) -> tuple["Shooting", np.ndarray] | None:
+    def resolved(self, u: np.ndarray, finer: bool) -> tuple["ShootingProblem", np.ndarray] | None:
         """Return the same states; coarser equations have a tolerance 100 times as large."""
         return None if finer else (dataclasses.replace(self, rtol=COARSER * self.rtol), u)
 
@@ -222,31 +225,3 @@ def _products(
     for one in jacobians:
         found.append(found[-1] @ one if other else one @ found[-1])
     return found
-
-
-def section_point(
-    build: Build,
-    point: Float[Array, " n"],
-    metric: str,
-    guess: Float[ArrayLike, " dims"],
-    period: int,
-) -> tuple[np.ndarray, Tangents] | None:
-    """Return the section point near `guess` that repeats after `period` turns.
-
-    With it come the derivatives along the orbit. None if Newton's method does not converge, if a
-    multiplier is 1 (whatever is near repeats too), or if the state holds more than eccentricity
-    and rate (a memory that no impact renews repeats whatever it is).
-    """
-    scene, start = _built(build, point), jnp.asarray(guess, float)
-    if not can_be_shot(scene, start):
-        return None
-    found = closed(scene, start, period)
-    if not bool(found.result == newton.RESULTS.successful):
-        return None
-    state = np.asarray(found.state)
-    return state, tangents(build, point, metric, state, period, RTOL)
-
-
-@eqx.filter_jit  # traced: a neighbour of a parameter at its limit lies outside
-def _built(build: Build, point: Array) -> Scene:
-    return build(point)

@@ -12,21 +12,24 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Scalar
+from jax.scipy.linalg import lu_solve
+from jaxtyping import Array, Float, PyTree, Scalar
 
 from jaxcrusher.basics.loops import one_by_one
-from jaxcrusher.crusher.observables import foundation_force
-from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.collocation import System
-from jaxcrusher.orbits.multipliers import STEPS, eigenvalues, fundamental, spread
-from jaxcrusher.orbits.trigonometric import resample
+from jaxcrusher.periodic.multipliers import STEPS, eigenvalues, fundamental, spread
+from jaxcrusher.periodic.newton import Factors
+from jaxcrusher.periodic.system import System
+from jaxcrusher.periodic.trigonometric import differentiation, resample
 
 # Rounding leaves so much of the RMS, and up to 5e-15 of those of orbits with different nodes.
 ROUNDING = 1e-14
 # Where two multipliers all but meet, near a fold, the step's square counts too: 1.3 times what the
 # step makes of them is the most that was found.
 BENT = 2.0
+
+
+# time, x, x', args -> a number of the motion
+Quantity = Callable[[Scalar, Array, Array, PyTree], Scalar]
 
 
 class Family(NamedTuple):
@@ -38,7 +41,7 @@ class Family(NamedTuple):
 
 
 class NodeErrors(NamedTuple):
-    """Errors that the nodes leave: of the RMS of the force as a share of it, of multipliers."""
+    """Errors that the nodes leave: of a quantity's RMS as a share of it, and of multipliers."""
 
     rms: Scalar
     multipliers: Scalar
@@ -49,7 +52,8 @@ def node_errors(
     x: Float[Array, "nodes dims"],
     slopes: tuple[Float[Array, "n dims dims"], ...],
     defect: Float[Array, "n dims"],
-    family: Family | None,
+    quantity: Quantity,
+    family: Family | None = None,
     steps: int = STEPS,
 ) -> NodeErrors:
     """Estimate them from df/dx, df/dx' and the defect at equal steps, two a node or more.
@@ -91,17 +95,18 @@ def node_errors(
     exact, besides = system, jnp.zeros(())
     if family is not None:
         exact = family.system(family.numbers + changes.reshape(family.numbers.shape))
-        besides = jnp.mean(_squares(exact, at)[0]) - jnp.mean(_squares(system, at)[0])
+        besides = jnp.mean(squares(exact, at, quantity)[0])
+        besides -= jnp.mean(squares(system, at, quantity)[0])
     moved = exact.slopes(times, place + to_place, rate + to_rate)[0]
     matrices = matrix, fundamental(moved, system.period, steps)[1]
     one, other = (eigenvalues(m, jnp.all(jnp.isfinite(m))) for m in matrices)
     apart = spread(one, other)
-    squares, by_both = _squares(system, at)
+    found, by_both = squares(system, at, quantity)
     both = jnp.concatenate(by_both, axis=1), jnp.concatenate([to_place, to_rate], axis=1)
     by_harmonic = [jnp.fft.rfft(part, axis=0) / points for part in both]
     shares = jnp.sum(jnp.real(jnp.conj(by_harmonic[0]) * by_harmonic[1]), axis=1)
     twice = np.where(np.arange(len(shares)) % (points // 2) == 0, 1.0, 2.0)
-    rms = (jnp.sum(twice * jnp.abs(shares)) + jnp.abs(besides)) / jnp.mean(squares)
+    rms = (jnp.sum(twice * jnp.abs(shares)) + jnp.abs(besides)) / jnp.mean(found)
     return NodeErrors(rms + ROUNDING, jnp.where(jnp.isnan(apart), jnp.inf, BENT * apart))
 
 
@@ -109,15 +114,39 @@ def _defect(system: System, x: Array, at: tuple[Array, ...]) -> Float[Array, "n 
     return system.defect(x, one_by_one(system.acceleration, at, system.args))
 
 
-def _squares(
-    system: System, at: tuple[Array, ...]
+def squares(
+    system: System, at: tuple[Array, ...], quantity: Quantity
 ) -> tuple[Float[Array, " n"], tuple[Float[Array, "n dims"], ...]]:
-    """Return the squares of the force on the foundation, and their slopes by x and x'."""
+    """Return the squares of a quantity at instants (t, x, x'), and their slopes by x and x'."""
 
-    def square(phase: Scalar, x: Array, rate: Array, scene: Scene) -> tuple[Scalar, Scalar]:
-        found = foundation_force(forced.snapshot(phase, x, rate, scene), scene) ** 2
+    def square(*instant: PyTree) -> tuple[Scalar, Scalar]:
+        found = quantity(*instant) ** 2
         return found, found
 
     by_both = jax.grad(square, argnums=(1, 2), has_aux=True)
     slopes, found = one_by_one(by_both, at, system.args)
     return found, slopes
+
+
+def dual_error(
+    system: System,
+    x: Float[Array, "nodes dims"],
+    factors: Factors,
+    defect: Float[Array, "instants dims"],
+    quantity: Quantity,
+) -> Scalar:
+    """Estimate the error that the nodes leave in the RMS of a quantity, as a share of it.
+
+    The `defect` is known at equal steps, two a node or more. The dual of the mean square says what
+    it matters (Becker and Rannacher, Acta Numerica 10, 2001).
+    It serves where `node_errors` overflows. It knows no harmonics but those of the nodes: with 96
+    of them the true error came to 0.58 of it at most at 350 random orbits of crushers, and with 24
+    to 3.2 times it.
+    """
+    points, pace = len(defect), 2 * np.pi / system.period
+    found, (by_x, by_rate) = squares(system, system.at(x, len(x)), quantity)
+    weights = by_x + pace * differentiation(len(x))[0].T @ by_rate
+    dual = lu_solve(factors, weights.ravel(), trans=1).reshape(x.shape)
+    both = (jnp.fft.rfft(resample(dual, points) / points, axis=0), jnp.fft.rfft(defect, axis=0))
+    by_harmonic = jnp.sum(jnp.real(jnp.conj(both[0]) * both[1]), axis=1) / points
+    return jnp.sum(jnp.abs(by_harmonic)) / jnp.mean(found)

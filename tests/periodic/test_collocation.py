@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxcrusher.orbits.collocation import System, collocate
-from jaxcrusher.orbits.multipliers import multipliers
-from jaxcrusher.orbits.newton import RESULTS
-from jaxcrusher.orbits.trigonometric import (
+from jaxcrusher.periodic.collocation import collocate
+from jaxcrusher.periodic.multipliers import multipliers
+from jaxcrusher.periodic.newton import RESULTS
+from jaxcrusher.periodic.system import System
+from jaxcrusher.periodic.trigonometric import (
     differentiation,
     evaluate,
     nodes,

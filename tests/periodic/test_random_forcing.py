@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from jaxcrusher.orbits.random_forcing import band, mean_variance, modes
+from jaxcrusher.periodic.random_forcing import band, mean_variance, modes
 from tests.pairs import crossed
 
 COUNT = 64

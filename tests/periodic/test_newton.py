@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.orbits.newton import newton, newton_on_host
+from jaxcrusher.periodic.newton import newton, newton_on_host
 
 
 def bent(point):

@@ -1,0 +1,150 @@
+"""The problem of orbits over a parameter by Fourier collocation."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Scalar
+
+from jaxcrusher.periodic.collocation import TOLERANCE
+from jaxcrusher.periodic.multipliers import monodromy
+from jaxcrusher.periodic.newton import HostRoot, newton
+from jaxcrusher.periodic.problem import (
+    MOST_CORRECTIONS,
+    AbstractPeriodicProblem,
+    Bordered,
+    Linearised,
+    OfMatrix,
+    Parameters,
+    Stride,
+    Vanishing,
+)
+from jaxcrusher.periodic.system import System
+from jaxcrusher.periodic.trigonometric import resample
+
+# Two places so near, in the unit of x, that they are one.
+ALIKE = 1e-3
+# Nodes a turn beyond which an event is not located again with twice as many.
+MOST_NODES = 384
+
+# Nodes -> numbers that are > 0 as long as nothing that is watched happens.
+Watch = Callable[[Float[Array, "nodes dims"]], Float[Array, " watched"]]
+
+
+def nothing(x: Float[Array, "nodes dims"]) -> Float[Array, "0"]:
+    """Watch for nothing."""
+    return jnp.zeros(0)
+
+
+class CollocationProblem(AbstractPeriodicProblem):
+    """By Fourier collocation: u are x at equally spaced times of the period.
+
+    `family(p)` is the system of orbits of `period` turns. `watch` makes the `monitors` of the nodes
+    alone, in JAX, one for each name of `watched`.
+    """
+
+    family: Callable[[Array], System]  # the system at values of the parameters
+    period: int = eqx.field(static=True, default=1)
+    watched: tuple[str, ...] = eqx.field(static=True, default=())
+    watch: Watch = eqx.field(static=True, default=nothing)
+
+    stride: ClassVar[Stride] = Stride(first=0.01, longest=0.1, shortest=1e-8)
+    ends: ClassVar[bool] = True
+
+    def residual(self, u: Float[Array, "nodes dims"], p: Parameters) -> Float[Array, "nodes dims"]:
+        """Return by what the nodes' acceleration exceeds x''."""
+        return self.family(p).residual(u)
+
+    def linearised(self, u: Float[Array, "nodes dims"], p: Parameters) -> Linearised:
+        """Return the residual with its derivatives by u and by p."""
+        left, matrix = self.family(p).linearised(u)
+        # Of few numbers: forward each costs a residual more.
+        columns = jax.jacfwd(lambda p: self.residual(u, p))(p)
+        return Linearised(left, matrix.reshape(u.size, u.size), columns)
+
+    def vanishing(self, of: OfMatrix, u: Array, p: Array, seen: Any) -> Vanishing:
+        """Return a function of the monodromy matrix, with slopes in reverse."""
+
+        def value(u: Array, p: Array) -> Scalar:
+            return of(monodromy(self.family(p), u))
+
+        return Vanishing(*jax.value_and_grad(value, argnums=(0, 1))(u, p))
+
+    def monitored(self, which: int, u: Array, p: Array, seen: Any) -> Vanishing:
+        """Return a monitor, which is a function of the nodes alone."""
+        value, by_nodes = jax.value_and_grad(lambda u: self.watch(u)[which])(u)
+        return Vanishing(value, (by_nodes, jnp.zeros_like(p)))
+
+    def solved(self, equations: Bordered) -> HostRoot | None:
+        """Return the zero of bordered equations, found by one program; None if there is none."""
+        point, steps, success = _solved(equations)
+        if not bool(success):
+            return None
+        jacobian = _jacobian(equations, point)
+        return HostRoot(np.asarray(point), np.asarray(jacobian), None, int(steps))
+
+    def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
+        """Return the matrix that the variational equations give."""
+        return np.asarray(_monodromy(self, u, jnp.asarray(p)))
+
+    def turns(self, u: Any, seen: Any) -> int:
+        """Return after how many turns the nodes repeat already."""
+        by_turn, period = np.asarray(u).reshape(self.period, -1), self.period
+        shorter = (turns for turns in range(1, period + 1) if period % turns == 0)
+        apart = lambda turns: np.max(np.abs(by_turn - np.roll(by_turn, turns, axis=0)))  # noqa: E731
+        return next(turns for turns in shorter if apart(turns) < ALIKE)
+
+    def monitors(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, " watched"]:
+        """Return what `watch` makes of the nodes."""
+        return np.asarray(self.watch(u))
+
+    def over(self, turns: int, u: np.ndarray) -> tuple["CollocationProblem", np.ndarray]:
+        """Return the problem of so many turns, and the nodes repeated or cut."""
+        family = eqx.Partial(_over, family=self.family, share=turns / self.period)
+        nodes = np.resize(u, (len(u) * turns // self.period, *u.shape[1:]))
+        return dataclasses.replace(self, family=family, period=turns), nodes
+
+    def resolved(
+        self, u: np.ndarray, finer: bool
+    ) -> tuple["CollocationProblem", np.ndarray] | None:
+        """Return twice as many nodes, up to the most that an orbit gets, or half as many."""
+        if finer and len(u) >= MOST_NODES * self.period:
+            return None
+        return self, np.asarray(resample(jnp.asarray(u), 2 * len(u) if finer else len(u) // 2))
+
+    def weight(self, size: int) -> float:
+        """Return that of a mean square."""
+        return 1 / size
+
+
+@eqx.filter_jit
+def _solved(equations: Bordered):
+    root = newton(
+        equations.residual,
+        lambda both: equations.linearised(both)[:2],
+        equations.guess,
+        TOLERANCE,
+        MOST_CORRECTIONS,
+    )
+    return root.point, root.steps, root.success
+
+
+# A program of its own: of an event's curve this is by far the largest part of all that is compiled.
+@eqx.filter_jit
+def _jacobian(equations: Bordered, both: Array) -> Array:
+    return equations.linearised(both)[1]
+
+
+@eqx.filter_jit
+def _monodromy(problem: CollocationProblem, u: Array, p: Parameters) -> Array:
+    return monodromy(problem.family(p), u)
+
+
+def _over(p: Parameters, *, family: Callable[[Array], System], share: float) -> System:
+    """Return a system over a share or a multiple of its period."""
+    system = family(p)
+    return dataclasses.replace(system, period=share * system.period)

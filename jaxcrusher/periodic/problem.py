@@ -1,0 +1,150 @@
+"""A periodic problem over one parameter: what a discretisation of its orbits must tell.
+
+After BifurcationKit's `AbstractPeriodicOrbitProblem`: Newton's method and the continuation of
+`jaxcrusher.periodic.branch` know a discretisation by this alone. There are two:
+`CollocationProblem`, of orbits that nodes resolve, and `ShootingProblem`, by an integrator.
+"""
+
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Scalar
+
+from jaxcrusher.periodic.newton import HostRoot
+
+# Newton's steps of a correction: more, and the step along the branch was too long.
+MOST_CORRECTIONS = 8
+
+
+class Linearised(NamedTuple):
+    """The equations at unknowns u and a parameter p, with what else their evaluation told."""
+
+    residual: Array | np.ndarray  # of the shape of u
+    by_unknowns: Array | np.ndarray  # (size of u, size of u)
+    by_parameter: Array | np.ndarray  # of the shape of u, and behind it that of p
+    seen: Any = None
+
+
+# One number or, of a curve of events, two.
+Parameters = Float[Array, " *count"]
+# A number of a monodromy matrix.
+OfMatrix = Callable[[Array], Scalar]
+
+
+class Vanishing(NamedTuple):
+    """What vanishes at an event, and its slopes by the unknowns and by the parameters."""
+
+    value: Any
+    slopes: tuple[Any, Any]
+
+
+class Stride(NamedTuple):
+    """Steps along a branch, in the norm of its problem."""
+
+    first: float
+    longest: float
+    shortest: float  # a branch that wants shorter ones ends
+    # A step that ends further off the tangent, as a share of it, is taken again, half as long.
+    straight: float = np.inf
+    located: float = 1e-12  # of a special point, as a share of the step that holds it
+
+
+class AbstractPeriodicProblem(eqx.Module):
+    """Equations of unknowns u whose zeros are periodic orbits, over a parameter p.
+
+    An orbit repeats after `period` turns. A turn is one period of the forcing.
+    """
+
+    period: eqx.AbstractVar[int]
+    watched: eqx.AbstractVar[tuple[str, ...]]  # what happens where each monitor vanishes
+    stride: eqx.AbstractClassVar[Stride]
+    ends: eqx.AbstractClassVar[bool]  # whether a branch ends there
+
+    @abstractmethod
+    def residual(self, u: Array, p: Any) -> Array:
+        """Return what the equations leave, of the shape of u."""
+
+    @abstractmethod
+    def linearised(self, u: Array, p: Any) -> Linearised:
+        """Return the residual with its derivatives by u and by p."""
+
+    @abstractmethod
+    def solved(self, equations: "Bordered") -> HostRoot | None:
+        """Return the zero of bordered equations and what they told there; None if there is none."""
+
+    @abstractmethod
+    def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
+        """Return what a period makes of disturbances; `seen` is what its equations told."""
+
+    @abstractmethod
+    def vanishing(self, of: OfMatrix, u: Array, p: Any, seen: Any) -> Vanishing:
+        """Return a function of the monodromy matrix, with its slopes by u and by p."""
+
+    @abstractmethod
+    def monitored(self, which: int, u: Array, p: Any, seen: Any) -> Vanishing:
+        """Return one of the `monitors`, with its slopes by u and by p."""
+
+    @abstractmethod
+    def turns(self, u: Any, seen: Any) -> int:
+        """Return after how many turns an orbit repeats already."""
+
+    @abstractmethod
+    def monitors(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, " watched"]:
+        """Return the numbers that are > 0 as long as what is `watched` does not happen."""
+
+    @abstractmethod
+    def over(self, turns: int, u: np.ndarray) -> tuple["AbstractPeriodicProblem", np.ndarray]:
+        """Return the problem of so many turns, and the unknowns of an orbit that repeats in both.
+
+        One of the two numbers of turns is a multiple of the other.
+        """
+
+    @abstractmethod
+    def resolved(
+        self, u: np.ndarray, finer: bool
+    ) -> tuple["AbstractPeriodicProblem", np.ndarray] | None:
+        """Return finer or coarser equations for the same orbits, and the unknowns of one.
+
+        None where there are no finer ones. A change of unknowns becomes one of theirs.
+        """
+
+    @abstractmethod
+    def weight(self, size: int) -> float:
+        """Return what the square of each of `size` unknowns counts beside the parameter's."""
+
+
+class Bordered(eqx.Module):
+    """The equations of a problem, and a plane across a branch: unknowns are u and p / scale."""
+
+    problem: AbstractPeriodicProblem
+    guess: Float[Array, " n"]  # in the plane
+    across: Float[Array, " n"]  # its normal
+    scale: Array
+    shape: tuple[int, ...] = eqx.field(static=True)
+
+    def split(self, both: Any) -> tuple[Any, Any]:
+        """Return u and p."""
+        return both[:-1].reshape(self.shape), self.scale * both[-1]
+
+    def residual(self, both: Array) -> Array:
+        """Return that of the equations and, last, the way from the plane."""
+        left = self.problem.residual(*self.split(both))
+        return jnp.append(left.ravel(), self._normal() @ (both - self.guess))
+
+    def linearised(self, both: ArrayLike) -> tuple[Array, Array, Any]:
+        """Return the residual, its Jacobian, and what else the evaluation told."""
+        at = self.problem.linearised(*self.split(both))
+        normal = self._normal()
+        left = jnp.append(at.residual.ravel(), normal @ (both - self.guess))
+        column = self.scale * at.by_parameter.reshape(-1, 1)
+        rows = jnp.concatenate([at.by_unknowns, column], axis=1)
+        return left, jnp.concatenate([rows, normal[None]]), at.seen
+
+    def _normal(self) -> Array:
+        """Return the last row of the Jacobian: the normal, weighted."""
+        weight = self.problem.weight(len(self.across) - 1)
+        return self.across * np.append(np.full(len(self.across) - 1, weight), 1.0)
