@@ -61,8 +61,9 @@ def confirmed(
 ) -> Confirmed:
     """Return a point of the unit box with its long runs and its orbit, and its objective."""
     values = case.design.numbers(unit)
-    described = {**jc.PE250X400, **case.design.fixed, **values}
-    scene = jc.build_scene({**case.design.fixed, **values})
+    given = case.design.described(values)
+    described = {**jc.PE250X400, **given}
+    scene = jc.build_scene(given)
     intervals = [interval(numbers) for numbers in rows["objective"]]
     runs, judged = {}, []
     for i, (start, numbers) in enumerate(zip(STARTS, intervals, strict=True)):

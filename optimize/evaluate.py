@@ -64,8 +64,9 @@ class Case:
 
     @property
     def links_free(self) -> bool:
-        """Whether the stroke, and with it the capacity, depends on what is free."""
-        return bool({*LINKS, "gravity"} & set(self.design.names)) or bool(self.design.completions)
+        """Whether the capacity at a speed depends on what is free, as by the stroke."""
+        free, kept = {*self.design.names}, self.design.kept_stroke is not None
+        return "gravity" in free or (bool({*LINKS} & free) and not kept)
 
     @property
     def slowest(self) -> float:

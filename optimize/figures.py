@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -257,7 +256,7 @@ def _numbers(design: Confirmed, statistic: str, transient: bool) -> tuple[float,
 
 def draw_bearings(folder: Path, case: Case, design: Confirmed) -> None:
     """Draw where the frame carries the machine, at O and C, when the toggle presses hardest."""
-    scene = jc.build_scene({**case.design.fixed, **design.values}).ideal()
+    scene = jc.build_scene(case.design.described(design.values)).ideal()
     times = 2 * np.pi / design.speed * np.linspace(0, 1, 73)
     turn = jc.simulate(scene, times, outputs=mechanism.DRAWN)
     hardest = int(np.argmax(np.linalg.norm(turn["toggle_reaction"], axis=1)))
@@ -281,7 +280,7 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
     turns = np.linspace(0, 2, 4001)
     motions = design_motions(case, list(answer.designs.values()), turns)
     for column, (title, design) in enumerate(answer.designs.items()):
-        described: dict[str, Any] = {**case.design.fixed, **design.values}
+        described = case.design.described(design.values)
         speed, clearance = design.speed, design.clearance
         of_speed = said("speed", speed, answer.box.units)
         times = 2 * np.pi / speed * turns

@@ -8,13 +8,13 @@ import xarray as xr
 from jaxtyping import Float
 from scipy.stats import qmc
 
-import jaxcrusher as jc
 from jaxcrusher.batch.sweep import columns_of
 from jaxcrusher.crusher.joints import JOINTS
 from jaxcrusher.files import table
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion import statistic
 from jaxcrusher.motion.statistic import always_with, chosen
+from jaxcrusher.scenes.parameters import NUMBERS
 from optimize.design import Design
 from optimize.evaluate import STARTS, Case, Rows, judged
 
@@ -63,7 +63,7 @@ def labelled(
     """
     values = {name: np.asarray(numbers) for name, numbers in design.values(units).items()}
     labels = {
-        name: {"units": jc.PARAMETERS[name].unit, "long_name": jc.PARAMETERS[name].meaning}
+        name: {"units": NUMBERS[name].unit, "long_name": NUMBERS[name].meaning}
         for name in design.names
     }
     coordinates: dict = dict(first or {})

@@ -73,12 +73,15 @@ class Options(Effort):
     clearance: Range = ("0.03", "0.12mm")
     """Smallest and largest radial clearance, likewise."""
     design: Annotated[
-        tuple[tuple[str, str, str], ...],
+        tuple[tuple[str, ...], ...],
         tyro.conf.UseAppendAction,
-        tyro.conf.arg(metavar="NAME LOW HIGH"),
+        tyro.conf.arg(metavar="NAME LOW HIGH|SET"),
     ] = ()
     """A free parameter with its bounds, instead of speed and clearance, as often as needed.
-    Names and units as in a scene file: --design counterweight.mass 0 "50 kg"."""
+    Names and units as in a scene file: --design counterweight.mass 0 "50 kg". Or a set of them at
+    equal stroke: balance (9: counterweight, the jaw's mass centre, links) or machine (21: masses,
+    inertias, load and bearing as well); a line NAME LOW HIGH beside it gives a number other
+    bounds."""
     scene: Path | None = None
     """TOML scene file with the crusher's other numbers; the options below go before it."""
     overrides: Annotated[

@@ -137,7 +137,7 @@ def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     """
     if unsolvable(case):
         return None
-    described = {**case.design.fixed, **case.design.numbers(unit)}
+    described = case.design.described(case.design.numbers(unit))
     scene = jc.build_scene(described)
     solution = jc.periodic_orbit(scene)
     offsets = BESIDE * np.eye(len(unit))
@@ -157,7 +157,7 @@ def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
 
 def coexisting(case: Case, values: dict[str, float]) -> tuple[Coexisting, ...]:
     """Return the stable orbits that random starts about the centred one come to."""
-    described = {**case.design.fixed, **values}
+    described = case.design.described(values)
     scene, chamber = jc.build_scene(described), case.chamber_of(described)
     found = jc.coexisting_orbits(
         started(described, "centred"), starts=ENSEMBLE, turns=ENSEMBLE_TURNS

@@ -22,12 +22,14 @@ from jaxcrusher.scenes.scene_file import (
     scene_of,
 )
 from optimize.answer import Box, Sought
+from optimize.completions import CounterweightMoment, EqualStroke
 from optimize.design import Design
 from optimize.evaluate import Case
 from optimize.landscape import GRID_DIMENSIONS
 from optimize.limits import read_limits
 from optimize.objectives import OBJECTIVES, OF_SUPPORTS
 from optimize.options import Effort, Options
+from optimize.sets import SETS, set_bounds
 from optimize.throughput import read_bulk_density
 
 # The paper's choice, Section 5.3.
@@ -76,15 +78,20 @@ def resolve(options: Options) -> Problem:
     _require_used(options)
     _require_not_set(options)
     bulk_density = read_bulk_density(options.bulk_density)
-    described, free = _description(options), _bounds(options)
-    corner = {**described, **{name: low for name, (low, _) in free.items()}}
+    described = _description(options)
+    free, written = _bounds(options, described), _written_bounds(options)
+    design = _design(options, described, free)
+    reference, compared_with = _reference(options, described, free)
+    # Sets lie about the machine's own numbers, other ranges anywhere.
+    lowest = reference | {name: low for name, (low, _) in written.items()}
+    corner = described | design.described(lowest)
     scene = scene_of(corner, options.scene, given=corner)
     if "clearance" in free:
         bore = described.get("bore_radius", PE250X400["bore_radius"])
         require_clearance(free["clearance"][1], bore)
     chamber = build_chamber(described)
     case = Case(
-        Design(free, {name: value for name, value in described.items() if name not in free}),
+        design,
         OBJECTIVES[options.objective],
         chamber,
         _floor(options, described, free),
@@ -106,11 +113,11 @@ def resolve(options: Options) -> Problem:
         rubs = scene.joint is not None and scene.joint.friction is not None
         require(rubs, "objective", "be another without friction", options.objective)
     speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(case.capacity_floor))
-    written = (*options.overrides, *((name, high) for name, _, high in _free(options)))
-    units = units_of_file(options.scene) | units_of(written)
+    texts = (*options.overrides, *((name, high) for name, _, high in _ranges(options)))
+    units = units_of_file(options.scene) | units_of(texts)
     kept = {name: value for name, value in asdict(options).items() if name not in KEPT_APART}
+    kept |= {} if design.kept_stroke is None else {"stroke": design.kept_stroke.target}
     limits = {limit.statistic: limit.most for limit in case.limits}
-    reference, compared_with = _reference(options, described, free)
     return Problem(
         options.folder,
         {
@@ -155,14 +162,21 @@ def _check_numbers(options: Options) -> None:
 
 
 def _require_used(options: Options) -> None:
-    """ValueError for an option that another one makes idle."""
-    names = [key_of(name) for name, _, _ in options.design]
+    """ValueError for an option that another one makes idle, or a line `--design` of no kind."""
+    names = [key_of(name) for name, _, _ in _ranges(options)] if options.design else []
     require(len(set(names)) == len(names), "design", "name every parameter once", names)
-    many = len(names) > GRID_DIMENSIONS
+    words = _sets(options)
+    for word in words:
+        require_choice("design", word, SETS)
+    many = bool(words) or len(names) > GRID_DIMENSIONS
     grid = "not be given with more than two parameters, which --samples spreads"
     for name, idle, must in (
-        ("speed", bool(names), "be a line --design speed LOW HIGH beside other ones"),
-        ("clearance", bool(names), "be a line --design clearance LOW HIGH beside other ones"),
+        ("speed", bool(options.design), "be a line --design speed LOW HIGH beside other ones"),
+        (
+            "clearance",
+            bool(options.design),
+            "be a line --design clearance LOW HIGH beside other ones",
+        ),
         ("cells", many, grid),
         ("grid", many, grid),
         ("samples", not many, "not be given with a grid; --cells and --grid are its points"),
@@ -176,21 +190,40 @@ def _require_used(options: Options) -> None:
 
 
 def _require_not_set(options: Options) -> None:
-    """ValueError for `--set` of a number that is free, or that another option gives."""
-    taken = {key_of(name) for name, _, _ in _free(options)}
+    """ValueError for `--set` of a number that is free, or that another option gives.
+
+    The numbers of a set may be given: it frees them about their values.
+    """
+    taken = {key_of(name) for name, _, _ in _ranges(options)}
     taken |= {name for name in ("slip", "friction", "load_law") if getattr(options, name)}
     for name, _ in options.overrides:
         repeated = key_of(name) in taken
         require(not repeated, "set", "not repeat what another option gives", name)
 
 
-def _bounds(options: Options) -> Bounds:
-    """Return the free parameters with their bounds, in SI units.
+def _sets(options: Options) -> list[str]:
+    """Return the sets that lines `--design` name; ValueError for one of neither kind."""
+    for words in options.design:
+        must = f"be NAME LOW HIGH, or one of {', '.join(SETS)}"
+        require(len(words) in (1, 3), "design", must, " ".join(words))
+    return [words[0] for words in options.design if len(words) == 1]
+
+
+def _ranges(options: Options) -> list[tuple[str, str, str]]:
+    """Return the ranges of single parameters as they are written."""
+    if not options.design:
+        return [("speed", *options.speed), ("clearance", *options.clearance)]
+    lines = (words for words in options.design if len(words) == 3)
+    return [(name, low, high) for name, low, high in lines]
+
+
+def _written_bounds(options: Options) -> Bounds:
+    """Return the bounds of single parameters, in SI units.
 
     Raises ValueError for unknown names, for values without a unit, and for no LOW < HIGH.
     """
     found = {}
-    for name, low, high in _free(options):
+    for name, low, high in _ranges(options):
         key = key_of(name)
         require_moving("design", key)
         found[key] = read_range(name, low, high)
@@ -199,10 +232,21 @@ def _bounds(options: Options) -> Bounds:
     return found
 
 
-def _free(options: Options) -> tuple[tuple[str, str, str], ...]:
-    """As they are written."""
-    paper = (("speed", *options.speed), ("clearance", *options.clearance))
-    return options.design or paper
+def _bounds(options: Options, described: dict[str, Any]) -> Bounds:
+    """Return the free parameters with their bounds; single ones go before those of sets."""
+    found: Bounds = {}
+    for word in _sets(options):
+        found |= set_bounds(word, {**PE250X400, **described})
+    return found | _written_bounds(options)
+
+
+def _design(options: Options, described: dict[str, Any], free: Bounds) -> Design:
+    """Return the design; a set keeps the stroke of the machine that it begins with."""
+    kept = EqualStroke.of(described) if options.design and _sets(options) else None
+    following = Design(free, {}, kept).following
+    apart = {*free, *following}
+    fixed = {name: value for name, value in described.items() if name not in apart}
+    return Design(free, fixed, kept)
 
 
 def _description(options: Options) -> dict[str, Any]:
@@ -219,7 +263,7 @@ def _description(options: Options) -> dict[str, Any]:
         velocity = read_text("impact_velocity", options.impact_velocity)
         values |= {"impact_law": "constant", "impact_velocity": velocity}
     require(values.get("joint") != "ideal", "scene", "have a joint with clearance", "ideal")
-    rough = "load_scatter" in {*values, *(name for name, _, _ in options.design)}
+    rough = "load_scatter" in {*values, *(name for name, _, _ in _ranges(options))}
     expected = options.objective == "expected_rms"
     must = "come with the objective expected_rms, as motions of others repeat"
     require(expected or not rough, "load_scatter", must, f"given with {options.objective}")
@@ -238,6 +282,7 @@ def _reference(
     every design of the box, and has the default clearance.
     """
     base, title = {**PE250X400, **described}, "scene file's choice"
+    base |= CounterweightMoment().of(base)
     if options.scene is None:
         base |= {"speed": SEED_SPEED, "clearance": SEED_CLEARANCE}
         title = "paper's choice"

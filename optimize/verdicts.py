@@ -114,7 +114,7 @@ def _below_ideal(case: Case, best: Confirmed) -> float:
     the coefficient times bore radius and force, changes the forces at toggle and bearing by itself
     over the jaw's length.
     """
-    described = {**jc.PE250X400, **case.design.fixed, **best.values}
+    described = {**jc.PE250X400, **case.design.described(best.values)}
     if described["slip"] != "surface":
         return BELOW_IDEAL
     lever = described["bore_radius"] / described["jaw.length"]

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
+from benchmarks.optimisers import run as optimisers
+from benchmarks.optimisers.methods import METHODS, Improvement, Objective, Searched
 from benchmarks.pages import DOCS
 from benchmarks.stability import figure as stability
 from benchmarks.stability.judgement import Judged
@@ -17,7 +19,7 @@ from benchmarks.work_precision import figure as work_precision
 from benchmarks.work_precision.measure import Row
 from jaxcrusher.files.results import read_table
 from jaxcrusher.pictures.page import SMALLEST, STYLE, WIDTH, power
-from optimize.balance import figure as balance
+from optimize.sets import SETS
 
 
 @pytest.fixture(scope="module")
@@ -119,34 +121,14 @@ def test_powers_of_ten_in_few_letters(value, text):
     assert power(value) == text
 
 
-# The designs of a study, as its result names them.
-NAMES = ("paper", "optimised", "robust")
-
-
-def test_type_of_the_figure_of_the_balance():
-    """A figure that fits one page, of rows made by hand."""
-    result = {
-        "cost": {"scale": 19102.0},
-        "robust": {
-            "conditions": {"load": [8e3, 9e3]},
-            "values": {name: [19e3, 20e3] for name in NAMES},
-        },
-        "searches": [
-            {"method": method, "start": 0, "work": [1, 9], "seconds": [0.1, 1.0], "best": [1, 0.9]}
-            | {"total_work": 9, "total_seconds": 1.0}
-            for method in balance.COLOURS
-        ],
-    }
-    turn = {
-        name: {
-            "foundation_force": np.ones(8),
-            "shaking_force": np.ones((8, 2)),
-            "drive_power": np.ones(8),
-        }
-        for name in NAMES
-    }
+def test_type_of_the_figure_of_the_optimisers():
+    """A figure that fits one page, of searches made by hand."""
+    improved = [Improvement(1.0, 0.1, 1.0), Improvement(9.0, 1.0, 0.9)]
+    searches = [Searched(method, 0, improved, [0.5], 9, 9.0, 1.0) for method in METHODS]
+    bowl = Objective(lambda _: 1.0, lambda _: (1.0, np.zeros(1)), 1e-3, 2e-3)
+    contests = [optimisers.Contest(word, 19102.0, bowl, searches) for word in SETS]
     with plt.rc_context(STYLE):
-        fig = balance.figure(result, turn)
+        fig = optimisers.draw(contests)
         # Ticks take their type when they are first drawn.
         fig.draw_without_rendering()
     assert fig.get_figwidth() <= WIDTH and fig.get_figheight() <= 10

@@ -8,8 +8,8 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import stroke
 from jaxcrusher.scenes.build import build_machine
-from optimize.design import CounterweightMoment, Design
-from optimize.stroke import EqualStroke
+from optimize.completions import CounterweightMoment, EqualStroke
+from optimize.design import Design
 
 LINKS = {
     "toggle.length": (0.285, 0.315),
@@ -21,7 +21,7 @@ LINKS = {
 
 @pytest.fixture(scope="module")
 def design():
-    return Design(LINKS, {}, (EqualStroke.of({}),))
+    return Design(LINKS, {}, EqualStroke.of({}))
 
 
 def test_unit_box_round_trip(design):
@@ -74,7 +74,7 @@ def test_eccentricity_has_the_right_second_derivatives(design, solved):
 
 
 def test_a_stroke_out_of_reach_is_not_a_number():
-    flat = Design({"jaw.length": (0.66, 0.73)}, {}, (EqualStroke(0.2),))
+    flat = Design({"jaw.length": (0.66, 0.73)}, {}, EqualStroke(0.2))
     assert np.isnan(flat.description(np.array([0.5]))["shaft.eccentricity"])
     with pytest.raises(ValueError, match=r"^Argument `shaft\.eccentricity` must be finite"):
         flat.scene(np.array([0.5]))
@@ -107,7 +107,7 @@ def test_counterweight_by_its_moment():
         (({"sped": (1.0, 2.0)},), "`sped` must be a known name"),
         (
             ({"counterweight.moment_along": (0.0, 1.0)},),
-            "moment_along` must be a known name",
+            "`bounds` must name both parts of the moment",
         ),
         (({"jaw.length": (0.7, 0.7)},), "`bounds of jaw.length` must be finite, LOW < HIGH"),
         (({"jaw.length": (0.6, np.inf)},), "`bounds of jaw.length` must be finite"),

@@ -298,7 +298,8 @@ def test_the_two_bearings_are_drawn_once(tmp_path, monkeypatch):
     monkeypatch.setattr(figures, "write_figure", kept)
     found = hand_made_answer()
     # A load across the jaw presses on both, so that both forces are long enough for a name.
-    case: Any = SimpleNamespace(design=SimpleNamespace(fixed={"load_law": "normal_to_jaw"}))
+    design = Design(found.box.bounds, {"load_law": "normal_to_jaw"})
+    case: Any = SimpleNamespace(design=design)
     figures.draw_bearings(tmp_path, case, found.optimum)
     (names,) = drawn
     bearing = jc.build_scene({}).machine.bearing

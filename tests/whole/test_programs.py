@@ -78,7 +78,7 @@ def test_help_comes_at_once_and_what_is_unknown_is_refused(path, run):
     [
         ("jaxcrusher", "simulate"),
         ("optimize.run",),
-        ("optimize.balance",),
+        ("optimize.compare",),
         ("benchmarks.reproduction",),
     ],
     ids=lambda words: words[0],

@@ -1,4 +1,8 @@
-"""Equal stroke: the eccentricity that keeps the jaw's work when the links change."""
+"""Numbers of a design that follow from its other ones: equal stroke, a counterweight's moment.
+
+Each is called with all numbers of a description, and returns them with those that follow, its
+`outputs`, and without names that are none of `jaxcrusher.PARAMETERS`.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,9 +15,50 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.checks import nan_unless
 from jaxcrusher.crusher.capacity import stroke
 from jaxcrusher.scenes.build import build_machine
+from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, Parameter
 
 # Newton steps on the eccentricity, to which the stroke is nearly proportional.
 STEPS = 5
+
+
+@dataclass(frozen=True)
+class CounterweightMoment:
+    """The counterweight by its first moment about O (kg m), along and across O-A.
+
+    By mass and angle it would have a trap: a mass that comes to zero no longer feels its angle,
+    and a descent stays there although another angle would help.
+    """
+
+    inputs: ClassVar[tuple[str, ...]] = (
+        "counterweight.moment_along",
+        "counterweight.moment_across",
+    )
+    outputs: ClassVar[tuple[str, ...]] = ("counterweight.mass", "counterweight.angle")
+
+    def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Mass and angle, at the description's `counterweight.radius`."""
+        rest = dict(values)
+        along, across = (rest.pop(name) for name in self.inputs)
+        # At zero the length of the moment has no slope: that towards O-A is taken.
+        along = along + jnp.where((along == 0) & (across == 0), 1e-12, 0.0)
+        radius = rest.get("counterweight.radius", PE250X400["counterweight.radius"])
+        rest["counterweight.mass"] = jnp.sqrt(along**2 + across**2) / radius
+        rest["counterweight.angle"] = jnp.arctan2(across, along)
+        return rest
+
+    def of(self, values: Mapping[str, Any]) -> dict[str, float]:
+        """Return the moment of a description by mass, radius and angle."""
+        mass, radius, angle = (values[f"counterweight.{n}"] for n in ("mass", "radius", "angle"))
+        moment = mass * radius
+        parts = moment * jnp.cos(angle), moment * jnp.sin(angle)
+        return {name: float(part) for name, part in zip(self.inputs, parts, strict=True)}
+
+
+# Known to units and tables as those of laws of one's own are; a scene file has mass and angle.
+NUMBERS |= {
+    name: Parameter(0.0, "kg m", f"of the counterweight about O, {where} O-A", (-1e4, 1e4), 1.0)
+    for name, where in zip(CounterweightMoment.inputs, ("along", "across"), strict=True)
+}
 
 
 @dataclass(frozen=True)
@@ -27,7 +72,7 @@ class EqualStroke:
 
     target: float
     limits: tuple[float, float] = (0.004, 0.04)
-    inputs: ClassVar[tuple[str, ...]] = ()
+    outputs: ClassVar[tuple[str, ...]] = ("shaft.eccentricity",)
 
     @classmethod
     def of(

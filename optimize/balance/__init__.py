@@ -1,1 +1,0 @@
-"""The design study: counterweight and links that shake the foundation least."""
