@@ -78,7 +78,7 @@ def run(what: str, out: Path) -> None:
     publish(
         folder,
         f"{name}.md",
-        tables(rows, refused),
+        tables(rows, refused, by_start=what == "bearing"),
         *("scikit-sundae", "numba"),
         rows=map(asdict, rows + refused),
         draw=lambda: FIGURES[name](rows),

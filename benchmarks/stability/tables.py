@@ -9,8 +9,10 @@ from benchmarks.pages import table
 from benchmarks.stability.judgement import DISAGREES, OUTSIDE, VERDICTS, WHIRL, Judged
 
 
-def tables(rows: Sequence[Judged], refused: Sequence[Judged] = ()) -> dict[str, str]:
-    """Return the counts of verdicts, the exceptions, and a row for each axis and start."""
+def tables(
+    rows: Sequence[Judged], refused: Sequence[Judged] = (), by_start: bool = True
+) -> dict[str, str]:
+    """Return the counts of verdicts, the exceptions, and a row for each axis, or its starts."""
     motions, inputs = (Counter(row.verdict for row in judged) for judged in (rows, refused))
     counted = [[verdict, motions[verdict], inputs[verdict] or ""] for verdict in VERDICTS]
     apart = [row for row in (*rows, *refused) if row.agreement not in ("yes", "")]
@@ -21,7 +23,7 @@ def tables(rows: Sequence[Judged], refused: Sequence[Judged] = ()) -> dict[str, 
     found = {
         "verdicts": table(["verdict", "motions", "inputs without a motion"], counted),
         "exceptions": table(labels, exceptions),
-        "axes": _axes(rows),
+        "axes": _axes(rows, by_start),
     }
     if refused:
         found["inputs"] = _inputs(refused)
@@ -32,14 +34,15 @@ def _marked(row: Judged) -> str:
     return f"**{row.verdict}**" if row.verdict == DISAGREES else row.verdict
 
 
-def _axes(rows: Sequence[Judged]) -> str:
-    """A row for each axis and start: what was judged how, and the worst of it."""
-    groups: dict[tuple[str, str], list[Judged]] = {}
+def _axes(rows: Sequence[Judged], by_start: bool) -> str:
+    """A row for each axis, or each start of it: what was judged how, and the worst of it."""
+    groups: dict[tuple[str, ...], list[Judged]] = {}
     for row in rows:
         start = "its own" if row.start == row.value else row.start
-        groups.setdefault((row.axis, start), []).append(row)
+        groups.setdefault((row.axis, start) if by_start else (row.axis,), []).append(row)
     headings = [
-        *("axis", "start", "cases", "agrees", "whirl at", "outside the model at"),
+        *(("axis", "start") if by_start else ("axis",)),
+        *("cases", "agrees", "whirl at", "outside the model at"),
         *("error / allowed", "RMS: error / allowed", "steps a turn"),
     ]
     return table(headings, [[*labels, *_summary(group)] for labels, group in groups.items()])

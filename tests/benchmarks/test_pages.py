@@ -44,7 +44,9 @@ def made():
     refused = [row for row in rows if not row.formulation]
     return {
         "stability.md": stability(moving, refused),
-        "stability_seats.md": stability(read_table(DOCS / "stability_seats.csv", Judged)),
+        "stability_seats.md": stability(
+            read_table(DOCS / "stability_seats.csv", Judged), by_start=False
+        ),
         "crosschecks.md": {"summary": summary(read_table(DOCS / "crosschecks.csv", Crosscheck))},
         "reproduction/claims.md": {"readings": reading_table(read)},
         "step_cost.md": step_cost(csv_rows("step_cost.csv")),
