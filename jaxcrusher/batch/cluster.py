@@ -1,13 +1,16 @@
 """Chunks of a sweep on a Dask cluster: workers compute, the caller writes.
 
-The workers get an ensemble and a number, and send back its columns, some 100 kB a chunk. They need
-no shared file system and no lock, and a worker that dies holds nothing but its chunk in progress,
-which Dask gives to another one. A worker may be new at any chunk. So it gets the ensemble as bytes,
-and opens them when it is set up: they import Equinox, which reads its settings then.
+The workers get an ensemble's method and a number, and send back its columns, some 100 kB a chunk.
+They need no shared file system and no lock, and a worker that dies holds nothing but its chunk in
+progress, which Dask gives to another one. A worker may be new at any chunk. So it gets the method
+as bytes, and opens them when it is set up: they import Equinox, which reads its settings then.
 """
 
-from collections.abc import Generator
+import contextlib
+from collections.abc import Callable, Generator, Iterator
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from jaxcrusher.basics.setup import set_up
 from jaxcrusher.files.provenance import environment
@@ -15,18 +18,37 @@ from jaxcrusher.files.provenance import environment
 if TYPE_CHECKING:
     import distributed
 
-    from jaxcrusher.batch.ensemble import Ensemble, Result
+# A chunk's number, its values by column, and a record of how they were computed.
+Result = tuple[int, dict[str, np.ndarray], dict[str, Any]]
+# Computes chunks by their numbers, and yields them as they finish.
+Compute = Callable[[list[int]], Generator[Result, None, None]]
 
 
-def connect(address: str) -> "distributed.Client":
-    """A client of the scheduler at an address; ImportError if Dask is not installed."""
+@contextlib.contextmanager
+def workers(
+    scheduler: "str | distributed.Client",
+    compute: Callable[[int], Result],
+    name: Callable[[int], str],
+) -> Iterator[tuple[dict[str, Any], Compute]]:
+    """Yield the environment of a cluster's workers, and how they `compute` chunks of such a `name`.
+
+    `scheduler` is a client or an address. Raises ImportError if Dask is not installed.
+    """
     try:
         import distributed
     except ImportError:
         raise ImportError(
             "Argument `scheduler` needs Dask: pip install 'jaxcrusher[cluster]'."
         ) from None
-    return distributed.Client(address, set_as_default=False)
+    own = isinstance(scheduler, str)
+    client = distributed.Client(scheduler, set_as_default=False) if own else scheduler
+    try:
+        # Waits for the first worker.
+        program = client.submit(worker_environment, pure=False).result()
+        yield program, lambda numbers: compute_on(client, compute, name, program, numbers)
+    finally:
+        if own:
+            client.close()
 
 
 def worker_environment() -> dict[str, Any]:
@@ -37,10 +59,11 @@ def worker_environment() -> dict[str, Any]:
 
 def compute_on(
     client: "distributed.Client",
-    ensemble: "Ensemble",
+    compute: Callable[[int], Result],
+    name: Callable[[int], str],
     program: dict[str, Any],
     numbers: list[int],
-) -> "Generator[Result, None, None]":
+) -> Generator[Result, None, None]:
     """Yield the chunks as they finish; RuntimeError names a chunk that workers failed on.
 
     `program` is the environment that each worker must have.
@@ -48,7 +71,7 @@ def compute_on(
     from distributed import as_completed
     from distributed.protocol.pickle import dumps
 
-    todo, packed = iter(numbers), dumps(ensemble)
+    todo, packed = iter(numbers), dumps(compute)
     pending = {}
     finished = as_completed(loop=client.loop)
 
@@ -70,18 +93,17 @@ def compute_on(
             try:
                 result = future.result()
             except Exception as error:
-                place = ".".join(map(str, ensemble.layout.position(number)))
-                raise RuntimeError(f"Chunk {place} was not computed: {error}") from error
+                raise RuntimeError(f"Chunk {name(number)} was not computed: {error}") from error
             submit()
             yield result
     finally:
         client.cancel(list(pending))
 
 
-def _work(packed: bytes, number: int, program: dict[str, Any]) -> "Result":
+def _work(packed: bytes, number: int, program: dict[str, Any]) -> Result:
     here = worker_environment()
     if here != program:
         raise RuntimeError(f"this worker has {here}, the store is made with {program}")
     from distributed.protocol.pickle import loads
 
-    return loads(packed).compute(number)
+    return loads(packed)(number)

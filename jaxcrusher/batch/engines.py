@@ -7,7 +7,6 @@ it is asked to (see `basics.loop_kernels`). Where the user lets JAX compute on a
 lanes cannot do runs side by side under `jax.vmap`.
 """
 
-import math
 import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -110,14 +109,15 @@ def run_chunks(
     engine: Engine | None = None,
     *,
     whole: int = 1,
+    skips: bool = False,
     journal: Journal | None = None,
 ) -> Iterator[tuple[slice, PyTree]]:
     """Do as `map_chunks` for a function that always does the same, which is not traced again.
 
     It is an `equinox.Partial` of a module-level function of this package. Only the table of
     statistics may change. A chunk is filled up to a multiple of `whole` designs, so that few sizes
-    are compiled. With a `journal` finished chunks, whose results are named arrays, are not
-    computed again.
+    are compiled: with designs of NaN if the function `skips` these, else with its last one. With a
+    `journal` finished chunks, whose results are named arrays, are not computed again.
     """
     _require_stacked(function, scenes)
     function = eqx.Partial(_with_statistics, function=function, statistics=chosen(STATISTIC))
@@ -130,17 +130,14 @@ def run_chunks(
     run = run_of(engine)
     size = -(-count // -(-count // chunk))
     # XLA opens a loop over one design, and then rounds differently: each device gets two.
-    size = max(size, 2 * shares)
-    even = math.lcm(shares, whole)
-    size = -(-size // even) * even
+    size = max(-(-size // whole) * whole, 2 * shares)
+    size = -(-size // shares) * shares
 
     def of_chunk(first: int) -> tuple[slice, PyTree]:
         rows = slice(first, min(first + size, count))
-        # The last chunk repeats its last design, so that every chunk has the same shape.
-        index = np.minimum(np.arange(first, first + size), count - 1)
         # Interleaved: neighbours in a grid cost about the same, and each device gets both.
         order = np.argsort(np.arange(size) % shares, kind="stable")
-        part = jax.tree.map(lambda leaf, i=index[order]: leaf[i], scenes)
+        part = jax.tree.map(lambda leaf: _filled(leaf[rows], size, skips)[order], scenes)
         back = np.argsort(order)[: rows.stop - rows.start]
 
         def compute() -> PyTree:
@@ -156,6 +153,12 @@ def run_chunks(
         return rows, journal.kept(text, inputs, compute)
 
     yield from in_order(of_chunk, range(0, count, size), engine)
+
+
+def _filled(designs: np.ndarray, size: int, skips: bool) -> np.ndarray:
+    """Fill a chunk up to its size with designs of NaN, or with its last one."""
+    last = np.full(designs[-1:].shape, np.nan) if skips else designs[-1:]
+    return np.concatenate([designs, np.repeat(last, size - len(designs), axis=0)])
 
 
 def in_order(

@@ -35,13 +35,14 @@ class Layout:
         """Return the number of chunks."""
         return math.prod(self.chunks)
 
-    def position(self, number: int) -> tuple[int, ...]:
-        """Return where a chunk lies among the chunks."""
-        return tuple(int(i) for i in np.unravel_index(number, self.chunks))
+    def name(self, number: int) -> str:
+        """Return where a chunk lies among the chunks, as "0.2"."""
+        return ".".join(map(str, np.unravel_index(number, self.chunks)))
 
     def region(self, number: int) -> tuple[slice, ...]:
         """Return the designs of a chunk along each axis; the last ones may be fewer."""
-        sizes = zip(self.position(number), self.chunk, self.grid.shape, strict=True)
+        places = np.unravel_index(number, self.chunks)
+        sizes = zip(map(int, places), self.chunk, self.grid.shape, strict=True)
         return tuple(slice(i * m, min((i + 1) * m, n)) for i, m, n in sizes)
 
     def size(self, number: int) -> int:
@@ -49,15 +50,9 @@ class Layout:
         return math.prod(part.stop - part.start for part in self.region(number))
 
     def designs(self, number: int) -> np.ndarray:
-        """Return the designs of a chunk as if it were whole: its last ones stand for the rest."""
-        places = [
-            np.minimum(part.start + np.arange(size), length - 1)
-            for part, size, length in zip(
-                self.region(number), self.chunk, self.grid.shape, strict=True
-            )
-        ]
-        every = np.meshgrid(*places, indexing="ij")
-        return np.ravel_multi_index([place.ravel() for place in every], self.grid.shape)
+        """Return the designs of a chunk, in an array of the shape of its region."""
+        places = np.ix_(*(np.arange(part.start, part.stop) for part in self.region(number)))
+        return np.ravel_multi_index(places, self.grid.shape)
 
     def coordinates(self) -> dict[str, tuple[str, np.ndarray, dict[str, Any]]]:
         """Return the values along each axis and dim that has labels."""

@@ -5,10 +5,12 @@ with the files' checksums, is put in place after them by an atomic rename: witho
 the chunk does not exist, whatever lies in the store.
 """
 
+import contextlib
 import hashlib
 import json
 import os
 import warnings
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +18,10 @@ import numpy as np
 import xarray as xr
 import zarr
 
-from jaxcrusher.batch.layout import Layout
+from jaxcrusher.batch.layout import Layout, Memory
 from jaxcrusher.files.durable import broken, checksum, lock, named, replace
 from jaxcrusher.files.journal import Journal
+from jaxcrusher.files.provenance import environment, provenance
 from jaxcrusher.files.resume import require_same
 
 _SIDE = ".sweep"  # the folder of settings, markers and the lock, inside the store
@@ -70,10 +73,9 @@ class ChunkStore:
 
     def write(self, number: int, values: dict[str, np.ndarray], record: dict[str, Any]) -> None:
         """Write a chunk and then its marker; an OSError names the chunk."""
-        key = self._key(number)
         what = (
-            f"Chunk {key} of {self.path} could not be written; the {len(self.done)} finished "
-            "chunks are safe"
+            f"Chunk {self._layout.name(number)} of {self.path} could not be written; "
+            f"the {len(self.done)} finished chunks are safe"
         )
         with named(what):
             group = zarr.open_group(self.path, mode="r+")
@@ -91,16 +93,14 @@ class ChunkStore:
         """Open the table."""
         return xr.open_zarr(self.path)
 
-    def _key(self, number: int) -> str:
-        return ".".join(str(i) for i in self._layout.position(number))
-
     def _marker(self, number: int) -> Path:
-        return self.path / _SIDE / "done" / f"{self._key(number)}.json"
+        return self.path / _SIDE / "done" / f"{self._layout.name(number)}.json"
 
     def _checksums(self, number: int) -> dict[str, str]:
         """The checksums of a chunk's files, which are on the disk when this returns."""
+        chunk = self._layout.name(number)
         names = [
-            f"{name}/c.{self._key(number)}" + ".0" * len(column.dims)
+            f"{name}/c.{chunk}" + ".0" * len(column.dims)
             for name, column in self._layout.columns.items()
         ]
         return {name: checksum(self.path / name, sync=True) for name in names}
@@ -115,7 +115,7 @@ class ChunkStore:
             fault = self._fault(marker)
             done.add(number)
             if fault:
-                corrupt.append(f"chunk {self._key(number)} ({fault}; delete {marker})")
+                corrupt.append(f"chunk {self._layout.name(number)} ({fault}; delete {marker})")
         if corrupt:
             raise RuntimeError(
                 f"{len(corrupt)} of {len(done)} finished chunks of {self.path} are corrupt: "
@@ -209,3 +209,26 @@ class ChunkStore:
 
 def _json(content: dict[str, Any]) -> bytes:
     return json.dumps(content, indent=1).encode()
+
+
+@contextlib.contextmanager
+def opened(
+    layout: Layout,
+    store: str | Path | None,
+    title: str,
+    settings: Mapping[str, Any],
+    about: Mapping[str, Any],
+    program: dict[str, Any] | None = None,
+) -> Iterator[Memory | ChunkStore]:
+    """Open the table: in memory, or the store at a path, whose settings must be the same.
+
+    `about` is told in the attributes, and `program` is the `environment` that computes.
+    """
+    program = environment() if program is None else program
+    attributes = provenance(title, program, **layout.grid.attributes(), **about)
+    if store is None:
+        yield Memory(layout, attributes)
+        return
+    attributes["machine"] += "; that of each chunk stands in .sweep/done"
+    with ChunkStore(Path(store), layout, {**settings, **program}, attributes) as kept:
+        yield kept

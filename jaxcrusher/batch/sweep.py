@@ -1,24 +1,42 @@
-"""Sweeps of any parameters, in memory or into a Zarr store, here or on a Dask cluster."""
+"""Sweeps of any parameters, in memory or into a Zarr store, here or on a Dask cluster.
 
+What a chunk of a sweep holds depends on its ensemble and number only: each design is a scalar
+program of its own numbers, and knows neither its neighbours nor how many there are.
+"""
+
+import contextlib
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import xarray as xr
 
 from jaxcrusher.basics.checks import require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.engines import CARD_CHUNK, Engine, chunk_of, default_engine, run_of
-from jaxcrusher.batch.ensemble import Ensemble, Progress
+from jaxcrusher.batch.cluster import Result, workers
+from jaxcrusher.batch.engines import (
+    CARD_CHUNK,
+    Engine,
+    chunk_of,
+    default_engine,
+    in_order,
+    name_of,
+    run_all,
+    run_of,
+)
 from jaxcrusher.batch.layout import Layout, chunk_shape
-from jaxcrusher.batch.points import Grid, make_grid
+from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
+from jaxcrusher.batch.store import opened
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.files.provenance import environment, machine, now
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.motion.method import require_tolerance, resolve
@@ -44,7 +62,7 @@ def sweep(
     store: str | Path | None = None,
     chunk: int | None = None,
     rtol: float = 1e-9,
-    progress: Progress | None = None,
+    progress: Callable[[int, int], None] | None = None,
     engine: Engine | None = None,
     scheduler: "str | distributed.Client | None" = None,
 ) -> xr.Dataset:
@@ -113,6 +131,81 @@ class Window:
         return window | ({"further statistics": added} if added else {})
 
 
+@dataclass(frozen=True)
+class Ensemble:
+    """A window of every design of a layout's grid, by an engine of `jaxcrusher.map_chunks`."""
+
+    layout: Layout
+    window: Window
+    engine: Engine
+
+    def compute(self, number: int) -> Result:
+        """Compute a chunk: values of the shape of its region, and how they were computed."""
+        started, designs = perf_counter(), self.layout.designs(number)
+        grid, most = self.layout.grid, math.prod(self.layout.chunk)
+        function = eqx.Partial(
+            _seen,
+            make=grid.function,
+            choices=grid.choices(int(designs.flat[0])),
+            window=self.window,
+        )
+        columns = run_all(function, grid.numbers(designs.ravel()), most, self.engine, whole=most)
+        values = {
+            name: column.reshape(*designs.shape, *column.shape[1:])
+            for name, column in columns.items()
+        }
+        record = {
+            "machine": machine(),
+            "designs": designs.size,
+            "seconds": round(perf_counter() - started, 3),
+            "finished": now(),
+        }
+        return number, values, record
+
+    def settings(self) -> dict[str, Any]:
+        """Return everything that decides the results, as JSON keeps it."""
+        further = {"shape of a chunk": list(self.layout.chunk), "engine": name_of(self.engine)}
+        return self.layout.grid.settings() | self.window.settings() | further
+
+    def run(
+        self,
+        title: str,
+        store: str | Path | None,
+        progress: Callable[[int, int], None] | None,
+        scheduler: "str | distributed.Client | None",
+    ) -> xr.Dataset:
+        """Fill the table, or what a store lacks of it: chunks are written as they come."""
+        layout, report = self.layout, progress or (lambda finished, of: None)
+        if scheduler is None:
+            here = environment(), lambda numbers: in_order(self.compute, numbers, self.engine)
+            computing = contextlib.nullcontext(here)
+        else:
+            computing = workers(scheduler, self.compute, layout.name)
+        about = self.window.settings() | {"engine": name_of(self.engine)}
+        with (
+            computing as (program, compute),
+            opened(layout, store, title, self.settings(), about, program) as kept,
+        ):
+            finished = sum(map(layout.size, kept.done))
+            report(finished, layout.grid.size)
+            missing = [n for n in range(layout.count) if n not in kept.done]
+            with contextlib.closing(compute(missing)) as results:
+                for number, values, record in results:
+                    kept.write(number, values, record)
+                    finished += layout.size(number)
+                    report(finished, layout.grid.size)
+            return kept.dataset()
+
+
+def _seen(
+    numbers: dict[str, jax.Array],
+    make: SceneFunction | None,
+    choices: Mapping[str, Any],
+    window: Window,
+) -> dict[str, jax.Array]:
+    return window(scene_by(make, numbers, choices))
+
+
 def plan(
     grid: Grid,
     settle_turns: int,
@@ -139,9 +232,10 @@ def plan(
     first = grid.scene({name: of[0] for name, of in grid.numbers([0]).items()}, grid.choices(0))
     require_names("outputs", outputs, tuple(STATISTIC))
     seen = chosen(dict.fromkeys((*always_of(first), *outputs)))
-    look = Window(settle_turns, turns, float(rtol), seen)
+    window = Window(settle_turns, turns, float(rtol), seen)
     loose = [joint for joint, _ in first.joints.items() if before(joint)]
-    return Ensemble(Layout(grid, columns_of(loose, seen), chunk_shape(grid, designs)), look, engine)
+    layout = Layout(grid, columns_of(loose, seen), chunk_shape(grid, designs))
+    return Ensemble(layout, window, engine)
 
 
 def columns_of(joints: Sequence[str], statistics: Chosen) -> dict[str, Column]:

@@ -8,9 +8,9 @@ import numpy as np
 import xarray as xr
 
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.ensemble import opened
 from jaxcrusher.batch.layout import Layout
 from jaxcrusher.batch.points import Grid, make_grid
+from jaxcrusher.batch.store import opened
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.coexisting_orbits import CoexistingOrbits, coexisting_orbits
 from jaxcrusher.files.table import COLUMNS

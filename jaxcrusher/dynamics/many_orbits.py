@@ -210,10 +210,10 @@ class _Search:
         given = jax.tree.map(lambda leaf: np.asarray(leaf)[cases], self._cases), sections[cases]
         solve = eqx.Partial(_shot, problem=self._problem, points=self.points)
         found = self._run(solve, given, len(cases))
-        good = found["success"][: len(cases)]
-        self.orbits[cases[good]] = found.pop("eccentricity")[: len(cases)][good]
+        good = found["success"]
+        self.orbits[cases[good]] = found.pop("eccentricity")[good]
         for name, column in found.items():
-            self.rows[name][cases[good]] = column[: len(cases)][good]
+            self.rows[name][cases[good]] = column[good]
 
     def _run(
         self,
@@ -222,10 +222,10 @@ class _Search:
         chunk: int,
         progress: Callable[[int, int], None] | None = None,
     ) -> Rows:
-        """Solve stacked cases from their guesses, in chunks that are filled with NaN."""
-        filled = jax.tree.map(lambda leaf: _filled(leaf, chunk), given)
+        """Solve stacked cases from their guesses; what fills the last chunk is skipped."""
         function = eqx.Partial(_row, solve=solve)
-        return run_all(function, filled, chunk, progress=progress, **self._settings)
+        settings = {"progress": progress, "whole": chunk, "skips": True, **self._settings}
+        return run_all(function, given, chunk, **settings)
 
     def unstable(self) -> np.ndarray:
         """Return the cases without a stable orbit."""
@@ -302,7 +302,7 @@ class _Search:
         total, first = len(self.orbits), not self.rows
 
         def tell(done: int, _: int) -> None:
-            report(min(done, total) if first else total, total)
+            report(done if first else total, total)
 
         found = self._run(solve, given, self._chunk, tell)
         if first:
@@ -327,12 +327,6 @@ class _Search:
         self.orbits[into] = found.pop("eccentricity")[out]
         for name, column in found.items():
             self.rows[name][into] = column[out]
-
-
-def _filled(leaf: Any, chunk: int) -> np.ndarray:
-    """Fill an array up to a multiple of a chunk's cases, with NaN for what is skipped."""
-    array = np.asarray(leaf, float)
-    return np.concatenate([array, np.full((-len(array) % chunk, *array.shape[1:]), np.nan)])
 
 
 def _resampled(orbits: np.ndarray, points: int) -> np.ndarray:

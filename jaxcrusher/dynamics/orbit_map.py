@@ -12,9 +12,9 @@ from jaxtyping import Array, PyTree, Scalar
 from jaxcrusher.basics.checks import require, require_choice, require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import Engine, name_of, without_lanes
-from jaxcrusher.batch.ensemble import opened
 from jaxcrusher.batch.layout import Layout
 from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
+from jaxcrusher.batch.store import opened
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.many_orbits import MOTION, SEEN, Problem, Rows, beside, solve_orbits
 from jaxcrusher.files.journal import Journal

@@ -390,7 +390,7 @@ def test_an_ensemble_equals_its_copies():
     """Or a worker, which gets one with every chunk, would compile each of them anew."""
     ensemble = plan(make_grid(AXES_OF_NUMBERS, {"elbow.clearance": 1e-4}), 0, 1, 1e-6, 2)
     copy = pickle.loads(pickle.dumps(ensemble))
-    assert copy == ensemble and hash(copy.look) == hash(ensemble.look)
+    assert copy == ensemble and hash(copy.window) == hash(ensemble.window)
 
 
 def test_failing_worker_names_the_chunk():
@@ -399,7 +399,7 @@ def test_failing_worker_names_the_chunk():
         settings = {**worker_environment(), "backend": "abacus"}
         with pytest.raises(RuntimeError, match=r"^Chunk 0\.0 was not computed: this worker has"):
             ensemble = plan(make_grid(AXES_OF_NUMBERS, {}), 0, 1, 1e-6, 2)
-            list(compute_on(client, ensemble, settings, [0]))
+            list(compute_on(client, ensemble.compute, ensemble.layout.name, settings, [0]))
 
 
 def test_missing_dask_is_one_clear_line(monkeypatch, tmp_path):

@@ -21,7 +21,7 @@ from scipy.io import loadmat
 
 import jaxcrusher as jc
 from jaxcrusher import __main__
-from jaxcrusher.batch.ensemble import Ensemble
+from jaxcrusher.batch.sweep import Ensemble
 from jaxcrusher.commands import gradient, orbit, regimes, simulate
 from jaxcrusher.commands.options import Crusher
 from jaxcrusher.dynamics.judgement import Slope

@@ -84,7 +84,7 @@ SEARCHES = (
 WORK = (
     ("jaxcrusher.motion.simulation", "_simulate"),
     ("jaxcrusher.motion.section", "_section"),
-    ("jaxcrusher.batch.ensemble.Ensemble", "compute"),
+    ("jaxcrusher.batch.sweep.Ensemble", "compute"),
     ("jaxcrusher.dynamics.slopes", "orbit_slopes"),
     ("jaxcrusher.orbits.periodic_orbit", "searched"),
     ("jaxcrusher.orbits.periodic_orbit", "kinematic"),
