@@ -96,9 +96,10 @@ class Grid:
         for number, design in enumerate(first.tolist()):
             yield self.choices(design), np.flatnonzero(group == number).tolist()
 
-    def scene(self, numbers: Mapping[str, Any], choices: Mapping[str, Any]) -> Scene:
-        """Return the scene of one design; its numbers may be traced."""
-        return scene_by(self.function, numbers, choices)
+    def scene(self, design: int) -> Scene:
+        """Return the scene of one design."""
+        numbers = {name: float(column[0]) for name, column in self.numbers([design]).items()}
+        return scene_by(self.function, numbers, self.choices(design))
 
     def coordinates(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
         """Return the values along each axis, and their labels."""
@@ -135,8 +136,7 @@ class Grid:
         """Return a digest of the first and of the last scene: of its laws and of all numbers."""
         digest = hashlib.sha256()
         for design in (0, self.size - 1):
-            numbers = {name: column[0] for name, column in self.numbers([design]).items()}
-            leaves, tree = jax.tree.flatten(self.scene(numbers, self.choices(design)))
+            leaves, tree = jax.tree.flatten(self.scene(design))
             digest.update(text_of(tree).encode())
             digest.update(b"".join(np.asarray(leaf).tobytes() for leaf in leaves))
         return digest.hexdigest()[:16]
@@ -200,7 +200,7 @@ def make_grid(
     ]
     for corner in itertools.product(*ends):
         made = {**fixed, **dict(zip(varied, corner, strict=True))}
-        require_scene(grid.scene(made, {}))
+        require_scene(scene_by(function, made, {}))
     return grid
 
 

@@ -229,7 +229,7 @@ def plan(
     at_once = math.prod(chunk_shape(grid, designs or CARD_CHUNK))
     engine = engine or default_engine(at_once)
     designs = designs or chunk_of(at_once, engine)
-    first = grid.scene({name: of[0] for name, of in grid.numbers([0]).items()}, grid.choices(0))
+    first = grid.scene(0)
     require_names("outputs", outputs, tuple(STATISTIC))
     seen = chosen(dict.fromkeys((*always_of(first), *outputs)))
     window = Window(settle_turns, turns, float(rtol), seen)

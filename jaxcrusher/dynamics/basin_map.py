@@ -9,7 +9,7 @@ import xarray as xr
 
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.layout import Layout
-from jaxcrusher.batch.points import Grid, make_grid
+from jaxcrusher.batch.points import make_grid
 from jaxcrusher.batch.store import opened
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.coexisting_orbits import CoexistingOrbits, coexisting_orbits
@@ -71,24 +71,19 @@ def basin_map(
     asked = {"starts": starts, "spread": spread, "turns": turns, "seed": seed}
     columns = {name: COLUMNS[name] for name in HELD}
     # The quiet orbit is among them without a start that came to it.
-    sizes = {"orbit": starts + 1, "start": starts, "coordinate": 2 * unknowns(_scene(grid, 0))}
+    sizes = {"orbit": starts + 1, "start": starts, "coordinate": 2 * unknowns(grid.scene(0))}
     layout = Layout(grid, columns, (1,) * len(grid.shape), sizes)
     title = "Coexisting periodic orbits of jaw crushers over a grid of parameters"
     with opened(layout, store, title, grid.settings() | asked, asked) as kept:
         for design in range(grid.size):
             if design not in kept.done:
-                row = _row(coexisting_orbits(_scene(grid, design), **asked), starts + 1)
+                row = _row(coexisting_orbits(grid.scene(design), **asked), starts + 1)
                 cell = {name: np.reshape(v, layout.chunk + np.shape(v)) for name, v in row.items()}
                 kept.write(design, cell, {})
             report(design + 1, grid.size)
         found = kept.dataset()
         most = int((found.orbit_period > 0).sum("orbit").max())
         return found.isel(orbit=slice(0, most))
-
-
-def _scene(grid: Grid, design: int) -> Scene:
-    numbers = {name: float(column[0]) for name, column in grid.numbers([design]).items()}
-    return grid.scene(numbers, grid.choices(design))
 
 
 def _row(found: CoexistingOrbits, most: int) -> dict[str, Any]:

@@ -90,7 +90,7 @@ def orbit_map(
     grid, slopes = make_grid(axes, base, scene), tuple(slopes)
     require_names("slopes", slopes, tuple(grid.numbers_described))
     groups = list(grid.alike())
-    first = [_first(grid, designs[0], choices) for choices, designs in groups]
+    first = [grid.scene(designs[0]) for _, designs in groups]
     for one in first:
         if refused := refusal(one):
             raise ValueError(f"Argument `scene` must {refused}.")
@@ -118,11 +118,6 @@ def orbit_map(
                 done += len(designs)
             kept.write(0, _joined(layout, found), {})
         return kept.dataset()
-
-
-def _first(grid: Grid, design: int, choices: Mapping[str, str]) -> Scene:
-    numbers = {name: float(column[0]) for name, column in grid.numbers([design]).items()}
-    return grid.scene(numbers, choices)
 
 
 def _scene(

@@ -138,10 +138,10 @@ def _factors(x, tail):
     return exponent, r, fma(r * r, p, fma(rest, r, rest))
 
 
-def _exponential(x, tail, halvings=0.0):
-    """Return exp(x + tail) for a tail of at most an ulp of x, halved so often."""
+def _exponential(x, tail):
+    """Return exp(x + tail) for a tail of at most an ulp of x."""
     exponent, r, s = _factors(x, tail)
-    value = _scaled(1.0 + (r + s), exponent - halvings)
+    value = _scaled(1.0 + (r + s), exponent)
     return where(x == x, value, x)
 
 
@@ -167,17 +167,6 @@ def exponential_less_one(x):
     """Return exp x - 1, also where that is small."""
     exponent, high, tail = _less_one(x)
     return where(x == x, _scaled(high + tail, exponent), x)
-
-
-@exactly(np.exp2)
-def power_of_two(x):
-    """Return 2^x."""
-    clipped = where(x < -1100.0, -1100.0, where(x > 1100.0, 1100.0, x))
-    exponent = clipped + _MAGIC - _MAGIC
-    part = clipped - exponent
-    high, error = _product(part, math.log(2.0))
-    value = _exponential(high, fma(part, 2.319046813846299558e-17, error))
-    return where(x == x, _scaled(value, exponent), x)
 
 
 def _parts(x):
@@ -236,18 +225,6 @@ def logarithm_of_one_more(x):
     return where(x > -1.0, value, where(x == -1.0, -math.inf, math.nan))
 
 
-@exactly(np.cbrt)
-def cube_root(x):
-    """Return the cube root, of negative numbers too."""
-    size = abs(x)
-    known = (size > 0.0) & (size < math.inf)
-    high, tail = _logarithm(where(known, size, 1.0))
-    third, third_tail = 0.3333333333333333, 1.850371707708594e-17
-    product, error = _product(high, third)
-    root = _exponential(product, fma(tail, third, fma(high, third_tail, error)))
-    return where(known, where(x < 0.0, -root, root), x)
-
-
 @exactly(np.power)
 def power(x, y):
     """Return x^y; NaN for a finite x < 0 unless y is whole."""
@@ -279,25 +256,6 @@ def hyperbolic_tangent(x):
     lost = fma(-quotient, under, over) + (over_tail - quotient * (under_tail - over_tail))
     value = quotient + lost / under
     return where(x < 0.0, -value, value)
-
-
-@exactly(np.sinh)
-def hyperbolic_sine(x):
-    """Return sinh x."""
-    size = abs(x)
-    exponent, high, tail = _less_one(where(size < 40.0, size, 0.0))
-    less_one = _scaled(high + tail, exponent)
-    value = 0.5 * (less_one + less_one / (less_one + 1.0))
-    # The exponential itself would be infinite earlier.
-    value = where(size < 40.0, value, _exponential(size, 0.0, 1.0))
-    return where(x < 0.0, -value, value)
-
-
-@exactly(np.cosh)
-def hyperbolic_cosine(x):
-    """Return cosh x."""
-    half = _exponential(abs(x), 0.0, 1.0)
-    return half + 0.25 / half
 
 
 @exactly(lambda x: np.where(x < 0, np.exp(-abs(x)), 1.0) / (1.0 + np.exp(-abs(x))))
@@ -367,9 +325,3 @@ def angle(y, x):
 def arc_sine(x):
     """Return arcsin x; NaN beyond 1."""
     return _angle(x, sqrt((1.0 - x) * (1.0 + x)))
-
-
-@exactly(np.arccos)
-def arc_cosine(x):
-    """Return arccos x; NaN beyond 1."""
-    return _angle(sqrt((1.0 - x) * (1.0 + x)), x)

@@ -124,11 +124,6 @@ def optimised(text: str, target: llvm.TargetMachine) -> llvm.ModuleRef:
     return module
 
 
-def assembly(text: str) -> str:
-    """Return what the processor is told, in words."""
-    return _target().emit_assembly(optimised(text, _target()))
-
-
 class Target(NamedTuple):
     """Where lanes are: their shape, and what goes on until all results are written.
 

@@ -115,8 +115,8 @@ def kernels(
     begin = _write_begin(Code(module, "begin"), prepare, rates, at)
     step = _write_step(Code(module, "step"), rates, equations.coupled, table, at)
     accept = _write_acceptance(Code(module, "accept"), at)
-    functions = begin, step, look, accept, see, summary
-    _Loop(Code(module, "advance", flags=()), at, *functions).write()
+    functions = _Functions(begin, step, look, accept, see, summary)
+    _Loop(Code(module, "advance", flags=()), at, functions).write()
     return Kernels(str(module), at, over)
 
 
@@ -274,27 +274,25 @@ def arrays_of_lanes(code: Code, at: Layout) -> Lanes:
     return Lanes(*(_array(code, x, getattr(shapes, x)[1]) for x in Lanes._fields))
 
 
+class _Functions(NamedTuple):
+    """What the loop calls: functions of vectors of lanes, and `summarise` of a page."""
+
+    begin: Code
+    step: Code
+    look: Code
+    accept: Code
+    see: Code | None
+    summarise: Code
+
+
 class _Loop:
     """Writes `advance`, the loop over steps of a table of addresses and its first lane.
 
-    It goes on until nothing is left, or `stop` is set. The other functions are those of vectors of
-    lanes, and `summarise` of a page.
+    It goes on until nothing is left, or `stop` is set.
     """
 
-    def __init__(
-        self,
-        code: Code,
-        at: Layout,
-        begin: Code,
-        step: Code,
-        look: Code,
-        accept: Code,
-        see: Code | None,
-        summary: Code,
-    ) -> None:
-        self._code, self._at = code, at
-        self._begin, self._step, self._look, self._accept = begin, step, look, accept
-        self._see, self._summary = see, summary
+    def __init__(self, code: Code, at: Layout, functions: _Functions) -> None:
+        self._code, self._at, self._functions = code, at, functions
         counts = _array(code, "counts")
         self._designs, self._segments = counts[0], counts[1]
         lengths: dict[str, tuple[Any, ...]] = {
@@ -316,10 +314,10 @@ class _Loop:
         with code.repeat(lambda: (live[0] > 0) & (stop.now(0) == 0)):
             self._refill(live)
             with code.repeat(lambda: (live[0] > 0) & (stop.now(0) == 0) & ~self._is_any(row.LOOK)):
-                self._run(self._step)
+                self._run(self._functions.step)
                 with code.each_vector() as first:
                     self._observe(first)
-                self._run(self._accept)
+                self._run(self._functions.accept)
             with code.each_lane() as lane, code.when(self._lanes.memory[row.LOOK, lane] > 0):
                 self._end_segment(lane)
         code.end(by_name=True)
@@ -366,7 +364,7 @@ class _Loop:
             return (keep > 0) & (at <= end)
 
         with code.repeat(lambda: code.any(due())):
-            code.run(self._look, memory=memory, first=first)
+            code.run(self._functions.look, memory=memory, first=first)
             with code.each_true(due()) as place:
                 lane = first + place
                 instant = whole[row.INSTANT, lane]
@@ -410,15 +408,15 @@ class _Loop:
         """Reduce a segment's page; from a failure on it is NaN."""
         code, at, (memory, whole, _, pages) = self._code, self._at, self._lanes
         lanes, page = at.shape.lanes, self._page(lane)
-        if self._see is not None:
-            code.run(self._see, first=lane)
+        if self._functions.see is not None:
+            code.run(self._functions.see, first=lane)
         for i in range(at.states):
             state = where(success, memory[at.y + i, lane], math.nan)
             pages[page, (at.last + i) * lanes] = state
         with code.when(~success), code.each(0, at.observed) as i:
             with code.each(whole[row.INSTANT, lane], at.instants) as instant:
                 pages[page, i * (at.series * lanes) + instant] = math.nan
-        code.run(self._summary, page * at.page, memory=pages, first=0)
+        code.run(self._functions.summarise, page * at.page, memory=pages, first=0)
         self._hand_over(lane, whole[row.DESIGN, lane], whole[row.SEGMENT, lane])
 
     def _leave_out(self, lane: Expression, design: Expression, first: Expression) -> None:
@@ -426,7 +424,7 @@ class _Loop:
         code, at, pages, page = self._code, self._at, self._lanes.pages, self._page(lane)
         with code.each(0, at.summary * at.shape.lanes) as i:
             pages[page, i] = math.nan
-        code.run(self._summary, page * at.page, memory=pages, first=0)
+        code.run(self._functions.summarise, page * at.page, memory=pages, first=0)
         with code.each(first, self._segments) as segment:
             self._hand_over(lane, design, segment)
 
@@ -473,7 +471,7 @@ class _Loop:
             with code.when(whole[row.DESIGN, lane] >= 0):
                 live[0] = live[0] + 1
         with code.when(self._is_any(row.FRESH)):
-            self._run(self._begin)
+            self._run(self._functions.begin)
 
     def _start(self, lane: Expression, design: Expression) -> None:
         """Put a design into a lane, if its state is finite."""

@@ -66,7 +66,6 @@ def made(monkeypatch, count, good):
     search = _Made(count, good)
     search._cases = (np.zeros((count, 0)), {"number": np.arange(float(count))})
     monkeypatch.setattr(orbits, "run_all", search.run)
-    monkeypatch.setattr(orbits, "_filled", lambda leaf, chunk: np.asarray(leaf))
     return search
 
 

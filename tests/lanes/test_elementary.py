@@ -10,25 +10,30 @@ from tests.lanes.rows import over_rows
 COUNT = 100_000
 RANDOM = np.random.default_rng(0)
 QUARTERS = RANDOM.integers(-(2**29), 2**29, COUNT) * (np.pi / 2)
-ANGLES = np.concatenate([
-    RANDOM.uniform(-10, 10, COUNT),
-    RANDOM.uniform(-elementary.LARGEST_ANGLE, elementary.LARGEST_ANGLE, COUNT),
-    QUARTERS,  # next to the zeros, where all leading digits cancel
-    10 ** RANDOM.uniform(-300, 0, COUNT),
-])  # fmt: skip
-POSITIVE = np.concatenate([
-    10 ** RANDOM.uniform(-323, 308, COUNT),
-    RANDOM.uniform(0.5, 2, COUNT),
-    1 + RANDOM.uniform(-1e-6, 1e-6, COUNT),
-])  # fmt: skip
+ANGLES = np.concatenate(
+    [
+        RANDOM.uniform(-10, 10, COUNT),
+        RANDOM.uniform(-elementary.LARGEST_ANGLE, elementary.LARGEST_ANGLE, COUNT),
+        QUARTERS,  # next to the zeros, where all leading digits cancel
+        10 ** RANDOM.uniform(-300, 0, COUNT),
+    ]
+)
+POSITIVE = np.concatenate(
+    [
+        10 ** RANDOM.uniform(-323, 308, COUNT),
+        RANDOM.uniform(0.5, 2, COUNT),
+        1 + RANDOM.uniform(-1e-6, 1e-6, COUNT),
+    ]
+)
 EXPONENTS = np.concatenate([RANDOM.uniform(-745, 709, COUNT), RANDOM.uniform(-1, 1, COUNT)])
-EITHER_SIGN = np.concatenate([
-    RANDOM.choice([-1.0, 1.0], COUNT) * 10 ** RANDOM.uniform(-323, 308, COUNT),
-    RANDOM.uniform(-40, 40, COUNT),
-    RANDOM.uniform(-1.5, 1.5, COUNT),
-])  # fmt: skip
+EITHER_SIGN = np.concatenate(
+    [
+        RANDOM.choice([-1.0, 1.0], COUNT) * 10 ** RANDOM.uniform(-323, 308, COUNT),
+        RANDOM.uniform(-40, 40, COUNT),
+        RANDOM.uniform(-1.5, 1.5, COUNT),
+    ]
+)
 COSINES = EITHER_SIGN[np.abs(EITHER_SIGN) <= 1]
-HYPERBOLIC = np.append(EXPONENTS, RANDOM.uniform(700, 710.4, COUNT))
 SPECIAL = np.array([0.0, -0.0, 1.0, -1.0, 2.5, np.inf, -np.inf, np.nan, 5e-324, 1e-310, 1e308])
 FUNCTIONS = {
     "sine": (np.sin, ANGLES),
@@ -37,16 +42,11 @@ FUNCTIONS = {
     "logarithm": (np.log, POSITIVE),
     "tangent": (np.tan, ANGLES),
     "exponential_less_one": (np.expm1, EITHER_SIGN[EITHER_SIGN < 709]),
-    "power_of_two": (np.exp2, 1.4 * EXPONENTS),
     "logarithm_of_one_more": (np.log1p, EITHER_SIGN[EITHER_SIGN > -1]),
-    "cube_root": (np.cbrt, EITHER_SIGN),
     "hyperbolic_tangent": (np.tanh, EITHER_SIGN),
-    "hyperbolic_sine": (np.sinh, np.append(HYPERBOLIC[HYPERBOLIC > -710], COSINES)),
-    "hyperbolic_cosine": (np.cosh, HYPERBOLIC[HYPERBOLIC > -710]),
     "logistic": (lambda x: 1 / (1 + np.exp(-x)), np.append(EXPONENTS, COSINES)),
     "arc_tangent": (np.arctan, EITHER_SIGN),
     "arc_sine": (np.arcsin, COSINES),
-    "arc_cosine": (np.arccos, COSINES),
 }
 OF_ANGLES = ("sine", "cosine", "tangent")
 

@@ -26,7 +26,7 @@ REFUSED = {
     "the primitive `debug_callback`": lambda x, n: jax.debug.callback(print, x) or x,
     # Of calls inside of calls too.
     "the primitive `erfc`": lambda x, n: jax.jit(lambda a: jax.checkpoint(jax.lax.erfc)(a))(x),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("why", REFUSED)
