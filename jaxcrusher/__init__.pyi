@@ -14,8 +14,8 @@ from .motion.method import Method as Method
 from .motion.section import poincare_section as poincare_section
 from .motion.simulation import OUTPUTS as OUTPUTS
 from .motion.simulation import simulate as simulate
-from .motion.statistic import STATISTICS as STATISTICS
 from .motion.statistics import statistics as statistics
+from .motion.statistics_table import STATISTICS as STATISTICS
 from .orbits.bifurcation_curve import bifurcation_curve as bifurcation_curve
 from .orbits.feed_response import feed_response as feed_response
 from .orbits.harmonics import harmonics as harmonics

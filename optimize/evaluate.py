@@ -18,7 +18,7 @@ from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.mechanism.starts import shifted_start
-from jaxcrusher.motion.statistic import always_of
+from jaxcrusher.motion.statistics_table import always_of
 from jaxcrusher.scenes.build import LINKS, build_chamber
 from optimize.design import Design
 from optimize.limits import OF_RUN, Limit

@@ -12,8 +12,8 @@ from jaxcrusher.batch.sweep import columns_of
 from jaxcrusher.crusher.joints import JOINTS
 from jaxcrusher.files import table
 from jaxcrusher.files.table import COLUMNS, Column
-from jaxcrusher.motion import statistic
-from jaxcrusher.motion.statistic import always_with, chosen
+from jaxcrusher.motion import statistics_table
+from jaxcrusher.motion.statistics_table import always_with, chosen
 from jaxcrusher.scenes.parameters import NUMBERS
 from optimize.design import Design
 from optimize.evaluate import STARTS, Case, Rows, judged
@@ -44,7 +44,7 @@ def dataset(
         "counts": Column("1", "may be chosen: succeeded, no whirl, inside the constraints", bool),
     }
     limited = (limit.statistic for limit in case.limits)
-    kept = columns_of(JOINTS[1:], chosen(always_with(JOINTS))) | statistic.columns(limited)
+    kept = columns_of(JOINTS[1:], chosen(always_with(JOINTS))) | statistics_table.columns(limited)
     kept |= {name: COLUMNS[name] for name in ("steps", "state")}
     return labelled(case.design, units, grid, rows, kept | own, {"start": list(STARTS)})
 

@@ -8,7 +8,7 @@ import numpy as np
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_known
-from jaxcrusher.motion.statistic import STATISTIC, statistics_of
+from jaxcrusher.motion.statistics_table import STATISTIC, statistics_of
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.scene_file import quantity_in
 

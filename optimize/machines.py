@@ -16,8 +16,8 @@ from rich.table import Table
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.files.results import results_folder, write_figure, write_table
-from jaxcrusher.motion.statistic import always_of
 from jaxcrusher.motion.statistics import Statistics
+from jaxcrusher.motion.statistics_table import always_of
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.pictures.page import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber

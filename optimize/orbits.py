@@ -12,8 +12,8 @@ import jaxcrusher as jc
 from jaxcrusher.dynamics.many_orbits import MOTION, Problem, alone, beside, solve_orbits
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
-from jaxcrusher.motion import statistic
-from jaxcrusher.motion.statistic import STATISTICS
+from jaxcrusher.motion import statistics_table
+from jaxcrusher.motion.statistics_table import STATISTICS
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
 from optimize.answer import Coexisting, Orbit
@@ -105,8 +105,8 @@ def solve_map(
     near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
     rows = solve(case, units, near, journal=journal, progress=progress)
     of = case.objective
-    columns = statistic.columns(STATISTICS)
-    columns |= statistic.columns(limit.statistic for limit in case.limits)
+    columns = statistics_table.columns(STATISTICS)
+    columns |= statistics_table.columns(limit.statistic for limit in case.limits)
     columns |= {
         name: COLUMNS[name]
         for name in (*KEPT, "stable", "inside_model", "failure", "found", *MOTION)

@@ -31,7 +31,7 @@ from jaxcrusher.lanes.machine import PROCESSOR, Target
 from jaxcrusher.lanes.program import NoIntegration, program
 from jaxcrusher.lanes.verify import Unsupported
 from jaxcrusher.motion.recorded import recorded
-from jaxcrusher.motion.statistic import STATISTIC, Chosen, chosen
+from jaxcrusher.motion.statistics_table import STATISTIC, Chosen, chosen
 
 # Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
 CHUNK = 1024

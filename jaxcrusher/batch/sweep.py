@@ -40,8 +40,15 @@ from jaxcrusher.files.provenance import environment, machine, now
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.motion.method import require_tolerance, resolve
-from jaxcrusher.motion.statistic import ALWAYS, STATISTIC, STATISTICS, Chosen, always_of, chosen
 from jaxcrusher.motion.statistics import Statistics, over_turns
+from jaxcrusher.motion.statistics_table import (
+    ALWAYS,
+    STATISTIC,
+    STATISTICS,
+    Chosen,
+    always_of,
+    chosen,
+)
 
 if TYPE_CHECKING:
     import distributed

@@ -19,7 +19,7 @@ from jaxcrusher.files.provenance import environment, provenance
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import SETTINGS, begin, earlier, keep_beside
 from jaxcrusher.motion.method import require_tolerance
-from jaxcrusher.motion.statistic import STATISTIC
+from jaxcrusher.motion.statistics_table import STATISTIC
 from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import PARAMETERS

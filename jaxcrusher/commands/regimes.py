@@ -22,7 +22,7 @@ from jaxcrusher.files.results import results_folder, write_json, write_netcdf
 from jaxcrusher.files.resume import earlier, keep_beside
 from jaxcrusher.files.table import Column
 from jaxcrusher.motion.method import require_tolerance
-from jaxcrusher.motion.statistic import columns
+from jaxcrusher.motion.statistics_table import columns
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHAMBER, PARAMETERS

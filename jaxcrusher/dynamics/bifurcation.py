@@ -24,7 +24,7 @@ from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.indicators import detect_period, spread_trend
 from jaxcrusher.motion.section import Section, poincare_section
-from jaxcrusher.motion.statistic import columns
+from jaxcrusher.motion.statistics_table import columns
 
 # The first coordinates of a section point, and what is told of a value besides.
 COORDINATES = ("e_x", "e_y", "rate_x", "rate_y")

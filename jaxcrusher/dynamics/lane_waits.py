@@ -25,8 +25,8 @@ from jaxcrusher.motion.flow import Flow, flat, unflattened
 from jaxcrusher.motion.indicators import CHAOS, ENOUGH, spread_trend, verdict, widest, zero_one_test
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import fine
-from jaxcrusher.motion.statistic import STATISTIC, chosen
 from jaxcrusher.motion.statistics import Statistics, statistics, statistics_problem
+from jaxcrusher.motion.statistics_table import STATISTIC, chosen
 from jaxcrusher.orbits.shot import CLOSURE, STEPS
 from jaxcrusher.orbits.transient import (
     GROWN,

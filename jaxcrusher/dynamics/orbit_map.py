@@ -19,8 +19,8 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.many_orbits import MOTION, SEEN, Problem, Rows, beside, solve_orbits
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
-from jaxcrusher.motion import statistic
-from jaxcrusher.motion.statistic import STATISTIC, statistics_of
+from jaxcrusher.motion import statistics_table
+from jaxcrusher.motion.statistics_table import STATISTIC, statistics_of
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES, SETTLED
@@ -164,7 +164,7 @@ def _solved(
 def _layout(grid: Grid, scenes: list[Scene], slopes: tuple[str, ...], metric: str) -> Layout:
     """Return the columns that all designs have: of an ideal joint there are fewer."""
     held = set.intersection(*(set(statistics_of(scene)) for scene in scenes))
-    columns = statistic.columns(name for name in STATISTIC if name in held)
+    columns = statistics_table.columns(name for name in STATISTIC if name in held)
     columns |= {name: COLUMNS[name] for name in (*SEEN, "failure", "found", *MOTION)}
     further: dict[str, np.ndarray | int] = {}
     if slopes:

@@ -23,8 +23,8 @@ from jaxcrusher.dynamics.regime import Regime, classify
 from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistic import STATISTIC
 from jaxcrusher.motion.statistics import over_pieces
+from jaxcrusher.motion.statistics_table import STATISTIC
 from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangents
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot

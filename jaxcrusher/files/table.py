@@ -28,7 +28,7 @@ class Column(NamedTuple):
         return {"units": self.unit, "long_name": self.meaning}
 
 
-# Every column of the package's tables that is not a statistic of `jaxcrusher.motion.statistic`.
+# Every column of the tables that is none of `jaxcrusher.motion.statistics_table.STATISTIC`.
 COLUMNS = {
     # of a motion that was integrated
     "foundation_rms_error": Column("N", "standard error of the RMS"),

@@ -2,7 +2,7 @@
 
 
 class StatisticNames:
-    """The names of the statistics in `jaxcrusher.motion.statistic.STATISTIC`."""
+    """The names of the statistics in `jaxcrusher.motion.statistics_table.STATISTIC`."""
 
 
 class ObservableNames:

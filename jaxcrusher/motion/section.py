@@ -17,7 +17,6 @@ from jaxcrusher.crusher.rough_feed import require_steady
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import Flow, flat, unflattened
 from jaxcrusher.motion.method import Method, resolve
-from jaxcrusher.motion.statistic import Chosen, chosen
 from jaxcrusher.motion.statistics import (
     AbstractOverTurns,
     Statistics,
@@ -26,6 +25,7 @@ from jaxcrusher.motion.statistics import (
     require_statistics,
     statistics_problem,
 )
+from jaxcrusher.motion.statistics_table import Chosen, chosen
 
 
 class Section(eqx.Module, AbstractOverTurns):

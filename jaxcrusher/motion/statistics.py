@@ -30,7 +30,7 @@ from jaxcrusher.motion.flow import Flow, by_phase, flat, unflattened
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
-from jaxcrusher.motion.statistic import (
+from jaxcrusher.motion.statistics_table import (
     SAMPLES,
     STATISTIC,
     AbstractMean,

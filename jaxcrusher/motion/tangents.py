@@ -16,8 +16,8 @@ from jaxcrusher.basics.integrate import Outcome, failure_text
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import Slices, fine, first_failure, sloped_slice, turn_in_slices
-from jaxcrusher.motion.statistic import Chosen, chosen
 from jaxcrusher.motion.statistics import over_pieces
+from jaxcrusher.motion.statistics_table import Chosen, chosen
 
 Build = Callable[[Array], Scene]
 

@@ -23,7 +23,7 @@ from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.files.table import COLUMNS, dataset
-from jaxcrusher.motion.statistic import columns
+from jaxcrusher.motion.statistics_table import columns
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.scene_problems import orbit_of, problem_of

@@ -20,7 +20,7 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.mechanism.starts import Centred
-from jaxcrusher.motion.statistic import chosen, statistics_of
+from jaxcrusher.motion.statistics_table import chosen, statistics_of
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.impact_velocities import held, settled_velocities, tracks
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, finished, missing

@@ -25,8 +25,8 @@ from jaxcrusher.joint.validity import Validity
 from jaxcrusher.mechanism.eccentricity import EccentricityState
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
-from jaxcrusher.motion.statistic import SAMPLES, STATISTIC, statistics_of
 from jaxcrusher.motion.statistics import limits_of
+from jaxcrusher.motion.statistics_table import SAMPLES, STATISTIC, statistics_of
 from jaxcrusher.orbits import forced
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.trigonometric import evaluate
@@ -70,8 +70,8 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     """A motion that repeats after `period` turns, and its statistics by name.
 
     `orbit.foundation_rms` and so on: units and meanings stand in
-    `jaxcrusher.motion.statistic.STATISTIC`. A failed search has `success` False, NaN in every
-    number, and says why in `failure`. Slopes of a failure are NaN, and so are slopes of the
+    `jaxcrusher.motion.statistics_table.STATISTIC`. A failed search has `success` False, NaN in
+    every number, and says why in `failure`. Slopes of a failure are NaN, and so are slopes of the
     multipliers and of what follows from them.
     """
 

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.motion.statistic import Chosen, chosen, statistics_of
+from jaxcrusher.motion.statistics_table import Chosen, chosen, statistics_of
 from jaxcrusher.motion.tangents import SLICES, Build, slices_apart
 from jaxcrusher.orbits import forced, shot
 from jaxcrusher.orbits.penetrations import least_penetrations

@@ -19,7 +19,7 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.flow import Flow, flat, unflattened
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import Slices, advance
-from jaxcrusher.motion.statistic import Chosen
+from jaxcrusher.motion.statistics_table import Chosen
 from jaxcrusher.motion.tangents import SLICES, sloped_turn
 
 # A section point, and what slices of turns tell: statistics, or samples of a path.

@@ -16,7 +16,7 @@ from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.frame import frame_units
-from jaxcrusher.motion.statistic import Chosen, Sampled, Statistic, chosen, statistics_of
+from jaxcrusher.motion.statistics_table import Chosen, Sampled, Statistic, chosen, statistics_of
 from jaxcrusher.motion.tangents import same, sloped_turn
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.penetrations import least_penetrations

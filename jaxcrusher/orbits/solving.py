@@ -17,7 +17,7 @@ from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.motion.statistic import AbstractMean, Chosen, chosen, statistics_of
+from jaxcrusher.motion.statistics_table import AbstractMean, Chosen, chosen, statistics_of
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.lowering import lowered
 from jaxcrusher.orbits.penetrations import INSTANTS

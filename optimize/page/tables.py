@@ -10,8 +10,8 @@ from jaxcrusher.batch.sweep import columns_of
 from jaxcrusher.crusher.joints import JOINTS, before
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
-from jaxcrusher.motion import statistic
-from jaxcrusher.motion.statistic import STATISTIC, always_with, chosen
+from jaxcrusher.motion import statistics_table
+from jaxcrusher.motion.statistics_table import STATISTIC, always_with, chosen
 from jaxcrusher.orbits.load_sheet import SOURCE, Row, joint_states
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, in_words, readable
@@ -322,7 +322,7 @@ def runs(design: Confirmed, unit: str) -> Table:
     first, *_ = design.transient.values()
     joints = [joint for joint in JOINTS[1:] if f"{before(joint)}contact_fraction" in first.by_run]
     known = columns_of(joints, chosen(always_with(joints)))
-    known |= statistic.columns(name for name in first.by_run if name in STATISTIC)
+    known |= statistics_table.columns(name for name in first.by_run if name in STATISTIC)
     known |= {
         "objective": Column(unit, "objective"),
         "steps": COLUMNS["steps"],

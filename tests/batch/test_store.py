@@ -26,7 +26,7 @@ from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import ChunkStore
 from jaxcrusher.batch.sweep import columns_of, plan
 from jaxcrusher.files.table import Column
-from jaxcrusher.motion.statistic import STATISTICS, chosen
+from jaxcrusher.motion.statistics_table import STATISTICS, chosen
 
 # The store alone is filled with made-up numbers: no JAX in it, so that it can be killed often.
 AXES_OF_NUMBERS = {"speed": (28.0, 30.0, 33.0), "clearance": (4e-5, 6e-5)}

@@ -10,7 +10,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.motion.flow import initial_state
-from jaxcrusher.motion.statistic import always_of, statistics_of
+from jaxcrusher.motion.statistics_table import always_of, statistics_of
 
 RMS = "foundation_rms"
 OUTPUTS = (RMS, "winding")

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.motion.statistic import (
+from jaxcrusher.motion.statistics import Statistics, limits_of, over_pieces
+from jaxcrusher.motion.statistics_table import (
     FURTHER_STATISTICS,
     STATISTIC,
     PowerMean,
@@ -17,7 +18,6 @@ from jaxcrusher.motion.statistic import (
     always_of,
     statistics_of,
 )
-from jaxcrusher.motion.statistics import Statistics, limits_of, over_pieces
 from jaxcrusher.motion.tangents import SLICES, combine, tangents
 from jaxcrusher.periodic.trigonometric import resample
 

@@ -23,7 +23,7 @@ from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
-from jaxcrusher.motion.statistic import always_with, chosen
+from jaxcrusher.motion.statistics_table import always_with, chosen
 from optimize import (
     confirm,
     decay,

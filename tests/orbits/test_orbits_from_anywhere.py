@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.motion.statistic import statistics_of
+from jaxcrusher.motion.statistics_table import statistics_of
 from jaxcrusher.orbits.penetrations import least_penetrations
 from jaxcrusher.scenes.build import build_chamber
 

@@ -12,7 +12,7 @@ import jaxcrusher as jc
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistic import STATISTIC, AbstractMean, statistics_of
+from jaxcrusher.motion.statistics_table import STATISTIC, AbstractMean, statistics_of
 from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
 
 
