@@ -52,7 +52,9 @@ class JawMotion(eqx.Module):
     @property
     def spin(self) -> Scalar:
         """Return the angular velocity of the jaw, counterclockwise, rad/s."""
-        return self.motion.pose("jaw").spin
+        spin = self.motion.spin("jaw")
+        assert spin is not None
+        return spin
 
     def point(self, along: Scalar | float | None = None, across: Scalar | None = None) -> Point:
         """Return a point of the jaw; `across` (m) is towards the fixed jaw."""

@@ -17,6 +17,8 @@ from jaxcrusher.crusher.rod import Rod
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.table import Column
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.mechanism.energies import kinetic_energy as kinetic_energy
+from jaxcrusher.mechanism.energies import potential_energy as potential_energy
 from jaxcrusher.mechanism.snapshot import FrameMotion, Snapshot
 from jaxcrusher.mechanism.supports import OnSupports
 
@@ -177,35 +179,6 @@ def pin_position(s: Snapshot, scene: Scene) -> Vector:
 def jaw_mass_centre(s: Snapshot, scene: Scene) -> Vector:
     """S2, m."""
     return s.motion.centre("jaw")
-
-
-def kinetic_energy(s: Snapshot, scene: Scene) -> Scalar:
-    """Return the kinetic energy of the three bodies, and of a frame on supports, J."""
-    total, drift = jnp.zeros_like(s.motion.crank.speed), None
-    frame, foundation = s.frame, scene.supports
-    if frame is not None and foundation is not None:
-        drift = frame.velocity.seen_from(frame.axis)
-        total = foundation.mass * drift.dot(drift) + foundation.inertia * frame.spin**2
-    for name, body in scene.linkage.bodies.items():
-        velocity, spin = s.motion.centre_velocity(name), s.motion.pose(name).spin
-        if drift is not None and frame is not None and foundation is not None:
-            arm = s.motion.centre(name) - foundation.point
-            velocity, spin = drift + frame.spin * arm.perp() + velocity, spin + frame.spin
-        total = total + body.mass * velocity.dot(velocity) + body.inertia * spin**2
-    return 0.5 * total
-
-
-def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
-    """Return the potential energy of weight, zero at C's height as drawn, J."""
-    total, frame, foundation = jnp.zeros_like(s.motion.crank.speed), s.frame, scene.supports
-    places = [(body, s.motion.centre(name)) for name, body in scene.linkage.bodies.items()]
-    if frame is not None and foundation is not None:
-        centre = foundation.point + frame.displacement
-        total = foundation.mass * centre.y
-        places = [(b, centre + (at - foundation.point).along(frame.axis)) for b, at in places]
-    for body, place in places:
-        total = total + body.mass * place.y
-    return scene.linkage.gravity * total
 
 
 def elastic_energy(s: Snapshot, scene: Scene) -> Scalar:

@@ -9,6 +9,7 @@ so that perp(arm_i) is its partial velocity by w_i, and for each spin, over all 
 
     sum of arm_i x (m r'' - F) + J_i w_i' - N_i = 0.
 
+A slide adds s'' d along its line, so that d is the partial velocity by s', as of an arm -perp(d).
 The root of a tree that floats moves with the force on all of it. A joint that closes a loop adds
 its two rows, whose multipliers are its force. A frame on supports is one more body, and the tree
 that begins with it floats. Spins and accelerations are those past the ground, in the frame's axes.
@@ -25,7 +26,7 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.linear import solve_symmetric
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.joint.clearance import Contact
-from jaxcrusher.mechanism.arms import Arm, minus, or_zero, plus, total
+from jaxcrusher.mechanism.arms import Arm, arm_to, minus, or_zero, plus, total
 from jaxcrusher.mechanism.linkage import Body, Joint, Point
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
@@ -50,6 +51,13 @@ class MovingFrame(eqx.Module):
     spin: Scalar  # rad/s
 
 
+class Guiding(eqx.Module):
+    """What a slider does to its slide, in the frame."""
+
+    force: Scalar  # to the left of the slide's direction, N
+    moment: Scalar  # about the slider's origin, N m
+
+
 class Accelerations(eqx.Module):
     """What a motion does next, in the frame's axes, and what holds it together."""
 
@@ -58,6 +66,7 @@ class Accelerations(eqx.Module):
     eccentricities: Named[Vector]  # e'' of loose joints, past the frame, m/s2
     forces: Named[Vector]  # on the bore of each joint, N
     torque: Scalar  # on the crank by what drives it, N m
+    slides: Named[Guiding] = eqx.field(default_factory=Named)  # on the frame by each slide
 
     def past_frame(self, body: str) -> Scalar:
         """Return the angular acceleration of a body past the frame, rad/s2."""
@@ -68,7 +77,7 @@ class Accelerations(eqx.Module):
 
 @dataclass
 class _Way:
-    """The way from the root of a tree to a point: arms of bodies, and held eccentricities."""
+    """The way from the root of a tree to a point: arms of bodies, held eccentricities, slides."""
 
     arms: dict[str, Vector] = field(default_factory=dict)
     steps: dict[str, int] = field(default_factory=dict)
@@ -96,18 +105,24 @@ class _Ways:
         self.bodies: dict[str, Body] = dict(linkage.bodies.items())
         if frame is not None:
             self.bodies[FRAME] = frame.body
-        # A driven crank turns with the frame, and past it by a spin that is known.
+        self.slides = {slide.body: name for name, slide in linkage.slides.items()}
+        # Sliders turn with the frame. So does a driven crank, and past it by a spin that is known.
         self.turning_with = {body: body for body in self.bodies}
-        if driven:
-            del self.turning_with[linkage.crank]
+        for body in (*self.slides, *([linkage.crank] if driven else [])):
+            del self.turning_with[body]
             if frame is not None:
-                self.turning_with[linkage.crank] = FRAME
+                self.turning_with[body] = FRAME
         self.hung: dict[str, tuple[Arm, _Way]] = {}
         for tree in trees:
             floats = tree.base in self.bodies
             base = self.bodies[tree.base].mass_centre if floats else Arm()
             self.hung[tree.base] = base, _Way()
             for body, parent, joint in tree.branches:
+                if joint in linkage.slides:
+                    place = motion.position(linkage.slide(joint).ends.pin)
+                    way = self.to(FRAME, arm_to(place))
+                    self.hung[body] = Arm(), _Way(way.arms, {joint: 1})
+                    continue
                 way = self.to(parent, linkage.side_of(joint, parent))
                 if joint in curvatures:
                     sign = 1 if linkage.joint(joint).pin.body == body else -1
@@ -128,13 +143,19 @@ class _Ways:
         """Return the way to a point of a joint."""
         return self.to(point.body, point.arm)
 
-    def by_spin(self, way: _Way) -> dict[str, Vector]:
-        """Return the arms of a way by the bodies whose unknown spins they turn with."""
+    def by_speed(self, way: _Way) -> dict[str, Vector]:
+        """Return the arms of a way by the bodies whose unknown spins they turn with.
+
+        A slider's unknown speed stands with them, by its arm.
+        """
         found: dict[str, Vector] = {}
         for body, arm in way.arms.items():
             if body in self.turning_with:
                 name = self.turning_with[body]
                 found[name] = arm if name not in found else found[name] + arm
+        for body, name in self.slides.items():
+            if name in way.steps:
+                found[body] = -way.steps[name] * self.motion.linkage.slide(name).direction.perp()
         return found
 
     def known(self, way: _Way) -> Vector | None:
@@ -142,15 +163,18 @@ class _Ways:
         crank, found = self.motion.crank, []
         for body, arm in way.arms.items():
             spin = plus(self.motion.spin(body), None if self.frame is None else self.frame.spin)
-            assert spin is not None
-            found.append(-(spin**2) * arm)
+            if spin is not None:
+                found.append(-(spin**2) * arm)
             known = crank.acceleration if body == self.motion.linkage.crank else None
             if known is not None and self.turning_with.get(body) != body:
                 found.append(known * arm.perp())
         for joint, sign in way.steps.items():
             curvature = self.curvatures[joint]
-            assert curvature is not None
-            found.append(sign * curvature)
+            if curvature is not None:
+                found.append(sign * curvature)
+            elif self.frame is not None:  # a slide, which turns with the frame
+                rate = self.motion.velocity(self.motion.linkage.slide(joint).ends.pin)
+                found.append(sign * 2 * self.frame.spin * rate.perp())
         return total(found)
 
 
@@ -178,18 +202,22 @@ def solve(
         sums = sums_of([Wrench(linkage.crank, None, torque), Wrench(FRAME, None, -torque)], sums)
 
     unknown = [
-        name for tree in trees for name in tree.bodies if ways.turning_with.get(name) == name
+        name
+        for tree in trees
+        for name in tree.bodies
+        if name in ways.slides or ways.turning_with.get(name) == name
     ]
     rows = [_Rows(ways, tree, sums, unknown) for tree in trees]
-    spin_ups, closed = _solved(ways, rows, unknown, closing)
-    roots = {body: one.root(spin_ups) for one in rows for body in one.tree.bodies}
+    speed_ups, closed = _solved(ways, rows, unknown, closing)
+    roots = {body: one.root(speed_ups) for one in rows for body in one.tree.bodies}
 
     def acceleration(body: str, way: _Way) -> Vector | None:
-        parts = [spin_ups[name] * arm.perp() for name, arm in ways.by_spin(way).items()]
+        parts = [speed_ups[name] * arm.perp() for name, arm in ways.by_speed(way).items()]
         return total([roots[body], ways.known(way), *parts])
 
     centres = {name: or_zero(acceleration(name, ways.to_centre(name))) for name in ways.bodies}
-    turned = {name: spin_ups[other] for name, other in ways.turning_with.items()}
+    turned = {name: jnp.zeros_like(motion.crank.speed) for name in ways.slides}
+    turned |= {name: speed_ups[other] for name, other in ways.turning_with.items()}
     if torque is None:
         known, carried = motion.crank.acceleration, turned.get(linkage.crank)
         known = jnp.zeros_like(motion.crank.speed) if known is None else known
@@ -206,25 +234,32 @@ def solve(
         name: minus(one.mass * centres[name], sums[name][0]) for name, one in ways.bodies.items()
     }
     forces = {name: contact.force for name, contact in contacts.items()} | closed
+    guides = {}
     for tree in trees:
         for body, _, name in tree.branches:
             on_body = or_zero(total([missing[one] for one in tree.beyond(body)]))
+            if name in linkage.slides:
+                across = linkage.slide(name).direction.cross(on_body)
+                turning = _moment(body, ways, trees, turned, missing, sums)
+                guides[name] = Guiding(-across, -turning)
+                continue
             forces[name] = on_body if linkage.joint(name).bore.body == body else -on_body
     if torque is None:
-        torque = _torque(ways, trees, turned, missing, sums)
+        torque = _moment(linkage.crank, ways, trees, turned, missing, sums)
     return Accelerations(
         Named({name: turned[name] for name in ways.bodies}),
         Named(centres),
         Named(second),
         Named({name: forces[name] for name in linkage.joints.names}),
         torque,
+        Named({name: guides[name] for name in linkage.slides.names}),
     )
 
 
 def _solved(
     ways: _Ways, rows: "list[_Rows]", unknown: list[str], closing: tuple[str, ...]
 ) -> tuple[dict[str, Scalar], dict[str, Vector]]:
-    """Return the derivatives of the unknown spins, and the forces on the bores that close loops.
+    """Return the derivatives of the unknown speeds, and the forces on the bores that close loops.
 
     Pin and bore of a closing joint move alike: rows . w' = right. The multipliers of the rows are
     forces on the bore, M w' + rows^T force = moments.
@@ -238,7 +273,7 @@ def _solved(
         apart = ways.to_end(ends.pin) - ways.to_end(ends.bore)
         left = minus(ways.known(apart), ways.curvatures[joint])
         assert left is not None
-        for name, arm in ways.by_spin(apart).items():
+        for name, arm in ways.by_speed(apart).items():
             partial = arm.perp()
             lower[len(right), unknown.index(name)] = partial.x
             lower[len(right) + 1, unknown.index(name)] = partial.y
@@ -250,18 +285,19 @@ def _solved(
 
 
 class _Rows:
-    """What one tree adds to the equations of the unknown spins: mass matrix and right sides."""
+    """What one tree adds to the equations of the unknown speeds: mass matrix and right sides."""
 
     def __init__(self, ways: _Ways, tree: Tree, sums: Sums, unknown: list[str]):
         self.tree = tree
         self.lower: dict[tuple[int, int], Any] = {}
         members = [body for body in tree.bodies if body in ways.bodies]
-        turned = {ways.turning_with[body] for body in members if body in ways.turning_with}
-        self.right: dict[str, Any] = {name: None for name in unknown if name in turned}
+        moving = {ways.turning_with[body] for body in members if body in ways.turning_with}
+        moving |= ways.slides.keys() & set(members)
+        self.right: dict[str, Any] = {name: None for name in unknown if name in moving}
         columns, products, pushes = {}, {}, {}
         for body in members:
             one, way = ways.bodies[body], ways.to_centre(body)
-            columns[body], known = ways.by_spin(way), ways.known(way)
+            columns[body], known = ways.by_speed(way), ways.known(way)
             products[body] = {name: one.mass * arm for name, arm in columns[body].items()}
             lost = None if known is None else one.mass * known
             pushes[body] = minus(sums[body][0], lost)
@@ -270,7 +306,8 @@ class _Rows:
                 place = (unknown.index(name), unknown.index(name))
                 self.lower[place] = plus(self.lower.get(place), one.inertia)
                 self.right[name] = plus(self.right[name], sums[body][1])
-                changing = None if name == body else ways.motion.crank.acceleration
+                is_carried = name != body and body == ways.motion.linkage.crank
+                changing = ways.motion.crank.acceleration if is_carried else None
                 if changing is not None:
                     self.right[name] = minus(self.right[name], one.inertia * changing)
         # Of a tree that floats: its mass, the force on it, and its mass moments about its root.
@@ -300,11 +337,11 @@ class _Rows:
                 if entry is not None:
                     self.lower[place] = entry
 
-    def root(self, spin_ups: dict[str, Scalar]) -> Vector | None:
+    def root(self, speed_ups: dict[str, Scalar]) -> Vector | None:
         """Return the acceleration of the root."""
         if not self.floats:
             return None
-        parts = [-spin_ups[n] * s.perp() for n, s in self.sums.items() if s is not None]
+        parts = [-speed_ups[n] * s.perp() for n, s in self.sums.items() if s is not None]
         push = total([self.push, *parts])
         assert push is not None
         return push / self.mass
@@ -367,19 +404,19 @@ def _past(
     return second + turning - spin_up * e.perp()
 
 
-def _torque(
+def _moment(
+    body: str,
     ways: _Ways,
     trees: tuple[Tree, ...],
     spin_ups: dict[str, Scalar],
     missing: dict[str, Vector | None],
     sums: Sums,
 ) -> Scalar:
-    """Return the torque that turns a driven crank as it turns."""
-    crank = ways.motion.linkage.crank
-    tree = next(one for one in trees if crank in one.bodies)
-    parts = [ways.bodies[crank].inertia * spin_ups[crank], minus(None, sums[crank][1])]
-    for body in tree.beyond(crank):
-        arm, force = ways.to_centre(body).arms.get(crank), missing[body]
+    """Return the moment that holds a body as it turns: that of a driven crank, or of a slide."""
+    tree = next(one for one in trees if body in one.bodies)
+    parts = [ways.bodies[body].inertia * spin_ups[body], minus(None, sums[body][1])]
+    for one in tree.beyond(body):
+        arm, force = ways.to_centre(one).arms.get(body), missing[one]
         parts.append(None if arm is None or force is None else arm.cross(force))
     found = total(parts)
     assert found is not None

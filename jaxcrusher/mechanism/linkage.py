@@ -1,10 +1,11 @@
-"""A planar linkage as it is drawn: bodies, joints between them, and the crank that drives it."""
+"""A planar linkage as it is drawn: bodies, what holds them together, and the crank."""
 
 import equinox as eqx
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import require
-from jaxcrusher.basics.plane import scalar
+from jaxcrusher.basics.checks import concrete, require
+from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.basics.smooth import norm
 from jaxcrusher.mechanism.arms import Arm
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME, Dyad, dyads_of
@@ -32,17 +33,46 @@ class Joint(eqx.Module):
     pin: Point
 
 
+class Slide(eqx.Module):
+    """A slide in the frame: its body moves along a line, and does not turn.
+
+    The body's origin moves on the line through a point of the frame, and its axes stay those of the
+    frame. Raises ValueError for a direction without length.
+    """
+
+    body: str = eqx.field(static=True)
+    along: Vector  # ahead on the line, of any length
+    through: Arm = Arm()  # from the frame's origin, m
+
+    def __check_init__(self):
+        parts = [concrete(part) for part in (self.along.x, self.along.y)]
+        good = any(part is None or bool((part != 0).all()) for part in parts)
+        require(good, "along", "be a direction", "zero")
+
+    @property
+    def direction(self) -> Vector:
+        """Return the unit vector ahead on the line."""
+        return self.along / norm(self.along, 0.0)
+
+    @property
+    def ends(self) -> Joint:
+        """Return what may part along the line alone: a point of the frame, the body's origin."""
+        return Joint(Point(FRAME, self.through), Point(self.body))
+
+
 class Linkage(eqx.Module):
-    """Bodies and joints on a frame.
+    """Bodies, joints and slides on a frame.
 
     The `crank` turns in the frame about the joint `bearing`; all other bodies are dyads: pairs that
-    meet in a joint, each of which hangs on a body before them by another joint. `sides` says of
-    each dyad, in the order of `dyads`, on which side of the line from its first to its second outer
-    joint they meet: 1 left, -1 right. Frame and crank have their origins where their axes begin;
-    the crank's angle is that of its x axis.
+    meet in a joint, each of which hangs on a body before them by another joint, or one of them on
+    the frame by a slide. `sides` says of each dyad, in the order of `dyads`, where it meets. Two
+    links meet on one side of the line from their first to their second outer joint: 1 left,
+    -1 right. A link and a slider meet ahead (1) or behind (-1), along the slide, of the foot of the
+    perpendicular from the link's outer joint. Frame and crank have their origins where their axes
+    begin; the crank's angle is that of its x axis.
 
-    Raises ValueError for a joint of a body that there is not, for bodies that are no dyads, and for
-    another count of `sides`.
+    Raises ValueError for a joint or a slide of a body that there is not, for one that no dyad
+    needs, for bodies that are no dyads, and for another count of `sides`.
     """
 
     bodies: Named[Body]
@@ -51,26 +81,34 @@ class Linkage(eqx.Module):
     bearing: str = eqx.field(static=True)
     sides: tuple[int, ...] = eqx.field(static=True)
     gravity: Scalar = eqx.field(converter=scalar, default=9.81)  # m/s2
+    slides: Named[Slide] = eqx.field(default_factory=Named)
 
     def __check_init__(self):
+        twice = set(self.joints.names) & set(self.slides.names)
+        require(not twice, "slides", "have names that no joint has", ", ".join(twice))
         known = {FRAME, *self.bodies.names}
-        for name, joint in self.joints.items():
-            for point in (joint.bore, joint.pin):
+        for name, *both in self.ends:
+            for body in both:
                 must = f"join bodies that there are: {', '.join(sorted(known))}"
-                require(point.body in known, name, must, f"at {point.body}")
+                require(body in known, name, must, f"at {body}")
+        used = {self.bearing}.union(*(dyad.held_by for dyad in self.dyads))
+        more = [name for name, *_ in self.ends if name not in used]
+        must = "be the crank's bearing and three of each dyad"
+        require(not more, "joints", must, f"also {', '.join(more)}")
         require(len(self.sides) == len(self.dyads), "sides", "hold one of each dyad", self.sides)
         good = all(side in (-1, 1) for side in self.sides)
         require(good, "sides", "hold 1 or -1 of each dyad", self.sides)
 
     @property
     def ends(self) -> tuple[tuple[str, str, str], ...]:
-        """Return name, bore's body and pin's body of each joint."""
-        return tuple((name, one.bore.body, one.pin.body) for name, one in self.joints.items())
+        """Return name, bore's body and pin's body of each joint, and of each slide the same."""
+        every = [*self.joints.items(), *((name, one.ends) for name, one in self.slides.items())]
+        return tuple((name, one.bore.body, one.pin.body) for name, one in every)
 
     @property
     def dyads(self) -> tuple[Dyad, ...]:
         """Return the pairs of bodies, in the order in which they are placed."""
-        return dyads_of(self.ends, self.bodies.names, self.crank)
+        return dyads_of(self.ends, self.slides.names, self.bodies.names, self.crank)
 
     def side_of(self, joint: str, body: str) -> Arm:
         """Return where a joint is on one of its two bodies."""
@@ -80,6 +118,12 @@ class Linkage(eqx.Module):
     def joint(self, name: str) -> Joint:
         """Return a joint, which there is."""
         found = self.joints[name]
+        assert found is not None, name
+        return found
+
+    def slide(self, name: str) -> Slide:
+        """Return a slide, which there is."""
+        found = self.slides[name]
         assert found is not None, name
         return found
 

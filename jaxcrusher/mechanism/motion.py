@@ -1,7 +1,8 @@
 """Where the bodies of a linkage are and how fast, from its crank and its eccentricities.
 
-All is relative to the frame and in its axes. The bodies of a dyad follow by where two circles meet,
-their spins by the lever formula: no trigonometry, and one square root a dyad.
+All is relative to the frame and in its axes. The bodies of a dyad follow by where two circles meet
+or of a circle and a line, their spins by the lever formula: no trigonometry, and one square root a
+dyad.
 """
 
 import equinox as eqx
@@ -27,7 +28,7 @@ class Pose(eqx.Module):
     """A body: the unit vector of its x axis, its spin, and where one of its points is."""
 
     axis: Vector
-    spin: Scalar  # counterclockwise, rad/s
+    spin: Scalar | None  # counterclockwise, rad/s; None of a slider, which does not turn
     anchor: Arm  # the point
     place: Vector | None  # of the point, m
     rate: Vector | None  # and its velocity, m/s
@@ -39,7 +40,8 @@ class Pose(eqx.Module):
     def velocity(self, arm: Arm) -> Vector | None:
         """Return the velocity of a point of the body, m/s."""
         apart = (arm - self.anchor).along(self.axis)
-        return plus(self.rate, None if apart is None else self.spin * apart.perp())
+        still = apart is None or self.spin is None
+        return plus(self.rate, None if still else self.spin * apart.perp())
 
 
 class Motion(eqx.Module):
@@ -62,7 +64,7 @@ class Motion(eqx.Module):
         return Vector(1.0, 0.0) if body == FRAME else self.pose(body).axis
 
     def spin(self, body: str) -> Scalar | None:
-        """Return the spin of a body, rad/s; None of the frame."""
+        """Return the spin of a body, rad/s; None of the frame and of sliders."""
         return None if body == FRAME else self.pose(body).spin
 
     def centre(self, body: str) -> Vector:
@@ -109,7 +111,9 @@ def moving(linkage: Linkage, crank: Crank, e: Named[Vector], rates: Named[Vector
     axis = direction(crank.angle)
     poses = Named({linkage.crank: Pose(axis, crank.speed, anchor, place, rate)})
     for dyad, side in zip(linkage.dyads, linkage.sides, strict=True):
-        poses = _with(linkage, poses, dyad, side, e, rates)
+        place = _link_and_slider if dyad.second_joint in linkage.slides else _two_links
+        pair = place(linkage, poses, dyad, side, e, rates)
+        poses = Named({**dict(poses.items()), **pair})
     return Motion(linkage, crank, poses, e, rates)
 
 
@@ -136,18 +140,18 @@ def _hung(
     return minus(place, e[joint]), minus(rate, rates[joint])
 
 
-def _with(
+def _two_links(
     linkage: Linkage,
     poses: Named[Pose],
     dyad: Dyad,
     side: int,
     e: Named[Vector],
     rates: Named[Vector],
-) -> Named[Pose]:
-    """Add the poses of a dyad: u from its first outer joint, v to its second one, la u + lb v = p.
+) -> dict[str, Pose]:
+    """Return the poses of two links: u from the first outer joint, v to the second one.
 
-    The two meet to the left of p for side 1, to the right for side -1. Its spins solve
-    la spin_u perp(u) + lb spin_v perp(v) = p'.
+    la u + lb v = p, where p leads from the one to the other. The two meet to the left of p for
+    side 1, to the right for side -1. Their spins solve la spin_u perp(u) + lb spin_v perp(v) = p'.
     """
     outer = [
         _hung(linkage, poses, joint, body, e, rates)
@@ -170,11 +174,45 @@ def _with(
     v = (span - la * u) / lb
     lever = u.cross(v)
     spins = change.dot(v) / (la * lever), -change.dot(u) / (lb * lever)
-    pair = {
+    return {
         dyad.first: Pose(first.axis(u), spins[0], arms[0], start, start_rate),
         dyad.second: Pose(second.axis(v), spins[1], arms[1], end, end_rate),
     }
-    return Named({**dict(poses.items()), **pair})
+
+
+def _link_and_slider(
+    linkage: Linkage,
+    poses: Named[Pose],
+    dyad: Dyad,
+    side: int,
+    e: Named[Vector],
+    rates: Named[Vector],
+) -> dict[str, Pose]:
+    """Return the poses of a link and a slider: u from the link's outer joint, l u = p + s d.
+
+    p is there where the slider's way s along d is zero. They meet ahead of the foot of the
+    perpendicular for side 1, behind it for side -1. The rates solve l spin perp(u) = p' + s' d.
+    """
+    start, start_rate = _hung(linkage, poses, dyad.first_joint, dyad.first, e, rates)
+    slide, meeting = linkage.slide(dyad.second_joint), linkage.joint(dyad.meeting)
+    ahead, upright = slide.direction, Vector(1.0, 0.0)
+    begin = _position(poses, slide.ends.bore)
+    on_slider = linkage.side_of(dyad.meeting, dyad.second).along(upright)
+    combine = plus if meeting.pin.body == dyad.first else minus
+    span = or_zero(combine(minus(plus(begin, on_slider), start), e[dyad.meeting]))
+    change = or_zero(combine(minus(None, start_rate), rates[dyad.meeting]))
+    arm = linkage.side_of(dyad.first_joint, dyad.first)
+    link = _Link(linkage.side_of(dyad.meeting, dyad.first) - arm)
+    distance = ahead.cross(span)
+    from_foot = side * jnp.sqrt(link.length**2 - distance**2)
+    u = (from_foot * ahead + distance * ahead.perp()) / link.length
+    spin = ahead.cross(change) / from_foot
+    place = plus(begin, (from_foot - ahead.dot(span)) * ahead)
+    speed = -(spin * distance + ahead.dot(change))
+    return {
+        dyad.first: Pose(link.axis(u), spin, arm, start, start_rate),
+        dyad.second: Pose(upright, None, Arm(), place, speed * ahead),
+    }
 
 
 class _Link:

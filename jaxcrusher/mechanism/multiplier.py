@@ -1,9 +1,9 @@
 """The paper's formulation for any linkage: absolute coordinates, multipliers, stabilisation.
 
 Wang, Cui, Wang, Appl. Sci. 2023, 13, 238, (12)-(20): mass centre and angle of each body, a pair of
-rows for each joint that is held, one for a driven crank, and Baumgarte's stabilisation. It shares
-neither trees nor dyads with the eccentricities, and so is their independent check. (13) of the
-paper lacks the drive's row; (19) omits the moments of a contact.
+rows for each joint that is held and for each slide, one for a driven crank, and Baumgarte's
+stabilisation. It shares neither trees nor dyads with the eccentricities, and so is their
+independent check. (13) of the paper lacks the drive's row; (19) omits the moments of a contact.
 """
 
 import functools
@@ -16,10 +16,17 @@ from jaxcrusher.basics.linear import SparseRow, solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, scalar
 from jaxcrusher.mechanism.arms import or_zero, plus
 from jaxcrusher.mechanism.drives import from_nearest_turn
-from jaxcrusher.mechanism.equations import Accelerations, MovingFrame, Wrench, pushes, sums_of
+from jaxcrusher.mechanism.equations import (
+    Accelerations,
+    Guiding,
+    MovingFrame,
+    Wrench,
+    pushes,
+    sums_of,
+)
 from jaxcrusher.mechanism.forces import contacts_of, wrenches_of
 from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
-from jaxcrusher.mechanism.linkage import Body, Joint
+from jaxcrusher.mechanism.linkage import Body, Joint, Slide
 from jaxcrusher.mechanism.motion import Crank, Motion, Pose, moving
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
@@ -69,8 +76,9 @@ class MultiplierFormulation(AbstractFormulation):
             # A crank counts its turns.
             turned = jnp.arctan2(pose.axis.y, pose.axis.x)
             angle = crank.angle if name == linkage.crank else turned
+            spin = jnp.zeros_like(angle) if pose.spin is None else pose.spin
             position[name] = Placement(motion.centre(name), angle)
-            velocity[name] = Placement(motion.centre_velocity(name), pose.spin) * CONTACT_TIME
+            velocity[name] = Placement(motion.centre_velocity(name), spin) * CONTACT_TIME
         memories = scene.joints.map(lambda joint: joint.normal.impact_velocity.initial())
         return MultiplierState(Named(position), Named(velocity), memories, initial_frame(scene))
 
@@ -87,14 +95,18 @@ class MultiplierFormulation(AbstractFormulation):
             wrenches += [Wrench(linkage.crank, None, torque), Wrench(FRAME, None, -torque)]
 
         bodies = _Bodies(motion, body)
-        gaps = {name: bodies.gap(name) for name in linkage.joints.names}
+        gaps = {name: bodies.gap(joint) for name, joint in motion.linkage.joints.items()}
         rows, kept = [], []
         for name, gap in gaps.items():
             if name not in scene.joints:
                 rows += gap.rows
                 kept += zip(*(_parts(part) for part in (gap.e, gap.rate, gap.rest)), strict=True)
+        for slide in linkage.slides.values:
+            for row, off in bodies.held_by(slide):
+                rows.append(row)
+                kept.append(off)
         if torque is None:
-            rows.append(bodies.turning_of_crank())
+            rows.append(bodies.turning(linkage.crank))
             kept.append(_off(scene, time, motion))
         right = [-rest - 2 * self.alpha * rate - self.beta**2 * off for off, rate, rest in kept]
         forces = bodies.forces(wrenches, gravity)
@@ -104,6 +116,7 @@ class MultiplierFormulation(AbstractFormulation):
         for name in gaps:
             if name not in scene.joints:
                 on_bore[name] = Vector(next(held), next(held))
+        guides = linkage.slides.map(lambda _: Guiding(next(held), next(held)))
         torque = -next(held) if torque is None else torque
         spin_ups = {name: found[3 * i + 2] for i, name in enumerate(bodies.names)}
         accelerations = Accelerations(
@@ -112,6 +125,7 @@ class MultiplierFormulation(AbstractFormulation):
             Named({name: gaps[name].acceleration(found) for name in scene.joints.names}),
             Named({name: on_bore[name] for name in gaps}),
             torque,
+            guides,
         )
         none = jnp.zeros_like(motion.crank.speed)  # where no joint is held
         residual = functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept], none)
@@ -123,7 +137,7 @@ class MultiplierFormulation(AbstractFormulation):
         """Return velocities and accelerations, q' and q''."""
         found, frame = snapshot.accelerations, snapshot.frame
         second = {}
-        for name in scene.linkage.bodies.names:
+        for name in state.velocity.names:
             centre, spin_up = found.centres[name], found.spin_ups[name]
             assert centre is not None and spin_up is not None
             if frame is not None and scene.supports is not None:
@@ -227,9 +241,8 @@ class _Bodies:
             found += [force.x, force.y, jnp.zeros_like(one.mass) if moment is None else moment]
         return found
 
-    def gap(self, name: str) -> _Gap:
+    def gap(self, joint: Joint) -> _Gap:
         """Return how pin and bore of a joint part."""
-        joint = self.motion.linkage.joint(name)
         e, rate = _apart(self.motion, joint)
         rows: tuple[SparseRow, SparseRow] = ({}, {})
         rest = Vector(0.0, 0.0)
@@ -257,11 +270,24 @@ class _Bodies:
         assert found is not None
         return found
 
-    def turning_of_crank(self) -> SparseRow:
-        """Return the row of the crank's angle past the frame."""
-        crank = self.motion.linkage.crank
+    def held_by(self, slide: Slide) -> list[tuple[SparseRow, tuple[Scalar, Scalar, Scalar]]]:
+        """Return a slide's rows: its body's way across the line, and its angle past the frame.
+
+        With each goes how far it is off, that one's rate, and what the row leaves of the second.
+        """
+        gap, across = self.gap(slide.ends), slide.direction.perp()
+        x, y = gap.rows
+        row = {i: across.x * x.get(i, 0.0) + across.y * y.get(i, 0.0) for i in sorted(x.keys() | y)}
+        off = (across.dot(gap.e), across.dot(gap.rate), across.dot(gap.rest))
+        axis, spin = self.motion.axis(slide.body), self.motion.spin(slide.body)
+        assert spin is not None
+        turned = (jnp.arctan2(axis.y, axis.x), spin, jnp.zeros_like(spin))
+        return [(row, off), (self.turning(slide.body), turned)]
+
+    def turning(self, body: str) -> SparseRow:
+        """Return the row of a body's angle past the frame."""
         one = jnp.ones_like(self.motion.crank.angle)
-        row = {3 * self.names.index(crank) + 2: one}
+        row = {3 * self.names.index(body) + 2: one}
         return row if self.frame is None else {**row, 3 * self.names.index(FRAME) + 2: -one}
 
 

@@ -1,6 +1,7 @@
 """Which body hangs on which one: dyads by which bodies are placed, trees of those held together.
 
-It knows names alone. A joint is its name, the body of its bore and the body of its pin.
+It knows names alone. A joint is its name, the body of its bore and the body of its pin; a slide is
+the same, of the frame and its slider.
 """
 
 import functools
@@ -15,13 +16,21 @@ Ends = tuple[tuple[str, str, str], ...]
 
 
 class Dyad(NamedTuple):
-    """Two bodies that meet in a joint, each hanging on a body before them by another one."""
+    """Two bodies that meet in a joint, each hanging on a body before them by another one.
+
+    They are two links, or a link and then a slider, whose other joint is its slide.
+    """
 
     first: str
     second: str
     first_joint: str
     second_joint: str
     meeting: str
+
+    @property
+    def held_by(self) -> tuple[str, str, str]:
+        """Return the joints that hold it, and its slide."""
+        return self.first_joint, self.second_joint, self.meeting
 
 
 class Branch(NamedTuple):
@@ -59,13 +68,18 @@ def other_body(ends: Ends, joint: str, body: str) -> str:
 
 
 @functools.cache
-def dyads_of(ends: Ends, bodies: tuple[str, ...], crank: str) -> tuple[Dyad, ...]:
+def dyads_of(
+    ends: Ends, slides: tuple[str, ...], bodies: tuple[str, ...], crank: str
+) -> tuple[Dyad, ...]:
     """Return the dyads that bodies behind frame and crank are placed by, in their order."""
     placed, left, found = {FRAME, crank}, [body for body in bodies if body != crank], []
     while left:
         pairs = itertools.combinations(left, 2)
-        dyad = next((one for pair in pairs if (one := _dyad(ends, pair, placed))), None)
-        must = "form dyads, pairs that meet in a joint and hang on bodies before them by another"
+        dyad = next((one for pair in pairs if (one := _dyad(ends, slides, pair, placed))), None)
+        must = (
+            "form dyads, pairs that meet in a joint and hang on bodies before them by another, "
+            "or one of them by a slide"
+        )
         require(dyad is not None, "bodies", must, ", ".join(left))
         assert dyad is not None
         found.append(dyad)
@@ -74,7 +88,9 @@ def dyads_of(ends: Ends, bodies: tuple[str, ...], crank: str) -> tuple[Dyad, ...
     return tuple(found)
 
 
-def _dyad(ends: Ends, pair: tuple[str, str], placed: set[str]) -> Dyad | None:
+def _dyad(
+    ends: Ends, slides: tuple[str, ...], pair: tuple[str, str], placed: set[str]
+) -> Dyad | None:
     first, second = pair
     meeting = [name for name, *both in ends if set(both) == set(pair)]
     outer = [
@@ -83,7 +99,12 @@ def _dyad(ends: Ends, pair: tuple[str, str], placed: set[str]) -> Dyad | None:
     ]
     if not all((meeting, *outer)):
         return None
-    return Dyad(first, second, outer[0][0], outer[1][0], meeting[0])
+    by = [names[0] for names in outer]
+    if by[0] in slides:
+        first, second, by = second, first, by[::-1]
+    if by[0] in slides:
+        return None  # two sliders cannot move
+    return Dyad(first, second, by[0], by[1], meeting[0])
 
 
 @functools.cache

@@ -12,7 +12,7 @@ from jaxcrusher.mechanism.arms import Arm
 from jaxcrusher.mechanism.drives import AbstractDrive, ConstantSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.equations import Wrench
-from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point
+from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import (
     AbstractApplied,
@@ -25,7 +25,7 @@ from jaxcrusher.mechanism.topology import FRAME
 
 
 class Pull(AbstractApplied):
-    """A constant force on the rocker of a four-bar linkage, at its mass centre."""
+    """A constant force on a body, at its mass centre."""
 
     wrenches: tuple[Wrench, ...]
 
@@ -58,7 +58,7 @@ class Machine(AbstractScene):
 
 
 def bearing(clearance=1e-4):
-    law = LankaraniNikravesh(1e9, 0.7, ConstantImpactVelocity(0.1), 1e-8)
+    law = LankaraniNikravesh(1e11, 0.7, ConstantImpactVelocity(0.1), width=1e-8)
     return ClearanceJoint(0.02, clearance, law, AmbrosioFriction(SurfaceSlip(), 0.1))
 
 
@@ -100,17 +100,56 @@ def six_bar():
     )
 
 
+def slider_crank():
+    """Masses and lengths as of Flores, but an inclined slide, and mass centres off all lines."""
+    bodies = {
+        "crank": Body(0.3, 1e-4, Arm(0.02, 0.01)),
+        "rod": Body(0.21, 2.5e-4, Arm(0.06, -0.01)),
+        "slider": Body(0.14, 1e-4, Arm(-0.01, 0.02)),
+    }
+    joints = {
+        "base": Joint(Point(FRAME), Point("crank")),
+        "big end": Joint(Point("rod"), Point("crank", Arm(0.05))),
+        "wrist": Joint(Point("rod", Arm(0.12)), Point("slider", Arm(0.01, -0.015))),
+    }
+    slides = {"guide": Slide("slider", Vector(3.0, 1.0), Arm(0.02, -0.01))}
+    return Linkage(Named(bodies), Named(joints), "crank", "base", (1,), slides=Named(slides))
+
+
+def press():
+    """A slider before its link, a pin and a bore the other way round, and a dyad on the slider."""
+    one = slider_crank()
+    bodies = {
+        "slider": one.body("slider"),
+        "rod": one.body("rod"),
+        "crank": one.body("crank"),
+        "lever": Body(0.4, 2e-3, Arm(0.08, 0.01)),
+        "link": Body(0.2, 1e-3, Arm(0.05)),
+    }
+    wrist = one.joint("wrist")
+    joints = {
+        **dict(one.joints.items()),
+        "wrist": Joint(wrist.pin, wrist.bore),
+        "upper": Joint(Point("slider", Arm(0.02, 0.01)), Point("link")),
+        "middle": Joint(Point("lever", Arm(0.15)), Point("link", Arm(0.12))),
+        "foot": Joint(Point(FRAME, Arm(0.25, 0.1)), Point("lever")),
+    }
+    return Linkage(Named(bodies), Named(joints), "crank", "base", (1, -1), slides=one.slides)
+
+
 @pytest.fixture(scope="session")
 def linkages():
-    return {"four-bar": four_bar(), "six-bar": six_bar()}
+    made = {"four-bar": four_bar(), "six-bar": six_bar()}
+    return made | {"slider-crank": slider_crank(), "press": press()}
 
 
 @pytest.fixture(scope="session")
 def machine(linkages):
     """A function from a linkage's name and its loose joints to a scene."""
 
-    def made(name, loose=(), drive=None, pulled="rocker"):
+    def made(name, loose=(), drive=None):
         drive = ConstantSpeed(20.0) if drive is None else drive
+        pulled = "rocker" if "rocker" in linkages[name].bodies else "slider"
         return Machine(linkages[name], Named({n: bearing() for n in loose}), drive, pulled)
 
     return made

@@ -1,5 +1,7 @@
 """What holds for any linkage: power, momentum, and two formulations that share no equation."""
 
+import itertools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,10 +9,16 @@ import numpy as np
 import pytest
 
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.joint.clearance import ClearanceJoint
+from jaxcrusher.joint.normal import ConstantImpactVelocity, LankaraniNikravesh
 from jaxcrusher.mechanism.drives import ConstantSpeed, GivenTorque, UnevenSpeed
+from jaxcrusher.mechanism.energies import kinetic_energy, potential_energy
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
+from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.starts import Given, InContact
 from jaxcrusher.mechanism.supports import OnSupports
+from jaxcrusher.mechanism.topology import FRAME
+from tests.pairs import slow
 
 SUPPORTS = OnSupports(
     mass=60.0,
@@ -30,12 +38,20 @@ DRIVES["torque"] = GivenTorque(30.0, 20.0)
 LOOSE = {
     "four-bar": [(), ("big end",), ("base",), ("small end", "pivot"), "all"],
     "six-bar": [(), ("pivot",), ("middle", "big end"), ("upper", "foot", "base"), "all"],
+    "slider-crank": [
+        loose
+        for count in range(4)
+        for loose in itertools.combinations(("base", "big end", "wrist"), count)
+    ],
+    "press": [(), ("upper",), ("wrist", "foot"), ("big end", "middle"), "all"],
 }
-CASES = [
-    (name, loose, drive, frame)
-    for name, every in LOOSE.items()
-    for k, loose in enumerate(every)
-    for drive, frame in ((list(DRIVES)[k % 3], k % 2 == 0), (list(DRIVES)[(k + 1) % 3], k % 2 == 1))
+ONE, OTHER = [
+    [
+        (name, loose, list(DRIVES)[(k + more) % 3], k % 2 == more)
+        for name, every in LOOSE.items()
+        for k, loose in enumerate(every)
+    ]
+    for more in (0, 1)
 ]
 
 
@@ -67,24 +83,10 @@ def moved(state):
 
 def energy(s, scene):
     """Kinetic energy, that of weight, and what is stored in contacts and springs, J."""
-    total, frame, supports = 0.0, s.frame, scene.supports
-    for name, body in scene.linkage.bodies.items():
-        at, velocity = s.motion.centre(name), s.motion.centre_velocity(name)
-        spin, height = s.motion.spin(name), at.y
-        if frame is not None:
-            arm = at - supports.point
-            drift = frame.velocity.seen_from(frame.axis)
-            velocity, spin = drift + frame.spin * arm.perp() + velocity, spin + frame.spin
-            height = (supports.point + frame.displacement + arm.along(frame.axis)).y
-        total += body.mass * velocity.dot(velocity) / 2 + body.inertia * spin**2 / 2
-        total += body.mass * scene.linkage.gravity * height
+    total = kinetic_energy(s, scene) + potential_energy(s, scene)
     for joint, contact in s.contacts.items():
         total += scene.joints[joint].elastic_energy(contact)
-    if frame is not None:
-        total += supports.mass * frame.velocity.dot(frame.velocity) / 2
-        total += supports.inertia * frame.spin**2 / 2 + supports.elastic_energy(frame)
-        total += supports.mass * scene.linkage.gravity * frame.displacement.y
-    return total
+    return total if s.frame is None else total + scene.supports.elastic_energy(s.frame)
 
 
 def power(s, scene):
@@ -104,7 +106,7 @@ def power(s, scene):
     return total
 
 
-@pytest.mark.parametrize(("name", "loose", "drive", "frame"), CASES)
+@pytest.mark.parametrize(("name", "loose", "drive", "frame"), [*ONE, *slow(*OTHER)])
 def test_power_and_formulations(machine, linkages, name, loose, drive, frame):
     """Energy changes by what is put in; by multipliers all is the same to the digits they have."""
     scene = scene_of(machine, linkages, name, loose, drive, frame)
@@ -127,6 +129,7 @@ def test_power_and_formulations(machine, linkages, name, loose, drive, frame):
             found.eccentricities,
             found.forces,
             found.torque,
+            found.slides,
         )
 
     (difference, one), (again, two) = seen(scene), seen(other) if scene.joints.names else (0, None)
@@ -140,6 +143,11 @@ def test_power_and_formulations(machine, linkages, name, loose, drive, frame):
             np.testing.assert_allclose(*both, rtol=0, atol=2e-8 * size)
 
 
+def across(s, name):
+    """The force of a slider on the frame, N."""
+    return s.accelerations.slides[name].force * s.motion.linkage.slide(name).direction.perp()
+
+
 @pytest.mark.parametrize("name", LOOSE)
 def test_each_body_obeys_newton_and_euler(machine, linkages, name):
     """With the forces on bores and pins that the equations say, and their moments."""
@@ -149,7 +157,7 @@ def test_each_body_obeys_newton_and_euler(machine, linkages, name):
     for body, one in scene.linkage.bodies.items():
         force = one.mass * (found.centres[body] + Vector(0.0, scene.linkage.gravity))
         moment = one.inertia * found.spin_ups[body]
-        if body == "rocker":
+        if body == s.applied.wrenches[0].body:
             force = force - s.applied.wrenches[0].force
         if body == "crank":
             moment = moment - found.torque
@@ -164,6 +172,12 @@ def test_each_body_obeys_newton_and_euler(machine, linkages, name):
                     force = force - push
                     moment = moment - (s.motion.position(end) - s.motion.centre(body)).cross(push)
                     moment = moment if contact is None else moment - getattr(contact, turned)
+        for name, slide in scene.linkage.slides.items():
+            if slide.body == body:
+                push, on_frame = found.slides[name], across(s, name)
+                force = force + on_frame
+                arm = s.motion.position(slide.ends.pin) - s.motion.centre(body)
+                moment = moment + push.moment + arm.cross(on_frame)
         size = max(float(np.hypot(f.x, f.y)) for f in found.forces.values)
         # Rounding of forces of that size, at arms of less than a metre.
         assert (
@@ -171,13 +185,65 @@ def test_each_body_obeys_newton_and_euler(machine, linkages, name):
         )
 
 
+@pytest.mark.parametrize("frame", [False, True], ids=["clamped", "supports"])
 @pytest.mark.parametrize("name", LOOSE)
+def test_momentum_of_everything_changes_by_what_the_ground_does(machine, linkages, name, frame):
+    """Forces and moments about one point; a clamped frame passes on all that it feels."""
+    scene = scene_of(machine, linkages, name, LOOSE[name][3], "uneven", frame)
+    s = scene.formulation.snapshot(jnp.zeros(()), moved(scene.formulation.initial(scene)), scene)
+    found, linkage, pull = s.accelerations, scene.linkage, s.applied.wrenches[0]
+    fall = Vector(0.0, -linkage.gravity)
+    bodies, force, moment = dict(linkage.bodies.items()), -pull.force, 0.0
+    places = {body: s.motion.centre(body) for body in bodies}
+    if frame:
+        fall = fall.seen_from(s.frame.axis)
+        ground = SUPPORTS.wrench(s.frame)
+        point = places[FRAME] = SUPPORTS.point
+        bodies[FRAME] = SUPPORTS.moving(s.frame).body
+        force, moment = force - ground.force, moment - ground.moment
+    else:
+        point, moment = Vector(0.0, 0.0), moment - found.torque
+        for joint, ends in linkage.joints.items():
+            contact = s.contacts[joint]
+            for end, sign, turned in (
+                (ends.bore, 1, "bearing_moment"),
+                (ends.pin, -1, "journal_moment"),
+            ):
+                if end.body == FRAME:
+                    push = sign * found.forces[joint]
+                    force, moment = force + push, moment + s.motion.position(end).cross(push)
+                    moment = moment if contact is None else moment + getattr(contact, turned)
+        for slide, ends in linkage.slides.items():
+            push = across(s, slide)
+            force = force + push
+            moment = moment + s.motion.position(ends.ends.pin).cross(push)
+            moment = moment + found.slides[slide].moment
+    moment = moment - (places[pull.body] - point).cross(pull.force)
+    size = 0.0
+    for body, one in bodies.items():
+        push = one.mass * (found.centres[body] - fall)
+        force, moment = force + push, moment + (places[body] - point).cross(push)
+        moment = moment + one.inertia * found.spin_ups[body]
+        size = max(size, float(np.hypot(push.x, push.y)))
+    # Rounding of forces of that size, at arms of less than a metre.
+    assert np.hypot(force.x, force.y) < 1e-12 * size and abs(float(moment)) < 1e-12 * size
+
+
+@pytest.mark.parametrize("name", ["four-bar", "slider-crank", "press"])
 def test_pins_in_contact_rest(machine, linkages, name):
-    """The start in contact carries the forces; the accelerations left are those of slow motion."""
-    scene = machine(name, linkages[name].joints.names)
-    resting, thrown = (
-        eqx.tree_at(lambda s: s.start, scene, start, is_leaf=lambda x: x is None)
-        for start in (InContact(), InContact(refinements=0))
+    """Without friction and damping the accelerations left are those of slow motion.
+
+    Not so of the six-bar linkage: the forces of its crank turn by a right angle within the 0.2 rad
+    of the collocation, whose refinement then diverges.
+    """
+    names = linkages[name].joints.names
+    law = LankaraniNikravesh(1e11, 1.0, ConstantImpactVelocity(0.1), width=1e-8)
+    bearings = Named({joint: ClearanceJoint(0.02, 1e-4, law, None) for joint in names})
+    scene = eqx.tree_at(
+        lambda s: (s.bearings, s.start),
+        machine(name, names),
+        (bearings, InContact()),
+        is_leaf=lambda x: x is None,
     )
 
     @jax.jit
@@ -185,5 +251,6 @@ def test_pins_in_contact_rest(machine, linkages, name):
         s = scene.formulation.snapshot(jnp.zeros(()), scene.formulation.initial(scene), scene)
         return [jnp.hypot(e.x, e.y) for e in s.accelerations.eccentricities.values]
 
-    # Friction is not in the balance: some 10 % of a force on some kg. Without refinement more.
-    assert max(map(float, left(resting))) <= max(map(float, left(thrown)))
+    # Eccentricities of 1e-4 m that turn at 20 rad/s and some of their harmonics: 0.04 m/s2 and
+    # more. Forces of 600 N on 0.14 kg that nothing carried would leave 4000.
+    assert max(map(float, left(scene))) < 0.1

@@ -9,7 +9,7 @@ import pytest
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.mechanism.arms import Arm, arm_to, minus, plus
-from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point
+from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.motion import Crank, ideal_at_rest, moving
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME, forest
@@ -19,10 +19,14 @@ def apart(motion, joint):
     return motion.position(joint.pin) - motion.position(joint.bore)
 
 
-@pytest.mark.parametrize("name", ["four-bar", "six-bar"])
+EVERY = ["four-bar", "six-bar", "slider-crank", "press"]
+
+
+@pytest.mark.parametrize("name", EVERY)
 def test_every_joint_closes_and_every_body_keeps_its_size(linkages, name):
     linkage = linkages[name]
-    e = Named({"big end": Vector(0.003, -0.001), "pivot": Vector(-0.002, 0.002)})
+    e = {"big end": Vector(0.003, -0.001), "pivot": Vector(-0.002, 0.002)}
+    e = Named({**e, "wrist": Vector(0.001, 0.002)})
     for angle in np.linspace(0, 2 * np.pi, 7):
         motion = moving(linkage, Crank(jnp.asarray(angle), jnp.asarray(3.0)), e, e)
         for joint, ends in linkage.joints.items():
@@ -31,6 +35,10 @@ def test_every_joint_closes_and_every_body_keeps_its_size(linkages, name):
         for body in linkage.bodies.names:
             axis = motion.axis(body)
             assert float(axis.dot(axis)) == pytest.approx(1, abs=1e-14)
+        for slide in linkage.slides.values:
+            off = apart(motion, slide.ends).cross(slide.direction)
+            assert float(off) == pytest.approx(0, abs=1e-15)
+            assert motion.axis(slide.body).array().tolist() == [1, 0]
 
 
 def test_a_four_bar_is_where_freudenstein_s_equation_has_it(linkages):
@@ -49,10 +57,11 @@ def test_a_four_bar_is_where_freudenstein_s_equation_has_it(linkages):
         assert left == pytest.approx(np.cos(put - out), abs=1e-12)
 
 
-@pytest.mark.parametrize("name", ["four-bar", "six-bar"])
+@pytest.mark.parametrize("name", EVERY)
 def test_spins_and_velocities_are_the_derivatives_of_places(linkages, name):
     linkage = linkages[name]
-    rates = Named({"small end": Vector(0.4, -0.3), "big end": Vector(-0.2, 0.1)})
+    rates = {"small end": Vector(0.4, -0.3), "big end": Vector(-0.2, 0.1)}
+    rates = Named({**rates, "wrist": Vector(0.3, 0.2)})
 
     def at(time):
         e = rates.map(lambda rate: rate * time)
@@ -67,7 +76,8 @@ def test_spins_and_velocities_are_the_derivatives_of_places(linkages, name):
 
     zero, one = jnp.zeros(()), jnp.ones(())
     motion = at(zero)
-    spins = np.array([motion.spin(body) for body in linkage.bodies.names])
+    spins = [motion.spin(body) for body in linkage.bodies.names]
+    spins = np.array([0.0 if spin is None else spin for spin in spins])
     np.testing.assert_allclose(jax.jvp(angles, (zero,), (one,))[1], spins, rtol=1e-12)
     velocities = np.array([motion.centre_velocity(b).array() for b in linkage.bodies.names])
     moved = jax.jvp(centres, (zero,), (one,))[1]
@@ -81,6 +91,18 @@ def test_a_side_chooses_where_a_dyad_meets(linkages):
         meeting = ideal_at_rest(linkage, 0.0).position(linkage.joint("small end").pin)
         to_end, to_meeting = end - start, np.asarray(meeting.array()) - start
         assert np.sign(to_end[0] * to_meeting[1] - to_end[1] * to_meeting[0]) == side
+
+
+def test_a_side_chooses_where_a_link_meets_a_slider(linkages):
+    """Ahead or behind of a perpendicular's foot, as the two roots of a quadratic equation."""
+    one = linkages["slider-crank"]
+    along, pin = np.array([3.0, 1.0]) / np.sqrt(10), np.array([0.01, -0.015])
+    from_crank = np.array([0.02, -0.01]) + pin - np.array([0.05, 0.0])
+    ways = np.sort(np.roots([1, 2 * along @ from_crank, from_crank @ from_crank - 0.12**2]))
+    for side, way in ((-1, ways[0]), (1, ways[1])):
+        motion = ideal_at_rest(dataclasses.replace(one, sides=(side,)), 0.0)
+        place = np.asarray(motion.position(Point("slider")).array())
+        np.testing.assert_allclose(place, np.array([0.02, -0.01]) + way * along, atol=1e-16)
 
 
 def test_trees_are_what_is_left_where_loose_joints_are_cut(linkages):
@@ -130,17 +152,34 @@ BARS = {
     "one": Joint(Point(FRAME), Point("crank")),
     "two": Joint(Point("crank", Arm(1.0)), Point("bar")),
 }
+PINNED = {"one": BARS["one"], "pin": Joint(Point("bar", Arm(2.0)), Point("lid"))}
+SLID = {**BARS, **PINNED}
 
 
 @pytest.mark.parametrize(
-    ("bodies", "joints", "sides", "words"),
+    ("bodies", "joints", "slides", "sides", "words"),
     [
-        ({"crank": BODY, "bar": BODY}, BARS, (), "`bodies` must form dyads"),
-        ({"crank": BODY}, BARS, (), "`two` must join bodies that there are: crank, frame"),
-        ({"crank": BODY}, {"one": BARS["one"]}, (1,), "`sides` must hold one of each dyad"),
+        ("crank bar", BARS, {}, (), "`bodies` must form dyads"),
+        ("crank", BARS, {}, (), "`two` must join bodies that there are: crank, frame"),
+        ("crank", {"one": BARS["one"]}, {}, (1,), "`sides` must hold one of each dyad"),
+        ("crank bar", BARS, {"guide": "lid"}, (), "`guide` must join bodies that there are"),
+        # Nothing turns it; two sliders that are pinned cannot move; a crank that slides neither.
+        ("crank lid", {"one": BARS["one"]}, {"guide": "lid"}, (), "form dyads.* but is lid"),
+        ("crank bar", BARS, {"guide": "bar"}, (), "`bodies` must form dyads"),
+        ("crank lid bar", PINNED, {"left": "lid", "right": "bar"}, (), "but is lid, bar"),
+        ("crank", {"one": BARS["one"]}, {"guide": "crank"}, (), "of each dyad, but is also guide"),
+        ("crank lid bar", SLID, {"two": "lid"}, (1,), "have names that no joint has, but is two"),
+        ("crank lid bar", SLID, {"guide": "lid", "more": "lid"}, (1,), "but is also more"),
     ],
 )
-def test_what_is_no_linkage_is_refused_in_one_line(bodies, joints, sides, words):
+def test_what_is_no_linkage_is_refused_in_one_line(bodies, joints, slides, sides, words):
+    bodies = Named({body: BODY for body in bodies.split()})
+    slides = Named({name: Slide(body, Vector(1.0, 0.0)) for name, body in slides.items()})
     with pytest.raises(ValueError, match=words) as error:
-        Linkage(Named(bodies), Named(joints), "crank", "one", sides)
+        Linkage(bodies, Named(joints), "crank", "one", sides, slides=slides)
     assert "\n" not in str(error.value)
+
+
+def test_a_slide_has_a_direction():
+    with pytest.raises(ValueError, match="`along` must be a direction, but is zero"):
+        Slide("slider", Vector(0.0, 0.0))
