@@ -84,10 +84,11 @@ def long_run(settle: int, turns: int) -> None:
 def draw(path: Path, turns: int = 2) -> None:
     """Draw slider acceleration and crank moment over the crank angle, and the journal's orbit."""
     mechanism = flores()
-    assert mechanism.joint is not None
-    times = np.linspace(0, turns * 2 * np.pi / float(mechanism.speed), 12_000 * turns)
+    speed, joint = float(mechanism.drive.speed), mechanism.joints["wrist"]
+    assert joint is not None
+    times = np.linspace(0, turns * 2 * np.pi / speed, 12_000 * turns)
     motion, ideal = simulate(mechanism, times), simulate(flores(None), times)
-    degrees = np.degrees(float(mechanism.speed) * times)
+    degrees = np.degrees(speed * times)
     figure = plt.figure(figsize=(11, 5.5), layout="constrained")
     axes = figure.subplot_mosaic(
         [["slider_acceleration", "orbit"], ["crank_moment", "orbit"]], width_ratios=[1.6, 1]
@@ -104,15 +105,16 @@ def draw(path: Path, turns: int = 2) -> None:
         ax.grid(alpha=0.3)
     axes["slider_acceleration"].legend(loc="lower right")
     axes["crank_moment"].set_xlabel("crank angle (degrees)")
-    ax, radius = axes["orbit"], 1e3 * float(mechanism.joint.clearance)
+    ax, radius = axes["orbit"], 1e3 * float(joint.clearance)
     circle = np.linspace(0, 2 * np.pi, 361)
     ax.plot(radius * np.cos(circle), radius * np.sin(circle), color="0.4", label="clearance")
     e = motion.instants.eccentricity
+    assert e is not None
     ax.plot(1e3 * e.x, 1e3 * e.y, color="C0", linewidth=0.6, label="journal centre")
     ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)", aspect="equal")
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1), ncols=2, frameon=False)
     figure.suptitle(
-        f"Slider-crank, {60 * float(mechanism.speed) / (2 * np.pi):.0f} rpm, "
+        f"Slider-crank, {60 * speed / (2 * np.pi):.0f} rpm, "
         f"dry clearance joint between rod and slider, first {turns} turns"
     )
     write_figure(path, figure)
@@ -131,11 +133,10 @@ def run(out: Path) -> None:
     lost = -float(motion.work["contact"][-1])
     print(f"\ntwo turns: {lost:.2f} J lost in contact; of the drive's largest work")
     print(f"  {open_share:.1e} are unaccounted for")
-    contact = motion.instants.contact
-    assert contact is not None
+    contact, joint = motion.instants.contact, mechanism.joints["wrist"]
+    assert contact is not None and joint is not None
     depth = contact.penetration.max() / 0.5e-3
-    assert mechanism.joint is not None
-    limits = validity(mechanism.joint, depth, contact.penetration_rate.max())
+    limits = validity(joint, depth, contact.penetration_rate.max())
     print("outside the contact model: " + ("; ".join(limits.remarks()) or "nothing"))
     long_run(5, 20)
     draw(folder / "slider_crank.png")

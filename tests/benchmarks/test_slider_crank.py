@@ -13,6 +13,7 @@ from benchmarks.peers.exudyn_slider_crank import Numbers, Result, by_exudyn, by_
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.joint.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
 from jaxcrusher.joint.normal import ConstantImpactVelocity, TrackedImpactVelocity
+from jaxcrusher.mechanism.starts import Given
 
 MICROSECONDS = 1e-6 * np.arange(2001)
 # Faster than any impact, so that it is the impact velocity of all of them everywhere.
@@ -94,20 +95,26 @@ def test_each_impact_by_its_own_velocity():
     assert half < 2e-3 and long > 0.1
 
 
+def started(mechanism, relative, rate):
+    """The state with an eccentricity (clearances) and its rate (m/s), if a joint is loose."""
+    if not mechanism.is_ideal:
+        start = Given({"wrist": relative}, {"wrist": rate})
+        mechanism = eqx.tree_at(lambda m: m.start, mechanism, start)
+    return mechanism.formulation.initial(mechanism)
+
+
 @eqx.filter_jit
 def balance(mechanism, time, relative, rate):
     """The energy's change along the vector field, and the powers."""
-    start = sc.initial(mechanism)
-    if start is not None:
-        start = eqx.tree_at(lambda s: (s.relative_eccentricity, s.rate), start, (relative, rate))
-    now = sc.instant(time, start, mechanism)
+    start, formulation = started(mechanism, relative, rate), mechanism.formulation
+    now = formulation.snapshot(time, start, mechanism)
 
     def energy(time, state):
-        return sc.energy(sc.instant(time, state, mechanism), mechanism)
+        return sc.energy(formulation.snapshot(time, state, mechanism), mechanism)
 
-    field = None if start is None else sc.rate(now, start, mechanism)
+    field = formulation.rate(now, start, mechanism)
     _, change = jax.jvp(energy, (time, start), (jnp.ones(()), field))
-    return change, jnp.stack(list(sc.powers(now, mechanism).values()))
+    return change, jnp.stack(list(sc.powers(now).values()))
 
 
 @pytest.mark.parametrize("friction", [None, SURFACE, CENTRE], ids=["none", "surface", "centre"])
@@ -134,17 +141,17 @@ def test_energy_over_two_turns():
 def test_ideal_joint():
     """Known accelerations at the dead centres, and the moment does the work."""
     mechanism = sc.flores(None)
-    turn = 2 * np.pi / float(mechanism.speed)
+    turn, speed = 2 * np.pi / float(mechanism.drive.speed), float(mechanism.drive.speed)
     made = sc.simulate(mechanism, turn * np.linspace(0, 1, 4001))
     now, r, length = made.instants, 0.05, 0.12
-    dead = r * float(mechanism.speed) ** 2
+    dead = r * speed**2
     found = np.asarray(now.slider_acceleration)[[0, 2000]]
     np.testing.assert_allclose(
         found, [-dead * (1 + r / length), dead * (1 - r / length)], rtol=1e-9
     )
     np.testing.assert_allclose(now.slider_position[0] - now.slider_position[2000], 0.1, rtol=1e-12)
     # The trapezoidal rule over a whole turn of 4000 samples: 1e-6 of the swing in a part of it.
-    power = np.asarray(now.crank_moment) * float(mechanism.speed)
+    power = np.asarray(now.crank_moment) * speed
     work = np.concatenate([[0], np.cumsum((power[1:] + power[:-1]) / 2 * turn / 4000)])
     np.testing.assert_allclose(made.energy - made.energy[0], work, atol=1e-5 * np.ptp(work))
 
@@ -152,20 +159,24 @@ def test_ideal_joint():
 def test_rest_in_contact_tends_to_the_ideal_joint():
     """Pressed so deep that it carries the ideal force, the joint moves as the ideal one."""
     time = jnp.array(2e-3)
-    ideal = sc.instant(time, None, sc.flores(None))
+    still = Vector(0.0, 0.0)
+
+    def seen_at(mechanism, relative=still):
+        state = started(mechanism, relative, still)
+        return sc.instant(mechanism.formulation.snapshot(time, state, mechanism))
+
+    ideal = seen_at(sc.flores(None))
     force, names = ideal.joint_force, ("slider_acceleration", "rod_acceleration", "crank_moment")
     size = jnp.sqrt(force.dot(force))
 
     @jax.jit
     def errors(clearance):
         mechanism = sc.flores(clearance)
-        deep = clearance + mechanism.joint.normal.penetration_under(size)
-        relative = (deep / clearance / size) * force
-        state = eqx.tree_at(lambda s: s.relative_eccentricity, sc.initial(mechanism), relative)
-        now = sc.instant(time, state, mechanism)
+        deep = clearance + mechanism.joints["wrist"].normal.penetration_under(size)
+        now = seen_at(mechanism, (deep / clearance / size) * force)
         relative_errors = jnp.stack([getattr(now, n) / getattr(ideal, n) - 1 for n in names])
         # By the angle through which the eccentricity turns the rod.
-        return relative_errors / (deep / mechanism.rod.length)
+        return relative_errors / (deep / 0.12)
 
     wide, narrow = errors(1e-4), errors(1e-5)
     # The smoothing of |e| is 5e-14 m of 3e-6 m, 3e-8 of the force, over an angle of 1e-4.
@@ -178,7 +189,9 @@ def test_rest_in_contact_tends_to_the_ideal_joint():
 def first_impact(numbers):
     """Peak force (N), and loss (J) and e_x (m) later, for a clearance and a slider's mass."""
     clearance, slider_mass = numbers
-    mechanism = eqx.tree_at(lambda m: m.slider_mass, sc.flores(clearance), slider_mass)
+    mechanism = eqx.tree_at(
+        lambda m: m.drawn.bodies["slider"].mass, sc.flores(clearance), slider_mass
+    )
     made = sc.simulate(mechanism, np.linspace(0.24e-3, 0.29e-3, 2001), rtol=1e-11)
     force = made.instants.contact.normal_force
     top = jnp.argmax(force)
@@ -202,7 +215,9 @@ def test_derivatives_of_the_first_impact():
 
 def test_a_failed_motion_is_reported():
     broken = eqx.tree_at(
-        lambda m: m.joint.normal.stiffness, sc.flores(), replace_fn=lambda k: jnp.nan * k
+        lambda m: m.bearings["wrist"].normal.stiffness,
+        sc.flores(),
+        replace_fn=lambda k: jnp.nan * k,
     )
     made = sc.simulate(broken, MICROSECONDS)
     assert not made.outcome.success and made.failure.startswith("stopped at")
