@@ -38,12 +38,11 @@ def timed_in_turn(
     repeats: int = 5,
     least: float = 0.0,
     most: float = math.inf,
-    advance: Callable[[], None] = lambda: None,
 ) -> dict[Key, Timed]:
     """Time programs in turn, so that a slow moment of the machine meets all of them.
 
     After the first round there are `repeats` rounds; more, until they took `least` seconds;
-    fewer, but one, once they took `most`. `advance` hears of every run.
+    fewer, but one, once they took `most`.
     """
     runs: dict[Key, list[tuple[Spent, Any]]] = {name: [] for name in programs}
     rounds, total = -1, 0.0
@@ -51,7 +50,6 @@ def timed_in_turn(
         for name, program in programs.items():
             runs[name].append(spent(program))
             total += runs[name][-1][0].wall if rounds >= 0 else 0.0
-            advance()
         rounds += 1
     return {
         name: Timed(done[0][0], Spent(*np.median([s for s, _ in done[1:]], axis=0)), done[-1][1])

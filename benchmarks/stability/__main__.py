@@ -13,7 +13,6 @@ def main(
         tuple[Literal["bearing", "seats", "drawn", "orbits"], ...], tyro.conf.Positional
     ] = (),
     out: Path = Path("results/stability"),
-    table: Path | None = None,
     count: int = 2000,
     seed: int = 1,
     cvode: int = 0,
@@ -26,18 +25,14 @@ def main(
         of: The bearing A, the seats B and C, or crushers of every kind drawn at random or their
             periodic orbits; without a word the first two.
         out: Folder of stability.md, .csv and .png, and the same of stability_seats.
-        table: A csv of an earlier run, to draw its figure again without judging.
         count: How many crushers are drawn.
         seed: Seed of the draw.
         cvode: How many drawn crushers of each kind are integrated by SUNDIALS CVODE too.
     """
     from benchmarks.stability.drawn_orbits import run_orbits
     from benchmarks.stability.drawn_run import run_drawn
-    from benchmarks.stability.run import redraw, run
+    from benchmarks.stability.run import run
 
-    if table is not None:
-        redraw(out, table)
-        return
     for what in of or ("bearing", "seats"):
         if what == "drawn":
             run_drawn(out, seed, count, cvode)

@@ -21,7 +21,7 @@ from benchmarks.stability.ours import motions
 from benchmarks.stability.reference import Reference, reference
 from benchmarks.stability.tables import tables
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import read_table, results_folder, write_figure
+from jaxcrusher.files.results import results_folder
 
 # Beside this process, which judges meanwhile.
 WORKERS = 2
@@ -84,10 +84,3 @@ def run(what: str, out: Path) -> None:
         draw=lambda: FIGURES[name](rows),
         minutes=(time.perf_counter() - begin) / 60,
     )
-
-
-def redraw(out: Path, table: Path) -> None:
-    """Draw the figure of an earlier run's rows again, without a motion."""
-    rows = read_table(table, Judged)
-    name = PAGES["seats" if any(row.axis == "loose" for row in rows) else "bearing"]
-    write_figure(results_folder(out) / f"{name}.png", FIGURES[name](rows))

@@ -9,20 +9,15 @@ from typing import Literal, NamedTuple
 import diffrax
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
-from benchmarks.peers import c_peer, numba_peer
+from benchmarks.peers import numba_peer
 from benchmarks.peers.equations import Crusher
 from benchmarks.timing import timed_in_turn
-from jaxcrusher.basics.integrate import Carried
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch import engines
-from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.mechanism.starts import shifted_start
-from jaxcrusher.motion.flow import by_phase
-from jaxcrusher.motion.method import resolve
 
 # The tolerance hardly matters to the quiet motion, whose steps are limited by stability.
 RTOL, FIRST_STEP = 1e-6, 1e-5
@@ -89,29 +84,6 @@ def statistics_of(scene: jc.Scene, turns: int) -> Found:
     return Found(result.foundation_rms, result.outcome.steps)  # pyright: ignore
 
 
-def _plain(scene: jc.Scene, turns: int) -> Found:
-    """Integrate our right-hand side by `diffeqsolve` as its manual does, all turns in one go."""
-
-    def field(angle, y, scene):
-        rate, snapshot = by_phase(angle, y.motion, scene)
-        return Carried(rate, foundation_force(snapshot, scene) ** 2)
-
-    solution = diffrax.diffeqsolve(
-        diffrax.ODETerm(field),
-        diffrax.Dopri5(),
-        0.0,
-        2 * np.pi * turns,
-        FIRST_STEP,
-        Carried(scene.formulation.initial(scene), jnp.zeros(())),
-        scene,
-        stepsize_controller=resolve(scene, RTOL).stepsize_controller,
-        max_steps=1_000_000,
-        throw=False,
-    )
-    mean_square = solution.ys.totals[0] / (2 * np.pi * turns)  # pyright: ignore
-    return Found(jnp.sqrt(mean_square), solution.stats["num_steps"])  # pyright: ignore
-
-
 def in_lanes(d: Designs) -> Program:
     """Return the program of the engine of `jaxcrusher.sweep`: lanes."""
     return _ours(d, engines.in_lanes)
@@ -129,16 +101,7 @@ def _ours(d: Designs, engine: engines.Engine) -> Program:
 
 def vmap(d: Designs) -> Program:
     """Return the program of `jax.vmap` over `jaxcrusher.statistics`."""
-    return _jitted(jax.vmap(lambda scene: statistics_of(scene, d.turns)), d)
-
-
-def plain_map(d: Designs) -> Program:
-    """Return the program of `jax.lax.map` over `diffrax.diffeqsolve`."""
-    return _jitted(lambda s: jax.lax.map(lambda scene: _plain(scene, d.turns), s), d)
-
-
-def _jitted(function: Callable, d: Designs) -> Program:
-    compiled = eqx.filter_jit(function)
+    compiled = eqx.filter_jit(jax.vmap(lambda scene: statistics_of(scene, d.turns)))
     return lambda: jax.tree.map(np.asarray, compiled(d.scenes))
 
 
@@ -152,18 +115,6 @@ def numba(d: Designs) -> Program:
         ]
         mean_squares, steps = np.array(pairs).T
         return Found(np.sqrt(mean_squares), steps)
-
-    return run
-
-
-def c(d: Designs, lanes: int) -> Program:
-    """Return the crusher by hand in C, in lanes."""
-
-    def run() -> Found:
-        mean_square, steps = c_peer.integrate(
-            d.starts, d.numbers, 0, d.turns, RTOL, FIRST_STEP, lanes
-        )
-        return Found(np.sqrt(mean_square), steps)
 
     return run
 

@@ -1,1 +1,4 @@
-"""Error against run time: this package's formulations and solvers beside other programs."""
+"""Measure error against run time of this package and of other programs; ten minutes.
+
+It writes work_precision.csv as it goes, then the page and its figures, and needs the extra `bench`.
+"""

@@ -67,21 +67,11 @@ REST = {
 
 def draw_first(rows: list[Row]) -> Figure:
     """Draw a panel a scene: error of the RMS over run time, of the few programs of `FIRST`."""
-    scenes = _scenes(rows)
-    lines = -(-len(scenes) // 2)
     with plt.rc_context(STYLE):
-        fig, axes = plt.subplots(
-            lines,
-            min(2, len(scenes)),
-            figsize=(WIDTH, 2.3 * lines + 0.6),
-            squeeze=False,
-            layout="constrained",
-        )
-        for ax, scene in zip(axes.flat, scenes, strict=False):
+        fig, axes = plt.subplots(2, 2, figsize=(WIDTH, 5.2), layout="constrained")
+        for ax, scene in zip(axes.flat, _scenes(rows), strict=True):
             _panel(ax, scene, rows, FIRST, "rms_error")
             ax.set(title=scene)
-        for ax in axes.flat[len(scenes) :]:
-            ax.set_visible(False)
         for ax in axes[:, 0]:
             ax.set(ylabel="relative error of the RMS")
         for ax in axes[-1]:

@@ -92,8 +92,8 @@ def _with(scene: jc.Scene, value: Scalar) -> jc.Scene:
     )
 
 
-def runs(case: Case, small: bool = False) -> Iterator[Run]:
-    """Yield all ways to solve a case; a few if `small`."""
+def runs(case: Case) -> Iterator[Run]:
+    """Yield all ways to solve a case."""
     formulations = ("closed",) if case.ideal else ("eccentricity", "multiplier")
     for formulation in formulations:
         scene = case.scene(formulation)
@@ -101,7 +101,7 @@ def runs(case: Case, small: bool = False) -> Iterator[Run]:
             ladder = FEW if name == "Kvaerno5" else LADDER
             # The other programs with tangents take too long to compile.
             quick = name == "Tsit5" or (name != "Kvaerno5" and formulation != "multiplier")
-            for rtol in ladder[:2] if small else ladder:
+            for rtol in ladder:
                 yield Run(
                     f"{name}, {formulation}",
                     f"rtol {rtol:.0e}",
@@ -109,30 +109,28 @@ def runs(case: Case, small: bool = False) -> Iterator[Run]:
                     _adaptive(scene, rtol, solver),
                     with_slope=quick,
                 )
-            if small:
-                break
         if formulation == formulations[0]:
-            yield from _variants(scene, small)
+            yield from _variants(scene)
 
 
 def _adaptive(scene: jc.Scene, rtol: float, solver=None) -> Integration:
     return resolve(scene, rtol, jc.Method(solver, max_steps=MOST_STEPS))
 
 
-def _variants(scene: jc.Scene, small: bool) -> Iterator[Run]:
+def _variants(scene: jc.Scene) -> Iterator[Run]:
     """Yield Tsit5 with fixed steps, other widths, and 32-bit floats."""
     fixed = diffrax.ConstantStepSize()
-    for step in FIXED_STEPS[:1] if small else FIXED_STEPS:
+    for step in FIXED_STEPS:
         method = jc.Method(stepsize_controller=fixed, max_steps=MOST_STEPS, dt0=step)
         method = resolve(scene, 1e-9, method)
         yield Run("Tsit5, fixed steps", f"{step:.0e} rad", scene, method, with_slope=False)
-    for width in WIDTHS if scene.joint is not None and not small else ():
+    for width in WIDTHS if scene.joint is not None else ():
         smoothed = eqx.tree_at(lambda s: s.joint.normal.width, scene, jnp.array(width))
         for rtol in FEW:
             yield Run(
                 f"Tsit5, corner {width:.0e} m", f"rtol {rtol:.0e}", smoothed, _adaptive(scene, rtol)
             )
-    for rtol in SINGLE[:1] if small else SINGLE:
+    for rtol in SINGLE:
         method = _adaptive(scene, rtol)
         yield Run(
             "Tsit5, float32", f"rtol {rtol:.0e}", scene, method, single=True, with_slope=False
