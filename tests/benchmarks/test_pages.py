@@ -1,6 +1,7 @@
 """The pages of the benchmarks: their tables are those that programs make of the committed data."""
 
 import csv
+import re
 
 import pytest
 from matplotlib.figure import Figure
@@ -87,6 +88,15 @@ def test_a_program_writes_its_page_whole(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "x.csv").read_text().splitlines()[1:] == ["a", "1"]
     assert (tmp_path / "x.png").stat().st_size > 0
     assert "one:\n\nnew\n" in capsys.readouterr().out
+
+
+def test_pages_are_short():
+    """What CONTRIBUTING.md says of them: 3000 words, and 40 rows a table."""
+    for page in DOCS.rglob("*.md"):
+        text = page.read_text()
+        assert len(text.split()) <= 3000, page
+        tables = re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE)
+        assert max((rows.count("\n") - 2 for rows in tables), default=0) <= 40, page
 
 
 def test_every_place_stands_once():
