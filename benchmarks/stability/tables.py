@@ -65,11 +65,9 @@ def _summary(rows: Sequence[Judged]) -> list[str]:
 
 
 def _inputs(refused: Sequence[Judged]) -> str:
-    """A row for each input and message, with the values that get it."""
-    groups: dict[tuple[str, str, str], list[str]] = {}
+    """A row for each input and verdict, with the values that get it."""
+    groups: dict[tuple[str, str], list[str]] = {}
     for row in refused:
-        # Without the value and the instant, which differ.
-        message = row.remark.split(", but is")[0].split("of phase: ")[-1]
-        groups.setdefault((row.axis, _marked(row), message), []).append(row.value)
-    cells = [(axis, "; ".join(v), verdict, text) for (axis, verdict, text), v in groups.items()]
-    return table(["input", "values", "verdict", "message"], cells)
+        groups.setdefault((row.axis, _marked(row)), []).append(row.value)
+    cells = [(axis, "; ".join(values), verdict) for (axis, verdict), values in groups.items()]
+    return table(["input", "values", "verdict"], cells)
