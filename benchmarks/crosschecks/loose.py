@@ -13,6 +13,7 @@ from benchmarks.narrow import narrow
 from benchmarks.peers import scipy_peer
 from benchmarks.peers.exudyn_free_bodies import Model
 from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
+from benchmarks.peers.parting import parted
 from jaxcrusher.scenes.parameters import PE250X400
 
 TIMES = 1e-5 * np.arange(1001)
@@ -58,9 +59,10 @@ def against(
     """Compare ours with free bodies: eccentricities, and forces in every joint."""
     clearances = {j: float(numbers[PREFIXES[j] + "clearance"]) for j in joints}
     still = moved(numbers, {})
-    parted = [
-        moved(numbers, {j: OFFSET * way * c for j, c in clearances.items()}) for way in (1, 1j)
-    ]
+    grown = parted(
+        still,
+        [moved(numbers, {j: OFFSET * way * c for j, c in clearances.items()}) for way in (1, 1j)],
+    )
     theirs, contacts = still, sum(_contacts(still[PREFIXES[j] + "normal_force"]) for j in joints)
     if program == EXUDYN:
         with timed(EXUDYN):
@@ -69,15 +71,12 @@ def against(
         ours = simulated(dict(numbers) | {"formulation": formulation}, joints)
         level = max(LEVELS[formulation], LEVELS[program])
         for name in (*(PREFIXES[j] + "eccentricity" for j in joints), *FORCES):
-            # A pin in flight all the time has no force.
-            largest = abs(still[name]).max() or 1.0
-            growth = max(abs(one[name] - still[name]).max() for one in parted) / largest / OFFSET
             yield comparison.histories(
                 f"{label}, {formulation}: {name}",
                 ours[name.replace(".", "_")],
                 theirs[name],
                 program,
-                level * (1 + contacts) * (1 + growth),
+                level * (1 + contacts) * (1 + grown[name][-1] / OFFSET),
                 "growth of free bodies",
             )
 

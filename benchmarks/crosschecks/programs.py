@@ -13,6 +13,7 @@ import jaxcrusher as jc
 from benchmarks.peers import exudyn_peer, nine_coordinates, scipy_peer, sundials_peer
 from benchmarks.peers.equations import Crusher
 from benchmarks.peers.motion import Motion
+from benchmarks.peers.parting import parted
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.mechanism.starts import Given
 
@@ -111,13 +112,7 @@ def growth(crusher: Crusher, times, torque: float | None = None) -> dict[str, np
 
     still, offset = run(0j), 1e-7
     moved = [run(e) for e in (offset + 0j, offset * 1j)]
-    result = {}
-    for name, values in still.items():
-        axes = tuple(range(1, values.ndim))
-        change = np.max([abs(m[name] - values).max(axis=axes) for m in moved], axis=0)
-        largest = abs(values).max() or 1.0
-        result[name] = np.maximum.accumulate(change) / largest / offset
-    return result
+    return {name: share / offset for name, share in parted(still, moved).items()}
 
 
 def at_middle_of_overlap(crusher: Crusher, times, torque=None) -> tuple[dict, dict]:
@@ -129,8 +124,4 @@ def at_middle_of_overlap(crusher: Crusher, times, torque=None) -> tuple[dict, di
         simulate_theirs(CVODE, Motion(replace(crusher, overlap=o), torque), times)
         for o in (0.0, 0.5)
     )
-    moved = {}
-    for name, values in here.items():
-        change = abs(there[name] - values).reshape(len(times), -1).max(axis=1)
-        moved[name] = np.maximum.accumulate(change) / (abs(values).max() or 1.0)
-    return there, moved
+    return there, parted(here, [there])

@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class Crusher:
@@ -207,3 +209,16 @@ def to_move(chain: Chain, velocity: complex) -> tuple[float, float]:
     """Return (x, y) with db x + da y = `velocity`: the rates that give A a velocity."""
     area = cross(chain.db, chain.da)
     return cross(velocity, chain.da) / area, cross(chain.db, velocity) / area
+
+
+def histories(rows: list[dict]) -> dict[str, np.ndarray]:
+    """Gather one array a quantity; that of a vector has shape (times, 2)."""
+    return pairs({name: np.array([row[name] for row in rows]) for name in rows[0]})
+
+
+def pairs(complexes: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Turn histories of complex numbers into those of vectors, shape (times, 2)."""
+    return {
+        name: values.view(float).reshape(-1, 2) if np.iscomplexobj(values) else values
+        for name, values in complexes.items()
+    }

@@ -15,8 +15,9 @@ import exudyn as exu
 import numpy as np
 from exudyn import itemInterface as items
 
+from benchmarks.peers.equations import pairs
 from benchmarks.peers.exudyn_parts import Parts, xyz
-from benchmarks.peers.free_bodies import PREFIXES, ROWS, FreeBodies, pairs
+from benchmarks.peers.free_bodies import PREFIXES, ROWS, FreeBodies
 from benchmarks.peers.loose_joint import V0, V1, LooseJoint
 
 KINDS = exu.OutputVariableType

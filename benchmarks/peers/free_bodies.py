@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.peers.equations import dot
+from benchmarks.peers.equations import dot, histories
 from benchmarks.peers.loose_joint import Body, LooseJoint, Touch
 
 # The prefix of a joint's numbers: the main bearing's have none.
@@ -191,7 +191,7 @@ class FreeBodies:
                 row[PREFIXES[joint] + "eccentricity"] = touch.eccentricity
                 row[PREFIXES[joint] + "normal_force"] = touch.normal
             rows.append(row)
-        known = pairs({name: np.array([row[name] for row in rows]) for name in rows[0]})
+        known = histories(rows)
         drive, load, damping, friction = (known[work] for work in WORKS)
         gained = known["energy"] - known["energy"][0]
         return known | {"imbalance": gained - drive - load + damping + friction}
@@ -208,11 +208,3 @@ def constraint(arms: dict[str, complex], bodies: dict[str, Body]) -> tuple[np.nd
         if name in ROWS:
             row[:, ROWS[name]] = [[sign, 0, -sign * arm.imag], [0, sign, sign * arm.real]]
     return row, known
-
-
-def pairs(histories: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Turn histories of complex numbers into those of vectors, shape (times, 2)."""
-    return {
-        name: values.view(float).reshape(-1, 2) if np.iscomplexobj(values) else values
-        for name, values in histories.items()
-    }

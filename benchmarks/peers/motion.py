@@ -10,19 +10,9 @@ from benchmarks.peers.equations import (
     assemble,
     contact,
     cross,
+    histories,
     to_move,
 )
-
-VECTORS = ("bearing_reaction", "elbow_reaction", "toggle_reaction", "eccentricity")
-
-
-def histories(rows: list[dict]) -> dict[str, np.ndarray]:
-    """Gather one array a quantity; a vector's has shape (times, 2)."""
-    arrays = {name: np.array([row[name] for row in rows]) for name in rows[0]}
-    for name in VECTORS:
-        if name in arrays:
-            arrays[name] = arrays[name].view(float).reshape(-1, 2)
-    return arrays
 
 
 def forces(crusher, shaft: Shaft, chain: Chain, force, point, accelerations, spin_rate) -> dict:

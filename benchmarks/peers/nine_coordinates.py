@@ -9,8 +9,8 @@ import cmath
 
 import numpy as np
 
-from benchmarks.peers.equations import Chain, Crusher, Shaft, contact, cross
-from benchmarks.peers.motion import Motion, histories
+from benchmarks.peers.equations import Chain, Crusher, Shaft, contact, cross, histories
+from benchmarks.peers.motion import Motion
 
 # Where the paper's coordinates stand among q, and the multipliers after q and q'.
 SHAFT, JAW, TOGGLE = slice(0, 3), slice(3, 6), slice(6, 9)

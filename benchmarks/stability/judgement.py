@@ -123,7 +123,7 @@ def pointwise(scene: jc.Scene, history: Trajectory, known: Reference) -> dict[st
     worst = {"error": 0.0, "allowed": PROMISED, "span_ms": 1e3 * TIMES[-1]}
     for name, theirs in known.histories.items():
         size = abs(theirs).max()
-        grown = level * (1 + known.contacts) * known.growth[name] / size
+        grown = level * (1 + known.contacts) * known.growth[name]
         kept, allowed = grown <= PREDICTABLE, np.maximum(grown, PROMISED)
         off = abs(np.asarray(history[name]) - theirs).reshape(len(TIMES), -1).max(axis=1) / size
         last = TIMES[kept][-1] if kept.any() else 0.0

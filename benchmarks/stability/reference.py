@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.peers.parting import parted
 from benchmarks.stability.peer import AbstractPeer, Pins
 
 SPAN = 0.03  # s
@@ -33,7 +34,7 @@ class Reference:
     """A case by other programs, at TIMES: forces in N, lengths in m."""
 
     histories: dict[str, np.ndarray]  # `foundation_force`, `eccentricity` of each loose joint
-    growth: dict[str, np.ndarray]  # of each: largest change up to each time by a metre of offset
+    growth: dict[str, np.ndarray]  # share of each that parts, by a metre of offset
     contacts: np.ndarray  # touch-downs and partings up to each time
     rms: np.ndarray  # of |R_O| + |R_C|, of each member
 
@@ -45,12 +46,7 @@ def reference(peer: AbstractPeer, pins: Pins) -> Reference:
     # All pins at once: what grows fastest soon hides the rest, whichever of them it began with.
     ways = [[way] * len(pins.e) for way in (OFFSET, 1j * OFFSET)]
     moved = [peer.history(pins.moved(way), TIMES) for way in ways]
-
-    def growth(name: str) -> np.ndarray:
-        change = [abs(m[name] - still[name]).reshape(INSTANTS, -1).max(axis=1) for m in moved]
-        return np.maximum.accumulate(np.max(change, axis=0)) / OFFSET
-
-    grown = {name: growth(name) for name in still}
+    grown = {name: share / OFFSET for name, share in parted(still, moved).items()}
     return Reference(still, grown, contacts, statistics(peer, pins))
 
 
