@@ -2,8 +2,7 @@
 
 The function is traced once, each integration a single equation of the trace, and the trace of one
 design serves all that are like it. It is cut at its integrations: what stands between them JAX
-computes for all designs. Loops that integrate again and again, such as a section's over turns, are
-run here.
+computes for all designs.
 """
 
 import threading
@@ -55,9 +54,9 @@ class Value(NamedTuple):
 
 
 class Program:
-    """A function traced for one design like `scene`; its own arrays are the same for all designs.
+    """A function traced for one design like `scene`, and cut at its integrations.
 
-    Raises `Unsupported` for what lanes cannot do.
+    Its own arrays are the same for all designs. Raises `Unsupported` for what lanes cannot do.
     """
 
     def __init__(self, function: Callable[[Any], PyTree], scene: PyTree, target: Target) -> None:
@@ -68,8 +67,50 @@ class Program:
         if not any(integrates(equation) for equation in jaxpr.jaxpr.eqns):
             raise NoIntegration
         self._results = jax.tree.structure(shapes)
-        batched = [False] * len(jax.tree.leaves(numbers)) + [True] * len(jax.tree.leaves(scene))
-        self._block = _Block(jaxpr, batched, target)
+        self._constants: dict[Var, Any] = {}
+        self._operands = [Var(variable.aval) for variable in jaxpr.jaxpr.invars]
+        equations, self._outputs = inlined(jaxpr, self._operands, self._constants, integrates)
+        self._constants = {variable: np.asarray(c) for variable, c in self._constants.items()}
+        alike = len(jax.tree.leaves(numbers))
+        self._batched = {variable: i >= alike for i, variable in enumerate(self._operands)}
+        self._steps = self._cut(equations, target)
+
+    def _cut(self, equations: list[JaxprEqn], target: Target) -> "list[_Integration | _Group]":
+        """Cut equations at integrations; what is the same for all designs comes first."""
+        alike, pieces = [], [[]]
+        for equation in equations:
+            flags = self._flags(equation.invars)
+            differs = any(flags)
+            if equation.primitive is integration_p:
+                pieces += [_Integration(equation, target), []]
+                differs = True
+            elif integrates(equation):
+                raise Unsupported(f"an integration inside `{equation.primitive.name}`")
+            else:
+                (pieces[-1] if differs else alike).append(equation)
+            self._batched |= dict.fromkeys(equation.outvars, differs)
+        return [
+            self._group(piece, equations) if isinstance(piece, list) else piece
+            for piece in (alike, *pieces)
+            if piece != []
+        ]
+
+    def _flags(self, operands: Sequence[Any]) -> list[bool]:
+        """Say which operands differ between the designs."""
+        return [not isinstance(v, Literal) and self._batched.get(v, False) for v in operands]
+
+    def _group(self, group: list[JaxprEqn], equations: list[JaxprEqn]) -> "_Group":
+        """Join equations; those results that are read elsewhere are those of the group."""
+        inside = {id(equation) for equation in group}
+        made = {variable: None for equation in group for variable in equation.outvars}
+        read = {variable: None for equation in group for variable in _variables(equation.invars)}
+        elsewhere = set(_variables(self._outputs))
+        for equation in equations:
+            if id(equation) not in inside:
+                elsewhere |= set(_variables(equation.invars))
+        operands = [variable for variable in read if variable not in made]
+        results = [variable for variable in made if variable in elsewhere]
+        return _Group(group, operands, results, self._flags(operands))
 
     def __call__(self, function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
         """Return the results for scenes stacked along the first axis of every leaf."""
@@ -77,8 +118,18 @@ class Program:
         leaves = [Value(np.asarray(leaf), True) for leaf in jax.tree.leaves(scenes)]
         count = len(leaves[0].array)
         operands = [*(Value(leaf, False) for leaf in alike), *leaves]
-        results = [value.stacked(count) for value in self._block.run(operands, count)]
-        return jax.tree.unflatten(self._results, results)
+        values = {variable: Value(array, False) for variable, array in self._constants.items()}
+        values |= zip(self._operands, operands, strict=True)
+
+        def read(operand: Any) -> Value:
+            literal = isinstance(operand, Literal)
+            return Value(operand.val, False) if literal else values[operand]
+
+        for step in self._steps:
+            results = step.run([read(operand) for operand in step.operands], count)
+            values |= zip(step.results, results, strict=True)
+        outputs = [read(output).stacked(count) for output in self._outputs]
+        return jax.tree.unflatten(self._results, outputs)
 
 
 def _is_array(leaf: Any) -> bool:
@@ -117,68 +168,10 @@ def program(function: Callable[[Any], PyTree], scenes: PyTree, target: Target) -
     return found
 
 
-class _Block:
-    """A jaxpr cut at its integrations, for a target; `batched` says it of each operand."""
-
-    def __init__(self, jaxpr: ClosedJaxpr, batched: Sequence[bool], target: Target) -> None:
-        self._constants: dict[Var, Any] = {}
-        self._operands = [Var(variable.aval) for variable in jaxpr.jaxpr.invars]
-        equations, self._outputs = inlined(jaxpr, self._operands, self._constants, integrates)
-        self._constants = {variable: np.asarray(c) for variable, c in self._constants.items()}
-        self._batched = dict(zip(self._operands, batched, strict=True))
-        alike, pieces = [], [[]]
-        for equation in equations:
-            flags = self._flags(equation.invars)
-            differs = any(flags)
-            if integrates(equation):
-                kind = _Integration if equation.primitive is integration_p else _Loop
-                pieces += [kind(equation, flags, target), []]
-                differs = True
-            else:
-                (pieces[-1] if differs else alike).append(equation)
-            self._batched |= dict.fromkeys(equation.outvars, differs)
-        self._steps = [
-            self._group(piece, equations) if isinstance(piece, list) else piece
-            for piece in (alike, *pieces)
-            if piece != []
-        ]
-
-    def _flags(self, operands: Sequence[Any]) -> list[bool]:
-        """Say which operands differ between the designs."""
-        return [not isinstance(v, Literal) and self._batched.get(v, False) for v in operands]
-
-    def _group(self, group: list[JaxprEqn], equations: list[JaxprEqn]) -> "_Group":
-        """Join equations; those results that are read elsewhere are those of the group."""
-        inside = {id(equation) for equation in group}
-        made = {variable: None for equation in group for variable in equation.outvars}
-        read = {variable: None for equation in group for variable in _variables(equation.invars)}
-        elsewhere = set(_variables(self._outputs))
-        for equation in equations:
-            if id(equation) not in inside:
-                elsewhere |= set(_variables(equation.invars))
-        operands = [variable for variable in read if variable not in made]
-        results = [variable for variable in made if variable in elsewhere]
-        return _Group(group, operands, results, self._flags(operands))
-
-    def run(self, operands: Sequence[Value], count: int) -> list[Value]:
-        """Return the results for `count` designs."""
-        values = {variable: Value(array, False) for variable, array in self._constants.items()}
-        values |= zip(self._operands, operands, strict=True)
-
-        def read(operand: Any) -> Value:
-            literal = isinstance(operand, Literal)
-            return Value(operand.val, False) if literal else values[operand]
-
-        for step in self._steps:
-            results = step.run([read(operand) for operand in step.operands], count)
-            values |= zip(step.results, results, strict=True)
-        return [read(output) for output in self._outputs]
-
-
 class _Integration:
     """Integrations of all designs, by lanes."""
 
-    def __init__(self, equation: JaxprEqn, batched: list[bool], target: Target) -> None:
+    def __init__(self, equation: JaxprEqn, target: Target) -> None:
         self.operands, self.results = equation.invars, equation.outvars
         self._what: Recorded = equation.params["what"]
         self._target = target
@@ -306,40 +299,6 @@ def _tiled(array: np.ndarray) -> np.ndarray:
         filled[count : -(-count // TILE) * TILE] = array[-1]
         array = filled
     return array.reshape(room, TILE, *array.shape[1:])
-
-
-class _Loop:
-    """A `lax.scan` over integrations."""
-
-    def __init__(self, equation: JaxprEqn, batched: list[bool], target: Target) -> None:
-        params = equation.params
-        if equation.primitive.name != "scan":
-            raise Unsupported(f"an integration inside `{equation.primitive.name}`")
-        self.operands, self.results = equation.invars, equation.outvars
-        if "ft_in" in params:  # since JAX 0.12
-            self._constants, self._carried, _ = map(len, params["ft_in"].unpack())
-        else:
-            self._constants, self._carried = params["num_consts"], params["num_carry"]
-        self._order = range(params["length"])
-        if params["reverse"]:
-            self._order = self._order[::-1]
-        first = self._constants + self._carried
-        flags = [*batched[: self._constants], *[True] * self._carried, *batched[first:]]
-        self._block = _Block(params["jaxpr"], flags, target)
-
-    def run(self, operands: list[Value], count: int) -> list[Value]:
-        """Return what is carried, and what each turn of the loop gives, stacked."""
-        first = self._constants + self._carried
-        constants, sliced = operands[: self._constants], operands[first:]
-        carried = [Value(v.stacked(count), True) for v in operands[self._constants : first]]
-        given: list = [None] * len(self._order)
-        for i in self._order:
-            now = [Value(v.array[:, i] if v.batched else v.array[i], v.batched) for v in sliced]
-            found = self._block.run([*constants, *carried, *now], count)
-            found = [Value(value.stacked(count), True) for value in found]
-            carried, given[i] = found[: self._carried], found[self._carried :]
-        columns = [np.stack([v.array for v in column], 1) for column in zip(*given, strict=True)]
-        return [*carried, *(Value(column, True) for column in columns)]
 
 
 def _variables(operands: Sequence[Any]) -> list[Var]:

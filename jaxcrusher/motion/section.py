@@ -15,11 +15,12 @@ from jaxcrusher.basics.integrate import RESULTS, Integration, Outcome, integrate
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.rough_feed import require_steady
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.motion.flow import Flow, flat, unflattened
+from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.statistics import (
     AbstractOverTurns,
     Statistics,
+    by_turns,
     instants,
     over_pieces,
     require_statistics,
@@ -202,18 +203,16 @@ def _section(
     outputs: Chosen,
     method: Integration,
 ) -> Section:
-    begin = Flow(scene, unflattened(state, scene)).initial()
-    start, unravel = ravel_pytree(begin)
-    start = start.astype(float)  # of an ideal joint it is empty, and JAX would take 32 bits
+    before = fine()
+    if settle_turns:
+        settled, _, before = by_turns(scene, state, settle_turns, (), method)
+        state = settled[-1]
+    if not slices:
+        states, values, after = by_turns(scene, state, turns, outputs, method)
+        dims = states.shape[1]
+        return Section(states, jnp.zeros((0, dims, dims)), first_failure(before, after), values)
 
-    def turn(carry, outputs):
-        state, before = carry
-        flow = Flow(scene, unravel(state))
-        after, values, outcome = advance(flow, 2 * math.pi, method, outputs)
-        after = flat(after, scene)
-        return (after, first_failure(before, outcome)), (after, values)
-
-    def sliced_turn(carry):
+    def sliced_turn(carry, _):
         state, before = carry
         after, found, outcome = turn_in_slices(
             lambda _: scene, jnp.zeros(0), state, slices, method, outputs
@@ -221,15 +220,7 @@ def _section(
         values = {n: one.reduction.of_pieces(found.values[n]) for n, one in outputs}
         return (after, first_failure(before, outcome)), (after, values, found.jacobians)
 
-    carry = (start, fine())
-    if settle_turns:
-        carry, _ = jax.lax.scan(lambda carry, _: turn(carry, ()), carry, length=settle_turns)
-    if slices:
-        step = lambda carry, _: sliced_turn(carry)  # noqa: E731
-        (_, outcome), (states, values, jacobians) = jax.lax.scan(step, carry, length=turns)
-        jacobians = jacobians.reshape(-1, *jacobians.shape[2:])
-    else:
-        step = lambda carry, _: turn(carry, outputs)  # noqa: E731
-        (_, outcome), (states, values) = jax.lax.scan(step, carry, length=turns)
-        jacobians = jnp.zeros((0, start.size, start.size))
-    return Section(states, jacobians, outcome, values)
+    start = initial_state(scene) if state is None else jnp.asarray(state, float)
+    (_, outcome), seen = jax.lax.scan(sliced_turn, (start, before), length=turns)
+    states, values, jacobians = seen
+    return Section(states, jacobians.reshape(-1, *jacobians.shape[2:]), outcome, values)

@@ -164,15 +164,24 @@ def over_turns(
     method: Integration,
 ) -> Statistics:
     """`statistics` of entries of the table, with all checked and resolved."""
-    flow, problem = Flow(scene, unflattened(state, scene)), statistics_problem(outputs)
-    times = 2 * jnp.pi * (jnp.arange(settle_turns + turns)[:, None] + instants(outputs))
-    (states, by_turn), outcome = integrate(flow, times, problem=problem, method=method)
+    states, by_turn, outcome = by_turns(scene, state, settle_turns + turns, outputs, method)
     by_turn = {name: values[settle_turns:] for name, values in by_turn.items()}
     values = {name: one.reduction.of_pieces(by_turn[name]) for name, one in outputs}
     values = nan_unless(outcome.success, values)
     limits = limits_of(scene, values)
-    end = flat(jax.tree.map(lambda leaf: leaf[-1], states), scene)
-    return Statistics(turns, outcome, values, by_turn, end, limits)
+    return Statistics(turns, outcome, values, by_turn, states[-1], limits)
+
+
+def by_turns(
+    scene: Scene, state: ArrayLike | None, turns: int, outputs: Chosen, method: Integration
+) -> tuple[Float[Array, "turns dims"], dict[str, Float[Array, " turns"]], Outcome]:
+    """Return the section points at the ends of turns, statistics of each turn, and the outcome."""
+    flow, problem = Flow(scene, unflattened(state, scene)), statistics_problem(outputs)
+    times = 2 * jnp.pi * (jnp.arange(turns)[:, None] + instants(outputs))
+    (states, values), outcome = integrate(flow, times, problem=problem, method=method)
+    # Of an ideal joint a state has no numbers, and the turns alone say how many there are.
+    points = jax.vmap(lambda state, _: flat(state, scene))(states, jnp.arange(turns))
+    return points, values, outcome
 
 
 def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
