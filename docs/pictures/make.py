@@ -19,12 +19,12 @@ def main(out: Path = Path("results/pictures")) -> None:
     """
     import matplotlib.pyplot as plt
     import numpy as np
+    from geometry import plot_geometry
 
     import jaxcrusher as jc
     from jaxcrusher.files.results import results_folder, write_figure
     from jaxcrusher.pictures import plots
     from jaxcrusher.pictures.film import animate
-    from jaxcrusher.pictures.geometry import plot_geometry
     from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
     from jaxcrusher.pictures.page import WIDTH
     from jaxcrusher.scenes.build import build_machine

@@ -1,6 +1,7 @@
 """The mechanism to scale, its clearance magnified, and the forces on it."""
 
 import itertools
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -44,6 +45,12 @@ LONGEST_ARROW, WIDEST_GAP = 0.4, 0.35
 # The outline of the jaw in bore radii, along B-A from A and across it to the face; from B below.
 HUB, FACE, FOOT = 1.25, 1.35, 0.35
 JAW, TOGGLE, PIN = "0.88", "0.7", "#dbe9f6"
+# How arrows are drawn, in the axes' own units, and what stands beside one.
+ARROW: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "minlength": 0, "zorder": 5}
+OUTLINED = {**ARROW, "width": 0.007, "edgecolor": "w", "linewidth": 0.5}
+_BOX = {"boxstyle": "round,pad=0.1", "facecolor": "w", "edgecolor": "none", "alpha": 0.8}
+SYMBOL: dict[str, Any] = {"fontsize": 12, "fontweight": "bold", "zorder": 6, "bbox": _BOX}
+SYMBOL |= {"textcoords": "offset points", "xytext": (0, 0), "ha": "center", "va": "center"}
 
 
 def plot_mechanism(
@@ -84,10 +91,8 @@ class Drawing:
         bearing = np.array([float(scene.machine.bearing.x), float(scene.machine.bearing.y)])
         self.data["bearing"] = np.broadcast_to(bearing, (count, 2))
         self.data["toggle_pivot"] = np.zeros((count, 2))
-        largest = max(
-            float(np.nanmax(np.linalg.norm(self.data[name][instants], axis=1), initial=0))
-            for name in FORCES
-        )
+        sizes = [np.linalg.norm(self.data[name][instants], axis=1) for name in FORCES]
+        largest = max(float(np.nanmax(size, initial=0)) for size in sizes)
         size = float(scene.machine.jaw.length)
         # An ideal joint has no radius; 0.19 is the paper's.
         radius = 0.19 * size if scene.joint is None else float(scene.joint.bore_radius)
@@ -147,15 +152,10 @@ class _Bodies:
             ax.add_patch(Polygon(foot, facecolor="w", edgecolor="k", hatch="////", zorder=3))
             ax.plot(*pivot, "o", color="k", markerfacecolor="w", markersize=6, zorder=4)
         self._fixed_jaw(ax, r, size, data)
+        offsets = {"O": (-18, -4), "A": (7, 4), "B": (9, -14), "C": (5, 9), "$S_2$": (8, -4)}
         self.names = {
             name: ax.annotate(name, (0, 0), textcoords="offset points", xytext=offset)
-            for name, offset in (
-                ("O", (-18, -4)),
-                ("A", (7, 4)),
-                ("B", (9, -14)),
-                ("C", (5, 9)),
-                ("$S_2$", (8, -4)),
-            )
+            for name, offset in offsets.items()
         }
 
     def _fixed_jaw(self, ax: Axes, r: float, size: float, data: dict) -> None:
@@ -196,49 +196,12 @@ class _Arrows:
         self.arrows, self.labels = {}, {}
         for name, (symbol, colour, _, end) in FORCES.items():
             self.arrows[name] = ax.quiver(
-                0,
-                0,
-                0,
-                0,
-                angles="xy",
-                scale_units="xy",
-                scale=newtons_per_metre,
-                pivot=end,
-                color=colour,
-                width=0.007,
-                minlength=0,
-                zorder=5,
-                edgecolor="w",
-                linewidth=0.5,
+                0, 0, 0, 0, scale=newtons_per_metre, pivot=end, color=colour, **OUTLINED
             )
-            self.labels[name] = ax.annotate(
-                symbol,
-                (0, 0),
-                color=colour,
-                fontsize=12,
-                fontweight="bold",
-                zorder=6,
-                textcoords="offset points",
-                xytext=(0, 0),
-                ha="center",
-                va="center",
-                bbox={
-                    "boxstyle": "round,pad=0.1",
-                    "facecolor": "w",
-                    "edgecolor": "none",
-                    "alpha": 0.8,
-                },
-            )
+            self.labels[name] = ax.annotate(symbol, (0, 0), color=colour, **SYMBOL)
         unit = _round_down(0.6 * largest)
-        ax.quiverkey(
-            self.arrows["joint_force"],
-            0.14,
-            0.05,
-            unit,
-            f"{unit / 1e3:g} kN",
-            labelpos="E",
-            color="k",
-        )
+        words = f"{unit / 1e3:g} kN"
+        ax.quiverkey(self.arrows["joint_force"], 0.14, 0.05, unit, words, labelpos="E", color="k")
         # A shorter arrow leaves no room for its name.
         self.metres, self.least = 1 / newtons_per_metre, 0.1 * largest
 
@@ -267,14 +230,8 @@ class _Magnified:
         self.scale = times / radius
         gap = self.scale * clearance
         inset = ax.inset_axes(place)
-        inset.set(
-            xlim=(-1.35, 1.35),
-            ylim=(-1.35, 1.35),
-            aspect="equal",
-            xticks=[],
-            yticks=[],
-            facecolor=JAW,
-        )
+        limits = (-1.35, 1.35)
+        inset.set(xlim=limits, ylim=limits, aspect="equal", xticks=[], yticks=[], facecolor=JAW)
         inset.set_title(f"{LETTERS[joint]}: {1e3 * clearance:g} mm, times {times:g}", fontsize=9)
         inset.add_patch(Circle((0, 0), 1, facecolor="w", edgecolor="k", linewidth=1.5))
         inset.add_patch(Circle((0, 0), gap, fill=False, edgecolor="0.4", linestyle="--"))
@@ -282,19 +239,9 @@ class _Magnified:
         self.pin = inset.add_patch(pin)
         inset.plot(0, 0, "+", color="k", markersize=9)
         (self.centre,) = inset.plot([], [], "o", color="k", markersize=4)
+        colour = FORCES["joint_force"][1]
         self.force = inset.quiver(
-            0,
-            0,
-            0,
-            0,
-            angles="xy",
-            scale_units="xy",
-            scale=largest / 0.7,
-            pivot="tip",
-            color=FORCES["joint_force"][1],
-            width=0.02,
-            minlength=0,
-            zorder=5,
+            0, 0, 0, 0, scale=largest / 0.7, pivot="tip", color=colour, width=0.02, **ARROW
         )
 
     def show(self, here: dict[str, np.ndarray]) -> None:

@@ -67,28 +67,15 @@ def plot_landscape(
             continue
         # White on black, so that it reads on every colour of the map.
         for colour, width in (("k", 2.4), ("w", 1.0)):
-            hatched = ax.pcolor(
-                x,
-                y,
-                np.where(chosen, 1.0, np.nan),
-                shading="nearest",
-                facecolor="none",
-                edgecolor=colour,
-                hatch=hatch,
-                linewidth=0,
-            )
+            style = {"facecolor": "none", "edgecolor": colour, "hatch": hatch, "linewidth": 0}
+            shown = np.where(chosen, 1.0, np.nan)
+            hatched = ax.pcolor(x, y, shown, shading="nearest", **style)
             hatched.set_hatch_linewidth(width)
         hatched.set_label(name)
         handles.append(Patch(facecolor="0.45", edgecolor="w", hatch=hatch, label=name))
     if handles:
-        ax.legend(
-            handles=handles,
-            loc="lower center",
-            bbox_to_anchor=(0.5, 1.0),
-            ncols=3,
-            handleheight=1.6,
-            handlelength=3,
-        )
+        place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3}
+        ax.legend(handles=handles, handleheight=1.6, handlelength=3, **place)
     return ax
 
 
@@ -142,8 +129,8 @@ def plot_capacity(
 ) -> Axes:
     """Capacity (m3/h) over speeds (rad/s), drawn in the unit of `units`, with its floor."""
     ax = plt.subplots()[1] if ax is None else ax
-    unit, one = unit_of("speed", units or {})
-    ax.plot(np.asarray(speeds) / one, chamber.capacity(speeds), color=BLUE, label="capacity")
+    unit, size = unit_of("speed", units or {})
+    ax.plot(np.asarray(speeds) / size, chamber.capacity(speeds), color=BLUE, label="capacity")
     ax.axhline(floor, color=ORANGE, linestyle="--", label=f"floor {floor:.2f} m³/h")
     ax.set(xlabel=f"driving speed ({unit})", ylabel="capacity (m³/h)")
     ax.legend()
@@ -156,24 +143,13 @@ def plot_orbit(
     """The centre of the pin of a joint ("main", "elbow", "pivot") in its clearance circle (mm)."""
     ax = plt.subplots()[1] if ax is None else ax
     orbit = 1e3 * trajectory[f"{before(joint)}eccentricity"]
-    _circle(ax, 1e3 * clearance)
+    angle = np.linspace(0, 2 * np.pi, 361)
+    circle = 1e3 * clearance * np.array([np.cos(angle), np.sin(angle)])
+    ax.plot(*circle, color="0.4", linestyle="--", linewidth=1, label="clearance")
     ax.plot(orbit[:, 0], orbit[:, 1], color=BLUE, linewidth=0.6, label="pin centre")
     ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)", aspect="equal")
     ax.locator_params(nbins=4)
     return ax
-
-
-def _circle(ax: Axes, radius: float) -> None:
-    """The clearance circle."""
-    angle = np.linspace(0, 2 * np.pi, 361)
-    ax.plot(
-        radius * np.cos(angle),
-        radius * np.sin(angle),
-        color="0.4",
-        linestyle="--",
-        linewidth=1,
-        label="clearance",
-    )
 
 
 def plot_force(
@@ -184,10 +160,8 @@ def plot_force(
     force = trajectory.foundation_force / 1e3
     ax.plot(trajectory.time, force, color=BLUE, linewidth=0.8, label="with clearance")
     if ideal is not None:
-        without = ideal.foundation_force / 1e3
-        ax.plot(
-            ideal.time, without, color=ORANGE, linestyle="--", linewidth=1.4, label="ideal joint"
-        )
+        style = {"color": ORANGE, "linestyle": "--", "linewidth": 1.4, "label": "ideal joint"}
+        ax.plot(ideal.time, ideal.foundation_force / 1e3, **style)
     ax.set(xlabel="time (s)", ylabel=f"${FORCE}$ (kN)")
     ax.legend()
     return ax
@@ -209,13 +183,8 @@ def plot_spectrum(
     ax = plt.subplots()[1] if ax is None else ax
     ax.loglog(np.asarray(frequencies)[1:], np.asarray(density)[1:], color=BLUE, linewidth=0.8)
     if turn_frequency is not None:
-        ax.axvline(
-            turn_frequency,
-            color=ORANGE,
-            linestyle="--",
-            linewidth=1,
-            label=f"turns of the shaft, {turn_frequency:.3g} Hz",
-        )
+        words = f"turns of the shaft, {turn_frequency:.3g} Hz"
+        ax.axvline(turn_frequency, color=ORANGE, linestyle="--", linewidth=1, label=words)
         ax.legend()
     ax.set(xlabel="frequency (Hz)", ylabel=f"power density ({unit}²/Hz)")
     return ax

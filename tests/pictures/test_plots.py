@@ -1,6 +1,8 @@
 """What is drawn is what was given: the artists' data, never pixels."""
 
+import runpy
 from functools import cache
+from pathlib import Path
 
 import diffrax
 import equinox as eqx
@@ -27,10 +29,10 @@ from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.simulation import OUTPUTS, Trajectory
 from jaxcrusher.pictures import plots
 from jaxcrusher.pictures.film import animate
-from jaxcrusher.pictures.geometry import plot_geometry
 from jaxcrusher.pictures.mechanism import DRAWN, FORCES, plot_mechanism
 from jaxcrusher.scenes.build import build_machine
 
+ROOT = Path(__file__).parents[2]
 ENDED = Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.array(0))
 TIMES = np.linspace(0, 0.2, 9)
 
@@ -43,8 +45,8 @@ def close_figures():
 
 def test_letters_stand_where_the_equations_put_them():
     """O, B and S3 to scale, A with the eccentricity magnified; |A - B| is the jaw's length."""
-    machine = build_machine({})
-    fig = plot_geometry(machine)
+    program = runpy.run_path(str(ROOT / "docs" / "pictures" / "geometry.py"))
+    fig = program["plot_geometry"](build_machine({}))
     at = {
         text.get_text(): np.array(text.get_position())
         for text in fig.axes[0].texts
