@@ -89,18 +89,18 @@ def _check_normal(law: AbstractNormalForce) -> None:
         return law.force(depth, rate, memory)
 
     places = {"penetration": depth, "rate": rate}
-    found = _finite(force, places)
+    forces = _finite(force, places)
     _finite(law.elastic_force, {"penetration": DEPTHS})
     _finite(law.elastic_energy, {"penetration": DEPTHS})
     elastic = np.asarray(jax.vmap(law.elastic_force)(jnp.asarray(depth)))
-    taken = (found - elastic) * rate + CORNER_FORCE * np.abs(rate)
-    _never_negative(taken, np.abs(found * rate), "take power by its damping", places)
+    taken = (forces - elastic) * rate + CORNER_FORCE * np.abs(rate)
+    _never_negative(taken, np.abs(forces * rate), "take power by its damping", places)
     energy = jax.vmap(jax.grad(law.elastic_energy))(jnp.asarray(DEPTHS))
     apart = np.abs(energy - jax.vmap(law.elastic_force)(jnp.asarray(DEPTHS)))
     size = float(np.abs(energy).max())
-    for at, one in zip(DEPTHS, apart, strict=True):
+    for at, off in zip(DEPTHS, apart, strict=True):
         must = "have an energy whose slope is its elastic force"
-        _must(one <= 1e-9 * size, must, _place({"penetration": at}))
+        _must(off <= 1e-9 * size, must, _place({"penetration": at}))
     for under in FORCES[2:]:
         at = law.penetration_under(jnp.asarray(under))
         met = float(law.elastic_force(at))
@@ -111,8 +111,8 @@ def _check_normal(law: AbstractNormalForce) -> None:
 def _check_friction(law: AbstractFriction) -> None:
     force, slip = (grid.ravel() for grid in np.meshgrid(FORCES, SLIPS))
     places = {"normal force": force, "slip": slip}
-    found = _finite(law.force, places)
-    _never_negative(-found * slip, np.abs(found * slip), "take power", places)
+    forces = _finite(law.force, places)
+    _never_negative(-forces * slip, np.abs(forces * slip), "take power", places)
 
 
 def _check_bearing(bearing: AbstractBearing) -> None:
@@ -170,7 +170,7 @@ def _finite(function: Callable, places: Mapping[str, np.ndarray]) -> np.ndarray:
     values = np.asarray(jax.vmap(function)(*at))
     slopes = jax.vmap(jax.grad(function, tuple(range(len(at)))))(*at)
     columns = {"values": values}
-    columns |= {f"slopes by {name}": one for name, one in zip(places, slopes, strict=True)}
+    columns |= {f"slopes by {name}": slope for name, slope in zip(places, slopes, strict=True)}
     for what, column in columns.items():
         for where, good in zip(_each(places), np.isfinite(column), strict=True):
             _must(good, f"have finite {what}", where)
@@ -206,6 +206,7 @@ def _check_engines(law: eqx.Module) -> None:
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         lanes = np.asarray(in_lanes(_turn, scenes))
-    for one in told:
-        require("Lanes do not know" not in str(one.message), "law", "run in lanes", one.message)
+    for warning in told:
+        known = "Lanes do not know" not in str(warning.message)
+        require(known, "law", "run in lanes", warning.message)
     _must(np.allclose(lanes, plain, rtol=1e-6), "be the same in lanes", "27 or 31 rad/s")

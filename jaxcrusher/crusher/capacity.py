@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import require_own_process
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.mechanism.motion import ideal_at_rest
@@ -24,7 +23,7 @@ class CrushingChamber(eqx.Module):
     """The chamber: Q = 60 n V mu, V = S L, S = (2b - s) h / 2, h = g t^2 / 2, t = 30 / n.
 
     The paper gives neither b nor s; its greatest capacity, 9.41 m3/h at 25 rad/s, implies
-    2b - s = 60.6 mm (the default). `chamber_from_stroke` takes s from the mechanism.
+    2b - s = 60.6 mm (the default). `jaxcrusher.scenes.build.build_chamber` takes s from the links.
     """
 
     opening_length: Scalar = eqx.field(converter=scalar, default=0.4)  # L, m
@@ -72,9 +71,9 @@ def stationary(travel: Callable[..., Scalar], angle: Scalar, *numbers: PyTree) -
     def bend(at: Scalar) -> Scalar:
         return jax.grad(rate)(at, *held)
 
-    found = jax.lax.stop_gradient(jax.lax.fori_loop(0, POLISH, closer, angle))
-    left = rate(found, *numbers)
-    return found - (left - jax.lax.stop_gradient(left)) / bend(found)
+    end = jax.lax.stop_gradient(jax.lax.fori_loop(0, POLISH, closer, angle))
+    left = rate(end, *numbers)
+    return end - (left - jax.lax.stop_gradient(left)) / bend(end)
 
 
 def stroke(machine: Machine) -> Scalar:
@@ -88,12 +87,3 @@ def stroke(machine: Machine) -> Scalar:
     ends = jax.vmap(lambda end: stationary(lower_end, end, machine))(ends)
     right, left = jax.vmap(lower_end, (0, None))(ends, machine)
     return right - left
-
-
-def chamber_from_stroke(machine: Machine, discharge_opening) -> CrushingChamber:
-    """The paper's chamber with 2b - s from the mechanism's stroke.
-
-    `machine` gives the stroke s (see `stroke`), `discharge_opening` is b (m).
-    """
-    require_own_process()
-    return CrushingChamber(double_width=2 * scalar(discharge_opening) - stroke(machine))

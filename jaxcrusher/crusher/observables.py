@@ -30,9 +30,9 @@ SPEED_WIDTH = 1e-12
 
 def _on_bore(s: Snapshot, joint: str) -> Vector:
     """Return the force on the bore of a joint, N."""
-    found = s.accelerations.forces[joint]
-    assert found is not None
-    return found
+    force = s.accelerations.forces[joint]
+    assert force is not None
+    return force
 
 
 def joint_force(s: Snapshot, scene: Scene) -> Vector:
@@ -86,12 +86,12 @@ def shaking_force(s: Snapshot, scene: Scene) -> Vector:
 
 def _momentum_rates(s: Snapshot, scene: Scene) -> list[tuple[str, Vector]]:
     """Return mass times acceleration of each body, in the frame's axes, N."""
-    linkage, found = scene.linkage, []
+    linkage, rates = scene.linkage, []
     for name, body in linkage.bodies.items():
         acceleration = s.accelerations.centres[name]
         assert acceleration is not None
-        found.append((name, body.mass * acceleration))
-    return found
+        rates.append((name, body.mass * acceleration))
+    return rates
 
 
 def shaking_size(s: Snapshot, scene: Scene) -> Scalar:
@@ -310,8 +310,8 @@ def _friction_force(s: Snapshot, scene: Scene, joint: str) -> Scalar:
 
 
 def _eccentricity(s: Snapshot, scene: Scene, joint: str) -> Vector:
-    found = s.motion.eccentricities[joint]
-    return Vector(0.0, 0.0) if found is None else found
+    eccentricity = s.motion.eccentricities[joint]
+    return Vector(0.0, 0.0) if eccentricity is None else eccentricity
 
 
 def _crushing_load(s: Snapshot, scene: Scene) -> Vector:

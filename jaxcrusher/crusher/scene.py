@@ -1,5 +1,6 @@
 """A scene: who takes part. What it leaves out is None, and is never traced."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -96,26 +97,18 @@ class Scene(AbstractScene):
         if self.rod is not None:
             rod = self.rod.pull(jaw)
             wrenches.append((self.rod.end(jaw), rod.force))
-        found = [wrench_at(motion, point, force) for point, force in wrenches]
+        on_bodies = [wrench_at(motion, point, force) for point, force in wrenches]
         if self.supports is not None:
             # Each has its reaction on the frame, in the same line.
             for point, force in wrenches:
                 arm = motion.position(point) - self.supports.point
-                found.append(Wrench(FRAME, -force, arm.cross(-force)))
-        return Applied(load=load, rod=rod, wrenches=tuple(found))
+                on_bodies.append(Wrench(FRAME, -force, arm.cross(-force)))
+        return Applied(load=load, rod=rod, wrenches=tuple(on_bodies))
 
     def ideal(self) -> "Scene":
         """The same machine, drive and load with ideal joints: what a clearance adds to."""
-        return Scene(
-            machine=self.machine,
-            drive=self.drive,
-            joint=None,
-            load=self.load,
-            formulation=EccentricityFormulation(),
-            start=None,
-            foundation=self.foundation,
-            rod=self.rod,
-        )
+        ideal = {"joint": None, "elbow": None, "pivot": None, "shaft_bearing": None, "start": None}
+        return dataclasses.replace(self, formulation=EccentricityFormulation(), **ideal)
 
 
 def require_scene(scene: Any) -> None:
@@ -127,8 +120,8 @@ def require_scene(scene: Any) -> None:
     for joint, clearance in scene.joints.items():
         shapes[f"{before(joint)}clearance"] = jnp.shape(clearance.clearance)
     for name, shape in shapes.items():
-        one = "be one number (jax.vmap and jaxcrusher.sweep take many)"
-        require(shape == (), name, one, f"of shape {shape}")
+        must = "be one number (jax.vmap and jaxcrusher.sweep take many)"
+        require(shape == (), name, must, f"of shape {shape}")
 
 
 def require_maker(scene: Callable[..., Scene]) -> None:

@@ -89,7 +89,7 @@ class AbstractCylinders(AbstractHysteresis):
 class AbstractLogarithmic(AbstractCylinders):
     """delta = x (ln(4 c / x) + k)."""
 
-    constant: eqx.AbstractClassVar[float]  # k
+    constant: eqx.AbstractClassVar[float]  # k  # pyright: ignore
 
     def _last(self) -> tuple[Scalar, Scalar, float]:
         """Return load, penetration and d delta / dx where the tangent begins."""
@@ -100,8 +100,8 @@ class AbstractLogarithmic(AbstractCylinders):
         """Return the penetration (m) under a load x (m, > 0)."""
         last, deepest, slope = self._last()
         within = jnp.minimum(x, last)
-        found = within * (jnp.log(4 * self.clearance / within) + self.constant)
-        return jnp.where(x < last, found, deepest + (x - last) * slope)
+        depth_within = within * (jnp.log(4 * self.clearance / within) + self.constant)
+        return jnp.where(x < last, depth_within, deepest + (x - last) * slope)
 
     def load(self, depth: Scalar) -> Scalar:
         """Return x, m, of a penetration >= 0."""

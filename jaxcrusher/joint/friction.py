@@ -123,8 +123,8 @@ class BengisuAkay(AbstractFriction):
         below = self.static_ratio * slip_speed * (2 * v0 - speed) / v0**2
         over = jnp.maximum(speed - v0, 0.0)
         above = 1 + (self.static_ratio - 1) * jnp.exp(-self.decay * over)
-        found = jnp.where(speed < v0, below, above * jnp.sign(slip_speed))
-        return -self.coefficient * normal_force * found
+        share = jnp.where(speed < v0, below, above * jnp.sign(slip_speed))
+        return -self.coefficient * normal_force * share
 
 
 class Stribeck(AbstractFriction):

@@ -128,33 +128,33 @@ class Validity(eqx.Module):
         A motion of which something is missing is not known to be inside.
         """
         own = self.fitting & self.hertzian & self.elastic & (not self.missing)
-        return functools.reduce(operator.and_, [one.inside for one in self.others.values()], own)
+        return functools.reduce(operator.and_, [part.inside for part in self.others.values()], own)
 
     def verdict(self) -> str:
         """Say whether the motion is inside the model, and else why not (concrete values only)."""
-        found = "; ".join(self.remarks())
+        why = "; ".join(self.remarks())
         word = "NOT KNOWN to be inside" if self.missing else "OUTSIDE"
-        return f"{word} the contact model: {found}" if found else "inside the contact model"
+        return f"{word} the contact model: {why}" if why else "inside the contact model"
 
     def remarks(self) -> list[str]:
         """Say what is outside the model, or not known to be inside (concrete values only)."""
-        found = []
+        lines = []
         if self.clearance_ratio is not None and not bool(self.fitting):
-            found.append(f"clearance {float(self.clearance_ratio):.2g} of the bore radius")
+            lines.append(f"clearance {float(self.clearance_ratio):.2g} of the bore radius")
         if self.half_width_ratio is not None and not bool(self.hertzian):
-            found.append(
+            lines.append(
                 f"contact {float(self.half_width_ratio):.2f} bore radii wide: not Hertzian"
             )
         if self.impact_speed_ratio is not None and not bool(self.elastic):
             ratio = float(self.impact_speed_ratio)
-            found.append(f"approaches at {ratio:.1f} times the elastic limit")
+            lines.append(f"approaches at {ratio:.1f} times the elastic limit")
             if not bool(self.restitution_kept):
-                found.append(
+                lines.append(
                     f"restitution {self.delivered_restitution:.3f} for {self.asked_restitution:.3g}"
                 )
-        for name, one in self.others.items():
-            found += [f"{name}: {remark}" for remark in one.remarks()]
-        return found + [f"not known without {name}" for name in self.missing]
+        for name, limits in self.others.items():
+            lines += [f"{name}: {remark}" for remark in limits.remarks()]
+        return lines + [f"not known without {name}" for name in self.missing]
 
 
 def validity(

@@ -9,48 +9,40 @@ import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import concrete, nan_unless, primal, require, require_x64
+from jaxcrusher.basics.checks import (
+    concrete,
+    nan_unless,
+    primal,
+    require,
+    require_own_process,
+    require_x64,
+)
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.capacity import CrushingChamber, stroke
 from jaxcrusher.crusher.crushing_bed import crushing_bed
-from jaxcrusher.crusher.loads import (
-    AbstractLoad,
-    AlongJaw,
-    ByAngle,
-    ClosingStroke,
-    NormalToJaw,
-    along_jaw,
-    normal_to_jaw,
-)
+from jaxcrusher.crusher.loads import AbstractLoad, ByAngle
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
 from jaxcrusher.crusher.rod import Rod, rod_at
 from jaxcrusher.crusher.rough_feed import rough_feed
 from jaxcrusher.crusher.scene import Scene, require_clearance
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
-from jaxcrusher.joint.friction import AbstractFriction, AmbrosioFriction, CentreSlip, SurfaceSlip
+from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import (
     AbstractNormalForce,
     ConstantImpactVelocity,
-    Flores,
-    Gonthier,
-    HuGuo,
-    HuntCrossley,
-    LankaraniNikravesh,
     TrackedImpactVelocity,
-    ZhiyingQishao,
     cylinder_stiffness,
 )
 from jaxcrusher.joint.rollers import RollerBearing, Rollers
 from jaxcrusher.mechanism.drives import ConstantSpeed, UnevenSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
-from jaxcrusher.mechanism.multiplier import MultiplierFormulation
-from jaxcrusher.mechanism.starts import Centred, InContact
 from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupports
+from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.load_curve import load_curve
 from jaxcrusher.scenes.own_laws import built, check_described, is_own
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
-    PARAMETERS,
+    PAPER_CHAMBER,
     PE250X400,
     WORN_JOINTS,
     Value,
@@ -61,22 +53,6 @@ from jaxcrusher.scenes.parameters import (
 )
 from jaxcrusher.scenes.plausibility import warn_of_unusual
 
-# What the names of `jaxcrusher.scenes.parameters.CHOICES` stand for.
-_STARTS = {"centred": Centred, "contact": InContact}
-_SLIPS = {"centre": CentreSlip, "surface": SurfaceSlip}
-_LOADS = {"along_jaw": AlongJaw, "normal_to_jaw": NormalToJaw, "closing_stroke": ClosingStroke}
-_DIRECTIONS = {"along_jaw": along_jaw, "normal_to_jaw": normal_to_jaw}
-_CONTACTS = {
-    "lankarani_nikravesh": LankaraniNikravesh,
-    "hunt_crossley": HuntCrossley,
-    "flores": Flores,
-    "gonthier": Gonthier,
-    "zhiying_qishao": ZhiyingQishao,
-    "hu_guo": HuGuo,
-}
-_FORMULATIONS = {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation}
-
-_PAPER_CHAMBER = {name: parameter.default for name, parameter in CHAMBER.items()}
 # What a machine is made of, besides gravity.
 _OF_PARTS = [
     name
@@ -129,14 +105,14 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     worn = {joint: _joint(v, f"{joint}.") for joint in WORN_JOINTS if f"{joint}.clearance" in v}
     warn_of_unusual(values)
     ideal = main is None and not worn
-    formulation = EccentricityFormulation() if ideal else _FORMULATIONS[v["formulation"]]()
+    formulation = EccentricityFormulation() if ideal else LAWS["formulation"][v["formulation"]]()
     return Scene(
         machine=machine,
         drive=drive,
         joint=main,
         load=law,
         formulation=formulation,
-        start=None if ideal else _STARTS[v["start"]](),
+        start=None if ideal else LAWS["start"][v["start"]](),
         foundation=foundation,
         rod=rod,
         **worn,
@@ -178,12 +154,13 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
     ValueError for known ones, as `build_machine` does, and for a discharge opening that the stroke
     closes.
     """
-    v = within_limits({**PE250X400, **_PAPER_CHAMBER, **values})
+    require_own_process()
+    v = within_limits({**PE250X400, **PAPER_CHAMBER, **values})
     for name in CHAMBER:
         check_number(name, v[name])
     paper = CrushingChamber()
     double_width = paper.double_width + 2 * (
-        v["chamber.discharge"] - _PAPER_CHAMBER["chamber.discharge"]
+        v["chamber.discharge"] - PAPER_CHAMBER["chamber.discharge"]
     )
     if any(_differs(v[name], PE250X400[name]) for name in LINKS):
         travel = jax.jit(stroke)
@@ -201,8 +178,14 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
 
 
 def _differs(value: Any, other: Any) -> bool:
+    """Return whether a value is, or may be, another one."""
     known = concrete(value)
     return known is None or bool(np.any(known != other))
+
+
+def _of(values: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    """Return the values whose names have a prefix, by what follows it."""
+    return {n.removeprefix(prefix): value for n, value in values.items() if n.startswith(prefix)}
 
 
 def _drive(values: Mapping[str, Any]) -> ConstantSpeed | UnevenSpeed:
@@ -230,13 +213,13 @@ def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
         return own
     if law == "chamber":
         require(along is None, "load_point", "not come with `load_law=chamber`", "given")
-        v = {**_PAPER_CHAMBER, **values}
+        v = {**PAPER_CHAMBER, **values}
         names = "width", "height", "discharge", "nip_angle", "bed_modulus", "bed_exponent"
         return crushing_bed(machine, *(v[f"chamber.{name}"] for name in names))
     if law != "by_angle":
-        return _LOADS[law](values["load"], along=along)
+        return LAWS["load_law"][law](values["load"], along=along)
     require("load_curve" in values, "load_curve", "be given with `load_law=by_angle`", "missing")
-    direction = _DIRECTIONS[values["load_direction"]]
+    direction = LAWS["load_direction"][values["load_direction"]]
     return ByAngle(load_curve(values["load_curve"]), direction, values["load_factor"], along)
 
 
@@ -246,8 +229,7 @@ def _fed(load: AbstractLoad | None, values: Mapping[str, Any]) -> AbstractLoad |
         return load
     require(load is not None, "load_scatter", "not come with `load_law=none`", "given")
     assert load is not None
-    scatter = concrete(values["load_scatter"])
-    if scatter is not None and bool(np.all(scatter == 0)):
+    if not _differs(values["load_scatter"], 0):
         return load
     names = "load_scatter", "load_bandwidth", "load_seed"
     return rough_feed(load, *(values[name] for name in names))
@@ -260,15 +242,14 @@ def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:
     point = Vector(values["foundation.x"], values["foundation.y"])
     if "foundation.mass" not in values:
         return Clamped(point)
-    names = [name for name in PARAMETERS if name.startswith("foundation.")]
-    numbers = {name.removeprefix("foundation."): values[name] for name in names}
+    numbers = _of(values, "foundation.")
     del numbers["x"], numbers["y"]
     return OnSupports(point=point, **numbers)
 
 
 def _rod(values: Mapping[str, Any], machine: Machine) -> Rod | None:
     """Return the tension rod, None without."""
-    numbers = {n.removeprefix("rod."): v for n, v in values.items() if n.startswith("rod.")}
+    numbers = _of(values, "rod.")
     return rod_at(machine, **numbers) if numbers else None
 
 
@@ -276,19 +257,20 @@ def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
     """Return the friction of a joint."""
     name = f"{prefix}friction_law"
     known = {
-        "slip": _SLIPS[values[f"{prefix}slip"]](),
+        "slip": LAWS["slip"][values[f"{prefix}slip"]](),
         "coefficient": values[f"{prefix}friction"],
     }
     law = values[name]
-    found = built(name, law, values, **known) if is_own(name, law) else AmbrosioFriction(**known)
-    assert isinstance(found, AbstractFriction)
-    return found
+    own = is_own(name, law)
+    friction = built(name, law, values, **known) if own else LAWS["friction_law"][law](**known)
+    assert isinstance(friction, AbstractFriction)
+    return friction
 
 
 def _joint(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     """Return the joint whose names have the prefix."""
     every = values
-    v = {name.removeprefix(prefix): v for name, v in values.items() if name.startswith(prefix)}
+    v = _of(values, prefix)
     require_clearance(v["clearance"], v["bore_radius"], prefix)
     name, law = f"{prefix}contact_law", v["contact_law"]
     stiffness, width, norm_width = _stiffness(
@@ -311,11 +293,9 @@ def _joint(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
         if isinstance(normal, AbstractBearing):
             return normal
     else:
-        normal = _CONTACTS[law](**known)
+        normal = LAWS["contact_law"][law](**known)
     assert isinstance(normal, AbstractNormalForce)
-    rubbing = concrete(v["friction"])
-    left_out = rubbing is not None and bool(np.all(rubbing == 0))
-    friction = None if left_out else _friction(every, prefix)
+    friction = _friction(every, prefix) if _differs(v["friction"], 0) else None
     return ClearanceJoint(**place, normal=normal, friction=friction, norm_width=norm_width)
 
 
@@ -332,7 +312,7 @@ def _stiffness(
 
 def _roller_bearing(values: Mapping[str, Any], norm_width: Any) -> RollerBearing:
     """Return the roller bearing of a description."""
-    v = {n.removeprefix("rollers."): v for n, v in values.items() if n.startswith("rollers.")}
+    v = _of(values, "rollers.")
     wheels, pitch, many = primal(v["diameter"]), primal(v["pitch_diameter"]), v["bearings"]
     if wheels is not None and pitch is not None:
         must = "be smaller than the pitch diameter"

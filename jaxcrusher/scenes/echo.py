@@ -15,8 +15,8 @@ from jaxcrusher.scenes.scene_file import key_of, read_entries, to_si, written_un
 def units_of(written: Iterable[tuple[str, Any]]) -> dict[str, str]:
     """Return the units in the texts of named values; a text without a unit is left out."""
     keys = ((key_of(name), text) for name, text in written)
-    found = {key: written_unit(str(text)) for key, text in keys if key in NUMBERS}
-    return {name: unit for name, unit in found.items() if unit}
+    units = {key: written_unit(str(text)) for key, text in keys if key in NUMBERS}
+    return {name: unit for name, unit in units.items() if unit}
 
 
 def units_of_file(path: Path | None) -> dict[str, str]:
@@ -44,6 +44,6 @@ def said(name: str, value: float | str, units: Mapping[str, str]) -> str:
     """A value with its unit; a speed in rpm and in rad/s."""
     if isinstance(value, str) or units.get(name, "rad/s") == "rad/s":
         return readable(name, value)
-    unit, one = unit_of(name, units)
-    text = f"{value / one:.6g} {unit}"
+    unit, size = unit_of(name, units)
+    text = f"{value / size:.6g} {unit}"
     return f"{text} ({value:.4g} rad/s)" if NUMBERS[name].unit == "rad/s" else text

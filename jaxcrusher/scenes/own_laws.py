@@ -15,6 +15,7 @@ import dataclasses
 import hashlib
 import importlib
 import inspect
+import itertools
 import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -108,9 +109,9 @@ def _make_known(name: str, field: dataclasses.Field, text: str) -> None:
 def make_known(entries: Iterable[tuple[str, Any]], folder: Path = Path()) -> None:
     """Make the numbers of the laws known that a description names; as `law_class`."""
     for name, value in entries:
-        for one in value if isinstance(value, tuple | list) else (value,):
-            if is_own(name, one):
-                law_class(name, one, folder)
+        for choice in value if isinstance(value, tuple | list) else (value,):
+            if is_own(name, choice):
+                law_class(name, choice, folder)
 
 
 def check_described(values: Mapping[str, Any]) -> None:
@@ -144,16 +145,16 @@ def with_digests(values: Mapping[str, Any]) -> dict[str, Any]:
 
     Results are kept by it: a law or a curve that changed makes another description.
     """
-    found = dict(values)
+    told = dict(values)
     for name, value in values.items():
         if isinstance(value, tuple | list):
-            found[name] = [with_digests({name: one})[name] for one in value]
+            told[name] = [with_digests({name: choice})[name] for choice in value]
         elif is_own(name, value):
             law = law_class(name, value)
-            found[name] = f"{value} {_digest(_sources(law))}"
+            told[name] = f"{value} {_digest(_sources(law))}"
         elif name in FILES and isinstance(value, str):
-            found[name] = f"{value} {_digest([Path(value)])}"
-    return found
+            told[name] = f"{value} {_digest([Path(value)])}"
+    return told
 
 
 def _sources(law: type) -> list[Path]:
@@ -176,14 +177,14 @@ def _imports(path: Path, root: Path) -> list[Path]:
     names: list[tuple[Path, str]] = []
     for node in ast.walk(ast.parse(path.read_bytes())):
         if isinstance(node, ast.Import):
-            names += [(root, one.name) for one in node.names]
+            names += [(root, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             folder, module = path.parents[node.level - 1] if node.level else root, node.module or ""
             names += [(folder, module)]
-            names += [(folder, f"{module}.{one.name}".lstrip(".")) for one in node.names]
+            names += [(folder, f"{module}.{alias.name}".lstrip(".")) for alias in node.names]
     places = [folder.joinpath(*name.split(".")) for folder, name in names]
-    files = [one for place in places for one in (place.with_suffix(".py"), place / "__init__.py")]
-    return [one for one in files if one.is_file()]
+    files = [(place.with_suffix(".py"), place / "__init__.py") for place in places]
+    return [path for path in itertools.chain(*files) if path.is_file()]
 
 
 def _digest(paths: Iterable[Path]) -> str:

@@ -24,6 +24,7 @@ from jaxcrusher.basics.checks import (
     require_within,
 )
 from jaxcrusher.crusher.joints import LETTERS
+from jaxcrusher.scenes.laws import LAWS
 
 Value = ArrayLike | str
 
@@ -114,6 +115,7 @@ PARAMETERS |= {
 # What the frame stands on. A scene has these names only where one of `_openers` is given.
 # Defaults of a frame on supports are judged: 6 t with a block's soil under each side.
 _PLACE = (-100.0, 100.0)
+_POINT = ("foundation.x", "foundation.y")
 PARAMETERS |= {
     "foundation.x": Parameter(0.0, "m", "frame's G, or point of its moment", _PLACE, 1.0),
     "foundation.y": Parameter(0.0, "m", "likewise, above C", _PLACE, 1.0),
@@ -192,22 +194,7 @@ CHAMBER = {
 # Name -> what may be chosen, the paper's choice first.
 CHOICES = {
     "joint": ("clearance", "ideal"),
-    "start": ("centred", "contact"),
-    "slip": ("centre", "surface"),
-    "load_law": ("along_jaw", "normal_to_jaw", "closing_stroke", "by_angle", "chamber", "none"),
-    "load_direction": ("normal_to_jaw", "along_jaw"),
-    "contact_law": (
-        "lankarani_nikravesh",
-        "hunt_crossley",
-        "flores",
-        "gonthier",
-        "zhiying_qishao",
-        "hu_guo",
-        "rollers",
-    ),
-    "friction_law": ("ambrosio",),
-    "impact_law": ("constant", "tracked"),
-    "formulation": ("eccentricity", "multiplier"),
+    **{name: tuple(laws) for name, laws in LAWS.items()},
 }
 
 _CHOICES_OF_A_JOINT = ("slip", "contact_law", "friction_law", "impact_law")
@@ -224,13 +211,27 @@ FILES = {"load_curve": "force over the shaft's angle: angle_deg, force_kN"}
 # Every number that a scene file may have.
 NUMBERS = PARAMETERS | CHAMBER
 
-_OF_FLUCTUATION = ("speed_fluctuation", "fluctuation_order", "fluctuation_phase")
-_OPENERS = {
-    **dict.fromkeys(_OF_FLUCTUATION, "speed_fluctuation"),
-    "load_point": "load_point",
-    **dict.fromkeys(("load_scatter", "load_bandwidth", "load_seed"), "load_scatter"),
-    **dict.fromkeys(("load_curve", "load_factor", "load_direction"), "load_law=by_angle"),
-    **dict.fromkeys(("chamber.bed_modulus", "chamber.bed_exponent"), "load_law=chamber"),
+# A name, or the beginning of names -> what a description must have one of to have them: a name, or
+# the choice of a law.
+_OPENERS: dict[str, tuple[str, ...]] = {
+    "speed_fluctuation": ("speed_fluctuation",),
+    "fluctuation_order": ("speed_fluctuation",),
+    "fluctuation_phase": ("speed_fluctuation",),
+    "load_point": ("load_point",),
+    "load_scatter": ("load_scatter",),
+    "load_bandwidth": ("load_scatter",),
+    "load_seed": ("load_scatter",),
+    "load_curve": ("load_law=by_angle",),
+    "load_factor": ("load_law=by_angle",),
+    "load_direction": ("load_law=by_angle",),
+    "chamber.bed_modulus": ("load_law=chamber",),
+    "chamber.bed_exponent": ("load_law=chamber",),
+    **{f"{joint}.": (f"{joint}.clearance",) for joint in WORN_JOINTS},
+    "rollers.": ("contact_law=rollers",),
+    "rod.": ("rod.stiffness", "rod.preload"),
+    "foundation.": ("foundation.mass",),
+    # A clamped frame has a point of its moment alone.
+    **dict.fromkeys(_POINT, ("foundation.mass", *_POINT)),
 }
 
 # Two numbers of a description, and how the first must compare with the second.
@@ -243,18 +244,12 @@ _PAIRS = (
 )
 
 # Numbers whose law is a choice of its own.
-_LAWS = {"load": "load_law", "impact_velocity": "impact_law"}
+_LAW_OF = {"load": "load_law", "impact_velocity": "impact_law"}
 
 _DEFAULTS: dict[str, float | str] = {
     **{name: parameter.default for name, parameter in PARAMETERS.items()},
     **{name: choices[0] for name, choices in CHOICES.items()},
 }
-
-
-def joint_of(name: str) -> str | None:
-    """The joint besides the main bearing that a name is of."""
-    joint = name.partition(".")[0]
-    return joint if joint in WORN_JOINTS else None
 
 
 def openers(name: str) -> tuple[str, ...]:
@@ -263,24 +258,13 @@ def openers(name: str) -> tuple[str, ...]:
     It is a name, or the choice of a law as "load_law=by_angle". The numbers of B, C and O come with
     their clearance.
     """
-    if name in _OPENERS:
-        return (_OPENERS[name],)
-    joint = joint_of(name)
-    if joint is not None:
-        return (f"{joint}.clearance",)
-    if name.startswith("rollers."):
-        return ("contact_law=rollers",)
-    if name.startswith("rod."):
-        return "rod.stiffness", "rod.preload"
-    if not name.startswith("foundation."):
-        return ()
-    # A clamped frame has a point of its moment alone.
-    point = ("foundation.x", "foundation.y")
-    return ("foundation.mass", *point) if name in point else ("foundation.mass",)
+    head, dot, _ = name.partition(".")
+    return _OPENERS.get(name) or _OPENERS.get(head + dot, ())
 
 
 # The paper's crusher: every number and every choice of its motion by name.
 PE250X400 = {name: value for name, value in _DEFAULTS.items() if not openers(name)}
+PAPER_CHAMBER = {name: parameter.default for name, parameter in CHAMBER.items()}
 
 
 def loose_besides(names: Iterable[str]) -> tuple[str, ...]:
@@ -331,15 +315,15 @@ def within_limits(values: Mapping[str, Any]) -> dict[str, Any]:
     a failure, in place of a number that means nothing. Where a number has its limit in another
     one, what is checked of known ones where they are used is checked here of traced ones.
     """
-    found = dict(values)
+    limited = dict(values)
     for name, value in values.items():
         if name in NUMBERS and concrete(value) is None:
-            found[name] = nan_unless(_is_within(NUMBERS[name], value), value)
+            limited[name] = nan_unless(_is_within(NUMBERS[name], value), value)
     for name, compare, other in _PAIRS:
-        both = [found[one] for one in (name, other) if one in found]
+        both = [limited[one] for one in (name, other) if one in limited]
         if len(both) == 2 and any(primal(one) is None for one in both):
-            found[name] = nan_unless(compare(*both), found[name])
-    return found
+            limited[name] = nan_unless(compare(*both), limited[name])
+    return limited
 
 
 def _is_within(parameter: Parameter, value: Any) -> Any:
@@ -353,7 +337,7 @@ def check_number(name: str, value: ArrayLike) -> None:
     """ValueError if a parameter's value is no number, scalar or array, or outside its limits."""
     parameter = NUMBERS[name]
     if value is None or isinstance(value, str | list | tuple):
-        law = _LAWS.get(name)
+        law = _LAW_OF.get(name)
         listed = f"; its law, one of {CHOICES[law]}, is `{law}`" if law else ""
         unit = "" if parameter.unit == "1" else f" in {parameter.unit}"
         require(False, name, f"be a number{unit} ({parameter.meaning}{listed})", repr(value))

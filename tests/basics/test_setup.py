@@ -12,8 +12,8 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics import checks, devices, setup
 from jaxcrusher.crusher.bearing_load import bearing_stiffness
-from jaxcrusher.crusher.capacity import chamber_from_stroke
 from jaxcrusher.orbits.result import RESULTS, missing
+from jaxcrusher.scenes.build import build_chamber
 
 LOOP = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=262144"
 FUSION = "--xla_backend_extra_options=xla_cpu_disable_new_fusion_emitters"
@@ -261,7 +261,7 @@ COMPUTATIONS = {
     "modes": lambda scene, _: jc.natural_modes(scene),
     "coexisting": lambda scene, _: jc.coexisting_orbits(scene),
     "stiffness": lambda scene, _: bearing_stiffness(scene, 1e4),
-    "chamber": lambda scene, _: chamber_from_stroke(scene.machine, 0.03),
+    "chamber": lambda *_: build_chamber({"jaw.length": 0.7}),
     "sweep": lambda *_: jc.sweep({"speed": [25.0, 30.0]}, 0, 1),
     "map": lambda scene, _: list(jc.map_chunks(abs, np.ones(3))),
     "orbit map": lambda *_: jc.orbit_map({"speed": [25.0, 30.0]}),

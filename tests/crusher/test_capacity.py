@@ -7,7 +7,6 @@ import pytest
 from jaxcrusher.crusher.capacity import (
     AFFLUENCE,
     CrushingChamber,
-    chamber_from_stroke,
     lower_end,
     stroke,
 )
@@ -45,8 +44,6 @@ def test_stroke_of_the_mechanism():
     angles = jnp.linspace(0, 2 * jnp.pi, 720, endpoint=False)
     sampled = jnp.ptp(jax.jit(jax.vmap(lower_end, (0, None)))(angles, machine))
     assert 0 <= found / float(sampled) - 1 < 1e-5
-    chamber = chamber_from_stroke(machine, 0.034)
-    assert float(chamber.double_width) == pytest.approx(0.068 - 7.45e-3, abs=5e-6)
 
 
 def test_chamber_of_a_description():

@@ -13,7 +13,6 @@ from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.machine import with_counterweight
 from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
-from jaxcrusher.scenes import build
 from jaxcrusher.scenes.build import build_machine
 from jaxcrusher.scenes.parameters import (
     CHOICES,
@@ -23,7 +22,6 @@ from jaxcrusher.scenes.parameters import (
     openers,
     within_limits,
 )
-from jaxcrusher.scenes.plausibility import WITHOUT_LOAD
 
 # Of angle (rad) and force (N).
 CURVE = np.array([[0.0, 1e3], [2.0, 9e3], [4.0, 4e3], [5.0, 2e3]])
@@ -37,19 +35,6 @@ OPENED = {
     ("load_law=chamber",): {"load_law": "chamber"},
     ("contact_law=rollers",): {"contact_law": "rollers"},
 }
-
-
-def test_the_laws_that_are_offered_are_those_that_are_built():
-    """Their names stand twice: among the choices, which import no law, and beside the laws."""
-    built = {
-        "start": set(build._STARTS),
-        "slip": set(build._SLIPS),
-        "load_law": {*build._LOADS, *WITHOUT_LOAD},
-        "load_direction": set(build._DIRECTIONS),
-        "contact_law": {*build._CONTACTS, "rollers"},
-        "formulation": set(build._FORMULATIONS),
-    }
-    assert {name: set(CHOICES[name]) for name in built} == built
 
 
 def test_what_is_counted_is_whole():

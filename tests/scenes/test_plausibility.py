@@ -124,7 +124,8 @@ def test_an_ideal_joint_has_no_clearance_to_look_at():
 
 def test_ranges_lie_in_each_other():
     for one in RATIOS:
-        assert one.possible[0] <= one.usual[0] < one.usual[1] <= one.possible[1], one.words
+        least, low, high, most = one.limits
+        assert least <= low < high <= most, one.title
         assert all(name in NUMBERS for name in one.of)
 
 
@@ -138,7 +139,7 @@ def test_a_number_of_its_own_is_told_in_the_unit_that_it_names():
         units = (text.replace("s2", "s**2") for text in (number.unit, one.unit))
         given, wanted = map(registry.Unit, units)
         expected = registry.Quantity(number.default, given).to(wanted).magnitude
-        assert one.ratio(number.default) == pytest.approx(expected, rel=1e-14), one.words
+        assert one.ratio(number.default) == pytest.approx(expected, rel=1e-14), one.title
 
 
 def test_readable_units():
