@@ -13,7 +13,7 @@ def run(command: Command) -> int:
     # Each command is a module of its own, and needs only what it computes with.
     module = importlib.import_module(f"jaxcrusher.commands.{type(command).__name__.lower()}")
     with keeping(command.results.folder):
-        return module.run(command, Console())
+        return module.run(command, Console(highlight=False, soft_wrap=True))
 
 
 def main() -> None:

@@ -1,16 +1,20 @@
-"""The crushers and the grids that a command line names, in SI units."""
+"""The crushers and grids that a command line names, in SI units, and what results are kept by."""
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.files.results import write_mat, write_netcdf, write_text
+from jaxcrusher.files.table import as_csv
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
-from jaxcrusher.scenes.own_laws import is_own
+from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import CHOICES, complete
 from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_unusual
 from jaxcrusher.scenes.scene_file import (
@@ -52,6 +56,19 @@ def borrowed_by(crusher: Crusher) -> list[str]:
 def units_given(crusher: Crusher, written: Iterable[tuple[str, str]] = ()) -> dict[str, str]:
     """The units that a crusher's numbers, and further ones, are written in; the last one counts."""
     return units_of_file(crusher.scene) | units_of((*crusher.overrides, *written))
+
+
+def settings_of(command: str, values: dict[str, Any], **numbers: Any) -> dict[str, Any]:
+    """Return what results are kept by: a command, its crusher, and the options that decide them."""
+    return {"command": command, "scene": with_digests(values), **numbers}
+
+
+def write_dataset(path: Path, dataset: xr.Dataset) -> None:
+    """Write a dataset as its suffix says: .nc, .csv, or .mat for MATLAB."""
+    if path.suffix == ".csv":
+        write_text(path, as_csv(dataset))
+    else:
+        {".nc": write_netcdf, ".mat": write_mat}[path.suffix](path, dataset)
 
 
 def read_moving(crusher: Crusher) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
-from jaxcrusher.commands.crushers import read_crusher, units_given
+from jaxcrusher.commands.crushers import read_crusher, settings_of, units_given
 from jaxcrusher.commands.options import Foundation
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
@@ -27,7 +27,6 @@ from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.orbits.load_sheet import SOURCE, Row, joint_states, running_frequency, sheet
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.echo import said
-from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.scene_file import read_range
 
 TITLE = "Load sheet of a jaw crusher's foundation"
@@ -51,14 +50,14 @@ def run(options: Foundation, console: Console) -> int:
     if refused := refusal(scene):
         raise ValueError(f"The crusher must {refused}.")
     low, high = _speeds(options, float(values["speed"]))
-    settings = {"command": "foundation", "scene": with_digests(values), "orders": options.orders}
-    settings |= {"speeds": [low, high], "points": options.points}
+    numbers = {"orders": options.orders, "speeds": [low, high], "points": options.points}
+    settings = settings_of("foundation", values, **numbers)
     folder = begin_beside(options.results.folder, settings, *FILES)
     with stages(console, "solving (the first time half a minute, most of it compilation)"):
         orbit = jc.periodic_orbit(scene)
     if not bool(orbit.success):
-        console.print(f"no periodic orbit: {orbit.failure}", highlight=False, soft_wrap=True)
-        console.print(REMEDY, highlight=False, soft_wrap=True)
+        console.print(f"no periodic orbit: {orbit.failure}")
+        console.print(REMEDY)
         return 1
     rows = sheet(orbit, options.orders)
     speeds = np.linspace(low, high, options.points)
@@ -75,15 +74,15 @@ def run(options: Foundation, console: Console) -> int:
         provenance("Load sheet of a foundation", scene=values)
         | {"rows": [asdict(row) for row in rows], "speed": speeds, **curves},
     )
-    console.print(f"{TITLE}: {joint_states(scene)}.", highlight=False, soft_wrap=True)
+    console.print(f"{TITLE}: {joint_states(scene)}.")
     for part in dict.fromkeys(row.part for row in rows):
-        console.print(table(part, [row for row in rows if row.part == part]))
+        console.print(table(part, [row for row in rows if row.part == part]), soft_wrap=False)
     if scene.supports is None:
         console.print("The frame is clamped: foundation.mass puts it on supports.")
     else:
-        console.print(f"Zones of {SOURCE}.", highlight=False, soft_wrap=True)
+        console.print(f"Zones of {SOURCE}.")
     names = ", ".join(str(folder / name) for name in FILES[:3])
-    console.print(names, highlight=False, soft_wrap=True)
+    console.print(names)
     return 0
 
 
@@ -112,8 +111,8 @@ def run_up(values: dict[str, Any], speeds: np.ndarray) -> dict[str, np.ndarray]:
         orbit = jc.periodic_orbit(jc.build_scene({**values, "speed": speed}).ideal(), nodes=NODES)
         return jnp.stack([orbit[name] for name in names])
 
-    found = np.array([at(jnp.asarray(speed)) for speed in speeds])
-    return dict(zip(names, found.T, strict=True))
+    forces = np.array([at(jnp.asarray(speed)) for speed in speeds])
+    return dict(zip(names, forces.T, strict=True))
 
 
 def draw(
@@ -149,10 +148,10 @@ def table(part: str, rows: Sequence[Row]) -> Table:
     """Return a part of the sheet for the screen."""
     harmonic = part == "harmonics"
     headings = ("", "order", "amplitude", "unit", "phase, deg") if harmonic else ("", "", "", "")
-    found = Table(*headings, title=part, title_justify="left", box=None, show_header=harmonic)
+    table = Table(*headings, title=part, title_justify="left", box=None, show_header=harmonic)
     for row in rows:
-        found.add_row(*cells(row))
-    return found
+        table.add_row(*cells(row))
+    return table
 
 
 def cells(row: Row) -> tuple[str, ...]:
@@ -165,10 +164,10 @@ def cells(row: Row) -> tuple[str, ...]:
 
 def across(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
     """Return the orders of the harmonics, and a row of each quantity: name, unit, harmonics."""
-    found = [row for row in rows if row.part == "harmonics"]
-    orders = dict.fromkeys(_number(row.order) for row in found)
-    by_name = {row.name: [row.name, row.unit] for row in found}
-    for row in found:
+    harmonics = [row for row in rows if row.part == "harmonics"]
+    orders = dict.fromkeys(_number(row.order) for row in harmonics)
+    by_name = {row.name: [row.name, row.unit] for row in harmonics}
+    for row in harmonics:
         _, _, amplitude, _, phase = cells(row)
         by_name[row.name].append(f"{amplitude} at {phase}°")
     return list(orders), list(by_name.values())

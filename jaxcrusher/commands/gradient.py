@@ -10,7 +10,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.commands.crushers import read_moving, units_given
+from jaxcrusher.commands.crushers import read_moving, settings_of, units_given
 from jaxcrusher.commands.options import Gradient
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.dynamics.regime import Regime
@@ -21,7 +21,6 @@ from jaxcrusher.files.resume import SETTINGS, begin, earlier, keep_beside
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistics_table import STATISTIC
 from jaxcrusher.scenes.echo import per, unit_of
-from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import PARAMETERS
 from jaxcrusher.scenes.scene_file import require_moving
 
@@ -30,9 +29,8 @@ def run(options: Gradient, console: Console) -> int:
     """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
     values = read_moving(options.crusher)
     _check(options, values)
-    settings = {"command": "gradient", "scene": with_digests(values)}
-    for name in ("metric", "by", "settle", "turns", "radius", "pairs", "seed", "rtol"):
-        settings[name] = getattr(options, name)
+    names = "metric", "by", "settle", "turns", "radius", "pairs", "seed", "rtol"
+    settings = settings_of("gradient", values, **{name: getattr(options, name) for name in names})
     path, given = options.results.folder / "gradient.json", units_given(options.crusher)
     keep_beside(options.results.folder / SETTINGS, settings, path.name)
     report = restored(path, settings)
@@ -62,10 +60,10 @@ def run(options: Gradient, console: Console) -> int:
 
 def _tell(report: GradientReport, given: dict[str, str], path: str, console: Console) -> int:
     """Print a report; the exit status."""
-    console.print(str(shown(report, given)), highlight=False, markup=False, soft_wrap=True)
+    console.print(str(shown(report, given)), markup=False)
     of = STATISTIC[report.metric].unit
     units = ", ".join(f"by {name} {per(of, unit_of(name, given)[0])}" for name in report.slopes)
-    console.print(f"units: {units}; in SI units: {path}", highlight=False, soft_wrap=True)
+    console.print(f"units: {units}; in SI units: {path}")
     return 1 if report.regime.name == "failed" else 0
 
 

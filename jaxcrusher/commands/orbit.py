@@ -16,19 +16,23 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_whole
-from jaxcrusher.commands.crushers import borrowed_by, read_crusher, units_given
+from jaxcrusher.commands.crushers import (
+    borrowed_by,
+    read_crusher,
+    settings_of,
+    units_given,
+    write_dataset,
+)
 from jaxcrusher.commands.options import Orbit
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.observables import columns, observables_of
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import listed, write_figure, write_json, write_mat, write_text
+from jaxcrusher.files.results import listed, write_figure, write_json
 from jaxcrusher.files.resume import begin_beside
-from jaxcrusher.files.table import as_csv
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.echo import per, said, unit_of
-from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import NUMBERS, numbers_of
 
 ANGLES = 720  # of the picture, a turn
@@ -47,7 +51,7 @@ def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     values, _ = read_crusher(options.crusher)
     require_whole("period", options.period, 1)
-    settings = {"command": "orbit", "scene": with_digests(values), "period": options.period}
+    settings = settings_of("orbit", values, period=options.period)
     matlab = ("orbit.mat",)
     written = "orbit.json", "orbit.csv", *(matlab if options.mat else ()), "orbit.png"
     folder = begin_beside(options.results.folder, settings, *written, spared=matlab)
@@ -64,8 +68,8 @@ def run(options: Orbit, console: Console) -> int:
     with stages(console, "solving (the first time half a minute, most of it compilation)"):
         orbit = solve(numbers, period=options.period)
     if not bool(orbit.success):
-        console.print(f"no periodic orbit: {orbit.failure}", highlight=False, soft_wrap=True)
-        console.print(REMEDY, highlight=False, soft_wrap=True)
+        console.print(f"no periodic orbit: {orbit.failure}")
+        console.print(REMEDY)
         return 1
     with stages(console, "differentiating"):
         slopes = _slopes(lambda n: solve(n, **orbit.alike), numbers)
@@ -74,16 +78,15 @@ def run(options: Orbit, console: Console) -> int:
     write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
     draw(orbit, folder / "orbit.png")
     seen = history(orbit)
-    write_text(folder / "orbit.csv", as_csv(seen))
-    if options.mat:
-        write_mat(folder / "orbit.mat", seen)
+    for name in written[1:-1]:
+        write_dataset(folder / name, seen)
     for line in summary(orbit):
-        console.print(line, highlight=False, soft_wrap=True)
+        console.print(line)
     units, marked = units_given(options.crusher), borrowed_by(options.crusher)
-    console.print(table(orbit, slopes, values, units, marked))
+    console.print(table(orbit, slopes, values, units, marked), soft_wrap=False)
     for line in notes(values, units, marked, slopes):
-        console.print(line, highlight=False, soft_wrap=True)
-    console.print(listed(folder, written), highlight=False, soft_wrap=True)
+        console.print(line)
+    console.print(listed(folder, written))
     return 0
 
 
@@ -183,14 +186,14 @@ def table(
     }
     # Without a frame every key stands in one line of 80 columns.
     headings = ("parameter", "value", "slope of the RMS", "% a step", "of shaking")
-    found = Table(*headings, box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    found.columns[0].overflow = "fold"  # a key is to be copied whole
+    table = Table(*headings, box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    table.columns[0].overflow = "fold"  # a key is to be copied whole
     for name in sorted(shares, key=lambda name: -abs(shares[name])):
-        unit, one = unit_of(name, units)
-        value = f"{values[name] / one:.6g} {unit}".rstrip() + " *" * (name in marked)
-        slope = f"{rms[name] * one:.5g} {per('N', unit)}"
-        found.add_row(name, value, slope, f"{shares[name]:.3g}", f"{shaking[name] * one:.5g}")
-    return found
+        unit, size = unit_of(name, units)
+        value = f"{values[name] / size:.6g} {unit}".rstrip() + " *" * (name in marked)
+        slope = f"{rms[name] * size:.5g} {per('N', unit)}"
+        table.add_row(name, value, slope, f"{shares[name]:.3g}", f"{shaking[name] * size:.5g}")
+    return table
 
 
 def felt(slopes: dict[str, float], force: float, values: dict[str, Any]) -> dict[str, float]:
@@ -218,13 +221,13 @@ def notes(
     """Explain the columns of the table, its marks, and what it leaves out."""
     zero = [n for n in numbers_of(values) if values[n] == 0 and NUMBERS[n].unit != "rad"]
     of_zero = "".join(f", {said(name, step(name, 0.0), units)} of {name}" for name in zero)
-    found = [f"A step is 1 % of the value, 1 deg of an angle{of_zero}."]
+    lines = [f"A step is 1 % of the value, 1 deg of an angle{of_zero}."]
     idle = [name for name in numbers_of(values) if not any(of[name] for of in slopes.values())]
     if idle:
-        found.append(f"Neither force changes with {', '.join(idle)}.")
+        lines.append(f"Neither force changes with {', '.join(idle)}.")
     if marked:
-        found.append("* is the PE250x400's value, because the scene file has none.")
-    return found
+        lines.append("* is the PE250x400's value, because the scene file has none.")
+    return lines
 
 
 def content(orbit: PeriodicOrbit, slopes: dict[str, dict[str, float]]) -> dict[str, Any]:

@@ -78,17 +78,13 @@ def run(options: Regimes, console: Console) -> int:
                 write_json(folder / "regimes.json", content)
                 write_netcdf(folder / "regimes.nc", dataset(done, settings, attributes))
             asked.append(row)
-            line = escape(f"{_name(design, units)}: {row['verdict']}{remark}")
-            bars.console.print(line, highlight=False, soft_wrap=True)
+            bars.console.print(escape(f"{_name(design, units)}: {row['verdict']}{remark}"))
             bars.advance(bar)
     failed = sum(row["regime"] == "failed" for row in asked)
     remark = f", {failed} failed" if failed else ""
     plural = "s" * (len(asked) != 1)
-    console.print(
-        f"{len(asked)} design{plural}{remark}; {folder / 'regimes.json'}, {folder / 'regimes.nc'}",
-        highlight=False,
-        soft_wrap=True,
-    )
+    files = f"{folder / 'regimes.json'}, {folder / 'regimes.nc'}"
+    console.print(f"{len(asked)} design{plural}{remark}; {files}")
     return 1 if failed else 0
 
 

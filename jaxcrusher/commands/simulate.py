@@ -15,22 +15,21 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.commands.crushers import read_crusher, units_given
+from jaxcrusher.commands.crushers import read_crusher, settings_of, units_given, write_dataset
 from jaxcrusher.commands.options import Simulate
 from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.observables import OBSERVABLES, columns
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import listed, write_figure, write_mat, write_netcdf, write_text
+from jaxcrusher.files.results import listed, write_figure
 from jaxcrusher.files.resume import begin_beside
-from jaxcrusher.files.table import Column, as_csv
+from jaxcrusher.files.table import Column
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.pictures import plots
 from jaxcrusher.scenes.echo import said
-from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import loose_besides
 
 # Simulated unless told otherwise, and, of these, drawn: the last ones.
@@ -60,14 +59,8 @@ def run(options: Simulate, console: Console) -> int:
     settle = _settle(options, span)
     require_whole("samples", options.samples, 2)
     require_tolerance(options.rtol)
-    settings = {
-        "command": "simulate",
-        "scene": with_digests(values),
-        "turns": span,
-        "settle": settle,
-        "samples": options.samples,
-        "rtol": options.rtol,
-    }
+    numbers = {"turns": span, "settle": settle, "samples": options.samples, "rtol": options.rtol}
+    settings = settings_of("simulate", values, **numbers)
     asked = {"motion.csv": options.csv, "motion.mat": options.mat}
     written = "motion.nc", *(name for name, wanted in asked.items() if wanted), "motion.png"
     folder = begin_beside(options.results.folder, settings, *written, spared=asked)
@@ -78,11 +71,8 @@ def run(options: Simulate, console: Console) -> int:
         bar = bars.add_task("simulation", total=3)
         motion = jc.simulate(scene, times, rtol=options.rtol)
         kept = dataset(motion, values)
-        write_netcdf(folder / "motion.nc", kept)
-        if options.csv:
-            write_text(folder / "motion.csv", as_csv(kept))
-        if options.mat:
-            write_mat(folder / "motion.mat", kept)
+        for name in written[:-1]:
+            write_dataset(folder / name, kept)
         bars.update(bar, completed=1, description="figure")
         drawn = times >= (0 if motion.failure else times[-1] - DRAWN * turn)
         write_figure(
@@ -95,12 +85,12 @@ def run(options: Simulate, console: Console) -> int:
         bars.update(bar, completed=3, description="simulation")
     failure = motion.failure or (summary.failure if summary else "")
     if failure:
-        console.print(f"FAILED: {failure}", style="red", highlight=False)
+        console.print(f"FAILED: {failure}", style="red")
     else:
-        console.print(closing(motion, summary, settle, values), highlight=False, soft_wrap=True)
+        console.print(closing(motion, summary, settle, values))
         if summary is not None and (advice := scattered(summary)):
-            console.print(advice, highlight=False, soft_wrap=True)
-    console.print(listed(folder, written), highlight=False, soft_wrap=True)
+            console.print(advice)
+    console.print(listed(folder, written))
     return 1 if failure else 0
 
 

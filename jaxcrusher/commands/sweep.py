@@ -13,17 +13,16 @@ from rich.console import Console
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.batch.sweep import sweep
-from jaxcrusher.commands.crushers import bounds, read_axes, read_crusher, units_given
+from jaxcrusher.commands.crushers import (
+    bounds,
+    read_axes,
+    read_crusher,
+    units_given,
+    write_dataset,
+)
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
-from jaxcrusher.files.results import (
-    results_folder,
-    write_figure,
-    write_mat,
-    write_netcdf,
-    write_text,
-)
-from jaxcrusher.files.table import as_csv
+from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.pictures.plots import plot_landscape
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES
@@ -57,22 +56,16 @@ def run(options: Sweep, console: Console) -> int:
             )
         except ValueError as error:  # the store is chosen by --name here
             raise ValueError(str(error).replace("`store`", "`name`")) from None
-    written = [folder / "sweep.zarr"]
-    if options.netcdf:
-        written.append(folder / "sweep.nc")
-        write_netcdf(written[-1], grid.load())
-    if options.csv:
-        written.append(folder / "sweep.csv")
-        write_text(written[-1], as_csv(grid.load()))
-    if options.mat:
-        written.append(folder / "sweep.mat")
-        write_mat(written[-1], grid.load())
+    asked = {"sweep.nc": options.netcdf, "sweep.csv": options.csv, "sweep.mat": options.mat}
+    written = [folder / "sweep.zarr", *(folder / name for name, wanted in asked.items() if wanted)]
+    for path in written[1:]:
+        write_dataset(path, grid.load())
     units = units_given(options.crusher, bounds(options.over))
     if len(axes) == 2 and not set(axes) & set(CHOICES):
         written.append(folder / "sweep.png")
         draw(grid, units, written[-1])
-    console.print(closing(grid, units), highlight=False, soft_wrap=True)
-    console.print(", ".join(map(str, written)), highlight=False, soft_wrap=True)
+    console.print(closing(grid, units))
+    console.print(", ".join(map(str, written)))
     return 0
 
 
