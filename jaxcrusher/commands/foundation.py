@@ -21,7 +21,7 @@ from jaxcrusher.commands.crushers import read_crusher, settings_of, units_given
 from jaxcrusher.commands.options import Foundation
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import write_figure, write_json, write_table, write_text
+from jaxcrusher.files.results import listed, write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.orbits.load_sheet import SOURCE, Row, joint_states, running_frequency, sheet
@@ -75,14 +75,13 @@ def run(options: Foundation, console: Console) -> int:
         | {"rows": [asdict(row) for row in rows], "speed": speeds, **curves},
     )
     console.print(f"{TITLE}: {joint_states(scene)}.")
-    for part in dict.fromkeys(row.part for row in rows):
-        console.print(table(part, [row for row in rows if row.part == part]), soft_wrap=False)
+    for part, lines in texts(rows).items():
+        console.print(table(part, lines), soft_wrap=False)
     if scene.supports is None:
         console.print("The frame is clamped: foundation.mass puts it on supports.")
     else:
         console.print(f"Zones of {SOURCE}.")
-    names = ", ".join(str(folder / name) for name in FILES[:3])
-    console.print(names)
+    console.print(listed(folder, FILES[:3]))
     return 0
 
 
@@ -144,16 +143,6 @@ def _number(value: float | str) -> str:
     return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.4g}"
 
 
-def table(part: str, rows: Sequence[Row]) -> Table:
-    """Return a part of the sheet for the screen."""
-    harmonic = part == "harmonics"
-    headings = ("", "order", "amplitude", "unit", "phase, deg") if harmonic else ("", "", "", "")
-    table = Table(*headings, title=part, title_justify="left", box=None, show_header=harmonic)
-    for row in rows:
-        table.add_row(*cells(row))
-    return table
-
-
 def cells(row: Row) -> tuple[str, ...]:
     """Return the texts of a row, for the screen and the page."""
     if isinstance(row.phase, str):
@@ -162,26 +151,38 @@ def cells(row: Row) -> tuple[str, ...]:
     return row.name, _number(row.order), _number(row.value), row.unit, f"{phase:z.1f}"
 
 
-def across(rows: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+def texts(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:
+    """Return the texts of the rows by the part of the sheet."""
+    parts: dict[str, list[tuple[str, ...]]] = {}
+    for row in rows:
+        parts.setdefault(row.part, []).append(cells(row))
+    return parts
+
+
+def table(part: str, lines: Sequence[tuple[str, ...]]) -> Table:
+    """Return a part of the sheet for the screen."""
+    harmonic = part == "harmonics"
+    headings = ("", "order", "amplitude", "unit", "phase, deg") if harmonic else ("", "", "", "")
+    shown = Table(*headings, title=part, title_justify="left", box=None, show_header=harmonic)
+    for line in lines:
+        shown.add_row(*line)
+    return shown
+
+
+def across(lines: Sequence[tuple[str, ...]]) -> tuple[list[str], list[list[str]]]:
     """Return the orders of the harmonics, and a row of each quantity: name, unit, harmonics."""
-    harmonics = [row for row in rows if row.part == "harmonics"]
-    orders = dict.fromkeys(_number(row.order) for row in harmonics)
-    by_name = {row.name: [row.name, row.unit] for row in harmonics}
-    for row in harmonics:
-        _, _, amplitude, _, phase = cells(row)
-        by_name[row.name].append(f"{amplitude} at {phase}°")
-    return list(orders), list(by_name.values())
+    by_name: dict[str, list[str]] = {}
+    for name, _, amplitude, unit, phase in lines:
+        by_name.setdefault(name, [name, unit]).append(f"{amplitude} at {phase}°")
+    return list(dict.fromkeys(order for _, order, *_ in lines)), list(by_name.values())
 
 
 def page(
     orbit: PeriodicOrbit, rows: Sequence[Row], given: Sequence[tuple[str, str]], picture: str
 ) -> str:
     """Return the printable page."""
-    parts = {
-        part: [cells(row) for row in rows if row.part == part]
-        for part in dict.fromkeys(row.part for row in rows if row.part != "harmonics")
-    }
-    orders, harmonics = across(rows)
+    parts = texts(rows)
+    orders, harmonics = across(parts.pop("harmonics", []))
     clamped = orbit.scene.supports is None
     return (
         Environment(autoescape=True)

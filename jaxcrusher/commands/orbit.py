@@ -186,14 +186,14 @@ def table(
     }
     # Without a frame every key stands in one line of 80 columns.
     headings = ("parameter", "value", "slope of the RMS", "% a step", "of shaking")
-    table = Table(*headings, box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    table.columns[0].overflow = "fold"  # a key is to be copied whole
+    shown = Table(*headings, box=None, padding=(0, 1, 0, 0), pad_edge=False)
+    shown.columns[0].overflow = "fold"  # a key is to be copied whole
     for name in sorted(shares, key=lambda name: -abs(shares[name])):
         unit, size = unit_of(name, units)
         value = f"{values[name] / size:.6g} {unit}".rstrip() + " *" * (name in marked)
         slope = f"{rms[name] * size:.5g} {per('N', unit)}"
-        table.add_row(name, value, slope, f"{shares[name]:.3g}", f"{shaking[name] * size:.5g}")
-    return table
+        shown.add_row(name, value, slope, f"{shares[name]:.3g}", f"{shaking[name] * size:.5g}")
+    return shown
 
 
 def felt(slopes: dict[str, float], force: float, values: dict[str, Any]) -> dict[str, float]:

@@ -18,8 +18,7 @@ from jaxtyping import Array, Float, Scalar
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.crusher.capacity import ANGLES, stationary
-from jaxcrusher.crusher.jaw_forces import JawForce
-from jaxcrusher.crusher.loads import AbstractLoad, JawMotion
+from jaxcrusher.crusher.loads import AbstractLoad, JawForce, JawMotion
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.mechanism.motion import ideal_at_rest
 

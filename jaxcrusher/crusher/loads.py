@@ -14,7 +14,6 @@ from jaxtyping import Scalar
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.periodic_spline import PeriodicSeries, PeriodicSpline
 from jaxcrusher.basics.plane import Vector, optional_scalar, scalar
-from jaxcrusher.crusher.jaw_forces import JawForce
 from jaxcrusher.mechanism.arms import Arm
 from jaxcrusher.mechanism.linkage import Point
 from jaxcrusher.mechanism.motion import Motion
@@ -69,6 +68,13 @@ class JawMotion(eqx.Module):
     def velocity(self, along: Scalar | float | None = None) -> Vector:
         """Return the velocity of a point of the jaw, m/s."""
         return self.motion.velocity(self.point(along))
+
+
+class JawForce(eqx.Module):
+    """A force on the jaw, and how far from A towards B its line meets the jaw's axis."""
+
+    force: Vector  # N
+    along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
 
 
 class AbstractLoad(eqx.Module):

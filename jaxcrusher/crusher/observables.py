@@ -10,10 +10,9 @@ from jaxtyping import Array, Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
-from jaxcrusher.crusher.jaw_forces import RodPull
 from jaxcrusher.crusher.joints import JOINTS, LETTERS, before
 from jaxcrusher.crusher.loads import JawMotion
-from jaxcrusher.crusher.rod import Rod
+from jaxcrusher.crusher.rod import Rod, RodPull
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.table import Column
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
@@ -28,31 +27,39 @@ FORCE_WIDTH = 1e-6
 SPEED_WIDTH = 1e-12
 
 
-def _on_bore(s: Snapshot, joint: str) -> Vector:
+def _on_bore(s: Snapshot, scene: Scene, joint: str) -> Vector:
     """Return the force on the bore of a joint, N."""
     force = s.accelerations.forces[joint]
     assert force is not None
     return force
 
 
-def joint_force(s: Snapshot, scene: Scene) -> Vector:
-    """Return the shaft's force on the jaw at A, N."""
-    return _on_bore(s, "main")
+def _on_pin(s: Snapshot, scene: Scene, joint: str) -> Vector:
+    """Return the force on the pin of a joint, N."""
+    return -_on_bore(s, scene, joint)
 
 
-def bearing_reaction(s: Snapshot, scene: Scene) -> Vector:
-    """R_O, the frame's force on the shaft at the main bearing, N."""
-    return -_on_bore(s, "shaft_bearing")
+@dataclass(frozen=True)
+class OfJoint:
+    """A function of an instant at one joint.
+
+    It equals its copies, also of another process: programs are kept for it.
+    """
+
+    function: Callable[[Snapshot, Scene, str], Any]
+    joint: str
+
+    def __call__(self, snapshot: Snapshot, scene: Scene) -> Any:
+        """The value at the joint."""
+        return self.function(snapshot, scene, self.joint)
 
 
-def elbow_reaction(s: Snapshot, scene: Scene) -> Vector:
-    """R_B, the toggle's force on the jaw, N."""
-    return _on_bore(s, "elbow")
-
-
-def toggle_reaction(s: Snapshot, scene: Scene) -> Vector:
-    """R_C, the frame's force on the toggle, N."""
-    return -_on_bore(s, "pivot")
+# The force of the shaft on the jaw at A, of the frame on the shaft (R_O), of the toggle on the jaw
+# (R_B), and of the frame on the toggle (R_C), N.
+joint_force = OfJoint(_on_bore, "main")
+bearing_reaction = OfJoint(_on_pin, "shaft_bearing")
+elbow_reaction = OfJoint(_on_bore, "elbow")
+toggle_reaction = OfJoint(_on_pin, "pivot")
 
 
 def foundation_force(s: Snapshot, scene: Scene) -> Scalar:
@@ -295,7 +302,7 @@ def _over_joints(
 
 def force_at(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     """The length of the force in a joint, N."""
-    return norm(_on_bore(s, joint), FORCE_WIDTH)
+    return norm(_on_bore(s, scene, joint), FORCE_WIDTH)
 
 
 def _normal_force(s: Snapshot, scene: Scene, joint: str) -> Scalar:
@@ -332,21 +339,6 @@ def _penetration_rate(s: Snapshot, scene: Scene, joint: str) -> Scalar:
 
 def _constraint_residual(s: Snapshot, scene: Scene) -> Scalar:
     return jnp.zeros_like(s.motion.crank.speed) if s.residual is None else s.residual
-
-
-@dataclass(frozen=True)
-class OfJoint:
-    """A function of an instant at one joint.
-
-    It equals its copies, also of another process: programs are kept for it.
-    """
-
-    function: Callable[[Snapshot, Scene, str], Any]
-    joint: str
-
-    def __call__(self, snapshot: Snapshot, scene: Scene) -> Any:
-        """The value at the joint."""
-        return self.function(snapshot, scene, self.joint)
 
 
 class Observable(NamedTuple):

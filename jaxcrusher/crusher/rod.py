@@ -9,11 +9,20 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.crusher.jaw_forces import RodPull
 from jaxcrusher.crusher.loads import JawMotion
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.mechanism.linkage import Point
 from jaxcrusher.mechanism.motion import ideal_at_rest
+
+
+class RodPull(eqx.Module):
+    """What the tension rod does to the jaw; its other end pulls at the frame by the opposite."""
+
+    force: Vector  # on the jaw, N
+    tension: Scalar  # N
+    wanted: Scalar  # N, negative where the rod is slack
+    stretch: Scalar  # L - L0, m
+    rate: Scalar  # m/s
 
 
 class Rod(eqx.Module):
@@ -66,9 +75,12 @@ class Rod(eqx.Module):
         return smooth.positive_power_integral(wanted, self.width, 1.0)
 
 
-def rod_at(machine: Machine, stiffness, preload, damping, jaw_along, jaw_across, x, y) -> Rod:
-    """Return a rod on a machine: its L0 is the length at theta1 = 0 with ideal joints."""
-    jaw, on_frame = JawMotion(ideal_at_rest(machine.linkage, 0.0)), Vector(x, y)
-    end = jaw.point(scalar(jaw_along), scalar(jaw_across))
-    length = smooth.norm(jaw.motion.position(end) - on_frame, 0.0)
-    return Rod(stiffness, preload, damping, jaw_along, jaw_across, on_frame, length)
+def rod_at(machine: Machine, stiffness, preload, damping, on_jaw: Vector, on_frame: Vector) -> Rod:
+    """Return a rod on a machine: its L0 is the length at theta1 = 0 with ideal joints.
+
+    `on_jaw` is its end from A towards B and across to the fixed jaw, m; `on_frame` the other, m.
+    """
+    jaw = JawMotion(ideal_at_rest(machine.linkage, 0.0))
+    end = jaw.motion.position(jaw.point(on_jaw.x, on_jaw.y))
+    length = smooth.norm(end - on_frame, 0.0)
+    return Rod(stiffness, preload, damping, on_jaw.x, on_jaw.y, on_frame, length)

@@ -15,8 +15,7 @@ from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import scalar
-from jaxcrusher.crusher.jaw_forces import JawForce
-from jaxcrusher.crusher.loads import AbstractLoad, JawMotion
+from jaxcrusher.crusher.loads import AbstractLoad, JawForce, JawMotion
 from jaxcrusher.crusher.scene import Scene
 
 # Cosines of a wave.

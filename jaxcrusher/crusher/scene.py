@@ -18,11 +18,10 @@ from jaxcrusher.basics.checks import (
     require_positive,
     require_x64,
 )
-from jaxcrusher.crusher.jaw_forces import Applied
 from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.loads import AbstractLoad, JawMotion
+from jaxcrusher.crusher.loads import AbstractLoad, JawForce, JawMotion
 from jaxcrusher.crusher.machine import Machine
-from jaxcrusher.crusher.rod import Rod
+from jaxcrusher.crusher.rod import Rod, RodPull
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.mechanism.drives import AbstractDrive
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
@@ -30,9 +29,22 @@ from jaxcrusher.mechanism.equations import Wrench, wrench_at
 from jaxcrusher.mechanism.linkage import Linkage
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene, AbstractStart
+from jaxcrusher.mechanism.scene import (
+    AbstractApplied,
+    AbstractFormulation,
+    AbstractScene,
+    AbstractStart,
+)
 from jaxcrusher.mechanism.supports import AbstractFoundation
 from jaxcrusher.mechanism.topology import FRAME
+
+
+class Applied(AbstractApplied):
+    """Forces on the jaw by their source, None where there is none, and all they do to bodies."""
+
+    load: JawForce | None
+    rod: RodPull | None
+    wrenches: tuple[Wrench, ...]
 
 
 class Scene(AbstractScene):

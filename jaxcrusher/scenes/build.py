@@ -249,8 +249,11 @@ def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:
 
 def _rod(values: Mapping[str, Any], machine: Machine) -> Rod | None:
     """Return the tension rod, None without."""
-    numbers = _of(values, "rod.")
-    return rod_at(machine, **numbers) if numbers else None
+    if "rod.stiffness" not in values:
+        return None
+    v = _of(values, "rod.")
+    on_jaw, on_frame = Vector(v["jaw_along"], v["jaw_across"]), Vector(v["x"], v["y"])
+    return rod_at(machine, v["stiffness"], v["preload"], v["damping"], on_jaw, on_frame)
 
 
 def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
