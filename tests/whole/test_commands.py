@@ -42,20 +42,7 @@ def run(*arguments) -> tuple[int | None, str]:
     return status, printed.getvalue()
 
 
-SHORT = (
-    "--turns",
-    2,
-    "--settle",
-    1,
-    "--samples",
-    401,
-    "--set",
-    "start",
-    "contact",
-    "--set",
-    "speed",
-    "300 rpm",
-)
+SHORT = shlex.split("--turns 2 --settle 1 --samples 401 --set start contact --set speed '300 rpm'")
 
 
 @pytest.fixture(scope="module")
@@ -139,35 +126,10 @@ def test_failed_run_is_kept_and_named(simulated):
         assert not np.isfinite(motion.foundation_force[1:]).any()
 
 
-SWEEP = (
-    "sweep",
-    "--over",
-    "clearance",
-    "0.04 mm",
-    "0.08 mm",
-    2,
-    "--over",
-    "speed",
-    "240 rpm",
-    "30 rad/s",
-    2,
-    "--settle",
-    0,
-    "--turns",
-    1,
-    "--chunk",
-    2,
-    "--rtol",
-    1e-5,
-    "--netcdf",
-    "--csv",
-    "--mat",
-    "--set",
-    "start",
-    "contact",
-    "--set",
-    "speed",
-    "99 rad/s",
+SWEEP = shlex.split(
+    "sweep --over clearance '0.04 mm' '0.08 mm' 2 --over speed '240 rpm' '30 rad/s' 2 "
+    "--settle 0 --turns 1 --chunk 2 --rtol 1e-5 --netcdf --csv --mat "
+    "--set start contact --set speed '99 rad/s'"
 )
 
 
@@ -287,23 +249,8 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         return GradientReport(metric, kind, 10, (0.5, 0.1), slopes)
 
     monkeypatch.setattr(gradient.jc, "gradient_report", report)
-    line = (
-        "gradient",
-        "contact_fraction",
-        "--by",
-        "jaw.mass",
-        "counterweight.mass",
-        "--set",
-        "jaw.mass",
-        "0.5 tonne",
-        "--set",
-        "speed",
-        "25 rad/s",
-        "--turns",
-        7,
-        "--out",
-        tmp_path,
-    )
+    options = "--by jaw.mass counterweight.mass --set jaw.mass '0.5 tonne' --set speed '25 rad/s'"
+    line = shlex.split(f"gradient contact_fraction {options} --turns 7 --out '{tmp_path}'")
     status, text = run(*line)
     # The same question is answered again at once, and another one is not.
     again, kept = run(*line)
