@@ -8,11 +8,10 @@ import pytest
 from scipy.integrate import quad
 
 import jaxcrusher as jc
-from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
-from jaxcrusher.mechanism.starts import Given
+from tests.crusher.kinds import KINDS, at_start, check_pushes_of_the_frame, sliding
 from tests.pairs import crossed, slow
 
 ANGLES = np.radians(np.arange(0, 360, 30.0))
@@ -31,29 +30,11 @@ LOADS = {
     },
     "bed": {"load_law": "chamber", "chamber.bed_exponent": 1.5},
 }
-LOOSE = {f"{joint}.clearance": 1e-4 for joint in ("elbow", "pivot")}
-KINDS = {
-    "A": {},
-    "ideal": {"joint": "ideal"},
-    "A by multipliers": {"formulation": "multiplier"},
-    "all": LOOSE,
-    "all by multipliers": {"formulation": "multiplier", **LOOSE},
-}
 
 
 def scene_of(load, kind, **values):
-    described = {"slip": "surface", "foundation.x": 0.2, "foundation.y": -0.1}
-    scene = jc.build_scene(described | LOADS[load] | KINDS[kind] | values)
-    if kind == "ideal":
-        return scene
-    # In hard contact, sliding.
-    at = Vector(-0.9, -0.6), Vector(0.5, 0.9)
-    start = Given(*(scene.joints.map(lambda _, one=one: one) for one in at))
-    return eqx.tree_at(lambda s: s.start, scene, start)
-
-
-def at_start(scene):
-    return scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
+    place = {"foundation.x": 0.2, "foundation.y": -0.1}
+    return sliding(kind, **(place | LOADS[load] | values))
 
 
 @pytest.mark.parametrize(("load", "kind"), crossed(LOADS, KINDS))
@@ -71,29 +52,7 @@ def test_power(balance, load, kind):
 
 @pytest.mark.parametrize(("load", "kind"), crossed(LOADS, KINDS))
 def test_the_fixed_jaw_carries_the_reaction_in_the_same_line(load, kind):
-    """Bearing, pivot, drive and fixed jaw push the frame by what the bodies' momentum says."""
-    scene = scene_of(load, kind)
-
-    @eqx.filter_jit
-    def found(scene):
-        s = at_start(scene)
-        at_bearing, at_pivot = ob.bearing_reaction(s, scene), ob.toggle_reaction(s, scene)
-        point = scene.foundation.point
-        force = -(at_bearing + at_pivot) - s.applied.load.force
-        moment = point.cross(at_pivot) - (scene.machine.bearing - point).cross(at_bearing)
-        moment -= ob.drive_torque(s, scene)
-        moment -= (ob.load_position(s, scene) - point).cross(s.applied.load.force)
-        if "pivot" in s.contacts:
-            moment += s.contacts["pivot"].bearing_moment
-        apart = force - ob.ground_force(s, scene)
-        return apart.array(), moment - ob.ground_moment(s, scene), ob.foundation_force(s, scene)
-
-    apart, turning, size = found(scene)
-    # Rounding of forces and of their moments at arms of half a metre; q'' of the multipliers is
-    # known to 1e-10 of them.
-    allowed = (1e-9 if "multipliers" in kind else 1e-11) * float(size)
-    np.testing.assert_allclose(apart, 0, atol=allowed)
-    assert abs(float(turning)) < allowed
+    check_pushes_of_the_frame(scene_of(load, kind), kind)
 
 
 def test_the_moment_of_a_load_off_the_mass_centre():

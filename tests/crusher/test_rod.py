@@ -11,33 +11,16 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.mechanism.snapshot import frame_at
-from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.scenes.parameters import PARAMETERS
+from tests.crusher.kinds import KINDS, at_start, check_pushes_of_the_frame, sliding
+from tests.crusher.operations import field_operations
 from tests.pairs import crossed
 
 ROD = {"rod.stiffness": 3e5, "rod.preload": 2e4, "rod.damping": 2e3}
-LOOSE = {f"{joint}.clearance": 1e-4 for joint in ("elbow", "pivot")}
-KINDS = {
-    "A": {},
-    "ideal": {"joint": "ideal"},
-    "A by multipliers": {"formulation": "multiplier"},
-    "all": LOOSE,
-    "all by multipliers": {"formulation": "multiplier", **LOOSE},
-}
 
 
 def scene_of(kind, **values):
-    scene = jc.build_scene({"slip": "surface", **ROD, **KINDS[kind], **values})
-    if kind == "ideal":
-        return scene
-    # In hard contact, sliding.
-    at = Vector(-0.9, -0.6), Vector(0.5, 0.9)
-    start = Given(*(scene.joints.map(lambda _, one=one: one) for one in at))
-    return eqx.tree_at(lambda s: s.start, scene, start)
-
-
-def at_start(scene):
-    return scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
+    return sliding(kind, **(ROD | values))
 
 
 @pytest.mark.parametrize(
@@ -55,29 +38,8 @@ def test_power(balance, kind, rod):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_its_frame_end_is_part_of_the_force_on_the_ground(kind):
-    """Bearing, pivot, drive, fixed jaw and rod push the frame by what momentum says."""
     scene = scene_of(kind, load_law="normal_to_jaw", load_point=0.3)
-
-    @eqx.filter_jit
-    def found(scene):
-        s = at_start(scene)
-        at_bearing, at_pivot = ob.bearing_reaction(s, scene), ob.toggle_reaction(s, scene)
-        pull = s.applied.rod
-        force = -(at_bearing + at_pivot) - s.applied.load.force - pull.force
-        # About C.
-        moment = -scene.machine.bearing.cross(at_bearing) - ob.drive_torque(s, scene)
-        moment -= ob.load_position(s, scene).cross(s.applied.load.force)
-        moment -= scene.rod.on_frame.cross(pull.force)
-        if "pivot" in s.contacts:
-            moment += s.contacts["pivot"].bearing_moment
-        apart = force - ob.ground_force(s, scene)
-        return apart.array(), moment - ob.ground_moment(s, scene), ob.foundation_force(s, scene)
-
-    apart, turning, size = found(scene)
-    # As for loads: rounding, and q'' of the multipliers to 1e-10.
-    allowed = (1e-9 if "multipliers" in kind else 1e-11) * float(size)
-    np.testing.assert_allclose(apart, 0, atol=allowed)
-    assert abs(float(turning)) < allowed
+    check_pushes_of_the_frame(scene, kind)
 
 
 @pytest.mark.parametrize("kind", ["A", "all"])
@@ -150,18 +112,9 @@ def test_a_slack_rod_is_told_and_pulls_no_more():
 
 
 def test_without_stiffness_and_preload_nothing_is_traced():
-    def size(scene):
-        state = scene.formulation.initial(scene)
-
-        def field(time, state, scene):
-            s = scene.formulation.snapshot(time, state, scene)
-            return scene.formulation.rate(s, state, scene)
-
-        return str(jax.make_jaxpr(field)(0.0, state, scene)).count(" = ")
-
     plain = jc.build_scene({})
     assert plain.rod is None and "rod_tension" not in ob.observables_of(plain)
-    assert size(jc.build_scene(ROD)) > size(plain)
+    assert field_operations(jc.build_scene(ROD)) > field_operations(plain)
     for name in ("rod.damping", "rod.x", "rod.jaw_along"):
         with pytest.raises(ValueError, match=f"`{name}` must come with `rod.stiffness`"):
             jc.build_scene({name: 0.1})
