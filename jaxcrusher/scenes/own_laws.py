@@ -129,7 +129,8 @@ def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> eqx.
     given = {}
     for field in dataclasses.fields(made):
         key = f"{section}.{field.name}"
-        if key in values:
+        # Joints besides A have numbers and choices named as parts: what they stand for is known.
+        if key in values and field.name not in _PARTS:
             given[field.name] = values[key]
         elif field.name in known:
             given[field.name] = known[field.name]

@@ -290,7 +290,7 @@ def borrowed(given: Mapping[str, Any]) -> list[str]:
 
     Those of a part that it need not have, such as rollers or supports, count where it has it.
     """
-    law = LAWS["load_law"].get(given.get("load_law"), AbstractConstantLoad)
+    law = LAWS["load_law"].get(given.get("load_law", ""), AbstractConstantLoad)
     # Other laws have a force of their own, or none.
     constant = law is not None and issubclass(law, AbstractConstantLoad)
     known = set(given) | (set() if constant else {"load"})

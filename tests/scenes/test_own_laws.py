@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.joint.friction import SurfaceSlip
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.scene_file import read_overrides, read_scene_file
 
@@ -258,3 +259,11 @@ def test_an_elbow_has_a_law_of_its_own(laws, tmp_path):
     scene = jc.build_scene(values | {"elbow.spring": 1e9, "elbow.damping": 1e3})
     assert float(scene.elbow.normal.spring) == 1e9
     assert type(scene.joint.normal).__name__ == "LankaraniNikravesh"
+    # Its slip and its impact velocity are parts there too, no choice and no number.
+    values = {"elbow.friction_law": f"{laws}:Tanh", "elbow.slip": "surface", **values}
+    values |= {"elbow.spring": 1e9, "elbow.damping": 1e3, "elbow.impact_velocity": 0.3}
+    elbow = jc.build_scene(values).elbow
+    assert isinstance(elbow.friction.slip, SurfaceSlip)
+    assert float(elbow.normal.impact_velocity.value(None)) == 0.3
+    whole = {"elbow.contact_law": f"{laws}:Bushed", "elbow.rubber": 1e7, "elbow.clearance": 1e-4}
+    assert jc.build_scene(whole).elbow.friction is None
