@@ -17,7 +17,6 @@ from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
 from jaxcrusher.batch.store import opened
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.many_orbits import MOTION, SEEN, Problem, Rows, beside, solve_orbits
-from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion import statistics_table
 from jaxcrusher.motion.statistics_table import STATISTIC, statistics_of
@@ -112,9 +111,15 @@ def orbit_map(
                     unknowns(one),
                 )
                 found[tuple(designs)] = _solved(
-                    grid, designs, problem, slopes, levels, engine, kept.journal,
-                    lambda finished, _, before=done: report(before + finished, grid.size),
-                )  # fmt: skip
+                    grid,
+                    designs,
+                    problem,
+                    slopes,
+                    levels=levels,
+                    engine=engine,
+                    journal=kept.journal,
+                    progress=lambda finished, _, before=done: report(before + finished, grid.size),
+                )
                 done += len(designs)
             kept.write(0, _joined(layout, found), {})
         return kept.dataset()
@@ -140,24 +145,18 @@ def _solved(
     designs: list[int],
     problem: Problem,
     slopes: tuple[str, ...],
-    levels: tuple[int, ...],
-    engine: Engine | None,
-    journal: Journal | None,
-    report: Callable[[int, int], None],
+    **how: Any,
 ) -> Rows:
-    """Solve for the orbits of designs that have the same choices."""
+    """Solve for the orbits of designs of the same choices, with settings of `solve_orbits`."""
     numbers, place = grid.numbers(designs), {design: i for i, design in enumerate(designs)}
     free = [numbers.pop(name) for name in slopes]
     near = beside(grid.shape, [not grid.chooses(name) for name in grid.axes])
     return solve_orbits(
         problem,
         (np.stack(free, axis=1) if free else np.empty((len(designs), 0)), numbers),
-        levels,
-        lambda case: [place[design] for design in near(designs[case])],
+        neighbours=lambda case: [place[design] for design in near(designs[case])],
         enough=SETTLED,
-        engine=engine,
-        journal=journal,
-        progress=report,
+        **how,
     )
 
 
