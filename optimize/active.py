@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from optimize import smooth
 from optimize.answer import Active, Confirmed
-from optimize.evaluate import Case
+from optimize.case import Case
 from optimize.limits import OF_ORBIT
 from optimize.orbits import widths
 

@@ -107,6 +107,7 @@ class Confirmed:
     transient: dict[str, Runs]  # by start
     regime: dict[str, Regime] = field(default_factory=dict)  # of starts that do not settle
     coexisting: tuple[Coexisting, ...] = ()  # of random starts, the most frequent first
+    follows: dict[str, float] = field(default_factory=dict)  # from the free parameters
 
     @property
     def counts(self) -> bool:

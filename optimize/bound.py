@@ -5,7 +5,7 @@ import xarray as xr
 from jaxtyping import Float
 
 from optimize.answer import Bound, Confirmed, OpenPoint
-from optimize.evaluate import Case
+from optimize.case import Case
 from optimize.forces import quantity
 from optimize.landscape import GRID_DIMENSIONS
 

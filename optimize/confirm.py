@@ -1,15 +1,18 @@
 """Confirmation: long independent runs of the candidates, with confidence intervals."""
 
+from dataclasses import dataclass
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 from scipy.stats import t as student
 
 import jaxcrusher as jc
-from jaxcrusher.files.journal import Journal
 from jaxcrusher.motion.statistics import limits_of
 from optimize.answer import Confirmed, Orbit, Runs
-from optimize.evaluate import STARTS, Case, Progress, Rows, Window, evaluate
+from optimize.case import Case
+from optimize.counts import broken
+from optimize.evaluate import NOWHERE, STARTS, Rows, Tracking, Window, evaluate
 from optimize.forces import FORCES
 from optimize.limits import OF_ORBIT
 
@@ -27,28 +30,29 @@ def interval(values: Float[np.ndarray, " runs"]) -> tuple[float, float]:
     return float(values.mean()), quantile * float(values.std(ddof=1)) / len(values) ** 0.5
 
 
+@dataclass(frozen=True)
+class Repeats:
+    """Independent runs from each start: how many, their turns, and the seed of their shifts."""
+
+    runs: int
+    window: Window
+    seed: int
+
+
 def long_runs(
-    case: Case,
-    units: np.ndarray,
-    runs: int,
-    window: Window,
-    seed: int,
-    progress: Progress | None = None,
-    journal: Journal | None = None,
+    case: Case, units: np.ndarray, repeats: Repeats, tracking: Tracking = NOWHERE
 ) -> list[Rows]:
-    """Run points (m, n) of the unit box for long, `runs` times from each start.
+    """Run points (m, n) of the unit box for long, several times from each start.
 
     The first run starts as the scene says, the others are shifted at random. Returns rows of
     shape (starts, runs, ...) for each point.
     """
-    rng = np.random.default_rng(seed)
+    rng, runs = np.random.default_rng(repeats.seed), repeats.runs
     shifts = rng.uniform(-SHIFT, SHIFT, (len(units), runs, 2))
     shifts[:, 0] = 0
     points = np.repeat(units, runs, axis=0)
     moves = shifts.reshape(-1, 2)
-    whole = evaluate(
-        case, points, window, shifts=moves, chunk=64, journal=journal, progress=progress
-    )
+    whole = evaluate(case, points, repeats.window, tracking, shifts=moves, chunk=64)
     grouped = {
         name: values.reshape(len(STARTS), len(units), runs, *values.shape[2:])
         for name, values in whole.items()
@@ -84,7 +88,7 @@ def confirmed(
     counts = bool(rows["counts"].all())
     if orbit is not None and worst.settles:
         forces = {name: float(orbit.solution[name]) for name in FORCES}
-        counts &= all(limit.kept(orbit.solution, OF_ORBIT) for limit in case.limits)
+        counts &= not np.any(list(broken(case, orbit.solution, OF_ORBIT).values()))
     return Confirmed(
         values,
         objective if counts else float("nan"),
@@ -98,6 +102,7 @@ def confirmed(
         float(case.capacity(unit)),
         orbit,
         runs,
+        follows={name: float(described[name]) for name in case.design.following},
     )
 
 

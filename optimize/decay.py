@@ -10,7 +10,8 @@ from jaxtyping import Float
 from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.orbits.transient import places, section_points
 from optimize.answer import Confirmed, Decay, Orbit
-from optimize.evaluate import Case, started
+from optimize.case import Case
+from optimize.evaluate import started
 
 # Turns after the long runs, and parts of them over which a swing is averaged.
 TURNS, PARTS = 480, 8

@@ -13,11 +13,11 @@ import jaxcrusher as jc
 from jaxcrusher.files.results import write_figure
 from jaxcrusher.pictures import mechanism, page, plots
 from jaxcrusher.scenes.echo import said, unit_of
-from optimize import landscape as maps
 from optimize.answer import Answer, Box, Confirmed
-from optimize.evaluate import Case
+from optimize.case import Case
 from optimize.forces import name_of
 from optimize.formatting import shown
+from optimize.landscape import Maps, worst
 from optimize.motions import DRAWN, design_motions
 from optimize.objectives import OBJECTIVES
 from optimize.pareto import nondominated
@@ -26,20 +26,14 @@ OPTIMUM, COMPARED = ("*", "C3", 13), ("D", "C1", 8)
 
 
 def draw_all(
-    folder: Path,
-    case: Case,
-    units: np.ndarray,
-    data: xr.Dataset,
-    points: np.ndarray,
-    orbits: xr.Dataset | None,
-    answer: Answer,
+    folder: Path, case: Case, maps: Maps, answer: Answer
 ) -> tuple[list[str], dict[str, str]]:
     """Draw every figure that the design's parameters allow and that has something to show.
 
-    `data` is the landscape of `units` from both starts, `orbits` the map of `points`.
     Returns the names of the files, and why others were left out, by name.
     """
     drawn, omitted = [], {}
+    data, orbits = maps.landscape, maps.orbits
     if len(case.design.names) == 2:
         if answer.stable_orbits:
             assert orbits is not None
@@ -60,11 +54,11 @@ def draw_all(
             f"nothing has to be traded, because no point of the map has a higher capacity than the "
             f"optimum, nor a lower {lower}"
         )
-    elif orbits is not None and orbits.counts.any():
-        draw_pareto(folder, case, points, orbits, answer)
+    elif maps.counting_orbits is not None:
+        draw_pareto(folder, case, maps.points, maps.counting_orbits, answer)
         drawn.append("pareto.png")
     elif data.counts.all("start").any():
-        draw_pareto(folder, case, units, data, answer)
+        draw_pareto(folder, case, maps.cells, data, answer)
         drawn.append("pareto.png")
     else:
         omitted["pareto.png"] = "no point of the maps may be chosen"
@@ -112,7 +106,7 @@ def draw_starts(folder: Path, answer: Answer, data: xr.Dataset) -> None:
         "whirl": data.whirl.any("start"),
         "outside the contact model": ~data.inside_model.all("start"),
     }
-    plots.plot_landscape(maps.worst(data), ax, marks=marks, units=answer.box.units)
+    plots.plot_landscape(worst(data), ax, marks=marks, units=answer.box.units)
     _mark(ax, answer)
     write_figure(folder / "starts.png", fig)
 

@@ -38,12 +38,6 @@ def orbit(design: Confirmed) -> str:
     return text if found.stable else f"{text}, unstable"
 
 
-def force(design: Confirmed, name: str) -> str:
-    """Return one of `FORCES` of the motion that a design is judged by, in N, if it has one."""
-    value = getattr(design, name)
-    return number(value) if math.isfinite(value) else "none"
-
-
 def turns(design: Confirmed) -> str:
     """Return the turns in which a disturbance of the orbit falls to 1/e."""
     found = design.orbit

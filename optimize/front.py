@@ -1,6 +1,6 @@
 """Pareto fronts by exact gradients: what the least of one number costs in another."""
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ from jaxtyping import Float
 from optimize import orbits as periodic
 from optimize import smooth
 from optimize.answer import Confirmed, Front
-from optimize.evaluate import Case
+from optimize.case import Case
 from optimize.forces import FORCES
 from optimize.local import Smooth, descend
 from optimize.objectives import OBJECTIVES
@@ -31,6 +31,10 @@ def fronts(
     `units` are the points of the map `orbits`, of which one counts at least; where none of them
     gains anything in the other number, the optimum is all there is.
     """
+
+    def down(function: Smooth, start: np.ndarray, *further: Smooth) -> np.ndarray:
+        return descend(function, start, case.upper, steps, (*spares, *further)).path[-1]
+
     assert optimum.orbit is not None
     least = np.clip(case.design.unit(optimum.values), 0, case.upper)
     of_objective = {OBJECTIVES[name].meaning: rival for name, rival in RIVALS.items()}
@@ -56,7 +60,7 @@ def fronts(
         if sign * here - np.nanmin(costs) > NO_GAIN * abs(here):
             best = units[int(np.nanargmin(costs))]
             small = number if sign > 0 else smooth.negative(number)
-            points = front(value, small, least, best, case.upper, steps, spares)
+            points = front(value, small, least, best, down)
             rows = [[f(point)[0] for point in points] for f in (value, number)]
         values = {key: np.asarray(column) for key, column in case.design.values(points).items()}
         objective, other = map(np.array, rows)
@@ -71,24 +75,21 @@ def front(
     other: Smooth,
     least: Float[np.ndarray, " n"],
     best: Float[np.ndarray, " n"],
-    upper: Float[np.ndarray, " n"],
-    steps: int,
-    spares: Sequence[Smooth] = (),
-    count: int = POINTS,
+    down: Callable[..., Float[np.ndarray, " n"]],
 ) -> Float[np.ndarray, "points n"]:
     """Points of the unit box where `one` is least for what `other` is, both to be small.
 
     From `least`, where `one` is, to where `other` is, which a descent from `best` finds. From
     there on `other` is bounded by equal steps, and `one` goes down from the point before.
+    `down(function, start, *spares)` returns the end of a descent, where no spare is below 0.
     """
-    end = descend(other, best, upper, steps, spares).path[-1]
+    end = down(other, best)
     highest, lowest = other(least)[0], other(end)[0]
     # What `other` does not depend on is free at its least too.
-    levels = np.linspace(highest, lowest + NO_GAIN * (highest - lowest), count)
+    levels = np.linspace(highest, lowest + NO_GAIN * (highest - lowest), POINTS)
 
     def bounded(level: float, start: np.ndarray) -> np.ndarray:
-        below = smooth.above(smooth.negative(other), -level)
-        return descend(one, start, upper, steps, (*spares, below)).path[-1]
+        return down(one, start, smooth.above(smooth.negative(other), -level))
 
     points = [least]
     for level in levels[1:-1]:

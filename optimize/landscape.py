@@ -1,6 +1,7 @@
 """The global stage: every cell of a grid, or a Sobol sequence where a grid has too many."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.spatial
@@ -15,11 +16,33 @@ from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion import statistics_table
 from jaxcrusher.motion.statistics_table import always_with, chosen
 from jaxcrusher.scenes.parameters import NUMBERS
+from optimize.case import Case
 from optimize.design import Design
-from optimize.evaluate import STARTS, Case, Rows, judged
+from optimize.evaluate import STARTS, Rows, judged
 
 # More parameters than these get a Sobol sequence instead of a grid.
 GRID_DIMENSIONS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Maps:
+    """What is known of the whole box: the landscape of both starts, and the periodic orbits."""
+
+    cells: np.ndarray  # of the landscape, points (cells, n) of the unit box
+    landscape: xr.Dataset
+    motions: xr.Dataset  # of the landscape's cells
+    points: np.ndarray  # of the map of orbits, (points, n)
+    orbits: xr.Dataset | None  # None: the scenes have none to solve for
+
+    @property
+    def stable_orbits(self) -> int | None:
+        """How many points have a stable orbit, None where none is solved for."""
+        return None if self.orbits is None else int(self.orbits.stable.sum())
+
+    @property
+    def counting_orbits(self) -> xr.Dataset | None:
+        """The map of orbits, if one of them counts."""
+        return None if self.orbits is None or not self.orbits.counts.any() else self.orbits
 
 
 def points(design: Design, grid: tuple[int, int], samples: int, seed: int) -> np.ndarray:
@@ -87,8 +110,7 @@ def labelled(
 
 def worst(landscape: xr.Dataset) -> xr.DataArray:
     """The objective of the worse start; NaN where a start does not count."""
-    rows = {name: landscape[name].to_numpy() for name in ("objective", "counts")}
-    values = landscape.objective.isel(start=0, drop=True).copy(data=judged(rows))
+    values = landscape.objective.isel(start=0, drop=True).copy(data=judged(landscape))
     values.attrs["long_name"] = f"{values.attrs['long_name']}, worse start"
     return values
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_known
@@ -12,6 +13,8 @@ from jaxcrusher.motion.statistics_table import STATISTIC, statistics_of
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.scene_file import quantity_in
 
+# Statistics by name, of any shape.
+Found = Mapping[str, Any] | xr.Dataset | PeriodicOrbit
 # A periodic orbit may exceed a limit by this share of it, which a descent leaves.
 OF_ORBIT = 1e-6
 # A time average may, since some of the transient is still in it.
@@ -30,7 +33,7 @@ class Limit:
         """Return the statistic's unit."""
         return STATISTIC[self.statistic].unit
 
-    def kept(self, found: Mapping[str, Any] | PeriodicOrbit, share: float) -> np.ndarray:
+    def kept(self, found: Found, share: float) -> np.ndarray:
         """Tell whether the statistics `found` exceed the limit by no more than a `share` of it."""
         return np.asarray(found[self.statistic]) <= self.most * (1 + share)
 

@@ -9,9 +9,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
@@ -26,6 +24,7 @@ from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_unusual
 from jaxcrusher.scenes.scene_file import read_scene_file, scene_of
 from optimize.forces import name_of, prefixed, quantity
 from optimize.objectives import OBJECTIVES
+from optimize.table import Table
 from optimize.throughput import read_bulk_density, throughput
 
 # What is compared, in this order; wear needs friction.
@@ -33,16 +32,20 @@ COMPARED = ("rms", "peak", "shaking_rms", "shaking_peak", "joint_peak", "wear", 
 # Largest values, which differ from turn to turn where the pin hits its bore.
 PEAKS = ("peak", "shaking_peak", "joint_peak")
 DRAWN = ("capacity", "shaking_rms", "peak", "joint_peak", "wear", "energy")
+# Every number of a machine with its heading and its unit.
+QUANTITIES = {
+    "speed": ("speed", "rad/s"),
+    "clearance": ("radial clearance", "m"),
+    "capacity": ("capacity", "m3/h"),
+    **{name: (name_of(OBJECTIVES[name].meaning), OBJECTIVES[name].unit) for name in COMPARED},
+}
 
 
 @dataclass(frozen=True)
 class Machine:
-    """A crusher's numbers by name: `COMPARED` ones in their units, NaN where there is none."""
+    """A crusher's `QUANTITIES`, NaN where there is none."""
 
     name: str
-    speed: float  # rad/s
-    clearance: float  # m, NaN of ideal joints
-    capacity: float  # m3/h
     numbers: dict[str, float]
     typical: dict[str, float]  # the median over turns of each peak, where turns differ
     motion: str  # what they are numbers of
@@ -81,10 +84,7 @@ def run(
     write_table(folder / "compare.csv", [csv_row(one) for one in found])
     with plt.rc_context(STYLE):
         write_figure(folder / "compare.png", draw(found))
-    table = Table("", *titles, box=SIMPLE_HEAD)
-    for row in table_rows(found, density):
-        table.add_row(*row)
-    console.print(table)
+    console.print(Table(("", *titles), table_rows(found, density)).printed())
     console.print(f"results in {folder}/", highlight=False)
 
 
@@ -108,34 +108,25 @@ def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -
             motion = f"failed: {result.failure}"
         elif bool(result.whirl):
             motion = "friction whirl, outside the theory"
-    numbers = {name: float(OBJECTIVES[name].formula(result, scene, chamber)) for name in names}
+    numbers = dict.fromkeys(QUANTITIES, math.nan)
+    numbers["speed"] = float(scene.drive.speed)
+    numbers["capacity"] = float(chamber.capacity(scene.drive.speed))
+    if scene.joint is not None:
+        numbers["clearance"] = float(scene.joint.clearance)
+    numbers |= {name: float(OBJECTIVES[name].formula(result, scene, chamber)) for name in names}
     typical = {}
     if isinstance(result, Statistics):
         by_turn = {name: result.by_turn[OBJECTIVES[name].outputs[0]] for name in PEAKS}
         typical = {name: float(np.median(values)) for name, values in by_turn.items()}
     remarks = result.validity.remarks()
-    clearance = math.nan if scene.joint is None else float(scene.joint.clearance)
-    return Machine(
-        name,
-        float(scene.drive.speed),
-        clearance,
-        float(chamber.capacity(scene.drive.speed)),
-        {name: numbers.get(name, math.nan) for name in COMPARED},
-        typical,
-        motion,
-        "; ".join(remarks) or "inside",
-    )
+    return Machine(name, numbers, typical, motion, "; ".join(remarks) or "inside")
 
 
 def csv_row(one: Machine) -> dict[str, object]:
-    """Return the row of a machine: units are those of `OBJECTIVES`, and in the headings."""
-    numbers = {f"{name}, {OBJECTIVES[name].unit}": one.numbers[name] for name in COMPARED}
+    """Return the row of a machine, with units in the headings."""
     return {
         "machine": one.name,
-        "speed, rad/s": one.speed,
-        "clearance, m": one.clearance,
-        "capacity, m3/h": one.capacity,
-        **numbers,
+        **{f"{name}, {unit}": one.numbers[name] for name, (_, unit) in QUANTITIES.items()},
         "numbers of": one.motion,
         "contact model": one.model,
         "numbers left to the PE250x400": one.borrowed,
@@ -150,19 +141,17 @@ def table_rows(found: Sequence[Machine], density: float | None) -> list[tuple[st
             "none" if math.isnan(value) else quantity(value, unit) for value in values
         )
 
-    rows = [
-        row("speed", "rpm", (one.speed * 30 / math.pi for one in found)),
-        row("radial clearance", "m", (one.clearance for one in found)),
-        row("capacity", "m3/h", (one.capacity for one in found)),
-    ]
-    if density is not None:
-        rows.append(row("capacity", "t/h", (throughput(one.capacity, density) for one in found)))
-    for name in COMPARED:
-        of = OBJECTIVES[name]
-        rows.append(row(name_of(of.meaning), of.unit, (one.numbers[name] for one in found)))
+    rows = []
+    for name, (heading, unit) in QUANTITIES.items():
+        values = [one.numbers[name] for one in found]
+        if name == "speed":
+            unit, values = "rpm", [value * 30 / math.pi for value in values]
+        rows.append(row(heading, unit, values))
+        if name == "capacity" and density is not None:
+            rows.append(row(heading, "t/h", (throughput(value, density) for value in values)))
         if any(name in one.typical for one in found):
             medians = (one.typical.get(name, one.numbers[name]) for one in found)
-            rows.append(row("  median over turns", of.unit, medians))
+            rows.append(row("  median over turns", unit, medians))
     rows.append(("numbers of the", *(one.motion for one in found)))
     rows.append(("contact model", *(one.model for one in found)))
     if any(one.borrowed for one in found):
@@ -174,20 +163,18 @@ def draw(found: Sequence[Machine]) -> Figure:
     """Draw bars of each number that a machine has; one outside the contact model is hatched."""
     fig, grid = plt.subplots(2, 3, figsize=(WIDTH, 5), layout="constrained")
     titles = [one.name for one in found]
-    drawn = [n for n in DRAWN if not all(math.isnan(one.numbers.get(n, 0.0)) for one in found)]
+    drawn = [name for name in DRAWN if not all(math.isnan(one.numbers[name]) for one in found)]
     for ax in grid.ravel()[len(drawn) :]:
         ax.remove()
     for ax, name in zip(grid.ravel(), drawn, strict=False):
-        if name == "capacity":
-            title, unit, values = name, "m3/h", [one.capacity for one in found]
-        else:
-            of, plain = OBJECTIVES[name], [one.numbers[name] for one in found]
-            factor, unit = prefixed(np.nanmax([0.0, *map(abs, plain)]), of.unit)
-            title, values = name_of(of.meaning), [value / factor for value in plain]
-        bars = ax.bar(titles, values, color=[f"C{i % 10}" for i in range(len(found))])
+        heading, unit = QUANTITIES[name]
+        values = [one.numbers[name] for one in found]
+        factor, unit = prefixed(np.nanmax([0.0, *map(abs, values)]), unit)
+        colours = [f"C{i % 10}" for i in range(len(found))]
+        bars = ax.bar(titles, [value / factor for value in values], color=colours)
         for bar, one in zip(bars, found, strict=True):
             bar.set_hatch("" if one.model == "inside" else "///")
-        ax.set_title(textwrap.fill(title, 26), fontsize=8)
+        ax.set_title(textwrap.fill(heading, 26), fontsize=8)
         ax.set_ylabel(unit)
         ax.tick_params(axis="x", labelrotation=20)
     return fig

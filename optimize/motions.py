@@ -14,17 +14,16 @@ import xarray as xr
 from jaxtyping import Array, Float
 
 import jaxcrusher as jc
-from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.batch.engines import chunk_of, run_all, stack
-from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import Column
 from jaxcrusher.motion.simulation import Trajectory
 from optimize.answer import Confirmed
-from optimize.evaluate import Case, Progress, stacked_scenes, started
+from optimize.case import Case
+from optimize.evaluate import NOWHERE, Tracking, stacked_scenes, started
 
-# Turns drawn (the second tells whether the first repeats) and instants in each. Peaks of single
-# impacts, a tenth of a millisecond wide, fall between the instants.
-TURNS, SAMPLES = 2, 256
+# Instants drawn, 256 in each of two turns, of which the second tells whether the first repeats.
+# Peaks of single impacts, a tenth of a millisecond wide, fall between them.
+TURN = np.arange(2 * 256 + 1) / 256
 # What is drawn of a motion, and the tolerance of those of designs that were run for long.
 DRAWN, FINE = ("foundation_force", "eccentricity"), 1e-9
 # Motions between two reports of progress; on a GPU more.
@@ -42,13 +41,10 @@ def cell_motions(
     units: Float[np.ndarray, "points n"],
     landscape: xr.Dataset,
     rtol: float,
-    progress: Progress,
-    *,
-    turns: int = TURNS,
-    samples: int = SAMPLES,
-    journal: Journal | None = None,
+    tracking: Tracking = NOWHERE,
+    turn: Float[np.ndarray, " instants"] = TURN,
 ) -> tuple[xr.Dataset, int]:
-    """The `turns` turns of every cell, from both starts, after those of the landscape.
+    """The motion of every cell, from both starts, after the turns of the landscape.
 
     **Arguments:**
 
@@ -56,26 +52,20 @@ def cell_motions(
     - `units`: the landscape's points.
     - `landscape`: with the `state` of every cell to go on from.
     - `rtol`: as in `jaxcrusher.simulate`.
-    - `progress`: called with the number of finished and of all motions.
-    - `turns`, `samples`: whole numbers; turns drawn, instants in each.
+    - `turn`: instants in turns after the landscape's.
 
     **Returns:** an `xarray.Dataset` of 32-bit floats with dim `start`, the landscape's, and
     `instant`: `eccentricity_x` and `eccentricity_y` of the pin in clearances,
     `foundation_force` in N, all NaN where a motion failed; and `ideal_force`, the ideal
     joint's, without `start`. The coordinate `turn` counts from the landscape's end. Also the
     integration steps taken.
-
-    Raises ValueError for counts out of range.
     """
-    require_whole("turns", turns, 1)
-    require_whole("samples", samples, 8)
-    turn = np.arange(turns * samples + 1) / samples
     angles, points = jnp.asarray(2 * np.pi * turn), jnp.asarray(units)
     states = landscape.state.to_numpy().reshape(-1, landscape.sizes["coordinate"])
     function = eqx.Partial(_motion, angles=angles, rtol=rtol)
     batch = (stacked_scenes(case, points), states)
     at_once = chunk_of(len(states), usual=CHUNK)
-    found = run_all(function, batch, at_once, progress=progress, journal=journal)
+    found = run_all(function, batch, at_once, progress=tracking.progress, journal=tracking.journal)
     steps = int(found.pop("steps").sum())
     *dims, _ = landscape.state.dims
     *shape, _ = landscape.state.shape

@@ -8,10 +8,10 @@ import xarray as xr
 from jaxtyping import Float
 
 from jaxcrusher.dynamics.many_orbits import MOTION
-from jaxcrusher.files.journal import Journal
 from optimize.answer import OpenPoint
-from optimize.confirm import interval, long_runs
-from optimize.evaluate import Case, Progress, Window
+from optimize.case import Case
+from optimize.confirm import Repeats, interval, long_runs
+from optimize.evaluate import NOWHERE, Tracking
 
 # What a map says of a point.
 SAID = ("failure", "largest_multiplier", *MOTION)
@@ -31,15 +31,12 @@ def run_open_points(
     case: Case,
     units: Float[np.ndarray, "points n"],
     mapped: xr.Dataset,
-    runs: int,
-    window: Window,
-    seed: int,
-    progress: Progress | None = None,
-    journal: Journal | None = None,
+    repeats: Repeats,
+    tracking: Tracking = NOWHERE,
 ) -> tuple[OpenPoint, ...]:
     """Return the objective of the motions at the points of the map that have no stable orbit."""
     which = unstable(mapped)
-    rows = long_runs(case, units[which], runs, window, seed, progress, journal)
+    rows = long_runs(case, units[which], repeats, tracking)
     said = [{name: mapped[name].to_numpy().ravel()[place] for name in SAID} for place in which]
     return tuple(
         OpenPoint(

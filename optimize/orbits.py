@@ -10,16 +10,16 @@ from jaxtyping import Array, Float, PyTree, Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.dynamics.many_orbits import MOTION, Problem, alone, beside, solve_orbits
-from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.motion import statistics_table
 from jaxcrusher.motion.statistics_table import STATISTICS
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
+from optimize import counts
 from optimize.answer import Coexisting, Orbit
-from optimize.evaluate import Case, Progress, Rows, started
+from optimize.case import Case
+from optimize.evaluate import NOWHERE, Rows, Tracking, started
 from optimize.landscape import GRID_DIMENSIONS, labelled
-from optimize.limits import OF_ORBIT
 
 # What a map keeps of an orbit besides the statistics.
 KEPT = ("error", "largest_multiplier", "settling_turns", "least_penetration")
@@ -47,15 +47,14 @@ def solve(
     neighbours: Callable[[int], list[int]] | None = None,
     *,
     sections: Float[np.ndarray, "points states"] | None = None,
-    journal: Journal | None = None,
-    progress: Progress | None = None,
+    tracking: Tracking = NOWHERE,
 ) -> Rows:
     """Solve for the orbits of unit points, as `jaxcrusher.dynamics.many_orbits.solve_orbits` does.
 
     Without `neighbours` of a point each is only tried from the pin at rest in its bore, and by
-    shooting where `sections` has a guess. Rows of shape (points,) hold `objective`, `counts`
-    (stable and within the constraints) besides; `slope` is that of the objective per unit of each
-    free parameter, (points, n).
+    shooting where `sections` has a guess. Rows of shape (points,) hold `objective` and `counts`
+    (see `counts.of_orbits`) besides; `slope` is that of the objective per unit of each free
+    parameter, (points, n).
     """
     rows = solve_orbits(
         _problem(case),
@@ -64,15 +63,12 @@ def solve(
         neighbours,
         sections=sections,
         chunk=CHUNK,
-        journal=journal,
-        progress=progress,
+        journal=tracking.journal,
+        progress=tracking.progress,
     )
     rows["objective"] = rows.pop("number")
     rows["slope"] = rows["slope"] / widths(case)
-    capacity = case.capacity(units) >= case.capacity_floor * (1 - 1e-12)
-    inside = rows["inside_model"] if case.inside_model else True
-    kept = np.all([limit.kept(rows, OF_ORBIT) for limit in case.limits], axis=0)
-    rows["counts"] = rows["stable"] & kept & capacity & inside & np.isfinite(rows["objective"])
+    rows["counts"] = counts.of_orbits(case, rows, case.capacity(units))
     return rows
 
 
@@ -96,14 +92,13 @@ def solve_map(
     case: Case,
     units: Float[np.ndarray, "points n"],
     cells: tuple[int, int],
-    journal: Journal | None = None,
-    progress: Progress | None = None,
+    tracking: Tracking = NOWHERE,
 ) -> xr.Dataset:
     """Return the map of the periodic orbits of a grid's points, or of a sequence's."""
     count = len(case.design.names)
     # The points of a sequence lie too far apart to help each other.
     near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
-    rows = solve(case, units, near, journal=journal, progress=progress)
+    rows = solve(case, units, near, tracking=tracking)
     of = case.objective
     columns = statistics_table.columns(STATISTICS)
     columns |= statistics_table.columns(limit.statistic for limit in case.limits)
@@ -122,11 +117,6 @@ def solve_map(
 def widths(case: Case) -> Float[np.ndarray, " n"]:
     """Return the width of the box in each parameter's unit."""
     return np.array([high - low for low, high in case.design.bounds.values()])
-
-
-def count_stable(orbits: xr.Dataset | None) -> int | None:
-    """Return how many points of a map have a stable orbit, None where none is solved for."""
-    return None if orbits is None else int(orbits.stable.sum())
 
 
 def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:

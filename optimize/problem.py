@@ -22,9 +22,9 @@ from jaxcrusher.scenes.scene_file import (
     scene_of,
 )
 from optimize.answer import Box, Sought
+from optimize.case import Case
 from optimize.completions import CounterweightMoment, EqualStroke
 from optimize.design import Design
-from optimize.evaluate import Case
 from optimize.landscape import GRID_DIMENSIONS
 from optimize.limits import read_limits
 from optimize.objectives import OBJECTIVES, OF_SUPPORTS
@@ -103,7 +103,7 @@ def resolve(options: Options) -> Problem:
     if not case.links_free:
         reached = float(chamber.capacity(case.slowest))
         require(
-            reached >= case.capacity_floor * (1 - 1e-12),
+            bool(case.reaches(reached)),
             "capacity_floor",
             f"be reached in the box, whose lowest speed gives {reached:.4g} m3/h",
             case.capacity_floor,

@@ -1,6 +1,7 @@
 """The whole search, from the options to what it leaves behind."""
 
-from dataclasses import replace
+from collections.abc import Iterator
+from typing import Any
 
 from rich.console import Console
 
@@ -10,15 +11,14 @@ from jaxcrusher.files.provenance import command, versions
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
 from jaxcrusher.scenes.plausibility import tell_borrowed, tell_unusual
-from optimize import figures, landscape, report, result_file, stages, verdicts
+from optimize import figures, report, result_file, stages, verdicts
 from optimize.active import active_constraints
 from optimize.answer import Answer
 from optimize.bound import optimality_bound
-from optimize.concurrent import run_concurrently
+from optimize.landscape import Maps
 from optimize.options import Options
-from optimize.orbits import count_stable
 from optimize.page.document import write_page
-from optimize.problem import resolve
+from optimize.problem import Problem, resolve
 
 WRITTEN = ("result.json", "report.html", "orbits.nc", "landscape.nc", "*.png")
 # Finished chunks of a search that is not finished.
@@ -37,81 +37,73 @@ def run(options: Options, console: Console) -> Answer:
     tell_borrowed({**problem.described, **problem.reference}, options.scene)
     folder = begin(problem.folder, problem.settings, *WRITTEN)
     journal = Journal(folder / CHUNKS)
-    case, effort, explored = problem.case, problem.effort, None
-    answer = Answer(
-        command=command(),
-        versions=versions("scipy"),
-        objective=problem.sought,
-        box=problem.box,
-        fixed=dict(case.design.fixed),
-        settle_turns=stages.LONGER * effort.settle,
-        compared_with=problem.compared_with,
-        bulk_density=problem.bulk_density,
-        seed=effort.seed,
-    )
-    units = landscape.points(case.design, effort.grid, effort.samples, effort.seed)
-    points = landscape.points(case.design, effort.cells, effort.samples, effort.seed)
+    parts, maps, status = _known(problem), None, "interrupted"
     with progress(console) as bars:
         work = stages.Work(folder, bars, journal)
+
+        def answer_of(status: str, **more: Any) -> Answer:
+            spent = {"seconds": work.seconds, "steps": work.steps}
+            return Answer(status=status, **spent, **parts, **more)
+
         try:
-            mapped, (data, motions) = run_concurrently(
-                work.stop,
-                lambda: stages.map_orbits(problem, work, points),
-                lambda: stages.explore(problem, work, units),
-            )
-            explored = data
-            answer = replace(answer, stable_orbits=count_stable(mapped))
-            refined = stages.refine(problem, work, units, data, points, mapped)
-            answer = replace(answer, refinement=refined.descents, empty=refined.empty)
-            found = stages.confirm(problem, work, refined.candidates)
-            answer = replace(
-                answer,
-                candidates=found.candidates,
-                seed_choice=found.reference,
-                empty=answer.empty or found.empty,
-            )
-            best = found.best
-            if best is not None:
-                runs = stages.run_open_points(problem, work, points, mapped)
-                bound = optimality_bound(case, mapped, best, runs)
-                answer = replace(answer, optimum=best, bound=bound)
-                designs = stages.with_coexisting_orbits(problem, work, (best, found.reference))
-                (best, reference), slopes = stages.with_regimes(problem, work, designs)
-                active, free_slopes = active_constraints(case, best)
-                answer = replace(
-                    answer,
-                    optimum=best,
-                    seed_choice=reference,
-                    gradient_report=slopes,
-                    active=active,
-                    free_slopes=free_slopes,
-                )
-                answer = replace(answer, load_sheets=stages.load_sheets(answer.designs))
-                answer = replace(answer, fronts=stages.trade(problem, work, best, points, mapped))
-            remarks = (
-                verdicts.remark(best, problem),
-                verdicts.quieter(answer, case, points, mapped),
-            )
-            done = replace(
-                answer,
-                checks=verdicts.checks(answer, problem),
-                remark=" ".join(filter(None, remarks)),
-                status="finished",
-                seconds=work.seconds,
-                steps=work.steps,
-            )
-            drawn, omitted = figures.draw_all(folder, case, units, data, points, mapped, done)
-            write_page(folder, done, data, motions, drawn, omitted)
-            answer = done
+            maps = stages.map_box(problem, work)
+            for part in _searched(problem, work, maps):
+                parts |= part
+            judged = verdicts.judged(answer_of(status), problem, maps)
+            done = answer_of("finished", **judged)
+            drawn, omitted = figures.draw_all(folder, problem.case, maps, done)
+            write_page(folder, done, maps.landscape, maps.motions, drawn, omitted)
+            parts |= judged
+            status = "finished"
         except Exception as error:
-            answer = replace(answer, status=f"failed: {error}")
+            status = f"failed: {error}"
             raise
         finally:
-            answer = replace(answer, seconds=work.seconds, steps=work.steps)
+            answer = answer_of(status)
             write_json(folder / "result.json", result_file.content(answer))
             if not answer.finished:
-                write_page(folder, answer, explored, None, ())
+                write_page(folder, answer, None if maps is None else maps.landscape, None, ())
     journal.discard()
     report.print_answer(console, answer)
     console.print(f"results in {folder}/")
     return answer
+
+
+def _known(problem: Problem) -> stages.Part:
+    """Return what is known of the answer before the search: fields of `Answer`."""
+    return {
+        "command": command(),
+        "versions": versions("scipy"),
+        "objective": problem.sought,
+        "box": problem.box,
+        "fixed": dict(problem.case.design.fixed),
+        "settle_turns": stages.LONGER * problem.effort.settle,
+        "compared_with": problem.compared_with,
+        "bulk_density": problem.bulk_density,
+        "seed": problem.effort.seed,
+    }
+
+
+def _searched(problem: Problem, work: stages.Work, maps: Maps) -> Iterator[stages.Part]:
+    """Yield the parts of the answer as the stages find them."""
+    yield {"stable_orbits": maps.stable_orbits}
+    candidates, part = stages.refine(problem, work, maps)
+    yield part
+    best, part = stages.confirm(problem, work, candidates)
+    yield part
+    if best is None:
+        return
+    runs = stages.run_open_points(problem, work, maps)
+    yield {"optimum": best, "bound": optimality_bound(problem.case, maps.orbits, best, runs)}
+    designs = stages.with_coexisting_orbits(problem, work, (best, part["seed_choice"]))
+    (best, reference), slopes = stages.with_regimes(problem, work, designs)
+    active, free_slopes = active_constraints(problem.case, best)
+    yield {
+        "optimum": best,
+        "seed_choice": reference,
+        "gradient_report": slopes,
+        "active": active,
+        "free_slopes": free_slopes,
+        "load_sheets": stages.load_sheets({"optimum": best, problem.compared_with: reference}),
+    }
+    yield {"fronts": stages.trade(problem, work, best, maps)}

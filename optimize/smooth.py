@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from optimize.evaluate import Case
+from optimize import counts
+from optimize.case import Case
 from optimize.limits import Limit
 from optimize.local import Smooth
 from optimize.objectives import plain
@@ -17,7 +18,7 @@ def objective(case: Case) -> Smooth:
 
     def function(unit: np.ndarray) -> tuple[float, np.ndarray]:
         rows = solve(case, unit[None])
-        good = rows["stable"][0] and (rows["inside_model"][0] or not case.inside_model)
+        good = bool(counts.solved(case, rows)[0])
         value = float(rows["objective"][0]) if good else float("nan")
         return value, rows["slope"][0] * widths(case)
 

@@ -22,12 +22,15 @@ from jaxcrusher.files.results import write_netcdf
 from jaxcrusher.orbits.load_sheet import Row, sheet
 from optimize import landscape, local, open_points, orbits, smooth
 from optimize.answer import Coexisting, Confirmed, Front, OpenPoint, Refinement
+from optimize.case import Case
 from optimize.concurrent import Stopped, run_concurrently
-from optimize.confirm import SHIFT, confirmed, long_runs
+from optimize.confirm import SHIFT, Repeats, confirmed, long_runs
+from optimize.counts import losses
 from optimize.decay import with_decay
-from optimize.evaluate import Case, Progress, Rows, Window, evaluate, judged, losses, started
+from optimize.evaluate import Tracking, Window, evaluate, judged, started
 from optimize.forces import FORCES
 from optimize.front import fronts
+from optimize.landscape import Maps
 from optimize.motions import cell_motions
 from optimize.problem import Problem
 
@@ -37,6 +40,8 @@ MAP_RTOL, CONFIRM_RTOL = 1e-6, 1e-8
 LONGER = 3
 # Harmonics of the shaft's speed in a load sheet.
 ORDERS = 4
+# Fields of `Answer` that a stage finds.
+Part = dict[str, Any]
 # Turns of the regime of the few designs that matter: settling, section points, exponents.
 REGIME = (60, 200, 20)
 
@@ -56,8 +61,8 @@ class Work:
     steps: dict[str, int] = field(default_factory=dict)
 
     @contextmanager
-    def stage(self, name: str, total: int) -> Iterator[Progress]:
-        """Show a bar for a stage, and book its seconds when it ends; yields its progress."""
+    def stage(self, name: str, total: int) -> Iterator[Tracking]:
+        """Show a bar for a stage, and book its seconds when it ends."""
         bar = self.bars.add_task(name, total=total)
         began = time.perf_counter()
 
@@ -66,42 +71,55 @@ class Work:
             if self.stop.is_set():
                 raise Stopped
 
-        yield progress
+        yield Tracking(progress, self.journal)
         self.bars.update(bar, completed=total)
         self.seconds[name] = time.perf_counter() - began
 
 
-def map_orbits(problem: Problem, work: Work, points: np.ndarray) -> xr.Dataset | None:
+def map_box(problem: Problem, work: Work) -> Maps:
+    """Look at the whole box: its periodic orbits, and both starts on a coarser grid."""
+    effort, design = problem.effort, problem.case.design
+    cells, points = (
+        landscape.points(design, grid, effort.samples, effort.seed)
+        for grid in (effort.grid, effort.cells)
+    )
+    mapped, (data, motions) = run_concurrently(
+        work.stop,
+        lambda: _map_orbits(problem, work, points),
+        lambda: _explore(problem, work, cells),
+    )
+    return Maps(cells, data, motions, points, mapped)
+
+
+def _map_orbits(problem: Problem, work: Work, points: np.ndarray) -> xr.Dataset | None:
     """Map the periodic orbits of unit points; None where the scenes have none to solve for."""
     case = problem.case
     if orbits.unsolvable(case):
         return None
-    with work.stage("orbits", len(points)) as progress:
-        data = orbits.solve_map(case, points, problem.effort.cells, work.journal, progress)
+    with work.stage("orbits", len(points)) as tracking:
+        data = orbits.solve_map(case, points, problem.effort.cells, tracking)
     data.attrs = _provenance("Periodic orbits of a design search", problem)
     write_netcdf(work.folder / "orbits.nc", data)
     return data
 
 
-def explore(problem: Problem, work: Work, units: np.ndarray) -> tuple[xr.Dataset, xr.Dataset]:
+def _explore(problem: Problem, work: Work, cells: np.ndarray) -> tuple[xr.Dataset, xr.Dataset]:
     """Integrate unit points from both starts, for their statistics and then for drawings.
 
     Returns the landscape, which is also written, and its motions.
     """
     case, effort = problem.case, problem.effort
     window = Window(effort.settle, effort.turns, MAP_RTOL)
-    count = len(landscape.STARTS) * len(units)
-    with work.stage("landscape", count) as progress:
-        rows = evaluate(case, units, window, journal=work.journal, progress=progress)
-    data = landscape.dataset(case, units, effort.grid, rows)
+    count = len(landscape.STARTS) * len(cells)
+    with work.stage("landscape", count) as tracking:
+        rows = evaluate(case, cells, window, tracking)
+    data = landscape.dataset(case, cells, effort.grid, rows)
     how = asdict(window) | {"engine": default_engine(count)}
     data.attrs = _provenance("Landscape of a design search", problem, **how)
     write_netcdf(work.folder / "landscape.nc", data)
     work.steps["landscape"] = int(data.steps.sum())
-    with work.stage("motions", data.objective.size) as progress:
-        motions, work.steps["motions"] = cell_motions(
-            case, units, data, MAP_RTOL, progress, journal=work.journal
-        )
+    with work.stage("motions", data.objective.size) as tracking:
+        motions, work.steps["motions"] = cell_motions(case, cells, data, MAP_RTOL, tracking)
     return data, motions
 
 
@@ -110,44 +128,30 @@ def _provenance(title: str, problem: Problem, **settings: Any) -> dict[str, Any]
     return provenance(title, scene=scene, box=asdict(problem.box), **settings)
 
 
-@dataclass(frozen=True, eq=False)
-class Refined:
-    """The ends of local descents, shape (candidates, n), or why there are none."""
+def refine(problem: Problem, work: Work, maps: Maps) -> tuple[np.ndarray, Part]:
+    """Descend from the best points of the map of orbits, and from random ones.
 
-    candidates: np.ndarray
-    descents: tuple[Refinement, ...] = ()
-    empty: str = ""
-
-
-def refine(
-    problem: Problem,
-    work: Work,
-    units: np.ndarray,
-    data: xr.Dataset,
-    points: np.ndarray,
-    mapped: xr.Dataset | None,
-) -> Refined:
-    """Descend from the best of the map's `points` and from random ones.
-
-    Where no orbit counts, descents are fits, from the best of `units`, the landscape's points.
+    Where no orbit counts, descents are fits, from the best cells of the landscape. Returns the ends
+    of the descents, shape (candidates, n), and `refinement`, or why there is none.
     """
     case, effort = problem.case, problem.effort
     rng = np.random.default_rng(effort.seed)
-    begun = landscape.counting(data, units, points)
-    values = np.full(len(points), np.nan)
+    mapped, data = maps.orbits, maps.landscape
+    values = np.full(len(maps.points), np.nan)
     if mapped is not None:
+        begun = landscape.counting(data, maps.cells, maps.points)
         counts = mapped.counts.to_numpy().ravel() & begun
         values = np.where(counts, mapped.objective.to_numpy().ravel(), np.nan)
-    best = landscape.best_points(values, points, effort.refine)
+    best = landscape.best_points(values, maps.points, effort.refine)
     exact = len(best) > 0
     if not exact:
-        best = landscape.best_points(landscape.worst(data).to_numpy().ravel(), units, effort.refine)
+        worst = landscape.worst(data).to_numpy().ravel()
+        best = landscape.best_points(worst, maps.cells, effort.refine)
     if not len(best):
-        rows = {str(name): values.to_numpy() for name, values in data.items()}
-        lost = losses(rows, case, case.capacity(units), "points of the landscape")
-        return Refined(best, empty=lost)
+        lost = losses(case, data, case.capacity(maps.cells), "points of the landscape")
+        return best, {"empty": lost}
     starts = np.concatenate([best, rng.uniform(size=(effort.refine, best.shape[1]))])
-    with work.stage("refinement", len(starts)) as progress:
+    with work.stage("refinement", len(starts)) as tracking:
         found, ends = [], []
         for i, start in enumerate(starts):
             if exact:
@@ -156,11 +160,11 @@ def refine(
                 end, refined = _by_fits(problem, start, work)
             ends.append(end)
             found.append(refined)
-            progress(i + 1, len(starts))
+            tracking.progress(i + 1, len(starts))
     # Descents that meet need one confirmation.
     candidates = np.stack(ends) if exact else np.concatenate([best, ends])
     _, first = np.unique(np.round(candidates, 4), axis=0, return_index=True)
-    return Refined(candidates[np.sort(first)], tuple(found))
+    return candidates[np.sort(first)], {"refinement": tuple(found)}
 
 
 def _by_gradients(case: Case, start: np.ndarray, steps: int) -> tuple[np.ndarray, Refinement]:
@@ -206,59 +210,50 @@ class _NoisyObjective:
         return judged(rows)
 
 
-@dataclass(frozen=True, eq=False)
-class Confirmation:
-    """The candidates and the design to compare with after long runs, and the best candidate.
+def confirm(problem: Problem, work: Work, candidates: np.ndarray) -> tuple[Confirmed | None, Part]:
+    """Run the candidates and the design to compare with for long, several times from each start.
 
-    The best is None where none counts, and `empty` says why.
+    Returns the best candidate, None where none counts, with `candidates`, `seed_choice`, and why
+    there is no best one.
     """
-
-    candidates: tuple[Confirmed, ...]
-    reference: Confirmed
-    best: Confirmed | None
-    empty: str = ""
-
-
-def confirm(problem: Problem, work: Work, candidates: np.ndarray) -> Confirmation:
-    """Run the candidates and the design to compare with for long, several times from each start."""
-    case, effort = problem.case, problem.effort
+    case, repeats = problem.case, _repeats(problem)
     points = np.concatenate([candidates, case.design.unit(problem.reference)[None]])
-    window = Window(LONGER * effort.settle, LONGER * effort.turns, CONFIRM_RTOL)
-    total = len(landscape.STARTS) * len(points) * effort.runs
-    with work.stage("confirmation", total) as progress:
+    total = len(landscape.STARTS) * len(points) * repeats.runs
+    with work.stage("confirmation", total) as tracking:
         runs, found = run_concurrently(
             work.stop,
-            lambda: long_runs(
-                case, points, effort.runs, window, effort.seed, progress, work.journal
-            ),
+            lambda: long_runs(case, points, repeats, tracking),
             lambda: [orbits.orbit_of(case, point) for point in points],
         )
         *ended, reference = [confirmed(case, *of) for of in zip(points, runs, found, strict=True)]
     work.steps["confirmation"] = sum(int(rows["steps"].sum()) for rows in runs)
     best = min((one for one in ended if one.counts), key=lambda one: one.objective, default=None)
-    empty = _losses(case, candidates, runs[:-1]) if best is None and ended else ""
-    return Confirmation(tuple(ended), reference, best, empty)
+    part: Part = {"candidates": tuple(ended), "seed_choice": reference}
+    if best is None and ended:
+        rows = {name: np.stack([one[name] for one in runs[:-1]], axis=1) for name in runs[0]}
+        capacity = case.capacity(candidates)
+        part["empty"] = losses(case, rows, capacity, "long-run ends of descents")
+    return best, part
 
 
-def _losses(case: Case, candidates: np.ndarray, runs: list[Rows]) -> str:
-    rows = {name: np.stack([one[name] for one in runs], axis=1) for name in runs[0]}
-    return losses(rows, case, case.capacity(candidates), "long-run ends of descents")
-
-
-def run_open_points(
-    problem: Problem, work: Work, points: np.ndarray, mapped: xr.Dataset | None
-) -> tuple[OpenPoint, ...]:
-    """Run the points of the map that have no stable orbit as long as candidates are run."""
-    count = len(open_points.unstable(mapped))
-    # Where no point of the map counts, nothing is bounded.
-    if mapped is None or not count or not mapped.counts.any():
-        return ()
-    case, effort = problem.case, problem.effort
+def _repeats(problem: Problem) -> Repeats:
+    """Return the runs that a design is judged by."""
+    effort = problem.effort
     window = Window(LONGER * effort.settle, LONGER * effort.turns, CONFIRM_RTOL)
-    with work.stage("open points", len(landscape.STARTS) * count * effort.runs) as progress:
-        return open_points.run_open_points(
-            case, points, mapped, effort.runs, window, effort.seed, progress, work.journal
-        )
+    return Repeats(effort.runs, window, effort.seed)
+
+
+def run_open_points(problem: Problem, work: Work, maps: Maps) -> tuple[OpenPoint, ...]:
+    """Run the points of the map that have no stable orbit as long as candidates are run."""
+    # Where no point of the map counts, nothing is bounded.
+    mapped = maps.counting_orbits
+    count = len(open_points.unstable(mapped))
+    if mapped is None or not count:
+        return ()
+    case, repeats = problem.case, _repeats(problem)
+    total = len(landscape.STARTS) * count * repeats.runs
+    with work.stage("open points", total) as tracking:
+        return open_points.run_open_points(case, maps.points, mapped, repeats, tracking)
 
 
 def with_coexisting_orbits(
@@ -271,14 +266,13 @@ def with_coexisting_orbits(
     case, (one, other) = problem.case, designs
     if orbits.unsolvable(case):
         return designs
-    with work.stage("coexisting", 2) as progress:
+    with work.stage("coexisting", 2):
         of_one, of_other, (one, other) = run_concurrently(
             work.stop,
             lambda: orbits.coexisting(case, one.values),
             lambda: orbits.coexisting(case, other.values),
             lambda: with_decay(case, designs),
         )
-        progress(2, 2)
     return by_worst_orbit(one, of_one), by_worst_orbit(other, of_other)
 
 
@@ -304,12 +298,11 @@ def with_regimes(
     if best.settles and other.settles:
         return designs, None
     report = None
-    with work.stage("regimes", 3) as progress:
+    with work.stage("regimes", 3) as tracking:
         best, other = _with_regime(problem.case, best), _with_regime(problem.case, other)
-        progress(2, 3)
+        tracking.progress(2, 3)
         if not best.settles:
             report = _slopes(problem, best)
-        progress(3, 3)
     return (best, other), report
 
 
@@ -350,13 +343,10 @@ def load_sheets(designs: Mapping[str, Confirmed]) -> dict[str, list[Row]]:
     }
 
 
-def trade(
-    problem: Problem, work: Work, best: Confirmed, points: np.ndarray, mapped: xr.Dataset | None
-) -> tuple[Front, ...]:
+def trade(problem: Problem, work: Work, best: Confirmed, maps: Maps) -> tuple[Front, ...]:
     """Return the Pareto fronts of an optimum on its orbit; none where it has none."""
-    if mapped is None or not best.settles or not mapped.counts.any():
+    mapped = maps.counting_orbits
+    if mapped is None or not best.settles:
         return ()
-    with work.stage("fronts", 2) as progress:
-        found = fronts(problem.case, best, points, mapped, problem.effort.steps)
-        progress(2, 2)
-    return found
+    with work.stage("fronts", 2):
+        return fronts(problem.case, best, maps.points, mapped, problem.effort.steps)

@@ -1,7 +1,8 @@
 """The checks of a search's answer, each with its rule, and what the answer leaves out."""
 
+from typing import Any
+
 import numpy as np
-import xarray as xr
 
 import jaxcrusher as jc
 from jaxcrusher.orbits.feed_response import TURNS
@@ -9,9 +10,10 @@ from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
 from optimize import decay
 from optimize.answer import Answer, Check, Confirmed, Orbit
-from optimize.evaluate import Case
+from optimize.case import Case
 from optimize.forces import quantity
 from optimize.formatting import active, coexisting, number, shown
+from optimize.landscape import Maps
 from optimize.limits import OF_ORBIT, OF_RUN
 from optimize.orbits import worse
 from optimize.problem import Problem
@@ -27,6 +29,12 @@ APART = 0.02
 # What a bearing's clearance takes off the RMS of a quiet motion at most.
 BELOW_IDEAL = 0.003
 NO_SLOPES = "slopes are not known: at the optimum or beside it no orbit was solved for"
+
+
+def judged(answer: Answer, problem: Problem, maps: Maps) -> dict[str, Any]:
+    """Return the checks of an answer, and what it leaves out: fields of `Answer`."""
+    remarks = remark(answer.optimum, problem), quieter(answer, problem.case, maps)
+    return {"checks": checks(answer, problem), "remark": " ".join(filter(None, remarks))}
 
 
 def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
@@ -56,7 +64,7 @@ def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
         ),
         Check(
             "capacity at least the floor",
-            best.capacity >= case.capacity_floor * (1 - 1e-12),
+            bool(case.reaches(best.capacity)),
             f"{best.capacity:.2f} >= {case.capacity_floor:.2f} m3/h",
         ),
         *_limits(best, case),
@@ -271,13 +279,10 @@ def remark(best: Confirmed | None, problem: Problem) -> str:
     )
 
 
-def quieter(answer: Answer, case: Case, points: np.ndarray, orbits: xr.Dataset | None) -> str:
-    """Say which point of the map shakes the ground far less than the optimum, if one does.
-
-    `orbits` is the map of `points`.
-    """
-    best = answer.optimum
-    if best is None or orbits is None or not orbits.counts.any():
+def quieter(answer: Answer, case: Case, maps: Maps) -> str:
+    """Say which point of the map shakes the ground far less than the optimum, if one does."""
+    best, orbits = answer.optimum, maps.counting_orbits
+    if best is None or orbits is None:
         return ""
     if "shaking_rms" in case.objective.outputs:
         return ""
@@ -287,7 +292,7 @@ def quieter(answer: Answer, case: Case, points: np.ndarray, orbits: xr.Dataset |
         return ""
     at = ", ".join(
         f"{in_words(name)} {said(name, value, answer.box.units)}"
-        for name, value in case.design.numbers(points[least]).items()
+        for name, value in case.design.numbers(maps.points[least]).items()
     )
     rms = float(orbits.foundation_rms.to_numpy().ravel()[least])
     return (

@@ -14,6 +14,7 @@ from optimize import formatting
 from optimize.answer import Answer
 from optimize.page import data as page_data
 from optimize.page import tables
+from optimize.table import as_text, is_number
 
 # The sketch that stands at the end of the answer, and what the figures of a finished run show.
 SKETCH = "bearings.png"
@@ -89,8 +90,8 @@ def write_page(
 def _template() -> jinja2.Template:
     """Every text is escaped; what is not there is an error."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    environment.filters["as_text"] = tables.as_text
-    environment.tests["number_cell"] = tables.is_number
+    environment.filters["as_text"] = as_text
+    environment.tests["number_cell"] = is_number
     return environment.from_string(_part("report.html"))
 
 

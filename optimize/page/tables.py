@@ -1,10 +1,7 @@
 """The tables of the report's page: headings in words with units, and rows."""
 
 import math
-import numbers
-import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 from jaxcrusher.batch.sweep import columns_of
 from jaxcrusher.crusher.joints import JOINTS, before
@@ -22,6 +19,7 @@ from optimize.decay import GONE, rate, resolved
 from optimize.forces import besides, name_of
 from optimize.formatting import shown
 from optimize.objectives import OBJECTIVES
+from optimize.table import Table, as_text
 
 # Names of the stages and of the ways of descent.
 STAGES = {
@@ -52,40 +50,15 @@ LIMITS = (
 )
 
 
-@dataclass(frozen=True)
-class Table:
-    """Rows under headings; the first column names its row. `about` and `caption` may be empty."""
-
-    headings: Sequence[str]
-    rows: Sequence[Sequence[object]]
-    caption: str = ""
-    about: str = ""
-
-
-def as_text(value: object) -> str:
-    """Return a value as text; NaN is "no value"."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, numbers.Real) and not math.isfinite(value):
-        return "no value"
-    return formatting.number(value) if isinstance(value, float) else str(value)
-
-
-def is_number(value: object) -> bool:
-    """Tell whether a cell aligns right."""
-    if isinstance(value, str):
-        return re.fullmatch(r"[-+]?\d[\d.e+±-]*", value) is not None
-    return isinstance(value, numbers.Real) and not isinstance(value, bool)
-
-
 def answer(found: Answer) -> Table:
-    """Return the closing table."""
+    """Return the designs, a row each, for the page; turned, for the screen."""
     objective, unit = found.objective, found.objective.unit
     others = besides(objective.meaning)
     rows = [
         (
             title,
             *_chosen(found, design),
+            *_following(found, design).values(),
             formatting.orbit(design),
             *(formatting.interval(runs) for runs in design.transient.values()),
             *(getattr(design, name) for name in others),
@@ -96,14 +69,15 @@ def answer(found: Answer) -> Table:
         )
         for title, design in found.designs.items()
     ]
-    starts = next(iter(found.designs.values())).transient
+    design = next(iter(found.designs.values()))
     headings = (
         "design",
         *_parameters(found),
+        *_following(found, design),
         f"periodic orbit, {unit}",
-        *(f"{start} start after {found.settle_turns} turns, {unit}" for start in starts),
+        *(f"{start} start after {found.settle_turns} turns, {unit}" for start in design.transient),
         *(f"{meaning}, N" for meaning in others.values()),
-        "ideal joint's RMS, N",
+        "ideal joints' RMS, N",
         "capacity, m³/h",
         *(["capacity, t/h"] if found.throughput else []),
         "turns to 1/e",
@@ -111,6 +85,15 @@ def answer(found: Answer) -> Table:
     name = name_of(objective.meaning)
     caption = objective.meaning if name == objective.meaning else f"{name}: {objective.meaning}"
     return Table(headings, rows, caption=f"{caption}, {unit}")
+
+
+def _following(found: Answer, design: Confirmed) -> dict[str, str]:
+    """Return the numbers of a design that follow from the free ones, by heading."""
+    return {
+        f"{in_words(name)} that follows, {unit}": f"{shown(name, value, found.box.units):.5g}"
+        for name, value in design.follows.items()
+        for unit, _ in [unit_of(name, found.box.units)]
+    }
 
 
 def load_sheet(found: Answer) -> Table | None:
@@ -377,9 +360,14 @@ def fixed(found: Answer) -> Table:
     ]
     rows += [
         (in_words(name), f"{readable(name, NUMBERS[name].default)} *")
-        for name in borrowed({**found.fixed, **found.box.bounds})
+        for name in borrowed({**found.fixed, **found.box.bounds, **_follow(found)})
     ]
     return Table(("", "value, * of the PE250x400"), rows)
+
+
+def _follow(found: Answer) -> dict[str, float]:
+    """Return what follows from the free numbers, of any design."""
+    return next((design.follows for design in found.designs.values()), {})
 
 
 def versions(found: Answer) -> Table:

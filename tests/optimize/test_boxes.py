@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from optimize import evaluate, figures, formatting, orbits, stages
+from optimize import counts, figures, formatting, orbits, stages
 from optimize.options import Options
 from optimize.problem import resolve
 from optimize.search import run
@@ -36,20 +36,20 @@ def test_losses_are_counted_by_their_reason():
     rows["whirl"][1, 2] = 1
     rows["objective"][0, 3] = np.nan
     case = resolve(Options(capacity_floor=6.0)).case
-    assert evaluate.losses(rows, case, np.array([7.0, 7.0, 7.0, 5.0]), "designs") == (
+    assert counts.losses(case, rows, np.array([7.0, 7.0, 7.0, 5.0]), "designs") == (
         "of 4 designs 2 failed to integrate, 1 come to a friction whirl, "
         "1 have no number of the objective, 1 are below the capacity of 6 m3/h (the highest is 7 "
         "m3/h)"
     )
 
 
-def nothing_counts(rows, case, capacity):
-    return np.zeros(np.shape(rows["success"]), bool)
+def nothing_counts(case, found, capacity):
+    return np.zeros(np.shape(found["success"]), bool)
 
 
 @pytest.mark.slow
 def test_a_box_without_a_design(tmp_path, monkeypatch):
-    monkeypatch.setattr(evaluate, "may_count", nothing_counts)
+    monkeypatch.setattr(counts, "of_runs", nothing_counts)
     solved = orbits.solve
     monkeypatch.setattr(
         orbits,
@@ -103,10 +103,10 @@ def test_a_box_without_an_orbit(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_candidates_none_of_which_survives(tmp_path, monkeypatch):
-    def only_on_the_map(rows, case, capacity):  # of two by two points
-        return np.full(np.shape(rows["success"]), len(capacity) == 4)
+    def only_on_the_map(case, found, capacity):  # of two by two points
+        return np.full(np.shape(found["success"]), len(capacity) == 4)
 
-    monkeypatch.setattr(evaluate, "may_count", only_on_the_map)
+    monkeypatch.setattr(counts, "of_runs", only_on_the_map)
     answer, page, _ = searched(tmp_path, monkeypatch)
     assert answer.optimum is None and answer.candidates
     assert "ends of descents" in answer.empty

@@ -11,7 +11,7 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.orbits.result import RESULTS, missing
-from optimize.machines import COMPARED, DRAWN, Machine, draw, run, table_rows
+from optimize.machines import COMPARED, DRAWN, QUANTITIES, Machine, draw, run, table_rows
 from optimize.objectives import OBJECTIVES
 
 
@@ -63,8 +63,8 @@ def test_a_motion_without_an_orbit_has_means_and_the_scatter_of_its_peaks(compar
 
 
 def test_a_number_that_no_machine_has_is_not_drawn():
-    numbers = dict.fromkeys(COMPARED, 1.0)
-    smooth = Machine("a", 30.0, math.nan, 7.5, numbers | {"wear": math.nan}, {}, "x", "inside")
+    numbers = dict.fromkeys(QUANTITIES, 1.0)
+    smooth = Machine("a", numbers | {"wear": math.nan}, {}, "x", "inside")
     titles = [ax.get_title() for ax in draw([smooth]).axes]
     assert len(titles) == len(DRAWN) - 1 and not any("wear" in title for title in titles)
     rubs = replace(smooth, numbers=numbers)
@@ -72,7 +72,8 @@ def test_a_number_that_no_machine_has_is_not_drawn():
 
 
 def test_capacity_in_tonnes():
-    one = Machine("a", 30.0, math.nan, 7.5, dict.fromkeys(COMPARED, 1.0), {}, "x", "inside")
+    numbers = dict.fromkeys(QUANTITIES, 1.0) | {"clearance": math.nan, "capacity": 7.5}
+    one = Machine("a", numbers, {}, "x", "inside")
     rows = dict((row[0] + row[1][-3:], row[1]) for row in table_rows([one], 1600.0))
     assert rows["capacityt/h"] == "12 t/h" and rows["radial clearanceone"] == "none"
 

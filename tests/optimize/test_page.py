@@ -40,8 +40,9 @@ from optimize.answer import (
     Runs,
     Sought,
 )
+from optimize.case import Case
 from optimize.design import Design
-from optimize.evaluate import STARTS, Case
+from optimize.evaluate import STARTS, Tracking
 from optimize.motions import cell_motions
 from optimize.objectives import OBJECTIVES
 from optimize.page import data as page_data
@@ -286,6 +287,25 @@ def test_capacity_in_tonnes_stands_beside_that_in_cubic_metres(tmp_path):
     assert content(plain)["throughput"] == {}
 
 
+def test_numbers_that_follow_stand_beside_the_free_ones():
+    """On the page a row is a design, on the screen a column."""
+    found, follows = hand_made_answer(), {"shaft.eccentricity": 6.7e-3, "counterweight.mass": 11.0}
+    other = replace(found.seed_choice, follows=follows | {"counterweight.mass": 0.0})
+    found = replace(found, optimum=replace(found.optimum, follows=follows), seed_choice=other)
+    table = tables.answer(found)
+    assert table.headings[2:5] == (
+        "clearance, mm",
+        "shaft eccentricity that follows, mm",
+        "counterweight mass that follows, kg",
+    )
+    assert table.rows[0][2:5] == ("0.06", "6.7", "11") and table.rows[1][4] == "0"
+    turned = table.turned
+    assert turned.headings == ("", "optimum", "paper's choice")
+    assert turned.rows[3] == ("counterweight mass that follows, kg", "11", "0")
+    # None of them is one that nobody gave.
+    assert "shaft eccentricity" not in dict(row[:2] for row in tables.fixed(found).rows)
+
+
 def test_the_two_bearings_are_drawn_once(tmp_path, monkeypatch):
     """Below the answer's table: O and C where the machine has them, with the frame's forces."""
     drawn, write = [], figures.write_figure
@@ -498,9 +518,9 @@ def test_motions_go_on_from_the_landscape():
     states = np.stack(after).reshape(2, 2, 2, -1)
     landscape = xr.Dataset({"state": ((*cells, "coordinate"), states)}, cells)
     units = np.stack(np.meshgrid([0.0, 1.0], [0.0, 1.0], indexing="ij"), axis=-1).reshape(-1, 2)
-    reported = []
+    reported, turn = [], np.arange(65) / 64
     motions, steps = cell_motions(
-        case, units, landscape, 1e-9, lambda *done: reported.append(done), turns=1, samples=64
+        case, units, landscape, 1e-9, Tracking(lambda *done: reported.append(done)), turn
     )
     assert reported[-1] == (8, 8) and steps > 8 * 64
     # A transposed grid, swapped starts, a forgotten state would all show.

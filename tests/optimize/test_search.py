@@ -153,8 +153,8 @@ def test_the_closing_screen(finished):
     print_answer(console, answer)
     text = console.export_text()
     assert re.search(r"optimum +paper's choice *\n", text)
-    assert re.search(r"counterweight\.mass, kg +20\.205 +20\.205 *\n", text)
-    assert re.search(r"jaw\.mass_centre_distance, mm +301\.25 +301\.25 *\n", text)
+    assert re.search(r"counterweight mass, kg +20\.205 +20\.205 *\n", text)
+    assert re.search(r"jaw mass centre distance, mm +301\.25 +301\.25 *\n", text)
     assert re.search(r"periodic orbit, N +18243\.41 +21796\.41 *\n", text)
     assert max(map(len, text.splitlines())) <= 80 and "…" not in text
 
@@ -209,8 +209,8 @@ def test_runs_speak_for_points_without_a_stable_orbit(finished):
     assert not re.search(r"[ (]-\d", low.statement)
     # The runs of the paper's corner: the quiet motion there has 22 221 N, and the means of three
     # runs over so few turns scatter by a kilonewton, which a Student factor of 4 goes with.
-    units, window = np.array([[1.0, 1.0]] * 28), Window(10, 20, 1e-6)
-    (run,) = open_points.run_open_points(case, units, mapped, 3, window, 0)
+    units, repeats = np.array([[1.0, 1.0]] * 28), confirm.Repeats(3, Window(10, 20, 1e-6), 0)
+    (run,) = open_points.run_open_points(case, units, mapped, repeats)
     assert 1.5e4 < run.least < 2.3e4 and run.values["speed"] == 40.0
     assert run.motion.startswith("The orbit of one turn is unstable")
 
@@ -332,6 +332,16 @@ def test_a_design_is_judged_by_what_its_worse_start_comes_to():
     assert not confirm.confirmed(case, np.zeros(2), rows, orbit).counts
 
 
+def test_a_design_knows_what_follows_from_its_numbers():
+    case = resolve(Options(design=(("balance",),))).case
+    one = confirm.confirmed(case, np.full(9, 0.5), rows_of_three_runs(), None)
+    described = case.design.description(np.full(9, 0.5))
+    names = ("counterweight.mass", "counterweight.angle", "shaft.eccentricity")
+    assert one.follows == {name: float(described[name]) for name in names}
+    # At the middle of the box the links are the paper's, and so is their throw.
+    assert one.follows["shaft.eccentricity"] == pytest.approx(0.01, rel=1e-9)
+
+
 def test_the_limits_of_every_loose_joint_are_kept():
     """A pivot that approaches at twice the elastic limit is named, beside a main joint inside."""
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
@@ -426,6 +436,11 @@ def test_a_design_is_judged_by_the_worst_that_random_starts_come_to(finished):
     assert not stages.by_worst_orbit(uncounted, (loud,)).counts
 
 
+def maps_of(points: np.ndarray, orbits: xr.Dataset) -> landscape.Maps:
+    """Return maps of orbits alone."""
+    return landscape.Maps(np.zeros((0, 2)), xr.Dataset(), xr.Dataset(), points, orbits)
+
+
 def test_the_answer_says_first_what_shakes_the_ground_more(finished):
     """A design of less RMS that shakes more, and a point of the map that shakes less."""
     _, answer = finished
@@ -446,10 +461,10 @@ def test_the_answer_says_first_what_shakes_the_ground_more(finished):
     columns = {"shaking_rms": [3135.0, 1555.0, 100.0], "foundation_rms": [18e3, 19e3, 20e3]}
     orbits = xr.Dataset({name: ("cell", column) for name, column in columns.items()})
     orbits["counts"] = "cell", [True, True, False]
-    text = verdicts.quieter(answer, case, points, orbits)
+    text = verdicts.quieter(answer, case, maps_of(points, orbits))
     assert "at speed 32.5 rad/s (310.4 rpm), clearance 0.12 mm the RMS shaking force" in text
     assert "is 1.555 kN instead of 3.135 kN, and the RMS force on the foundation is 19 kN" in text
-    assert verdicts.quieter(answer, case, points[:1], orbits.isel(cell=[0])) == ""
+    assert verdicts.quieter(answer, case, maps_of(points[:1], orbits.isel(cell=[0]))) == ""
 
 
 def test_descents_end_where_karush_kuhn_and_tucker_say():
