@@ -83,57 +83,54 @@ class Slices(eqx.Module):
     by_parameter: dict[str, Float[Array, "*slices n"]]  # dm / dp
 
 
-def turn_in_slices(
-    build: Callable[[Array], Scene],
-    point: Float[Array, " n"],
-    state: Float[Array, " dims"],
-    count: int,
-    method: Integration,
-    outputs: Chosen = (),
-) -> tuple[Float[Array, " dims"], Slices, Outcome]:
-    """One turn of the scene `build(point)` from a section point, in `count` slices.
+class Sloped(eqx.Module):
+    """Motions of the scene `build(point)`, integrated with their slopes by state and point."""
 
-    The tangents of a slice by the state and by p are integrated beside it, from the identity and
-    zero on.
-    """
-    span = 2 * math.pi / count
+    build: Callable[[Array], Scene]
+    point: Float[Array, " n"]
+    method: Integration
+    outputs: Chosen = eqx.field(static=True, default=())
 
-    def one(carry, phase):
-        state, before = carry
-        end, found, outcome = sloped_slice(build, point, state, phase, span, method, outputs)
-        return (end, first_failure(before, outcome)), found
+    def turn(
+        self, state: Float[Array, " dims"], count: int
+    ) -> tuple[Float[Array, " dims"], Slices, Outcome]:
+        """Return where a turn leads from a section point, in `count` slices.
 
-    (state, outcome), slices = jax.lax.scan(one, (state, fine()), span * jnp.arange(count))
-    _, unravel = ravel_pytree(unflattened(state, build(point)))
-    return flat(unravel(state), build(point)), slices, outcome
+        The tangents of a slice by the state and by the point are integrated beside it, from the
+        identity and zero on.
+        """
+        span = 2 * math.pi / count
 
+        def one(carry, phase):
+            state, before = carry
+            end, found, outcome = self.slice(state, phase, span)
+            return (end, first_failure(before, outcome)), found
 
-def sloped_slice(
-    build: Callable[[Array], Scene],
-    point: Float[Array, " n"],
-    state: Float[Array, " dims"],
-    phase: Scalar,
-    span: float,
-    method: Integration,
-    outputs: Chosen = (),
-) -> tuple[Float[Array, " dims"], Slices, Outcome]:
-    """Return where a slice of a turn leads from a state at a phase, with slopes."""
-    dims = state.size
-    _, unravel = ravel_pytree(unflattened(state, build(point)))
+        (state, outcome), slices = jax.lax.scan(one, (state, fine()), span * jnp.arange(count))
+        scene = self.build(self.point)
+        _, unravel = ravel_pytree(unflattened(state, scene))
+        return flat(unravel(state), scene), slices, outcome
 
-    def after(both):
-        flow = Flow(build(both[dims:]), unravel(both[:dims]), phase)
-        end, values, outcome = advance(flow, span, method, outputs)
-        found = ravel_pytree(end)[0], values
-        return found, (*found, outcome)
+    def slice(
+        self, state: Float[Array, " dims"], phase: Scalar, span: float
+    ) -> tuple[Float[Array, " dims"], Slices, Outcome]:
+        """Return where a slice of a turn leads from a state at a phase, with slopes."""
+        dims = state.size
+        _, unravel = ravel_pytree(unflattened(state, self.build(self.point)))
 
-    derivatives, (end, values, outcome) = jax.jacfwd(after, has_aux=True)(
-        jnp.concatenate([state, point])
-    )
-    (matrix, forcing), slopes = _split(derivatives[0], dims), derivatives[1]
-    slopes = {name: _split(slope, dims) for name, slope in slopes.items()}
-    by_state, by_parameter = ({name: s[i] for name, s in slopes.items()} for i in (0, 1))
-    return end, Slices(matrix, forcing, values, by_state, by_parameter), outcome
+        def after(both):
+            flow = Flow(self.build(both[dims:]), unravel(both[:dims]), phase)
+            end, values, outcome = advance(flow, span, self.method, self.outputs)
+            found = ravel_pytree(end)[0], values
+            return found, (*found, outcome)
+
+        derivatives, (end, values, outcome) = jax.jacfwd(after, has_aux=True)(
+            jnp.concatenate([state, self.point])
+        )
+        (matrix, forcing), slopes = _split(derivatives[0], dims), derivatives[1]
+        slopes = {name: _split(slope, dims) for name, slope in slopes.items()}
+        by_state, by_parameter = ({name: s[i] for name, s in slopes.items()} for i in (0, 1))
+        return end, Slices(matrix, forcing, values, by_state, by_parameter), outcome
 
 
 def _split(derivative: Float[Array, "... both"], dims: int) -> tuple[Array, Array]:
@@ -212,11 +209,11 @@ def _section(
         dims = states.shape[1]
         return Section(states, jnp.zeros((0, dims, dims)), first_failure(before, after), values)
 
+    sloped = Sloped(lambda _: scene, jnp.zeros(0), method, outputs)
+
     def sliced_turn(carry, _):
         state, before = carry
-        after, found, outcome = turn_in_slices(
-            lambda _: scene, jnp.zeros(0), state, slices, method, outputs
-        )
+        after, found, outcome = sloped.turn(state, slices)
         values = {n: one.reduction.of_pieces(found.values[n]) for n, one in outputs}
         return (after, first_failure(before, outcome)), (after, values, found.jacobians)
 

@@ -15,7 +15,7 @@ from jaxtyping import Array, ArrayLike, Float, Scalar
 from jaxcrusher.basics.integrate import Outcome, failure_text
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.method import resolve
-from jaxcrusher.motion.section import Slices, fine, first_failure, sloped_slice, turn_in_slices
+from jaxcrusher.motion.section import Slices, Sloped, fine, first_failure
 from jaxcrusher.motion.statistics import over_pieces
 from jaxcrusher.motion.statistics_table import Chosen, chosen
 
@@ -86,8 +86,7 @@ def sloped_turn(
     outputs: Chosen = (),
 ) -> tuple[Float[Array, " dims"], Slices, Outcome]:
     """Return where a turn leads from a section point, its slices with slopes, and the outcome."""
-    method = resolve(build(point), rtol)
-    return turn_in_slices(build, point, state, SLICES, method, outputs)
+    return Sloped(build, point, resolve(build(point), rtol), outputs).turn(state, SLICES)
 
 
 @eqx.filter_jit
@@ -100,10 +99,10 @@ def slices_apart(
 
     NaN from a failure on.
     """
-    method, span = resolve(build(point), rtol), 2 * np.pi / len(states)
+    sloped, span = Sloped(build, point, resolve(build(point), rtol)), 2 * np.pi / len(states)
 
     def one(begin: tuple[Array, Array]) -> tuple[Array, Array, Array]:
-        end, found, _ = sloped_slice(build, point, *begin, span, method)
+        end, found, _ = sloped.slice(*begin, span)
         return end, found.jacobians, found.forcing
 
     return jax.lax.map(one, (states, span * jnp.arange(len(states))))
