@@ -6,17 +6,14 @@ import json
 import math
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any
 
 from jaxcrusher.files.durable import replace, writing
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
-
-Row = TypeVar("Row")
 
 
 def run_folder(out: Path, name: str) -> Path:
@@ -98,25 +95,6 @@ def write_table(path: Path, rows: Iterable[Mapping[str, Any]], remark: str = "")
     writer.writeheader()
     writer.writerows(rows)
     write_text(path, text.getvalue())
-
-
-def read_table(path: Path, kind: type[Row]) -> list[Row]:
-    """The rows of a table that `write_table` made of instances of a dataclass, `kind`.
-
-    Numbers are read as such where the class says float or int, and the rest is text.
-    """
-    types = {field.name: field.type for field in fields(cast(Any, kind))}
-    lines = path.read_text(encoding="utf-8").splitlines()
-    rows = csv.DictReader(line for line in lines if not line.startswith("#"))
-    return [kind(**{name: _read(text, types[name]) for name, text in r.items()}) for r in rows]
-
-
-def _read(text: str, kind: Any) -> Any:
-    if kind is str:
-        return text
-    if text == "":
-        return None
-    return float(text) if kind is float else int(text)
 
 
 def write_figure(path: Path, figure: "Figure", dpi: int = 150) -> None:

@@ -170,18 +170,6 @@ def zero_one_test(
     return float(np.median(values))
 
 
-def birkhoff_average(series: Float[ArrayLike, "n ..."]) -> np.ndarray:
-    """The mean with the smooth weight exp(-1 / (s (1 - s))) (Das and co-workers 2017).
-
-    Converges faster than any power of 1/n on periodic and quasi-periodic motions, and no slower
-    than the plain mean on chaotic ones.
-    """
-    x = np.asarray(series, dtype=float)
-    s = (np.arange(len(x)) + 0.5) / len(x)
-    weight = np.exp(-1 / (s * (1 - s)))
-    return np.tensordot(weight / weight.sum(), x, axes=(0, 0))
-
-
 def power_spectrum(
     series: Float[ArrayLike, " n"], interval: float
 ) -> tuple[np.ndarray, np.ndarray]:

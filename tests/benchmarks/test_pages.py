@@ -16,7 +16,7 @@ from benchmarks.stability.tables import tables as stability
 from benchmarks.step_cost.run import tables as step_cost
 from benchmarks.work_precision.measure import Row
 from benchmarks.work_precision.tables import tables as work_precision
-from jaxcrusher.files.results import read_table
+from tests.tables import read_table
 
 PAGE = "Words.\n\n<!-- table: one -->\n\nold\n\n<!-- end -->\n\nMore <!-- words -->.\n"
 

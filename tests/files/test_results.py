@@ -14,6 +14,7 @@ from scipy.io import loadmat
 from jaxcrusher.files import results
 from jaxcrusher.files.durable import writing
 from jaxcrusher.files.table import as_csv
+from tests.tables import read_table
 
 
 def test_writers_at_one_time_do_not_meet(tmp_path):
@@ -112,7 +113,7 @@ class Measured:
 def test_table_is_read_as_it_was_written(tmp_path):
     rows = [Measured("a, b", 0.1 + 0.2, 3), Measured("", np.inf)]
     results.write_table(tmp_path / "x.csv", map(asdict, rows), "where")
-    assert results.read_table(tmp_path / "x.csv", Measured) == rows
+    assert read_table(tmp_path / "x.csv", Measured) == rows
 
 
 def test_a_table_as_csv_has_a_row_a_cell_and_units_in_its_headings():

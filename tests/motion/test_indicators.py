@@ -9,7 +9,6 @@ from jaxcrusher.basics.plane import scalar
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.indicators import (
     Lyapunov,
-    birkhoff_average,
     detect_period,
     lyapunov_spectrum,
     power_spectrum,
@@ -75,13 +74,6 @@ def test_duffing():
     found = lyapunov_spectrum(jacobians)
     assert found.exponents[0] / period == pytest.approx(0.1589, rel=0.05)
     assert found.exponents.sum() / period == pytest.approx(-0.2, rel=1e-5)
-
-
-def test_birkhoff_average_of_a_rotation():
-    angle = 2 * np.pi * (np.sqrt(5) - 1) / 2 * np.arange(2000)
-    # The plain mean of a quasi-periodic series has an error of 1/n; this one rounds.
-    assert abs(birkhoff_average(np.cos(angle) ** 2) - 0.5) < 1e-12
-    assert abs(np.mean(np.cos(angle) ** 2) - 0.5) > 1e-5
 
 
 def test_power_spectrum():
