@@ -74,20 +74,19 @@ class Model:
                 sensor = items.SensorNode(nodeNumber=base_node, outputVariableType=seen)
                 parts.sensor(name, sensor)
         to_s1 = motion.unbalance / motion.shaft_mass
-        s1, velocity = motion.bearing + to_s1, 1j * of["speed"] * to_s1 * at.axis
+        axis, moving = (complex(*motion.start[k : k + 2]) for k in (6, 14))
+        s1, velocity = axis + to_s1, (moving + 1j * of["speed"] * to_s1) * at.axis
         turning = of["shaft.inertia"], at.place(s1), at.rotation, velocity, of["speed"]
         shaft, node = parts.body(motion.shaft_mass, *turning)
         bodies = {"frame": base, "shaft": shaft}
-        for name, rows in ROWS.items():
-            (x, y, angle), (u, v, spin) = motion.start[:6][rows], motion.start[6:12][rows]
+        for name in ("jaw", "toggle"):
+            rows = ROWS[name]
+            (x, y, angle), (u, v, spin) = motion.start[:8][rows], motion.start[8:16][rows]
             moving = angle + at.rotation, complex(u, v) * at.axis, spin
             mass, inertia = of[f"{name}.mass"], of[f"{name}.inertia"]
             bodies[name], _ = parts.body(mass, inertia, at.place(complex(x, y)), *moving)
         # Points of shaft and frame are given from O and from C.
         shifts = {"shaft": -to_s1, "frame": -at.centre if stand else 0j}
-        # The frame's side first: forces come out in its axes.
-        bearing = parts.marker(base, motion.bearing + shifts["frame"])
-        parts.joint("O", bearing, parts.marker(shaft, -to_s1))
         parts.drive("drive", node, of["speed"], base_node)
         for joint, (bore_body, bore_point, pin_body, pin_point) in motion.joints.items():
             bore = parts.marker(bodies[bore_body], bore_point + shifts.get(bore_body, 0j))
@@ -235,7 +234,7 @@ class Model:
         for joint, law in self.motion.laws.items():
             # A connector's force is that on the first marker's body: the bore's, or the pin's.
             if law is None:
-                forces[joint] = planar(joint) * (1.0 if joint == "C" else axis)
+                forces[joint] = planar(joint) * (1.0 if joint in "CO" else axis)
                 continue
             prefix, contact = PREFIXES[joint], planar(joint)
             known[prefix + "eccentricity"] = planar(f"{joint} pin") - planar(f"{joint} bore")
@@ -246,6 +245,6 @@ class Model:
             "joint_force": forces["A"],
             "elbow_reaction": forces["B"],
             "toggle_reaction": -forces["C"],
-            "bearing_reaction": -planar("O"),
+            "bearing_reaction": -forces["O"],
         }
         return pairs(known)

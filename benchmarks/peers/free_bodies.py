@@ -1,8 +1,8 @@
-"""The crusher with clearance in A, B and C, or in any of them, as free bodies.
+"""The crusher with clearance in O, A, B and C, or in any of them, as free bodies.
 
-Jaw and toggle are free in the plane (x, y and angle each, counterclockwise); the shaft turns at
-constant speed, the frame stands. An ideal joint is two constraints on accelerations. Origin at C;
-vectors of the plane are complex numbers, as in `equations`; SI units.
+Jaw and toggle are free in the plane (x, y and angle each, counterclockwise), and so is the shaft's
+axis; the shaft turns at constant speed, the frame stands. An ideal joint is two constraints on
+accelerations. Origin at C; vectors of the plane are complex numbers, as in `equations`; SI units.
 
 Positions of 1 m carry penetrations of 1e-6 m. By `scipy_peer` at rtol 1e-13 the eccentricities of
 three loose joints are within 2e-9 clearances after 10 ms, and 2e-7 after 20 ms.
@@ -21,24 +21,26 @@ from benchmarks.peers.equations import dot, histories
 from benchmarks.peers.loose_joint import Body, LooseJoint, Touch
 
 # The prefix of a joint's numbers: the main bearing's have none.
-PREFIXES = {"A": "", "B": "elbow.", "C": "pivot."}
-# For B and C where a description has none; Young's modulus and Poisson's ratio are those of A.
+PREFIXES = {"A": "", "B": "elbow.", "C": "pivot.", "O": "shaft_bearing."}
+# Radius of the bore at O where a description has none, m.
+SHAFT_BORE = 0.07
+# For the others where a description has none; Young's modulus and Poisson's ratio are those of A.
 DEFAULTS = {"bore_radius": 0.04, "friction": 0.1, "restitution": 0.9, "impact_velocity": 0.5}
 # The only ones here.
 LAWS = dict(load_law="along_jaw", contact_law="lankarani_nikravesh", impact_law="constant")
 WORKS = ("drive_work", "load_work", "damping_loss", "friction_loss")
 # Rows of the moving bodies in the constraints.
-ROWS = {"jaw": slice(0, 3), "toggle": slice(3, 6)}
+ROWS = {"jaw": slice(0, 3), "toggle": slice(3, 6), "shaft": slice(6, 8)}
 
 
 @dataclass(frozen=True)
 class Instant:
     """The accelerations, forces and powers at a time and state."""
 
-    accelerations: np.ndarray  # of x, y and angle of jaw and toggle
+    accelerations: np.ndarray  # of x, y and angle of jaw and toggle, of x and y of the shaft's axis
     forces: dict[str, complex]  # on the bore's body by joint, N
     touches: dict[str, Touch]  # of the loose joints
-    energy: float  # of jaw, toggle and contacts, J
+    energy: float  # of jaw, toggle and their contacts, J
     powers: list[float]  # the rates of WORKS, W
 
 
@@ -48,7 +50,7 @@ class FreeBodies:
 
     `numbers` are those of a description, by name. A joint without a `clearance` is ideal, and A
     is if its `joint` is "ideal". A state has x, y and angle of jaw and toggle (the directions of
-    B-A and C-B), their rates, and the works of `WORKS` (J).
+    B-A and C-B), x and y of the shaft's axis, their rates, and the works of `WORKS` (J).
     """
 
     numbers: Mapping[str, Any]
@@ -72,6 +74,7 @@ class FreeBodies:
             "A": ("jaw", to_a, "shaft", of["shaft.eccentricity"] + 0j),
             "B": ("jaw", to_a - of["jaw.length"], "toggle", half),
             "C": ("frame", 0j, "toggle", -half),
+            "O": ("frame", self.bearing, "shaft", 0j),
         }
         self.laws = {joint: self._law(prefix) for joint, prefix in PREFIXES.items()}
 
@@ -80,6 +83,8 @@ class FreeBodies:
         if prefix + "clearance" not in of or (not prefix and of.get("joint") == "ideal"):
             return None
         usual = DEFAULTS | {name: of[name] for name in ("young", "poisson")}
+        if prefix == PREFIXES["O"]:
+            usual["bore_radius"] = SHAFT_BORE
         values = {name: of.get(prefix + name, value) for name, value in usual.items()}
         return LooseJoint(clearance=of[prefix + "clearance"], slip=of["slip"], **values)
 
@@ -87,37 +92,44 @@ class FreeBodies:
     def start(self) -> np.ndarray:
         """The state at time 0."""
         of = self.numbers
-        e_a, e_b, e_c = (self.e.get(joint, 0j) for joint in "ABC")
-        rate_a, rate_b, rate_c = (self.rates.get(joint, 0j) for joint in "ABC")
+        e_a, e_b, e_c, e_o = (self.e.get(joint, 0j) for joint in self.joints)
+        rate_a, rate_b, rate_c, rate_o = (self.rates.get(joint, 0j) for joint in self.joints)
         toggle, jaw = of["toggle.length"], of["jaw.length"]
         crank = of["shaft.eccentricity"] + 0j
         # Toggle and jaw are two sides of a triangle, the elbow to the right of the third.
-        third = self.bearing + crank - e_a + e_b - e_c
-        moving = 1j * of["speed"] * crank - rate_a + rate_b - rate_c
+        pin, pin_rate = self.bearing + e_o + crank, rate_o + 1j * of["speed"] * crank
+        third = pin - e_a + e_b - e_c
+        moving = pin_rate - rate_a + rate_b - rate_c
         corner = math.acos((abs(third) ** 2 + toggle**2 - jaw**2) / (2 * abs(third) * toggle))
         c_to_b = cmath.rect(toggle, cmath.phase(third) - corner)
         b_to_a = third - c_to_b
         matrix = [[-c_to_b.imag, -b_to_a.imag], [c_to_b.real, b_to_a.real]]
         toggle_spin, jaw_spin = np.linalg.solve(matrix, [moving.real, moving.imag])
         s2_to_a = self.joints["A"][1] * b_to_a / jaw
-        s2, s3 = self.bearing + crank - e_a - s2_to_a, e_c + c_to_b / 2
-        u2 = 1j * of["speed"] * crank - rate_a - 1j * jaw_spin * s2_to_a
+        s2, s3 = pin - e_a - s2_to_a, e_c + c_to_b / 2
+        u2 = pin_rate - rate_a - 1j * jaw_spin * s2_to_a
         u3 = rate_c + 1j * toggle_spin * c_to_b / 2
         places = [s2.real, s2.imag, cmath.phase(b_to_a), s3.real, s3.imag, cmath.phase(c_to_b)]
         speeds = [u2.real, u2.imag, jaw_spin, u3.real, u3.imag, toggle_spin]
+        axis = self.bearing + e_o
+        places += [axis.real, axis.imag]
+        speeds += [rate_o.real, rate_o.imag]
         return np.array([*places, *speeds, *np.zeros(len(WORKS))])
 
     def instant(self, time: float, y) -> Instant:
         """Solve Newton's and Euler's laws."""
         of = self.numbers
-        x2, y2, t2, x3, y3, t3, u2, v2, w2, u3, v3, w3 = y[:12].tolist()
+        x2, y2, t2, x3, y3, t3, x1, y1, u2, v2, w2, u3, v3, w3, u1, v1 = y[:16].tolist()
         jaw = Body(complex(x2, y2), complex(u2, v2), t2, w2)
         toggle = Body(complex(x3, y3), complex(u3, v3), t3, w3)
-        shaft = Body(self.bearing, 0j, of["speed"] * time, of["speed"])
+        shaft = Body(complex(x1, y1), complex(u1, v1), of["speed"] * time, of["speed"])
         bodies = {"frame": Body(0j, 0j, 0.0, 0.0), "shaft": shaft, "jaw": jaw, "toggle": toggle}
         load = -of["load"] * jaw.axis
         jaw.push(load - 1j * of["gravity"] * of["jaw.mass"], jaw.centre)
         toggle.push(-1j * of["gravity"] * of["toggle.mass"], toggle.centre)
+        # The shaft's mass centre turns about its axis, of which the equations are.
+        of_mass = of["speed"] ** 2 * self.unbalance * shaft.axis
+        shaft.push(of_mass - 1j * of["gravity"] * self.shaft_mass, shaft.centre)
         touches, closed, rows, gamma = {}, [], [], []
         for joint, (bore, bore_point, pin, pin_point) in self.joints.items():
             arms = {bore: bodies[bore].axis * bore_point, pin: bodies[pin].axis * pin_point}
@@ -130,36 +142,39 @@ class FreeBodies:
             closed.append(joint)
             rows.append(row)
             gamma += [known.real, known.imag]
-        m2, j2, m3, j3 = (of[f"{b}.{what}"] for b in ROWS for what in ("mass", "inertia"))
+        moving = ("jaw", "toggle")
+        m2, j2, m3, j3 = (of[f"{b}.{what}"] for b in moving for what in ("mass", "inertia"))
         applied = [part for b in (jaw, toggle) for part in (b.force.real, b.force.imag, b.moment)]
-        phi, count = np.concatenate([np.zeros((0, 6)), *rows]), len(gamma)
-        masses = np.diag([m2, m2, j2, m3, m3, j3])
+        applied += [shaft.force.real, shaft.force.imag]
+        phi, count = np.concatenate([np.zeros((0, 8)), *rows]), len(gamma)
+        masses = np.diag([m2, m2, j2, m3, m3, j3, self.shaft_mass, self.shaft_mass])
         system = np.block([[masses, -phi.T], [phi, np.zeros((count, count))]])
         solution = np.linalg.solve(system, [*applied, *gamma])
         forces = {joint: touch.force for joint, touch in touches.items()}
-        forces |= {j: complex(*solution[6 + 2 * i : 8 + 2 * i]) for i, j in enumerate(closed)}
-        pin = self.bearing + shaft.axis * self.joints["A"][3]
+        forces |= {j: complex(*solution[8 + 2 * i : 10 + 2 * i]) for i, j in enumerate(closed)}
+        pin = shaft.centre + shaft.axis * self.joints["A"][3]
         driven = shaft.velocity_at(touches["A"].place if "A" in touches else pin)
         kinetic = (m2 * abs(jaw.velocity) ** 2 + j2 * w2**2) / 2
         kinetic += (m3 * abs(toggle.velocity) ** 2 + j3 * w3**2) / 2
         potential = of["gravity"] * (m2 * y2 + m3 * y3)
+        between = [touch for joint, touch in touches.items() if joint != "O"]
         return Instant(
-            solution[:6],
+            solution[:8],
             forces,
             touches,
-            kinetic + potential + sum(touch.elastic_energy for touch in touches.values()),
+            kinetic + potential + sum(touch.elastic_energy for touch in between),
             [
                 dot(forces["A"], driven),
                 dot(load, jaw.velocity),
-                sum(touch.damping_loss for touch in touches.values()),
-                sum(touch.friction_loss for touch in touches.values()),
+                sum(touch.damping_loss for touch in between),
+                sum(touch.friction_loss for touch in between),
             ],
         )
 
     def field(self, time: float, y) -> np.ndarray:
         """Return the rate y'."""
         now = self.instant(time, y)
-        return np.concatenate([y[6:12], now.accelerations, now.powers])
+        return np.concatenate([y[8:16], now.accelerations, now.powers])
 
     def corners(self, time: float, y) -> list[float]:
         """Return numbers that pass zero where a law has a corner."""
@@ -167,25 +182,23 @@ class FreeBodies:
         return [corner for touch in touches for corner in touch.corners]
 
     def observe(self, times, states) -> dict[str, np.ndarray]:
-        """Return histories at `times` (s); those of B and C have the prefixes of their numbers.
+        """Return histories at `times` (s), with the prefixes of the joints' numbers.
 
         `eccentricity` (m) and `normal_force` (N) of each loose joint; `joint_force` on the jaw at
         A, `elbow_reaction` on the jaw at B, `toggle_reaction` of the frame on the toggle at C,
-        `bearing_reaction` R_O on the shaft (N); `energy` and `WORKS` (J), and the `imbalance` of
-        the two, that is, their error.
+        `bearing_reaction` R_O on the shaft (N); `energy` and `WORKS` (J) of jaw and toggle, and the
+        `imbalance` of the two, that is, their error.
         """
-        of, rows = self.numbers, []
+        rows = []
         for time, y in zip(np.asarray(times).tolist(), states, strict=True):
             now = self.instant(time, y)
-            turned = self.unbalance * cmath.exp(1j * of["speed"] * time)
-            on_shaft = 1j * of["gravity"] * self.shaft_mass - of["speed"] ** 2 * turned
             row = {
                 "joint_force": now.forces["A"],
                 "elbow_reaction": now.forces["B"],
                 "toggle_reaction": -now.forces["C"],
-                "bearing_reaction": now.forces["A"] + on_shaft,
+                "bearing_reaction": -now.forces["O"],
                 "energy": now.energy,
-                **dict(zip(WORKS, y[12:], strict=True)),
+                **dict(zip(WORKS, y[16:], strict=True)),
             }
             for joint, touch in now.touches.items():
                 row[PREFIXES[joint] + "eccentricity"] = touch.eccentricity
@@ -200,11 +213,13 @@ class FreeBodies:
 def constraint(arms: dict[str, complex], bodies: dict[str, Body]) -> tuple[np.ndarray, complex]:
     """Return Phi_q and gamma of a joint: two ends of `arms` (m), by body, accelerate alike.
 
-    Coefficients of the accelerations of jaw and toggle, shape (2, 6), and what their sum must be.
+    Coefficients of the accelerations, shape (2, 8), and what their sum must be. The shaft's spin
+    does not change.
     """
-    row, known = np.zeros((2, 6)), 0j
+    row, known = np.zeros((2, 8)), 0j
     for (name, arm), sign in zip(arms.items(), (1, -1), strict=True):
         known += sign * bodies[name].spin ** 2 * arm
         if name in ROWS:
-            row[:, ROWS[name]] = [[sign, 0, -sign * arm.imag], [0, sign, sign * arm.real]]
+            full = sign * np.array([[1, 0, -arm.imag], [0, 1, arm.real]])
+            row[:, ROWS[name]] = full[:, :2] if name == "shaft" else full
     return row, known

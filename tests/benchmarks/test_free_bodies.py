@@ -16,7 +16,7 @@ from tests.pairs import crossed, slow
 
 OTHERS = (PREFIXES["B"], PREFIXES["C"])
 FORCES = ("bearing_reaction", "elbow_reaction", "toggle_reaction", "normal_force")
-CLEARANCES = {"A": 6e-5, "B": 1e-4, "C": 8e-5}
+CLEARANCES = {"A": 6e-5, "B": 1e-4, "C": 8e-5, "O": 7e-5}
 TIGHT = (("clearance", 1e-6), ("friction", 0.0))
 
 
@@ -131,18 +131,19 @@ def test_ideal_joints_are_the_closed_form():
 @pytest.mark.parametrize("slip", ["surface", *slow("centre")])
 def test_energy(slip):
     known = run(free_bodies("ABC", slip), 2e-5 * np.arange(600))
-    assert min(known[prefix + "normal_force"].max() for prefix in PREFIXES.values()) > 1e4
+    assert min(known[PREFIXES[joint] + "normal_force"].max() for joint in "ABC") > 1e4
     assert min(known[work][-1] for work in ("damping_loss", "friction_loss")) > 0.01
     # rtol 1e-11 of 1600 J; the largest was 2e-9.
     assert largest(known["imbalance"]) < 2e-8
 
 
 def test_given_start():
-    e = {"A": (2 + 3j) * 1e-5, "B": (-4 + 1j) * 1e-5, "C": (1 - 5j) * 1e-5}
-    rates = {"A": 0.03 - 0.01j, "B": 0.02 + 0.04j, "C": -0.05 + 0.01j}
+    e = {"A": (2 + 3j) * 1e-5, "B": (-4 + 1j) * 1e-5, "C": (1 - 5j) * 1e-5, "O": (3 + 2j) * 1e-5}
+    rates = {"A": 0.03 - 0.01j, "B": 0.02 + 0.04j, "C": -0.05 + 0.01j, "O": -0.04 - 0.02j}
     step = 1e-6
-    known = run(free_bodies("ABC", e=e, rates=rates), step * np.arange(3))
-    for joint, prefix in PREFIXES.items():
+    known = run(free_bodies("ABCO", e=e, rates=rates), step * np.arange(3))
+    for joint in e:
+        prefix = PREFIXES[joint]
         assert known[prefix + "normal_force"].max() == 0
         here, soon, later = known[prefix + "eccentricity"].view(complex)[:, 0]
         # Rounding of positions of 1 m.
@@ -151,14 +152,16 @@ def test_given_start():
         assert abs((4 * soon - later - 3 * here) / (2 * step) - rates[joint]) < 1e-8
 
 
-def test_exudyn_agrees_to_second_order():
-    """Three loose joints: the difference falls with the square of EXUDYN's step."""
-    bodies = free_bodies("ABC", friction=0.0)
+@pytest.mark.parametrize(("loose", "most"), [("ABCO", 5e-4), *slow(("ABC", 5e-5))])
+def test_exudyn_agrees_to_second_order(loose, most):
+    """The difference falls with the square of EXUDYN's step."""
+    bodies = free_bodies(loose, friction=0.0)
     known = run(bodies, 1e-5 * np.arange(1001))
     found = {h: exudyn_free_bodies.Model(bodies).run(0.01, h) for h in (1e-6, 5e-7)}
-    coarse, fine = (apart("ABC", other, known) for other in found.values())
-    # (2 pi 740 Hz 1e-6 s)^2 / 12 of the phase of a contact, 2e-6, grown by exp(200 t), 7.
-    assert coarse < 5e-5
+    coarse, fine = (apart(loose, other, known) for other in found.values())
+    # (2 pi 740 Hz 1e-6 s)^2 / 12 of the phase of a contact, 2e-6, grown by exp(200 t), 7. With the
+    # shaft loose too a force passes two contacts in a row, and the error grows ten times as much.
+    assert coarse < most
     assert coarse / fine == pytest.approx(4, rel=0.05)
     for name in ("joint_force", "elbow_reaction", "toggle_reaction"):
         assert largest(found[1e-6][name] - known[name]) < 5e-4 * largest(known[name])
@@ -205,7 +208,8 @@ def test_other_laws_are_refused():
 @pytest.mark.parametrize(
     ("formulation", "joints"),
     crossed(
-        ("eccentricity", "multiplier"), (("B", "centre"), ("ABC", "surface"), ("AC", "centre"))
+        ("eccentricity", "multiplier"),
+        (("B", "centre"), ("ABCO", "surface"), ("AC", "centre"), ("O", "centre")),
     ),
 )
 def test_the_package_moves_as_free_bodies(formulation, joints):
@@ -215,6 +219,7 @@ def test_the_package_moves_as_free_bodies(formulation, joints):
     numbers |= {f"{PREFIXES[joint]}slip": slip for joint in loose}
     scene = jc.build_scene({name: v for name, v in numbers.items() if name != "start"})
     names = [name for name in observables_of(scene) if "eccentricity" in name]
+    assert f"{PREFIXES[loose[-1]]}eccentricity".replace(".", "_") in names
     forces = ("joint_force", "elbow_reaction", "toggle_reaction", "bearing_reaction")
     ours = jc.simulate(scene, times, outputs=(*names, *forces))
     theirs = run(bodies, times)
@@ -228,7 +233,7 @@ def test_the_package_moves_as_free_bodies(formulation, joints):
     for name in forces:
         # A force is some ten times as sensitive: depths are hundredths of a clearance.
         apart = largest(np.asarray(ours[name]) - theirs[name])
-        assert apart < 10 * close * largest(theirs[name]), name
+        assert apart <= 10 * close * largest(theirs[name]), name  # none in flight
 
 
 @pytest.mark.slow
