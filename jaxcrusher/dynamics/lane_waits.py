@@ -33,8 +33,8 @@ from jaxcrusher.orbits.transient import (
     OF_WHIRL,
     RTOL,
     TURNS,
-    Case,
     Round,
+    SceneAt,
     one_period,
     resting_start,
     section_points,
@@ -246,7 +246,7 @@ class LaneWaits:
         return whole[len(whole) // 2 :]
 
 
-def _on(case: Case) -> dict[str, Array]:
+def _on(case: SceneAt) -> dict[str, Array]:
     """Return the section points of the next turns, and what tells their RMS and a whirl."""
     state, scene = case
     flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, RTOL)
@@ -259,15 +259,15 @@ def _on(case: Case) -> dict[str, Array]:
     return {"states": points, "success": outcome.success, **by_turn}
 
 
-def _after(case: Case, turns: int) -> dict[str, Array]:
+def _after(case: SceneAt, turns: int) -> dict[str, Array]:
     return {"state": section_points(case, turns=turns, rtol=FINE)[0][-1]}
 
 
-def _one_period(case: Case, period: int) -> dict[str, Array]:
+def _one_period(case: SceneAt, period: int) -> dict[str, Array]:
     orbit, success = one_period(case, period=period)
     return {"orbit": orbit, "success": success}
 
 
-def _whirls(case: Case) -> dict[str, Array]:
+def _whirls(case: SceneAt) -> dict[str, Array]:
     state, scene = case
     return {"whirl": statistics(scene, 0, 2, outputs=OF_WHIRL, state=state, rtol=RTOL).whirl}

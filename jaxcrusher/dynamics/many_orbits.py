@@ -31,7 +31,7 @@ from jaxcrusher.periodic.trigonometric import resample
 
 Rows = dict[str, np.ndarray]
 # Numbers that are free, and all others.
-Case = tuple[Float[Array, " n"], PyTree]
+DesignCase = tuple[Float[Array, " n"], PyTree]
 # Attributes of an orbit that a row holds besides its statistics.
 SEEN = (
     "error",
@@ -106,32 +106,34 @@ def solve_orbits(
     stable orbit, and its RMS with a standard error.
     """
     count = len(cases[0])
-    search = _Search(problem, cases, levels[-1] * problem.period, chunk, engine, journal)
+    solutions = _Solutions(problem, cases, levels[-1] * problem.period, chunk, engine, journal)
     report = progress or (lambda finished, of: None)
-    search.fill(np.arange(count), levels[0], alone, report)
-    left = search.unsolved(np.inf)
+    solutions.fill(np.arange(count), levels[0], alone, report)
+    left = solutions.unsolved(np.inf)
     sections = np.full((count, 2 * problem.dims), np.nan) if sections is None else sections.copy()
 
     def tell() -> None:
-        report(count - len(search.unstable()), count)
+        report(count - len(solutions.unstable()), count)
 
     waits = LaneWaits(problem.scene, cases, engine, journal, tell)
     if neighbours is not None and len(left):
-        sections[left] = search.wait(waits, left)
+        sections[left] = solutions.wait(waits, left)
     for nodes in levels[1:] or levels:
-        search.fill(search.begun(search.unsolved(enough)), nodes, neighbours or alone, report)
-    left = search.unsolved(np.inf)
-    search.shoot(left[np.isfinite(sections[left]).all(axis=1)], sections)
+        solutions.fill(
+            solutions.begun(solutions.unsolved(enough)), nodes, neighbours or alone, report
+        )
+    left = solutions.unsolved(np.inf)
+    solutions.shoot(left[np.isfinite(sections[left]).all(axis=1)], sections)
     for nodes in (levels[-1], MOST_NODES):
-        if len(doubted := search.doubted()):
-            search.fill(doubted, nodes, alone, report)
+        if len(doubted := solutions.doubted()):
+            solutions.fill(doubted, nodes, alone, report)
     motions = Rows()
     if neighbours is not None:
-        search.wait_on(waits, report)
-        motions = search.motions(waits)
+        solutions.wait_on(waits, report)
+        motions = solutions.motions(waits)
     report(count, count)
-    rows: dict[str, Any] = search.rows
-    rows["eccentricity"] = search.orbits
+    rows: dict[str, Any] = solutions.rows
+    rows["eccentricity"] = solutions.orbits
     failure = _in_words(rows.pop("code"), RESULTS, RESULTS.successful)
     found = _in_words(rows.pop("way"), WAYS, WAYS.rest)
     found[~np.asarray(rows["success"], bool)] = ""
@@ -143,7 +145,7 @@ def alone(_: int) -> list[int]:
     return []
 
 
-class _Search:
+class _Solutions:
     """The rows and orbits that are known so far, and how more are solved for."""
 
     def __init__(
@@ -346,7 +348,9 @@ def _in_words(codes: np.ndarray, kind: Any, entry: PyTree) -> np.ndarray:
     return np.array(said, object)[which]
 
 
-def _row(given: tuple[Case, Array], solve: Callable[..., dict[str, Array]]) -> dict[str, Array]:
+def _row(
+    given: tuple[DesignCase, Array], solve: Callable[..., dict[str, Array]]
+) -> dict[str, Array]:
     """Solve one case from a guess; a case of NaN, which only fills a chunk, is skipped."""
     like = jax.eval_shape(solve, given)
     nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
@@ -356,7 +360,7 @@ def _row(given: tuple[Case, Array], solve: Callable[..., dict[str, Array]]) -> d
 
 @eqx.filter_jit
 def _solved(
-    given: tuple[Case, Float[Array, "points dims"]], problem: Problem, nodes: int
+    given: tuple[DesignCase, Float[Array, "points dims"]], problem: Problem, nodes: int
 ) -> dict[str, Array]:
     """Solve one case by nodes, from those of a guess or, where these are NaN, from rest."""
     case, guess = given
@@ -366,7 +370,7 @@ def _solved(
 
 @eqx.filter_jit
 def _shot(
-    given: tuple[Case, Float[Array, " states"]], problem: Problem, points: int
+    given: tuple[DesignCase, Float[Array, " states"]], problem: Problem, points: int
 ) -> dict[str, Array]:
     """Solve one case by the integrator, from a section point."""
     case, section = given
@@ -375,7 +379,7 @@ def _shot(
 
 
 def _described(
-    case: Case, like: Float[Array, "points dims"], problem: Problem, **how: Any
+    case: DesignCase, like: Float[Array, "points dims"], problem: Problem, **how: Any
 ) -> dict[str, Array]:
     """Return the row of one case, with its orbit at as many angles as `like`.
 

@@ -42,7 +42,7 @@ class Lowered(eqx.Module):
     by_damping: Bool[Array, ""]
 
 
-class _Search(eqx.Module):
+class _Lowering(eqx.Module):
     x: Array  # the last orbit, or rest
     damping: Scalar  # at which it is one
     share: Scalar  # of this damping that the next step leaves
@@ -60,7 +60,7 @@ def lowered(
     """
     turns = jnp.asarray(2 * np.pi * period)
 
-    def advance(search: _Search) -> _Search:
+    def advance(search: _Lowering) -> _Lowering:
         x, root = collocate(System(forced.acceleration, turns, scene, search.tried), search.x)
         good, before = root.success, search.last.steps
         # Of a step that failed, the half on a logarithmic scale.
@@ -75,7 +75,7 @@ def lowered(
         # Without an orbit at the highest damping contact is lost, and nodes are of no use.
         given_up |= ~good & begins & (before > 0)
         following = jnp.minimum(share * damping, HIGHEST)
-        return _Search(
+        return _Lowering(
             jnp.where(good, x, search.x),
             damping,
             share,
@@ -87,5 +87,5 @@ def lowered(
     size, zero = start.size, jnp.zeros(())
     factors = jnp.eye(size), jnp.arange(size, dtype=jnp.int32)
     none = Lowered(start, RESULTS.too_many_steps, factors, jnp.array(0), jnp.array(False))
-    first = _Search(start, zero + jnp.inf, zero + FIRST, zero, none, jnp.array(False))
+    first = _Lowering(start, zero + jnp.inf, zero + FIRST, zero, none, jnp.array(False))
     return jax.lax.while_loop(lambda search: ~search.done, advance, first).last

@@ -25,7 +25,7 @@ from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.impact_velocities import held, settled_velocities, tracks
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, finished, missing
 from jaxcrusher.orbits.solving import kinematic, solved, solved_as_needed, with_statistics
-from jaxcrusher.orbits.tries import Search, searched, shot_for, shot_once
+from jaxcrusher.orbits.tries import OrbitSearch, searched, shot_for, shot_once
 
 
 def periodic_orbit(
@@ -112,7 +112,7 @@ def periodic_orbit(
     if forced.unknowns(scene) == 0:
         orbit = kinematic(alike, turns, chosen(statistics_of(scene)))
     elif known:
-        search = Search(alike, still, first, begin, period)
+        search = OrbitSearch(alike, still, first, begin, period)
         # Tries that fail are NaN; what comes out of all of them is looked at below.
         with jax.debug_nans(False):
             orbit = searched(search, nodes) if method is None else shot_for(search)

@@ -53,11 +53,11 @@ ABOUT, NEAR = 0.25, 1e-3
 _LOG = logging.getLogger(__name__)
 
 # A section point, and the scene that moves from it.
-Case = tuple[Float[Array, " dims"], Scene]
+SceneAt = tuple[Float[Array, " dims"], Scene]
 
 
 def section_points(
-    case: Case, *, turns: int, rtol: float
+    case: SceneAt, *, turns: int, rtol: float
 ) -> tuple[Float[Array, "turns dims"], Bool[Array, ""]]:
     """Return those of the next turns from a state, and whether the integration succeeded.
 
@@ -67,7 +67,7 @@ def section_points(
 
 
 def _states(
-    case: Case, phases: Float[np.ndarray, " n"], rtol: float
+    case: SceneAt, phases: Float[np.ndarray, " n"], rtol: float
 ) -> tuple[Float[Array, "n dims"], Bool[Array, ""]]:
     """Return states at phases after a section point, and whether the run succeeded."""
     state, scene = case
@@ -78,7 +78,7 @@ def _states(
     return jax.vmap(lambda one: flat(one, scene))(states), outcome.success
 
 
-def resting_start(scene: Scene) -> Case:
+def resting_start(scene: Scene) -> SceneAt:
     """Return the scene with its pins resting in their bores, whatever its own start."""
     if not scene.is_ideal:
         scene = eqx.tree_at(lambda s: s.start, scene, InContact())
@@ -86,7 +86,7 @@ def resting_start(scene: Scene) -> Case:
 
 
 def section_mean(
-    case: Case, *, period: int
+    case: SceneAt, *, period: int
 ) -> tuple[Float[Array, " dims"], Scalar, Bool[Array, ""]]:
     """Return the mean section point of some hundred turns, `period` apart.
 
@@ -98,7 +98,9 @@ def section_mean(
     return mean, jnp.sqrt(jnp.mean((states - mean) ** 2)), success
 
 
-def one_period(case: Case, *, period: int) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
+def one_period(
+    case: SceneAt, *, period: int
+) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
     """Return e / c at equal steps of phase over `period` turns from a section point.
 
     With it comes whether the integration succeeded.
@@ -178,7 +180,7 @@ class Wait:
 
     # Most orbits need no wait.
     @functools.cached_property
-    def _start(self) -> Case:
+    def _start(self) -> SceneAt:
         return resting_start(self._own)
 
     @property

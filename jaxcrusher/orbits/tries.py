@@ -80,7 +80,7 @@ class Try(NamedTuple):
         return Try(*(dataclasses.replace(orbit, **fields) for orbit in self))
 
 
-class Search(NamedTuple):
+class OrbitSearch(NamedTuple):
     """A scene whose values `still` are known, and from where its orbit is searched for."""
 
     scene: Scene
@@ -148,7 +148,7 @@ class Search(NamedTuple):
         return [self.by_nodes(shot.orbit.eccentricity, turns, 2 * NODES).found(way), shot]
 
 
-def searched(search: Search, nodes: int | None) -> PeriodicOrbit:
+def searched(search: OrbitSearch, nodes: int | None) -> PeriodicOrbit:
     """Return the stable orbit of a scene, with so many nodes a turn, or by all tries.
 
     Without one the first that is unstable, and what the motion from rest does instead; where there
@@ -160,7 +160,7 @@ def searched(search: Search, nodes: int | None) -> PeriodicOrbit:
     return _best(_with_doubled(search, _tries(search, wait)), wait)
 
 
-def shot_for(search: Search) -> PeriodicOrbit:
+def shot_for(search: OrbitSearch) -> PeriodicOrbit:
     """Return the stable orbit that shooting leads to, as `searched` does.
 
     From the section point of a guess, and then from the means of turns that are waited for.
@@ -196,7 +196,7 @@ def _best(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbit:
     return dataclasses.replace(sloped, result=regime)
 
 
-def _tries(search: Search, wait: Wait) -> Iterator[Try]:
+def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
     """Yield what each try comes to, cheap ones first."""
     scene, turns = search.still, search.turns
     shot_from: list[tuple[int, Array]] = []
@@ -240,7 +240,7 @@ def _tries(search: Search, wait: Wait) -> Iterator[Try]:
         yield from waited(rest)
 
 
-def _with_doubled(search: Search, tries: Iterable[Try]) -> Iterator[Try]:
+def _with_doubled(search: OrbitSearch, tries: Iterable[Try]) -> Iterator[Try]:
     """Yield tries, and behind an unstable orbit whose period has doubled those of twice its turns.
 
     A call that asks for a period has none of these.
@@ -257,7 +257,7 @@ def _with_doubled(search: Search, tries: Iterable[Try]) -> Iterator[Try]:
         yield from _with_doubled(search, _doubled(search, orbit))
 
 
-def _doubled(search: Search, orbit: PeriodicOrbit) -> Iterator[Try]:
+def _doubled(search: OrbitSearch, orbit: PeriodicOrbit) -> Iterator[Try]:
     """Yield shots from beside an unstable orbit until one leads to an orbit of twice its turns.
 
     They start where the disturbance that changes sides leads.
@@ -291,7 +291,7 @@ def _is_near(one: Array, other: Array) -> bool:
     return bool(np.max(np.abs(one - other)) < NEAR)
 
 
-def _shots(search: Search, wait: Wait) -> Iterator[Try]:
+def _shots(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
     """Yield what shooting comes to."""
     if search.section is not None:
         yield search.by_shooting(search.section, search.turns)

@@ -43,7 +43,7 @@ def test_failures_do_not_stop_the_others():
     np.testing.assert_allclose(found.foundation_rms[0, 0], 18524.1596, atol=1e-4)
 
 
-class _Made(orbits._Search):
+class _Made(orbits._Solutions):
     """A search whose solver is made up: it notes which case is tried from which orbit."""
 
     def __init__(self, count, good):

@@ -12,7 +12,7 @@ from jaxcrusher.orbits import forced, transient, tries
 from jaxcrusher.orbits.result import RESULTS, WAYS
 from jaxcrusher.orbits.solving import solved
 from jaxcrusher.orbits.transient import Round, Wait
-from jaxcrusher.orbits.tries import MOST_STEPS, UNSURE, Search, Try, searched
+from jaxcrusher.orbits.tries import MOST_STEPS, UNSURE, OrbitSearch, Try, searched
 from jaxcrusher.periodic.multipliers import multipliers
 
 # Near a harmonic of the drive Newton's method fails from rest. RMS of 20 turns after 3000 from the
@@ -108,7 +108,7 @@ def test_the_first_stable_orbit_is_the_answer(monkeypatch):
     def answer(*names):
         tried = [Try(made[name], made[name]) for name in names]
         monkeypatch.setattr(tries, "_tries", lambda *_: iter(tried))
-        return searched(Search(scene, scene, None, None, None), None)
+        return searched(OrbitSearch(scene, scene, None, None, None), None)
 
     assert answer("none", "unstable", "stable", "none").way == WAYS.rest
     assert answer("none", "unstable", "none").way == WAYS.guess
@@ -127,7 +127,7 @@ def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles(monkeypa
         monkeypatch.setattr(tries, "_tries", lambda *_: iter([Try(orbit, orbit)] * 2))
         shots = lambda _, one: beside.append(one) or iter([Try(found, found)])  # noqa: E731
         monkeypatch.setattr(tries, "_doubled", shots)
-        return searched(Search(scene, scene, None, None, period), None), len(beside)
+        return searched(OrbitSearch(scene, scene, None, None, period), None), len(beside)
 
     orbit, count = answer(doubles, twice)
     assert orbit.way == WAYS.doubling and count == 1
