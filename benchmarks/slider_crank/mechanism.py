@@ -24,7 +24,7 @@ from jaxcrusher.basics.integrate import (
     pi_controller,
 )
 from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint, Contact
+from jaxcrusher.joint.clearance import ClearanceJoint, Contact
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import (
     AbstractImpactVelocity,
@@ -33,61 +33,13 @@ from jaxcrusher.joint.normal import (
     cylinder_stiffness,
 )
 from jaxcrusher.mechanism.arms import Arm
-from jaxcrusher.mechanism.drives import AbstractDrive, ConstantSpeed
-from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.energies import kinetic_energy, potential_energy
-from jaxcrusher.mechanism.equations import Wrench
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
-from jaxcrusher.mechanism.motion import Motion as LinkageMotion
+from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import (
-    AbstractApplied,
-    AbstractFormulation,
-    AbstractScene,
-    AbstractStart,
-)
 from jaxcrusher.mechanism.snapshot import Snapshot
-from jaxcrusher.mechanism.starts import Centred
-from jaxcrusher.mechanism.supports import AbstractFoundation
 from jaxcrusher.motion.simulation import require_times
-
-
-class Nothing(AbstractApplied):
-    """No force besides weight and joints."""
-
-    wrenches: tuple[Wrench, ...] = ()
-
-
-class SliderCrank(AbstractScene):
-    """Crank, rod and slider; `bearings` holds the `wrist` between rod and slider if it is loose."""
-
-    drawn: Linkage
-    bearings: Named[AbstractBearing]
-    drive: AbstractDrive
-    formulation: AbstractFormulation = eqx.field(default_factory=EccentricityFormulation)
-    start: AbstractStart | None = eqx.field(default_factory=Centred)
-    foundation: AbstractFoundation | None = None
-
-    @property
-    def linkage(self) -> Linkage:
-        """Return bodies, joints and the slide."""
-        return self.drawn
-
-    @property
-    def joints(self) -> Named[AbstractBearing]:
-        """Return the joint with clearance, if there is one."""
-        return self.bearings
-
-    @property
-    def throw(self) -> Scalar:
-        """Return the length of the crank, m."""
-        found = self.drawn.joint("big end").pin.arm.x
-        assert found is not None
-        return found
-
-    def applied(self, motion: LinkageMotion) -> Nothing:
-        """Return nothing."""
-        return Nothing()
 
 
 class Instant(eqx.Module):
@@ -122,7 +74,7 @@ def flores(
     impact_velocity: AbstractImpactVelocity | None = None,
     friction: AbstractFriction | None = None,
     gravity: ArrayLike = 0.0,
-) -> SliderCrank:
+) -> LinkageScene:
     """Return the mechanism of Flores and co-workers; `clearance` in m, None for the ideal joint.
 
     Bore of radius 10 mm, steel (207 GPa, 0.3), Lankarani-Nikravesh with restitution 0.9, no
@@ -159,7 +111,7 @@ def flores(
         Named(bodies), Named(joints), "crank", "base", (1,), gravity, slides=Named(slides)
     )
     drive = ConstantSpeed(5000 * 2 * np.pi / 60)
-    return SliderCrank(drawn=drawn, bearings=Named(bearings), drive=drive)
+    return LinkageScene(drawn, Named(bearings), drive)
 
 
 def instant(s: Snapshot) -> Instant:
@@ -179,7 +131,7 @@ def instant(s: Snapshot) -> Instant:
     )
 
 
-def energy(s: Snapshot, mechanism: SliderCrank) -> Scalar:
+def energy(s: Snapshot, mechanism: LinkageScene) -> Scalar:
     """Return kinetic, potential and elastic energy, J."""
     stored = kinetic_energy(s, mechanism) + potential_energy(s, mechanism)
     elastic = mechanism.joints.map(lambda joint, at: joint.elastic_energy(at), s.contacts)
@@ -196,18 +148,18 @@ def powers(s: Snapshot) -> dict[str, Scalar]:
     return found
 
 
-def _initial(mechanism: SliderCrank) -> Carried:
+def _initial(mechanism: LinkageScene) -> Carried:
     state = mechanism.formulation.initial(mechanism)
     done = powers(mechanism.formulation.snapshot(jnp.zeros(()), state, mechanism))
     return Carried(state, jax.tree.map(jnp.zeros_like, done))
 
 
-def _field(time: Scalar, y: Carried, mechanism: SliderCrank) -> Carried:
+def _field(time: Scalar, y: Carried, mechanism: LinkageScene) -> Carried:
     s = mechanism.formulation.snapshot(time, y.motion, mechanism)
     return Carried(mechanism.formulation.rate(s, y.motion, mechanism), powers(s))
 
 
-def _observe(time: Scalar, y: Carried, mechanism: SliderCrank) -> tuple:
+def _observe(time: Scalar, y: Carried, mechanism: LinkageScene) -> tuple:
     s = mechanism.formulation.snapshot(time, y.motion, mechanism)
     return instant(s), y.totals, energy(s, mechanism)
 
@@ -215,7 +167,7 @@ def _observe(time: Scalar, y: Carried, mechanism: SliderCrank) -> tuple:
 PROBLEM = Problem(_initial, _field, _observe, lambda observed, end: observed)
 
 
-def simulate(mechanism: SliderCrank, times: ArrayLike, rtol: float = 1e-10) -> Motion:
+def simulate(mechanism: LinkageScene, times: ArrayLike, rtol: float = 1e-10) -> Motion:
     """Integrate to `times` (s, increasing) to a tolerance in clearances and m/s.
 
     Differentiable by every number of the mechanism: see `jaxcrusher.basics.integrate`.
@@ -226,7 +178,7 @@ def simulate(mechanism: SliderCrank, times: ArrayLike, rtol: float = 1e-10) -> M
 
 
 @eqx.filter_jit
-def _simulate(mechanism: SliderCrank, times: Array, rtol: Scalar) -> Motion:
+def _simulate(mechanism: LinkageScene, times: Array, rtol: Scalar) -> Motion:
     controller = pi_controller(rtol, smallest=1e-15)
     method = Integration(diffrax.Tsit5(), controller, 10_000_000, 1e-7, None)
     seen, outcome = integrate(mechanism, times[None], problem=PROBLEM, method=method)

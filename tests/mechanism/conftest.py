@@ -1,60 +1,17 @@
 """Mechanisms that are no crushers, for the tests of what holds for all of them."""
 
-import equinox as eqx
-import jax.numpy as jnp
 import pytest
 
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
+from jaxcrusher.joint.clearance import ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction, SurfaceSlip
 from jaxcrusher.joint.normal import ConstantImpactVelocity, LankaraniNikravesh
 from jaxcrusher.mechanism.arms import Arm
-from jaxcrusher.mechanism.drives import AbstractDrive, ConstantSpeed
-from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
-from jaxcrusher.mechanism.equations import Wrench
+from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
+from jaxcrusher.mechanism.linkage_scene import LinkageScene, Push
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import (
-    AbstractApplied,
-    AbstractFormulation,
-    AbstractScene,
-    AbstractStart,
-)
-from jaxcrusher.mechanism.supports import AbstractFoundation
 from jaxcrusher.mechanism.topology import FRAME
-
-
-class Pull(AbstractApplied):
-    """A constant force on a body, at its mass centre."""
-
-    wrenches: tuple[Wrench, ...]
-
-
-class Machine(AbstractScene):
-    """A linkage with a crank, loose joints, and a constant force on one of its bodies."""
-
-    drawn: Linkage
-    bearings: Named[AbstractBearing]
-    drive: AbstractDrive
-    pulled: str = eqx.field(static=True)
-    formulation: AbstractFormulation = eqx.field(default_factory=EccentricityFormulation)
-    start: AbstractStart | None = None
-    foundation: AbstractFoundation | None = None
-
-    @property
-    def linkage(self):
-        return self.drawn
-
-    @property
-    def joints(self):
-        return self.bearings
-
-    @property
-    def throw(self):
-        return jnp.asarray(0.05)
-
-    def applied(self, motion):
-        return Pull((Wrench(self.pulled, Vector(-700.0, 200.0)),))
 
 
 def bearing(clearance=1e-4):
@@ -149,7 +106,10 @@ def machine(linkages):
 
     def made(name, loose=(), drive=None):
         drive = ConstantSpeed(20.0) if drive is None else drive
-        pulled = "rocker" if "rocker" in linkages[name].bodies else "slider"
-        return Machine(linkages[name], Named({n: bearing() for n in loose}), drive, pulled)
+        linkage, bearings = linkages[name], Named({n: bearing() for n in loose})
+        pulled = "rocker" if "rocker" in linkage.bodies else "slider"
+        centre = Point(pulled, linkage.body(pulled).mass_centre)
+        pull = Push(centre, Vector(-700.0, 200.0))
+        return LinkageScene(linkage, bearings, drive, (pull,), start=None)
 
     return made
