@@ -111,7 +111,7 @@ def flores(
         Named(bodies), Named(joints), "crank", "base", (1,), gravity, slides=Named(slides)
     )
     drive = ConstantSpeed(5000 * 2 * np.pi / 60)
-    return LinkageScene(drawn, Named(bearings), drive)
+    return LinkageScene(drawn=drawn, bearings=Named(bearings), drive=drive)
 
 
 def instant(s: Snapshot) -> Instant:

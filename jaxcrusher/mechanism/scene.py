@@ -28,13 +28,25 @@ class AbstractApplied(eqx.Module):
 class AbstractScene(eqx.Module):
     """A linkage with its drive, its loose joints, and how its equations are written."""
 
-    linkage: eqx.AbstractVar[Linkage]
-    joints: eqx.AbstractVar[Named[AbstractBearing]]  # those with clearance
     drive: eqx.AbstractVar[AbstractDrive]
-    throw: eqx.AbstractVar[Scalar]  # how far the crank carries its pin, m: a moving frame's measure
     formulation: eqx.AbstractVar["AbstractFormulation"]
     start: eqx.AbstractVar["AbstractStart | None"]
     foundation: eqx.AbstractVar[AbstractFoundation | None]
+
+    @property
+    @abc.abstractmethod
+    def linkage(self) -> Linkage:
+        """Return bodies and joints."""
+
+    @property
+    @abc.abstractmethod
+    def joints(self) -> Named[AbstractBearing]:
+        """Return the joints with clearance."""
+
+    @property
+    @abc.abstractmethod
+    def throw(self) -> Scalar:
+        """Return how far the crank carries its pin, m: what a moving frame is measured by."""
 
     @abc.abstractmethod
     def applied(self, motion: Motion) -> AbstractApplied:

@@ -172,7 +172,7 @@ def test_rest_in_contact_tends_to_the_ideal_joint():
     @jax.jit
     def errors(clearance):
         mechanism = sc.flores(clearance)
-        deep = clearance + mechanism.joints["wrist"].normal.penetration_under(size)
+        deep = clearance + mechanism.bearings["wrist"].normal.penetration_under(size)
         now = seen_at(mechanism, (deep / clearance / size) * force)
         relative_errors = jnp.stack([getattr(now, n) / getattr(ideal, n) - 1 for n in names])
         # By the angle through which the eccentricity turns the rod.
@@ -190,7 +190,7 @@ def first_impact(numbers):
     """Peak force (N), and loss (J) and e_x (m) later, for a clearance and a slider's mass."""
     clearance, slider_mass = numbers
     mechanism = eqx.tree_at(
-        lambda m: m.linkage.bodies["slider"].mass, sc.flores(clearance), slider_mass
+        lambda m: m.drawn.bodies["slider"].mass, sc.flores(clearance), slider_mass
     )
     made = sc.simulate(mechanism, np.linspace(0.24e-3, 0.29e-3, 2001), rtol=1e-11)
     force = made.instants.contact.normal_force
@@ -215,7 +215,7 @@ def test_derivatives_of_the_first_impact():
 
 def test_a_failed_motion_is_reported():
     broken = eqx.tree_at(
-        lambda m: m.joints["wrist"].normal.stiffness,
+        lambda m: m.bearings["wrist"].normal.stiffness,
         sc.flores(),
         replace_fn=lambda k: jnp.nan * k,
     )

@@ -110,6 +110,8 @@ def machine(linkages):
         pulled = "rocker" if "rocker" in linkage.bodies else "slider"
         centre = Point(pulled, linkage.body(pulled).mass_centre)
         pull = Push(centre, Vector(-700.0, 200.0))
-        return LinkageScene(linkage, bearings, drive, (pull,), start=None)
+        return LinkageScene(
+            drawn=linkage, bearings=bearings, drive=drive, pushes=(pull,), start=None
+        )
 
     return made

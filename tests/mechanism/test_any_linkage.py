@@ -240,7 +240,7 @@ def test_pins_in_contact_rest(machine, linkages, name):
     law = LankaraniNikravesh(1e11, 1.0, ConstantImpactVelocity(0.1), width=1e-8)
     bearings = Named({joint: ClearanceJoint(0.02, 1e-4, law, None) for joint in names})
     scene = eqx.tree_at(
-        lambda s: (s.joints, s.start),
+        lambda s: (s.bearings, s.start),
         machine(name, names),
         (bearings, InContact()),
         is_leaf=lambda x: x is None,
