@@ -9,6 +9,7 @@ from scipy.stats import t as student
 
 import jaxcrusher as jc
 from jaxcrusher.motion.statistics import limits_of
+from jaxcrusher.motion.statistics_table import ALL_THE_TIME
 from optimize.answer import Confirmed, Orbit, Runs
 from optimize.case import Case
 from optimize.counts import broken
@@ -20,8 +21,6 @@ CONFIDENCE = 0.95
 # Starts of independent runs are shifted at random by up to this many clearances: a swing or a
 # chaotic motion forgets it, a periodic one comes back to itself.
 SHIFT = 0.05
-# A share of time as an integral over many steps.
-ROUNDING = 1e-9
 
 
 def interval(values: Float[np.ndarray, " runs"]) -> tuple[float, float]:
@@ -109,4 +108,4 @@ def confirmed(
 def _in_contact(by_run: Rows) -> bool:
     """Tell whether no run left contact, so that all of them decay to the orbit."""
     shares = [column for name, column in by_run.items() if name.endswith("contact_fraction")]
-    return bool(np.min(shares) >= 1 - ROUNDING and by_run["success"].all())
+    return bool(np.min(shares) >= ALL_THE_TIME and by_run["success"].all())

@@ -15,6 +15,7 @@ from jaxcrusher.motion import statistics_table
 from jaxcrusher.motion.statistics_table import STATISTICS
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.solving import NODES
 from optimize import counts
 from optimize.answer import Coexisting, Orbit
 from optimize.case import Case
@@ -23,8 +24,6 @@ from optimize.landscape import GRID_DIMENSIONS, labelled
 
 # What a map keeps of an orbit besides the statistics.
 KEPT = ("error", "largest_multiplier", "settling_turns", "least_penetration")
-# Nodes a turn of maps and descents; what is reported is solved with as many as it takes.
-NODES = 96
 # Designs solved between two reports of progress. Descents run the same program.
 CHUNK = 32
 # Slopes are compared with differences over twice this share of the box: shorter ones lose more to

@@ -26,6 +26,7 @@ from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.orbits.load_sheet import SOURCE, Row, joint_states, running_frequency, sheet
 from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.scene_file import read_range
 
@@ -33,7 +34,6 @@ TITLE = "Load sheet of a jaw crusher's foundation"
 FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")
 # Statistic -> its name in the picture; of a clamped frame the first alone.
 CURVES = {"shaking_rms": "shaking force", "transmitted_rms": "force on the ground"}
-NODES = 96
 PAGE = Path(__file__).with_name("load_sheet.html")
 REMEDY = (
     "`--set joint ideal` gives the sheet with an ideal main bearing, whose forces are exact and "

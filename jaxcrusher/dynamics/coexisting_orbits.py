@@ -22,20 +22,17 @@ from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
-from jaxcrusher.orbits.transient import NEAR, section_points
+from jaxcrusher.orbits.transient import NEAR, WAIT_RTOL, section_points
 
 # A run is looked at so many times; the orbits searched for, and a multiple of all their periods.
 LOOKS, PERIODS, CYCLE = 4, (1, 2, 3, 4), 12
 # A motion oscillates about an orbit of few turns if its spread about their means is, to this factor
-# and within this rounding in clearances, no wider than that about the means of a whole cycle.
-AS_NARROW, ROUNDING = 1.25, 1e-4
+# and within this slack in clearances, no wider than that about the means of a whole cycle.
+AS_NARROW, SLACK = 1.25, 1e-4
 # The mean of a wider oscillation, in clearances, is no guess of an orbit.
 WIDE = 0.1
 # An oscillation no wider, in clearances, is shot for at once; others may yet narrow.
 NARROW = 0.01
-# The integration's tolerance: at 1e-6 the method feeds an oscillation as much as the joint damps
-# it; at 1e-7 it changes the decay by 5 to 14 %.
-RTOL = 1e-7
 # Two orbits whose RMS agrees so well are one.
 SAME = 1e-6
 # Searches that fail, after which no more begins: each costs as much as all the starts.
@@ -111,7 +108,7 @@ def coexisting_orbits(
     quiet = periodic_orbit(scene)
     known = _Known(scene, [quiet] if bool(quiet.stable) else [])
     length = -(-turns // LOOKS)
-    advance = eqx.Partial(section_points, turns=length, rtol=RTOL)
+    advance = eqx.Partial(section_points, turns=length, rtol=WAIT_RTOL)
     begun, going = _shifted(scene, starts, spread, seed), list(range(starts))
     state, labels = begun.copy(), np.full(starts, -1)
     looks: list[dict[int, _Oscillations]] = []
@@ -185,7 +182,7 @@ def _oscillations(states: Float[np.ndarray, "turns dims"], joints: int) -> _Osci
 
 def _shortest(oscillations: _Oscillations) -> Oscillation:
     """Return the oscillation about the shortest orbit that fits, of `CYCLE` turns if none does."""
-    enough = AS_NARROW * oscillations[CYCLE].spread + ROUNDING
+    enough = AS_NARROW * oscillations[CYCLE].spread + SLACK
     return next(one for one in oscillations.values() if one.spread <= enough)
 
 

@@ -27,18 +27,19 @@ from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.statistics import Statistics, statistics, statistics_problem
 from jaxcrusher.motion.statistics_table import STATISTIC, chosen
-from jaxcrusher.orbits.shot import CLOSURE, STEPS
+from jaxcrusher.orbits.shot import STEPS
 from jaxcrusher.orbits.transient import (
     GROWN,
     OF_WHIRL,
-    RTOL,
     TURNS,
+    WAIT_RTOL,
     Round,
     SceneAt,
     one_period,
     resting_start,
     section_points,
 )
+from jaxcrusher.periodic.shooting_problem import CLOSURE
 
 # The statistic that comes along.
 RMS = "foundation_rms"
@@ -249,7 +250,7 @@ class LaneWaits:
 def _on(case: SceneAt) -> dict[str, Array]:
     """Return the section points of the next turns, and what tells their RMS and a whirl."""
     state, scene = case
-    flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, RTOL)
+    flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, WAIT_RTOL)
     angles = 2 * np.pi * np.arange(1, TURNS + 1)[:, None]
     problem = statistics_problem(chosen((RMS,)))
     (states, by_turn), outcome = integrate(
@@ -270,4 +271,4 @@ def _one_period(case: SceneAt, period: int) -> dict[str, Array]:
 
 def _whirls(case: SceneAt) -> dict[str, Array]:
     state, scene = case
-    return {"whirl": statistics(scene, 0, 2, outputs=OF_WHIRL, state=state, rtol=RTOL).whirl}
+    return {"whirl": statistics(scene, 0, 2, outputs=OF_WHIRL, state=state, rtol=WAIT_RTOL).whirl}

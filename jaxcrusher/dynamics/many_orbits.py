@@ -25,8 +25,8 @@ from jaxcrusher.files.journal import Journal
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, words
-from jaxcrusher.orbits.solving import MOST_NODES
 from jaxcrusher.orbits.transient import TURNS
+from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.trigonometric import resample
 
 Rows = dict[str, np.ndarray]

@@ -24,6 +24,7 @@ from jaxcrusher.motion.indicators import (
 )
 from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.statistics import Statistics
+from jaxcrusher.motion.statistics_table import ALL_THE_TIME
 from jaxcrusher.motion.tangents import SLICES, Tangents
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
@@ -36,8 +37,6 @@ WHIRL_TURNS = 20
 # What the integration leaves on a periodic orbit, in tolerances: a thousand steps a turn, and
 # turns that hardly contract. Measured on orbits of period 2 to 8: up to 1.2e5.
 NOISE = 2e5
-# A motion is in contact if rounding alone is missing of all the time.
-ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -146,7 +145,7 @@ def classify(
 def _orbit_in_contact(scene: Scene, record: Section) -> PeriodicOrbit | None:
     """The stable motion of one turn that the record swings about without leaving contact."""
     kept = all(
-        bool(jnp.all(record.values[f"{before(joint)}contact_fraction"] >= 1 - ROUNDING))
+        bool(jnp.all(record.values[f"{before(joint)}contact_fraction"] >= ALL_THE_TIME))
         for joint, _ in scene.joints.items()
     )
     if not kept or scene.is_ideal or refusal(scene):

@@ -31,6 +31,8 @@ from jaxcrusher.files.table import Column
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.snapshot import Snapshot
 
+# A share of the time in contact that is all of it: a mean over many steps, with their rounding.
+ALL_THE_TIME = 1 - 1e-9
 # Instants per turn at which peaks and contact are looked at.
 SAMPLES = 1024
 

@@ -29,7 +29,7 @@ from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import resample
 
 # Nodes a turn: the response follows the feed up to its bandwidth.
-NODES = 192
+RESPONSE_NODES = 192
 # The highest order of a feed: one program serves all bandwidths.
 WIDEST = 40.0
 # Contact is called lost where it is lost once in so many turns.
@@ -167,7 +167,7 @@ class Linearised(eqx.Module):
 def linearised(orbit: PeriodicOrbit) -> Linearised:
     """Return the equations about an orbit under a rough feed."""
     assert orbit.eccentricity is not None
-    count = NODES * orbit.period
+    count = RESPONSE_NODES * orbit.period
     system = forced.system(steady(orbit.scene), orbit.period)
     x = resample(orbit.eccentricity, count)
     angle, place, rate = system.at(x, count)

@@ -15,11 +15,11 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.normal import ConstantImpactVelocity
 from jaxcrusher.motion.flow import initial_state, unflattened
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.orbits.transient import RTOL, TURNS, section_points
+from jaxcrusher.motion.statistics_table import ALL_THE_TIME
+from jaxcrusher.orbits.transient import TURNS, WAIT_RTOL, section_points
 
-# Times that so many turns are waited for contact, and turns that must keep it. The share of the
-# time in contact is a mean of steps, with their rounding.
-ROUNDS, KEPT, ROUNDING = 8, 12, 1e-9
+# Times that so many turns are waited for contact, and turns that must keep it.
+ROUNDS, KEPT = 8, 12
 
 _points = eqx.filter_jit(section_points)
 
@@ -40,12 +40,12 @@ def settled_velocities(scene: Scene) -> dict[str, Array] | None:
     outputs = tuple(f"{before(name)}contact_fraction" for name in joints)
     state = initial_state(scene)
     for _ in range(ROUNDS):
-        states, success = _points((state, scene), turns=TURNS, rtol=RTOL)
+        states, success = _points((state, scene), turns=TURNS, rtol=WAIT_RTOL)
         state = states[-1]
         if not bool(success):
             return None
-        seen = poincare_section(scene, 0, KEPT, state=state, outputs=outputs, rtol=RTOL)
-        if all(bool(np.all(seen.values[name] >= 1 - ROUNDING)) for name in outputs):
+        seen = poincare_section(scene, 0, KEPT, state=state, outputs=outputs, rtol=WAIT_RTOL)
+        if all(bool(np.all(seen.values[name] >= ALL_THE_TIME)) for name in outputs):
             at = unflattened(state, scene)
             assert at is not None
             return {

@@ -30,7 +30,7 @@ FREE_COLUMNS = {
 STEPS, STANDING = 50, 1e-12
 # Rounding of the eigenvalues, over the largest of the matrix, which is normal without damping, and
 # that of a double eigenvalue, its root.
-ROUNDING, CRITICAL = 1e-13, 1e-6
+UNDAMPED, CRITICAL = 1e-13, 1e-6
 
 
 def natural_modes(scene: Scene) -> xr.Dataset:
@@ -91,7 +91,7 @@ def _free(rates: np.ndarray, dampers: np.ndarray) -> tuple[np.ndarray, np.ndarra
     matrix = np.block([[np.zeros((3, 3)), np.diag(rates)], [-np.diag(rates), -dampers]])
     values = np.linalg.eigvals(matrix)
     size, decay, swing = np.abs(values), -np.real(values), np.imag(values)
-    decay = np.where(np.abs(decay) > ROUNDING * np.abs(matrix).max(), decay, 0.0)
+    decay = np.where(np.abs(decay) > UNDAMPED * np.abs(matrix).max(), decay, 0.0)
     swing = np.where(np.abs(swing) > CRITICAL * size, swing, 0.0)
     kept = [k for k in np.argsort(size) if swing[k] >= 0]  # one of each pair
     return decay[kept], swing[kept] / (2 * np.pi)

@@ -41,7 +41,7 @@ from jaxcrusher.periodic.shooting_problem import ShootingProblem
 from jaxcrusher.periodic.trigonometric import resample
 
 # Nodes a turn: near a fold an orbit and its multipliers want more than elsewhere.
-NODES = 192
+BRANCH_NODES = 192
 # What a point holds: statistics, and further numbers of its orbit.
 HELD = ("foundation_rms", "foundation_mean", "foundation_peak")
 FURTHER = ("error", "least_penetration", "largest_multiplier", "multipliers_error", "stable")
@@ -189,7 +189,7 @@ def orbit_branch(
     if isinstance(start, Departure):
         begin = start if nodes is None else start.with_nodes(nodes)
     else:
-        begin = _first(scene, start, period, NODES if nodes is None else nodes, guess)
+        begin = _first(scene, start, period, BRANCH_NODES if nodes is None else nodes, guess)
     problem = problem_of(scene, jnp.asarray(value, float), begin.period, begin.unknowns.ndim > 1)
     unknowns = begin.unknowns
     if isinstance(problem, ShootingProblem) and not isinstance(start, Departure):

@@ -24,15 +24,16 @@ from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missin
 from jaxcrusher.orbits.section_map import along, chained, passed
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import difference, eigenvalues
+from jaxcrusher.periodic.shooting_problem import CLOSURE, COARSER
 
 # Newton's steps, at either tolerance of the integration.
 STEPS = 16
-# Newton's last step, in clearances and m/s, and the tolerance of the integration. Until a step is
-# as short as the first of these the tolerance is coarse.
-CLOSURE, RTOL = 1e-7, 1e-11
-ROUNDS = ((1e-8, 1e-4), (RTOL, CLOSURE))
-# A tolerance so many times as large tells the error, of this statistic and of the multipliers.
-COARSER, RMS = 100.0, "foundation_rms"
+# The tolerance of the integration. Until Newton's step, in clearances and m/s, is as short as the
+# first of these the tolerance is coarse.
+ORBIT_RTOL = 1e-11
+ROUNDS = ((1e-8, 1e-4), (ORBIT_RTOL, CLOSURE))
+# A coarser tolerance tells the error of this statistic, and of the multipliers.
+RMS = "foundation_rms"
 
 
 class Closed(eqx.Module):
@@ -102,7 +103,7 @@ def _matrix(
 
     It is the difference that a tolerance `COARSER` times as large makes.
     """
-    tolerances = RTOL * jnp.array([COARSER, 1.0])
+    tolerances = ORBIT_RTOL * jnp.array([COARSER, 1.0])
     coarse, fine = jax.lax.map(lambda rtol: _mapped(scene, state, period, rtol)[1], tolerances)
     return fine, difference(coarse, fine)
 
@@ -125,8 +126,8 @@ def described(scene: Scene, found: Closed, period: int) -> PeriodicOrbit:
     outputs, samples = chosen(statistics_of(scene)), _samples(scene)
     still = without_slopes(scene)
     rms = tuple(one for one in outputs if one[0] == RMS)
-    _, rough = along(still, found.state, period, COARSER * RTOL, rms)
-    section, seen = along(scene, found.state, period, RTOL, outputs + samples)
+    _, rough = along(still, found.state, period, COARSER * ORBIT_RTOL, rms)
+    section, seen = along(scene, found.state, period, ORBIT_RTOL, outputs + samples)
     return _described(scene, found, period, outputs, section, seen, rough[RMS])
 
 
@@ -177,7 +178,7 @@ def least_penetrations_from(
     scene: Scene, state: Float[ArrayLike, " dims"], period: int
 ) -> Float[Array, " joints"]:
     """Return those of `jaxcrusher.orbits.penetrations.least_penetrations` from a section point."""
-    _, seen = along(scene, jnp.asarray(state), period, RTOL, _samples(scene))
+    _, seen = along(scene, jnp.asarray(state), period, ORBIT_RTOL, _samples(scene))
     return least_penetrations(_relative(scene, seen))
 
 

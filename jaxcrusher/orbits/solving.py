@@ -24,14 +24,15 @@ from jaxcrusher.orbits.penetrations import INSTANTS
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.collocation import Unfactored, attached, collocate
+from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.multipliers import LOOKS, STEPS, Multipliers, of_slopes
 from jaxcrusher.periodic.newton import Factors
 from jaxcrusher.periodic.node_errors import Family, NodeErrors, dual_error, node_errors
 from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import resample
 
-# Nodes a turn to begin with, and the most that a motion gets.
-NODES, MOST_NODES = 96, 384
+# Nodes a turn to begin with.
+NODES = 96
 # Nodes are added until the RMS is known this well. Slopes by the clearance, a millionth of the RMS
 # for a clearance that grows by all of itself, then have two digits and more.
 SETTLED = 1e-8

@@ -33,7 +33,7 @@ from jaxcrusher.orbits.result import RESULTS
 TURNS, ROUNDS = 240, 4
 # The integration's tolerance: at 1e-6 the method feeds a swing as much as the joint damps it; at
 # 1e-7 it changes the decay by 5 to 14 %. No decay is judged by it.
-RTOL = 1e-7
+WAIT_RTOL = 1e-7
 # Instants a turn at which the motion from a mean is looked at.
 ANGLES = 96
 # The longest period that a motion is looked at for, and how much narrower it must be about the
@@ -92,7 +92,7 @@ def section_mean(
 
     With it come how far they are from it, root mean square, and whether the integration succeeded.
     """
-    states, success = section_points(case, turns=TURNS, rtol=RTOL)
+    states, success = section_points(case, turns=TURNS, rtol=WAIT_RTOL)
     states = states[TURNS // 2 + period - 1 :: period]
     mean = jnp.mean(states, axis=0)
     return mean, jnp.sqrt(jnp.mean((states - mean) ** 2)), success
@@ -106,7 +106,7 @@ def one_period(
     With it comes whether the integration succeeded.
     """
     steps = 2 * np.pi * np.arange(1, ANGLES * period) / ANGLES
-    states, success = _states(case, steps, RTOL)
+    states, success = _states(case, steps, WAIT_RTOL)
     states, scene = jnp.concatenate([case[0][None], states]), case[1]
     return jax.vmap(lambda one: _coordinates(one, scene))(states), success
 
@@ -204,7 +204,7 @@ class Wait:
                 return
             case = self._state, self.scene
             _LOG.info("waiting: turns %d to %d from rest", turn * TURNS + 1, (turn + 1) * TURNS)
-            states, success = _points(case, turns=TURNS, rtol=RTOL)
+            states, success = _points(case, turns=TURNS, rtol=WAIT_RTOL)
             self._failed = not bool(success)
             if self._failed:
                 return
@@ -232,12 +232,14 @@ class Wait:
         return RESULTS.chaotic if self._chaotic else RESULTS.aperiodic
 
     def _whirls(self) -> bool:
-        seen = poincare_section(self.scene, 0, 2, state=self._state, outputs=OF_WHIRL, rtol=RTOL)
+        seen = poincare_section(
+            self.scene, 0, 2, state=self._state, outputs=OF_WHIRL, rtol=WAIT_RTOL
+        )
         return bool(seen.success) and bool(seen.statistics.whirl)
 
     def _growth(self) -> float:
         """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980)."""
         build = eqx.Partial(same, scene=self.scene)
-        along = tangents(build, jnp.zeros(0), "foundation_rms", self._state, GROWN, RTOL)
+        along = tangents(build, jnp.zeros(0), "foundation_rms", self._state, GROWN, WAIT_RTOL)
         exponents = lyapunov_spectrum(along.jacobians, slices=SLICES, discard=0.0).exponents
         return float(exponents[0])

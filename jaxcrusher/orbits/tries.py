@@ -25,10 +25,15 @@ from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
-from jaxcrusher.orbits.shot import can_be_shot, closed, described, integrated_multipliers
+from jaxcrusher.orbits.shot import (
+    ORBIT_RTOL,
+    can_be_shot,
+    closed,
+    described,
+    integrated_multipliers,
+)
 from jaxcrusher.orbits.solving import (
     FASTER,
-    MOST_NODES,
     NODES,
     SETTLED,
     Nodes,
@@ -47,13 +52,14 @@ from jaxcrusher.orbits.transient import (
     section_mean,
 )
 from jaxcrusher.periodic import newton
+from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.multipliers import STEPS
 
 # Distances in clearances from an unstable orbit, at which the orbit of twice the turns is shot for.
 # Where |mu| is 1.0004 to 1.01 the first one leads there.
 BESIDE = (0.01, 0.003, 0.03, 0.1)
-# Of the orbit integrated once round, in clearances and m/s, and the tolerance of doing so.
-CLOSURE, RTOL = 1e-6, 1e-11
+# How near the orbit that is integrated once round comes to its beginning, in clearances and m/s.
+COMES_BACK = 1e-6
 # An orbit with this estimate is not integrated. At 130 orbits of drawn crushers the integrated
 # closure was at most 1.7 times the estimate, where it was above 1e-7.
 SURELY_CLOSED = 1e-7
@@ -334,6 +340,6 @@ def _is_closed(orbit: PeriodicOrbit, closure: Scalar) -> bool:
     if float(closure) <= SURELY_CLOSED:
         return True
     state = orbit.section
-    end = poincare_section(orbit.scene, 0, orbit.period, state=state, rtol=RTOL)
+    end = poincare_section(orbit.scene, 0, orbit.period, state=state, rtol=ORBIT_RTOL)
     apart = np.max(np.abs(np.asarray(end.states)[-1] - np.asarray(state)))
-    return bool(end.success) and bool(apart < CLOSURE)
+    return bool(end.success) and bool(apart < COMES_BACK)

@@ -28,7 +28,7 @@ from jaxcrusher.periodic.trigonometric import resample
 
 # Two places so near, in the unit of x, that they are one.
 ALIKE = 1e-3
-# Nodes a turn beyond which an event is not located again with twice as many.
+# The most nodes a turn that a motion gets, and an event is located again with.
 MOST_NODES = 384
 
 # Nodes -> numbers that are > 0 as long as nothing that is watched happens.

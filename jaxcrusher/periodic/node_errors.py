@@ -22,7 +22,7 @@ from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import differentiation, resample
 
 # Rounding leaves so much of the RMS, and up to 5e-15 of those of orbits with different nodes.
-ROUNDING = 1e-14
+LEAST_ERROR = 1e-14
 # Where two multipliers all but meet, near a fold, the step's square counts too: 1.3 times what the
 # step makes of them is the most that was found.
 BENT = 2.0
@@ -107,7 +107,7 @@ def node_errors(
     shares = jnp.sum(jnp.real(jnp.conj(by_harmonic[0]) * by_harmonic[1]), axis=1)
     twice = np.where(np.arange(len(shares)) % (points // 2) == 0, 1.0, 2.0)
     rms = (jnp.sum(twice * jnp.abs(shares)) + jnp.abs(besides)) / jnp.mean(found)
-    return NodeErrors(rms + ROUNDING, jnp.where(jnp.isnan(apart), jnp.inf, BENT * apart))
+    return NodeErrors(rms + LEAST_ERROR, jnp.where(jnp.isnan(apart), jnp.inf, BENT * apart))
 
 
 def _defect(system: System, x: Array, at: tuple[Array, ...]) -> Float[Array, "n dims"]:

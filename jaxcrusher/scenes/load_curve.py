@@ -30,7 +30,7 @@ HEADER = ["angle_deg", "force_kN"]
 # Of two points a periodic cubic spline knows only their difference.
 FEWEST = 3
 # A turn that was written in degrees or radians of a few digits, rad.
-ROUNDING = 1e-6
+SAME_ANGLE = 1e-6
 # A spline through more points than these is replaced by so many orders of its Fourier series, which
 # take a seventh of the time in lanes, where they miss no point by more than this share of the
 # largest force.
@@ -107,10 +107,10 @@ def _through(points: np.ndarray) -> np.ndarray:
 
     check(np.isfinite(points).all(), "be finite", "not finite")
     angle, force = points.T
-    outside = (angle < 0) | (angle > TURN + ROUNDING)
+    outside = (angle < 0) | (angle > TURN + SAME_ANGLE)
     listed = ", ".join(f"{a:g}" for a in np.degrees(angle[outside][:3]))
     check(not outside.any(), "have angles from 0 to 360 deg", f"at {listed} deg")
-    first, last = angle < ROUNDING, angle > TURN - ROUNDING
+    first, last = angle < SAME_ANGLE, angle > TURN - SAME_ANGLE
     closed = first.any() and last.any()
     if closed:
         one, other = force[first][0], force[last][0]
@@ -118,7 +118,7 @@ def _through(points: np.ndarray) -> np.ndarray:
         check(same, "close at 360 deg", f"{one:g} N at 0 and {other:g} N at 360 deg")
     kept = ~last if closed else np.ones(angle.size, bool)
     inside = np.sort(angle[kept])
-    again = np.degrees(inside[1:][np.diff(inside) < ROUNDING])
+    again = np.degrees(inside[1:][np.diff(inside) < SAME_ANGLE])
     check(again.size == 0, "have every angle once", f"twice at {again[:1]} deg")
     check(inside.size >= FEWEST, f"have {FEWEST} points or more", f"of {inside.size}")
     return kept

@@ -8,7 +8,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.orbits.solving import solved, with_statistics
-from jaxcrusher.orbits.tries import CLOSURE, SURELY_CLOSED, _is_closed
+from jaxcrusher.orbits.tries import COMES_BACK, SURELY_CLOSED, _is_closed
 
 LOOSE_ELBOW = {"load_law": "normal_to_jaw", "elbow.clearance": 3e-5, "clearance": 1.2e-4}
 
@@ -38,7 +38,7 @@ def test_an_orbit_that_does_not_close_is_none():
     scene = jc.paper_scene(36.0, 0.06e-3)
     found, factors = solved(scene, None, 1, 64)
     assert bool(with_statistics(scene, found, factors, 1).success)  # by the error of its RMS
-    assert float(found.closure) > CLOSURE
+    assert float(found.closure) > COMES_BACK
     orbit = jc.periodic_orbit(scene, nodes=64)
     assert not bool(orbit.success)
     assert orbit.failure == "The motion does not repeat when it is integrated over its period."
@@ -47,7 +47,7 @@ def test_an_orbit_that_does_not_close_is_none():
 @pytest.mark.parametrize("estimate", [jnp.nan, jnp.asarray(2 * SURELY_CLOSED)])
 def test_the_integrator_decides_where_the_estimate_does_not(estimate):
     orbit = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3), nodes=96)
-    beside = dataclasses.replace(orbit, section=orbit.section + 3 * CLOSURE)
+    beside = dataclasses.replace(orbit, section=orbit.section + 3 * COMES_BACK)
     assert _is_closed(orbit, jnp.asarray(estimate))
     assert not _is_closed(beside, jnp.asarray(estimate))
     assert _is_closed(beside, jnp.asarray(SURELY_CLOSED / 2))  # is not integrated

@@ -10,7 +10,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher.rough_feed import RoughFeed
 from jaxcrusher.orbits import feed_response, forced
-from jaxcrusher.orbits.feed_response import NODES, _Crossing
+from jaxcrusher.orbits.feed_response import RESPONSE_NODES, _Crossing
 from jaxcrusher.periodic.collocation import collocate
 from jaxcrusher.periodic.trigonometric import resample
 
@@ -43,17 +43,19 @@ def with_feed(scene, scatter, orders, phases):
 def waved(modes, order):
     """(x, x', w) exp(-i order theta) at the nodes."""
     found = modes.responses(jnp.asarray(order), np.zeros(1))[:, :, 0]
-    return np.asarray(resample(found.real, NODES) + 1j * resample(found.imag, NODES))
+    return np.asarray(
+        resample(found.real, RESPONSE_NODES) + 1j * resample(found.imag, RESPONSE_NODES)
+    )
 
 
 def test_a_cosine_of_whole_order_makes_a_periodic_orbit(orbit, linear):
     """Collocation itself solves for it; the response is its slope by the scatter."""
     order, phase = 3, 0.7
-    angle = 2 * np.pi * np.arange(NODES) / NODES
+    angle = 2 * np.pi * np.arange(RESPONSE_NODES) / RESPONSE_NODES
     # w of one cosine is sqrt(2) cos.
     turn = np.sqrt(2) * np.exp(1j * (order * angle + phase))
     expected = (turn[:, None] * waved(linear[0], float(order))[:, :2]).real
-    start, ends = resample(orbit.eccentricity, NODES), []
+    start, ends = resample(orbit.eccentricity, RESPONSE_NODES), []
     for scatter in (1e-4, -1e-4):
         scene = with_feed(orbit.scene, scatter, [float(order)], [phase])
         x, root = collocate(forced.system(scene, 1), start)
@@ -74,7 +76,7 @@ def test_a_motion_that_starts_on_its_response_stays_there(orbit, linear):
     start = scatter * np.einsum("k,kia->ia", sizes, seen).real[0]
     clearance, speed = float(orbit.scene.joint.clearance), 30.0
     units = np.array([1.0, 1.0, clearance * speed, clearance * speed])
-    angle = 2 * np.pi * np.arange(NODES) / NODES
+    angle = 2 * np.pi * np.arange(RESPONSE_NODES) / RESPONSE_NODES
     late = angle + 4 * np.pi
     motion = jc.simulate(
         with_feed(orbit.scene, scatter, orders, phases),
@@ -131,7 +133,7 @@ def test_crossings_of_a_stationary_process():
 def test_slopes(monkeypatch):
     """By a clearance, a mass, a bandwidth and a scatter at once, against differences."""
     # As many as the band needs: a quarter of the time.
-    monkeypatch.setattr(feed_response, "NODES", 128)
+    monkeypatch.setattr(feed_response, "RESPONSE_NODES", 128)
     names = ("clearance", "jaw.mass", "load_bandwidth", "load_scatter")
     at, along = np.array([6e-5, 524.0, 2.3, 0.1]), np.array([6e-5, 524.0, 1.15, 0.02])
 
