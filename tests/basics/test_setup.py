@@ -14,6 +14,7 @@ from jaxcrusher.basics import checks, devices, setup
 from jaxcrusher.crusher.bearing_load import bearing_stiffness
 from jaxcrusher.orbits.result import RESULTS, missing
 from jaxcrusher.scenes.build import build_chamber
+from tests.pairs import slow
 
 LOOP = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=262144"
 FUSION = "--xla_backend_extra_options=xla_cpu_disable_new_fusion_emitters"
@@ -299,11 +300,13 @@ print(*(array.devices() <= processor for array in found), len(jax.devices()))
     ("first", "last", "on_processor"),
     [
         ("jc.set_up()", "", True),
-        # As JAX does by itself.
-        ("jax.config.update('jax_enable_x64', True)", "", False),
         # What the user names stays: a platform, a device before the call and after it.
-        ("jax.config.update('jax_platforms', 'second,cpu'); jc.set_up()", "", False),
         ("jc.set_up()", "jax.config.update('jax_default_device', jax.devices()[0])", False),
+        *slow(
+            ("jax.config.update('jax_platforms', 'second,cpu'); jc.set_up()", "", False),
+            # As JAX does by itself.
+            ("jax.config.update('jax_enable_x64', True)", "", False),
+        ),
     ],
 )
 def test_computations_stay_on_the_processor(first, last, on_processor):

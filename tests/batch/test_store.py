@@ -347,6 +347,7 @@ def _assert_equal_bits(one: xr.DataArray, other: xr.DataArray) -> None:
     assert one.values.tobytes() == other.values.tobytes()
 
 
+@pytest.mark.slow
 def test_cluster_with_a_killed_worker_loses_nothing(whole, tmp_path):
     distributed = pytest.importorskip("distributed")
     killed = []

@@ -17,6 +17,7 @@ def orbit():
     return jc.periodic_orbit(jc.build_scene(ROLLERS))
 
 
+@pytest.mark.slow
 def test_the_orbit_is_what_is_integrated(orbit):
     assert bool(orbit.success) and bool(orbit.validity.inside)
     # Six turns take a disturbance to 1/e: thirty to 1e-2 of the start's, which is close.

@@ -187,6 +187,7 @@ def test_what_was_found_can_be_handed_back(found):
     np.testing.assert_allclose(again.foundation_rms, loud.foundation_rms, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_frame_on_springs_is_no_joint():
     """All starts of a quiet machine on its block come to the orbit that Newton's method finds."""
     block = {"foundation.mass": 6000.0, "speed": 27.0, "clearance": 0.05e-3}

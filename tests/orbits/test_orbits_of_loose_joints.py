@@ -27,6 +27,7 @@ def orbit():
     return found
 
 
+@pytest.mark.slow
 def test_the_orbit_is_a_motion(orbit):
     """Three pins keep contact, and the integrator finds the same statistics."""
     assert orbit.eccentricity.shape == (NODES, 6) and orbit.multipliers.shape == (12,)

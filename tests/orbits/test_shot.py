@@ -173,6 +173,7 @@ def test_what_shooting_needs_is_said_in_one_line():
         assert str(refused.value) == line
 
 
+@pytest.mark.slow
 def test_slices_of_a_turn_from_states_of_their_own():
     """Joined, they are the turn: the last ends where that ends, and their matrices multiply."""
     section = np.array([0.6, 0.8, -0.003, 0.002])

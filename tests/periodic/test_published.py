@@ -48,7 +48,7 @@ def over_amplitude(amplitude):
     ("family", "bounds", "scale", "published"),
     [
         (over_offset, (0.0, 0.5), 0.1, 0.422945),
-        pytest.param(over_amplitude, (0.1, 5.0), 1.0, 4.52337, marks=pytest.mark.slow),
+        (over_amplitude, (0.1, 5.0), 1.0, 4.52337),
     ],
 )
 def test_the_torus_of_a_forced_neuron(family, bounds, scale, published):
@@ -91,7 +91,6 @@ def round_once(point, states):
     return end[None, 1:, 0], slopes[None, :, :2], slopes[None, :, 2:]
 
 
-@pytest.mark.slow
 def test_the_cascade_of_lorenz():
     """The second doubling is on the branch that leaves at the first."""
     # A state is of order 100, so steps are a hundred times as long as those of clearances.
