@@ -172,7 +172,7 @@ def test_exudyn_agrees_to_second_order(loose, most):
 def test_exudyn_agrees_with_friction(slip):
     """From a start in which all three joints touch and slide."""
     angles, ways = dict(zip("ABC", (0.5, 2.5, 4.5), strict=True)), {"A": 1, "B": -1, "C": 1}
-    e = {j: complex(1.01 * c * np.exp(1j * angles[j])) for j, c in CLEARANCES.items()}
+    e = {j: complex(1.01 * CLEARANCES[j] * np.exp(1j * turn)) for j, turn in angles.items()}
     # Impacts stay below 0.5 m/s, from which on EXUDYN takes their own speeds.
     rates = {j: 0.3j * ways[j] * at / abs(at) for j, at in e.items()}
     bodies, free = (free_bodies("ABC", slip, mu, e=e, rates=rates) for mu in (0.1, 0.0))
