@@ -169,14 +169,13 @@ class LaneWaits:
             return "whirl"
         last = self.last(case)
         points, period = last.states, last.repeats_after()
-        if period is None and growth <= CHAOS:
-            period = self._shorter(case, last)
+        if period is None and growth > CHAOS:
+            return "chaotic"
+        period = self._shorter(case, last) if period is None else period
+        if period is not None:
+            return f"period {period}"
         zero_one = zero_one_test(widest(points)) if len(points) >= ENOUGH else None
-        trending = spread_trend(points)[1]
-        # How far growth is known tells nothing of a motion that repeats.
-        grows = period is None and growth > CHAOS
-        name = verdict(period, grows, None if grows else zero_one, trending=trending, neutral=True)
-        return name if period is None else f"period {period}"
+        return verdict(None, False, zero_one, trending=spread_trend(points)[1], neutral=True)
 
     def _shorter(self, case: int, last: Round) -> int | None:
         """Return the turns of a stable orbit that a motion swings about."""

@@ -33,7 +33,8 @@ from jaxcrusher.mechanism.snapshot import Snapshot
 
 # A share of the time in contact that is all of it: a mean over many steps, with their rounding.
 ALL_THE_TIME = 1 - 1e-9
-# Instants per turn at which peaks and contact are looked at.
+# Instants a turn at which peaks, contact and the forces of an orbit are looked at: the length of a
+# reaction that passes near zero bends more sharply than the motion does.
 SAMPLES = 1024
 
 

@@ -13,7 +13,7 @@ from jaxcrusher.basics.checks import (
     require_whole,
 )
 from jaxcrusher.crusher.observables import OBSERVABLES
-from jaxcrusher.orbits.penetrations import INSTANTS
+from jaxcrusher.motion.statistics_table import SAMPLES
 from jaxcrusher.orbits.result import PeriodicOrbit
 
 # What a foundation is laid out for.
@@ -50,11 +50,11 @@ def harmonics(
     require(orbit.success.ndim == 0, "orbit", "be one orbit", f"a batch {orbit.success.shape}")
     require(bool(orbit.success), "orbit", "be one that was found", orbit.failure)
     require_whole("orders", orders, 1)
-    require(orders < INSTANTS // 2, "orders", f"be less than {INSTANTS // 2}", orders)
+    require(orders < SAMPLES // 2, "orders", f"be less than {SAMPLES // 2}", orders)
     outputs = OUTPUTS if outputs is None else outputs
     require_names("outputs", outputs, tuple(OBSERVABLES))
-    turns, count = orbit.period, INSTANTS * orbit.period
-    seen = orbit.motion(2 * np.pi / INSTANTS * jnp.arange(count), tuple(outputs))
+    turns, count = orbit.period, SAMPLES * orbit.period
+    seen = orbit.motion(2 * np.pi / SAMPLES * jnp.arange(count), tuple(outputs))
     names, units, columns = [], [], []
     for name in outputs:
         values = np.asarray(seen[name])

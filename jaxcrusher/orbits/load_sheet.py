@@ -11,6 +11,7 @@ from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.crusher.joints import LETTERS
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.rollers import RollerBearing
+from jaxcrusher.motion.statistics_table import SAMPLES
 from jaxcrusher.orbits.harmonics import harmonics
 from jaxcrusher.orbits.natural_modes import natural_modes
 from jaxcrusher.orbits.result import PeriodicOrbit
@@ -27,7 +28,6 @@ RIGID = 1.25
 # A mode counts in a direction in which it has this share of the mobility of the place. The share is
 # judged, since the standard has no number: smaller ones come from a weak coupling of directions.
 COUNTS = 0.1
-SAMPLES = 1024  # instants a turn
 SIDES = {"x": "horizontally", "y": "vertically"}
 
 

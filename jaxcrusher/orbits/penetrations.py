@@ -6,11 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
 
+from jaxcrusher.motion.statistics_table import SAMPLES
 from jaxcrusher.periodic.trigonometric import evaluate, resample
 
-# Instants a turn at which forces are looked at: the length of a reaction that passes near zero
-# bends more sharply than the motion does.
-INSTANTS = 1024
 # Steps that lead from an instant of a grid to the least penetration beside it.
 POLISHED = 3
 
@@ -23,7 +21,7 @@ def least_penetrations(x: Float[Array, "nodes dims"]) -> Float[Array, " joints"]
     """
     # A frame's three coordinates stand behind the pairs of the joints.
     pairs = x[:, : x.shape[1] - x.shape[1] % 2 * 3].reshape(len(x), -1, 2)
-    grid = resample(pairs, max(INSTANTS, 4 * len(x)))
+    grid = resample(pairs, max(SAMPLES, 4 * len(x)))
 
     def least(pin: Float[Array, "nodes 2"], grid: Float[Array, "instants 2"]) -> Scalar:
         def step(place: Scalar) -> Scalar:

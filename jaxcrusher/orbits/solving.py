@@ -17,10 +17,9 @@ from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.motion.statistics_table import AbstractMean, Chosen, chosen, statistics_of
+from jaxcrusher.motion.statistics_table import SAMPLES, AbstractMean, Chosen, chosen, statistics_of
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.lowering import lowered
-from jaxcrusher.orbits.penetrations import INSTANTS
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.collocation import Unfactored, attached, collocate
@@ -226,7 +225,7 @@ def described(
     system: System, found: Nodes, x: Float[Array, "nodes dims"], period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     """Return the orbit through `x`: the nodes found, moving with the numbers of `system`."""
-    scene, instants = system.args, system.at(x, INSTANTS * period)
+    scene, instants = system.args, system.at(x, SAMPLES * period)
     values, error, least = _statistics(forced.snapshot, instants, scene, outputs)
     error += found.node_errors.rms
     result = RESULTS.promote(found.result)
@@ -253,7 +252,7 @@ def described(
 def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
     """Return the orbit of ideal joints in a clamped frame: a sum over turns."""
     still = scene.formulation.initial(scene)
-    phases = 2 * jnp.pi * jnp.arange(INSTANTS * period) / INSTANTS
+    phases = 2 * jnp.pi * jnp.arange(SAMPLES * period) / SAMPLES
     values, error, _ = _statistics(
         lambda time, scene: scene.formulation.snapshot(time, still, scene),
         (phases / scene.drive.speed,),
