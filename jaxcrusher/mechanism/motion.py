@@ -106,15 +106,15 @@ def moving(linkage: Linkage, crank: Crank, e: Named[Vector], rates: Named[Vector
 
     A joint that has no eccentricity is held together.
     """
-    place, rate = _hung(linkage, Named(), linkage.bearing, linkage.crank, e, rates)
+    so_far = Motion(linkage, crank, Named(), e, rates)
+    place, rate = _hung(so_far, linkage.bearing, linkage.crank)
     anchor = linkage.side_of(linkage.bearing, linkage.crank)
-    axis = direction(crank.angle)
-    poses = Named({linkage.crank: Pose(axis, crank.speed, anchor, place, rate)})
+    poses = {linkage.crank: Pose(direction(crank.angle), crank.speed, anchor, place, rate)}
     for dyad, side in zip(linkage.dyads, linkage.sides, strict=True):
-        place = _link_and_slider if dyad.second_joint in linkage.slides else _two_links
-        pair = place(linkage, poses, dyad, side, e, rates)
-        poses = Named({**dict(poses.items()), **pair})
-    return Motion(linkage, crank, poses, e, rates)
+        so_far = Motion(linkage, crank, Named(poses), e, rates)
+        placed = _link_and_slider if dyad.second_joint in linkage.slides else _two_links
+        poses |= placed(so_far, dyad, side)
+    return Motion(linkage, crank, Named(poses), e, rates)
 
 
 def ideal_at_rest(linkage: Linkage, angle: Scalar | float) -> Motion:
@@ -123,45 +123,36 @@ def ideal_at_rest(linkage: Linkage, angle: Scalar | float) -> Motion:
     return moving(linkage, crank, Named(), Named())
 
 
-def _hung(
-    linkage: Linkage,
-    poses: Named[Pose],
-    joint: str,
-    body: str,
-    e: Named[Vector],
-    rates: Named[Vector],
-) -> tuple[Vector | None, Vector | None]:
+def _hung(motion: Motion, joint: str, body: str) -> tuple[Vector | None, Vector | None]:
     """Return place and velocity of a joint on the second of its bodies, from the other one."""
-    one = linkage.joint(joint)
-    if one.pin.body == body:
-        place, rate = _position(poses, one.bore), _velocity(poses, one.bore)
-        return plus(place, e[joint]), plus(rate, rates[joint])
-    place, rate = _position(poses, one.pin), _velocity(poses, one.pin)
-    return minus(place, e[joint]), minus(rate, rates[joint])
+    one = motion.linkage.joint(joint)
+    other = one.bore if one.pin.body == body else one.pin
+    place, rate = _position(motion.poses, other), _velocity(motion.poses, other)
+    return _parted(motion, joint, body, place, rate)
 
 
-def _two_links(
-    linkage: Linkage,
-    poses: Named[Pose],
-    dyad: Dyad,
-    side: int,
-    e: Named[Vector],
-    rates: Named[Vector],
-) -> dict[str, Pose]:
+def _parted(
+    motion: Motion, joint: str, body: str, place: Vector | None, rate: Vector | None
+) -> tuple[Vector | None, Vector | None]:
+    """Return a place and its rate, shifted by the eccentricity of a joint from bore to pin.
+
+    From pin to bore, if the pin is not the body's.
+    """
+    shifted = plus if motion.linkage.joint(joint).pin.body == body else minus
+    return shifted(place, motion.eccentricities[joint]), shifted(rate, motion.rates[joint])
+
+
+def _two_links(motion: Motion, dyad: Dyad, side: int) -> dict[str, Pose]:
     """Return the poses of two links: u from the first outer joint, v to the second one.
 
     la u + lb v = p, where p leads from the one to the other. The two meet to the left of p for
     side 1, to the right for side -1. Their spins solve la spin_u perp(u) + lb spin_v perp(v) = p'.
     """
-    outer = [
-        _hung(linkage, poses, joint, body, e, rates)
-        for joint, body in ((dyad.first_joint, dyad.first), (dyad.second_joint, dyad.second))
-    ]
-    (start, start_rate), (end, end_rate) = outer
+    linkage = motion.linkage
+    start, start_rate = _hung(motion, dyad.first_joint, dyad.first)
+    end, end_rate = _hung(motion, dyad.second_joint, dyad.second)
     span, change = minus(end, start), minus(end_rate, start_rate)
-    meeting = linkage.joint(dyad.meeting)
-    combine = plus if meeting.pin.body == dyad.first else minus
-    span, change = combine(span, e[dyad.meeting]), combine(change, rates[dyad.meeting])
+    span, change = _parted(motion, dyad.meeting, dyad.first, span, change)
     assert span is not None and change is not None
     arms = [linkage.side_of(dyad.first_joint, dyad.first)]
     arms += [linkage.side_of(dyad.second_joint, dyad.second)]
@@ -180,27 +171,19 @@ def _two_links(
     }
 
 
-def _link_and_slider(
-    linkage: Linkage,
-    poses: Named[Pose],
-    dyad: Dyad,
-    side: int,
-    e: Named[Vector],
-    rates: Named[Vector],
-) -> dict[str, Pose]:
+def _link_and_slider(motion: Motion, dyad: Dyad, side: int) -> dict[str, Pose]:
     """Return the poses of a link and a slider: u from the link's outer joint, l u = p + s d.
 
     p is there where the slider's way s along d is zero. They meet ahead of the foot of the
     perpendicular for side 1, behind it for side -1. The rates solve l spin perp(u) = p' + s' d.
     """
-    start, start_rate = _hung(linkage, poses, dyad.first_joint, dyad.first, e, rates)
-    slide, meeting = linkage.slide(dyad.second_joint), linkage.joint(dyad.meeting)
-    ahead, upright = slide.direction, Vector(1.0, 0.0)
-    begin = _position(poses, slide.ends.bore)
+    linkage = motion.linkage
+    start, start_rate = _hung(motion, dyad.first_joint, dyad.first)
+    slide, upright = linkage.slide(dyad.second_joint), Vector(1.0, 0.0)
+    ahead, begin = slide.direction, _position(motion.poses, slide.ends.bore)
     on_slider = linkage.side_of(dyad.meeting, dyad.second).along(upright)
-    combine = plus if meeting.pin.body == dyad.first else minus
-    span = or_zero(combine(minus(plus(begin, on_slider), start), e[dyad.meeting]))
-    change = or_zero(combine(minus(None, start_rate), rates[dyad.meeting]))
+    still = minus(plus(begin, on_slider), start), minus(None, start_rate)
+    span, change = map(or_zero, _parted(motion, dyad.meeting, dyad.first, *still))
     arm = linkage.side_of(dyad.first_joint, dyad.first)
     link = _Link(linkage.side_of(dyad.meeting, dyad.first) - arm)
     distance = ahead.cross(span)
