@@ -35,8 +35,7 @@ def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
     as `read_scene_file`, `build_scene`, `build_chamber` and `remarks` of
     `jaxcrusher.scenes.plausibility` do.
     """
-    given = {} if crusher.scene is None else read_scene_file(crusher.scene)
-    given |= read_overrides(crusher.overrides)
+    given = given_by(crusher)
     values = complete(given)
     scene = scene_of(values, crusher.scene, given)
     with naming(crusher.scene, given):
@@ -48,9 +47,13 @@ def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
 
 def borrowed_by(crusher: Crusher) -> list[str]:
     """Return which numbers of a machine its scene file leaves to the PE250x400; none without."""
-    if crusher.scene is None:
-        return []
-    return borrowed({**read_scene_file(crusher.scene), **read_overrides(crusher.overrides)})
+    return [] if crusher.scene is None else borrowed(given_by(crusher))
+
+
+def given_by(crusher: Crusher) -> dict[str, Any]:
+    """Return the values that a scene file and the command line give."""
+    given = {} if crusher.scene is None else read_scene_file(crusher.scene)
+    return given | read_overrides(crusher.overrides)
 
 
 def units_given(crusher: Crusher, written: Iterable[tuple[str, str]] = ()) -> dict[str, str]:

@@ -1,6 +1,7 @@
 """`python -m jaxcrusher foundation`: the load sheet of a crusher's foundation."""
 
 import base64
+import datetime
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -16,73 +17,156 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxcrusher as jc
-from jaxcrusher.basics.checks import require, require_whole
-from jaxcrusher.commands.crushers import read_crusher, settings_of, units_given
-from jaxcrusher.commands.options import Foundation
+from jaxcrusher.basics.checks import require, require_positive, require_whole
+from jaxcrusher.commands.crushers import (
+    borrowed_by,
+    given_by,
+    read_crusher,
+    settings_of,
+    units_given,
+)
+from jaxcrusher.commands.options import Crusher, Foundation
+from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
-from jaxcrusher.orbits.forced import refusal
-from jaxcrusher.orbits.load_sheet import SOURCE, Row, joint_states, running_frequency, sheet
-from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.motion.turns import Turns, run_turns
+from jaxcrusher.orbits.load_sheet import (
+    MOVING,
+    Row,
+    Site,
+    beside,
+    joint_states,
+    quantities_of,
+    running_frequency,
+    sheet,
+)
+from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.echo import said
-from jaxcrusher.scenes.scene_file import read_range
+from jaxcrusher.scenes.parameters import NUMBERS, POINTS
+from jaxcrusher.scenes.scene_file import point_of, quantity_in, read_range
 
 TITLE = "Load sheet of a jaw crusher's foundation"
 FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")
 # Statistic -> its name in the picture; of a clamped frame the first alone.
 CURVES = {"shaking_rms": "shaking force", "transmitted_rms": "force on the ground"}
 PAGE = Path(__file__).with_name("load_sheet.html")
-REMEDY = (
-    "`--set joint ideal` gives the sheet with an ideal main bearing, whose forces are exact and "
-    "lack the impacts alone (without clearance in B and C as well, if these are loose). Any motion "
-    "has averages and peaks: `python -m jaxcrusher simulate --turns 200`."
+# Parts that stand in the file alone.
+LONG = (MOVING,)
+SIGNS = (
+    "Forces are those on the ground: x to the right, y up, moments counterclockwise. Harmonics are "
+    "A cos(k theta + phi) of the shaft angle theta, which is zero where the eccentric points to +x."
 )
+FACTOR = "The dynamic factor counts what moves; 3 is the fatigue factor of DIN 4024-1, from memory."
 
 
 def run(options: Foundation, console: Console) -> int:
-    """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
+    """Solve, run, print, write; 1 if the loose machine's run failed. ValueError for bad options."""
     require_whole("orders", options.orders, 1)
     require_whole("points", options.points, 2)
+    require_positive("seconds", options.seconds, "s")
     values, scene = read_crusher(options.crusher)
-    if refused := refusal(scene):
-        raise ValueError(f"The crusher must {refused}.")
+    site = site_of(values, options)
     low, high = _speeds(options, float(values["speed"]))
-    numbers = {"orders": options.orders, "speeds": [low, high], "points": options.points}
-    settings = settings_of("foundation", values, **numbers)
-    folder = begin_beside(options.results.folder, settings, *FILES)
-    with stages(console, "solving (the first time half a minute, most of it compilation)"):
-        orbit = jc.periodic_orbit(scene)
-    if not bool(orbit.success):
-        console.print(f"no periodic orbit: {orbit.failure}")
-        console.print(REMEDY)
-        return 1
-    rows = sheet(orbit, options.orders)
+    numbers = {name: getattr(options, name) for name in ("orders", "points", "settle", "turns")}
+    told = {"site": asdict(site), "speeds": [low, high], "seconds": options.seconds}
+    folder = begin_beside(
+        options.results.folder, settings_of("foundation", values, **numbers, **told), *FILES
+    )
+    with stages(console, "ideal joints"):
+        orbit = jc.periodic_orbit(scene.ideal())
+        require(bool(orbit.success), "scene", "have an orbit with ideal joints", orbit.failure)
+        rows, turns = sheet(orbit, options.orders, site), None
+    if not scene.is_ideal:
+        with stages(console, "loose joints"):
+            turns = run_turns(
+                scene,
+                quantities_of(scene),
+                settle=options.settle,
+                turns=options.turns,
+                seconds=options.seconds,
+            )
+        if not turns.failure:
+            rows = beside(sheet(turns, options.orders, site), rows)
     speeds = np.linspace(low, high, options.points)
-    with console.status("running up"):
+    with console.status("run-up"):
         curves = run_up(values, speeds)
-    draw(orbit, speeds, curves, folder / "run_up.png")
+    draw(scene, speeds, curves, folder / "run_up.png")
     write_table(folder / "sheet.csv", [asdict(row) for row in rows])
-    units = units_given(options.crusher)
-    given = [(name, said(name, values[name], units)) for name in values if _is_told(name)]
+    head = heading(scene, values, options.crusher, turns)
     picture = base64.b64encode((folder / "run_up.png").read_bytes()).decode()
-    write_text(folder / "sheet.html", page(orbit, rows, given, picture))
+    write_text(folder / "sheet.html", page(scene, rows, head, picture))
     write_json(
         folder / "sheet.json",
         provenance("Load sheet of a foundation", scene=values)
-        | {"rows": [asdict(row) for row in rows], "speed": speeds, **curves},
+        | {"rows": [asdict(row) for row in rows], "speed": speeds, "about": head, **curves},
     )
-    console.print(f"{TITLE}: {joint_states(scene)}.")
-    for part, lines in texts(rows).items():
+    console.print(TITLE)
+    for name, text in head.items():
+        console.print(f"{name}: {text}")
+    for part, lines in grids(rows).items():
         console.print(table(part, lines), soft_wrap=False)
+    console.print(f"{SIGNS} {FACTOR}")
     if scene.supports is None:
         console.print("The frame is clamped: foundation.mass puts it on supports.")
     else:
         console.print(f"Zones of {SOURCE}.")
     console.print(listed(folder, FILES[:3]))
-    return 0
+    return 1 if turns is not None and turns.failure else 0
+
+
+def site_of(values: dict[str, Any], options: Foundation) -> Site:
+    """Return what the sheet knows besides the motion; ValueError for what is out of range."""
+    low, high = options.resonance
+    require(0 < low < high, "resonance", "be two numbers, 0 < LOW < HIGH", options.resonance)
+    require(options.dynamic_factor >= 1, "dynamic_factor", "be >= 1", options.dynamic_factor)
+    seconds = quantity_in("s", "run_up", options.run_up)
+    require_positive("run_up", seconds, "s")
+    points = {
+        name.removeprefix(POINTS): point_of(name, value)
+        for name, value in values.items()
+        if name.startswith(POINTS)
+    }
+    power, frame = values.get("motor_power"), values.get("frame_mass")
+    return Site(power, frame, points, (low, high), options.dynamic_factor, seconds)
+
+
+def heading(
+    scene: Scene, values: dict[str, Any], crusher: Crusher, turns: Turns | None
+) -> dict[str, str]:
+    """Return what the sheet is of: machine, joints, loads, masses, and what was assumed."""
+    units, given = units_given(crusher), given_by(crusher)
+    name = "PE250x400" if crusher.scene is None else crusher.scene.stem
+    if crusher.overrides:
+        name += f" with {', '.join(f'{key} {value}' for key, value in crusher.overrides)}"
+
+    def told(*keys: str) -> str:
+        there = [key for key in keys if key in values]
+        return ", ".join(f"{key} {said(key, values[key], units)}" for key in there)
+
+    parts = [key for key in NUMBERS if key.startswith(("foundation.", "rollers."))]
+    assumed = [key for key in (*parts, "load_law", "contact_law") if key not in given]
+    head = {
+        "machine": name,
+        "date": datetime.date.today().isoformat(),
+        "joints": joint_states(scene),
+        "running": f"{told('speed')}, {running_frequency(scene):.4g} Hz",
+        "loads": told("load_law", "load", "load_point", "load_edge", "load_scatter"),
+        "masses": told("shaft.mass", "jaw.mass", "toggle.mass", "counterweight.mass", "frame_mass"),
+        "foundation": told(*(key for key in parts if key in given)) or "clamped",
+        "from the PE250x400": ", ".join(borrowed_by(crusher)) or "nothing",
+        "assumed": told(*assumed) or "nothing",
+    }
+    if turns is not None and turns.failure:
+        head["loose joints"] = f"the run failed: {turns.failure}"
+    elif turns is not None:
+        head["loose joints"] = (
+            f"{turns.pieces} turns after {turns.settled}; ideal | loose ± standard error, of peaks "
+            "± standard deviation of the turns' peaks"
+        )
+    return head
 
 
 def _speeds(options: Foundation, speed: float) -> tuple[float, float]:
@@ -91,11 +175,6 @@ def _speeds(options: Foundation, speed: float) -> tuple[float, float]:
     low, high = read_range("speed", *options.speeds)
     require(low < high, "speeds", "be LOW HIGH, the first below the second", options.speeds)
     return low, high
-
-
-def _is_told(name: str) -> bool:
-    """Whether the page's head names a number of the scene."""
-    return name.startswith(("foundation.", "counterweight.")) or name == "speed"
 
 
 def run_up(values: dict[str, Any], speeds: np.ndarray) -> dict[str, np.ndarray]:
@@ -114,17 +193,15 @@ def run_up(values: dict[str, Any], speeds: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip(names, forces.T, strict=True))
 
 
-def draw(
-    orbit: PeriodicOrbit, speeds: np.ndarray, curves: dict[str, np.ndarray], path: Path
-) -> None:
+def draw(scene: Scene, speeds: np.ndarray, curves: dict[str, np.ndarray], path: Path) -> None:
     """Draw what shakes over the speed, with the speeds whose harmonics meet a natural frequency."""
-    fig, ax = plt.subplots(figsize=(7, 3.2))
+    fig, ax = plt.subplots(figsize=(4.4, 3.2))
     minutes = 30 / np.pi * speeds
     for name, values in curves.items():
         ax.plot(minutes, 1e-3 * values, label=f"RMS of the {CURVES[name]}")
-    ax.axvline(60 * running_frequency(orbit), color="0.3", lw=0.8, label="running speed")
-    if orbit.scene.supports is not None:
-        for frequency in jc.natural_modes(orbit.scene).frequency.values:
+    ax.axvline(60 * running_frequency(scene), color="0.3", lw=0.8, label="running speed")
+    if scene.supports is not None:
+        for frequency in jc.natural_modes(scene).frequency.values:
             for order, style in ((1, "-"), (2, ":")):
                 critical = 60 * frequency / order
                 if minutes[0] <= critical <= minutes[-1]:
@@ -134,68 +211,67 @@ def draw(
     ax.set_ylim(bottom=0)
     ax.legend(fontsize=8)
     fig.tight_layout()
-    write_figure(path, fig, dpi=150)
+    write_figure(path, fig, dpi=200)
 
 
 def _number(value: float | str) -> str:
+    """Return a number with four digits, and nothing below half of a thousandth."""
     if isinstance(value, str):
         return value
+    value = value if abs(value) >= 5e-4 else 0.0
     return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.4g}"
 
 
-def cells(row: Row) -> tuple[str, ...]:
-    """Return the texts of a row, for the screen and the page."""
-    if isinstance(row.phase, str):
-        return row.name, _number(row.value), row.unit, row.remark
-    phase = np.degrees(row.phase)
-    return row.name, _number(row.order), _number(row.value), row.unit, f"{phase:z.1f}"
+def _amount(row: Row) -> str:
+    """Return a number with its scatter and phase, and that of ideal joints where it differs."""
+    value, ideal = _number(row.value), _number(row.ideal)
+    before = "" if ideal in ("", value) else f"{ideal} | "
+    shown = row.scatter != "" and float(row.scatter) > 1e-4 * abs(row.value)
+    scatter = f" ± {_number(float(f'{float(row.scatter):.2g}'))}" if shown else ""
+    phase = "" if isinstance(row.phase, str) else f" at {np.degrees(row.phase):z.0f}°"
+    return f"{before}{value}{scatter}{phase if value != '0' else ''}"
 
 
-def texts(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:
-    """Return the texts of the rows by the part of the sheet."""
-    parts: dict[str, list[tuple[str, ...]]] = {}
-    for row in rows:
-        parts.setdefault(row.part, []).append(cells(row))
-    return parts
+def grids(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:
+    """Return the parts of the sheet as grids of text with a line of headings.
+
+    A line is a quantity, with a column for each of its orders, and remarks in the last one.
+    """
+    found = {}
+    for part in dict.fromkeys(row.part for row in rows if row.part not in LONG):
+        inside = [row for row in rows if row.part == part]
+        orders = list(dict.fromkeys(row.order for row in inside))
+        named = [order if isinstance(order, str) else f"order {order:g}" for order in orders]
+        lines = [("", "unit", *named, "")] if any(named) else []
+        for name in dict.fromkeys(row.name for row in inside):
+            own = {row.order: row for row in inside if row.name == name}
+            amounts = [_amount(own[order]) if order in own else "" for order in orders]
+            remarks = "; ".join(row.remark for row in own.values() if row.remark)
+            lines.append((name, next(iter(own.values())).unit, *amounts, remarks))
+        found[part] = lines
+    return found
 
 
 def table(part: str, lines: Sequence[tuple[str, ...]]) -> Table:
     """Return a part of the sheet for the screen."""
-    harmonic = part == "harmonics"
-    headings = ("", "order", "amplitude", "unit", "phase, deg") if harmonic else ("", "", "", "")
-    shown = Table(*headings, title=part, title_justify="left", box=None, show_header=harmonic)
+    shown = Table(title=part, title_justify="left", box=None, show_header=False)
     for line in lines:
         shown.add_row(*line)
     return shown
 
 
-def across(lines: Sequence[tuple[str, ...]]) -> tuple[list[str], list[list[str]]]:
-    """Return the orders of the harmonics, and a row of each quantity: name, unit, harmonics."""
-    by_name: dict[str, list[str]] = {}
-    for name, _, amplitude, unit, phase in lines:
-        by_name.setdefault(name, [name, unit]).append(f"{amplitude} at {phase}°")
-    return list(dict.fromkeys(order for _, order, *_ in lines)), list(by_name.values())
-
-
-def page(
-    orbit: PeriodicOrbit, rows: Sequence[Row], given: Sequence[tuple[str, str]], picture: str
-) -> str:
+def page(scene: Scene, rows: Sequence[Row], head: dict[str, str], picture: str) -> str:
     """Return the printable page."""
-    parts = texts(rows)
-    orders, harmonics = across(parts.pop("harmonics", []))
-    clamped = orbit.scene.supports is None
     return (
         Environment(autoescape=True)
         .from_string(PAGE.read_text(encoding="utf-8"))
         .render(
-            title=f"{TITLE}: {joint_states(orbit.scene)}",
-            parts=parts,
-            orders=orders,
-            harmonics=harmonics,
-            given=given,
+            title=TITLE,
+            head=head,
+            grids=grids(rows),
             picture=picture,
-            source="" if clamped else SOURCE,
-            running=f"{running_frequency(orbit):.3f} Hz",
+            signs=f"{SIGNS} {FACTOR}",
+            source="" if scene.supports is None else SOURCE,
             made=provenance("")["source"],
         )
     )

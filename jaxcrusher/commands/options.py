@@ -197,8 +197,10 @@ class Orbit:
 class Foundation:
     """The load sheet of a crusher for whoever lays out its foundation.
 
-    Writes OUT/NAME/sheet.html (a page of A4), sheet.csv (the same numbers), and run_up.png (what
-    shakes the ground over the speed). About half a minute, most of it compilation.
+    Its columns are the machine with ideal joints, exactly, and where joints are loose the means of
+    a run with their standard error. Writes OUT/NAME/sheet.html (a page of A4), sheet.csv (the same
+    numbers and the harmonics of the motion), and run_up.png (what shakes the ground over the
+    speed). At most a minute, some of it compilation.
     """
 
     crusher: Crusher = field(default_factory=Crusher)
@@ -209,6 +211,18 @@ class Foundation:
     the crusher's speed to twice that speed."""
     points: int = 61
     """Speeds of the picture."""
+    settle: int = 20
+    """Turns of the loose machine before those of the sheet."""
+    turns: int = 40
+    """Turns of the loose machine that the sheet has, in steps of five."""
+    seconds: float = 35.0
+    """Time that the run may take; the sheet says how many turns it had."""
+    resonance: tuple[float, float] = (0.7, 1.3)
+    """Times each order of the shaft between which a natural frequency is in resonance."""
+    dynamic_factor: float = 3.0
+    """Of the equivalent static loads: what moves counts so often."""
+    run_up: str = "10 s"
+    """Time from standstill to the running speed, and back."""
     results: Results = field(default_factory=lambda: Results("foundation"))
 
 

@@ -1,39 +1,59 @@
-"""The load sheet of a foundation: its numbers in parts, and how severe the standard finds them."""
+"""The load sheet of a foundation: its numbers in parts, in the units of the trade."""
 
-import math
-from dataclasses import dataclass
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Array, Complex, Float, Scalar
 
-from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.crusher.joints import LETTERS
+from jaxcrusher.crusher.observables import OBSERVABLES, OF_SUPPORTS, Observable
+from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.motion.statistics_table import SAMPLES
-from jaxcrusher.orbits.harmonics import harmonics
+from jaxcrusher.motion.turns import Turns
+from jaxcrusher.orbits import severity
 from jaxcrusher.orbits.natural_modes import natural_modes
 from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.run_up import run_up
 
-# Zone boundaries for machines of 15 to 300 kW (group 2): RMS of the velocity, mm/s, and of the
-# displacement, um; A is that of new machines, D may damage. A support is rigid in a direction of
-# measurement where the lowest natural frequency there is a quarter above the running frequency.
-SOURCE = "ISO 10816-3:2009, table A.2, group 2 (15 to 300 kW)"
-ZONES = {
-    "rigid": {"velocity": (1.4, 2.8, 4.5), "displacement": (22.0, 45.0, 71.0)},
-    "flexible": {"velocity": (2.3, 4.5, 7.1), "displacement": (37.0, 71.0, 113.0)},
-}
-RIGID = 1.25
-# A mode counts in a direction in which it has this share of the mobility of the place. The share is
-# judged, since the standard has no number: smaller ones come from a weak coupling of directions.
-COUNTS = 0.1
 SIDES = {"x": "horizontally", "y": "vertically"}
+# Unit of an observable -> that of the sheet, and how many of it the first is.
+TRADE = {"N": ("kN", 1e-3), "N m": ("kN m", 1e-3), "m": ("um", 1e6), "m/s": ("mm/s", 1e3)}
+# Names of quantities on the sheet.
+EXCITING, SUPPORTS = "exciting force", ("left support", "right support", "both supports")
+HARMONICS = "harmonics"
+MOVING = "harmonics of motion"
+
+
+@dataclass(frozen=True)
+class Site:
+    """What a sheet knows besides the motion; points (m) are in the frame's axes, from C."""
+
+    power: float | None = None  # of the motor, W
+    frame_mass: float | None = None  # of a clamped machine's frame, kg
+    points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    # Times each order of the shaft between which a natural frequency is in resonance.
+    band: tuple[float, float] = (0.7, 1.3)
+    factor: float = 3.0  # dynamic factor of the equivalent static loads
+    seconds: float = 10.0  # of a run-up, and of a run-down
 
 
 @dataclass(frozen=True)
 class Row:
-    """A number of the sheet; `order` is that of a harmonic, empty for others, as is `phase`."""
+    """A number of the sheet.
+
+    `order` is that of a harmonic, or says whether it is the RMS, the peak or the like, or is empty.
+    The `scatter` of a harmonic or an RMS is its standard error, that of a peak the standard
+    deviation of the turns' peaks. `ideal` is the number with ideal joints. Of what has none of
+    these they are empty.
+    """
 
     part: str
     name: str
@@ -42,17 +62,8 @@ class Row:
     unit: str
     phase: float | str = ""  # rad
     remark: str = ""
-
-
-def zone(kind: str, quantity: str, value: float) -> str:
-    """Return the zone of an RMS (mm/s or um) on a rigid or flexible support.
-
-    Raises ValueError for an unknown kind or quantity, and for what is no RMS.
-    """
-    require_choice("kind", kind, tuple(ZONES))
-    require_choice("quantity", quantity, tuple(ZONES[kind]))
-    require(0 <= value < math.inf, "value", "be an RMS, finite and >= 0", value)
-    return "ABCD"[int(np.searchsorted(ZONES[kind][quantity], value))]
+    scatter: float | str = ""
+    ideal: float | str = ""
 
 
 def joint_states(scene: Scene) -> str:
@@ -68,154 +79,324 @@ def joint_states(scene: Scene) -> str:
     return ", ".join(states)
 
 
-def sheet(orbit: PeriodicOrbit, orders: int) -> list[Row]:
-    """Return the rows of the sheet of an orbit, part by part."""
-    loads = harmonics(orbit, orders, outputs=(*_carried(orbit), "ground_moment"))
-    if orbit.scene.supports is None:
-        return [*_static(loads), *_harmonics(loads), *_peaks(orbit)]
-    modes = natural_modes(orbit.scene)
+def quantities_of(scene: Scene) -> dict[str, Observable]:
+    """Return what a sheet looks at along a motion."""
+    names = ["ground_force", "ground_moment"]
+    if scene.supports is None:
+        return {name: OBSERVABLES[name] for name in names}
+    names += [name for name in OF_SUPPORTS if name != "transmitted_force"]
+    spin = Observable(_frame_spin, "rad/s", "spin of the frame")
+    return {name: OBSERVABLES[name] for name in names} | {"frame_spin": spin}
+
+
+def _frame_spin(s, scene: Scene) -> Scalar:
+    return s.frame.spin
+
+
+def orbit_turns(orbit: PeriodicOrbit) -> Turns:
+    """Return what a sheet looks at along a periodic orbit."""
+    angles = 2 * np.pi / SAMPLES * jnp.arange(SAMPLES * orbit.period)
+    seen = _looked(orbit, tuple(quantities_of(orbit.scene).items()), angles)
+    return Turns(orbit.scene, orbit.period, {n: np.asarray(v)[None] for n, v in seen.items()})
+
+
+@eqx.filter_jit
+def _looked(
+    orbit: PeriodicOrbit, quantities: tuple[tuple[str, Observable], ...], phases: Array
+) -> dict[str, Array]:
+    scene = steady(orbit.scene)
+
+    def look(phase: Scalar) -> dict[str, Array]:
+        still = orbit.eccentricity is None
+        state = scene.formulation.initial(scene) if still else orbit.state(phase)
+        snapshot = scene.formulation.snapshot(phase / scene.drive.speed, state, scene)
+        return {name: one(snapshot, scene) for name, one in quantities}
+
+    return jax.vmap(look)(phases)
+
+
+def sheet(motion: PeriodicOrbit | Turns, orders: int, site: Site = Site()) -> list[Row]:
+    """Return the rows of the sheet of an orbit or of a run, part by part.
+
+    `orders` is the highest harmonic of the shaft's speed.
+    """
+    turns = motion if isinstance(motion, Turns) else orbit_turns(motion)
+    exciting = _exciting(turns)
+    rows = [
+        *_static(turns, site),
+        *_harmonics(turns, exciting, HARMONICS, orders),
+        *_peaks(turns, exciting),
+    ]
+    if turns.scene.supports is None:
+        return rows
+    modes, carried = natural_modes(turns.scene), _carried(turns)
+    moved = _moved(turns, site.points)
+    motions = [
+        *_motion(turns, moved, modes, site),
+        *_harmonics(turns, _named(moved), MOVING, orders),
+    ]
+    rows += [*_harmonics(turns, carried, HARMONICS, orders), *_peaks(turns, carried)]
+    rows = [*_modes(turns.scene, modes, rows, site), *rows, *motions]
+    verdicts = _verdicts(turns.scene, rows, site)
+    return [*verdicts, *rows, *_running_up(turns, orders, site)]
+
+
+def beside(rows: Sequence[Row], ideal: Sequence[Row]) -> list[Row]:
+    """Return the rows of a loose machine with the numbers of its ideal joints beside them."""
+    known = {(row.part, row.name, row.order): row.value for row in ideal}
     return [
-        *_modes(orbit, modes),
-        *_static(loads),
-        *_harmonics(loads),
-        *_peaks(orbit),
-        *_severity(orbit, modes),
+        dataclasses.replace(row, ideal=known.get((row.part, row.name, row.order), ""))
+        for row in rows
     ]
 
 
-def running_frequency(orbit: PeriodicOrbit) -> float:
+def running_frequency(scene: Scene) -> float:
     """Return the shaft's frequency, Hz."""
-    return float(orbit.scene.drive.speed) / (2 * np.pi)
+    return float(scene.drive.speed) / (2 * np.pi)
 
 
-def _modes(orbit: PeriodicOrbit, modes: xr.Dataset) -> list[Row]:
-    part, running, rows = "natural modes", running_frequency(orbit), []
+# A quantity of the sheet: its unit as observed, and values of shape (pieces, samples).
+Curves = dict[str, tuple[str, Float[np.ndarray, "pieces samples"]]]
+
+
+def _both(name: str, unit: str, values: Float[np.ndarray, "pieces samples 2"]) -> Curves:
+    return {f"{name}, {SIDES[a]}": (unit, values[..., i]) for i, a in enumerate("xy")}
+
+
+def _exciting(turns: Turns) -> Curves:
+    """Return force and moments of shaft, jaw and toggle on the frame."""
+    force, moment = turns.values["ground_force"], turns.values["ground_moment"]
+    place = _place(turns.scene)
+    levels = {"exciting moment about " + ("C" if turns.scene.foundation is None else "G"): place}
+    if turns.scene.foundation is not None and turns.scene.supports is None:
+        levels = {"exciting moment about the foundation's point": place}
+    levels["exciting moment at the shaft's level, about O"] = _bearing(turns.scene)
+    if (foundation := turns.scene.supports) is not None:
+        middle = float(foundation.left + foundation.right) / 2
+        levels["exciting moment at the base, in its middle"] = np.array(
+            [middle, float(foundation.base)]
+        )
+    found = _both(EXCITING, "N", force)
+    for name, at in levels.items():
+        x, y = place - at
+        found[name] = ("N m", moment + x * force[..., 1] - y * force[..., 0])
+    return found
+
+
+def _place(scene: Scene) -> Float[np.ndarray, "2"]:
+    """Return the point that moments on the ground are counted about, as drawn, m."""
+    return np.zeros(2) if scene.foundation is None else np.asarray(scene.foundation.point.array())
+
+
+def _bearing(scene: Scene) -> Float[np.ndarray, "2"]:
+    return np.asarray(scene.machine.bearing.array())
+
+
+def _carried(turns: Turns) -> Curves:
+    """Return the forces of the supports on the ground."""
+    left, right = turns.values["left_force"], turns.values["right_force"]
+    found: Curves = {}
+    for name, force in zip(SUPPORTS, (left, right, left + right), strict=True):
+        found |= _both(f"force of {name}", "N", force)
+    return found
+
+
+def _static(turns: Turns, site: Site) -> list[Row]:
+    """Return the static loads, and those that stand for what moves by a dynamic factor."""
+    scene, frame = turns.scene, site.frame_mass
+    clamped = scene.supports is None
+    curves = _exciting(turns) if clamped else _carried(turns)
+    # What weight and reactions cancel is rounding, some 1e-12 of the largest load.
+    rounding = 1e-9 * max(float(np.abs(values).max()) for _, values in curves.values())
+    rows = []
+    for name, (observed, values) in curves.items():
+        unit, factor = TRADE[observed]
+        mean = float(values.mean())
+        still, remark = mean if abs(mean) > rounding else 0.0, ""
+        if clamped:
+            name, remark = name.replace("exciting ", ""), "without the frame"
+            if frame is not None and "force" in name:
+                remark = f"with the frame of {frame:.6g} kg"
+                fall = float(scene.linkage.gravity) if "vertically" in name else 0.0
+                still -= frame * fall
+        rows.append(Row("static loads", name, "static", factor * still, unit, remark=remark))
+        for sign, end in (("+", values.max()), ("-", values.min())):
+            value = factor * (still + site.factor * (float(end) - mean))
+            words = f"equivalent, {sign} {site.factor:g} times what moves"
+            rows.append(Row("static loads", name, words, value, unit))
+    return rows
+
+
+def _spectrum(
+    values: Float[np.ndarray, "pieces samples"], highest: int
+) -> tuple[Complex[np.ndarray, " orders"], Float[np.ndarray, " orders"]]:
+    """Return the mean of the pieces' complex amplitudes from the first on, and its error."""
+    # numpy.fft sums a exp(-i k theta): its angle is the phase of the cosine.
+    pieces = 2 * np.fft.rfft(values, axis=1)[:, 1 : highest + 1] / values.shape[1]
+    mean, count = pieces.mean(axis=0), len(pieces)
+    spread = np.sum(np.abs(pieces - mean) ** 2, axis=0)
+    return mean, np.sqrt(spread / max(count - 1, 1) / count)
+
+
+def _harmonics(turns: Turns, curves: Curves, part: str, orders: int) -> list[Row]:
+    rows = []
+    for name, (observed, values) in curves.items():
+        unit, factor = TRADE[observed]
+        mean, error = _spectrum(factor * values, orders * turns.length)
+        for i, (one, scatter) in enumerate(zip(mean, error, strict=True)):
+            order, known = (i + 1) / turns.length, "" if turns.repeats else float(scatter)
+            size, phase = float(np.abs(one)), float(np.angle(one))
+            rows.append(Row(part, name, order, size, unit, phase, scatter=known))
+    return rows
+
+
+def _peaks(turns: Turns, curves: Curves) -> list[Row]:
+    """Return the greatest and least values, and the RMS of what moves."""
+    rows = []
+    for name, (observed, values) in curves.items():
+        unit, factor = TRADE[observed]
+        moves = factor * np.sqrt(np.mean((values - values.mean()) ** 2, axis=1))
+        rows += [
+            _of_pieces(turns, "peaks", name, "greatest", factor * values.max(axis=1), unit),
+            _of_pieces(turns, "peaks", name, "least", factor * values.min(axis=1), unit),
+            _of_pieces(turns, "peaks", name, "RMS of what moves", moves, unit),
+        ]
+    return rows
+
+
+def _of_pieces(
+    turns: Turns, part: str, name: str, what: str, pieces: np.ndarray, unit: str, remark: str = ""
+) -> Row:
+    """Return the row of a number of each piece: its extreme, or the root of its mean square."""
+    over = {"greatest": np.max, "peak": np.max, "least": np.min}
+    value = float(over.get(what, lambda each: np.sqrt(np.mean(each**2)))(pieces))
+    # Of a mean it is the standard error, of an extreme that of the turns' own.
+    share = 1.0 if what in over else len(pieces) ** -0.5
+    scatter = "" if turns.repeats else share * float(np.std(pieces, ddof=1))
+    return Row(part, name, what, value, unit, remark=remark, scatter=scatter)
+
+
+def _modes(scene: Scene, modes: xr.Dataset, rows: Sequence[Row], site: Site) -> list[Row]:
+    part, running, found = "natural modes", running_frequency(scene), []
+    shaken = {
+        order: max(r.value for r in rows if r.order == order and r.unit == "kN")
+        for order in sorted({float(r.order) for r in rows if r.part == HARMONICS})
+    }
+    most = max(shaken.values(), default=1.0) or 1.0
     for i in range(modes.sizes["mode"]):
         one, mode = modes.isel(mode=i), f"mode {i + 1}"
         frequency, ratio = float(one.frequency), float(one.damping_ratio)
         moves = str(one.coordinate.values[int(np.argmax(one.share.values))])
-        remark = f"{frequency / running:.3g} times the running frequency, most in {moves}"
-        rows.append(Row(part, f"undamped frequency of {mode}", "", frequency, "Hz", remark=remark))
-        rows.append(Row(part, f"damping ratio of {mode}", "", ratio, "1"))
+        remark = f"damping ratio {ratio:.4g}, {frequency / running:.3g} times the running frequency"
+        remark += f", most in {moves}"
+        low, high = site.band
+        for order, size in shaken.items():
+            times = frequency / (order * running)
+            if low <= times <= high:
+                remark += f"; resonance: {times:.2f} times order {order:g}"
+                remark += f" ({size / most:.0%} of the largest harmonic)"
+        found.append(Row(part, f"undamped frequency of {mode}", "", frequency, "Hz", remark=remark))
     # Dampers couple the modes: what moves freely is no single mode, and need not vibrate.
     for i, (decay, damped) in enumerate(zip(modes.decay, modes.damped_frequency, strict=True)):
         frequency, ratio = float(damped), float(decay / np.hypot(decay, 2 * np.pi * damped))
         remark = f"vibrates at {frequency:.4g} Hz, damping ratio {ratio:.4g}"
         remark = remark if frequency else "overdamped, does not vibrate"
         name = f"decay of free motion {i + 1}"
-        rows.append(Row(part, name, "", float(decay), "1/s", remark=remark))
-    return rows
+        found.append(Row(part, name, "", float(decay), "1/s", remark=remark))
+    return found
 
 
-def _carried(orbit: PeriodicOrbit) -> tuple[str, ...]:
-    return ("ground_force",) if orbit.scene.supports is None else ("left_force", "right_force")
+# Place -> arm from G (m), displacement from the mean place (m) and velocity (m/s) in time.
+Moved = dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
-def _static(found: xr.Dataset) -> list[Row]:
-    # What weight and reactions cancel is rounding, some 1e-12 of the largest load.
-    rounding = 1e-9 * float(np.abs(found.amplitude).max())
-    return [
-        Row("static loads", _words(name), "", value, str(one.unit.values), remark=remark)
-        for name in found["quantity"].values
-        # What frame and block weigh stands in the forces of supports alone.
-        for remark in ["of shaft, jaw and toggle alone" if name.startswith("ground") else ""]
-        for one in [found.sel(quantity=name, order=0)]
-        for value in [float(one.amplitude) if abs(one.amplitude) > rounding else 0.0]
-    ]
+def _moved(turns: Turns, points: Mapping[str, tuple[float, float]]) -> Moved:
+    """Return how G, the main bearing and the points move."""
+    shift, turned = turns.values["frame_displacement"], turns.values["frame_rotation"]
+    rate, spin = turns.values["frame_velocity"], turns.values["frame_spin"]
+    cos, sin = np.cos(turned), np.sin(turned)
+    places = {"G": _place(turns.scene), "the main bearing": _bearing(turns.scene)}
+    places |= {name: np.array(at) for name, at in points.items()}
+    found = {}
+    for name, at in places.items():
+        arm = at - _place(turns.scene)
+        x, y = cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1]
+        path = shift + np.stack([x - arm[0], y - arm[1]], axis=-1)
+        velocity = rate + spin[..., None] * np.stack([-y, x], axis=-1)
+        found[name] = arm, path - path.mean(axis=(0, 1)), velocity
+    return found
 
 
-def _harmonics(found: xr.Dataset) -> list[Row]:
-    return [
-        Row(
-            "harmonics",
-            _words(name),
-            float(order),
-            float(one.amplitude),
-            str(one.unit.values),
-            float(one.phase),
-        )
-        for name in found["quantity"].values
-        for order in found["order"].values[1:]
-        for one in [found.sel(quantity=name, order=order)]
-    ]
+def _named(moved: Moved) -> Curves:
+    found: Curves = {}
+    for place, (_, path, velocity) in moved.items():
+        found |= _both(f"displacement of {place}", "m", path)
+        found |= _both(f"velocity of {place}", "m/s", velocity)
+    return found
 
 
-def _words(quantity: str) -> str:
-    """Return the name of a quantity, such as "left force, vertically"."""
-    name, _, axis = quantity.rpartition("_")
-    return (
-        f"{name.replace('_', ' ')}, {SIDES[axis]}" if axis in SIDES else quantity.replace("_", " ")
-    )
-
-
-def _peaks(orbit: PeriodicOrbit) -> list[Row]:
-    names = {
-        "shaking_rms": ("RMS of the shaking force", "N"),
-        "shaking_peak": ("peak of the shaking force", "N"),
-        "shaking_moment_rms": ("RMS of what moves of the moment", "N m"),
-        "transmitted_rms": ("RMS of what moves of the force on the ground", "N"),
-        "transmitted_peak": ("peak of what moves of the force on the ground", "N"),
-        "left_peak": ("largest force of the left support, weight included", "N"),
-        "right_peak": ("largest force of the right support, weight included", "N"),
-    }
-    return [
-        Row("peaks", words, "", float(orbit[name]), unit)
-        for name, (words, unit) in names.items()
-        if name in orbit.values
-    ]
-
-
-def support_kind(modes: xr.Dataset, running: float, arm: np.ndarray, axis: str) -> str:
-    """Say whether the standard calls the supports rigid or flexible in a direction.
-
-    `arm` (m) is from G to where is measured, `axis` a key of `SIDES`, `running` in Hz.
-    """
-    x, y, turned = modes["shape"].values.T
-    moved = {"x": x - arm[1] * turned, "y": y + arm[0] * turned}[axis] ** 2
-    lowest = float(modes.frequency.values[moved >= COUNTS * moved.sum()].min())
-    return "rigid" if lowest >= RIGID * running else "flexible"
-
-
-def _severity(orbit: PeriodicOrbit, modes: xr.Dataset) -> list[Row]:
-    """Return RMS of displacement and velocity at G and at the main bearing, with their zones."""
-    running, rows = running_frequency(orbit), []
-    peak = float(orbit.frame_displacement_peak) * 1e6
-    rows.append(Row("motion", "how far G comes from its mean place", "", peak, "um"))
-    for place, (arm, path) in _paths(orbit).items():
-        moving = path - path.mean(axis=0)
-        # The derivative by time, from the harmonics.
-        turns = np.fft.rfftfreq(len(path), 1 / len(path)) / orbit.period
-        spectrum = (
-            1j * float(orbit.scene.drive.speed) * turns[:, None] * np.fft.rfft(moving, axis=0)
-        )
-        velocity = np.fft.irfft(spectrum, len(path), axis=0)
-        for quantity, values, unit, one in (
-            ("displacement", moving, "um", 1e6),
-            ("velocity", velocity, "mm/s", 1e3),
+def _motion(turns: Turns, moved: Moved, modes: xr.Dataset, site: Site) -> list[Row]:
+    """Return RMS and peaks of displacement and velocity, with the zones of the standard."""
+    part, running = "motion", running_frequency(turns.scene)
+    outside, machines = severity.outside_scope(running, site.power), severity.group(site.power)
+    rows = []
+    for place, (arm, path, velocity) in moved.items():
+        for quantity, values, unit in (
+            ("displacement", path, "um"),
+            ("velocity", velocity, "mm/s"),
         ):
-            for axis, column in zip(SIDES, values.T, strict=True):
-                rms = one * float(np.sqrt(np.mean(column**2)))
-                kind = support_kind(modes, running, arm, axis)
-                remark = f"zone {zone(kind, quantity, rms)}, {kind} support"
-                name = f"RMS {quantity} of {place}, {SIDES[axis]}"
-                rows.append(Row("motion", name, "", rms, unit, remark=remark))
+            for i, axis in enumerate(SIDES):
+                one = {"um": 1e6, "mm/s": 1e3}[unit] * values[..., i]
+                name, kind = (
+                    f"{quantity} of {place}, {SIDES[axis]}",
+                    severity.support_kind(modes, running, arm, axis),
+                )
+                rms, peaks = np.sqrt(np.mean(one**2, axis=1)), np.abs(one).max(axis=1)
+                row = _of_pieces(turns, part, name, "RMS", rms, unit)
+                grade = severity.zone(kind, quantity, row.value, machines)
+                said = "" if outside else f"zone {grade}, {kind} support"
+                rows += [
+                    dataclasses.replace(row, remark=said),
+                    _of_pieces(turns, part, name, "peak", peaks, unit),
+                ]
     return rows
 
 
-def _paths(orbit: PeriodicOrbit) -> dict[str, tuple[np.ndarray, Float[np.ndarray, "n 2"]]]:
-    """Return G and the main bearing: the way there from G, and displacements over the period, m."""
-    angles = 2 * np.pi * np.arange(SAMPLES * orbit.period) / SAMPLES
-    seen = orbit.motion(angles, ("frame_displacement", "frame_rotation"))
-    moved, turned = (np.asarray(seen[name]) for name in ("frame_displacement", "frame_rotation"))
-    foundation = orbit.scene.supports
-    assert foundation is not None
-    arm = np.asarray((orbit.scene.machine.bearing - foundation.point).array())
-    x, y = arm
-    by_turning = np.stack(
-        [
-            (np.cos(turned) - 1) * x - np.sin(turned) * y,
-            np.sin(turned) * x + (np.cos(turned) - 1) * y,
-        ],
-        axis=1,
+def _verdicts(scene: Scene, rows: Sequence[Row], site: Site) -> list[Row]:
+    """Return the overall grade with what decides it, and the resonances."""
+    part, running = "verdicts", running_frequency(scene)
+    low, high = site.band
+    close = [row for row in rows if "resonance" in row.remark]
+    named = "; ".join(
+        f"{r.name.removeprefix('undamped frequency of ')} {r.remark.partition('; ')[2]}"
+        for r in close
     )
-    return {"G": (np.zeros(2), moved), "the main bearing": (arm, moved + by_turning)}
+    band = f"natural frequencies from {low:g} to {high:g} times an order"
+    found = [Row(part, band, "", len(close), "1", remark=named or "none")]
+    if outside := severity.outside_scope(running, site.power):
+        return [Row(part, "overall zone", "", 60 * running, "rpm", remark=outside), *found]
+    zones = [row for row in rows if row.remark.startswith("zone ")]
+    worst = max(zones, key=lambda row: (row.remark[5], row.value))
+    assumed = "" if site.power else ", assumed: motor_power is not given"
+    group = severity.GROUPS[severity.group(site.power)] + assumed
+    said = f"{worst.remark}; decided by the {worst.order} {worst.name} ({group})"
+    return [Row(part, "overall zone", "", worst.value, worst.unit, remark=said), *found]
+
+
+def _running_up(turns: Turns, orders: int, site: Site) -> list[Row]:
+    """Return what G does on the way up and down, beside the running speed."""
+    part, rows = "run-up and run-down", []
+    exciting = _exciting(turns)
+    force = np.array(
+        [_spectrum(values, orders * turns.length)[0] for _, values in list(exciting.values())[:3]]
+    )[:, turns.length - 1 :: turns.length]
+    moved = turns.values["frame_displacement"]
+    for words, down in (("up", False), ("down", True)):
+        path = run_up(turns.scene, force, site.seconds, down=down)
+        for i, axis in enumerate(SIDES):
+            own = moved[..., i] - moved[..., i].mean()
+            peak, running = 1e6 * np.abs(path[:, i]).max(), 1e6 * np.abs(own).max()
+            name = f"peak displacement of G on the way {words}, {SIDES[axis]}"
+            remark = f"in {site.seconds:g} s; {peak / running:.2f} times that at the running speed"
+            rows.append(Row(part, name, "", float(peak), "um", remark=remark))
+    return rows

@@ -58,16 +58,7 @@ def natural_modes(scene: Scene) -> xr.Dataset:
 
     Raises ValueError for a clamped frame, under `jax.jit`, and for a machine that topples.
     """
-    require_set_up()
-    require_scene(scene)
-    require(scene.supports is not None, "scene", "have a frame on supports", "clamped")
-    require_untraced("scene", scene, "natural_modes", "jaxcrusher.periodic_orbit")
-    matrices = [np.asarray(one) for one in _linearised(scene)]
-    *_, left = matrices
-    toppled = "stand on its supports, and does not topple"
-    mass, damping, stiffness = matrices[:3]
-    upright = np.isfinite(stiffness).all() and np.linalg.eigvalsh(stiffness).min() > 0
-    require(bool(upright and left <= STANDING), "scene", toppled, "one that falls")
+    mass, damping, stiffness = linearised(scene)
     squares, shapes = scipy.linalg.eigh(stiffness, mass)
     rates, dampers = np.sqrt(squares), shapes.T @ damping @ shapes
     energies = np.diag(mass) * shapes.T**2
@@ -80,6 +71,22 @@ def natural_modes(scene: Scene) -> xr.Dataset:
     decay, damped = _free(rates, dampers)
     free = dataset(("free",), {"decay": decay, "damped_frequency": damped}, FREE_COLUMNS, {})
     return dataset(("mode",), told, COLUMNS, {"coordinate": list(COORDINATES)}).merge(free)
+
+
+def linearised(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return mass, damping and stiffness about the standing place, for x, y (m) and rotation of G.
+
+    Raises ValueError as `natural_modes` does.
+    """
+    require_set_up()
+    require_scene(scene)
+    require(scene.supports is not None, "scene", "have a frame on supports", "clamped")
+    require_untraced("scene", scene, "natural_modes", "jaxcrusher.periodic_orbit")
+    mass, damping, stiffness, left = (np.asarray(one) for one in _linearised(scene))
+    toppled = "stand on its supports, and does not topple"
+    upright = np.isfinite(stiffness).all() and np.linalg.eigvalsh(stiffness).min() > 0
+    require(bool(upright and left <= STANDING), "scene", toppled, "one that falls")
+    return mass, damping, stiffness
 
 
 def _free(rates: np.ndarray, dampers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -242,7 +242,7 @@ def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:
     point = Vector(values["foundation.x"], values["foundation.y"])
     if "foundation.mass" not in values:
         return Clamped(point)
-    numbers = _of(values, "foundation.")
+    numbers = {n: value for n, value in _of(values, "foundation.").items() if "." not in n}
     del numbers["x"], numbers["y"]
     return OnSupports(point=point, **numbers)
 

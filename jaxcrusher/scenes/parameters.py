@@ -191,6 +191,12 @@ CHAMBER = {
     "chamber.loosening": Parameter(0.7, "1", "mu of the material crushed", (0.01, 1)),
 }
 
+# What a load sheet is told besides the motion, which has none of it; the numbers are judged.
+SITE = {
+    "motor_power": Parameter(15e3, "W", "of the motor; none: not known"),
+    "frame_mass": Parameter(1500.0, "kg", "of frame and fixed jaw, clamped; none: not known"),
+}
+
 # Name -> what may be chosen, the paper's choice first.
 CHOICES = {
     "joint": ("clearance", "ideal"),
@@ -205,11 +211,14 @@ CHOICES |= {
     for name in _CHOICES_OF_A_JOINT
 }
 
+# Before the name of a point of the frame, whose value is its place from C, such as "1.2 m, -0.4 m".
+POINTS = "foundation.points."
+
 # Names whose value is a file, or in Python the array that it would hold.
 FILES = {"load_curve": "force over the shaft's angle: angle_deg, force_kN"}
 
 # Every number that a scene file may have.
-NUMBERS = PARAMETERS | CHAMBER
+NUMBERS = PARAMETERS | CHAMBER | SITE
 
 # A name, or the beginning of names -> what a description must have one of to have them: a name, or
 # the choice of a law.
@@ -296,15 +305,15 @@ def check_description(values: Mapping[str, Any]) -> None:
     """ValueError for an unknown name, a number outside its limits, or an unknown choice.
 
     Numbers are scalars or arrays; what is known only to `jax.jit` passes (see `within_limits`).
-    What a file holds is checked when it is read.
+    What a file holds is checked when it is read, and where a point is when a sheet is made.
     """
     for name, value in values.items():
-        if name in FILES:
+        if name in FILES or name.startswith(POINTS):
             continue
         if name in CHOICES:
             require_choice(name, value, CHOICES[name])
             continue
-        require_known(name, (*PARAMETERS, *CHAMBER, *CHOICES, *FILES))
+        require_known(name, (*NUMBERS, *CHOICES, *FILES))
         check_number(name, value)
 
 

@@ -32,7 +32,7 @@ from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.own_laws import is_own, law_class, make_known
-from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS, check_number
+from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS, POINTS, check_number
 
 # A diameter of a drawing -> the radius that it gives.
 _DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
@@ -166,6 +166,9 @@ def read_value(name: str, value: Any, folder: Path = Path()) -> float | str:
         if not isinstance(value, str):
             raise ValueError(f"Argument `{name}` must be a file's name, but is {value!r}.")
         return str(folder / value)
+    if name.startswith(POINTS):
+        point_of(name, value)
+        return value
     require_parameter(name)
     parameter = NUMBERS[name]
     if isinstance(value, str):
@@ -264,6 +267,18 @@ def to_si(name: str, text: str) -> float:
     Raises ValueError as `quantity_in` does.
     """
     return quantity_in(NUMBERS[name].unit, name, text)
+
+
+def point_of(name: str, value: Any) -> tuple[float, float]:
+    """Return a point of the frame, m from C, of two quantities such as "1.2 m, -0.4 m".
+
+    Raises ValueError as `quantity_in` does.
+    """
+    two = value.split(",") if isinstance(value, str) else ()
+    must = 'be a place from C, to the right and up, such as "1.2 m, -0.4 m"'
+    require(len(two) == 2, name, must, repr(value))
+    x, y = (quantity_in("m", name, one) for one in two)
+    return x, y
 
 
 def quantity_in(unit: str, name: str, text: str) -> float:

@@ -9,7 +9,8 @@ from jaxcrusher.files.table import COLUMNS, Column
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
 from jaxcrusher.motion import statistics_table
 from jaxcrusher.motion.statistics_table import STATISTIC, always_with, chosen
-from jaxcrusher.orbits.load_sheet import SOURCE, Row, joint_states
+from jaxcrusher.orbits.load_sheet import MOVING, Row, joint_states
+from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, in_words, readable
 from jaxcrusher.scenes.plausibility import borrowed
@@ -100,7 +101,10 @@ def load_sheet(found: Answer) -> Table | None:
     """Return the load sheets of the foundation side by side; None where no design has one."""
     if not found.load_sheets:
         return None
-    sheets = [{_heading(row): row for row in sheet} for sheet in found.load_sheets.values()]
+    sheets = [
+        {_heading(row): row for row in sheet if row.part != MOVING}
+        for sheet in found.load_sheets.values()
+    ]
     # An overdamped design has more free motions than another.
     part_of = {heading: row.part for sheet in sheets for heading, row in sheet.items()}
     parts = list(dict.fromkeys(part_of.values()))
@@ -123,7 +127,8 @@ def load_sheet(found: Answer) -> Table | None:
 
 
 def _heading(row: Row) -> str:
-    order = f", order {row.order:g}" if row.order else ""
+    order = f", order {row.order:g}" if isinstance(row.order, float) else f", {row.order}"
+    order = order if row.order else ""
     return f"{row.name}{order}, {row.unit}"
 
 

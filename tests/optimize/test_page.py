@@ -777,7 +777,7 @@ def test_load_sheets_stand_side_by_side():
         return [
             *more,
             Row("harmonics", "left force, vertically", 2.0, value, "N", np.pi / 2),
-            Row("motion", "RMS velocity of G", "", value, "mm/s", remark="zone A, rigid support"),
+            Row("motion", "velocity of G", "RMS", value, "mm/s", remark="zone A, rigid support"),
         ]
 
     # A design may have a free motion more, and a phase that rounds to zero.
@@ -792,7 +792,7 @@ def test_load_sheets_stand_side_by_side():
         ("left force, vertically, order 2, N", "12 at 90°", "34 at 90°"),
         ("left force, vertically, order 1, N", "", "0 at 0°"),
         (
-            "RMS velocity of G, mm/s",
+            "velocity of G, RMS, mm/s",
             "12 (zone A, rigid support)",
             "34 (zone A, rigid support)",
         ),

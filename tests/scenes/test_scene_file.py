@@ -8,7 +8,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS
-from jaxcrusher.scenes.scene_file import read_scene_file, read_text, read_value
+from jaxcrusher.scenes.scene_file import point_of, read_scene_file, read_text, read_value
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # A unit that is not the SI unit, and its size.
@@ -24,6 +24,7 @@ OTHER = {
     "N/m": ("kN/mm", 1e6),
     "N s/m": ("kN·s/m", 1e3),
     "Pa": ("GPa", 1e9),
+    "W": ("kW", 1e3),
     "1": ("%", 1e-2),
 }
 
@@ -34,7 +35,7 @@ def write(folder: Path, values: dict) -> Path:
     for table in dict.fromkeys(name.split(".")[0] for name in values if "." in name):
         lines.append(f"[{table}]")
         lines += [
-            f"{name.split('.')[1]} = {value}"
+            f"{name.partition('.')[2]} = {value}"
             for name, value in values.items()
             if name.startswith(f"{table}.")
         ]
@@ -81,6 +82,18 @@ def test_example_is_the_paper_s_crusher():
     """To the last bit, key by key: a result's settings are compared as they are written."""
     chamber = {name: parameter.default for name, parameter in CHAMBER.items()}
     assert read_scene_file(EXAMPLES / "pe250x400.toml") == jc.PE250X400 | chamber
+
+
+def test_points_of_the_frame(tmp_path):
+    """Their names are free; a place is two quantities, kept as they are written."""
+    values = {"foundation.mass": '"6 t"', "foundation.points.corner": '"1.2 m, -400 mm"'}
+    read = read_scene_file(write(tmp_path, values))
+    assert read == {"foundation.mass": 6e3, "foundation.points.corner": "1.2 m, -400 mm"}
+    assert point_of("foundation.points.corner", "1.2 m, -400 mm") == (1.2, -0.4)
+    jc.build_scene(read)
+    for bad, words in (("1 m", "must be a place from C"), ("1 m, 2", "has no unit")):
+        with pytest.raises(ValueError, match=words):
+            read_value("foundation.points.corner", bad)
 
 
 def test_template_offers_every_number(tmp_path):

@@ -1,7 +1,6 @@
 """The load sheet of a foundation, from the command line to its files."""
 
 import csv
-import logging
 import re
 
 import numpy as np
@@ -11,16 +10,17 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.commands import foundation
 from jaxcrusher.commands.options import Crusher, Foundation, Results
-from jaxcrusher.orbits.load_sheet import Row, sheet
-from jaxcrusher.orbits.result import RESULTS, missing
+from jaxcrusher.motion.turns import Turns
+from jaxcrusher.orbits.load_sheet import Row, Site, sheet
 
 BLOCK = (("foundation.mass", "6 t"), ("foundation.x", "0.3 m"), ("joint", "ideal"))
+CORNER = ("foundation.points.the corner", "1.2 m, -500 mm")
 
 
 def test_files_of_a_sheet(tmp_path):
     console = Console(record=True, width=100)
     options = Foundation(
-        Crusher(overrides=BLOCK),
+        Crusher(overrides=(*BLOCK, CORNER, ("motor_power", "15 kW"))),
         orders=2,
         speeds=("200", "400 rpm"),
         points=3,
@@ -33,50 +33,115 @@ def test_files_of_a_sheet(tmp_path):
     scene = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3, "foundation.x": 0.3})
     orbit = jc.periodic_orbit(scene)
     found = jc.harmonics(orbit, 2, outputs=("left_force",))
-    (row,) = [r for r in rows if (r["name"], r["order"]) == ("left force, vertically", "2.0")]
+
+    def row(name, order, part):
+        key = name, order, part
+        (found,) = [r for r in rows if (r["name"], r["order"], r["part"]) == key]
+        return found
+
+    second = row("force of left support, vertically", "2.0", "harmonics")
     expected = found.sel(quantity="left_force_y", order=2)
-    assert float(row["value"]) == pytest.approx(float(expected.amplitude), rel=1e-9)
-    assert float(row["phase"]) == pytest.approx(float(expected.phase), rel=1e-9)
-    weights = [float(r["value"]) for r in rows if r["part"] == "static loads"]
-    # Left and right, horizontally and vertically, and a moment: all weight is carried.
-    assert weights[1] + weights[3] == pytest.approx(-9.81 * 6641, rel=1e-9)
-    (velocity,) = [float(r["value"]) for r in rows if "velocity of G, vert" in r["name"]]
+    # N and kN.
+    assert float(second["value"]) == pytest.approx(1e-3 * float(expected.amplitude), rel=1e-9)
+    assert float(second["phase"]) == pytest.approx(float(expected.phase), rel=1e-9)
+    weight = row("force of both supports, vertically", "static", "static loads")
+    assert float(weight["value"]) == pytest.approx(-9.81e-3 * 6641, rel=1e-9)
+    velocity = float(row("velocity of G, vertically", "RMS", "motion")["value"])
     seen = orbit.motion(2 * np.pi * np.arange(512) / 512, ("frame_velocity",))["frame_velocity"]
-    rms = 1e3 * np.sqrt(np.mean(np.asarray(seen)[:, 1] ** 2))
-    assert velocity == pytest.approx(rms, rel=1e-6)
+    assert velocity == pytest.approx(1e3 * np.sqrt(np.mean(np.asarray(seen)[:, 1] ** 2)), rel=1e-6)
+    assert row("displacement of the corner, vertically", "1.0", "harmonics of motion")
     text, html = console.export_text(), (folder / "sheet.html").read_text()
-    joints = "Load sheet of a jaw crusher&#39;s foundation: main bearing A is ideal, elbow B is"
-    assert joints in html and joints.replace("&#39;", "'") in text.replace("\n", " ")
-    for said in ("ISO 10816-3:2009", "left force, vertically", "natural modes"):
-        assert said in text and said in html
-    # An ideal joint has no clearance.
-    assert "clearance" not in html and "undamped natural frequency in red" in html
-    assert re.search(r"foundation\.mass 6000 kg|foundation\.mass 6 t", html)
+    for said in (
+        *("Load sheet of a jaw crusher's foundation", "main bearing A is ideal, elbow B is ideal"),
+        *("foundation.mass 6 t", "foundation.base -600 mm", "motor_power", "overall zone"),
+        *(
+            "ISO 10816-3:2009",
+            "force of left support, vertically",
+            "natural modes",
+            "zone A, rigid",
+        ),
+    ):
+        assert said in text.replace("\n", " ") and said in html.replace("&#39;", "'"), said
+    # An ideal joint has no clearance, and there is one column.
+    assert "clearance" not in html and "|" not in html and "undamped natural frequency in" in html
     assert (folder / "run_up.png").stat().st_size > 10_000
+
+
+def test_a_loose_machine_has_two_columns_and_bounded_time(tmp_path):
+    """Where it has no periodic orbit too: closing loads throw the pin about."""
+    console = Console(record=True, width=100)
+    options = Foundation(
+        Crusher(overrides=(("load_law", "closing_stroke"),)),
+        orders=1,
+        points=2,
+        settle=5,
+        turns=10,
+        results=Results("loose", tmp_path),
+    )
+    assert foundation.run(options, console) == 0
+    text = " ".join(console.export_text().split())
+    # Progress, and what the columns are.
+    assert "turn 1 to 5, settling" in text and "10 turns after 5; ideal | loose" in text
+    with (tmp_path / "loose" / "sheet.csv").open() as file:
+        rows = {(r["name"], r["order"]): r for r in csv.DictReader(file)}
+    peak = rows["exciting force, vertically", "greatest"]
+    assert float(peak["value"]) > float(peak["ideal"]) and float(peak["scatter"]) > 0
+
+
+def test_a_run_that_fails_leaves_ideal_joints(tmp_path, monkeypatch):
+    failed = Turns(jc.paper_scene(30.0, 0.06e-3), 1, {}, failure="stopped at 3 rad of phase")
+    monkeypatch.setattr(foundation, "run_turns", lambda *_, **__: failed)
+    console = Console(record=True, width=100)
+    options = Foundation(orders=1, points=2, results=Results("none", tmp_path))
+    assert foundation.run(options, console) == 1
+    assert "the run failed: stopped at 3 rad" in " ".join(console.export_text().split())
+    assert "exciting force" in (tmp_path / "none" / "sheet.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"resonance": (1.3, 0.7)}, "`resonance` must be two numbers, 0 < LOW < HIGH"),
+        ({"dynamic_factor": 0.5}, "`dynamic_factor` must be >= 1"),
+        ({"run_up": "10 m"}, "`run_up` must have a unit of the kind s"),
+        ({"seconds": 0.0}, "`seconds` must be"),
+    ],
+)
+def test_bad_options(tmp_path, given, words):
+    with pytest.raises(ValueError, match=re.escape(words)):
+        foundation.run(Foundation(results=Results("bad", tmp_path), **given), Console())
 
 
 def test_a_clamped_page_has_no_critical_speeds():
     orbit = jc.periodic_orbit(jc.ideal_scene(30.0))
-    page = foundation.page(orbit, sheet(orbit, 1), [("speed", "30 rad/s")], "")
+    rows = sheet(orbit, 1, Site(frame_mass=1500.0))
+    page = foundation.page(orbit.scene, rows, {"machine": "mine"}, "")
     assert "all joints ideal" in page and "natural frequency" not in page and "red" not in page
-    assert page.count("of shaft, jaw and toggle alone") == 3
+    assert page.count("with the frame of 1500 kg") == 2 and page.count("without the frame") == 2
 
 
-def test_no_negative_zero_is_shown():
-    row = Row("harmonics", "left force", 1.0, -0.0, "N", -1e-5)
-    assert foundation.cells(row) == ("left force", "1", "0", "N", "0.0")
+def test_numbers_of_a_page():
+    """No negative zero, one number where both columns agree, and a scatter that can be seen."""
+
+    def shown(value, **given):
+        lines = foundation.grids([Row("part", "force", 1.0, value, "kN", **given)])["part"]
+        return lines[-1][2]
+
+    assert shown(-0.0, phase=-1e-5) == "0"
+    assert shown(1.0, phase=np.pi / 2, ideal=1.00001) == "1 at 90°"
+    assert shown(1.0, ideal=2.0, scatter=0.0123) == "2 | 1 ± 0.012"
+    assert shown(1.0, scatter=1e-6) == "1"
 
 
 def test_speeds_whose_harmonics_meet_a_natural_frequency_are_marked(monkeypatch, tmp_path):
     kept = []
     monkeypatch.setattr(foundation, "write_figure", lambda path, figure, **_: kept.append(figure))
     scene = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3})
-    orbit = jc.periodic_orbit(scene)
     natural = 60 * jc.natural_modes(scene).frequency.values
     # Some meet a natural frequency inside of the run up, and some outside of it at either end.
     speeds = np.linspace(0.75 * natural.min(), 0.75 * natural.max(), 3)
     curves = dict.fromkeys(foundation.CURVES, np.ones(3))
-    foundation.draw(orbit, np.pi / 30 * speeds, curves, tmp_path / "run_up.png")
+    foundation.draw(scene, np.pi / 30 * speeds, curves, tmp_path / "run_up.png")
     (ax,) = kept[0].axes
     upright = [line.get_xdata() for line in ax.lines if line.get_transform() != ax.transData]
     critical = [one / order for one in natural for order in (1, 2)]
@@ -84,21 +149,3 @@ def test_speeds_whose_harmonics_meet_a_natural_frequency_are_marked(monkeypatch,
     assert speeds[1] < max(expected) and min(critical) < speeds[0] and speeds[-1] < max(critical)
     found = sorted(float(x[0]) for x in upright)
     assert found == pytest.approx(sorted([*expected, 60 * 30 / (2 * np.pi)]))
-
-
-def test_a_machine_without_an_orbit_is_shown_the_way_out(tmp_path, monkeypatch):
-    """Its steps are told meanwhile, and nothing is written."""
-    scene = jc.paper_scene(30.0, 0.06e-3)
-    failed = missing(scene, 1, RESULTS.chaotic)
-
-    def search(scene):
-        logging.getLogger("jaxcrusher").info("waiting: turns 1 to 240 from rest")
-        return failed
-
-    monkeypatch.setattr(jc, "periodic_orbit", search)
-    console = Console(record=True, width=100)
-    assert foundation.run(Foundation(results=Results("none", tmp_path)), console) == 1
-    text = " ".join(console.export_text().split())
-    assert "waiting: turns 1 to 240" in text and "is chaotic" in text
-    assert "`--set joint ideal` gives the sheet" in text
-    assert not (tmp_path / "none" / "sheet.csv").exists()

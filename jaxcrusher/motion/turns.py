@@ -1,0 +1,127 @@
+"""A motion turn by turn: what is seen at equal steps of the phase, of a run in bounded time."""
+
+import logging
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from jaxcrusher.basics.checks import require_whole
+from jaxcrusher.basics.integrate import Integration, Outcome, failure_text, integrate
+from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.crusher.observables import Observable
+from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
+from jaxcrusher.motion.method import resolve
+from jaxcrusher.motion.statistics import instants, statistics_problem
+from jaxcrusher.motion.statistics_table import Chosen, Sampled, Statistic
+
+# Turns that are integrated at once, and of which progress is told.
+CHUNK = 5
+# The share of the time that settling may take.
+SETTLING = 1 / 3
+
+logger = logging.getLogger(__name__)
+
+
+def _kept(samples: Array) -> Array:
+    return samples
+
+
+_SAMPLES = Sampled(_kept, _kept)
+
+
+@dataclass(frozen=True)
+class Turns:
+    """Quantities of a motion, by name: shape (pieces, samples) or (pieces, samples, 2).
+
+    A piece is `length` turns in equal steps of the phase, from phase zero on. A run has a piece
+    for each turn, and an orbit one piece, which repeats.
+    """
+
+    scene: Scene
+    length: int
+    values: Mapping[str, np.ndarray]
+    settled: int = 0  # turns before the first piece
+    failure: str = ""  # why a run stopped, or nothing
+
+    @property
+    def pieces(self) -> int:
+        """Return how many pieces there are."""
+        return len(next(iter(self.values.values())))
+
+    @property
+    def repeats(self) -> bool:
+        """Whether the motion is a periodic orbit, which is known without scatter."""
+        return self.pieces == 1
+
+
+def run_turns(
+    scene: Scene,
+    quantities: Mapping[str, Observable],
+    *,
+    settle: int = 20,
+    turns: int = 40,
+    seconds: float = 40.0,
+    rtol: float = 1e-9,
+) -> Turns:
+    """Integrate a motion from its start and return what is seen of its turns.
+
+    It tells its progress to the logger. Settling ends after a third of the `seconds`, and the run
+    with them, but not before 10 turns are seen: `Turns` says how many turns there were.
+
+    **Arguments:**
+
+    - `scene`: what to simulate, with concrete values.
+    - `quantities`: what to look at, by name, 1024 times a turn.
+    - `settle`, `turns`: turns before those that are kept, and those; in steps of five.
+    - `seconds`: of the wall's clock.
+    - `rtol`: as in `jaxcrusher.statistics`.
+
+    Raises ValueError for counts that are not whole numbers in range.
+    """
+    require_set_up()
+    require_whole("settle", settle, 0)
+    require_whole("turns", turns, 1)
+    how = resolve(scene, rtol)
+    outputs = tuple(
+        (name, Statistic(one.unit, one.meaning, one, _SAMPLES)) for name, one in quantities.items()
+    )
+    state, done, settled, began = initial_state(scene), 0, 0, time.monotonic()
+    kept: list[dict[str, np.ndarray]] = []
+    while CHUNK * len(kept) < turns:
+        spent = (time.monotonic() - began) / seconds
+        if len(kept) >= 2 and spent > 1:
+            break
+        settles = done < settle and spent < SETTLING
+        last = min(done + CHUNK, settle) if settles else settled + turns
+        logger.info(f"turn {done + 1} to {done + CHUNK}, {'settling' if settles else f'of {last}'}")
+        phase = jnp.asarray(2 * jnp.pi * done)
+        state, values, outcome = _chunk(scene, state, phase, outputs, how)
+        if not bool(outcome.success):
+            return Turns(scene, 1, {}, settled, failure_text(outcome, "rad of phase"))
+        done += CHUNK
+        if settles:
+            settled = done
+        else:
+            kept.append({name: np.asarray(one) for name, one in values.items()})
+    # The last instant of a turn stands for its first.
+    joined = {n: np.roll(np.concatenate([one[n] for one in kept]), 1, axis=1) for n in quantities}
+    return Turns(scene, 1, joined, settled)
+
+
+@eqx.filter_jit
+def _chunk(
+    scene: Scene, state: Array, phase: Array, outputs: Chosen, method: Integration
+) -> tuple[Array, dict[str, Array], Outcome]:
+    """Return the state after a chunk of turns, and samples of each quantity by turn."""
+    flow = Flow(scene, unflattened(state, scene), phase)
+    times = 2 * jnp.pi * (jnp.arange(CHUNK)[:, None] + instants(outputs))
+    problem = statistics_problem(outputs)
+    (states, values), outcome = integrate(flow, times, problem=problem, method=method)
+    return flat(jax.tree.map(lambda leaf: leaf[-1], states), scene), values, outcome
