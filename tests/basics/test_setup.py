@@ -103,7 +103,7 @@ metadata.Distribution.from_name = classmethod(but_ours)
     ids=["not installed", "by flags", "by JAX's settings"],
 )
 def test_what_the_user_chose_stays(flags, before, expected, tmp_path):
-    """One device a core, and garbage looked for less often; a folder that cannot be made is no error."""
+    """Else a device a core, and garbage is looked for less; no error without a folder."""
     (tmp_path / "file").touch()
     program = LEFT.replace("BEFORE", before)
     done = python(program, XLA_FLAGS=flags, XDG_CACHE_HOME=str(tmp_path / "file"))

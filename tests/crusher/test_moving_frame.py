@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
 from jaxcrusher.mechanism.drives import GivenTorque
-from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
-from jaxcrusher.mechanism.snapshot import frame_at
-from jaxcrusher.mechanism.starts import Given
+from tests.crusher.kinds import at_start, check_laws, placed
 from tests.crusher.operations import field_operations
 from tests.pairs import slow
 
@@ -31,8 +28,6 @@ NUMBERS = {
     "foundation.horizontal_damping": 4e4,
     "foundation.vertical_damping": 5e4,
 }
-# Turned by 6 degrees and fast: what is small in a machine is not here.
-MOVING = frame_at(Vector(0.02, -0.03), jnp.array(0.1), Vector(0.4, -0.3), jnp.array(2.0))
 LOOSE = {f"{joint}.clearance": 1e-4 for joint in ("elbow", "pivot")}
 KINDS = {
     "ideal": {"joint": "ideal"},
@@ -45,24 +40,12 @@ def scene_of(kind, formulation="eccentricity", free=False):
     scene = jc.build_scene({**NUMBERS, **KINDS[kind], "counterweight.mass": 20.0})
     if kind != "ideal":
         # In hard contact, sliding.
-        at = Vector(-0.9, -0.6), Vector(0.5, 0.9)
-        start = Given(*(scene.joints.map(lambda _, one=one: one) for one in at))
-        scene = eqx.tree_at(lambda s: s.start, scene, start)
+        scene = placed(scene, ((-0.9, -0.6), (0.5, 0.9)))
     if formulation == "multiplier":
         scene = eqx.tree_at(lambda s: s.formulation, scene, MultiplierFormulation())
     if free:
         scene = eqx.tree_at(lambda s: s.drive, scene, GivenTorque(300.0, 30.0))
     return scene
-
-
-def moving(scene):
-    """The scene's start in a frame that moves."""
-    state = scene.formulation.initial(scene)
-    return eqx.tree_at(lambda s: s.frame, state, frame_units(scene).state(MOVING))
-
-
-def instant(scene):
-    return scene.formulation.snapshot(jnp.array(0.0), moving(scene), scene)
 
 
 # Each choice once, and the rest of their combinations.
@@ -78,76 +61,16 @@ REST = [
 
 
 @pytest.mark.parametrize(("kind", "formulation", "free"), [*CASES, *slow(*REST)])
-def test_momentum_and_energy(kind, formulation, free):
-    """Of all four bodies: what they have changes by what acts from outside, to rounding."""
-    scene = scene_of(kind, formulation, free)
-
-    @eqx.filter_jit
-    def found(scene):
-        state = moving(scene)
-        s = scene.formulation.snapshot(jnp.array(0.0), state, scene)
-        rate = scene.formulation.rate(s, state, scene)
-        foundation, machine = scene.supports, scene.machine
-
-        def places(time, state):
-            now = scene.formulation.snapshot(time, state, scene)
-            frame, point = now.frame, foundation.point
-            centre = point + frame.displacement
-            return [centre] + [
-                centre + (at - point).along(frame.axis)
-                for at in map(now.motion.centre, scene.linkage.bodies.names)
-            ], now
-
-        bodies = (foundation, *scene.linkage.bodies.values)
-
-        def momenta(time, state):
-            """Momentum, moment of momentum about C as drawn, and energy."""
-            rate = field(time, state)
-            (at, now), (velocity, _) = jax.jvp(places, (time, state), (jnp.ones(()), rate))
-            spins = 0.0, *map(now.motion.spin, scene.linkage.bodies.names)
-            x = sum(b.mass * v.x for b, v in zip(bodies, velocity, strict=True))
-            y = sum(b.mass * v.y for b, v in zip(bodies, velocity, strict=True))
-            turning = sum(
-                b.mass * r.cross(v) + b.inertia * (now.frame.spin + spin)
-                for b, r, v, spin in zip(bodies, at, velocity, spins, strict=True)
-            )
-            parts = ob.kinetic_energy, ob.potential_energy, ob.elastic_energy
-            return x, y, turning, sum(part(now, scene) for part in parts)
-
-        def field(time, state):
-            now = scene.formulation.snapshot(time, state, scene)
-            return scene.formulation.rate(now, state, scene)
-
-        start = jnp.array(0.0), state
-        change = jax.jvp(momenta, start, (jnp.ones(()), rate))[1]
-        on_ground = [ob.left_force(s, scene), ob.right_force(s, scene)]
-        centre = foundation.point + s.frame.displacement
-        force = Vector(0.0, 0.0)
-        moment = 0.0
-        for arm, one in zip(foundation.arms(), on_ground, strict=True):
-            force = force - one
-            moment = moment - (centre + arm.along(s.frame.axis)).cross(one)
-        for body, at in zip(bodies, places(*start)[0], strict=True):
-            force = force - Vector(0.0, body.mass * machine.gravity)
-            moment = moment - body.mass * machine.gravity * at.x
-        power = ob.drive_power(s, scene) + ob.load_power(s, scene)
-        power -= ob.contact_loss(s, scene) + ob.friction_loss(s, scene)
-        power -= ob.support_loss(s, scene)
-        size = jnp.abs(force.array()).sum() + ob.foundation_force(s, scene)
-        return jnp.stack(change), jnp.stack([force.x, force.y, moment, power]), size
-
-    change, outside, size = found(scene)
-    # Forces at arms of a metre and at speeds of metres a second; q'' of the nine coordinates is
-    # known to 1e-10 of the contact's forces.
-    allowed = (1e-9 if formulation == "multiplier" else 1e-11) * float(size)
-    np.testing.assert_allclose(change, outside, rtol=0, atol=10 * allowed)
+def test_energy_and_the_force_on_the_frame(kind, formulation, free):
+    """Bearing, pivot, load, drive and supports give the frame alone its acceleration."""
+    check_laws(scene_of(kind, formulation, free))
 
 
 @pytest.mark.parametrize("kind", ["paper", "all loose"])
 def test_formulations_agree(kind):
     @eqx.filter_jit
     def observe(scene):
-        s = instant(scene)
+        s = at_start(scene)
         return {name: OBSERVABLES[name](s, scene) for name in observables_of(scene)}
 
     one, other = (observe(scene_of(kind, name)) for name in ("eccentricity", "multiplier"))
@@ -156,33 +79,6 @@ def test_formulations_agree(kind):
         scale = np.abs(one[name]).max()
         # As without a frame: e is a difference of positions of 0.6 m.
         np.testing.assert_allclose(other[name], one[name], rtol=0, atol=1e-8 * scale + 1e-11)
-
-
-def test_force_on_the_frame_is_what_pushes_it():
-    """Bearing, pivot, load, drive and supports give the frame alone its acceleration."""
-    scene = scene_of("paper")
-    s = eqx.filter_jit(instant)(scene)
-    foundation, frame = scene.supports, s.frame
-    pushes = {
-        "bearing": (scene.machine.bearing, -ob.bearing_reaction(s, scene)),
-        "pivot": (Vector(0.0, 0.0), -ob.toggle_reaction(s, scene)),
-        "fixed jaw": (ob.jaw_mass_centre(s, scene), -s.applied.load.force),
-    }
-    force = Vector(0.0, -foundation.mass * 9.81).seen_from(frame.axis)
-    moment = -ob.drive_torque(s, scene)
-    on_ground = foundation.support_forces(frame)
-    for arm, one in zip(foundation.arms(), on_ground, strict=True):
-        pushes[f"support {len(pushes)}"] = foundation.point + arm, -one.seen_from(frame.axis)
-    for at, push in pushes.values():
-        force = force + push
-        moment = moment + (at - foundation.point).cross(push)
-    expected = s.accelerations.centres["frame"]
-    size = float(ob.foundation_force(s, scene)) + 1e6
-    # Rounding of forces of 1e6 N.
-    np.testing.assert_allclose(force.array(), (2000.0 * expected).array(), atol=1e-11 * size)
-    assert float(moment) == pytest.approx(
-        900.0 * float(s.accelerations.spin_ups["frame"]), abs=1e-11 * size
-    )
 
 
 def test_start_is_at_rest_on_the_springs():

@@ -2,6 +2,7 @@
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -44,6 +45,17 @@ def test_ideal_joint(speed, mean, rms, peak):
     assert float(result.foundation_mean) == pytest.approx(mean, rel=1e-4)
     assert float(result.foundation_rms) == pytest.approx(rms, rel=1e-4)
     assert float(result.foundation_peak) == pytest.approx(peak, rel=1e-4)
+
+
+def test_assembly_at_angle_zero():
+    scene = jc.ideal_scene(30.0)
+    s = scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
+    jaw, toggle = s.motion.axis("jaw"), s.motion.axis("toggle")
+    theta2 = np.degrees(np.arctan2(-jaw.x, jaw.y))
+    theta3 = np.degrees(np.arctan2(-toggle.y, toggle.x))
+    # Independent figures with two decimals.
+    assert float(theta2) == pytest.approx(2.21, abs=5e-3)
+    assert float(theta3) == pytest.approx(20.12, abs=5e-3)
 
 
 def test_quiet_branch():

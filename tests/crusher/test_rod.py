@@ -1,18 +1,14 @@
 """The tension rod: energy, momentum, slackness, and what it is for."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.mechanism.frame import frame_units
-from jaxcrusher.mechanism.snapshot import frame_at
 from jaxcrusher.scenes.parameters import PARAMETERS
-from tests.crusher.kinds import KINDS, at_start, check_pushes_of_the_frame, sliding
+from tests.crusher.kinds import KINDS, at_start, check_laws, sliding
 from tests.crusher.operations import field_operations
 from tests.pairs import crossed
 
@@ -23,55 +19,19 @@ def scene_of(kind, **values):
     return sliding(kind, **(ROD | values))
 
 
+BARE = {"rod.stiffness": 0.0, "rod.damping": 0.0, "rod.preload": 5e3}
+STAND = {"foundation.mass": 2000.0, "foundation.x": 0.3, "foundation.y": 0.2}
+
+
 @pytest.mark.parametrize(
-    ("kind", "rod"), crossed(KINDS, (ROD, {"rod.stiffness": 0.0, "rod.preload": 5e3}))
+    ("kind", "rod", "stand"), crossed(KINDS, (ROD, BARE), ({"foundation.x": 0.3}, STAND))
 )
-def test_power(balance, kind, rod):
-    """What the spring stores and the damper takes is what the rod's force does."""
-    scene = scene_of(kind, **(dict.fromkeys(ROD, 0.0) | rod))
-    difference, scale = balance(scene)
-    # Rounding of a dozen terms of the size of the powers.
-    assert abs(float(difference)) < 1e-10 * float(scale)
+def test_what_it_does_to_energy_and_frame(kind, rod, stand):
+    """Spring and damper take what its force does, and its frame end is pulled, clamped or not."""
+    scene = scene_of(kind, load_law="normal_to_jaw", load_point=0.3, **rod, **stand)
+    check_laws(scene)
     lost = float(ob.rod_loss(at_start(scene), scene))
     assert lost > 1 if scene.rod.damping > 0 and kind != "ideal" else lost >= 0
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_its_frame_end_is_part_of_the_force_on_the_ground(kind):
-    scene = scene_of(kind, load_law="normal_to_jaw", load_point=0.3)
-    check_pushes_of_the_frame(scene, kind)
-
-
-@pytest.mark.parametrize("kind", ["A", "all"])
-def test_a_frame_on_supports_is_pulled_by_it(kind):
-    """The frame alone obeys Newton and Euler with the rod's force on it."""
-    foundation = {"foundation.mass": 2000.0, "foundation.x": 0.3, "foundation.y": 0.2}
-    scene = scene_of(kind, **foundation)
-    state = scene.formulation.initial(scene)
-    moving = frame_at(Vector(0.02, -0.03), jnp.array(0.1), Vector(0.4, -0.3), jnp.array(2.0))
-    state = eqx.tree_at(lambda s: s.frame, state, frame_units(scene).state(moving))
-    s = eqx.filter_jit(scene.formulation.snapshot)(jnp.array(0.0), state, scene)
-    point, frame = scene.supports.point, s.frame
-    pushes = [
-        (scene.machine.bearing, -ob.bearing_reaction(s, scene)),
-        (Vector(0.0, 0.0), -ob.toggle_reaction(s, scene)),
-        (ob.load_position(s, scene), -s.applied.load.force),
-        (scene.rod.on_frame, -s.applied.rod.force),
-    ]
-    on_ground = scene.supports.support_forces(frame)
-    for arm, one in zip(scene.supports.arms(), on_ground, strict=True):
-        pushes.append((point + arm, -one.seen_from(frame.axis)))
-    force = Vector(0.0, -2000.0 * 9.81).seen_from(frame.axis)
-    moment = -ob.drive_torque(s, scene)
-    if "pivot" in s.contacts:
-        moment += s.contacts["pivot"].bearing_moment
-    for at, push in pushes:
-        force, moment = force + push, moment + (at - point).cross(push)
-    expected = 2000.0 * s.accelerations.centres["frame"]
-    size = float(ob.foundation_force(s, scene)) + 1e7
-    np.testing.assert_allclose((force - expected).array(), 0, atol=1e-11 * size)
-    turned = scene.supports.inertia * s.accelerations.spin_ups["frame"]
-    assert float(moment) == pytest.approx(float(turned), abs=1e-11 * size)
 
 
 def test_its_frame_end_is_by_default_behind_and_below_the_seat_of_the_toggle():
