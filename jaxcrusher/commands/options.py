@@ -226,6 +226,28 @@ class Foundation:
     results: Results = field(default_factory=lambda: Results("foundation"))
 
 
+@dataclass(frozen=True)
+class Bearing:
+    """What the bearings of a crusher stand: loads, life, safety, impacts, side by side.
+
+    Of a run: every number has its scatter. Where contact is lost, the same with half and with
+    twice what was assumed of damping and of the load's edge. Writes OUT/NAME/bearing.csv. Some
+    seconds a crusher, and ten of compilation.
+    """
+
+    crusher: Crusher = field(default_factory=Crusher)
+    over: Ranges = ()
+    """A parameter, its range and a count, as in --over speed 200 220rpm 2 or --over clearance 0.2
+    "0.35 mm" 2; a column for each crusher of the grid."""
+    settle: int = 20
+    """Turns of the shaft before those that count."""
+    turns: int = 40
+    """Turns that count, in steps of five."""
+    seconds: float = 40.0
+    """Time that all runs may take; the table says how many turns they had."""
+    results: Results = field(default_factory=lambda: Results("bearing"))
+
+
 Command = (
     Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
@@ -233,4 +255,5 @@ Command = (
     | Annotated[Gradient, tyro.conf.subcommand("gradient")]
     | Annotated[Orbit, tyro.conf.subcommand("orbit")]
     | Annotated[Foundation, tyro.conf.subcommand("foundation")]
+    | Annotated[Bearing, tyro.conf.subcommand("bearing")]
 )

@@ -8,15 +8,19 @@ import abc
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Scalar
+from jaxtyping import Array, Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.periodic_spline import PeriodicSeries, PeriodicSpline
-from jaxcrusher.basics.plane import Vector, optional_scalar, scalar
+from jaxcrusher.basics.plane import Vector, direction, optional_scalar, scalar
 from jaxcrusher.mechanism.arms import Arm
-from jaxcrusher.mechanism.linkage import Point
-from jaxcrusher.mechanism.motion import Motion
+from jaxcrusher.mechanism.linkage import Linkage, Point
+from jaxcrusher.mechanism.motion import Motion, ideal_at_rest
+
+# Angles of a turn at which the closing stroke's ends are looked for.
+_ANGLES = 720
 
 
 class JawMotion(eqx.Module):
@@ -130,6 +134,54 @@ class ClosingStroke(AbstractConstantLoad):
         """F times the axis turned by 90 degrees, or nothing."""
         closing = smooth.step(-jaw.velocity(self.along).dot(jaw.away), self.width)
         return JawForce(self.magnitude * closing * jaw.away, self.along)
+
+
+class HalfSineStroke(AbstractConstantLoad):
+    """Normal to the jaw's face over the closing stroke, with edges of half a sine.
+
+    F (1 - cos(pi x)) / 2 rises and falls over the angle `edge`, x from 0 to 1. The stroke's
+    `middle` and `span` (rad, of theta1) are those of ideal joints: see `closing_stroke_of`.
+    """
+
+    middle: Scalar = eqx.field(converter=scalar, default=0.0)
+    span: Scalar = eqx.field(converter=scalar, default=jnp.pi)
+    edge: Scalar = eqx.field(converter=scalar, default=0.2)
+
+    def force(self, jaw: JawMotion) -> JawForce:
+        """F times the axis turned by 90 degrees, times the edges."""
+        crank, middle = jaw.motion.axis("shaft"), direction(self.middle)
+        away = jnp.abs(jnp.arctan2(middle.cross(crank), middle.dot(crank)))
+        inside = jnp.clip((self.span / 2 - away) / self.edge, 0.0, 1.0)
+        size = self.magnitude * (1 - jnp.cos(jnp.pi * inside)) / 2
+        return JawForce(size * jaw.away, self.along)
+
+
+@jax.jit  # its operations one by one would take seconds
+def closing_stroke_of(linkage: Linkage, along: Scalar | float | None) -> tuple[Scalar, Scalar]:
+    """Return middle and span (rad) of the angles theta1 over which a point of the jaw closes.
+
+    `along` as in `JawForce`; the joints are ideal. To some 1e-5 rad.
+    """
+    step = 2 * jnp.pi / _ANGLES
+    angles = step * jnp.arange(_ANGLES)
+
+    def closing(angle: Scalar) -> Scalar:
+        def point(at: Scalar) -> Vector:
+            return JawMotion(ideal_at_rest(linkage, at)).position(along)
+
+        moved = jax.jvp(point, (angle,), (jnp.ones_like(angle),))[1]
+        return -moved.dot(JawMotion(ideal_at_rest(linkage, angle)).away)
+
+    now = jax.vmap(closing)(angles)
+    then = jnp.roll(now, -1)
+
+    def change(at: Array) -> Scalar:
+        index = jnp.argmax(at)
+        return angles[index] + step * now[index] / (now[index] - then[index])
+
+    begin, end = change((now <= 0) & (then > 0)), change((now > 0) & (then <= 0))
+    span = jnp.mod(end - begin, 2 * jnp.pi)
+    return begin + span / 2, span
 
 
 class ByAngle(AbstractLoad):

@@ -80,7 +80,7 @@ def run_turns(
     - `scene`: what to simulate, with concrete values.
     - `quantities`: what to look at, by name, 1024 times a turn.
     - `settle`, `turns`: turns before those that are kept, and those; in steps of five.
-    - `seconds`: of the wall's clock.
+    - `seconds`: of the wall's clock, from the first five turns on.
     - `rtol`: as in `jaxcrusher.statistics`.
 
     Raises ValueError for counts that are not whole numbers in range.
@@ -92,10 +92,10 @@ def run_turns(
     outputs = tuple(
         (name, Statistic(one.unit, one.meaning, one, _SAMPLES)) for name, one in quantities.items()
     )
-    state, done, settled, began = initial_state(scene), 0, 0, time.monotonic()
+    state, done, settled, began = initial_state(scene), 0, 0, None
     kept: list[dict[str, np.ndarray]] = []
     while CHUNK * len(kept) < turns:
-        spent = (time.monotonic() - began) / seconds
+        spent = 0.0 if began is None else (time.monotonic() - began) / seconds
         if len(kept) >= 2 and spent > 1:
             break
         settles = done < settle and spent < SETTLING
@@ -105,6 +105,8 @@ def run_turns(
         state, values, outcome = _chunk(scene, state, phase, outputs, how)
         if not bool(outcome.success):
             return Turns(scene, 1, {}, settled, failure_text(outcome, "rad of phase"))
+        # The first chunk is compiled, which does not count.
+        began = time.monotonic() if began is None else began
         done += CHUNK
         if settles:
             settled = done

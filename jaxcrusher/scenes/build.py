@@ -20,7 +20,7 @@ from jaxcrusher.basics.checks import (
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.capacity import CrushingChamber, stroke
 from jaxcrusher.crusher.crushing_bed import crushing_bed
-from jaxcrusher.crusher.loads import AbstractLoad, ByAngle
+from jaxcrusher.crusher.loads import AbstractLoad, ByAngle, HalfSineStroke, closing_stroke_of
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
 from jaxcrusher.crusher.rod import Rod, rod_at
 from jaxcrusher.crusher.rough_feed import rough_feed
@@ -86,7 +86,8 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     `crushing.NAME` of a load. With an `elbow.clearance` B is loose, with a `pivot.clearance` C,
     with a `shaft_bearing.clearance` O; their other numbers and choices stand by the same prefix.
     With a `speed_fluctuation` the shaft turns unevenly.
-    With `load_law="by_angle"` a `load_curve` is a CSV file or an array of shape (n, 2) of angles
+    With a `load_edge` a load of the closing stroke rises and falls over it. With
+    `load_law="by_angle"` a `load_curve` is a CSV file or an array of shape (n, 2) of angles
     (rad) and forces (N). A `load_scatter` makes any load that of a rough feed. With a
     `foundation.mass` the frame stands on supports, without it is clamped. With a `rod.stiffness`
     or a `rod.preload` a tension rod pulls at the jaw. With `contact_law="rollers"` the main bearing
@@ -205,6 +206,15 @@ def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
         if length is not None and at is not None:
             must = f"lie on the jaw, from 0 to its length {float(np.min(length)):g} m"
             require(bool(np.all(at <= length)), "load_point", must, at)
+    if "load_edge" in values:
+        require(law == "closing_stroke", "load_edge", "come with `load_law=closing_stroke`", law)
+        middle, span = closing_stroke_of(machine.linkage, along)
+        width, edge = primal(span), primal(values["load_edge"])
+        if width is not None and edge is not None:
+            must = f"be at most half of the closing stroke, {np.degrees(np.min(width)) / 2:.4g} deg"
+            fits = bool(np.all(2 * edge <= width))
+            require(fits, "load_edge", must, f"{np.degrees(np.max(edge)):.4g} deg")
+        return HalfSineStroke(values["load"], along, middle, span, values["load_edge"])
     if law == "none":
         return None
     if is_own("load_law", law):

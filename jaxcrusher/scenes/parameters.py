@@ -170,6 +170,8 @@ PARAMETERS |= {
 # Of a crushing load; a scene has these names only where `openers` says so.
 PARAMETERS |= {
     "load_point": Parameter(0.3, "m", "from A towards B to where the load acts; none: S2", (0, 10)),
+    # Judged: a bed of rock takes the jaw up over some twenty degrees.
+    "load_edge": Parameter(np.radians(20.0), "rad", "of a closing load, half a sine", (1e-3, 1.5)),
     "load_factor": Parameter(1.0, "1", "by which load_curve is multiplied", (0, 1e6)),
     # Judged: some ten lumps break in a stroke, each with a force of its own.
     "load_scatter": Parameter(0.1, "1", "standard deviation of the load, a share of it", (0, 1)),
@@ -227,6 +229,7 @@ _OPENERS: dict[str, tuple[str, ...]] = {
     "fluctuation_order": ("speed_fluctuation",),
     "fluctuation_phase": ("speed_fluctuation",),
     "load_point": ("load_point",),
+    "load_edge": ("load_edge",),
     "load_scatter": ("load_scatter",),
     "load_bandwidth": ("load_scatter",),
     "load_seed": ("load_scatter",),

@@ -303,6 +303,11 @@ def tell_borrowed(given: Mapping[str, Any], path: Path | None) -> None:
     if path is not None and (names := borrowed(given)):
         listed = ", ".join(f"{name} {readable(name, NUMBERS[name].default)}" for name in names)
         tell(f"{path} leaves {len(names)} numbers to the PE250x400: {listed}.")
+    if path is not None and "load_law" not in given:
+        tell(
+            f"{path} has no load_law: the load is the paper's, constant along the jaw. Rock "
+            'presses while the jaw closes: load_law = "closing_stroke".'
+        )
 
 
 def tell_unusual(values: Mapping[str, Any]) -> None:

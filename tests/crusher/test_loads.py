@@ -21,6 +21,7 @@ LOADS = {
     "along": {"load_point": 0.45},
     "normal": {"load_law": "normal_to_jaw", "load_point": 0.1},
     "closing": {"load_law": "closing_stroke", "load_point": 0.6},
+    "edged": {"load_law": "closing_stroke", "load_edge": 0.4, "load_point": 0.6},
     "curve": {"load_law": "by_angle", "load_curve": CURVE, "load_factor": 1.5},
     "curve along": {
         "load_law": "by_angle",
@@ -100,6 +101,31 @@ def test_a_load_of_the_closing_stroke_acts_while_its_point_closes():
         (8.8e3 * share[:, None] * across)[1:-1],
         atol=2e-4 * 8.8e3,
     )
+
+
+def test_edges_of_a_closing_load_are_half_sines():
+    """Inside the stroke of the sharp load, with the edges' shape over their angle; nothing else."""
+    angles = np.linspace(0, 2 * np.pi, 3601)
+    described = {"joint": "ideal", "load_law": "closing_stroke", "load_point": 0.6}
+    sharp, edged = (
+        np.linalg.norm(
+            jc.simulate(
+                jc.build_scene(described | more), angles / 30.0, outputs=("crushing_load",)
+            ).crushing_load,
+            axis=1,
+        )
+        / 8.8e3
+        for more in ({}, {"load_edge": 0.5})
+    )
+    closes = sharp > 0.5
+    begin = angles[np.flatnonzero(closes & ~np.roll(closes, 1))[0]]
+    since = np.mod(angles - begin, 2 * np.pi)
+    span = closes[:-1].mean() * 2 * np.pi
+    inside = np.clip(np.minimum(since, span - since) / 0.5, 0, 1)
+    # The stroke is known to a step of 0.0017 rad, where the edge rises by 0.0055 at most.
+    np.testing.assert_allclose(edged, (1 - np.cos(np.pi * inside)) / 2, atol=0.012)
+    with pytest.raises(ValueError, match="come with `load_law=closing_stroke`"):
+        jc.build_scene({"load_law": "normal_to_jaw", "load_edge": 0.2})
 
 
 def test_a_curve_acts_at_its_angle():

@@ -30,6 +30,7 @@ OPENED = {
     ("load_scatter",): {"load_scatter": 0.1},
     ("speed_fluctuation",): {"speed_fluctuation": 0.02},
     ("load_point",): {"load_point": 0.3},
+    ("load_edge",): {"load_law": "closing_stroke", "load_edge": 0.2},
     ("load_law=by_angle",): {"load_law": "by_angle", "load_curve": CURVE},
     ("rod.stiffness", "rod.preload"): {"rod.stiffness": 2e5, "rod.preload": 1e4},
     ("load_law=chamber",): {"load_law": "chamber"},

@@ -98,7 +98,10 @@ def test_points_of_the_frame(tmp_path):
 
 def test_template_offers_every_number(tmp_path):
     template = (EXAMPLES / "template.toml").read_text()
-    assert set(read_scene_file(EXAMPLES / "template.toml")) == {"speed", "clearance"}
+    assert set(read_scene_file(EXAMPLES / "template.toml")) == {
+        *("speed", "clearance"),
+        *("load_law", "load_edge"),
+    }
     file = tmp_path / "all.toml"
     file.write_text(re.sub(r"^# (\w+ = )", r"\1", template, flags=re.MULTILINE))
     assert set(read_scene_file(file)) == {*NUMBERS, *CHOICES, *FILES}

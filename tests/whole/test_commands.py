@@ -466,7 +466,9 @@ def is_package(module: str) -> bool:
     return found is not None and found.submodule_search_locations is not None
 
 
-@pytest.mark.parametrize("command", ["simulate", "sweep", "regimes", "gradient", "foundation"])
+@pytest.mark.parametrize(
+    "command", ["simulate", "sweep", "regimes", "gradient", "foundation", "bearing"]
+)
 def test_help_explains_every_option(command, capsys):
     with pytest.raises(SystemExit) as stop:
         parse(__main__.run, [command, "--help"])

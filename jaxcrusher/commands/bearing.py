@@ -1,0 +1,186 @@
+"""`python -m jaxcrusher bearing`: what the bearings of a crusher stand, side by side."""
+
+import itertools
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from rich.console import Console
+from rich.table import Table
+
+import jaxcrusher as jc
+from jaxcrusher.basics.checks import require_positive
+from jaxcrusher.commands.crushers import (
+    bounds,
+    read_axes,
+    read_crusher,
+    settings_of,
+    units_given,
+    write_dataset,
+)
+from jaxcrusher.commands.options import Bearing
+from jaxcrusher.crusher.joints import LETTERS
+from jaxcrusher.files import table
+from jaxcrusher.files.progress import stages
+from jaxcrusher.files.provenance import provenance
+from jaxcrusher.files.results import listed
+from jaxcrusher.files.resume import begin_beside
+from jaxcrusher.joint.clearance_classes import SOURCE, clearance_class
+from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
+from jaxcrusher.motion.bearing_sheet import (
+    COLUMNS,
+    NUMBERS,
+    SHAKING,
+    bearing_sheet,
+    quantities_of,
+    shaking_rms,
+)
+from jaxcrusher.motion.turns import Turns, run_turns
+from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.plausibility import remarks
+
+# Unit -> that of the screen, and how many of it the first is.
+SHOWN = {"N": ("kN", 1e-3), "Pa": ("GPa", 1e-9), "W": ("kW", 1e-3), "h": ("h", 1.0)}
+# What is assumed where nobody measured it, and what an impact rests on.
+ASSUMED = ("load_edge", "rollers.damping")
+SAFETY, LIFE = 3.0, 20e3
+ADVICE = (
+    f"Roller bearings under shocks are asked for a static safety of {SAFETY:g} or more, and "
+    f"machines of 8 h a day for 20 000 to 30 000 h (SKF's catalogue, from memory)."
+)
+
+
+def run(options: Bearing, console: Console) -> int:
+    """Run, print, write; 1 if a run failed. ValueError for bad options."""
+    require_positive("seconds", options.seconds, "s")
+    values, _ = read_crusher(options.crusher)
+    axes = read_axes(options.over) if options.over else {}
+    units = units_given(options.crusher, bounds(options.over))
+    designs = [dict(zip(axes, point, strict=True)) for point in itertools.product(*axes.values())]
+    for design in designs:
+        remarks({**values, **design})
+    numbers = {name: getattr(options, name) for name in ("settle", "turns", "seconds")}
+    settings = settings_of("bearing", values, over=axes, **numbers)
+    folder = begin_beside(options.results.folder, settings, "bearing.csv")
+
+    def seen(changed: list[dict[str, Any]], words: list[str]) -> list[Turns]:
+        how = {"settle": options.settle, "turns": options.turns}
+        found = []
+        for one, title in zip(changed, words, strict=True):
+            one_scene = jc.build_scene({**values, **one})
+            with stages(console, title or "turns"):
+                seconds = options.seconds / (2 * len(changed))
+                found.append(run_turns(one_scene, quantities_of(one_scene), seconds=seconds, **how))
+        return found
+
+    titles = [", ".join(said(name, one[name], units) for name in one) for one in designs]
+    found = seen(designs, titles)
+    if failed := next((one.failure for one in found if one.failure), ""):
+        console.print(f"FAILED: {failed}", style="red")
+        return 1
+    kept = dataset(titles, found, values)
+    write_dataset(folder / "bearing.csv", kept)
+    for joint in kept.bearing.values:
+        console.print(shown(kept.sel(bearing=joint, drop=True), f"bearing {LETTERS[joint]}"))
+    turns = ", ".join(f"{one.pieces} after {one.settled}" for one in found)
+    console.print(
+        f"Turns: {turns}. ± is the standard error, of a peak the turns' scatter. {ADVICE}"
+    )
+    for line in (*verdicts(kept), *clearances(found, titles)):
+        console.print(line)
+    if (lost := float(kept.impacts.sel(bearing="main")[0])) and np.isfinite(lost):
+        variants = [
+            {**designs[0], name: factor * values[name]}
+            for name in ASSUMED
+            if name in values
+            for factor in (0.5, 2.0)
+        ]
+        if variants:
+            names = [said_change(one, designs[0], units) for one in variants]
+            runs = seen(variants, names)
+            beside = dataset([*kept.design.values[:1], *names], [found[0], *runs], values)
+            rests = ["peak_load", "impacts", "impact_speed", "contact_lost"]
+            title = "bearing A: impacts rest on what is assumed"
+            console.print(shown(beside.sel(bearing="main", drop=True), title, rests))
+    console.print(listed(folder, ["bearing.csv"]))
+    return 0
+
+
+def verdicts(kept: xr.Dataset) -> list[str]:
+    """Say of each design whether its main bearing passes a limit."""
+    lines = []
+    for design in kept.design.values:
+        one = kept.sel(design=design, bearing="main")
+        passed = [
+            words
+            for words, beyond in (
+                (f"its static safety is below {SAFETY:g}", float(one.static_safety) < SAFETY),
+                (f"its life is below {LIFE:g} h", float(one.life) < LIFE),
+                ("its rollers are pressed beyond 4 GPa", float(one.pressure) > STATIC_PRESSURE),
+                ("it loses contact", float(one.contact_lost) > 0),
+            )
+            if beyond
+        ]
+        lines.append(f"Bearing A{', ' * bool(design)}{design}: {'; '.join(passed) or 'no limit'}.")
+    return lines
+
+
+def said_change(one: Mapping[str, Any], base: Mapping[str, Any], units: dict[str, str]) -> str:
+    """Return the number that a variant changes."""
+    (name,) = (key for key in one if one[key] != base.get(key))
+    return f"{name} {said(name, one[name], units)}"
+
+
+def clearances(found: list[Turns], titles: list[str]) -> list[str]:
+    """Say of which class the clearance of rollers is."""
+    lines = []
+    for one, title in zip(found, titles, strict=True):
+        bearing = one.scene.joint
+        if isinstance(bearing, RollerBearing):
+            name, told = clearance_class(float(bearing.bore), float(bearing.clearance))
+            lines.append(
+                f"{title + ': ' if title else ''}a play of {2e6 * float(bearing.clearance):.0f} um "
+                f"in a bore of {1e3 * float(bearing.bore):.0f} mm is {name} ({told})"
+            )
+    return [*dict.fromkeys(lines), *([f"Classes of {SOURCE}."] if lines else [])]
+
+
+def dataset(titles: list[str], found: list[Turns], values: dict[str, Any]) -> xr.Dataset:
+    """Return the numbers of each design and bearing."""
+    sheets = [bearing_sheet(one) for one in found]
+    joints = list(sheets[0])
+    arrays = {}
+    for name in NUMBERS:
+        both = np.array(
+            [[sheet[joint].get(name, (np.nan, np.nan)) for joint in joints] for sheet in sheets]
+        )
+        arrays |= {name: both[..., 0], f"{name}_scatter": both[..., 1]}
+    ground = np.array([shaking_rms(one) for one in found])
+    arrays |= {
+        name: np.repeat(ground[:, i : i + 1], len(joints), axis=1)
+        for i, name in enumerate(("shaking_rms", "shaking_rms_scatter"))
+    }
+    return table.dataset(
+        ("design", "bearing"),
+        arrays,
+        COLUMNS,
+        {"design": titles, "bearing": joints},
+        provenance("Bearings of a jaw crusher", scene=values),
+    )
+
+
+def shown(
+    numbers: xr.Dataset, title: str, names: Iterable[str] = (*NUMBERS, "shaking_rms")
+) -> Table:
+    """Return the numbers of one bearing for the screen, a column a design."""
+    grid = Table("", *map(str, numbers.design.values), title=title, title_justify="left", box=None)
+    for name in names:
+        if bool(np.isnan(numbers[name]).all()):
+            continue
+        column = (NUMBERS | {"shaking_rms": SHAKING})[name]
+        unit, factor = SHOWN.get(column.unit, (column.unit, 1.0))
+        pairs = zip(numbers[name].values, numbers[f"{name}_scatter"].values, strict=True)
+        texts = [f"{factor * value:z.4g} ± {factor * scatter:.2g}" for value, scatter in pairs]
+        grid.add_row(f"{column.meaning}{'' if unit == '1' else f', {unit}'}", *texts)
+    return grid

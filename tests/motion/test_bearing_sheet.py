@@ -1,0 +1,62 @@
+"""What bearings stand along a run, beside statistics and counted by hand."""
+
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.motion.bearing_sheet import bearing_sheet, bearings_of, quantities_of, shaking_rms
+from jaxcrusher.motion.turns import Turns, run_turns
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return jc.build_scene({"contact_law": "rollers", "start": "contact", "elbow.clearance": 5e-5})
+
+
+def test_numbers_are_the_statistics_of_the_same_turns():
+    scene = jc.build_scene({"contact_law": "rollers", "start": "contact"})
+    run = run_turns(scene, quantities_of(scene), settle=60, turns=5, rtol=1e-7)
+    found = bearing_sheet(run)["main"]
+    names = ("bearing_life", "static_load_ratio", "roller_pressure", "joint_peak", "shaking_rms")
+    exact = jc.statistics(scene, 60, 5, rtol=1e-7, outputs=names)
+    expected = {
+        "life": exact["bearing_life"],
+        "static_safety": 1 / exact["static_load_ratio"],
+        "pressure": exact["roller_pressure"],
+        "peak_load": exact["joint_peak"],
+    }
+    for name, value in expected.items():
+        # 1024 instants a turn of a smooth motion; the tolerance of the steps.
+        assert found[name][0] == pytest.approx(float(value), rel=1e-4), name
+    assert shaking_rms(run)[0] == pytest.approx(float(exact["shaking_rms"]), rel=1e-4)
+    assert found["contact_lost"] == (0, 0) and found["impacts"] == (0, 0)
+    assert found["equivalent_load"][0] > found["mean_load"][0] > 0
+
+
+def test_impacts_are_counted_by_hand(scene):
+    """Two turns of eight instants: two impacts in the first, one over the end of it."""
+    depth = np.array([[-1, 1, 1, -1, 1, 1, -1, -1], [1, 1, 1, 1, 1, 1, 1, 1.0]])
+    rate = np.zeros((2, 8))
+    rate[0, 1], rate[0, 3], rate[1, 5] = 0.2, 0.5, 9.0
+    load = np.array([[0.0, 2, 2, 0, 2, 2, 0, 0], np.full(8, 3.0)])
+    values = {name: np.ones((2, 8)) for name in quantities_of(scene)}
+    values |= {"main penetration_ratio": depth, "main penetration_rate": rate, "main load": load}
+    values |= {"main friction": np.array([np.full(8, 4.0), np.full(8, 6.0)])}
+    found = bearing_sheet(Turns(scene, 1, values))["main"]
+    assert found["impacts"] == (1.5, 0.5)
+    # Before it touches, the second approaches at 0.5 m/s; what is pressed faster is no impact.
+    assert found["impact_speed"][0] == 0.5
+    assert found["contact_lost"] == (0.25, 0.25)
+    assert found["friction_power"] == (5.0, 1.0)
+    assert found["mean_load"] == (2.0, 1.0) and found["peak_load"][0] == 3.0
+    worn = (np.mean(load[0] ** (10 / 3)) + 3 ** (10 / 3)) / 2
+    assert found["equivalent_load"][0] == pytest.approx(worn**0.3)
+    # Two 22324 with C of 980 kN, at 30 rad/s.
+    hours = 1e6 * 2 * np.pi / (30 * 3600) * (2 * 0.98e6) ** (10 / 3) / worn
+    assert found["life"][0] == pytest.approx(hours)
+    assert found["static_safety"][0] == pytest.approx(2 * 1.12e6 / 3)
+
+
+def test_seats_are_there_where_they_are_loose(scene):
+    assert bearings_of(scene) == ("main", "shaft_bearing", "elbow")
+    assert bearings_of(jc.ideal_scene(30.0)) == ("main", "shaft_bearing")

@@ -1,0 +1,47 @@
+"""What the bearings stand, from the command line to its file."""
+
+import csv
+
+import pytest
+from rich.console import Console
+
+from jaxcrusher.commands import bearing
+from jaxcrusher.commands.options import Bearing, Crusher, Results
+
+KNOCK = (("contact_law", "rollers"), ("load_law", "closing_stroke"), ("load", "300 kN"))
+
+
+def test_two_clearances_side_by_side(tmp_path):
+    console = Console(record=True, width=160)
+    options = Bearing(
+        Crusher(overrides=(*KNOCK, ("load_edge", "20 deg"))),
+        over=(("clearance", "0.06", "0.35 mm", "2"),),
+        settle=5,
+        turns=10,
+        results=Results("knock", tmp_path),
+    )
+    assert bearing.run(options, console) == 0
+    with (tmp_path / "knock" / "bearing.csv").open() as file:
+        rows = {(r["design"], r["bearing"]): r for r in csv.DictReader(file)}
+    tight, wide = rows["0.06 mm", "main"], rows["0.35 mm", "main"]
+    assert float(wide["impact_speed [m/s]"]) > float(tight["impact_speed [m/s]"]) > 0
+    assert rows["0.35 mm", "shaft_bearing"]["impacts"] == ""
+    text = " ".join(console.export_text().split())
+    for said in (
+        *("life L10 of one bearing by ISO 281, h", "bearing O", "RMS of the shaking force"),
+        *("a play of 120 um in a bore of 120 mm is normal", "a play of 700 um"),
+        *("Bearing A, 0.35 mm:", "it loses contact", "Turns: 10 after 5, 10 after 5"),
+        *("impacts rest on what is assumed", "load_edge 10 deg", "rollers.damping 20000 N s/m"),
+    ):
+        assert said in text, said
+
+
+def test_quiet_bearings_rest_on_nothing_assumed(tmp_path):
+    console = Console(record=True, width=160)
+    quiet = Crusher(overrides=(("contact_law", "rollers"), ("start", "contact")))
+    options = Bearing(quiet, settle=5, turns=10, results=Results("quiet", tmp_path))
+    assert bearing.run(options, console) == 0
+    text = console.export_text()
+    assert "Bearing A: no limit." in text and "assumed" not in text
+    with pytest.raises(ValueError, match="`seconds` must be"):
+        bearing.run(Bearing(quiet, seconds=0.0), console)
