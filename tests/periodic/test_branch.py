@@ -15,13 +15,9 @@ from jaxcrusher.periodic.collocation_problem import CollocationProblem
 from jaxcrusher.periodic.events import sharp_points, sharpened, special_points
 from jaxcrusher.periodic.problem import Stride
 from jaxcrusher.periodic.system import System
+from tests.periodic.systems import duffing, mathieu
 
 PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
-
-
-def duffing(time, x, rate, args):
-    c, k, f, w = args
-    return f * jnp.cos(w * time) - c * rate - x - k * x**3
 
 
 def duffing_at(speed, numbers):
@@ -87,13 +83,9 @@ def test_a_fold_that_few_nodes_misplace():
         assert other.kind == "unresolved period doubling"
 
 
-def mathieu(time, x, rate, a):
-    return -(a + 0.2 * jnp.cos(time)) * x
-
-
 def test_period_doublings_of_mathieus_equation():
     """Rest loses its stability where a characteristic value of an odd order is, q = 2 b."""
-    family = lambda a: System(mathieu, jnp.asarray(2 * np.pi), a)  # noqa: E731
+    family = lambda a: System(mathieu, jnp.asarray(2 * np.pi), (a, 0.2))  # noqa: E731
     rest, bounds = jnp.zeros((8, 1)), (0.05, 0.6)
     branch = followed(family, rest, bounds, first=0.1, longest=0.5, points=50)
     special = special_points(branch)

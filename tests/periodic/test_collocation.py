@@ -10,18 +10,8 @@ from jaxcrusher.periodic.collocation import collocate
 from jaxcrusher.periodic.multipliers import multipliers
 from jaxcrusher.periodic.newton import RESULTS
 from jaxcrusher.periodic.system import System
-from jaxcrusher.periodic.trigonometric import (
-    differentiation,
-    evaluate,
-    nodes,
-    resample,
-)
-
-
-def duffing(time, x, rate, args):
-    """q'' + c q' + q + k q^3 = f cos(w t), the phase of the forcing w t."""
-    c, k, f, w = args
-    return f * jnp.cos(w * time) - c * rate - x - k * x**3
+from jaxcrusher.periodic.trigonometric import differentiation, evaluate, nodes, resample
+from tests.periodic.systems import duffing
 
 
 def duffing_system(numbers, speed):
@@ -81,37 +71,6 @@ def test_magnus_is_of_sixth_order():
     orders = np.log2(errors[:-1]) - np.log2(errors[1:])
     # Between 5 and 7 is sixth order before its limit.
     assert ((orders > 5.5) & (orders < 6.8)).all(), orders
-
-
-def at_fold(numbers, w, amplitude):
-    """The smallest distance of a multiplier from 1 on the branch with this first harmonic."""
-    c, k, _ = numbers
-    system = duffing_system(numbers, w)
-    # The first harmonic's balance gives the phase.
-    cosine = (1 - w**2 + 0.75 * k * amplitude**2) * amplitude
-    phase = np.arctan2(c * w * amplitude, cosine)
-    x, root = collocate(system, harmonic(amplitude, phase))
-    assert root.success
-    return x, multipliers(system, x, steps=128)
-
-
-@pytest.mark.parametrize(
-    ("numbers", "speed", "amplitude"),
-    [
-        ((0.04, 1.0, 0.015), 1.0492623992, 0.3471315),
-        ((0.04, 1.0, 0.015), 1.0439137088, 0.2366230),
-    ],
-)
-def test_folds_of_duffings_equation(numbers, speed, amplitude):
-    """At a fold a multiplier is 1; just on one side of it there are two orbits more."""
-    side = 1e-6 * (-1 if amplitude > 0.3 else 1)
-    x, found = at_fold(numbers, speed + side, amplitude)
-    first = 2 * abs(np.fft.rfft(np.asarray(x)[:, 0])[1]) / len(x)
-    # 1e-6 from a fold the orbit is some square root of that off.
-    np.testing.assert_allclose(first, amplitude, rtol=0.02)
-    assert jnp.min(jnp.abs(found.values - 1)) < 0.02
-    far = multipliers(duffing_system(numbers, 1.2), jnp.zeros((32, 1)))
-    assert jnp.min(jnp.abs(far.values - 1)) > 0.5
 
 
 def test_peak_of_duffings_equation():
@@ -184,35 +143,6 @@ def hertz_by_hand(time, q, rate, static, speed):
     return 1 + static * np.cos(speed * time) - max(1 + 2 * q / 3, 0) ** 1.5 * (1 + 0.04 * rate)
 
 
-def stopped(time, x, rate, speed):
-    """NLvib's example 03: two masses, the first at times against a spring of 100 at a gap of 1."""
-    apart, closing = x[0] - x[1], 0.03 * (rate[0] - rate[1])
-    stop = 100 * jnp.maximum(x[0] - 1, 0)
-    back = apart + closing - x[1] - 0.03 * rate[1] + 0.1 * jnp.cos(speed * time)
-    return jnp.array([-apart - closing - stop, back])
-
-
-def test_two_masses_and_a_stop():
-    """Multipliers published for 0.635 rad/s; a stiffness that jumps leaves 1e-3 of them."""
-    system = System(stopped, jnp.asarray(2 * np.pi / 0.635), jnp.asarray(0.635))
-    turn, count = 2 * np.pi / 0.635, 512
-
-    def by_hand(time, y):
-        apart, closing = y[0] - y[1], 0.03 * (y[2] - y[3])
-        back = apart + closing - y[1] - 0.03 * y[3] + 0.1 * np.cos(0.635 * time)
-        return [y[2], y[3], -apart - closing - 100 * max(y[0] - 1, 0), back]
-
-    # A disturbance falls to 1e-5 in a hundred turns.
-    times = turn * (100 + nodes(count))
-    run = solve_ivp(by_hand, (0, times[-1]), np.ones(4), rtol=1e-8, max_step=0.1, t_eval=times)
-    x, root = collocate(system, jnp.asarray(run.y[:2].T))
-    assert root.success and x[:, 0].max() > 1
-    np.testing.assert_allclose(x, run.y[:2].T, atol=1e-3)
-    moduli = np.sort(np.abs(np.asarray(multipliers(system, x).values)))
-    np.testing.assert_allclose(moduli[::2], [0.72329, 0.88575], atol=2e-3)
-    np.testing.assert_allclose(moduli[1::2], [0.72329, 0.88575], atol=2e-3)
-
-
 def test_slopes_forward_reverse_and_by_differences():
     """The implicit slope of an orbit, and the slope of that."""
 
@@ -264,14 +194,6 @@ def test_failures_have_reasons():
     system = duffing_system((0.1, 0.5, 0.3), 0.6)
     short = collocate(system, harmonic(5.0, 0.0, 16), max_steps=2)[1]
     assert short.result == RESULTS.too_many_steps
-
-
-def test_damping_reaches_what_plain_newton_leaps_past():
-    """Of arctan plain Newton diverges from beyond 1.39; an orbit that is constant."""
-    bent = System(lambda t, x, v, a: -jnp.arctan(x - 1) - v, jnp.asarray(2 * np.pi), None)
-    x, root = collocate(bent, jnp.full((8, 1), 20.0))
-    assert root.success
-    np.testing.assert_allclose(x, 1.0, atol=1e-10)
 
 
 def test_the_jacobian_is_that_of_the_residual():

@@ -18,6 +18,7 @@ from jaxcrusher.periodic.problem import Stride
 from jaxcrusher.periodic.system import System
 from tests.pairs import slow
 from tests.periodic.maps import of_map
+from tests.periodic.systems import duffing, mathieu
 
 PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
 
@@ -45,10 +46,6 @@ def followed(curve, special, second, scale, bounds, *, upwards, points):
     return branch, np.array(both)
 
 
-def mathieu(time, x, rate, both):
-    return -(both[0] + both[1] * jnp.cos(time)) * x
-
-
 @pytest.mark.parametrize("order", [1, *slow(3)])
 def test_tongues_of_mathieus_equation(order):
     """Where rest doubles its period, a is a characteristic value over all q = 2 b."""
@@ -69,13 +66,8 @@ def test_tongues_of_mathieus_equation(order):
     np.testing.assert_allclose(both[:, 0], edges.min(axis=1), rtol=1e-9)
 
 
-def duffing(time, x, rate, args):
-    c, f, w = args
-    return f * jnp.cos(w * time) - c * rate - x - x**3
-
-
 def duffings(both, c):
-    return System(duffing, 2 * jnp.pi / both[0], (c, both[1], both[0]))
+    return System(duffing, 2 * jnp.pi / both[0], (c, 1.0, both[1], both[0]))
 
 
 @pytest.mark.slow
