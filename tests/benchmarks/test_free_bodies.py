@@ -7,8 +7,7 @@ import jaxcrusher as jc
 from benchmarks.peers import exudyn_free_bodies, motion, scipy_peer, sundials_peer
 from benchmarks.peers.equations import Crusher
 from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
-from benchmarks.peers.free_bodies_numba import CompiledBodies, instant
-from benchmarks.peers.free_bodies_numba import field as compiled_field
+from benchmarks.peers.free_bodies_numba import CompiledBodies
 from benchmarks.peers.motion import Motion
 from jaxcrusher.crusher.observables import observables_of
 from jaxcrusher.scenes.parameters import PE250X400
@@ -49,24 +48,6 @@ def apart(loose: str, mine, other) -> float:
     )
 
 
-def test_a_alone_is_the_chain_in_angles_in_one_instant():
-    random, shares = np.random.default_rng(0), []
-    for _ in range(60):
-        e = complex(6e-5 * (1 + random.uniform(0.05, 1)) * np.exp(2j * np.pi * random.uniform()))
-        # The centres' speed takes the slip through the ramp of friction, to either side of zero.
-        rate = complex(*random.uniform(-5, 5, 2))
-        bodies, chain = (
-            free_bodies("A", e={"A": e}, rates={"A": rate}),
-            Motion(Crusher(friction=0.1), e=e, rate=rate),
-        )
-        mine, other = (each.observe([0.0], [each.start]) for each in (bodies, chain))
-        shares.append(abs(other["friction_force"][0] / other["normal_force"][0]))
-        # Rounding of 1 m in a penetration of 3e-6 m, and sums that nearly cancel.
-        for name in FORCES:
-            assert largest(mine[name] - other[name]) < 1e-8 * largest(other[name])
-    assert sum(0.005 < share < 0.095 for share in shares) > 3
-
-
 @pytest.mark.parametrize("friction", [None, 0.1])
 def test_a_alone_is_the_chain_in_angles(friction):
     times, e, rate = 2e-5 * np.arange(300), (2 + 3j) * 1e-5, 0.02 - 0.01j
@@ -78,29 +59,6 @@ def test_a_alone_is_the_chain_in_angles(friction):
     assert apart("A", mine, other) < 1e-7
     for name in FORCES:
         assert largest(mine[name] - other[name]) < 1e-6 * largest(other[name])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("loose", ["ABC", "AC", "B", "C"])
-def test_compiled_is_free_bodies_in_one_instant(loose):
-    random, rate = np.random.default_rng(0), np.empty(13)
-    for slip in ("centre", "surface") * 20:
-        sizes = {j: CLEARANCES[j] * random.uniform(0.7, 1.7) for j in loose}
-        e = {j: complex(c * np.exp(2j * np.pi * random.uniform())) for j, c in sizes.items()}
-        rates = {j: complex(*random.uniform(-1, 1, 2)) for j in loose}
-        bodies = free_bodies(loose, slip, e=e, rates=rates)
-        compiled = CompiledBodies(bodies)
-        _, (at_o, at_c), normal = instant(0.0, compiled.start, compiled.numbers)
-        known = bodies.observe([0.0], [bodies.start])
-        of_o, of_c = (known[name].view(complex)[0, 0] for name in FORCES[:3:2])
-        # Rounding of 1 m in a penetration of 1e-5 m, and of forces up to 1e7 N in their sum.
-        force = abs(of_o) + abs(of_c)
-        assert abs(at_o - of_o) + abs(at_c - of_c) < 1e-9 * force
-        compiled_field(0.0, compiled.start, compiled.numbers, rate)
-        assert rate[12] == pytest.approx(force**2 / (2 * np.pi), rel=1e-9)
-        for joint, force in zip("ABC", normal, strict=True):
-            theirs = known.get(f"{PREFIXES[joint]}normal_force", np.zeros(1))
-            assert force == pytest.approx(theirs[0], rel=1e-9)
 
 
 @pytest.mark.slow
@@ -185,19 +143,6 @@ def test_exudyn_agrees_with_friction(slip):
     # EXUDYN's contacts have no force yet at time 0.
     for name in ("joint_force", "elbow_reaction", "toggle_reaction"):
         assert largest((found[name] - known[name])[1:]) < 2e-3 * largest(known[name])
-
-
-@pytest.mark.parametrize("loose", ["B", *slow("C")])
-def test_exudyn_agrees_where_a_is_ideal(loose):
-    bodies = free_bodies(loose, friction=0.0)
-    known = run(bodies, 1e-5 * np.arange(1501))
-    found = exudyn_free_bodies.Model(bodies).run(0.015)
-    assert known[PREFIXES[loose] + "normal_force"].max() > 1e4
-    # As above.
-    assert apart(loose, found, known) < 1e-4
-    # The multipliers of generalised-alpha ring at first.
-    for name in ("joint_force", "elbow_reaction", "toggle_reaction", "bearing_reaction"):
-        assert largest((found[name] - known[name])[100:]) < 5e-3 * largest(known[name])
 
 
 def test_other_laws_are_refused():

@@ -3,31 +3,19 @@
 from dataclasses import replace
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import benchmarks.slider_crank.mechanism as sc
 from benchmarks.peers.exudyn_slider_crank import Numbers, Result, by_exudyn, by_scipy
-from jaxcrusher.basics.plane import Vector
-from jaxcrusher.joint.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
+from jaxcrusher.joint.friction import AmbrosioFriction, SurfaceSlip
 from jaxcrusher.joint.normal import ConstantImpactVelocity, TrackedImpactVelocity
-from jaxcrusher.mechanism.starts import Given
 
 MICROSECONDS = 1e-6 * np.arange(2001)
 # Faster than any impact, so that it is the impact velocity of all of them everywhere.
 FAST = 20.0
 SURFACE = AmbrosioFriction(SurfaceSlip(), 0.1, 0.0, 0.5, width=1e-5)
-CENTRE = AmbrosioFriction(CentreSlip(), 0.1, 0.1, 1.0)
-# In flight, at the corner, in light and in hard contact; in clearances and m/s.
-STATES = [
-    ((0.3, -0.5), (1.2, 0.1)),
-    ((0.6, 0.8), (0.1, -3.0)),
-    ((-0.72, 0.7), (0.3, 0.4)),
-    ((0.1, 1.14), (-2.0, 0.2)),
-    ((-0.9, -0.6), (0.5, 4.0)),
-]
 
 
 def motion(impact_velocity, times=MICROSECONDS, friction=None):
@@ -95,47 +83,14 @@ def test_each_impact_by_its_own_velocity():
     assert half < 2e-3 and long > 0.1
 
 
-def started(mechanism, relative, rate):
-    """The state with an eccentricity (clearances) and its rate (m/s), if a joint is loose."""
-    if not mechanism.is_ideal:
-        start = Given({"wrist": relative}, {"wrist": rate})
-        mechanism = eqx.tree_at(lambda m: m.start, mechanism, start)
-    return mechanism.formulation.initial(mechanism)
-
-
-@eqx.filter_jit
-def balance(mechanism, time, relative, rate):
-    """The energy's change along the vector field, and the powers."""
-    start, formulation = started(mechanism, relative, rate), mechanism.formulation
-    now = formulation.snapshot(time, start, mechanism)
-
-    def energy(time, state):
-        return sc.energy(formulation.snapshot(time, state, mechanism), mechanism)
-
-    field = formulation.rate(now, start, mechanism)
-    _, change = jax.jvp(energy, (time, start), (jnp.ones(()), field))
-    return change, jnp.stack(list(sc.powers(now).values()))
-
-
-@pytest.mark.parametrize("friction", [None, SURFACE, CENTRE], ids=["none", "surface", "centre"])
-@pytest.mark.parametrize("clearance", [0.5e-3, None], ids=["clearance", "ideal"])
-def test_power_balance(clearance, friction):
-    """At any instant, with gravity, without integrating anything."""
-    mechanism = sc.flores(clearance, friction=friction, gravity=9.81)
-    for position, velocity in STATES:
-        time, relative, rate = jnp.array(1.3e-3), Vector(*position), Vector(*velocity)
-        change, powers = balance(mechanism, time, relative, rate)
-        # Rounding of energies of 100 J that change at 1e4 W and more.
-        assert float(change) == pytest.approx(float(powers.sum()), rel=1e-10, abs=1e-6)
-        assert np.abs(powers).max() > 1e3
-
-
-def test_energy_over_two_turns():
-    made = motion(None, 12 * MICROSECONDS)
+@pytest.mark.parametrize("friction", [None, SURFACE], ids=["none", "surface"])
+def test_energy_over_two_turns(friction):
+    made = motion(None, 12 * MICROSECONDS, friction)
     change = made.energy - made.energy[0] - sum(made.work.values())
     # A tolerance of 1e-12, thirty impacts.
     assert np.abs(change).max() < 1e-9 * np.abs(made.work["drive"]).max()
-    assert float(made.work["contact"][-1]) < -1
+    assert float(made.work["contact"][-1]) < -0.5
+    assert friction is None or float(made.work["friction"][-1]) < -0.1
 
 
 def test_ideal_joint():
@@ -154,63 +109,6 @@ def test_ideal_joint():
     power = np.asarray(now.crank_moment) * speed
     work = np.concatenate([[0], np.cumsum((power[1:] + power[:-1]) / 2 * turn / 4000)])
     np.testing.assert_allclose(made.energy - made.energy[0], work, atol=1e-5 * np.ptp(work))
-
-
-def test_rest_in_contact_tends_to_the_ideal_joint():
-    """Pressed so deep that it carries the ideal force, the joint moves as the ideal one."""
-    time = jnp.array(2e-3)
-    still = Vector(0.0, 0.0)
-
-    def seen_at(mechanism, relative=still):
-        state = started(mechanism, relative, still)
-        return sc.instant(mechanism.formulation.snapshot(time, state, mechanism))
-
-    ideal = seen_at(sc.flores(None))
-    force, names = ideal.joint_force, ("slider_acceleration", "rod_acceleration", "crank_moment")
-    size = jnp.sqrt(force.dot(force))
-
-    @jax.jit
-    def errors(clearance):
-        mechanism = sc.flores(clearance)
-        deep = clearance + mechanism.bearings["wrist"].normal.penetration_under(size)
-        now = seen_at(mechanism, (deep / clearance / size) * force)
-        relative_errors = jnp.stack([getattr(now, n) / getattr(ideal, n) - 1 for n in names])
-        # By the angle through which the eccentricity turns the rod.
-        return relative_errors / (deep / 0.12)
-
-    wide, narrow = errors(1e-4), errors(1e-5)
-    # The smoothing of |e| is 5e-14 m of 3e-6 m, 3e-8 of the force, over an angle of 1e-4.
-    assert np.abs(jnp.stack([wide[0], narrow[0]])).max() < 1e-3
-    # In proportion to the angle, up to its square: 1e-3 of the wide one's times ten or so.
-    np.testing.assert_allclose(wide[1:], narrow[1:], rtol=2e-2)
-    assert (np.abs(narrow[1:]) < 10).all() and (np.abs(narrow[1:]) > 0.1).all()
-
-
-def first_impact(numbers):
-    """Peak force (N), and loss (J) and e_x (m) later, for a clearance and a slider's mass."""
-    clearance, slider_mass = numbers
-    mechanism = eqx.tree_at(
-        lambda m: m.drawn.bodies["slider"].mass, sc.flores(clearance), slider_mass
-    )
-    made = sc.simulate(mechanism, np.linspace(0.24e-3, 0.29e-3, 2001), rtol=1e-11)
-    force = made.instants.contact.normal_force
-    top = jnp.argmax(force)
-    before, middle, after = force[top - 1], force[top], force[top + 1]
-    # The top of the parabola through three samples: the largest one's slope is not zero.
-    peak = middle + (after - before) ** 2 / 8 / (2 * middle - before - after)
-    return jnp.stack([peak, made.work["contact"][-1], made.instants.eccentricity.x[-1]])
-
-
-@pytest.mark.slow
-def test_derivatives_of_the_first_impact():
-    point = np.array([0.5e-3, 0.14])
-    tangents = np.asarray(jax.jacfwd(first_impact)(point))
-    columns = []
-    for shift in np.diag(3e-4 * point):
-        columns.append((first_impact(point + shift) - first_impact(point - shift)) / shift.sum())
-    # Relative steps of 3e-4 truncate at 1e-7; the runs' 1e-9 over them is 3e-6, and ten times
-    # that for other machines' rounding.
-    np.testing.assert_allclose(tangents, np.stack(columns, axis=-1) / 2, rtol=3e-5)
 
 
 def test_a_failed_motion_is_reported():

@@ -8,10 +8,11 @@ from jaxcrusher.files.program import program
 @pytest.mark.parametrize(
     ("raised", "status", "told"),
     [
+        # Nothing in it is taken for a style of the console's.
         (
-            ValueError("Argument `x` must be 1, but is 2."),
+            ValueError("Argument `x` must be 1, but is '5 [hz]'."),
             2,
-            "error: Argument `x` must be 1, but is 2.",
+            "error: Argument `x` must be 1, but is '5 [hz]'.",
         ),
         (ModuleNotFoundError("", name="numba"), 2, "error: numba is missing; the extra `bench` "),
         (KeyboardInterrupt("kept in out/"), 130, "interrupted: kept in out/"),

@@ -262,9 +262,10 @@ def test_an_orbit_that_is_shot_for_is_the_same():
     assert float(found.transmitted_rms) == pytest.approx(float(orbit.transmitted_rms), rel=1e-7)
 
 
-def test_a_state_of_the_orbit_and_harmonics_of_supports():
-    orbit = orbit_of()
-    assert orbit.eccentricity.shape[1] == 5
+@pytest.mark.parametrize(("joint", "size"), [("ideal", 3), *slow(("clearance", 5))])
+def test_a_state_of_the_orbit_and_harmonics_of_supports(joint, size):
+    orbit = orbit_of(joint=joint)
+    assert orbit.eccentricity.shape[1] == size
     np.testing.assert_allclose(flat(orbit.state(), orbit.scene), orbit.section, rtol=1e-12)
     seen = orbit.motion(ANGLES)
     np.testing.assert_allclose(

@@ -8,7 +8,6 @@ import math
 import re
 import runpy
 import shlex
-import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -478,19 +477,6 @@ def test_help_explains_every_option(command, capsys):
     options = {part.split()[0]: len(re.findall(r"[a-z]{2,}", part)) for part in parts}
     assert {"--scene", "--set", "--name", "--out"} < set(options)
     assert min(options.values()) > 4, options
-
-
-def test_mistake_of_a_process_is_one_line():
-    wrong = subprocess.run(
-        [sys.executable, "-m", "jaxcrusher", "simulate", "--set", "speed", "5 [hz]"],
-        check=False,
-        capture_output=True,
-        text=True,
-        timeout=900,
-    )
-    assert wrong.returncode == 2 and wrong.stdout == ""
-    assert wrong.stderr.startswith("error: Argument `speed`") and wrong.stderr.count("\n") == 1
-    assert "'[hz]'" in wrong.stderr
 
 
 def scene_file(folder: Path) -> Path:
