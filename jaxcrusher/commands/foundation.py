@@ -147,6 +147,8 @@ def heading(
         return ", ".join(f"{key} {said(key, values[key], units)}" for key in there)
 
     parts = [key for key in NUMBERS if key.startswith(("foundation.", "rollers."))]
+    if "foundation.soil.density" in values:  # soil stands in place of springs and dampers
+        parts = [key for key in parts if not key.endswith(("stiffness", "l_damping"))]
     assumed = [key for key in (*parts, "load_law", "contact_law") if key not in given]
     head = {
         "machine": name,

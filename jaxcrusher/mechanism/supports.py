@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import concrete, require, require_positive
-from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.basics.plane import Vector, optional_scalar, scalar
 from jaxcrusher.mechanism.arms import arm_to
 from jaxcrusher.mechanism.equations import MovingFrame, Wrench
 from jaxcrusher.mechanism.linkage import Body
@@ -48,6 +48,9 @@ class OnSupports(AbstractFoundation):
     vertical_stiffness: Scalar = eqx.field(converter=scalar)  # N/m
     horizontal_damping: Scalar = eqx.field(converter=scalar)  # N s/m
     vertical_damping: Scalar = eqx.field(converter=scalar)  # N s/m
+    # Of a damper of both supports that turns with the frame, N m s/rad; soil damps rocking less
+    # than its vertical dampers would.
+    rocking_damping: Scalar | None = eqx.field(converter=optional_scalar, default=None)
 
     def __check_init__(self):
         require_positive("foundation.mass", self.mass, "kg")
@@ -102,7 +105,9 @@ class OnSupports(AbstractFoundation):
         """Return the power that the dampers take, W."""
         squares = [(rate.x**2, rate.y**2) for _, rate in self.stretches(frame)]
         (x, y), (also_x, also_y) = squares
-        return self.horizontal_damping * (x + also_x) + self.vertical_damping * (y + also_y)
+        lost = self.horizontal_damping * (x + also_x) + self.vertical_damping * (y + also_y)
+        turned = self.rocking_damping
+        return lost if turned is None else lost + turned * frame.spin**2
 
     def moving(self, frame: FrameMotion) -> MovingFrame:
         """Return the frame as one more body of the equations."""
@@ -113,4 +118,6 @@ class OnSupports(AbstractFoundation):
         pairs = list(zip(self.arms(), self.support_forces(frame), strict=True))
         one, other = (-arm.along(frame.axis).cross(on_ground) for arm, on_ground in pairs)
         (_, left), (_, right) = pairs
-        return Wrench(FRAME, -(left + right).seen_from(frame.axis), one + other)
+        moment, turned = one + other, self.rocking_damping
+        moment = moment if turned is None else moment - turned * frame.spin
+        return Wrench(FRAME, -(left + right).seen_from(frame.axis), moment)

@@ -136,7 +136,7 @@ def sheet(motion: PeriodicOrbit | Turns, orders: int, site: Site = Site()) -> li
         *_harmonics(turns, _named(moved), MOVING, orders),
     ]
     rows += [*_harmonics(turns, carried, HARMONICS, orders), *_peaks(turns, carried)]
-    rows = [*_modes(turns.scene, modes, rows, site), *rows, *motions]
+    rows = [*_ground(turns.scene), *_modes(turns.scene, modes, rows, site), *rows, *motions]
     verdicts = _verdicts(turns.scene, rows, site)
     return [*verdicts, *rows, *_running_up(turns, orders, site)]
 
@@ -274,6 +274,25 @@ def _of_pieces(
     share = 1.0 if what in over else len(pieces) ** -0.5
     scatter = "" if turns.repeats else share * float(np.std(pieces, ddof=1))
     return Row(part, name, what, value, unit, remark=remark, scatter=scatter)
+
+
+def _ground(scene: Scene) -> list[Row]:
+    """Return springs and dampers of both supports together; rocking is about their middle."""
+    supports = scene.supports
+    assert supports is not None
+    arm = float(supports.right - supports.left) / 2
+    upright = 2 * float(supports.vertical_stiffness), 2 * float(supports.vertical_damping)
+    turned = 0.0 if supports.rocking_damping is None else float(supports.rocking_damping)
+    numbers = {
+        "stiffness horizontally": (2 * float(supports.horizontal_stiffness), "MN/m"),
+        "stiffness vertically": (upright[0], "MN/m"),
+        "stiffness in rocking": (upright[0] * arm**2, "MN m/rad"),
+        "damping horizontally": (2 * float(supports.horizontal_damping), "MN s/m"),
+        "damping vertically": (upright[1], "MN s/m"),
+        "damping in rocking": (upright[1] * arm**2 + turned, "MN m s/rad"),
+    }
+    part = "springs and dampers"
+    return [Row(part, name, "", 1e-6 * value, unit) for name, (value, unit) in numbers.items()]
 
 
 def _modes(scene: Scene, modes: xr.Dataset, rows: Sequence[Row], site: Site) -> list[Row]:

@@ -36,6 +36,7 @@ from jaxcrusher.joint.normal import (
 from jaxcrusher.joint.rollers import RollerBearing, Rollers
 from jaxcrusher.mechanism.drives import ConstantSpeed, UnevenSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.soil import soil_under
 from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupports
 from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.load_curve import load_curve
@@ -247,14 +248,46 @@ def _fed(load: AbstractLoad | None, values: Mapping[str, Any]) -> AbstractLoad |
 
 def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:
     """Return what the frame stands on; None: clamped, with moments about C."""
-    if "foundation.x" not in values:
+    numbers, soil = _of(values, "foundation."), _of(values, "foundation.soil.")
+    for name in ("rocking_stiffness", "rocking_damping", *(f"soil.{name}" for name in soil)):
+        known = name not in numbers or "mass" in numbers
+        require(known, f"foundation.{name}", "come with `foundation.mass`", "alone")
+    if "x" not in numbers:
         return None
-    point = Vector(values["foundation.x"], values["foundation.y"])
-    if "foundation.mass" not in values:
+    point = Vector(numbers.pop("x"), numbers.pop("y"))
+    if "mass" not in numbers:
         return Clamped(point)
-    numbers = {n: value for n, value in _of(values, "foundation.").items() if "." not in n}
-    del numbers["x"], numbers["y"]
-    return OnSupports(point=point, **numbers)
+    numbers = {name: value for name, value in numbers.items() if "." not in name}
+    if soil:
+        numbers |= _on_soil(soil, values["speed"])
+        numbers["base"] = numbers["base"] + numbers.pop("lever")
+    if "rocking_stiffness" not in numbers:
+        return OnSupports(point=point, **numbers)
+    # Two vertical springs so far apart that they turn with it, and a damper for the rest.
+    middle = (numbers["left"] + numbers["right"]) / 2
+    arm = jnp.sqrt(numbers.pop("rocking_stiffness") / (2 * numbers["vertical_stiffness"]))
+    if "rocking_damping" in numbers:
+        rest = numbers["rocking_damping"] - 2 * numbers["vertical_damping"] * arm**2
+        numbers["rocking_damping"] = rest
+    return OnSupports(point=point, **(numbers | {"left": middle - arm, "right": middle + arm}))
+
+
+def _on_soil(soil: Mapping[str, Any], speed: Any) -> dict[str, Any]:
+    """Return the numbers of each of two supports that stand for soil, and of its rocking."""
+    both = "shear_modulus" in soil and "shear_wave_speed" in soil
+    require(not both, "foundation.soil.shear_wave_speed", "not stand beside its modulus", "given")
+    modulus = soil.get("shear_modulus")
+    if modulus is None:
+        modulus = soil["density"] * soil["shear_wave_speed"] ** 2
+    names = "density", "poisson", "length", "width", "embedment"
+    under = soil_under(modulus, *(soil[name] for name in names), speed)._asdict()
+    halved = (
+        "horizontal_stiffness",
+        "vertical_stiffness",
+        "horizontal_damping",
+        "vertical_damping",
+    )
+    return under | {name: under[name] / 2 for name in halved}
 
 
 def _rod(values: Mapping[str, Any], machine: Machine) -> Rod | None:

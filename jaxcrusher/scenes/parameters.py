@@ -128,6 +128,28 @@ PARAMETERS |= {
     "foundation.vertical_stiffness": Parameter(1.5e8, "N/m", "of each support"),
     "foundation.horizontal_damping": Parameter(1.5e5, "N s/m", "of each support", (0, 1e12)),
     "foundation.vertical_damping": Parameter(2.5e5, "N s/m", "of each support", (0, 1e12)),
+    # In place of the distance of the supports.
+    "foundation.rocking_stiffness": Parameter(
+        2e8, "N m/rad", "about the base's middle; none: of springs"
+    ),
+    "foundation.rocking_damping": Parameter(
+        2e5, "N m s/rad", "likewise; none: of dampers", (0, 1e15)
+    ),
+}
+
+# Soil under the block, in place of springs and dampers; a scene has these names only where one of
+# the first two is given. Defaults are judged: sand of middling density.
+_SOIL = ("foundation.soil.shear_modulus", "foundation.soil.shear_wave_speed")
+PARAMETERS |= {
+    "foundation.soil.shear_modulus": Parameter(6e7, "Pa", "of the soil; or its wave speed"),
+    "foundation.soil.shear_wave_speed": Parameter(180.0, "m/s", "of the soil; or its modulus"),
+    "foundation.soil.density": Parameter(1800.0, "kg/m3", "of the soil"),
+    "foundation.soil.poisson": Parameter(0.35, "1", "Poisson's ratio of the soil", (0, 0.5)),
+    "foundation.soil.length": Parameter(2.0, "m", "side of the block's base in the plane"),
+    "foundation.soil.width": Parameter(2.0, "m", "side of it across the plane"),
+    "foundation.soil.embedment": Parameter(
+        0.0, "m", "of the base in soil at its sides", (0, 100), 1.0
+    ),
 }
 
 # The tension rod; a scene has these names only where one of its `openers` is given. The places of
@@ -242,6 +264,8 @@ _OPENERS: dict[str, tuple[str, ...]] = {
     "rollers.": ("contact_law=rollers",),
     "rod.": ("rod.stiffness", "rod.preload"),
     "foundation.": ("foundation.mass",),
+    **{name: (name,) for name in ("foundation.rocking_stiffness", "foundation.rocking_damping")},
+    **{n: (n,) if n in _SOIL else _SOIL for n in PARAMETERS if n.startswith("foundation.soil.")},
     # A clamped frame has a point of its moment alone.
     **dict.fromkeys(_POINT, ("foundation.mass", *_POINT)),
 }

@@ -147,6 +147,8 @@ def _pushes(s, scene):
         for arm, one in zip(supports.arms(), on_ground, strict=True):
             pushes.append((point + arm, -one.seen_from(axis)))
             size += jnp.abs(one.array()).sum()
+        if supports.rocking_damping is not None:
+            moment -= supports.rocking_damping * s.frame.spin
         own = Vector(0.0, -supports.mass * scene.linkage.gravity).seen_from(axis)
         force = own - supports.mass * s.accelerations.centres["frame"]
         moment -= supports.inertia * s.accelerations.spin_ups["frame"]

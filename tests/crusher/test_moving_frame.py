@@ -28,11 +28,12 @@ NUMBERS = {
     "foundation.horizontal_damping": 4e4,
     "foundation.vertical_damping": 5e4,
 }
+ROCKING = {"foundation.rocking_damping": 3e4}
 LOOSE = {f"{joint}.clearance": 1e-4 for joint in ("elbow", "pivot")}
 KINDS = {
     "ideal": {"joint": "ideal"},
     "paper": {"slip": "surface", "load_law": "normal_to_jaw"},
-    "all loose": {"slip": "surface", **LOOSE, "load_law": "closing_stroke"},
+    "all loose": {"slip": "surface", **LOOSE, "load_law": "closing_stroke"} | ROCKING,
 }
 
 

@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 import jaxcrusher as jc
+from jaxcrusher.mechanism.soil import soil_under
 from jaxcrusher.motion.statistics_table import SAMPLES
 from jaxcrusher.motion.turns import run_turns
 from jaxcrusher.orbits.load_sheet import (
@@ -216,34 +217,64 @@ def test_a_run_up_ends_in_the_steady_state():
     assert slow.max() > 1.2 * fast.max() > 1.2 * fast[-STEPS:].max()
 
 
-@pytest.mark.parametrize(
-    ("block", "frequency", "ratio"),
-    [
-        # A textbook's block of 800 kN on 200 MN/m and 2.34 MN s/m, as printed.
-        ((800e3 / 9.81, 200e6, 2.34e6), 7.882, 0.2897),
-    ],
-)
-def test_printed_blocks(block, frequency, ratio):
-    mass, stiffness, damping = block
-    light = {f"{body}.mass": 1e-3 for body in ("shaft", "jaw", "toggle")}
-    light |= {f"{body}.inertia": 1e-3 for body in ("shaft", "jaw", "toggle")}
-    scene = jc.build_scene(
-        light
-        | {
-            "joint": "ideal",
-            "foundation.mass": mass,
-            "foundation.inertia": mass,
-            "foundation.left": -1.0,
-            "foundation.right": 1.0,
-            "foundation.vertical_stiffness": stiffness / 2,
-            "foundation.vertical_damping": damping / 2,
-        }
+# A machine that weighs nothing on its block.
+BARE = {f"{body}.{n}": 1e-3 for body in ("shaft", "jaw", "toggle") for n in ("mass", "inertia")}
+BARE |= {"joint": "ideal"}
+
+
+def test_a_printed_block():
+    """A textbook's block of 800 kN on 200 MN/m and 2.34 MN s/m: 7.882 Hz, ratio 0.2897."""
+    mass = 800e3 / 9.81
+    block = {"mass": mass, "inertia": mass, "left": -1.0, "right": 1.0}
+    block |= {"vertical_stiffness": 100e6, "vertical_damping": 1.17e6}
+    modes = jc.natural_modes(
+        jc.build_scene(BARE | {f"foundation.{n}": v for n, v in block.items()})
     )
-    modes = jc.natural_modes(scene)
     upright = int(np.argmax(modes.share.sel(coordinate="y").values))
     found = modes.frequency[upright], modes.damping_ratio[upright]
     # Printed with four digits.
-    assert [float(one) for one in found] == pytest.approx([frequency, ratio], rel=2e-4)
+    assert [float(one) for one in found] == pytest.approx([7.882, 0.2897], rel=2e-4)
+
+
+def test_rocking_is_given_without_supports():
+    """G at the base: rocking alone has sqrt(K / J), with the damper's C / (2 sqrt(K J))."""
+    block = {"mass": 127.55e3, "inertia": 2e5, "base": 0.0, "x": 0.1}
+    block |= {"rocking_stiffness": 8e8, "rocking_damping": 3e6, "vertical_damping": 1e6}
+    scene = jc.build_scene(BARE | {f"foundation.{n}": v for n, v in block.items()})
+    modes = jc.natural_modes(scene)
+    turned = int(np.argmax(modes.share.sel(coordinate="rotation").values))
+    found = float(modes.frequency[turned]), float(modes.damping_ratio[turned])
+    expected = np.sqrt(8e8 / 2e5) / (2 * np.pi), 3e6 / (2 * np.sqrt(8e8 * 2e5))
+    # The weight of the machine leans by 1e-6 of the springs.
+    assert found == pytest.approx(expected, rel=1e-5)
+    rows = by_name(sheet(jc.periodic_orbit(scene), 1))
+    assert rows["stiffness in rocking", ""].value == pytest.approx(800)
+    assert rows["damping in rocking", ""].value == pytest.approx(3)
+
+
+def test_a_block_on_soil():
+    """Its springs are those of the soil, and its modes those of two masses by hand."""
+    soil = {"shear_modulus": 6e7, "density": 1800.0, "poisson": 0.35}
+    soil |= {"length": 4.0, "width": 2.0, "embedment": 1.0}
+    block = {"mass": 50e3, "inertia": 6e4, "x": 0.1, "y": 0.4, "base": -0.6}
+    given = {f"foundation.{n}": v for n, v in block.items()}
+    given |= {f"foundation.soil.{n}": v for n, v in soil.items()}
+    modes = jc.natural_modes(jc.build_scene(BARE | given))
+    under = soil_under(**soil, speed=30.0)
+    # Springs at a third of the embedment above the base, 1 m below G.
+    arm = 1.0 - 1 / 3
+    k, rocking = float(under.horizontal_stiffness), float(under.rocking_stiffness)
+    matrix = np.array([[k, k * arm], [k * arm, rocking + k * arm**2]])
+    matrix[1, 1] -= 50e3 * 9.81 * arm  # the weight leans
+    squares = np.linalg.eigvals(np.linalg.inv(np.diag([50e3, 6e4])) @ matrix)
+    upright = float(under.vertical_stiffness) / 50e3
+    expected = np.sort(np.sqrt([*squares, upright])) / (2 * np.pi)
+    # The machine's kilograms, and a rotation of the sag.
+    np.testing.assert_allclose(modes.frequency, expected, rtol=1e-4)
+    speed = {"foundation.soil.shear_wave_speed": np.sqrt(6e7 / 1800)}
+    del given["foundation.soil.shear_modulus"]
+    other = jc.natural_modes(jc.build_scene(BARE | given | speed))
+    np.testing.assert_allclose(other.frequency, modes.frequency, rtol=1e-12)
 
 
 def test_a_mode_counts_where_it_moves_the_place():

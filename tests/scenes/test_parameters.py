@@ -25,11 +25,15 @@ from jaxcrusher.scenes.parameters import (
 
 # Of angle (rad) and force (N).
 CURVE = np.array([[0.0, 1e3], [2.0, 9e3], [4.0, 4e3], [5.0, 2e3]])
+SOIL = "foundation.soil.shear_modulus", "foundation.soil.shear_wave_speed"
+ROCKING = "foundation.rocking_stiffness", "foundation.rocking_damping"
 # What opens names -> what a description then has.
 OPENED = {
     ("load_scatter",): {"load_scatter": 0.1},
     ("speed_fluctuation",): {"speed_fluctuation": 0.02},
     ("load_point",): {"load_point": 0.3},
+    SOIL: {"foundation.soil.shear_modulus": 6e7},
+    **{(name,): {name: PARAMETERS[name].default} for name in (*ROCKING, *SOIL)},
     ("load_edge",): {"load_law": "closing_stroke", "load_edge": 0.2},
     ("load_law=by_angle",): {"load_law": "by_angle", "load_curve": CURVE},
     ("rod.stiffness", "rod.preload"): {"rod.stiffness": 2e5, "rod.preload": 1e4},

@@ -25,6 +25,9 @@ OTHER = {
     "N s/m": ("kN·s/m", 1e3),
     "Pa": ("GPa", 1e9),
     "W": ("kW", 1e3),
+    "N m/rad": ("kN m/rad", 1e3),
+    "N m s/rad": ("kN m s/rad", 1e3),
+    "kg/m3": ("t/m3", 1e3),
     "1": ("%", 1e-2),
 }
 
@@ -103,7 +106,7 @@ def test_template_offers_every_number(tmp_path):
         *("load_law", "load_edge"),
     }
     file = tmp_path / "all.toml"
-    file.write_text(re.sub(r"^# (\w+ = )", r"\1", template, flags=re.MULTILINE))
+    file.write_text(re.sub(r"^# ([\w.]+ = )", r"\1", template, flags=re.MULTILINE))
     assert set(read_scene_file(file)) == {*NUMBERS, *CHOICES, *FILES}
 
 
