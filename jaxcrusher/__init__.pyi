@@ -4,6 +4,7 @@ from .batch.engines import map_all as map_all
 from .batch.engines import map_chunks as map_chunks
 from .batch.sweep import sweep as sweep
 from .crusher.scene import Scene as Scene
+from .crusher.statistics_table import STATISTICS as STATISTICS
 from .dynamics.basin_map import basin_map as basin_map
 from .dynamics.bifurcation import bifurcation as bifurcation
 from .dynamics.coexisting_orbits import coexisting_orbits as coexisting_orbits
@@ -15,7 +16,6 @@ from .motion.section import poincare_section as poincare_section
 from .motion.simulation import OUTPUTS as OUTPUTS
 from .motion.simulation import simulate as simulate
 from .motion.statistics import statistics as statistics
-from .motion.statistics_table import STATISTICS as STATISTICS
 from .orbits.bifurcation_curve import bifurcation_curve as bifurcation_curve
 from .orbits.feed_response import feed_response as feed_response
 from .orbits.harmonics import harmonics as harmonics

@@ -8,8 +8,8 @@ from jaxtyping import Float
 from scipy.stats import t as student
 
 import jaxcrusher as jc
+from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.motion.statistics import limits_of
-from jaxcrusher.motion.statistics_table import ALL_THE_TIME
 from optimize.answer import Confirmed, Orbit, Runs
 from optimize.case import Case
 from optimize.counts import broken

@@ -13,11 +13,9 @@ from jaxtyping import Array, ArrayLike, Float
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import chunk_of, run_all
-from jaxcrusher.batch.sweep import row_of
-from jaxcrusher.crusher.rough_feed import steady
+from jaxcrusher.batch.sweep import limited_joints, row_of
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.mechanism.starts import shifted_start
-from jaxcrusher.motion.statistics_table import always_of
 from optimize import counts
 from optimize.case import Case
 from optimize.limits import Found
@@ -98,7 +96,7 @@ def started(
     With the start as numbers, the scenes of all starts run as one program. A rough feed's motions
     are those under its mean load.
     """
-    scene = steady(jc.build_scene({**description, "start": start}))
+    scene = jc.build_scene({**description, "start": start}).steady()
     return shifted_start(scene, Vector(*shift))
 
 
@@ -120,10 +118,10 @@ def _row(batch: tuple[jc.Scene, Array], case: Case, window: Window) -> dict[str,
     """Return the row of a scene at a point of the unit box."""
     scene, unit = batch
     limited = (limit.statistic for limit in case.limits)
-    always = tuple(dict.fromkeys((*always_of(scene), *limited)))
+    always = tuple(dict.fromkeys((*scene.usual_statistics, *limited)))
     outputs = tuple(dict.fromkeys((*always, *case.objective.outputs)))
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
     chamber = case.chamber_of(case.design.description(unit))
     objective = case.objective.formula(result, scene, chamber)
     further = {"objective": objective, "steps": result.outcome.steps, "state": result.state}
-    return row_of(result, always) | further
+    return row_of(result, always, limited_joints(scene), scene.leading) | further

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from jaxcrusher.motion.statistics_table import STATISTIC
+from jaxcrusher.crusher.statistics_table import STATISTIC
 
 # What frame and bearings carry, with weight and crushing load, and what shakes the ground.
 FORCES = ("foundation_rms", "shaking_rms")

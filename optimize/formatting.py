@@ -6,7 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from jaxcrusher.motion.statistics_table import STATISTIC
+from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Active, Answer, Confirmed, Runs

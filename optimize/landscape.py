@@ -9,12 +9,12 @@ import xarray as xr
 from jaxtyping import Float
 from scipy.stats import qmc
 
-from jaxcrusher.batch.sweep import columns_of
+from jaxcrusher.batch.sweep import columns_of as sweep_columns
 from jaxcrusher.crusher.joints import JOINTS
+from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
 from jaxcrusher.files import table
-from jaxcrusher.files.table import COLUMNS, Column
-from jaxcrusher.motion import statistics_table
-from jaxcrusher.motion.statistics_table import always_with, chosen
+from jaxcrusher.files.table import COLUMNS, Column, columns_of
+from jaxcrusher.mechanism.reductions import chosen
 from jaxcrusher.scenes.parameters import NUMBERS
 from optimize.case import Case
 from optimize.design import Design
@@ -67,7 +67,8 @@ def dataset(
         "counts": Column("1", "may be chosen: succeeded, no whirl, inside the constraints", bool),
     }
     limited = (limit.statistic for limit in case.limits)
-    kept = columns_of(JOINTS[1:], chosen(always_with(JOINTS))) | statistics_table.columns(limited)
+    kept = sweep_columns(JOINTS, chosen(STATISTIC, always_with(JOINTS)))
+    kept |= columns_of(STATISTIC, limited)
     kept |= {name: COLUMNS[name] for name in ("steps", "state")}
     return labelled(case.design, units, grid, rows, kept | own, {"start": list(STARTS)})
 

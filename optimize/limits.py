@@ -9,7 +9,7 @@ import xarray as xr
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_known
-from jaxcrusher.motion.statistics_table import STATISTIC, statistics_of
+from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.scene_file import quantity_in
 
@@ -46,7 +46,7 @@ def read_limits(written: Iterable[tuple[str, str]], scene: jc.Scene) -> tuple[Li
     """
     found: dict[str, Limit] = {}
     for name, text in written:
-        require_known(name, statistics_of(scene))
+        require_known(name, scene.own_statistics)
         require(name not in found, "limit", "name every statistic once", name)
         most = quantity_in(STATISTIC[name].unit, name, text)
         require(most > 0, f"limit of {name}", "be > 0", text)

@@ -15,7 +15,6 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.files.results import results_folder, write_figure, write_table
 from jaxcrusher.motion.statistics import Statistics
-from jaxcrusher.motion.statistics_table import always_of
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.pictures.page import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber
@@ -101,7 +100,7 @@ def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -
         result = orbit if bool(orbit.stable) else None
     if result is None:
         asked = (statistic for name in names for statistic in OBJECTIVES[name].outputs)
-        outputs = tuple(dict.fromkeys((*always_of(scene), *asked)))
+        outputs = tuple(dict.fromkeys((*scene.usual_statistics, *asked)))
         result = jc.statistics(scene, settle, turns, outputs=outputs)
         motion = f"mean of turns {settle + 1} to {settle + turns}"
         if not bool(result.success):

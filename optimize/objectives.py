@@ -11,8 +11,8 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import nan_unless
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.rough_feed import RoughFeed
+from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.motion.statistics import Statistics
-from jaxcrusher.motion.statistics_table import STATISTIC
 from jaxcrusher.orbits.feed_response import TURNS
 from jaxcrusher.orbits.result import PeriodicOrbit
 

@@ -9,10 +9,9 @@ import xarray as xr
 from jaxtyping import Array, Float, PyTree, Scalar
 
 import jaxcrusher as jc
+from jaxcrusher.crusher.statistics_table import STATISTIC, STATISTICS
 from jaxcrusher.dynamics.many_orbits import MOTION, Problem, alone, beside, solve_orbits
-from jaxcrusher.files.table import COLUMNS, Column
-from jaxcrusher.motion import statistics_table
-from jaxcrusher.motion.statistics_table import STATISTICS
+from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES
@@ -99,8 +98,8 @@ def solve_map(
     near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
     rows = solve(case, units, near, tracking=tracking)
     of = case.objective
-    columns = statistics_table.columns(STATISTICS)
-    columns |= statistics_table.columns(limit.statistic for limit in case.limits)
+    columns = columns_of(STATISTIC, STATISTICS)
+    columns |= columns_of(STATISTIC, (limit.statistic for limit in case.limits))
     columns |= {
         name: COLUMNS[name]
         for name in (*KEPT, "stable", "inside_model", "failure", "found", *MOTION)

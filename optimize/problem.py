@@ -6,7 +6,7 @@ from typing import Any
 
 from jaxcrusher.basics.checks import require, require_choice, require_within
 from jaxcrusher.crusher.capacity import AFFLUENCE
-from jaxcrusher.crusher.scene import require_clearance
+from jaxcrusher.mechanism.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import with_digests

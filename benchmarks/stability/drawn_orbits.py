@@ -11,7 +11,6 @@ import jaxcrusher as jc
 from benchmarks.pages import table
 from benchmarks.stability.drawn import KINDS, Kind, numbers
 from benchmarks.stability.judgement import AGREES, DISAGREES, OUTSIDE, REFUSED
-from jaxcrusher.crusher.rough_feed import steady
 from jaxcrusher.files.results import results_folder, write_table
 
 FINE = 1e-12
@@ -47,7 +46,7 @@ def solved(kind: Kind, seed: int, i: int) -> Row:
     if not bool(orbit.success):
         words = orbit.failure
         return Row(kind.name, i, NONE if words else DISAGREES, words, spent)
-    scene, seen = steady(orbit.scene), ("foundation_rms",)  # of a rough feed, under its mean
+    scene, seen = orbit.scene.steady(), ("foundation_rms",)  # of a rough feed, under its mean
     round_it = jc.poincare_section(
         scene, 0, orbit.period, state=orbit.section, outputs=seen, rtol=FINE
     )

@@ -21,9 +21,9 @@ from benchmarks.stability.judgement import AGREES, DISAGREES, PREDICTABLE, PROMI
 from benchmarks.stability.peer import changes
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.crusher.joints import before
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.files.results import results_folder, write_table
+from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.flow import by_phase
 from jaxcrusher.motion.simulation import Trajectory

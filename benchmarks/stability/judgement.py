@@ -12,8 +12,8 @@ from benchmarks.narrow import narrow
 from benchmarks.stability.case import Case, Formulation
 from benchmarks.stability.ours import MOST_STEPS, Ours, simulate, statistics
 from benchmarks.stability.reference import FEW, OURS, SETTLE, TIMES, TURNS, Reference, members
-from jaxcrusher.crusher.joints import before
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
+from jaxcrusher.mechanism.named import before
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.motion.statistics import WHIRL_WINDING, Statistics
 

@@ -7,7 +7,7 @@ import jaxcrusher as jc
 from benchmarks.batch import map_scenes
 from benchmarks.stability.case import Case, Formulation
 from benchmarks.stability.reference import SETTLE, TIMES, TURNS
-from jaxcrusher.crusher.joints import before
+from jaxcrusher.mechanism.named import before
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.motion.statistics import Statistics
 

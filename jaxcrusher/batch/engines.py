@@ -25,13 +25,14 @@ from jaxcrusher.basics.checks import require, require_choice, require_own_proces
 from jaxcrusher.basics.devices import computes_on, devices, finds_card
 from jaxcrusher.basics.setup import remind_of_idle_cores
 from jaxcrusher.basics.traced import traced
+from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.lanes.card import GPU
 from jaxcrusher.lanes.machine import PROCESSOR, Target
 from jaxcrusher.lanes.program import NoIntegration, program
 from jaxcrusher.lanes.verify import Unsupported
+from jaxcrusher.mechanism.reductions import Chosen
 from jaxcrusher.motion.recorded import recorded
-from jaxcrusher.motion.statistics_table import STATISTIC, Chosen, chosen
 
 # Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
 CHUNK = 1024
@@ -120,7 +121,7 @@ def run_chunks(
     `journal` finished chunks, whose results are named arrays, are not computed again.
     """
     _require_stacked(function, scenes)
-    function = eqx.Partial(_with_statistics, function=function, statistics=chosen(STATISTIC))
+    function = eqx.Partial(_with_statistics, function=function, statistics=tuple(STATISTIC.items()))
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
     scenes = jax.tree.map(np.asarray, scenes)
     count = jax.tree.leaves(scenes)[0].shape[0]

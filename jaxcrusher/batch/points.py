@@ -11,14 +11,14 @@ import jax
 import numpy as np
 
 from jaxcrusher.basics.checks import require, require_known
-from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.files.journal import text_of
+from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.own_laws import make_known, with_digests
 from jaxcrusher.scenes.parameters import CHOICES, FILES, PARAMETERS, complete
 
 # Makes the scene of the numbers and choices of a design, given by name.
-SceneFunction = Callable[..., Scene]
+SceneFunction = Callable[..., AbstractScene]
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class Grid:
         for number, design in enumerate(first.tolist()):
             yield self.choices(design), np.flatnonzero(group == number).tolist()
 
-    def scene(self, design: int) -> Scene:
+    def scene(self, design: int) -> AbstractScene:
         """Return the scene of one design."""
         numbers = {name: float(column[0]) for name, column in self.numbers([design]).items()}
         return scene_by(self.function, numbers, self.choices(design))
@@ -149,7 +149,7 @@ def _labels(name: str) -> dict[str, Any]:
 
 def scene_by(
     function: SceneFunction | None, numbers: Mapping[str, Any], choices: Mapping[str, Any]
-) -> Scene:
+) -> AbstractScene:
     """Return the scene that a function makes of a description, or that of the package's own."""
     described = {
         name: np.array(value) if isinstance(value, tuple) else value  # a curve

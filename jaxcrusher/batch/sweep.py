@@ -34,27 +34,20 @@ from jaxcrusher.batch.engines import (
 from jaxcrusher.batch.layout import Layout, chunk_shape
 from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
 from jaxcrusher.batch.store import opened
-from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.statistics_table import ALWAYS, STATISTICS
 from jaxcrusher.files.provenance import environment, machine, now
 from jaxcrusher.files.table import COLUMNS, Column
-from jaxcrusher.joint.validity import Validity
+from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.reductions import Chosen
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance, resolve
 from jaxcrusher.motion.statistics import Statistics, over_turns
-from jaxcrusher.motion.statistics_table import (
-    ALWAYS,
-    STATISTIC,
-    STATISTICS,
-    Chosen,
-    always_of,
-    chosen,
-)
 
 if TYPE_CHECKING:
     import distributed
 
 # What a motion has besides its statistics, and what each loose joint has of it.
-_MOTION = ("foundation_rms_error", "whirl", "success", "inside_model", "reached")
+_MOTION = ("whirl", "success", "inside_model", "reached")
 _LIMITS = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
 
 
@@ -64,7 +57,7 @@ def sweep(
     turns: int,
     *,
     base: Mapping[str, Any] | None = None,
-    scene: Callable[..., Scene] | None = None,
+    scene: Callable[..., AbstractScene] | None = None,
     outputs: Sequence[str] = (),
     store: str | Path | None = None,
     chunk: int | None = None,
@@ -124,11 +117,13 @@ class Window:
     rtol: float
     statistics: Chosen
 
-    def __call__(self, scene: Scene) -> dict[str, jax.Array]:
+    def __call__(self, scene: AbstractScene) -> dict[str, jax.Array]:
         """Return the values of `columns_of` for one design."""
         method = resolve(scene, self.rtol)
         found = over_turns(scene, None, self.settle_turns, self.turns, self.statistics, method)
-        return row_of(found, (name for name, _ in self.statistics))
+        return row_of(
+            found, [name for name, _ in self.statistics], limited_joints(scene), scene.leading
+        )
 
     def settings(self) -> dict[str, Any]:
         """Return what decides the values, as JSON keeps it."""
@@ -237,34 +232,45 @@ def plan(
     engine = engine or default_engine(at_once)
     designs = designs or chunk_of(at_once, engine)
     first = grid.scene(0)
-    require_names("outputs", outputs, tuple(STATISTIC))
-    seen = chosen(dict.fromkeys((*always_of(first), *outputs)))
+    require_names("outputs", outputs, tuple(first.statistics))
+    seen = first.entries(dict.fromkeys((*first.usual_statistics, *outputs)))
     window = Window(settle_turns, turns, float(rtol), seen)
-    loose = [joint for joint, _ in first.joints.items() if before(joint)]
-    layout = Layout(grid, columns_of(loose, seen), chunk_shape(grid, designs))
+    columns = columns_of(limited_joints(first), seen, first.leading)
+    layout = Layout(grid, columns, chunk_shape(grid, designs))
     return Ensemble(layout, window, engine)
 
 
-def columns_of(joints: Sequence[str], statistics: Chosen) -> dict[str, Column]:
-    """Return the columns of `row_of`, where `joints` are loose besides the main one."""
+def limited_joints(scene: AbstractScene) -> tuple[str, ...]:
+    """Return the joints whose limits stand in a row: a main one, also if ideal, and loose ones."""
+    main = ("main",) if "main" in scene.linkage.joints.names else ()
+    return tuple(dict.fromkeys((*main, *scene.joints.names)))
+
+
+def columns_of(
+    joints: Sequence[str], statistics: Chosen, leading: str = "foundation_rms"
+) -> dict[str, Column]:
+    """Return the columns of `row_of`."""
     found = {name: Column(one.unit, one.meaning) for name, one in statistics}
-    found |= {name: COLUMNS[name] for name in (*_MOTION[:1], *_LIMITS, *_MOTION[1:])}
-    return found | {
-        before(joint) + name: COLUMNS[name]._replace(meaning=f"{COLUMNS[name].meaning}, {joint}")
-        for joint in joints
-        for name in _LIMITS
-    }
+    found[f"{leading}_error"] = Column(found[leading].unit, "standard error of the RMS")
+    for joint in joints:
+        at = f", {joint}" if before(joint) else ""
+        for name in _LIMITS:
+            one = COLUMNS[name]
+            found[before(joint) + name] = one._replace(meaning=one.meaning + at)
+    return found | {name: COLUMNS[name] for name in _MOTION}
 
 
-def row_of(result: Statistics, statistics: Iterable[str]) -> dict[str, jax.Array]:
+def row_of(
+    result: Statistics, statistics: Iterable[str], joints: Iterable[str], leading: str
+) -> dict[str, jax.Array]:
     """Return the values of one design; an ideal joint is inside the limits of contact."""
     limits = {"main": result.validity, **result.validity.others}
-    limits = {joint: one for joint, one in limits.items() if isinstance(one, Validity)}
     row = {name: result[name] for name in statistics}
-    row |= {name: getattr(result, name) for name in ("foundation_rms_error", "whirl", "success")}
+    row |= {f"{leading}_error": result.standard_error(leading)}
+    row |= {"whirl": result.whirl, "success": result.success}
     row |= {
-        before(joint) + name: _number(getattr(one, name))
-        for joint, one in limits.items()
+        before(joint) + name: _number(getattr(limits[joint], name))
+        for joint in joints
         for name in _LIMITS
     }
     return row | {"inside_model": result.validity.inside, "reached": result.outcome.reached}

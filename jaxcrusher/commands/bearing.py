@@ -136,7 +136,7 @@ def clearances(found: list[Turns], titles: list[str]) -> list[str]:
     """Say of which class the clearance of rollers is."""
     lines = []
     for one, title in zip(found, titles, strict=True):
-        bearing = one.scene.joint
+        bearing = one.scene.joints["main"]
         if isinstance(bearing, RollerBearing):
             name, told = clearance_class(float(bearing.bore), float(bearing.clearance))
             lines.append(

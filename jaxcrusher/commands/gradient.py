@@ -12,6 +12,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
 from jaxcrusher.commands.crushers import read_moving, settings_of, units_given
 from jaxcrusher.commands.options import Gradient
+from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.dynamics.regime import Regime
 from jaxcrusher.dynamics.slopes import GradientReport
@@ -19,7 +20,6 @@ from jaxcrusher.files.provenance import environment, provenance
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import SETTINGS, begin, earlier, keep_beside
 from jaxcrusher.motion.method import require_tolerance
-from jaxcrusher.motion.statistics_table import STATISTIC
 from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.parameters import PARAMETERS
 from jaxcrusher.scenes.scene_file import require_moving

@@ -24,13 +24,12 @@ from jaxcrusher.commands.crushers import (
     write_dataset,
 )
 from jaxcrusher.commands.options import Orbit
-from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.observables import columns, observables_of
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json
 from jaxcrusher.files.resume import begin_beside
+from jaxcrusher.mechanism.named import before
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.echo import per, said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, numbers_of
@@ -110,11 +109,12 @@ def _slopes(
 def history(orbit: PeriodicOrbit) -> xr.Dataset:
     """Return all observables over the angle of the shaft."""
     degrees = np.arange(360 * orbit.period + 1)
-    seen = orbit.motion(np.radians(degrees), observables_of(orbit.scene))
+    seen = orbit.motion(np.radians(degrees), orbit.scene.own_observables)
     values = {name: np.asarray(column) for name, column in seen.items()}
     angle = ("angle", degrees, {"units": "deg", "long_name": "shaft angle"})
     coordinates = {"angle": angle, "direction": ["x", "y"]}
-    return table_of.dataset(("angle",), values, columns(values), coordinates)
+    columns = table_of.vector_columns(orbit.scene.observables, values)
+    return table_of.dataset(("angle",), values, columns, coordinates)
 
 
 def draw(orbit: PeriodicOrbit, path: Path) -> None:

@@ -14,29 +14,30 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, units_given
 from jaxcrusher.commands.options import Regimes
-from jaxcrusher.dynamics.regime import OUTPUTS, Regime
+from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.dynamics.regime import Regime
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance, versions
 from jaxcrusher.files.results import results_folder, write_json, write_netcdf
 from jaxcrusher.files.resume import earlier, keep_beside
-from jaxcrusher.files.table import Column
+from jaxcrusher.files.table import Column, columns_of
 from jaxcrusher.motion.method import require_tolerance
-from jaxcrusher.motion.statistics_table import columns
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHAMBER, PARAMETERS
 from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import key_of, read_text
 
-# The numbers of a row.
+# Statistics of a row, and all its numbers.
+OUTPUTS = ("foundation_rms", "contact_fraction", "winding")
 COLUMNS = {
     "period": Column("1", "turns after which the motion repeats"),
     "largest_exponent": Column("1", "largest Lyapunov exponent a turn"),
     "largest_exponent_error": Column("1", "its standard error"),
     "zero_one": Column("1", "0-1 test: 0 order, 1 chaos"),
     "trend": Column("1", "change of the section's spread, as a share"),
-    **columns(OUTPUTS),
+    **columns_of(STATISTIC, OUTPUTS),
     "seconds": Column("s", "time it took"),
 }
 

@@ -17,14 +17,13 @@ from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.batch.engines import stack
 from jaxcrusher.commands.crushers import read_crusher, settings_of, units_given, write_dataset
 from jaxcrusher.commands.options import Simulate
-from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.observables import OBSERVABLES, columns
-from jaxcrusher.files import table
+from jaxcrusher.files import table as table_of
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure
 from jaxcrusher.files.resume import begin_beside
-from jaxcrusher.files.table import Column
+from jaxcrusher.files.table import Column, vector_columns
+from jaxcrusher.mechanism.named import before
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.motion.statistics import Statistics
@@ -122,13 +121,16 @@ def _settle(options: Simulate, span: float) -> int:
 
 def dataset(motion: Trajectory, values: dict[str, Any]) -> xr.Dataset:
     """Return the motion with units, long names and provenance."""
-    seen = [name for name in OBSERVABLES if name in motion.values]
+    table = dict(motion.known)
+    seen = [name for name in table if name in motion.values]
     arrays = {name: np.asarray(motion[name]) for name in seen}
     lost = {} if motion.energy.support_loss is None else {"support_loss": "taken by the supports"}
     lost |= {} if motion.energy.rod_loss is None else {"rod_loss": "taken by the rod's damper"}
     ledger = LEDGER | lost
     arrays |= {name: np.asarray(getattr(motion.energy, name)) for name in ledger}
-    kept = columns(arrays) | {name: Column("J", meaning) for name, meaning in ledger.items()}
+    kept = vector_columns(table, arrays) | {
+        name: Column("J", meaning) for name, meaning in ledger.items()
+    }
     coordinates = {
         "time": ("time", np.asarray(motion.time), {"units": "s", "long_name": "time"}),
         "angle": ("time", values["speed"] * np.asarray(motion.time), ANGLE),
@@ -136,7 +138,7 @@ def dataset(motion: Trajectory, values: dict[str, Any]) -> xr.Dataset:
     }
     failure = motion.failure or "none"
     attributes = provenance("Motion of a jaw crusher", scene=values, failure=failure)
-    return table.dataset(("time",), arrays, kept, coordinates, attributes)
+    return table_of.dataset(("time",), arrays, kept, coordinates, attributes)
 
 
 def draw(motion: Trajectory, scene: jc.Scene, drawn: np.ndarray, units: dict[str, str]) -> Figure:

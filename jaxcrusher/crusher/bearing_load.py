@@ -5,17 +5,17 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import require, require_own_process, require_positive
-from jaxcrusher.crusher.observables import force_at
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
+from jaxcrusher.mechanism.observables import force_at
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 
 # Turns that a bearing at its dynamic rating lasts (ISO 281), and seconds an hour.
 _RATED_TURNS, _HOUR = 1e6, 3600.0
 
 
-def bearing_stiffness(scene: Scene, force: float | Scalar) -> Scalar:
+def bearing_stiffness(scene: AbstractScene, force: float | Scalar) -> Scalar:
     """Return dF/de of the main bearing at rest under a force (N, > 0), N/m.
 
     Raises ValueError for an ideal bearing.
@@ -26,27 +26,27 @@ def bearing_stiffness(scene: Scene, force: float | Scalar) -> Scalar:
     return jax.grad(law.elastic_force)(law.penetration_under(jnp.asarray(force, float)))
 
 
-def stiffness_now(s: Snapshot, scene: Scene) -> Scalar:
+def stiffness_now(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return dF/de of the main bearing where it is, N/m; ValueError for an ideal one."""
     joint, contact = _main(scene, "outputs"), s.contacts["main"]
     assert contact is not None
     return jax.grad(joint.normal.elastic_force)(contact.penetration)
 
 
-def roller_pressure(s: Snapshot, scene: Scene) -> Scalar:
+def roller_pressure(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return Hertz's pressure of the most loaded roller, Pa; ValueError without rollers."""
     bearing, contact = _rollers(scene), s.contacts["main"]
     assert contact is not None
     return bearing.pressure(contact.penetration)
 
 
-def static_load(s: Snapshot, scene: Scene) -> Scalar:
+def static_load(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return the load of a bearing over its static rating; ValueError without rollers."""
     bearing = _rollers(scene)
     return force_at(s, scene, "main") / (bearing.bearings * bearing.static_rating)
 
 
-def fatigue(s: Snapshot, scene: Scene) -> Scalar:
+def fatigue(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return the share of its life L10 that a bearing uses in an hour; ValueError without rollers.
 
     ISO 281 with the exponent 10/3, without its factor of lubrication and cleanness. The rings turn
@@ -58,14 +58,15 @@ def fatigue(s: Snapshot, scene: Scene) -> Scalar:
     return turns / _RATED_TURNS * load**LIFE_EXPONENT
 
 
-def _main(scene: Scene, name: str) -> AbstractBearing:
-    joint = scene.joint
+def _main(scene: AbstractScene, name: str) -> AbstractBearing:
+    joint = scene.joints["main"]
     require(joint is not None, name, "go with a main bearing with clearance", "with an ideal one")
     assert joint is not None
     return joint
 
 
-def _rollers(scene: Scene) -> RollerBearing:
-    if not isinstance(scene.joint, RollerBearing):
+def _rollers(scene: AbstractScene) -> RollerBearing:
+    joint = scene.joints["main"]
+    if not isinstance(joint, RollerBearing):
         raise ValueError("Argument `outputs` must not ask for rollers where A has none, but does.")
-    return scene.joint
+    return joint

@@ -5,8 +5,3 @@
 # shaft's own bearing O (bore in the frame).
 LETTERS = {"main": "A", "elbow": "B", "pivot": "C", "shaft_bearing": "O"}
 JOINTS = tuple(LETTERS)
-
-
-def before(joint: str) -> str:
-    """Return the prefix of a joint's names, such as "elbow_"; the main joint has none."""
-    return "" if joint == "main" else f"{joint}_"

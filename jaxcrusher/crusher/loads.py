@@ -88,6 +88,10 @@ class AbstractLoad(eqx.Module):
     def force(self, jaw: JawMotion) -> JawForce:
         """Return the force (N) on a jaw that moves so, and where it acts."""
 
+    def steady(self) -> "AbstractLoad":
+        """Return the load that repeats with the shaft's turn: this one, or the mean of this one."""
+        return self
+
 
 def along_jaw(jaw: JawMotion) -> Vector:
     """Return the direction from A to B."""

@@ -23,6 +23,25 @@ class RodPull(eqx.Module):
     wanted: Scalar  # N, negative where the rod is slack
     stretch: Scalar  # L - L0, m
     rate: Scalar  # m/s
+    rod: "Rod"
+
+    def elastic_energy(self) -> Scalar:
+        """Return the work of the spring since the length L0, J."""
+        rod = self.rod
+        pulled = rod.preload + rod.stiffness * self.stretch
+        stored = self._integral(pulled) - self._integral(rod.preload)
+        elastic = rod.stiffness > 0
+        work = stored / jnp.where(elastic, rod.stiffness, 1.0)
+        constant = smooth.positive_part(rod.preload, rod.width) * self.stretch
+        return jnp.where(elastic, work, constant)
+
+    def loss(self) -> Scalar:
+        """Return the power that the damper takes, W; not negative."""
+        spring = self.rod.preload + self.rod.stiffness * self.stretch
+        return (self.tension - smooth.positive_part(spring, self.rod.width)) * self.rate
+
+    def _integral(self, wanted: Scalar) -> Scalar:
+        return smooth.positive_power_integral(wanted, self.rod.width, 1.0)
 
 
 class Rod(eqx.Module):
@@ -55,24 +74,7 @@ class Rod(eqx.Module):
         stretch, rate = length - self.length, velocity.dot(axis)
         wanted = self.preload + self.stiffness * stretch + self.damping * rate
         tension = smooth.positive_part(wanted, self.width)
-        return RodPull(-tension * axis, tension, wanted, stretch, rate)
-
-    def elastic_energy(self, pull: RodPull) -> Scalar:
-        """Return the work of the spring since the length L0, J."""
-        pulled = self.preload + self.stiffness * pull.stretch
-        stored = self._integral(pulled) - self._integral(self.preload)
-        elastic = self.stiffness > 0
-        work = stored / jnp.where(elastic, self.stiffness, 1.0)
-        constant = smooth.positive_part(self.preload, self.width) * pull.stretch
-        return jnp.where(elastic, work, constant)
-
-    def loss(self, pull: RodPull) -> Scalar:
-        """Return the power that the damper takes, W; not negative."""
-        spring = self.preload + self.stiffness * pull.stretch
-        return (pull.tension - smooth.positive_part(spring, self.width)) * pull.rate
-
-    def _integral(self, wanted: Scalar) -> Scalar:
-        return smooth.positive_power_integral(wanted, self.width, 1.0)
+        return RodPull(-tension * axis, tension, wanted, stretch, rate, self)
 
 
 def rod_at(machine: Machine, stiffness, preload, damping, on_jaw: Vector, on_frame: Vector) -> Rod:

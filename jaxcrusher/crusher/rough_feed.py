@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce, JawMotion
 from jaxcrusher.crusher.scene import Scene
@@ -34,6 +33,10 @@ class RoughFeed(AbstractLoad):
     bandwidth: Scalar = eqx.field(converter=scalar)  # largest order
     places: Float[Array, " cosines"]  # nu_k / bandwidth
     phases: Float[Array, " cosines"]  # rad
+
+    def steady(self) -> AbstractLoad:
+        """Return the mean load."""
+        return self.load
 
     def force(self, jaw: JawMotion) -> JawForce:
         """The mean load's, times 1 + s w."""
@@ -81,18 +84,3 @@ def later(scene: Scene, angle: Any) -> Scene:
         return scene
     phases = load.phases + load.places * (load.bandwidth * angle)
     return dataclasses.replace(scene, load=dataclasses.replace(load, phases=phases))
-
-
-def steady(scene: Scene) -> Scene:
-    """Return the scene under its mean load, which repeats with the shaft's turn."""
-    load = scene.load
-    return dataclasses.replace(scene, load=load.load) if isinstance(load, RoughFeed) else scene
-
-
-def require_steady(scene: Scene) -> None:
-    """Check that the load repeats with the shaft's turn, so that there is a map from turn to turn.
-
-    Raises ValueError in one line.
-    """
-    rough = isinstance(scene.load, RoughFeed)
-    require(not rough, "scene", "have a load that repeats each turn", "a rough feed (load_scatter)")

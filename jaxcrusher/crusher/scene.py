@@ -1,40 +1,36 @@
 """A scene: who takes part. What it leaves out is None, and is never traced."""
 
 import dataclasses
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
 
-import jax.numpy as jnp
 from jaxtyping import Scalar
 
-# Made with the first scene, before a program of it is traced.
-import jaxcrusher.basics.integrator  # noqa: F401
-from jaxcrusher.basics.checks import (
-    concrete,
-    require,
-    require_double,
-    require_kind,
-    require_own_process,
-    require_positive,
-    require_x64,
-)
-from jaxcrusher.crusher.joints import before
+from jaxcrusher.basics.checks import require_kind, require_x64
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce, JawMotion
 from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.observables import OBSERVABLES, load_power, observables_with, rod_loss
 from jaxcrusher.crusher.rod import Rod, RodPull
+from jaxcrusher.crusher.statistics_table import STATISTIC, statistics_with, usual_with
 from jaxcrusher.joint.clearance import AbstractBearing
+from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
+from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning
 from jaxcrusher.mechanism.drives import AbstractDrive
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.equations import Wrench, wrench_at
 from jaxcrusher.mechanism.linkage import Linkage
+from jaxcrusher.mechanism.linkage_statistics import may_rest
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.reductions import Statistic
 from jaxcrusher.mechanism.scene import (
     AbstractApplied,
     AbstractFormulation,
     AbstractScene,
     AbstractStart,
+    require_clearance,
 )
+from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation
 from jaxcrusher.mechanism.topology import FRAME
 
@@ -45,6 +41,10 @@ class Applied(AbstractApplied):
     load: JawForce | None
     rod: RodPull | None
     wrenches: tuple[Wrench, ...]
+
+    def elastic_energy(self) -> Scalar | None:
+        """Return what the spring of the rod has stored, J; None without one."""
+        return None if self.rod is None else self.rod.elastic_energy()
 
 
 class Scene(AbstractScene):
@@ -57,6 +57,8 @@ class Scene(AbstractScene):
     Raises ValueError (concrete values only) if 64-bit floats are off, if a clearance is not
     inside (0, R_i), or if the clearances let the linkage reach a dead point.
     """
+
+    leading: ClassVar[str] = "foundation_rms"
 
     machine: Machine
     drive: AbstractDrive
@@ -117,35 +119,77 @@ class Scene(AbstractScene):
                 on_bodies.append(Wrench(FRAME, -force, arm.cross(-force)))
         return Applied(load=load, rod=rod, wrenches=tuple(on_bodies))
 
+    @property
+    def observables(self) -> Mapping[str, Observable]:
+        """Return those of any crusher."""
+        return OBSERVABLES
+
+    @property
+    def own_observables(self) -> tuple[str, ...]:
+        """Return all but those of joints that are ideal, and of supports and rod if none."""
+        loose = self.joints.names
+        return observables_with(loose, self.supports is not None, self.rod is not None)
+
+    @property
+    def statistics(self) -> Mapping[str, Statistic]:
+        """Return those of any crusher."""
+        return STATISTIC
+
+    @property
+    def own_statistics(self) -> tuple[str, ...]:
+        """Return the names of all that this crusher has."""
+        return statistics_with(self._parts())
+
+    @property
+    def usual_statistics(self) -> tuple[str, ...]:
+        """Return the names of what is computed without being asked for."""
+        return usual_with(self.joints.names, self._parts())
+
+    def _parts(self) -> set[str]:
+        """Return the parts that have statistics of their own."""
+        loose = dict(self.joints.items())
+        there = {
+            "supports": self.supports is not None,
+            "rod": self.rod is not None,
+            "shaft": may_rest(self),
+            "loose main": self.joint is not None,
+            "rollers": isinstance(self.joint, RollerBearing),
+        }
+        rubbing = {f"friction of {name}" for name, one in loose.items() if one.friction is not None}
+        return {"main", *loose, *(part for part, has in there.items() if has)} | rubbing
+
+    @property
+    def works(self) -> Mapping[str, Callable[[Snapshot, AbstractScene], Scalar]]:
+        """Return the power of the crushing load, and what the damper of a rod takes."""
+        return {"load_work": load_power} | ({} if self.rod is None else {"rod_loss": rod_loss})
+
+    @property
+    def limits(self) -> Mapping[str, tuple[Callable[..., Any], tuple[str, ...]]]:
+        """Return the limits of a rod, of a free shaft and of rollers."""
+        every: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
+            "rod": (Tautness, ("rod_tension_least",)),
+            "shaft": (Turning, ("shaft_speed_least",)),
+            "rollers": (_roller_load, ("roller_pressure", "static_load_ratio")),
+        }
+        return {part: limit for part, limit in every.items() if part in self._parts()}
+
+    def steady(self) -> "Scene":
+        """Return the scene under its mean load, which repeats with the shaft's turn."""
+        load = None if self.load is None else self.load.steady()
+        return self if load is self.load else dataclasses.replace(self, load=load)
+
     def ideal(self) -> "Scene":
         """The same machine, drive and load with ideal joints: what a clearance adds to."""
         ideal = {"joint": None, "elbow": None, "pivot": None, "shaft_bearing": None, "start": None}
         return dataclasses.replace(self, formulation=EccentricityFormulation(), **ideal)
 
 
-def require_scene(scene: Any) -> None:
-    """Check that it is one scene, of 64-bit floats."""
-    require_own_process()
+def crusher_of(scene: AbstractScene) -> Scene:
+    """Return a scene that is a crusher's; ValueError for another one."""
     require_kind("scene", scene, Scene, "jaxcrusher.paper_scene(30.0, 6e-5)")
-    require_double("scene", scene)
-    shapes = {"speed": jnp.shape(getattr(scene.drive, "speed", 0.0))}
-    for joint, clearance in scene.joints.items():
-        shapes[f"{before(joint)}clearance"] = jnp.shape(clearance.clearance)
-    for name, shape in shapes.items():
-        must = "be one number (jax.vmap and jaxcrusher.sweep take many)"
-        require(shape == (), name, must, f"of shape {shape}")
+    assert isinstance(scene, Scene)
+    return scene
 
 
-def require_maker(scene: Callable[..., Scene]) -> None:
-    """Check that it is a function: of what it makes nothing is known yet."""
-    makes = "be a function that makes a scene of the parameters, such as jaxcrusher.paper_scene"
-    require(callable(scene), "scene", makes, f"a {type(scene).__name__}")
-
-
-def require_clearance(clearance, bore_radius, prefix: str = "") -> None:
-    """Check 0 < clearance < bore radius (m) of the joint whose parameters have a `prefix`."""
-    require_positive(f"{prefix}clearance", clearance, "m")
-    known, bore = concrete(clearance), concrete(bore_radius)
-    if known is not None and bore is not None:
-        limit = f"be smaller than the bore radius {bore.min():g} m"
-        require(bool((known < bore).all()), f"{prefix}clearance", limit, clearance)
+def _roller_load(pressure: Scalar, load: Scalar) -> RollerLoad:
+    return RollerLoad(pressure / STATIC_PRESSURE, load)

@@ -11,9 +11,9 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.layout import Layout
 from jaxcrusher.batch.points import make_grid
 from jaxcrusher.batch.store import opened
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.coexisting_orbits import CoexistingOrbits, coexisting_orbits
 from jaxcrusher.files.table import COLUMNS
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.forced import unknowns
 
 # What a design holds.
@@ -34,7 +34,7 @@ def basin_map(
     axes: Mapping[str, Any],
     *,
     base: Mapping[str, Any] | None = None,
-    scene: Callable[..., Scene] | None = None,
+    scene: Callable[..., AbstractScene] | None = None,
     starts: int = 32,
     spread: float = 0.5,
     turns: int = 1000,

@@ -17,14 +17,15 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all, stack
-from jaxcrusher.crusher.scene import Scene, require_maker
-from jaxcrusher.dynamics.regime import NOISE, OUTPUTS
-from jaxcrusher.files.table import COLUMNS, dataset
+from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.dynamics.regime import NOISE
+from jaxcrusher.files.table import COLUMNS, columns_of, dataset
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.scene import AbstractScene, require_maker
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.indicators import detect_period, spread_trend
 from jaxcrusher.motion.section import Section, poincare_section
-from jaxcrusher.motion.statistics_table import columns
+from jaxcrusher.motion.statistics import of_whirl
 
 # The first coordinates of a section point, and what is told of a value besides.
 COORDINATES = ("e_x", "e_y", "rate_x", "rate_y")
@@ -34,7 +35,7 @@ LEAST_TURNS = 20
 
 
 def bifurcation(
-    scene: Callable[[float], Scene],
+    scene: Callable[[float], AbstractScene],
     values: ArrayLike | Sequence[float],
     *,
     direction: Literal["up", "down", "cold"] = "up",
@@ -104,9 +105,9 @@ def bifurcation(
 
 
 def _run(
-    scene: Scene, state: Array | None = None, *, settle: int, turns: int, rtol: float
+    scene: AbstractScene, state: Array | None = None, *, settle: int, turns: int, rtol: float
 ) -> Section:
-    return poincare_section(scene, settle, turns, state=state, outputs=OUTPUTS, rtol=rtol)
+    return poincare_section(scene, settle, turns, state=state, outputs=of_whirl(scene), rtol=rtol)
 
 
 def _row(found: Section, rtol: float) -> dict[str, np.ndarray]:
@@ -126,7 +127,8 @@ def _row(found: Section, rtol: float) -> dict[str, np.ndarray]:
 
 def _dataset(numbers, rows, name, units, direction, settle_turns) -> xr.Dataset:
     kept = {name: COLUMNS[name] for name in COORDINATES}
-    kept["foundation_rms"] = columns(("foundation_rms",))["foundation_rms"]._replace(dims=("turn",))
+    rms = columns_of(STATISTIC, ("foundation_rms",))
+    kept |= {name: column._replace(dims=("turn",)) for name, column in rms.items()}
     kept |= {name: COLUMNS[name] for name in FLAGS}
     values = {name: np.stack([row[name] for row in rows]) for name in kept}
     turns = values["e_x"].shape[1]

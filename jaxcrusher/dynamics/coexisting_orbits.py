@@ -9,8 +9,6 @@ from jaxtyping import Float, Int
 
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.batch.engines import run_all
-from jaxcrusher.crusher.rough_feed import require_steady
-from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.dynamics.oscillation import (
     Oscillation,
     distance,
@@ -18,6 +16,7 @@ from jaxcrusher.dynamics.oscillation import (
     section_of,
 )
 from jaxcrusher.lanes.code import LANES
+from jaxcrusher.mechanism.scene import AbstractScene, require_scene, require_steady
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
@@ -82,7 +81,7 @@ class CoexistingOrbits:
 
 
 def coexisting_orbits(
-    scene: Scene, *, starts: int = 32, spread: float = 0.5, turns: int = 1000, seed: int = 0
+    scene: AbstractScene, *, starts: int = 32, spread: float = 0.5, turns: int = 1000, seed: int = 0
 ) -> CoexistingOrbits:
     """Find the stable orbits that `starts` random starts come to, and solve for each.
 
@@ -152,7 +151,7 @@ def coexisting_orbits(
 
 
 def _shifted(
-    scene: Scene, starts: int, spread: float, seed: int
+    scene: AbstractScene, starts: int, spread: float, seed: int
 ) -> Float[np.ndarray, "starts dims"]:
     """Return section points about the scene's start, evenly over a disc at each joint."""
     random, start = np.random.default_rng(seed), np.asarray(initial_state(scene))
@@ -166,7 +165,7 @@ def _shifted(
     return start + np.pad(shift, ((0, 0), (0, start.size - shift.shape[1])))
 
 
-def _repeated(scene: Scene, count: int) -> Scene:
+def _repeated(scene: AbstractScene, count: int) -> AbstractScene:
     return jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), scene)
 
 
@@ -189,7 +188,7 @@ def _shortest(oscillations: _Oscillations) -> Oscillation:
 class _Known:
     """The orbits of a scene that are known so far, and the searches that failed."""
 
-    def __init__(self, scene: Scene, orbits: list[PeriodicOrbit]) -> None:
+    def __init__(self, scene: AbstractScene, orbits: list[PeriodicOrbit]) -> None:
         self.scene, self.orbits = scene, orbits
         self._sections = [section_of(orbit) for orbit in orbits]
         self._failures: list[np.ndarray] = []

@@ -17,20 +17,17 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxcrusher.basics.integrate import integrate
 from jaxcrusher.batch.engines import Engine, run_all
-from jaxcrusher.crusher.rough_feed import steady
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.lanes.code import LANES
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import Flow, flat, unflattened
 from jaxcrusher.motion.indicators import CHAOS, ENOUGH, spread_trend, verdict, widest, zero_one_test
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import fine
-from jaxcrusher.motion.statistics import Statistics, statistics, statistics_problem
-from jaxcrusher.motion.statistics_table import STATISTIC, chosen
+from jaxcrusher.motion.statistics import Statistics, of_whirl, statistics, statistics_problem
 from jaxcrusher.orbits.shot import STEPS
 from jaxcrusher.orbits.transient import (
     GROWN,
-    OF_WHIRL,
     TURNS,
     WAIT_RTOL,
     Round,
@@ -41,8 +38,6 @@ from jaxcrusher.orbits.transient import (
 )
 from jaxcrusher.periodic.shooting_problem import CLOSURE
 
-# The statistic that comes along.
-RMS = "foundation_rms"
 # The tolerance of a turn whose differences are slopes. It leaves 1e-9 of a clearance.
 FINE = 1e-10
 # Steps of these differences: a share of the spread of section points, and the shortest one. A
@@ -72,7 +67,7 @@ class LaneWaits:
 
     def __init__(
         self,
-        scene: Callable[[Array, PyTree], Scene],
+        scene: Callable[[Array, PyTree], AbstractScene],
         cases: Cases,
         engine: Engine | None,
         journal: Journal | None,
@@ -81,7 +76,7 @@ class LaneWaits:
         self._scene, self._cases, self._tell = scene, cases, tell
         self._settings, self._journal = {"engine": engine, "whole": LANES}, journal
         self._at: dict[int, np.ndarray] = {}  # states
-        self._scenes: dict[int, Scene] = {}
+        self._scenes: dict[int, AbstractScene] = {}
         self._seen: dict[int, list[dict[str, np.ndarray]]] = {}
 
     def go_on(self, which: Int[np.ndarray, " some"], turns: int) -> None:
@@ -99,7 +94,7 @@ class LaneWaits:
         if not len(which):
             return
         part = jax.tree.map(lambda leaf: np.asarray(leaf)[which], self._cases)
-        begun = jax.vmap(lambda case: resting_start(steady(self._scene(*case))))(part)
+        begun = jax.vmap(lambda case: resting_start(self._scene(*case).steady()))(part)
         states, scenes = jax.tree.map(np.asarray, begun)
         for i, case in enumerate(which.tolist()):
             self._at[case], self._seen[case] = states[i], []
@@ -115,10 +110,11 @@ class LaneWaits:
 
     def statistics(self, case: int) -> Statistics:
         """Return the statistics of the last half of a case's turns."""
-        by_turn = jnp.asarray(self._joined(case, RMS))
-        value = STATISTIC[RMS].reduction.of_pieces(by_turn)
-        state = jnp.asarray(self._at[case])
-        return Statistics(by_turn.size, fine(), {RMS: value}, {RMS: by_turn}, state)
+        scene = self._scenes[case]
+        name, state = scene.leading, jnp.asarray(self._at[case])
+        by_turn = jnp.asarray(self._joined(case, name))
+        value = scene.statistics[name].reduction.of_pieces(by_turn)
+        return Statistics(by_turn.size, fine(), {name: value}, {name: by_turn}, state)
 
     def means(
         self, which: Int[np.ndarray, " some"], period: int
@@ -251,7 +247,7 @@ def _on(case: SceneAt) -> dict[str, Array]:
     state, scene = case
     flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, WAIT_RTOL)
     angles = 2 * np.pi * np.arange(1, TURNS + 1)[:, None]
-    problem = statistics_problem(chosen((RMS,)))
+    problem = statistics_problem(scene.entries((scene.leading,)))
     (states, by_turn), outcome = integrate(
         flow, jnp.asarray(angles), problem=problem, method=method
     )
@@ -270,4 +266,6 @@ def _one_period(case: SceneAt, period: int) -> dict[str, Array]:
 
 def _whirls(case: SceneAt) -> dict[str, Array]:
     state, scene = case
-    return {"whirl": statistics(scene, 0, 2, outputs=OF_WHIRL, state=state, rtol=WAIT_RTOL).whirl}
+    return {
+        "whirl": statistics(scene, 0, 2, outputs=of_whirl(scene), state=state, rtol=WAIT_RTOL).whirl
+    }

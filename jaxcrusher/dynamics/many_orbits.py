@@ -19,9 +19,9 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree, Scalar
 
 from jaxcrusher.batch.engines import Engine, run_all, without_lanes
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.lane_waits import Cases, LaneWaits
 from jaxcrusher.files.journal import Journal
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, words
@@ -65,8 +65,8 @@ class Problem(eqx.Module):
     once for all cases.
     """
 
-    scene: Callable[[Array, PyTree], Scene]
-    number: Callable[[PeriodicOrbit, Scene, Array, PyTree], Scalar]
+    scene: Callable[[Array, PyTree], AbstractScene]
+    number: Callable[[PeriodicOrbit, AbstractScene, Array, PyTree], Scalar]
     period: int = eqx.field(static=True)
     dims: int = eqx.field(static=True)  # of an orbit: two a loose joint, three a frame on supports
 
@@ -279,8 +279,9 @@ class _Solutions:
             waits.go_on(left, TURNS)
             rows["motion"][left] = waits.names(left)
             seen = [waits.statistics(case) for case in left.tolist()]
-            rows["run_rms"][left] = [float(one.foundation_rms) for one in seen]
-            rows["run_rms_error"][left] = [float(one.foundation_rms_error) for one in seen]
+            pairs = [(one, *one.values) for one in seen]
+            rows["run_rms"][left] = [float(one[name]) for one, name in pairs]
+            rows["run_rms_error"][left] = [float(one.standard_error(name)) for one, name in pairs]
         return rows
 
     def _guess(

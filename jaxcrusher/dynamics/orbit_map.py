@@ -15,11 +15,9 @@ from jaxcrusher.batch.engines import Engine, name_of, without_lanes
 from jaxcrusher.batch.layout import Layout
 from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
 from jaxcrusher.batch.store import opened
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.dynamics.many_orbits import MOTION, SEEN, Problem, Rows, beside, solve_orbits
-from jaxcrusher.files.table import COLUMNS, Column
-from jaxcrusher.motion import statistics_table
-from jaxcrusher.motion.statistics_table import STATISTIC, statistics_of
+from jaxcrusher.files.table import COLUMNS, Column, columns_of
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES, SETTLED
@@ -29,10 +27,10 @@ def orbit_map(
     axes: Mapping[str, Any],
     *,
     base: Mapping[str, Any] | None = None,
-    scene: Callable[..., Scene] | None = None,
+    scene: Callable[..., AbstractScene] | None = None,
     period: int = 1,
     slopes: Sequence[str] = (),
-    metric: str = "foundation_rms",
+    metric: str | None = None,
     nodes: int | None = None,
     store: str | Path | None = None,
     engine: Engine | None = None,
@@ -85,11 +83,12 @@ def orbit_map(
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
     levels = (NODES, 2 * NODES) if nodes is None else (nodes,)
-    require_choice("metric", metric, tuple(STATISTIC))
     grid, slopes = make_grid(axes, base, scene), tuple(slopes)
     require_names("slopes", slopes, tuple(grid.numbers_described))
     groups = list(grid.alike())
     first = [grid.scene(designs[0]) for _, designs in groups]
+    metric = first[0].leading if metric is None else metric
+    require_choice("metric", metric, tuple(first[0].statistics))
     for one in first:
         if refused := refusal(one):
             raise ValueError(f"Argument `scene` must {refused}.")
@@ -131,12 +130,14 @@ def _scene(
     slopes: tuple[str, ...],
     make: SceneFunction | None,
     choices: Mapping[str, str],
-) -> Scene:
+) -> AbstractScene:
     numbers = rest | {name: free[i] for i, name in enumerate(slopes)}
     return scene_by(make, numbers, choices)
 
 
-def _metric(orbit: PeriodicOrbit, scene: Scene, free: Array, rest: PyTree, name: str) -> Scalar:
+def _metric(
+    orbit: PeriodicOrbit, scene: AbstractScene, free: Array, rest: PyTree, name: str
+) -> Scalar:
     return orbit[name]
 
 
@@ -160,15 +161,18 @@ def _solved(
     )
 
 
-def _layout(grid: Grid, scenes: list[Scene], slopes: tuple[str, ...], metric: str) -> Layout:
+def _layout(
+    grid: Grid, scenes: list[AbstractScene], slopes: tuple[str, ...], metric: str
+) -> Layout:
     """Return the columns that all designs have: of an ideal joint there are fewer."""
-    held = set.intersection(*(set(statistics_of(scene)) for scene in scenes))
-    columns = statistics_table.columns(name for name in STATISTIC if name in held)
+    held = set.intersection(*(set(scene.own_statistics) for scene in scenes))
+    table = scenes[0].statistics
+    columns = columns_of(table, (name for name in table if name in held))
     columns |= {name: COLUMNS[name] for name in (*SEEN, "failure", "found", *MOTION)}
     further: dict[str, np.ndarray | int] = {}
     if slopes:
         meaning = f"slope of {metric} by the parameter, per its unit"
-        columns["slope"] = Column(STATISTIC[metric].unit, meaning, dims=("parameter",))
+        columns["slope"] = Column(table[metric].unit, meaning, dims=("parameter",))
         further["parameter"] = np.array(slopes, object)
     counts = {unknowns(scene) for scene in scenes}
     if len(counts) == 1 and (count := counts.pop()):

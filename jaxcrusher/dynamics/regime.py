@@ -9,9 +9,10 @@ from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require_untraced, require_whole
 from jaxcrusher.basics.integrate import Outcome
-from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.dynamics.oscillation import distance, oscillation_about, section_of
+from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.reductions import ALL_THE_TIME
+from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.indicators import (
     Lyapunov,
@@ -23,16 +24,14 @@ from jaxcrusher.motion.indicators import (
     zero_one_test,
 )
 from jaxcrusher.motion.section import Section, poincare_section
-from jaxcrusher.motion.statistics import Statistics
-from jaxcrusher.motion.statistics_table import ALL_THE_TIME
+from jaxcrusher.motion.statistics import Statistics, of_whirl
 from jaxcrusher.motion.tangents import SLICES, Tangents
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES
 
-# Statistics of the motion that is classified, and after how many turns a whirl is called one.
-OUTPUTS = ("foundation_rms", "contact_fraction", "winding")
+# After how many turns a whirl is called one.
 WHIRL_TURNS = 20
 # What the integration leaves on a periodic orbit, in tolerances: a thousand steps a turn, and
 # turns that hardly contract. Measured on orbits of period 2 to 8: up to 1.2e5.
@@ -63,7 +62,7 @@ class Regime:
 
 
 def regime(
-    scene: Scene,
+    scene: AbstractScene,
     settle_turns: int = 200,
     turns: int = 1000,
     *,
@@ -93,7 +92,7 @@ def regime(
 
 
 def classify(
-    scene: Scene,
+    scene: AbstractScene,
     settle_turns: int,
     turns: int,
     rtol: float,
@@ -109,7 +108,8 @@ def classify(
     if not bool(summary.success):
         return Regime("failed", (summary.failure,), statistics=summary)
     if bool(summary.whirl):
-        winding = f"winds {float(summary.winding):.0f} times a turn round its bore"
+        deepest = min(float(q) for n, q in summary.values.items() if n.endswith("winding"))
+        winding = f"winds {deepest:.0f} times a turn round its bore"
         return Regime("whirl", (winding,), statistics=summary)
     along = further(summary.state)
     if not np.isfinite(along.jacobians).all():
@@ -142,7 +142,7 @@ def classify(
     return Regime(name, tuple(evidence), found, exponents, zero_one, trend, summary, points[-1])
 
 
-def _orbit_in_contact(scene: Scene, record: Section) -> PeriodicOrbit | None:
+def _orbit_in_contact(scene: AbstractScene, record: Section) -> PeriodicOrbit | None:
     """The stable motion of one turn that the record swings about without leaving contact."""
     kept = all(
         bool(jnp.all(record.values[f"{before(joint)}contact_fraction"] >= ALL_THE_TIME))
@@ -157,7 +157,7 @@ def _orbit_in_contact(scene: Scene, record: Section) -> PeriodicOrbit | None:
     return orbit if distance(section_of(orbit), swing.middle) < swing.allowed else None
 
 
-def _record(scene: Scene, settle_turns: int, turns: int, rtol: float) -> Section:
+def _record(scene: AbstractScene, settle_turns: int, turns: int, rtol: float) -> Section:
     """Section points with the `OUTPUTS` of each turn; a whirl or a failure ends it early.
 
     Turn by turn: one program serves any number of them.
@@ -166,7 +166,7 @@ def _record(scene: Scene, settle_turns: int, turns: int, rtol: float) -> Section
     require_whole("turns", turns, 1)
     state, steps, seen = initial_state(scene), 0, []
     contact = (f"{before(joint)}contact_fraction" for joint, _ in scene.joints.items())
-    outputs = tuple(dict.fromkeys((*OUTPUTS, *contact)))
+    outputs = tuple(dict.fromkeys((*of_whirl(scene), *contact)))
     for i in range(settle_turns + turns):
         turn = poincare_section(scene, 0, 1, state=state, outputs=outputs, rtol=rtol)
         state, steps = turn.state, steps + turn.outcome.steps
@@ -187,4 +187,4 @@ def _joined(turns: list[Section], outcome: Outcome) -> Section:
     names = turns[0].values
     values = {name: jnp.concatenate([turn[name] for turn in turns]) for name in names}
     states = jnp.concatenate([turn.states for turn in turns])
-    return Section(states, turns[0].jacobians, outcome, values)
+    return Section(states, turns[0].jacobians, outcome, values, turns[0].known)

@@ -16,15 +16,14 @@ from jaxtyping import Array, Float
 from jaxcrusher.basics.checks import require, require_choice, require_untraced, require_within
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.traced import traced
-from jaxcrusher.crusher.scene import Scene, require_maker
 from jaxcrusher.dynamics.fits import Fit, fit_slopes
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
+from jaxcrusher.mechanism.reductions import Statistic
+from jaxcrusher.mechanism.scene import AbstractScene, require_maker
 from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistics import over_pieces
-from jaxcrusher.motion.statistics_table import STATISTIC
 from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangents
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
@@ -84,7 +83,7 @@ class GradientReport:
 
 
 def gradient_report(
-    scene: Callable[..., Scene],
+    scene: Callable[..., AbstractScene],
     metric: str,
     parameters: dict[str, float],
     *,
@@ -124,7 +123,6 @@ def gradient_report(
     Raises ValueError for an unknown metric, for no parameters, for a value of 0 without a scale,
     and for an ideal joint.
     """
-    require_choice("metric", metric, tuple(STATISTIC))
     require_maker(scene)
     good = isinstance(parameters, Mapping) and len(parameters) > 0
     require(good, "parameters", 'name at least one number, as {"speed": 30.0}', repr(parameters))
@@ -136,7 +134,9 @@ def gradient_report(
     point = jnp.asarray(numbers)
     make = eqx.Partial(_build, scene=scene, names=names)
     here = make(point)
-    require(here.joint is not None, "scene", "make scenes with a clearance joint", "an ideal one")
+    require_choice("metric", metric, tuple(here.statistics))
+    require(not here.is_ideal, "scene", "make scenes with a clearance joint", "an ideal one")
+    statistic = here.statistics[metric]
     build = traced(make, point)
     horizon = settle_turns + turns
     progress("looking for the periodic orbit")
@@ -168,7 +168,7 @@ def gradient_report(
         if bool(orbit.success):
             return of_orbit(orbit, kind)
     chaotic = kind.exponents.positive
-    estimates: dict[str, tuple[np.ndarray, np.ndarray]] = {"tangent": _tangent(along[0], metric)}
+    estimates: dict[str, tuple[np.ndarray, np.ndarray]] = {"tangent": _tangent(along[0], statistic)}
     freedom: dict[str, float] = {"tangent": PARTS - 1}
     evidence: dict[str, Any] = {"freedom": freedom}
     fits: list[Fit] = []
@@ -225,7 +225,9 @@ def _growth_over(turns: int, kind: Regime) -> tuple[float, float]:
     return float(largest) * turns, float(error) * turns
 
 
-def _build(values: Float[Array, " n"], scene: Callable[..., Scene], names: tuple) -> Scene:
+def _build(
+    values: Float[Array, " n"], scene: Callable[..., AbstractScene], names: tuple
+) -> AbstractScene:
     return scene(**dict(zip(names, values, strict=True)))
 
 
@@ -244,7 +246,7 @@ def _growth(along: Tangents) -> float:
     return float(np.log(np.max(np.abs(np.linalg.eigvals(matrix)))))
 
 
-def _tangent(along: Tangents, metric: str) -> tuple[np.ndarray, np.ndarray]:
+def _tangent(along: Tangents, metric: Statistic) -> tuple[np.ndarray, np.ndarray]:
     """The forward tangent from dx/dp = 0 on, and its error by the scatter of its window's parts."""
     found = changes(along, np.zeros(along.forcing.shape[1:]))
     parts = zip(np.array_split(along.values, PARTS), np.array_split(found, PARTS), strict=True)
@@ -262,4 +264,5 @@ def _metric(case, build, metric: str, settle_turns: int, turns: int, rtol: float
     scene = shifted_start(build(case["point"]), Vector(*case["shift"]))
     section = poincare_section(scene, settle_turns, turns, outputs=(metric,), rtol=rtol)
     windows = section[metric], section[metric][: -(-turns // 2)]
-    return jnp.stack([over_pieces(metric, values) for values in windows])
+    reduction = scene.statistics[metric].reduction
+    return jnp.stack([reduction.of_pieces(values) for values in windows])

@@ -1,6 +1,6 @@
 """Tables of results: the unit and meaning of every column, the dataset they stand in, and CSV."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -28,7 +28,7 @@ class Column(NamedTuple):
         return {"units": self.unit, "long_name": self.meaning}
 
 
-# Every column of the tables that is none of `jaxcrusher.motion.statistics_table.STATISTIC`.
+# Every column of the tables that is no statistic of a scene.
 COLUMNS = {
     # of a motion that was integrated
     "foundation_rms_error": Column("N", "standard error of the RMS"),
@@ -52,7 +52,7 @@ COLUMNS = {
     "failure": Column("1", "why there is no orbit", str),
     "found": Column("1", "the way by which the orbit was found", str),
     "motion": Column("1", "the motion from rest, where no orbit is stable", str),
-    "run_rms": Column("N", "RMS of |R_O| + |R_C| over turns of that motion"),
+    "run_rms": Column("N", "RMS over turns of that motion"),
     "run_rms_error": Column("N", "standard error of that RMS"),
     "multiplier_real": Column("1", "real: Floquet multipliers", dims=("multiplier",)),
     "multiplier_imag": Column("1", "imag: Floquet multipliers", dims=("multiplier",)),
@@ -74,6 +74,20 @@ COLUMNS = {
     "settled": Column("1", "the points repeat, or their spread has no trend", bool),
     "period": Column("1", "turns until the points repeat, 0 if they do not", int),
 }
+
+
+def columns_of(entries: Mapping[str, Any], names: Iterable[str]) -> dict[str, Column]:
+    """Return the columns of some of several entries that have a unit and a meaning."""
+    return {name: Column(entries[name].unit, entries[name].meaning) for name in names}
+
+
+def vector_columns(entries: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Column]:
+    """Return the columns of entries with `values` over time; vectors have the dim `direction`."""
+    names = [name for name in entries if name in values]
+    return {
+        name: one._replace(dims=("direction",)[: np.ndim(values[name]) - 1])
+        for name, one in columns_of(entries, names).items()
+    }
 
 
 def dataset(

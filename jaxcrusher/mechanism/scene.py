@@ -1,18 +1,32 @@
 """What equations of motion ask of a scene, and what a scene asks of them."""
 
 import abc
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, ClassVar
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import PyTree, Scalar
 
+# Made with the first scene, before a program of it is traced.
+import jaxcrusher.basics.integrator  # noqa: F401
+from jaxcrusher.basics.checks import (
+    concrete,
+    require,
+    require_double,
+    require_kind,
+    require_own_process,
+    require_positive,
+)
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.mechanism.drives import AbstractDrive
 from jaxcrusher.mechanism.equations import Wrench
 from jaxcrusher.mechanism.linkage import Linkage
 from jaxcrusher.mechanism.motion import Motion
-from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.snapshot import Snapshot
+from jaxcrusher.mechanism.named import Named, before
+from jaxcrusher.mechanism.reductions import Chosen, Statistic, chosen
+from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation, OnSupports
 
 
@@ -24,9 +38,16 @@ class AbstractApplied(eqx.Module):
 
     wrenches: eqx.AbstractVar[tuple[Wrench, ...]]
 
+    def elastic_energy(self) -> Scalar | None:
+        """Return what springs among it have stored, J; None where there are none."""
+        return None
+
 
 class AbstractScene(eqx.Module):
     """A linkage with its drive, its loose joints, and how its equations are written."""
+
+    # The statistic by which errors of a motion are judged.
+    leading: ClassVar[str] = "shaking_rms"
 
     drive: eqx.AbstractVar[AbstractDrive]
     formulation: eqx.AbstractVar["AbstractFormulation"]
@@ -51,6 +72,53 @@ class AbstractScene(eqx.Module):
     @abc.abstractmethod
     def applied(self, motion: Motion) -> AbstractApplied:
         """Return what acts on the bodies of a motion besides weight and joints."""
+
+    @property
+    @abc.abstractmethod
+    def observables(self) -> Mapping[str, Observable]:
+        """Return all that may be asked of an instant, by name."""
+
+    @property
+    @abc.abstractmethod
+    def own_observables(self) -> tuple[str, ...]:
+        """Return the names of those that this scene has."""
+
+    @property
+    @abc.abstractmethod
+    def statistics(self) -> Mapping[str, Statistic]:
+        """Return all that may be asked of a motion, by name."""
+
+    def entries(self, names: Iterable[str] | None = None) -> Chosen:
+        """Return the entries that these names have now; None: those of all that the scene has."""
+        return chosen(self.statistics, self.own_statistics if names is None else names)
+
+    @property
+    @abc.abstractmethod
+    def own_statistics(self) -> tuple[str, ...]:
+        """Return the names of those that this scene has."""
+
+    @property
+    @abc.abstractmethod
+    def usual_statistics(self) -> tuple[str, ...]:
+        """Return the names of those that are computed without being asked for."""
+
+    @property
+    @abc.abstractmethod
+    def works(self) -> Mapping[str, Callable[[Snapshot, "AbstractScene"], Scalar]]:
+        """Return the powers (W) of loads, and what dampers at the bodies take, by their work."""
+
+    @property
+    @abc.abstractmethod
+    def limits(self) -> Mapping[str, tuple[Callable[..., Any], tuple[str, ...]]]:
+        """Return what else the model is limited by: a verdict on statistics, and their names."""
+
+    @abc.abstractmethod
+    def steady(self) -> "AbstractScene":
+        """Return the scene under loads that repeat with the crank's turn."""
+
+    @abc.abstractmethod
+    def ideal(self) -> "AbstractScene":
+        """Return the same scene with ideal joints: what a clearance adds to."""
 
     @property
     def supports(self) -> OnSupports | None:
@@ -101,3 +169,41 @@ class AbstractFormulation(eqx.Module):
     @abc.abstractmethod
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Return the solver's tolerance for an error of `rtol` clearances in the eccentricity."""
+
+
+def require_scene(scene: Any) -> None:
+    """Check that it is one scene, of 64-bit floats."""
+    require_own_process()
+    require_kind("scene", scene, AbstractScene, "jaxcrusher.paper_scene(30.0, 6e-5)")
+    require_double("scene", scene)
+    shapes = {"speed": jnp.shape(getattr(scene.drive, "speed", 0.0))}
+    for joint, clearance in scene.joints.items():
+        shapes[f"{before(joint)}clearance"] = jnp.shape(clearance.clearance)
+    for name, shape in shapes.items():
+        must = "be one number (jax.vmap and jaxcrusher.sweep take many)"
+        require(shape == (), name, must, f"of shape {shape}")
+
+
+def require_steady(scene: AbstractScene) -> None:
+    """Check that the load repeats with the crank's turn, so that there is a map from turn to turn.
+
+    Raises ValueError in one line.
+    """
+    good = scene.steady() is scene
+    must = "have a load that repeats each turn"
+    require(good, "scene", must, "a rough feed (load_scatter)")
+
+
+def require_maker(scene: Callable[..., AbstractScene]) -> None:
+    """Check that it is a function: of what it makes nothing is known yet."""
+    makes = "be a function that makes a scene of the parameters, such as jaxcrusher.paper_scene"
+    require(callable(scene), "scene", makes, f"a {type(scene).__name__}")
+
+
+def require_clearance(clearance, bore_radius, prefix: str = "") -> None:
+    """Check 0 < clearance < bore radius (m) of the joint whose parameters have a `prefix`."""
+    require_positive(f"{prefix}clearance", clearance, "m")
+    known, bore = concrete(clearance), concrete(bore_radius)
+    if known is not None and bore is not None:
+        limit = f"be smaller than the bore radius {bore.min():g} m"
+        require(bool((known < bore).all()), f"{prefix}clearance", limit, clearance)

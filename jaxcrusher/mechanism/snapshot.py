@@ -1,9 +1,11 @@
 """Everything known of one instant of the motion: positions, velocities, accelerations, forces."""
 
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import equinox as eqx
-from jaxtyping import Scalar
+from jaxtyping import Array, Scalar
 
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.joint.clearance import Contact
@@ -36,3 +38,31 @@ class Snapshot(eqx.Module):
     accelerations: Accelerations
     frame: FrameMotion | None = None  # None: clamped
     residual: Scalar | None = None  # of held joints, m or rad; None: they are held exactly
+
+
+class Observable(NamedTuple):
+    """A named function of an instant, a scalar or a vector."""
+
+    function: Callable[[Snapshot, Any], Scalar | Vector]
+    unit: str
+    meaning: str
+
+    def __call__(self, snapshot: Snapshot, scene: Any) -> Array:
+        """The value, a vector as an array of shape (2,)."""
+        value = self.function(snapshot, scene)
+        return value.array() if isinstance(value, Vector) else value
+
+
+@dataclass(frozen=True)
+class OfPart:
+    """A function of an instant at one joint, slide, body or point, by its name.
+
+    It equals its copies, also of another process: programs are kept for it.
+    """
+
+    function: Callable[[Snapshot, Any, str], Any]
+    part: str
+
+    def __call__(self, snapshot: Snapshot, scene: Any) -> Any:
+        """The value at the part."""
+        return self.function(snapshot, scene, self.part)

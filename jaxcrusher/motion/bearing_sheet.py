@@ -5,12 +5,13 @@ import numpy as np
 from jaxtyping import Scalar
 
 from jaxcrusher.crusher.bearing_load import roller_pressure
-from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.observables import OBSERVABLES, Observable, OfJoint, force_at
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.files.table import Column
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
-from jaxcrusher.mechanism.snapshot import Snapshot
+from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.observables import force_at
+from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.snapshot import Observable, OfPart, Snapshot
 from jaxcrusher.motion.turns import Turns
 
 # Numbers of a bearing. Behind each stands its scatter: of a mean its standard error, of a peak the
@@ -36,29 +37,29 @@ COLUMNS = {
 _HOUR, _RATED_TURNS = 3600.0, 1e6
 
 
-def bearings_of(scene: Scene) -> tuple[str, ...]:
+def bearings_of(scene: AbstractScene) -> tuple[str, ...]:
     """Return the joints that a sheet is of: A and O, and B and C where they are loose."""
     seats = (joint for joint in ("elbow", "pivot") if scene.joints[joint] is not None)
     return "main", "shaft_bearing", *seats
 
 
-def _friction(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+def _friction(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
     contact = s.contacts[joint]
     loss = None if contact is None else contact.friction_loss
     return jnp.zeros_like(s.motion.crank.speed) if loss is None else loss
 
 
-def quantities_of(scene: Scene) -> dict[str, Observable]:
+def quantities_of(scene: AbstractScene) -> dict[str, Observable]:
     """Return what the sheet looks at along a motion."""
     found = {"shaking_force": OBSERVABLES["shaking_force"]}
     for joint in bearings_of(scene):
-        found[f"{joint} load"] = Observable(OfJoint(force_at, joint), "N", "load")
+        found[f"{joint} load"] = Observable(OfPart(force_at, joint), "N", "load")
         if scene.joints[joint] is None:
             continue
         for name in ("penetration_ratio", "penetration_rate"):
             found[f"{joint} {name}"] = OBSERVABLES[before(joint) + name]
-        found[f"{joint} friction"] = Observable(OfJoint(_friction, joint), "W", "friction")
-    if isinstance(scene.joint, RollerBearing):
+        found[f"{joint} friction"] = Observable(OfPart(_friction, joint), "W", "friction")
+    if isinstance(scene.joints["main"], RollerBearing):
         found["main pressure"] = Observable(roller_pressure, "Pa", "pressure")
     return found
 

@@ -13,14 +13,14 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import scalar
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 
 
 class Flow(eqx.Module):
     """The scene and initial state of a motion; without a state it begins with the scene's start."""
 
-    scene: Scene
+    scene: AbstractScene
     state: PyTree[Scalar] | None = None
     phase: Scalar = eqx.field(converter=scalar, default=0.0)  # rad
 
@@ -30,7 +30,9 @@ class Flow(eqx.Module):
 
 
 @jax.jit  # one trace for the rate, for what is observed, and for every set of outputs
-def by_phase(phase: Scalar, state: PyTree[Scalar], scene: Scene) -> tuple[PyTree[Scalar], Snapshot]:
+def by_phase(
+    phase: Scalar, state: PyTree[Scalar], scene: AbstractScene
+) -> tuple[PyTree[Scalar], Snapshot]:
     """The derivative of the state by the phase (rad), and the snapshot that it is of.
 
     By phase every design has the same span.
@@ -42,17 +44,19 @@ def by_phase(phase: Scalar, state: PyTree[Scalar], scene: Scene) -> tuple[PyTree
 
 
 @eqx.filter_jit
-def initial_state(scene: Scene) -> Float[Array, " dims"]:
+def initial_state(scene: AbstractScene) -> Float[Array, " dims"]:
     """Where the scene starts, as a section point."""
     return flat(scene.formulation.initial(scene), scene)
 
 
-def flat(state: PyTree[Scalar], scene: Scene) -> Float[Array, " dims"]:
+def flat(state: PyTree[Scalar], scene: AbstractScene) -> Float[Array, " dims"]:
     """A state as a section point: a free shaft's angle is counted from the nearest whole turn."""
     return ravel_pytree(scene.formulation.unwound(state))[0].astype(float)
 
 
-def unflattened(state: Float[ArrayLike, " dims"] | None, scene: Scene) -> PyTree[Scalar] | None:
+def unflattened(
+    state: Float[ArrayLike, " dims"] | None, scene: AbstractScene
+) -> PyTree[Scalar] | None:
     """The state of a section point; None, which stands for the scene's start, remains.
 
     Raises ValueError for another shape than the scene's states have.

@@ -14,7 +14,7 @@ from jaxcrusher.basics.checks import (
     require_whole,
 )
 from jaxcrusher.basics.integrate import Integration, pi_controller
-from jaxcrusher.crusher.scene import Scene, require_scene
+from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 
 MOST_STEPS = 10_000_000
 FIRST_STEP = 1e-5  # rad of phase
@@ -63,7 +63,7 @@ class Method(eqx.Module):
 
 
 def resolve(
-    scene: Scene,
+    scene: AbstractScene,
     rtol: Scalar | float,
     method: Method = Method(),
     first_step: float = FIRST_STEP,
@@ -92,7 +92,7 @@ def require_tolerance(rtol: Scalar | float) -> None:
     require(known is None or bool(known.ndim == 0 and known < 1), "rtol", "be one number < 1", rtol)
 
 
-def _controller(scene: Scene, rtol: Scalar | float) -> diffrax.PIDController:
+def _controller(scene: AbstractScene, rtol: Scalar | float) -> diffrax.PIDController:
     # An array, so that another value runs the same program. It may depend on the scene, but is
     # not part of what is differentiated.
     tolerance = jnp.asarray(scene.formulation.tolerance(scene, rtol), dtype=float)

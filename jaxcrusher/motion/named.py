@@ -9,6 +9,9 @@ from jaxtyping import Array
 
 from jaxcrusher.basics.checks import concrete
 
+# What may be asked for by name, each with its `unit`.
+Known = tuple[tuple[str, Any], ...]
+
 
 class AbstractNamed(abc.ABC):
     """Arrays by name: `result.x` or `result["x"]`, for every x of `values`.

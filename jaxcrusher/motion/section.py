@@ -10,11 +10,11 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import require, require_whole
+from jaxcrusher.basics.checks import require, require_names, require_whole
 from jaxcrusher.basics.integrate import RESULTS, Integration, Outcome, integrate
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.crusher.rough_feed import require_steady
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.reductions import Chosen
+from jaxcrusher.mechanism.scene import AbstractScene, require_steady
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.statistics import (
@@ -22,11 +22,8 @@ from jaxcrusher.motion.statistics import (
     Statistics,
     by_turns,
     instants,
-    over_pieces,
-    require_statistics,
     statistics_problem,
 )
-from jaxcrusher.motion.statistics_table import Chosen, chosen
 
 
 class Section(eqx.Module, AbstractOverTurns):
@@ -41,6 +38,7 @@ class Section(eqx.Module, AbstractOverTurns):
     jacobians: Float[Array, "matrices dims dims"]  # of each slice of each turn
     outcome: Outcome
     values: Mapping[str, Float[Array, " turns"]]  # statistics of each turn, as far as asked for
+    known: Chosen = eqx.field(static=True, default=())
 
     @property
     def state(self) -> Float[Array, "*batch dims"]:
@@ -50,8 +48,10 @@ class Section(eqx.Module, AbstractOverTurns):
     @property
     def statistics(self) -> Statistics:
         """Return the statistics that were asked for, over all turns."""
-        values = {name: over_pieces(name, by_turn) for name, by_turn in self.values.items()}
-        return Statistics(len(self.states), self.outcome, values, self.values, self.state)
+        table = dict(self.known)
+        values = {name: table[name].reduction.of_pieces(q) for name, q in self.values.items()}
+        turns, state = len(self.states), self.state
+        return Statistics(turns, self.outcome, values, self.values, state, known=self.known)
 
     @property
     def slices(self) -> int:
@@ -86,7 +86,7 @@ class Slices(eqx.Module):
 class Sloped(eqx.Module):
     """Motions of the scene `build(point)`, integrated with their slopes by state and point."""
 
-    build: Callable[[Array], Scene]
+    build: Callable[[Array], AbstractScene]
     point: Float[Array, " n"]
     method: Integration
     outputs: Chosen = eqx.field(static=True, default=())
@@ -151,7 +151,7 @@ def first_failure(before: Outcome, after: Outcome) -> Outcome:
 
 
 def poincare_section(
-    scene: Scene,
+    scene: AbstractScene,
     settle_turns: int,
     turns: int,
     *,
@@ -182,17 +182,17 @@ def poincare_section(
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     require_whole("slices", slices, 0)
-    require_statistics(outputs)
+    require_names("outputs", outputs, tuple(scene.statistics))
     require_steady(scene)
     free = scene.drive.initial() is not None
     require(not free, "scene", "have a shaft of constant speed", scene.drive)
     how = resolve(scene, rtol, method)
-    return _section(scene, settle_turns, turns, slices, state, chosen(outputs), how)
+    return _section(scene, settle_turns, turns, slices, state, scene.entries(outputs), how)
 
 
 @eqx.filter_jit
 def _section(
-    scene: Scene,
+    scene: AbstractScene,
     settle_turns: int,
     turns: int,
     slices: int,
@@ -200,14 +200,16 @@ def _section(
     outputs: Chosen,
     method: Integration,
 ) -> Section:
-    before = fine()
+    before, known = fine(), tuple(scene.statistics.items())
     if settle_turns:
         settled, _, before = by_turns(scene, state, settle_turns, (), method)
         state = settled[-1]
     if not slices:
         states, values, after = by_turns(scene, state, turns, outputs, method)
         dims = states.shape[1]
-        return Section(states, jnp.zeros((0, dims, dims)), first_failure(before, after), values)
+        return Section(
+            states, jnp.zeros((0, dims, dims)), first_failure(before, after), values, known
+        )
 
     sloped = Sloped(lambda _: scene, jnp.zeros(0), method, outputs)
 
@@ -220,4 +222,4 @@ def _section(
     start = initial_state(scene) if state is None else jnp.asarray(state, float)
     (_, outcome), seen = jax.lax.scan(sliced_turn, (start, before), length=turns)
     states, values, jacobians = seen
-    return Section(states, jacobians.reshape(-1, *jacobians.shape[2:]), outcome, values)
+    return Section(states, jacobians.reshape(-1, *jacobians.shape[2:]), outcome, values, known)

@@ -19,12 +19,13 @@ from jaxcrusher.basics.integrate import (
     integrate,
 )
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.crusher import observables
-from jaxcrusher.crusher.observables import OBSERVABLES, OF_ROD, OF_SUPPORTS, observables_of
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.observables import OBSERVABLES, OF_ROD
+from jaxcrusher.mechanism import energies, observables
+from jaxcrusher.mechanism.observables import OF_SUPPORTS
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import Flow, unflattened
 from jaxcrusher.motion.method import Method, resolve
-from jaxcrusher.motion.named import AbstractNamed
+from jaxcrusher.motion.named import AbstractNamed, Known
 from jaxcrusher.motion.names import ObservableNames
 
 FIRST_STEP = 1e-6  # s
@@ -32,13 +33,12 @@ FIRST_STEP = 1e-6  # s
 # The powers whose time integrals, with the energies, make the ledger.
 WORKS = {
     "drive_work": observables.drive_power,
-    "load_work": observables.load_power,
     "contact_loss": observables.contact_loss,
     "friction_loss": observables.friction_loss,
 }
 ENERGIES = {
-    "kinetic": observables.kinetic_energy,
-    "potential": observables.potential_energy,
+    "kinetic": energies.kinetic_energy,
+    "potential": energies.potential_energy,
     "elastic": observables.elastic_energy,
 }
 # What `simulate` can report of any scene; units stand in
@@ -47,18 +47,18 @@ ENERGIES = {
 OUTPUTS = (*(name for name in OBSERVABLES if name not in OF_SUPPORTS | OF_ROD), "energy")
 
 
-def _works(scene: Scene) -> dict[str, Callable]:
-    """Return the powers of a scene's ledger: dampers are those of supports and rod."""
-    found = dict(WORKS)
-    found |= {} if scene.supports is None else {"support_loss": observables.support_loss}
-    return found if scene.rod is None else found | {"rod_loss": observables.rod_loss}
+def _works(scene: AbstractScene) -> dict[str, Callable]:
+    """Return the powers of a scene's ledger: drive, loads, contacts, dampers."""
+    found = WORKS | dict(scene.works)
+    return found | ({} if scene.supports is None else {"support_loss": observables.support_loss})
 
 
 class Energy(eqx.Module):
     """The energy ledger: energies, and work since time zero, J; shape (times,) or one instant.
 
     Springs of supports and rod count as elastic; `support_loss` is what dampers of supports took,
-    None where the frame is clamped, and `rod_loss` what that of the rod took, None without one.
+    None where the frame is clamped, `rod_loss` what that of a rod took, `spring_loss` what those
+    beside springs took, None without one.
     """
 
     kinetic: Float[Array, "*times"]
@@ -70,6 +70,7 @@ class Energy(eqx.Module):
     friction_loss: Float[Array, "*times"]
     support_loss: Float[Array, "*times"] | None = None
     rod_loss: Float[Array, "*times"] | None = None
+    spring_loss: Float[Array, "*times"] | None = None
 
     @property
     def imbalance(self) -> Float[Array, "*times"]:
@@ -77,13 +78,13 @@ class Energy(eqx.Module):
         stored = self.kinetic + self.potential + self.elastic
         balance = stored - self.drive_work - self.load_work
         balance = balance + self.contact_loss + self.friction_loss
-        balance = balance if self.support_loss is None else balance + self.support_loss
-        balance = balance if self.rod_loss is None else balance + self.rod_loss
+        for loss in (self.support_loss, self.rod_loss, self.spring_loss):
+            balance = balance if loss is None else balance + loss
         return balance - balance[0]
 
 
 class Trajectory(eqx.Module, AbstractNamed, ObservableNames):
-    """A motion at given times, by name: units and meanings stand in `OBSERVABLES`.
+    """A motion at given times, by name: the scene's `observables` have units and meanings.
 
     Vectors have shape (times, 2), x to the right and y up. A failed simulation has
     `success` False, NaN from the failure on, and says why in `failure`.
@@ -92,10 +93,11 @@ class Trajectory(eqx.Module, AbstractNamed, ObservableNames):
     time: Float[Array, " times"]  # s
     outcome: Outcome
     values: Mapping[str, Float[Array, " times"] | Float[Array, "times 2"] | Energy]
+    known: Known = eqx.field(static=True, default=())
 
     def units(self) -> dict[str, str]:
-        """Return the units of `OUTPUTS`."""
-        return {name: one.unit for name, one in OBSERVABLES.items()} | {"energy": "J"}
+        """Return the units of all that might have been asked for."""
+        return {name: one.unit for name, one in self.known} | {"energy": "J"}
 
     @property
     def energy(self) -> Energy:
@@ -124,7 +126,7 @@ class Trajectory(eqx.Module, AbstractNamed, ObservableNames):
 
 
 def simulate(
-    scene: Scene,
+    scene: AbstractScene,
     times: ArrayLike | Sequence[float],
     *,
     outputs: tuple[str, ...] | None = None,
@@ -158,8 +160,8 @@ def simulate(
     require_set_up()
     require_times(times)
     how = resolve(scene, rtol, method, FIRST_STEP)
-    outputs = (*observables_of(scene), "energy") if outputs is None else outputs
-    require_names("outputs", outputs, (*OUTPUTS, *OF_SUPPORTS, *OF_ROD))
+    outputs = (*scene.own_observables, "energy") if outputs is None else outputs
+    require_names("outputs", outputs, (*scene.observables, "energy"))
     return _simulate(scene, jnp.asarray(times, dtype=float), state, how, tuple(outputs))
 
 
@@ -177,7 +179,7 @@ def require_times(times: ArrayLike | Sequence[float]) -> None:
 
 @eqx.filter_jit
 def _simulate(
-    scene: Scene,
+    scene: AbstractScene,
     times: Array,
     state: ArrayLike | None,
     method: Integration,
@@ -185,14 +187,15 @@ def _simulate(
 ) -> Trajectory:
     flow, problem = Flow(scene, unflattened(state, scene)), _problem(outputs)
     seen, outcome = integrate(flow, times[None], problem=problem, method=method)
-    return Trajectory(times, outcome, jax.tree.map(lambda leaf: leaf[0], seen))
+    values = jax.tree.map(lambda leaf: leaf[0], seen)
+    return Trajectory(times, outcome, values, tuple(scene.observables.items()))
 
 
 @functools.cache  # so that programs of other counts share its trace
 def _problem(outputs: tuple[str, ...]) -> Problem:
     """Observe the named outputs, in real time."""
 
-    def works(scene: Scene) -> dict[str, Callable]:
+    def works(scene: AbstractScene) -> dict[str, Callable]:
         return _works(scene) if "energy" in outputs else {}
 
     def initial(flow: Flow) -> Carried:
@@ -209,7 +212,7 @@ def _problem(outputs: tuple[str, ...]) -> Problem:
 
         def seen(name: str) -> PyTree:
             if name != "energy":
-                return OBSERVABLES[name](snapshot, flow.scene)
+                return flow.scene.observables[name](snapshot, flow.scene)
             stored = {name: energy(snapshot, flow.scene) for name, energy in ENERGIES.items()}
             return Energy(**stored, **y.totals)
 

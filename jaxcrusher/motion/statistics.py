@@ -21,25 +21,15 @@ from jaxcrusher.basics.integrate import (
     integrate,
 )
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
-from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning, Validity, validity
+from jaxcrusher.joint.validity import Validity, validity
+from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.reductions import SAMPLES, AbstractMean, Chosen, Sampled
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import Flow, by_phase, flat, unflattened
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
-from jaxcrusher.motion.statistics_table import (
-    SAMPLES,
-    STATISTIC,
-    AbstractMean,
-    Chosen,
-    Sampled,
-    always_of,
-    chosen,
-    may_rest,
-)
 
 # Friction whirl: the pin rolls round the bore, in contact, hundreds of times a turn. A pin
 # that rests in the bore follows the joint force, which goes round at most once or twice.
@@ -52,11 +42,12 @@ OF_CONTACT = ("penetration_ratio", "impact_speed")
 class AbstractOverTurns(AbstractNamed, StatisticNames):
     """Statistics by name, and how the integration that they are of ended."""
 
-    outcome: Outcome  # a field of the module that inherits
+    outcome: Outcome  # fields of the module that inherits
+    known: Chosen
 
     def units(self) -> dict[str, str]:
-        """Return the unit of every statistic there is."""
-        return {name: statistic.unit for name, statistic in STATISTIC.items()}
+        """Return the unit of every statistic that might have been asked for."""
+        return {name: one.unit for name, one in self.known}
 
     @property
     def success(self) -> Bool[Array, "*batch"]:
@@ -70,7 +61,7 @@ class AbstractOverTurns(AbstractNamed, StatisticNames):
 
 
 class Statistics(eqx.Module, AbstractOverTurns):
-    """Statistics over the turns after settling, by name: units and meanings stand in `STATISTIC`.
+    """Statistics over the turns after settling, by name: the scene tells units and meanings.
 
     A failed run has `success` False, NaN in every number, and says why in `failure`.
     """
@@ -83,34 +74,46 @@ class Statistics(eqx.Module, AbstractOverTurns):
     # The motion against the limits of its contact model, as far as the statistics that were asked
     # for tell it; an ideal joint keeps to them.
     validity: Validity = Validity(missing=("its scene",))
+    known: Chosen = eqx.field(static=True, default=())
 
     @property
     def whirl(self) -> Bool[Array, "*batch"]:
-        """Whether the motion is a friction whirl: the main pin rolls backwards round its bore.
+        """Whether the motion is a friction whirl: a pin rolls backwards round its bore.
 
-        Its penetrations, of the order of the clearance, are outside Hertz's theory. Pins of elbow
-        and pivot go round only while it whirls (docs/stability_seats.md).
+        Its penetrations, of the order of the clearance, are outside Hertz's theory. Where there is
+        a main joint its pin tells: those of elbow and pivot go round only while it whirls
+        (docs/stability_seats.md).
         """
-        return (self["contact_fraction"] > WHIRL_CONTACT) & (self["winding"] < -WHIRL_WINDING)
+        names = [n for n, _ in self.known if n.endswith("winding")] if self.known else ["winding"]
+        rolling = jnp.asarray(False)
+        for name in ["winding"] if "winding" in names else names:
+            at = name.removesuffix("winding")
+            kept = self[f"{at}contact_fraction"] > WHIRL_CONTACT
+            rolling = rolling | (kept & (self[f"{at}winding"] < -WHIRL_WINDING))
+        return rolling
 
     @property
     def foundation_rms_error(self) -> Scalar:
-        """Standard error of the RMS (N), from the scatter of up to ten batches of turns.
+        """Standard error of the RMS of |R_O| + |R_C|, N; see `standard_error`."""
+        return self.standard_error("foundation_rms")
+
+    def standard_error(self, rms: str) -> Scalar:
+        """Return the standard error of an RMS from the scatter of up to ten batches of turns.
 
         Right for turns that are independent from batch to batch; infinite for one turn.
         """
-        rms, batches = self["foundation_rms"], min(10, self.turns)
+        value, batches = self[rms], min(10, self.turns)
         if batches == 1:
-            return jnp.full_like(rms, jnp.inf)
+            return jnp.full_like(value, jnp.inf)
         length = self.turns // batches
-        used = self.by_turn["foundation_rms"][..., : batches * length] ** 2
+        used = self.by_turn[rms][..., : batches * length] ** 2
         means = jnp.mean(used.reshape(*used.shape[:-1], batches, length), axis=-1)
         scatter = jnp.std(means, axis=-1, ddof=1) / math.sqrt(batches)
-        return scatter / (2 * rms)
+        return scatter / (2 * value)
 
 
 def statistics(
-    scene: Scene,
+    scene: AbstractScene,
     settle_turns: int,
     turns: int,
     *,
@@ -144,19 +147,14 @@ def statistics(
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     how = resolve(scene, rtol, method)
-    outputs = always_of(scene) if outputs is None else outputs
-    require_statistics(outputs)
-    return over_turns(scene, state, settle_turns, turns, chosen(outputs), how)
-
-
-def require_statistics(names: Iterable[str]) -> None:
-    """Check that all are in the table."""
-    require_names("outputs", names, tuple(STATISTIC))
+    outputs = scene.usual_statistics if outputs is None else outputs
+    require_names("outputs", outputs, tuple(scene.statistics))
+    return over_turns(scene, state, settle_turns, turns, scene.entries(outputs), how)
 
 
 @eqx.filter_jit
 def over_turns(
-    scene: Scene,
+    scene: AbstractScene,
     state: ArrayLike | None,
     settle_turns: int,
     turns: int,
@@ -169,11 +167,12 @@ def over_turns(
     values = {name: one.reduction.of_pieces(by_turn[name]) for name, one in outputs}
     values = nan_unless(outcome.success, values)
     limits = limits_of(scene, values)
-    return Statistics(turns, outcome, values, by_turn, states[-1], limits)
+    known = tuple(scene.statistics.items())
+    return Statistics(turns, outcome, values, by_turn, states[-1], limits, known)
 
 
 def by_turns(
-    scene: Scene, state: ArrayLike | None, turns: int, outputs: Chosen, method: Integration
+    scene: AbstractScene, state: ArrayLike | None, turns: int, outputs: Chosen, method: Integration
 ) -> tuple[Float[Array, "turns dims"], dict[str, Float[Array, " turns"]], Outcome]:
     """Return the section points at the ends of turns, statistics of each turn, and the outcome."""
     flow, problem = Flow(scene, unflattened(state, scene)), statistics_problem(outputs)
@@ -184,28 +183,21 @@ def by_turns(
     return points, values, outcome
 
 
-def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
+def limits_of(scene: AbstractScene, values: Mapping[str, Scalar]) -> Validity:
     """Return the limits of the contact model, as far as these statistics tell them.
 
-    They are those of the main joint, and in `others` those of the other loose joints, of a rod, of
-    a free shaft and of rollers.
+    They are those of the main joint, and in `others` those of the other loose joints and of what
+    else has limits, such as a rod. An ideal main joint keeps to them, and one that there is not.
     """
-    if scene.joint is None:  # neither contact nor impacts; NaN if the run failed
-        none = 0 * next(iter(values.values()), jnp.zeros(()))
-        values = {**dict.fromkeys(OF_CONTACT, none), **values}
     parts: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
-        joint: (
-            functools.partial(validity, scene.joints[joint]),
-            tuple(before(joint) + name for name in OF_CONTACT),
-        )
-        for joint in ("main", *(name for name, _ in scene.joints.items()))
+        joint: (functools.partial(validity, one), tuple(before(joint) + n for n in OF_CONTACT))
+        for joint, one in scene.joints.items()
     }
-    if scene.rod is not None:
-        parts["rod"] = Tautness, ("rod_tension_least",)
-    if may_rest(scene):
-        parts["shaft"] = Turning, ("shaft_speed_least",)
-    if isinstance(scene.joint, RollerBearing):
-        parts["rollers"] = _roller_load, ("roller_pressure", "static_load_ratio")
+    if "main" not in parts:  # neither contact nor impacts; NaN if the run failed
+        none = 0 * next(iter(values.values()), jnp.zeros(()))
+        values = {**values, "none": none}
+        parts["main"] = functools.partial(validity, None), ("none", "none")
+    parts |= scene.limits
     others = {
         part: limits(*(values[name] for name in names))
         for part, (limits, names) in parts.items()
@@ -217,13 +209,10 @@ def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
     return dataclasses.replace(main, others=others, missing=missing)
 
 
-def _roller_load(pressure: Scalar, load: Scalar) -> RollerLoad:
-    return RollerLoad(pressure / STATIC_PRESSURE, load)
-
-
-def over_pieces(name: str, values: Float[Array, " n"]) -> Scalar:
-    """The statistic `name` over n equal pieces of a motion, from that of each."""
-    return STATISTIC[name].reduction.of_pieces(values)
+def of_whirl(scene: AbstractScene) -> tuple[str, ...]:
+    """Return the leading statistic of a scene, and what tells a whirl of it."""
+    names = ("main",) if "main" in scene.linkage.joints.names else scene.joints.names
+    return scene.leading, *(before(n) + of for n in names for of in ("contact_fraction", "winding"))
 
 
 def instants(outputs: Chosen, share: float = 1.0) -> Float[Array, " n"]:

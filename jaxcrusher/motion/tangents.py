@@ -13,19 +13,18 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.basics.integrate import Outcome, failure_text
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.reductions import Chosen, Statistic
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import Slices, Sloped, fine, first_failure
-from jaxcrusher.motion.statistics import over_pieces
-from jaxcrusher.motion.statistics_table import Chosen, chosen
 
-Build = Callable[[Array], Scene]
+Build = Callable[[Array], AbstractScene]
 
 # Slices of a turn between two orthonormalisations: exponents reach 14 a turn.
 SLICES = 8
 
 
-def same(_: Array, scene: Scene) -> Scene:
+def same(_: Array, scene: AbstractScene) -> AbstractScene:
     """Build a scene that no parameter moves."""
     return scene
 
@@ -58,7 +57,8 @@ def tangents(
     The tangents are integrated beside the motion, under the same tolerance. Every call runs the
     same compiled turn, whatever its length, tolerance, state and point.
     """
-    state, parts, outcome, outputs = jnp.asarray(state), [], fine(), chosen((metric,))
+    state, parts, outcome = jnp.asarray(state), [], fine()
+    outputs = build(point).entries((metric,))
     for _ in range(turns):
         state, part, after = sloped_turn(
             build, point, state, jnp.asarray(rtol, dtype=float), outputs
@@ -130,9 +130,9 @@ def changes(parts: Tangents, moved: Float[np.ndarray, "dims n"]) -> Float[np.nda
 
 
 def combine(
-    metric: str, values: Float[np.ndarray, " slices"], changes: Float[np.ndarray, "slices n"]
+    metric: Statistic, values: Float[np.ndarray, " slices"], changes: Float[np.ndarray, "slices n"]
 ) -> Float[np.ndarray, " n"]:
     """Slopes of the statistic over all slices."""
-    weights = jax.grad(lambda values: over_pieces(metric, values))(jnp.asarray(values))
+    weights = jax.grad(metric.reduction.of_pieces)(jnp.asarray(values))
     with np.errstate(over="ignore", invalid="ignore"):
         return np.asarray(weights) @ changes

@@ -14,12 +14,12 @@ from jaxtyping import Array
 from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.basics.integrate import Integration, Outcome, failure_text, integrate
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.crusher.observables import Observable
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.reductions import Chosen, Sampled, Statistic
+from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.statistics import instants, statistics_problem
-from jaxcrusher.motion.statistics_table import Chosen, Sampled, Statistic
 
 # Turns that are integrated at once, and of which progress is told.
 CHUNK = 5
@@ -44,7 +44,7 @@ class Turns:
     for each turn, and an orbit one piece, which repeats.
     """
 
-    scene: Scene
+    scene: AbstractScene
     length: int
     values: Mapping[str, np.ndarray]
     settled: int = 0  # turns before the first piece
@@ -62,7 +62,7 @@ class Turns:
 
 
 def run_turns(
-    scene: Scene,
+    scene: AbstractScene,
     quantities: Mapping[str, Observable],
     *,
     settle: int = 20,
@@ -119,7 +119,7 @@ def run_turns(
 
 @eqx.filter_jit
 def _chunk(
-    scene: Scene, state: Array, phase: Array, outputs: Chosen, method: Integration
+    scene: AbstractScene, state: Array, phase: Array, outputs: Chosen, method: Integration
 ) -> tuple[Array, dict[str, Array], Outcome]:
     """Return the state after a chunk of turns, and samples of each quantity by turn."""
     flow = Flow(scene, unflattened(state, scene), phase)

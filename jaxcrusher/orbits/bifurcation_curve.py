@@ -11,9 +11,9 @@ from jaxtyping import Array, Float, Scalar
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.basics.traced import traced
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.orbit_branch import Event, OrbitBranch, tabulated, with_orbits
-from jaxcrusher.orbits.scene_problems import LOST, problem_of
+from jaxcrusher.orbits.scene_problems import lost, problem_of
 from jaxcrusher.periodic.branch import Branch, follow
 from jaxcrusher.periodic.collocation_problem import CollocationProblem
 from jaxcrusher.periodic.event_curve import EventCurve, curve_of, cusps
@@ -21,7 +21,7 @@ from jaxcrusher.periodic.events import DOUBLING, FOLD, PAIR, as_on
 
 
 def bifurcation_curve(
-    scene: Callable[[Scalar, Scalar], Scene],
+    scene: Callable[[Scalar, Scalar], AbstractScene],
     event: Event,
     second: float,
     bounds: tuple[tuple[float, float], tuple[float, float]],
@@ -54,11 +54,11 @@ def bifurcation_curve(
     require_set_up()
     require_whole("points", points, 2)
     require_untraced("second", (second, bounds), "bifurcation_curve", "jaxcrusher.periodic_orbit")
-    known = (FOLD, DOUBLING, PAIR, *LOST.values())
+    at = (event.parameter, second)
+    known = (FOLD, DOUBLING, PAIR, *map(lost, scene(*map(jnp.asarray, at)).joints.names))
     good = event.kind in known and event.point is not None
     require(good, "event", f"be one of {known} that is located", event.kind)
     assert event.point is not None
-    at = (event.parameter, second)
     for name, one, (low, high) in zip(("event", "second"), at, bounds, strict=True):
         require(low <= one <= high, name, f"lie in the bounds [{low:g}, {high:g}]", one)
     scales = (abs(at[0]) / 30, abs(at[1]) / 30) if scales is None else scales
@@ -89,7 +89,7 @@ def bifurcation_curve(
     return OrbitBranch(table, orbits, events, ended, (joined,))
 
 
-def _of_pair(both: Array, *, scene: Callable[[Scalar, Scalar], Scene]) -> Scene:
+def _of_pair(both: Array, *, scene: Callable[[Scalar, Scalar], AbstractScene]) -> AbstractScene:
     return scene(both[0], both[1])
 
 

@@ -19,8 +19,8 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.crusher.observables import foundation_force
-from jaxcrusher.crusher.rough_feed import Multiplied, RoughFeed, steady
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.rough_feed import Multiplied, RoughFeed
+from jaxcrusher.crusher.scene import Scene, crusher_of
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.periodic.multipliers import of_slopes
@@ -82,7 +82,7 @@ def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
     require_own_process()
     require_kind("orbit", orbit, PeriodicOrbit, "jaxcrusher.periodic_orbit(scene)")
     require(orbit.success.ndim == 0, "orbit", "be one orbit", f"a batch {orbit.success.shape}")
-    feed = orbit.scene.load
+    feed = crusher_of(orbit.scene).load
     rough = isinstance(feed, RoughFeed)
     require(rough, "orbit", "be of a scene with a load_scatter", "of one whose load repeats")
     loose = orbit.eccentricity is not None and not orbit.scene.is_ideal
@@ -104,7 +104,7 @@ class _Seen(eqx.Module):
 
 @eqx.filter_jit
 def _response(orbit: PeriodicOrbit) -> FeedResponse:
-    feed, period = orbit.scene.load, orbit.period
+    feed, period = crusher_of(orbit.scene).load, orbit.period
     assert isinstance(feed, RoughFeed)
     about = linearised(orbit)
     system, free, multipliers = about.system, about.modes, about.multipliers
@@ -168,7 +168,7 @@ def linearised(orbit: PeriodicOrbit) -> Linearised:
     """Return the equations about an orbit under a rough feed."""
     assert orbit.eccentricity is not None
     count = RESPONSE_NODES * orbit.period
-    system = forced.system(steady(orbit.scene), orbit.period)
+    system = forced.system(orbit.scene.steady(), orbit.period)
     x = resample(orbit.eccentricity, count)
     angle, place, rate = system.at(x, count)
     states = jnp.concatenate([place, rate, jnp.zeros((count, 1))], axis=1)

@@ -12,8 +12,7 @@ from jaxcrusher.basics.checks import (
     require_untraced,
     require_whole,
 )
-from jaxcrusher.crusher.observables import OBSERVABLES
-from jaxcrusher.motion.statistics_table import SAMPLES
+from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.orbits.result import PeriodicOrbit
 
 # What a foundation is laid out for.
@@ -33,7 +32,7 @@ def harmonics(
     - `orbit`: one that was found, with concrete values.
     - `orders`: the highest order k, a whole number from 1 to 511. An orbit of p turns has the
       orders 1/p, 2/p and so on up to it.
-    - `outputs`: names of `jaxcrusher.crusher.observables.OBSERVABLES`. None is the force and the
+    - `outputs`: names of the scene's `observables`. None is the force and the
       moment on the ground.
 
     **Returns:** an `xarray.Dataset` with `amplitude` (in `unit`) and `phase` (rad), both of the
@@ -51,8 +50,8 @@ def harmonics(
     require(bool(orbit.success), "orbit", "be one that was found", orbit.failure)
     require_whole("orders", orders, 1)
     require(orders < SAMPLES // 2, "orders", f"be less than {SAMPLES // 2}", orders)
-    outputs = OUTPUTS if outputs is None else outputs
-    require_names("outputs", outputs, tuple(OBSERVABLES))
+    outputs, known = OUTPUTS if outputs is None else outputs, orbit.scene.observables
+    require_names("outputs", outputs, tuple(known))
     turns, count = orbit.period, SAMPLES * orbit.period
     seen = orbit.motion(2 * np.pi / SAMPLES * jnp.arange(count), tuple(outputs))
     names, units, columns = [], [], []
@@ -60,7 +59,7 @@ def harmonics(
         values = np.asarray(seen[name])
         axes = ("",) if values.ndim == 1 else ("_x", "_y")
         names += [name + axis for axis in axes]
-        units += [OBSERVABLES[name].unit] * len(axes)
+        units += [known[name].unit] * len(axes)
         columns += list(values.reshape(count, -1).T)
     # numpy.fft sums a exp(-i k theta): its angle is the phase of the cosine.
     spectrum = np.fft.rfft(np.array(columns), axis=1)[:, : orders * turns + 1] / count

@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from jaxcrusher.crusher.joints import JOINTS, before
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.normal import ConstantImpactVelocity
+from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.reductions import ALL_THE_TIME
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import initial_state, unflattened
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistics_table import ALL_THE_TIME
 from jaxcrusher.orbits.transient import TURNS, WAIT_RTOL, section_points
 
 # Times that so many turns are waited for contact, and turns that must keep it.
@@ -24,13 +24,13 @@ ROUNDS, KEPT = 8, 12
 _points = eqx.filter_jit(section_points)
 
 
-def tracks(scene: Scene) -> bool:
+def tracks(scene: AbstractScene) -> bool:
     """Tell whether a joint of the scene tracks its impact velocity."""
     laws = [joint.normal.impact_velocity for _, joint in scene.joints.items()]
     return any(law.initial() is not None for law in laws)
 
 
-def settled_velocities(scene: Scene) -> dict[str, Array] | None:
+def settled_velocities(scene: AbstractScene) -> dict[str, Array] | None:
     """Return what the impact velocity of each joint comes to from the scene's start, in m/s.
 
     None where contact is not kept within some 1900 turns: each impact then sets another velocity.
@@ -55,12 +55,9 @@ def settled_velocities(scene: Scene) -> dict[str, Array] | None:
     return None
 
 
-def held(scene: Scene, velocities: dict[str, Array]) -> Scene:
+def held(scene: AbstractScene, velocities: dict[str, Array]) -> AbstractScene:
     """Return the scene whose joints have these constant impact velocities."""
-    fields = {name: "joint" if name == "main" else name for name in JOINTS}
     for name, velocity in velocities.items():
         law = ConstantImpactVelocity(jnp.asarray(velocity))
-        scene = eqx.tree_at(
-            lambda s, name=name: getattr(s, fields[name]).normal.impact_velocity, scene, law
-        )
+        scene = eqx.tree_at(lambda s, n=name: s.joints[n].normal.impact_velocity, scene, law)
     return scene

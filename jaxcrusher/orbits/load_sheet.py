@@ -12,11 +12,13 @@ import xarray as xr
 from jaxtyping import Array, Complex, Float, Scalar
 
 from jaxcrusher.crusher.joints import LETTERS
-from jaxcrusher.crusher.observables import OBSERVABLES, OF_SUPPORTS, Observable
-from jaxcrusher.crusher.rough_feed import steady
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.joint.rollers import RollerBearing
-from jaxcrusher.motion.statistics_table import SAMPLES
+from jaxcrusher.mechanism.observables import OF_SUPPORTS
+from jaxcrusher.mechanism.reductions import SAMPLES
+from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits import severity
 from jaxcrusher.orbits.natural_modes import natural_modes
@@ -66,7 +68,7 @@ class Row:
     ideal: float | str = ""
 
 
-def joint_states(scene: Scene) -> str:
+def joint_states(scene: AbstractScene) -> str:
     """Say of each joint whether it is ideal, or what clearance it has."""
     states = []
     for joint, letter in LETTERS.items():
@@ -79,7 +81,7 @@ def joint_states(scene: Scene) -> str:
     return ", ".join(states)
 
 
-def quantities_of(scene: Scene) -> dict[str, Observable]:
+def quantities_of(scene: AbstractScene) -> dict[str, Observable]:
     """Return what a sheet looks at along a motion."""
     names = ["ground_force", "ground_moment"]
     if scene.supports is None:
@@ -89,7 +91,7 @@ def quantities_of(scene: Scene) -> dict[str, Observable]:
     return {name: OBSERVABLES[name] for name in names} | {"frame_spin": spin}
 
 
-def _frame_spin(s, scene: Scene) -> Scalar:
+def _frame_spin(s, scene: AbstractScene) -> Scalar:
     return s.frame.spin
 
 
@@ -104,7 +106,7 @@ def orbit_turns(orbit: PeriodicOrbit) -> Turns:
 def _looked(
     orbit: PeriodicOrbit, quantities: tuple[tuple[str, Observable], ...], phases: Array
 ) -> dict[str, Array]:
-    scene = steady(orbit.scene)
+    scene = orbit.scene.steady()
 
     def look(phase: Scalar) -> dict[str, Array]:
         still = orbit.eccentricity is None
@@ -150,7 +152,7 @@ def beside(rows: Sequence[Row], ideal: Sequence[Row]) -> list[Row]:
     ]
 
 
-def running_frequency(scene: Scene) -> float:
+def running_frequency(scene: AbstractScene) -> float:
     """Return the shaft's frequency, Hz."""
     return float(scene.drive.speed) / (2 * np.pi)
 
@@ -183,13 +185,13 @@ def _exciting(turns: Turns) -> Curves:
     return found
 
 
-def _place(scene: Scene) -> Float[np.ndarray, "2"]:
+def _place(scene: AbstractScene) -> Float[np.ndarray, "2"]:
     """Return the point that moments on the ground are counted about, as drawn, m."""
     return np.zeros(2) if scene.foundation is None else np.asarray(scene.foundation.point.array())
 
 
-def _bearing(scene: Scene) -> Float[np.ndarray, "2"]:
-    return np.asarray(scene.machine.bearing.array())
+def _bearing(scene: AbstractScene) -> Float[np.ndarray, "2"]:
+    return np.asarray(crusher_of(scene).machine.bearing.array())
 
 
 def _carried(turns: Turns) -> Curves:
@@ -276,7 +278,7 @@ def _of_pieces(
     return Row(part, name, what, value, unit, remark=remark, scatter=scatter)
 
 
-def _ground(scene: Scene) -> list[Row]:
+def _ground(scene: AbstractScene) -> list[Row]:
     """Return springs and dampers of both supports together; rocking is about their middle."""
     supports = scene.supports
     assert supports is not None
@@ -295,7 +297,7 @@ def _ground(scene: Scene) -> list[Row]:
     return [Row(part, name, "", 1e-6 * value, unit) for name, (value, unit) in numbers.items()]
 
 
-def _modes(scene: Scene, modes: xr.Dataset, rows: Sequence[Row], site: Site) -> list[Row]:
+def _modes(scene: AbstractScene, modes: xr.Dataset, rows: Sequence[Row], site: Site) -> list[Row]:
     part, running, found = "natural modes", running_frequency(scene), []
     shaken = {
         order: max(r.value for r in rows if r.order == order and r.unit == "kN")
@@ -381,7 +383,7 @@ def _motion(turns: Turns, moved: Moved, modes: xr.Dataset, site: Site) -> list[R
     return rows
 
 
-def _verdicts(scene: Scene, rows: Sequence[Row], site: Site) -> list[Row]:
+def _verdicts(scene: AbstractScene, rows: Sequence[Row], site: Site) -> list[Row]:
     """Return the overall grade with what decides it, and the resonances."""
     part, running = "verdicts", running_frequency(scene)
     low, high = site.band

@@ -10,9 +10,9 @@ from jaxtyping import Array, Float, Scalar
 from jaxcrusher.basics.checks import require, require_untraced
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.crusher.scene import Scene, require_scene
 from jaxcrusher.files.table import Column, dataset
 from jaxcrusher.mechanism.motion import ideal_at_rest
+from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.mechanism.snapshot import frame_at
 
 COORDINATES = ("x", "y", "rotation")
@@ -33,7 +33,7 @@ STEPS, STANDING = 50, 1e-12
 UNDAMPED, CRITICAL = 1e-13, 1e-6
 
 
-def natural_modes(scene: Scene) -> xr.Dataset:
+def natural_modes(scene: AbstractScene) -> xr.Dataset:
     """Return the natural modes of the machine at rest on its supports, the slowest first.
 
     Shaft, jaw and toggle stand still in the frame, the shaft at angle zero and its pins in the
@@ -73,7 +73,7 @@ def natural_modes(scene: Scene) -> xr.Dataset:
     return dataset(("mode",), told, COLUMNS, {"coordinate": list(COORDINATES)}).merge(free)
 
 
-def linearised(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def linearised(scene: AbstractScene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return mass, damping and stiffness about the standing place, for x, y (m) and rotation of G.
 
     Raises ValueError as `natural_modes` does.
@@ -105,7 +105,7 @@ def _free(rates: np.ndarray, dampers: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 @jax.jit
-def _linearised(scene: Scene) -> tuple[Array, Array, Array, Scalar]:
+def _linearised(scene: AbstractScene) -> tuple[Array, Array, Array, Scalar]:
     """Return the matrices of mass, damping and stiffness, and the last step of finding the place.
 
     The coordinates are displacement and rotation of G.

@@ -20,10 +20,9 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.basics.traced import traced
-from jaxcrusher.crusher.rough_feed import steady
-from jaxcrusher.crusher.scene import Scene, require_maker
-from jaxcrusher.files.table import COLUMNS, dataset
-from jaxcrusher.motion.statistics_table import columns
+from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.files.table import COLUMNS, columns_of, dataset
+from jaxcrusher.mechanism.scene import AbstractScene, require_maker
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.scene_problems import orbit_of, problem_of
@@ -133,7 +132,7 @@ class OrbitBranch:
 
 
 def orbit_branch(
-    scene: Callable[[Scalar], Scene],
+    scene: Callable[[Scalar], AbstractScene],
     start: float | Departure,
     bounds: tuple[float, float],
     *,
@@ -215,7 +214,7 @@ def orbit_branch(
 
 
 def _first(
-    scene: Callable[[Array], Scene],
+    scene: Callable[[Array], AbstractScene],
     value: float,
     period: int | None,
     nodes: int,
@@ -237,7 +236,7 @@ def _first(
         require(bool(found.success), "start", "have a periodic orbit", given)
         path = found.eccentricity
         if path is not None and found.least_penetration > 0:
-            still = steady(begin)
+            still = begin.steady()
             near = resample(path, nodes * found.period)
             first = with_statistics(
                 still, *solved(still, near, found.period, len(near)), found.period
@@ -264,7 +263,7 @@ def tabulated(
 ) -> xr.Dataset:
     """Return a table with a row for each orbit."""
     names = (*FURTHER, "unstable", "multiplier_real", "multiplier_imag")
-    kept = columns(HELD) | {name: COLUMNS[name] for name in names}
+    kept = columns_of(STATISTIC, HELD) | {name: COLUMNS[name] for name in names}
     values = {
         name: np.array([kept[name].kind(getattr(orbit, name)) for orbit in orbits], kept[name].kind)
         for name in (*HELD, *FURTHER)

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.motion.statistics_table import SAMPLES
+from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.periodic.trigonometric import evaluate, resample
 
 # Steps that lead from an instant of a grid to the least penetration beside it.

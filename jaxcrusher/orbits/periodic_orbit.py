@@ -17,10 +17,8 @@ from jaxcrusher.basics.checks import (
     without_slopes,
 )
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.crusher.rough_feed import steady
-from jaxcrusher.crusher.scene import Scene, require_scene
+from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.mechanism.starts import Centred
-from jaxcrusher.motion.statistics_table import chosen, statistics_of
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.impact_velocities import held, settled_velocities, tracks
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, finished, missing
@@ -29,7 +27,7 @@ from jaxcrusher.orbits.tries import OrbitSearch, searched, shot_for, shot_once
 
 
 def periodic_orbit(
-    scene: Scene,
+    scene: AbstractScene,
     *,
     period: int | None = None,
     nodes: int | None = None,
@@ -86,7 +84,7 @@ def periodic_orbit(
         require(nodes % 2 == 0, "nodes", "be even", nodes)
     velocities = None
     if tracks(scene) and all(primal(leaf) is not None for leaf in jax.tree.leaves(scene)):
-        velocities = settled_velocities(jax.lax.stop_gradient(steady(scene)))
+        velocities = settled_velocities(jax.lax.stop_gradient(scene.steady()))
         if velocities is None:
             return finished(missing(scene, turns, RESULTS.impacts), scene)
         scene = held(scene, velocities)
@@ -104,13 +102,13 @@ def periodic_orbit(
     elif guess is not None:
         first = _guess(guess, scene)
     # The start does not matter: with the same for all, one program serves all.
-    alike = steady(scene)
+    alike = scene.steady()
     if not isinstance(scene.start, Centred | None):
         alike = dataclasses.replace(alike, start=Centred())
     still, first, begin = without_slopes((alike, first, begin))
     known = all(primal(leaf) is not None for leaf in jax.tree.leaves((still, first, begin)))
     if forced.unknowns(scene) == 0:
-        orbit = kinematic(alike, turns, chosen(statistics_of(scene)))
+        orbit = kinematic(alike, turns, scene.entries())
     elif known:
         search = OrbitSearch(alike, still, first, begin, period)
         # Tries that fail are NaN; what comes out of all of them is looked at below.
@@ -125,7 +123,7 @@ def periodic_orbit(
     return finished(orbit, scene, velocities)
 
 
-def _section(guess: ArrayLike, scene: Scene) -> Array:
+def _section(guess: ArrayLike, scene: AbstractScene) -> Array:
     """Check a section point that is to be shot from."""
     states, shape = (2 * forced.unknowns(scene),), np.shape(guess)  # pyright: ignore
     required = f"be a PeriodicOrbit, or a section point of shape {states}"
@@ -133,7 +131,7 @@ def _section(guess: ArrayLike, scene: Scene) -> Array:
     return jnp.asarray(guess, dtype=float)
 
 
-def _guess(guess: ArrayLike | None, scene: Scene) -> Array:
+def _guess(guess: ArrayLike | None, scene: AbstractScene) -> Array:
     """Check a guess: a row of all unknowns at each of some phases."""
     dims, shape = forced.unknowns(scene), np.shape(guess)  # pyright: ignore
     good = len(shape) == 2 and shape[1] == dims and shape[0] > 0

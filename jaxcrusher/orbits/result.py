@@ -18,15 +18,13 @@ from jaxcrusher.basics.checks import (
     require_names,
     require_own_process,
 )
-from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
-from jaxcrusher.crusher.rough_feed import steady
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.mechanism.eccentricity import EccentricityState
+from jaxcrusher.mechanism.reductions import SAMPLES
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
 from jaxcrusher.motion.statistics import limits_of
-from jaxcrusher.motion.statistics_table import SAMPLES, STATISTIC, statistics_of
 from jaxcrusher.orbits import forced
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.trigonometric import evaluate
@@ -69,13 +67,13 @@ def words(kind: Any, item: PyTree) -> str:
 class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     """A motion that repeats after `period` turns, and its statistics by name.
 
-    `orbit.foundation_rms` and so on: units and meanings stand in
-    `jaxcrusher.motion.statistics_table.STATISTIC`. A failed search has `success` False, NaN in
+    `orbit.foundation_rms` and so on: the scene's `statistics` have units and
+    meanings. A failed search has `success` False, NaN in
     every number, and says why in `failure`. Slopes of a failure are NaN, and so are slopes of the
     multipliers and of what follows from them.
     """
 
-    scene: Scene
+    scene: AbstractScene
     period: int = eqx.field(static=True)  # turns
     # e / c at equal steps of phase: x and y of each joint with clearance, A, B, C; behind
     # them x, y and rotation of a frame on supports, in the units of its state. None: no state
@@ -97,7 +95,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
     def units(self) -> dict[str, str]:
         """Return the unit of every statistic there is."""
-        return {name: statistic.unit for name, statistic in STATISTIC.items()}
+        return {name: one.unit for name, one in self.scene.statistics.items()}
 
     @property
     def success(self) -> Bool[Array, "*batch"]:
@@ -198,11 +196,11 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         A phase is the shaft's angle, counted on through all turns of the period.
 
         None is all but those of an elbow and a pivot that are ideal, and of supports that are none.
-        Raises ValueError for a name that `jaxcrusher.crusher.observables.OBSERVABLES` lacks.
+        Raises ValueError for a name that the scene's `observables` lack.
         """
         require_own_process()
-        outputs = observables_of(self.scene) if outputs is None else outputs
-        require_names("outputs", outputs, tuple(OBSERVABLES))
+        outputs = self.scene.own_observables if outputs is None else outputs
+        require_names("outputs", outputs, tuple(self.scene.observables))
         return _seen(self, jnp.asarray(angles, dtype=float), tuple(outputs))
 
 
@@ -220,7 +218,7 @@ def _die(
 
 
 def built(
-    scene: Scene,
+    scene: AbstractScene,
     period: int,
     path: Float[Array, "nodes dims"] | None,
     section: Float[ArrayLike, " states"],
@@ -256,7 +254,7 @@ def built(
     )
 
 
-def missing(scene: Scene, period: int, result: RESULTS) -> PeriodicOrbit:
+def missing(scene: AbstractScene, period: int, result: RESULTS) -> PeriodicOrbit:
     """Return no orbit, for a reason: NaN in every number."""
     nan, dims = jnp.asarray(jnp.nan), 2 * forced.unknowns(scene)
     return built(
@@ -264,7 +262,7 @@ def missing(scene: Scene, period: int, result: RESULTS) -> PeriodicOrbit:
         period,
         jnp.full((SAMPLES * period, dims // 2), jnp.nan),
         jnp.full(dims, jnp.nan),
-        dict.fromkeys(statistics_of(scene), nan),
+        dict.fromkeys(scene.own_statistics, nan),
         result=result,
         error=nan,
         least_penetration=nan,
@@ -287,17 +285,17 @@ def _seen(
     orbit: PeriodicOrbit, phases: Float[Array, " n"], outputs: tuple[str, ...]
 ) -> dict[str, Array]:
     def look(phase: Scalar) -> dict[str, Array]:
-        scene = steady(orbit.scene)
+        scene = orbit.scene.steady()
         still = orbit.eccentricity is None
         state = scene.formulation.initial(scene) if still else _state(orbit, phase)
         snapshot = scene.formulation.snapshot(phase / scene.drive.speed, state, scene)
-        return {name: OBSERVABLES[name](snapshot, scene) for name in outputs}
+        return {name: scene.observables[name](snapshot, scene) for name in outputs}
 
     return jax.vmap(look)(phases)
 
 
 def finished(
-    orbit: PeriodicOrbit, scene: Scene, held_velocities: Mapping[str, Scalar] | None = None
+    orbit: PeriodicOrbit, scene: AbstractScene, held_velocities: Mapping[str, Scalar] | None = None
 ) -> PeriodicOrbit:
     """Return the orbit of `scene` as it is handed out: NaN in all numbers and slopes of a failure.
 
@@ -318,7 +316,7 @@ def _masked(orbit: PeriodicOrbit) -> PeriodicOrbit:
 
 
 @eqx.filter_jit  # one program for all numbers: one by one they took most of an eager gradient
-def _masked_with_slopes(orbit: PeriodicOrbit, scene: Scene) -> PeriodicOrbit:
+def _masked_with_slopes(orbit: PeriodicOrbit, scene: AbstractScene) -> PeriodicOrbit:
     own = _masked(orbit)
     own = _sloped_if(own.success, own, scene)
     names = ("error", "multipliers", "multipliers_error")
@@ -326,7 +324,7 @@ def _masked_with_slopes(orbit: PeriodicOrbit, scene: Scene) -> PeriodicOrbit:
     return dataclasses.replace(own, **_sloped_if(None, bare, scene))
 
 
-def _sloped_if(good: Bool[Array, ""] | None, tree: PyTree, scene: Scene) -> PyTree:
+def _sloped_if(good: Bool[Array, ""] | None, tree: PyTree, scene: AbstractScene) -> PyTree:
     """Return the numbers of a tree, whose slopes by those of `scene` are NaN unless `good`.
 
     None is never.

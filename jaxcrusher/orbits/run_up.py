@@ -5,7 +5,7 @@ import scipy.signal
 from jaxtyping import Complex, Float
 
 from jaxcrusher.basics.checks import require_positive
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.natural_modes import linearised
 
 # Instants a turn at the running speed.
@@ -13,7 +13,11 @@ STEPS = 128
 
 
 def run_up(
-    scene: Scene, force: Complex[np.ndarray, "3 orders"], seconds: float, *, down: bool = False
+    scene: AbstractScene,
+    force: Complex[np.ndarray, "3 orders"],
+    seconds: float,
+    *,
+    down: bool = False,
 ) -> Float[np.ndarray, "times 3"]:
     """Return the displacements x, y (m) and the rotation (rad) of G while the speed changes.
 

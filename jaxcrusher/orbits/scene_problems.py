@@ -7,9 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.crusher.rough_feed import steady
-from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.motion.statistics_table import Chosen, chosen, statistics_of
+from jaxcrusher.mechanism.reductions import Chosen
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.tangents import SLICES, Build, slices_apart
 from jaxcrusher.orbits import forced, shot
 from jaxcrusher.orbits.penetrations import least_penetrations
@@ -33,6 +32,11 @@ LOST = {
 }
 
 
+def lost(joint: str) -> str:
+    """Return the kind of the event where the pin of a joint leaves its bore."""
+    return LOST.get(joint, f"contact lost at {joint}")
+
+
 class SceneFlow(AbstractFlow):
     """Motions of the scene `build(p)`, from section points."""
 
@@ -52,13 +56,13 @@ class SceneFlow(AbstractFlow):
 
 
 def problem_of(
-    scene: Callable[[Array], Scene], value: Array, period: int, nodal: bool
+    scene: Callable[[Array], AbstractScene], value: Array, period: int, nodal: bool
 ) -> AbstractPeriodicProblem:
     """Return the problem of the orbits of a scene over one or more numbers, like `value`.
 
     It is by collocation if `nodal`, otherwise by shooting.
     """
-    watched = tuple(LOST[joint] for joint, _ in scene(value).joints.items())
+    watched = tuple(lost(joint) for joint, _ in scene(value).joints.items())
     if not nodal:
         flow = SceneFlow(eqx.Partial(_made, scene=scene, shape=value.shape))
         return ShootingProblem(flow=flow, period=period, slices=SLICES, watched=watched)
@@ -76,7 +80,8 @@ def orbit_of(branch: Branch, point: Point) -> PeriodicOrbit:
         (u, p), scales = problem.split(u, p), jnp.stack([problem.scale, scales])
         problem = problem.base
     if isinstance(problem, CollocationProblem):
-        outputs = chosen(statistics_of(problem.family(p).args))
+        scene = problem.family(p).args
+        outputs = scene.entries()
         return _by_nodes(problem, u, p, scales, outputs)
     assert isinstance(problem, ShootingProblem)
     assert isinstance(problem.flow, SceneFlow)
@@ -92,7 +97,9 @@ def _by_nodes(
     return described(system, found, u, problem.period, outputs)
 
 
-def _by_slices(scene: Scene, problem: ShootingProblem, u: Array, seen: Turns) -> PeriodicOrbit:
+def _by_slices(
+    scene: AbstractScene, problem: ShootingProblem, u: Array, seen: Turns
+) -> PeriodicOrbit:
     """Return an orbit without an error of its multipliers.
 
     Its `error` is what a tolerance 100 times as large makes of the RMS.
@@ -107,9 +114,11 @@ def _by_slices(scene: Scene, problem: ShootingProblem, u: Array, seen: Turns) ->
     return shot.described(scene, found, problem.period)
 
 
-def _family(value: Array, *, scene: Callable[[Array], Scene], period: int) -> System:
-    return forced.system(steady(scene(value)), period)
+def _family(value: Array, *, scene: Callable[[Array], AbstractScene], period: int) -> System:
+    return forced.system(scene(value).steady(), period)
 
 
-def _made(point: Float[Array, " n"], scene: Callable[[Array], Scene], shape: tuple) -> Scene:
-    return steady(scene(point.reshape(shape)))
+def _made(
+    point: Float[Array, " n"], scene: Callable[[Array], AbstractScene], shape: tuple
+) -> AbstractScene:
+    return scene(point.reshape(shape)).steady()

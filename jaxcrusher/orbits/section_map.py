@@ -15,11 +15,11 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree, Scalar
 
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.reductions import Chosen
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import Flow, flat, unflattened
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import Slices, advance
-from jaxcrusher.motion.statistics_table import Chosen
 from jaxcrusher.motion.tangents import SLICES, sloped_turn
 
 # A section point, and what slices of turns tell: statistics, or samples of a path.
@@ -28,7 +28,7 @@ Passed = tuple[Float[Array, " dims"], dict[str, Array]]
 
 @eqx.filter_jit
 def passed(
-    scene: Scene, state: Float[Array, " dims"], rtol: Scalar | float, outputs: Chosen = ()
+    scene: AbstractScene, state: Float[Array, " dims"], rtol: Scalar | float, outputs: Chosen = ()
 ) -> Passed:
     """Return where a turn leads from a section point, and the outputs of its slices."""
     method, span = resolve(scene, rtol), 2 * np.pi / SLICES
@@ -50,7 +50,7 @@ def chained(
 
 
 def along(
-    scene: Scene, state: Float[Array, " dims"], period: int, rtol: float, outputs: Chosen
+    scene: AbstractScene, state: Float[Array, " dims"], period: int, rtol: float, outputs: Chosen
 ) -> Passed:
     """Return the section point of an orbit and the outputs of all slices, with slopes.
 
@@ -62,7 +62,9 @@ def along(
 
 
 @eqx.filter_custom_jvp
-def _along(scene: Scene, state: Array, *, period: int, rtol: float, outputs: Chosen) -> Passed:
+def _along(
+    scene: AbstractScene, state: Array, *, period: int, rtol: float, outputs: Chosen
+) -> Passed:
     parts, x = [], state
     if not outputs:
         return state, {}
@@ -93,7 +95,7 @@ def _along_jvp(
     return (state, slices.values), _moved(slices, ravel_pytree(change)[0])
 
 
-def _combined(point: Array, unravel: Any, fixed: Scene) -> Scene:
+def _combined(point: Array, unravel: Any, fixed: AbstractScene) -> AbstractScene:
     return eqx.combine(unravel(point), fixed)
 
 

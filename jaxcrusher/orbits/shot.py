@@ -11,12 +11,11 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, Scalar
 
 from jaxcrusher.basics.checks import without_slopes
 from jaxcrusher.basics.loops import design_by_design
-from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.observables import OBSERVABLES
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.frame import frame_units
-from jaxcrusher.motion.statistics_table import Chosen, Sampled, Statistic, chosen, statistics_of
+from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.reductions import Chosen, Sampled, Statistic
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.tangents import same, sloped_turn
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.penetrations import least_penetrations
@@ -32,8 +31,6 @@ STEPS = 16
 # first of these the tolerance is coarse.
 ORBIT_RTOL = 1e-11
 ROUNDS = ((1e-8, 1e-4), (ORBIT_RTOL, CLOSURE))
-# A coarser tolerance tells the error of this statistic, and of the multipliers.
-RMS = "foundation_rms"
 
 
 class Closed(eqx.Module):
@@ -46,13 +43,13 @@ class Closed(eqx.Module):
     result: newton.RESULTS
 
 
-def can_be_shot(scene: Scene, guess: Float[ArrayLike, " dims"]) -> bool:
+def can_be_shot(scene: AbstractScene, guess: Float[ArrayLike, " dims"]) -> bool:
     """Whether a state is eccentricities and rates: a memory that nothing renews always repeats."""
     by_eccentricity = isinstance(scene.formulation, EccentricityFormulation)
     return by_eccentricity and np.shape(guess) == (2 * unknowns(scene),)
 
 
-def closed(scene: Scene, guess: Float[Array, " dims"], period: int) -> Closed:
+def closed(scene: AbstractScene, guess: Float[Array, " dims"], period: int) -> Closed:
     """Return the section point near `guess` that repeats after `period` turns.
 
     One program serves all periods. Under `jax.vmap` on a CPU one design after the other.
@@ -62,7 +59,7 @@ def closed(scene: Scene, guess: Float[Array, " dims"], period: int) -> Closed:
 
 @eqx.filter_jit
 @design_by_design
-def _closed(scene: Scene, guess: Float[Array, " dims"], period: Int[Array, ""]) -> Closed:
+def _closed(scene: AbstractScene, guess: Float[Array, " dims"], period: Int[Array, ""]) -> Closed:
     def closer(start: Array, now: Array) -> tuple[Array, tuple]:
         rtol, tolerance = now
 
@@ -84,7 +81,7 @@ def _closed(scene: Scene, guess: Float[Array, " dims"], period: Int[Array, ""]) 
 
 
 def integrated_multipliers(
-    scene: Scene, state: Float[Array, " dims"], period: int
+    scene: AbstractScene, state: Float[Array, " dims"], period: int
 ) -> tuple[Complex[Array, " dims"], Scalar]:
     """Return the multipliers of the orbit through a section point, and the error of their matrix.
 
@@ -97,7 +94,7 @@ def integrated_multipliers(
 
 @eqx.filter_jit
 def _matrix(
-    scene: Scene, state: Float[Array, " dims"], period: Int[Array, ""]
+    scene: AbstractScene, state: Float[Array, " dims"], period: Int[Array, ""]
 ) -> tuple[Float[Array, "dims dims"], Scalar]:
     """Return what a period makes of a disturbance, and its error.
 
@@ -109,7 +106,7 @@ def _matrix(
 
 
 def _mapped(
-    scene: Scene, state: Float[Array, " dims"], period: Int[Array, ""], rtol: Scalar
+    scene: AbstractScene, state: Float[Array, " dims"], period: Int[Array, ""], rtol: Scalar
 ) -> tuple[Float[Array, " dims"], Float[Array, "dims dims"]]:
     """Return where a period leads from a section point, with its derivative by that."""
     build = eqx.Partial(same, scene=scene)
@@ -121,19 +118,19 @@ def _mapped(
     return jax.lax.fori_loop(0, period, turn, (state, jnp.eye(state.size)))
 
 
-def described(scene: Scene, found: Closed, period: int) -> PeriodicOrbit:
+def described(scene: AbstractScene, found: Closed, period: int) -> PeriodicOrbit:
     """Return the orbit through a section point, with slopes by the numbers of `scene`."""
-    outputs, samples = chosen(statistics_of(scene)), _samples(scene)
+    outputs, samples = scene.entries(), _samples(scene)
     still = without_slopes(scene)
-    rms = tuple(one for one in outputs if one[0] == RMS)
+    rms = tuple(one for one in outputs if one[0] == scene.leading)
     _, rough = along(still, found.state, period, COARSER * ORBIT_RTOL, rms)
     section, seen = along(scene, found.state, period, ORBIT_RTOL, outputs + samples)
-    return _described(scene, found, period, outputs, section, seen, rough[RMS])
+    return _described(scene, found, period, outputs, section, seen, rough[scene.leading])
 
 
 @eqx.filter_jit
 def _described(
-    scene: Scene,
+    scene: AbstractScene,
     found: Closed,
     period: int,
     outputs: Chosen,
@@ -143,7 +140,7 @@ def _described(
 ) -> PeriodicOrbit:
     table, path = dict(outputs), _relative(scene, seen)
     values = {name: table[name].reduction.of_pieces(seen[name]) for name in table}
-    apart = table[RMS].reduction.of_pieces(rough) / values[RMS] - 1
+    apart = table[scene.leading].reduction.of_pieces(rough) / values[scene.leading] - 1
     good = found.result == newton.RESULTS.successful
     result = RESULTS.promote(newton.RESULTS.successful)
     return built(
@@ -162,7 +159,7 @@ def _described(
     )
 
 
-def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> PeriodicOrbit:
+def shoot(scene: AbstractScene, guess: Float[ArrayLike, " dims"], period: int) -> PeriodicOrbit:
     """Return the orbit of `scene` through a section point near `guess`.
 
     Its `error` is what a tolerance 100 times as large makes of the RMS, that of its multipliers
@@ -175,7 +172,7 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> Period
 
 
 def least_penetrations_from(
-    scene: Scene, state: Float[ArrayLike, " dims"], period: int
+    scene: AbstractScene, state: Float[ArrayLike, " dims"], period: int
 ) -> Float[Array, " joints"]:
     """Return those of `jaxcrusher.orbits.penetrations.least_penetrations` from a section point."""
     _, seen = along(scene, jnp.asarray(state), period, ORBIT_RTOL, _samples(scene))
@@ -189,19 +186,19 @@ def _as_seen(samples: Array) -> Array:
 _SAMPLED = Sampled(_as_seen, _as_seen)
 
 
-def _samples(scene: Scene) -> Chosen:
+def _samples(scene: AbstractScene) -> Chosen:
     """Return what tells the unknowns of an orbit at 1024 instants a turn, as statistics do."""
     names = [before(joint) + "eccentricity" for joint, _ in scene.joints.items()]
     if scene.supports is not None:
         names += ["frame_displacement", "frame_rotation"]
-    seen = {name: OBSERVABLES[name] for name in names}
+    seen = {name: scene.observables[name] for name in names}
     return tuple(
         (f"path of {name}", Statistic(one.unit, one.meaning, one, _SAMPLED))
         for name, one in seen.items()
     )
 
 
-def _relative(scene: Scene, seen: dict[str, Array]) -> Float[Array, "nodes dims"]:
+def _relative(scene: AbstractScene, seen: dict[str, Array]) -> Float[Array, "nodes dims"]:
     """Return all unknowns at equal steps of phase, from zero on."""
 
     def whole(samples: Array) -> Array:

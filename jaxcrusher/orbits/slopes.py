@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import flat, initial_state
 from jaxcrusher.motion.tangents import Build
 from jaxcrusher.orbits.forced import refusal
@@ -34,13 +34,13 @@ class OrbitSlopes(NamedTuple):
     beside: Float[np.ndarray, " n"]  # differences over the radius; NaN where there is no orbit
 
 
-def orbit_beside(scene: Scene) -> PeriodicOrbit | None:
+def orbit_beside(scene: AbstractScene) -> PeriodicOrbit | None:
     """Return the stable motion that a scene starts beside, with what its slopes need.
 
     None where there is none: for a scene that `periodic_orbit` refuses, and for an orbit that is
     not found, not stable, hardly in contact, or not near the scene's start.
     """
-    if scene.joint is None or refusal(scene):
+    if scene.is_ideal or refusal(scene):
         return None
     orbit = periodic_orbit(scene)
     if orbit.eccentricity is None or not bool(orbit.stable & (orbit.least_penetration > GRAZING)):
@@ -88,5 +88,5 @@ def orbit_slopes(
 
 
 @eqx.filter_jit  # traced: a neighbour of a parameter at its limit lies outside
-def _built(build: Callable[[Array], Scene], point: Array) -> Scene:
+def _built(build: Callable[[Array], AbstractScene], point: Array) -> AbstractScene:
     return build(point)

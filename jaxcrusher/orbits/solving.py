@@ -12,12 +12,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, Int, Scalar
 
 from jaxcrusher.basics.loops import design_by_design, one_by_one
-from jaxcrusher.crusher.joints import before
-from jaxcrusher.crusher.observables import foundation_force
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.reductions import SAMPLES, AbstractMean, Chosen
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
-from jaxcrusher.motion.statistics_table import SAMPLES, AbstractMean, Chosen, chosen, statistics_of
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.lowering import lowered
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built
@@ -85,7 +84,7 @@ def of_nodes(
         rms = jax.lax.cond(
             jnp.isfinite(errors.rms),
             lambda: errors.rms,
-            lambda: dual_error(system, x, factors, defect, _foundation_force),
+            lambda: dual_error(system, x, factors, defect, _leading_force),
         )
         errors = errors._replace(rms=rms)
     missed, change = jnp.split(found.closure, 2)
@@ -94,7 +93,7 @@ def of_nodes(
 
 
 @eqx.filter_jit
-def in_steps(scene: Scene, found: Nodes, period: int, steps: int) -> Nodes:
+def in_steps(scene: AbstractScene, found: Nodes, period: int, steps: int) -> Nodes:
     """Return an orbit with multipliers by so many steps a period."""
     system = forced.system(scene, period)
     known, errors = _passed_on(system, found.x, *_between(system, found.x), None, steps)
@@ -120,16 +119,17 @@ def _passed_on(
 ) -> tuple[Multipliers, NodeErrors]:
     """Return the multipliers of the orbit through `x`, and what its nodes leave."""
     found = of_slopes(slopes, system.period, steps, defect)
-    return found, node_errors(system, x, slopes, defect, _foundation_force, family, steps)
+    return found, node_errors(system, x, slopes, defect, _leading_force, family, steps)
 
 
-def _foundation_force(phase: Scalar, x: Array, rate: Array, scene: Scene) -> Scalar:
-    return foundation_force(forced.snapshot(phase, x, rate, scene), scene)
+def _leading_force(phase: Scalar, x: Array, rate: Array, scene: AbstractScene) -> Scalar:
+    quantity = scene.statistics[scene.leading].quantity
+    return jnp.asarray(quantity(forced.snapshot(phase, x, rate, scene), scene))
 
 
 @eqx.filter_jit
 def solved(
-    scene: Scene, guess: Float[Array, "angles dims"] | None, period: int, nodes: int
+    scene: AbstractScene, guess: Float[Array, "angles dims"] | None, period: int, nodes: int
 ) -> tuple[Nodes, Factors]:
     """Return the orbit near a guess, and the factors for its slopes.
 
@@ -139,7 +139,7 @@ def solved(
     """
 
     @design_by_design
-    def found(scene: Scene, guess: Array | None) -> tuple[Nodes, Factors]:
+    def found(scene: AbstractScene, guess: Array | None) -> tuple[Nodes, Factors]:
         rest, at_rest = forced.quasi_static(scene, period, nodes), jnp.array(True)
         if guess is not None:
             at_rest = ~jnp.all(jnp.isfinite(guess))
@@ -153,26 +153,30 @@ def solved(
     return found(scene, guess)
 
 
-def with_statistics(scene: Scene, found: Nodes, factors: Factors, period: int) -> PeriodicOrbit:
+def with_statistics(
+    scene: AbstractScene, found: Nodes, factors: Factors, period: int
+) -> PeriodicOrbit:
     """Return the orbit with the statistics that the table has now."""
-    return _with_statistics(scene, found, factors, period, chosen(statistics_of(scene)))
+    return _with_statistics(scene, found, factors, period, scene.entries())
 
 
 @eqx.filter_jit
 def _with_statistics(
-    scene: Scene, found: Nodes, factors: Factors, period: int, outputs: Chosen
+    scene: AbstractScene, found: Nodes, factors: Factors, period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     system = forced.system(scene, period)
     return described(system, found, attached(system, found.x, factors), period, outputs)
 
 
-def solved_as_needed(scene: Scene, still: Scene, guess: Array | None, period: int) -> PeriodicOrbit:
+def solved_as_needed(
+    scene: AbstractScene, still: AbstractScene, guess: Array | None, period: int
+) -> PeriodicOrbit:
     """Return the orbit with 96 nodes a turn, or with 384 where these leave the RMS unsettled.
 
     `still` is the scene without slopes.
     """
     found = _refined(still, guess, period)
-    return _refined_described(scene, found, period, chosen(statistics_of(scene)))
+    return _refined_described(scene, found, period, scene.entries())
 
 
 class _Refined(eqx.Module):
@@ -185,11 +189,11 @@ class _Refined(eqx.Module):
 
 
 @eqx.filter_jit
-def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
+def _refined(scene: AbstractScene, guess: Array | None, period: int) -> _Refined:
     """Solve for the orbit; under `jax.vmap` on a CPU one after the other: few need many nodes."""
 
     @design_by_design
-    def found(scene: Scene, guess: Array | None) -> _Refined:
+    def found(scene: AbstractScene, guess: Array | None) -> _Refined:
         few, factors = solved(scene, guess, period, NODES * period)
         # Where Newton's method fails more nodes are of no use.
         failed = few.result != newton.RESULTS.successful
@@ -208,7 +212,7 @@ def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
 
 @eqx.filter_jit
 def _refined_described(
-    scene: Scene, found: _Refined, period: int, outputs: Chosen
+    scene: AbstractScene, found: _Refined, period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     """Return the orbit, with slopes by the equations of the nodes that settled it."""
     system = forced.system(scene, period)
@@ -249,7 +253,7 @@ def described(
 
 
 @eqx.filter_jit
-def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
+def kinematic(scene: AbstractScene, period: int, outputs: Chosen) -> PeriodicOrbit:
     """Return the orbit of ideal joints in a clamped frame: a sum over turns."""
     still = scene.formulation.initial(scene)
     phases = 2 * jnp.pi * jnp.arange(SAMPLES * period) / SAMPLES
@@ -276,7 +280,10 @@ def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
 
 
 def _statistics(
-    snapshot: Callable[..., Snapshot], instants: tuple[Array, ...], scene: Scene, outputs: Chosen
+    snapshot: Callable[..., Snapshot],
+    instants: tuple[Array, ...],
+    scene: AbstractScene,
+    outputs: Chosen,
 ) -> tuple[dict[str, Scalar], Scalar, Scalar]:
     """Reduce snapshots at equal steps to statistics, and to the least penetration.
 
@@ -299,10 +306,10 @@ def _statistics(
         return how.of_samples(_finer(q))
 
     values = {name: reduce(name) for name in statistics}
-    error = jnp.abs(reduce("foundation_rms", 2) / values["foundation_rms"] - 1)
+    error = jnp.abs(reduce(scene.leading, 2) / values[scene.leading] - 1)
     names = [f"{before(joint)}penetration_ratio" for joint, _ in scene.joints.items()]
-    depths = [samples[statistics[name].quantity] for name in names or ["penetration_ratio"]]
-    least = jnp.min(jnp.stack([jnp.min(_finer(depth)) for depth in depths]))
+    depths = [jnp.min(_finer(samples[statistics[name].quantity])) for name in names]
+    least = jnp.min(jnp.stack(depths)) if depths else jnp.zeros(())
     return values, jax.lax.stop_gradient(error), least
 
 

@@ -17,13 +17,13 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Scalar
 
 from jaxcrusher.basics.integrate import integrate
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.starts import InContact
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.indicators import CHAOS, detect_period, lyapunov_spectrum
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistics import statistics_problem
+from jaxcrusher.motion.statistics import of_whirl, statistics_problem
 from jaxcrusher.motion.tangents import SLICES, same, tangents
 from jaxcrusher.orbits.forced import coordinates
 from jaxcrusher.orbits.result import RESULTS
@@ -41,8 +41,6 @@ ANGLES = 96
 LONGEST, NARROWER = 4, 0.5
 # Section points so near, in clearances and m/s, repeat.
 REPEATED = 1e-4
-# The statistics that tell a whirl in two turns.
-OF_WHIRL = ("foundation_rms", "contact_fraction", "winding")
 # Turns over which a disturbance is followed.
 GROWN = 24
 
@@ -53,7 +51,7 @@ ABOUT, NEAR = 0.25, 1e-3
 _LOG = logging.getLogger(__name__)
 
 # A section point, and the scene that moves from it.
-SceneAt = tuple[Float[Array, " dims"], Scene]
+SceneAt = tuple[Float[Array, " dims"], AbstractScene]
 
 
 def section_points(
@@ -78,7 +76,7 @@ def _states(
     return jax.vmap(lambda one: flat(one, scene))(states), outcome.success
 
 
-def resting_start(scene: Scene) -> SceneAt:
+def resting_start(scene: AbstractScene) -> SceneAt:
     """Return the scene with its pins resting in their bores, whatever its own start."""
     if not scene.is_ideal:
         scene = eqx.tree_at(lambda s: s.start, scene, InContact())
@@ -111,7 +109,7 @@ def one_period(
     return jax.vmap(lambda one: _coordinates(one, scene))(states), success
 
 
-def _coordinates(section: Float[Array, " dims"], scene: Scene) -> Float[Array, " half"]:
+def _coordinates(section: Float[Array, " dims"], scene: AbstractScene) -> Float[Array, " half"]:
     state = unflattened(section, scene)
     assert state is not None
     return coordinates(state)
@@ -172,7 +170,7 @@ class Round:
 class Wait:
     """A motion from the pins at rest, waited for in rounds as far as it is asked for."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: AbstractScene) -> None:
         self._own = scene
         self._ended: Array | None = None  # the state after all turns so far
         self._last: Round | None = None
@@ -184,7 +182,7 @@ class Wait:
         return resting_start(self._own)
 
     @property
-    def scene(self) -> Scene:
+    def scene(self) -> AbstractScene:
         """Return the scene that is waited for, with its pins at rest."""
         return self._start[1]
 
@@ -233,13 +231,13 @@ class Wait:
 
     def _whirls(self) -> bool:
         seen = poincare_section(
-            self.scene, 0, 2, state=self._state, outputs=OF_WHIRL, rtol=WAIT_RTOL
+            self.scene, 0, 2, state=self._state, outputs=of_whirl(self.scene), rtol=WAIT_RTOL
         )
         return bool(seen.success) and bool(seen.statistics.whirl)
 
     def _growth(self) -> float:
         """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980)."""
         build = eqx.Partial(same, scene=self.scene)
-        along = tangents(build, jnp.zeros(0), "foundation_rms", self._state, GROWN, WAIT_RTOL)
+        along = tangents(build, jnp.zeros(0), self.scene.leading, self._state, GROWN, WAIT_RTOL)
         exponents = lyapunov_spectrum(along.jacobians, slices=SLICES, discard=0.0).exponents
         return float(exponents[0])

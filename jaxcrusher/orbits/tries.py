@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array, Scalar
 
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import (
@@ -89,8 +89,8 @@ class Try(NamedTuple):
 class OrbitSearch(NamedTuple):
     """A scene whose values `still` are known, and from where its orbit is searched for."""
 
-    scene: Scene
-    still: Scene
+    scene: AbstractScene
+    still: AbstractScene
     guess: Array | None  # of nodes
     section: Array | None  # the section point of a guess, which may lose contact
     period: int | None  # None is 1, or else what the motion that is waited for repeats after
@@ -175,7 +175,9 @@ def shot_for(search: OrbitSearch) -> PeriodicOrbit:
     return _best(_shots(search, wait), wait)
 
 
-def shot_once(scene: Scene, still: Scene, section: Array | None, turns: int) -> PeriodicOrbit:
+def shot_once(
+    scene: AbstractScene, still: AbstractScene, section: Array | None, turns: int
+) -> PeriodicOrbit:
     """Return the orbit that shooting leads to once, whose values may be traced.
 
     From a section point, or from the mean of 240 turns from the pins at rest.
@@ -308,7 +310,7 @@ def _shots(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
     yield Try(none, none)
 
 
-def _resolved(scene: Scene, found: Nodes, turns: int) -> Nodes:
+def _resolved(scene: AbstractScene, found: Nodes, turns: int) -> Nodes:
     """Return nodes with multipliers in shorter steps, as long as their error is too large.
 
     A contact that damps itself to rest within a step of the usual length overflows there.

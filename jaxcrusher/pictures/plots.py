@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.capacity import CrushingChamber
-from jaxcrusher.crusher.joints import before
+from jaxcrusher.mechanism.named import before
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.echo import unit_of
 from jaxcrusher.scenes.parameters import in_words

@@ -24,7 +24,7 @@ from jaxcrusher.crusher.loads import AbstractLoad, ByAngle, HalfSineStroke, clos
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
 from jaxcrusher.crusher.rod import Rod, rod_at
 from jaxcrusher.crusher.rough_feed import rough_feed
-from jaxcrusher.crusher.scene import Scene, require_clearance
+from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import (
@@ -36,6 +36,7 @@ from jaxcrusher.joint.normal import (
 from jaxcrusher.joint.rollers import RollerBearing, Rollers
 from jaxcrusher.mechanism.drives import ConstantSpeed, UnevenSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.scene import require_clearance
 from jaxcrusher.mechanism.soil import soil_under
 from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupports
 from jaxcrusher.scenes.laws import LAWS
@@ -101,10 +102,10 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     require_x64()
     check_described(values)
     v = within_limits(complete(values))
-    machine, drive = build_machine(v), _drive(v)
-    law, foundation, rod = _fed(_load(v, machine), v), _foundation(v), _rod(v, machine)
-    main = None if v["joint"] == "ideal" else _joint(v, "")
-    worn = {joint: _joint(v, f"{joint}.") for joint in WORN_JOINTS if f"{joint}.clearance" in v}
+    machine, drive = build_machine(v), drive_of(v)
+    law, foundation, rod = _fed(_load(v, machine), v), foundation_of(v), _rod(v, machine)
+    main = None if v["joint"] == "ideal" else joint_of(v, "")
+    worn = {joint: joint_of(v, f"{joint}.") for joint in WORN_JOINTS if f"{joint}.clearance" in v}
     warn_of_unusual(values)
     ideal = main is None and not worn
     formulation = EccentricityFormulation() if ideal else LAWS["formulation"][v["formulation"]]()
@@ -190,7 +191,7 @@ def _of(values: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     return {n.removeprefix(prefix): value for n, value in values.items() if n.startswith(prefix)}
 
 
-def _drive(values: Mapping[str, Any]) -> ConstantSpeed | UnevenSpeed:
+def drive_of(values: Mapping[str, Any]) -> ConstantSpeed | UnevenSpeed:
     """Return what turns the shaft."""
     speed = values["speed"]
     if "speed_fluctuation" not in values:
@@ -246,7 +247,7 @@ def _fed(load: AbstractLoad | None, values: Mapping[str, Any]) -> AbstractLoad |
     return rough_feed(load, *(values[name] for name in names))
 
 
-def _foundation(values: Mapping[str, Any]) -> AbstractFoundation | None:
+def foundation_of(values: Mapping[str, Any]) -> AbstractFoundation | None:
     """Return what the frame stands on; None: clamped, with moments about C."""
     numbers, soil = _of(values, "foundation."), _of(values, "foundation.soil.")
     for name in ("rocking_stiffness", "rocking_damping", *(f"soil.{name}" for name in soil)):
@@ -313,7 +314,7 @@ def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
     return friction
 
 
-def _joint(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
+def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     """Return the joint whose names have the prefix."""
     every = values
     v = _of(values, prefix)

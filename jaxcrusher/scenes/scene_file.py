@@ -101,7 +101,7 @@ def read_entries(path: Path) -> list[tuple[str, Any]]:
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: is not TOML: {_slip(text, str(error))}.") from None
     try:
-        return list(_flatten(entries))
+        return list(flattened(entries))
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
 
@@ -349,12 +349,12 @@ def _parse_unit(text: str) -> pint.Unit:
     return _registry().parse_units(_EXPONENT.sub(r"**\1", plain))
 
 
-def _flatten(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted names and values."""
+def flattened(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted names and values of nested tables."""
     for key, value in table.items():
         name = prefix + key
         if isinstance(value, dict) and value and name not in _keys():
-            yield from _flatten(value, f"{name}.")
+            yield from flattened(value, f"{name}.")
         elif name not in _tables():
             yield name, value
         elif value != {}:

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Iterable
 
-from jaxcrusher.batch.sweep import columns_of
-from jaxcrusher.crusher.joints import JOINTS, before
-from jaxcrusher.files.table import COLUMNS, Column
+from jaxcrusher.batch.sweep import columns_of as sweep_columns
+from jaxcrusher.crusher.joints import JOINTS
+from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
+from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
-from jaxcrusher.motion import statistics_table
-from jaxcrusher.motion.statistics_table import STATISTIC, always_with, chosen
+from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.reductions import chosen
 from jaxcrusher.orbits.load_sheet import MOVING, Row, joint_states
 from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.scenes.echo import said, unit_of
@@ -308,9 +309,9 @@ def coexisting(found: Answer) -> Table | None:
 def runs(design: Confirmed, unit: str) -> Table:
     """Return every variable of every run of a design."""
     first, *_ = design.transient.values()
-    joints = [joint for joint in JOINTS[1:] if f"{before(joint)}contact_fraction" in first.by_run]
-    known = columns_of(joints, chosen(always_with(joints)))
-    known |= statistics_table.columns(name for name in first.by_run if name in STATISTIC)
+    joints = [joint for joint in JOINTS if f"{before(joint)}contact_fraction" in first.by_run]
+    known = sweep_columns(joints, chosen(STATISTIC, always_with(joints)))
+    known |= columns_of(STATISTIC, (name for name in first.by_run if name in STATISTIC))
     known |= {
         "objective": Column(unit, "objective"),
         "steps": COLUMNS["steps"],

@@ -9,7 +9,6 @@ from benchmarks.peers.equations import Crusher
 from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
 from benchmarks.peers.free_bodies_numba import CompiledBodies
 from benchmarks.peers.motion import Motion
-from jaxcrusher.crusher.observables import observables_of
 from jaxcrusher.scenes.parameters import PE250X400
 from tests.pairs import crossed, slow
 
@@ -163,7 +162,7 @@ def test_the_package_moves_as_free_bodies(formulation, joints):
     numbers = bodies.numbers | {"formulation": formulation}
     numbers |= {f"{PREFIXES[joint]}slip": slip for joint in loose}
     scene = jc.build_scene({name: v for name, v in numbers.items() if name != "start"})
-    names = [name for name in observables_of(scene) if "eccentricity" in name]
+    names = [name for name in scene.own_observables if "eccentricity" in name]
     assert f"{PREFIXES[loose[-1]]}eccentricity".replace(".", "_") in names
     forces = ("joint_force", "elbow_reaction", "toggle_reaction", "bearing_reaction")
     ours = jc.simulate(scene, times, outputs=(*names, *forces))

@@ -11,6 +11,8 @@ import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.joints import JOINTS
+from jaxcrusher.mechanism import energies
+from jaxcrusher.mechanism import observables as general
 from jaxcrusher.mechanism.drives import CrankState
 from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
@@ -99,20 +101,20 @@ def unaccounted(scene):
 
         def energy(time, state):
             s = formulation.snapshot(time, state, scene)
-            parts = (ob.kinetic_energy, ob.potential_energy, ob.elastic_energy)
+            parts = (energies.kinetic_energy, energies.potential_energy, general.elastic_energy)
             return sum(part(s, scene) for part in parts)
 
         s = formulation.snapshot(time, state, scene)
         rate = formulation.rate(s, state, scene)
         _, change = jax.jvp(energy, (time, state), (jnp.array(1.0), rate))
-        inputs = ob.drive_power(s, scene), ob.load_power(s, scene)
-        losses = [ob.contact_loss(s, scene), ob.friction_loss(s, scene)]
+        inputs = general.drive_power(s, scene), ob.load_power(s, scene)
+        losses = [general.contact_loss(s, scene), general.friction_loss(s, scene)]
         losses += [] if scene.rod is None else [ob.rod_loss(s, scene)]
-        losses += [] if s.frame is None else [ob.support_loss(s, scene)]
+        losses += [] if s.frame is None else [general.support_loss(s, scene)]
         force, moment, size = _pushes(s, scene)
         # Forces at speeds of about 1 m/s.
         scale = sum(jnp.abs(power) for power in (*inputs, *losses)) + size
-        scale += sum(ob.force_at(s, scene, joint) for joint in JOINTS)
+        scale += sum(general.force_at(s, scene, joint) for joint in JOINTS)
         left = jnp.abs(change - sum(inputs) + sum(losses)) / scale
         return left, jnp.maximum(jnp.abs(force.array()).max(), jnp.abs(moment)) / size
 
@@ -131,7 +133,7 @@ def _pushes(s, scene):
         pushes.append((ob.load_position(s, scene), -s.applied.load.force))
     if scene.rod is not None:
         pushes.append((scene.rod.on_frame, -s.applied.rod.force))
-    moment = -ob.drive_torque(s, scene)
+    moment = -general.drive_torque(s, scene)
     for name, contact in s.contacts.items():
         if scene.linkage.joint(name).bore.body == FRAME:
             moment += contact.bearing_moment
@@ -139,8 +141,8 @@ def _pushes(s, scene):
     weight = scene.linkage.gravity * sum(body.mass for body in scene.linkage.bodies.values)
     size = ob.foundation_force(s, scene) + weight
     if s.frame is None:
-        force = -1.0 * ob.ground_force(s, scene)
-        moment -= ob.ground_moment(s, scene)
+        force = -1.0 * general.ground_force(s, scene)
+        moment -= general.ground_moment(s, scene)
     else:
         supports, axis = scene.supports, s.frame.axis
         on_ground = supports.support_forces(s.frame)

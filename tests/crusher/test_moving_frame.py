@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher import observables as ob
-from jaxcrusher.crusher.observables import OBSERVABLES, observables_of
+from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.mechanism import observables as general
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from tests.crusher.kinds import at_start, check_laws, placed
@@ -72,7 +72,7 @@ def test_formulations_agree(kind):
     @eqx.filter_jit
     def observe(scene):
         s = at_start(scene)
-        return {name: OBSERVABLES[name](s, scene) for name in observables_of(scene)}
+        return {name: OBSERVABLES[name](s, scene) for name in scene.own_observables}
 
     one, other = (observe(scene_of(kind, name)) for name in ("eccentricity", "multiplier"))
     assert "left_force" in one
@@ -86,7 +86,7 @@ def test_start_is_at_rest_on_the_springs():
     """All weight hangs in the springs: by the lever rule, in small rotations of 1e-4."""
     scene = jc.build_scene({**NUMBERS, "joint": "ideal"})
     s = scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
-    left, right = (force(s, scene) for force in (ob.left_force, ob.right_force))
+    left, right = (force(s, scene) for force in (general.left_force, general.right_force))
     places = [s.motion.centre(name) for name in scene.linkage.bodies.names]
     masses = [2000.0, *(float(body.mass) for body in scene.linkage.bodies.values)]
     at = np.array([0.3, *(float(place.x) for place in places)])

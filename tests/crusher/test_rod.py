@@ -73,7 +73,7 @@ def test_a_slack_rod_is_told_and_pulls_no_more():
 
 def test_without_stiffness_and_preload_nothing_is_traced():
     plain = jc.build_scene({})
-    assert plain.rod is None and "rod_tension" not in ob.observables_of(plain)
+    assert plain.rod is None and "rod_tension" not in plain.own_observables
     assert field_operations(jc.build_scene(ROD)) > field_operations(plain)
     for name in ("rod.damping", "rod.x", "rod.jaw_along"):
         with pytest.raises(ValueError, match=f"`{name}` must come with `rod.stiffness`"):

@@ -14,7 +14,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.machine import Jaw, Machine
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.mechanism.drives import GivenTorque
-from jaxcrusher.motion.statistics_table import top
+from jaxcrusher.mechanism.reductions import top
 from jaxcrusher.scenes.build import build_machine
 from tests.crusher.operations import field_operations, operations, traced
 

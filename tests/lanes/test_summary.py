@@ -13,7 +13,7 @@ from jaxcrusher.lanes.equations import write_summary
 from jaxcrusher.lanes.layout import layout
 from jaxcrusher.lanes.machine import load
 from jaxcrusher.lanes.verify import Unsupported, verified
-from jaxcrusher.motion.statistics_table import top
+from jaxcrusher.mechanism.reductions import top
 
 # Of a series x, one of pairs y, and the state z at the end.
 REDUCTIONS = {

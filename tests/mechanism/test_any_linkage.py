@@ -98,12 +98,8 @@ def power(s, scene):
     pull = s.applied.wrenches[0]
     velocity = s.motion.centre_velocity(pull.body)
     if s.frame is not None:
-        # The pull is fixed to the axes of the frame, and acts on the ground.
-        arm = s.motion.centre(pull.body) - scene.supports.point
-        drift = s.frame.velocity.seen_from(s.frame.axis)
-        velocity = velocity + drift + s.frame.spin * arm.perp()
         total -= scene.supports.loss(s.frame)
-    total += pull.force.dot(velocity)
+    total += pull.force.dot(velocity)  # the frame feels its reaction in the same line
     for contact in s.contacts.values:
         total -= contact.normal_loss + contact.friction_loss
     return total
@@ -172,7 +168,7 @@ def test_each_body_obeys_newton_and_euler(machine, linkages, name, frame):
         bodies[FRAME], places[FRAME] = SUPPORTS.moving(s.frame).body, SUPPORTS.point
         outside[FRAME] = ground.force, ground.moment - found.torque
     # Of each joint and slide: where it pushes which body, with which force and moment.
-    pushes = []
+    pushes = [(FRAME, places[pull.body], -pull.force, 0.0)]
     for joint, ends in linkage.joints.items():
         for end, sign, turned in (
             (ends.bore, 1.0, "bearing_moment"),

@@ -16,12 +16,14 @@ from jax.flatten_util import ravel_pytree
 
 import jaxcrusher as jc
 from jaxcrusher.crusher import observables as ob
+from jaxcrusher.mechanism import energies
+from jaxcrusher.mechanism import observables as general
 from jaxcrusher.mechanism.drives import GivenTorque
 from tests.pairs import slow
 
 DATA = json.loads(Path(__file__).with_name("derived_by_hand.json").read_text())
-ENERGIES = {"kinetic": ob.kinetic_energy, "potential": ob.potential_energy}
-ENERGIES |= {"elastic": ob.elastic_energy}
+ENERGIES = {"kinetic": energies.kinetic_energy, "potential": energies.potential_energy}
+ENERGIES |= {"elastic": general.elastic_energy}
 
 
 # Of each kind of scene one; power, momentum and the other formulation see the rest too.

@@ -10,7 +10,6 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.motion.flow import initial_state
-from jaxcrusher.motion.statistics_table import always_of, statistics_of
 
 RMS = "foundation_rms"
 OUTPUTS = (RMS, "winding")
@@ -106,7 +105,7 @@ def test_friction_that_does_not_hold_a_shaft_at_rest_says_so():
     outputs = ("penetration_ratio", "impact_speed", "shaft_speed_least")
     for torque, stops in ((0.0, True), (3e3, False)):
         scene = replace(quiet(slip="surface"), drive=GivenTorque(torque, 30.0))
-        assert set(outputs) < set(always_of(scene)) & set(statistics_of(scene))
+        assert set(outputs) < set(scene.usual_statistics) & set(scene.own_statistics)
         found = jc.statistics(scene, 0, 1, outputs=outputs)
         assert (float(found.shaft_speed_least) < 0) == stops
         limits = found.validity
@@ -114,4 +113,4 @@ def test_friction_that_does_not_hold_a_shaft_at_rest_says_so():
         assert any(line.startswith("shaft: comes to rest") for line in limits.remarks()) == stops
     # What cannot rest, or has no friction that would hold it.
     for scene in (quiet(slip="surface"), replace(quiet(friction=0), drive=GivenTorque(0.0, 30.0))):
-        assert "shaft_speed_least" not in {*always_of(scene), *statistics_of(scene)}
+        assert "shaft_speed_least" not in {*scene.usual_statistics, *scene.own_statistics}

@@ -8,16 +8,12 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.motion.statistics import Statistics, limits_of, over_pieces
-from jaxcrusher.motion.statistics_table import (
+from jaxcrusher.crusher.statistics_table import (
     FURTHER_STATISTICS,
     STATISTIC,
-    PowerMean,
-    Sampled,
-    Statistic,
-    always_of,
-    statistics_of,
 )
+from jaxcrusher.mechanism.reductions import PowerMean, Sampled, Statistic
+from jaxcrusher.motion.statistics import Statistics, limits_of
 from jaxcrusher.motion.tangents import SLICES, combine, tangents
 from jaxcrusher.periodic.trigonometric import resample
 
@@ -93,8 +89,8 @@ def test_an_entry_makes_a_statistic(own):
         lambda point: contact(point[0]), jnp.array([30.0]), own[0], whole.states[0], 1, 1e-9
     )
     assert along.values.shape == (SLICES,) and along.failure == ""
-    assert np.isfinite(combine(own[0], along.values, along.by_parameter)).all()
-    turn = float(over_pieces(own[0], jnp.asarray(along.values)))
+    assert np.isfinite(combine(STATISTIC[own[0]], along.values, along.by_parameter)).all()
+    turn = float(STATISTIC[own[0]].reduction.of_pieces(jnp.asarray(along.values)))
     assert turn == pytest.approx(float(found.by_turn[own[0]][1]), rel=1e-6)
 
     with pytest.raises(
@@ -107,7 +103,7 @@ def test_an_entry_makes_a_statistic(own):
 def test_a_new_entry_is_known_wherever_statistics_are(own):
     """In orbits, maps, reports and sweeps, which compute all or what needs not be asked for."""
     name, scene = own[0], contact()
-    assert {*own} < {*statistics_of(scene)} & {*always_of(scene)}
+    assert {*own} < {*scene.own_statistics} & {*scene.usual_statistics}
     orbit = jc.periodic_orbit(scene, nodes=96)
     seen = jnp.linalg.norm(resample(orbit.eccentricity, 1024), axis=1)
     # The same trigonometric polynomial, summed to rounding.
@@ -195,7 +191,9 @@ def test_a_failure_is_no_number_in_any_statistic():
 def test_wear_needs_friction():
     smooth = jc.paper_scene(30.0, 0.06e-3, friction=0)
     for run in (jc.statistics, jc.poincare_section):
-        with pytest.raises(ValueError, match=r"^Argument `outputs` must not ask for sliding_power"):
+        with pytest.raises(
+            ValueError, match=r"^Argument `outputs` must not ask for the sliding_power of main, "
+        ):
             run(smooth, 0, 1, outputs=("sliding_power",))
 
 
@@ -218,7 +216,7 @@ def test_an_ideal_joint_keeps_to_the_limits_of_contact():
 def test_a_limit_that_was_not_asked_for_is_not_kept(values, missing):
     """Of every part that has limits, and by all statistics that are asked for it is known."""
     scene = jc.build_scene(values)
-    known = dict.fromkeys(always_of(scene), jnp.zeros(()))
+    known = dict.fromkeys(scene.usual_statistics, jnp.zeros(()))
     assert limits_of(scene, known).missing == ()
     some = limits_of(scene, {name: known[name] for name in known if name not in missing})
     assert set(some.missing) == missing and not bool(some.inside)

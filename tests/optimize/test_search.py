@@ -20,10 +20,10 @@ from jaxcrusher.batch.engines import Engine
 from jaxcrusher.batch.sweep import columns_of
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.crusher.capacity import CrushingChamber
-from jaxcrusher.crusher.rough_feed import steady
+from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
-from jaxcrusher.motion.statistics_table import always_with, chosen
+from jaxcrusher.mechanism.reductions import chosen
 from optimize import (
     confirm,
     decay,
@@ -301,7 +301,9 @@ def test_interval_is_students():
 
 def rows_of_three_runs():
     """From both starts, in contact all the time."""
-    rows = {name: np.ones((2, 3)) for name in columns_of((), chosen(always_with(())))}
+    rows = {
+        name: np.ones((2, 3)) for name in columns_of(("main",), chosen(STATISTIC, always_with(())))
+    }
     return rows | {
         "state": np.zeros((2, 3, 4)),
         "objective": np.array([[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]),
@@ -346,7 +348,7 @@ def test_the_limits_of_every_loose_joint_are_kept():
     """A pivot that approaches at twice the elastic limit is named, beside a main joint inside."""
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
     case = resolve(Options(design=free)).case
-    columns = columns_of(("pivot",), chosen(always_with(("pivot",))))
+    columns = columns_of(("main", "pivot"), chosen(STATISTIC, always_with(("pivot",))))
     rows = {name: np.zeros((2, 3)) for name in columns} | {
         "state": np.zeros((2, 3, 8)),
         "objective": np.ones((2, 3)),
@@ -646,7 +648,7 @@ def test_the_rms_expected_under_a_rough_feed():
     above = float(case.objective.formula(orbit, orbit.scene, case.chamber)) - 18243.41
     assert above == pytest.approx(125.9, abs=0.1)
     # The orbit of a random start is found under the mean load alone.
-    still = replace(orbit, scene=steady(orbit.scene))
+    still = replace(orbit, scene=orbit.scene.steady())
     assert float(case.objective.formula(still, orbit.scene, case.chamber)) == above + 18243.41
     wild = jc.build_scene({**case.design.fixed, "load_scatter": 0.5, "start": "contact"})
     assert np.isnan(case.objective.formula(orbit, wild, case.chamber))

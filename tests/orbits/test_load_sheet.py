@@ -7,8 +7,8 @@ import pytest
 import xarray as xr
 
 import jaxcrusher as jc
+from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.soil import soil_under
-from jaxcrusher.motion.statistics_table import SAMPLES
 from jaxcrusher.motion.turns import run_turns
 from jaxcrusher.orbits.load_sheet import (
     Site,

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.mechanism.drives import GivenTorque
+from jaxcrusher.mechanism.reductions import AbstractMean
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistics_table import STATISTIC, AbstractMean, statistics_of
 from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
 
 
@@ -95,7 +96,7 @@ def test_a_multiplier_of_one_within_its_error_is_not_stable(orbit):
 def test_statistics_of_the_motion(orbit):
     """Those of `statistics` over the turn from the orbit's own state."""
     state = flat(orbit.state(), orbit.scene)
-    names = statistics_of(orbit.scene)
+    names = orbit.scene.own_statistics
     section = poincare_section(orbit.scene, 0, 1, state=state, outputs=names, rtol=1e-11)
     for name in names:
         # Samples stand 1 / 1024 of a turn apart, and a parabola is drawn through three of them.

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from jaxcrusher.crusher.observables import OBSERVABLES
-from jaxcrusher.motion.statistics_table import STATISTIC
+from jaxcrusher.crusher.statistics_table import STATISTIC
 
 ROOT = Path(__file__).parents[2]
 

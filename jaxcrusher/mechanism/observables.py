@@ -1,0 +1,277 @@
+"""Observables of an instant of any linkage: forces and powers, as functions of a snapshot."""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.smooth import norm
+from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, OfPart, Snapshot
+from jaxcrusher.mechanism.supports import OnSupports
+
+# Smooths the length of a reaction (N) where it vanishes.
+FORCE_WIDTH = 1e-6
+# Smooths the speed of a frame (m/s) where it stands still.
+SPEED_WIDTH = 1e-12
+
+
+def on_bore(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
+    """Return the force on the bore of a joint, N."""
+    force = s.accelerations.forces[joint]
+    assert force is not None
+    return force
+
+
+def on_pin(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
+    """Return the force on the pin of a joint, N."""
+    return -on_bore(s, scene, joint)
+
+
+def _total_weight(scene: AbstractScene) -> Vector:
+    """Return the weight of the three bodies, N."""
+    linkage = scene.linkage
+    masses = [body.mass for body in linkage.bodies.values]
+    return Vector(0.0, -sum(masses[1:], masses[0]) * linkage.gravity)
+
+
+def shaking_force(s: Snapshot, scene: AbstractScene) -> Vector:
+    """Return -sum of m a, N: the moving part of what shaft, jaw and toggle pass to the frame.
+
+    The machine stands on the ground by bearing, pivot and fixed jaw. The crushing load closes
+    between jaw and fixed jaw, inside the machine, and the weight stands still: neither shakes.
+    """
+    one, *others = (rate for _, rate in _momentum_rates(s, scene))
+    total = -sum(others, one)
+    return total if s.frame is None else total.along(s.frame.axis)
+
+
+def _momentum_rates(s: Snapshot, scene: AbstractScene) -> list[tuple[str, Vector]]:
+    """Return mass times acceleration of each body, in the frame's axes, N."""
+    linkage, rates = scene.linkage, []
+    for name, body in linkage.bodies.items():
+        acceleration = s.accelerations.centres[name]
+        assert acceleration is not None
+        rates.append((name, body.mass * acceleration))
+    return rates
+
+
+def shaking_size(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the length of the shaking force, N."""
+    return norm(shaking_force(s, scene), FORCE_WIDTH)
+
+
+def ground_force(s: Snapshot, scene: AbstractScene) -> Vector:
+    """Return the force of shaft, jaw and toggle on the frame, N: their weight less sum of m a.
+
+    A clamped frame passes it to the ground. It equals -(R_O + R_C) less the load on the jaw, whose
+    reaction the fixed jaw carries.
+    """
+    return shaking_force(s, scene) + _total_weight(scene)
+
+
+def ground_moment(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the moment of shaft, jaw and toggle on the frame, N m, about the foundation's point.
+
+    Each body adds (r - p) x m (g - a) - J alpha; without a foundation p is C. The load and its
+    reaction on the fixed jaw lie in one line and add nothing, nor does a drive that stands on the
+    frame.
+    """
+    point = Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
+    fall = Vector(0.0, -scene.linkage.gravity)
+    fall = fall if s.frame is None else fall.seen_from(s.frame.axis)
+    total = jnp.zeros_like(s.motion.crank.speed)
+    for name, rate in _momentum_rates(s, scene):
+        body, spin_up = scene.linkage.body(name), s.accelerations.spin_ups[name]
+        assert spin_up is not None
+        force = body.mass * fall - rate
+        total = total + (s.motion.centre(name) - point).cross(force) - body.inertia * spin_up
+    return total
+
+
+def drive_torque(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """M0, counterclockwise on the shaft, N m."""
+    return s.accelerations.torque
+
+
+def drive_power(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """M0 times the shaft's speed, W."""
+    return drive_torque(s, scene) * s.motion.crank.speed
+
+
+def crank_speed(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the speed of the crank, rad/s."""
+    return s.motion.crank.speed
+
+
+def contact_loss(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Power dissipated by the damping of the contact, W."""
+    return _over_joints(lambda _, contact: contact.normal_loss, s, scene)
+
+
+def friction_loss(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Power dissipated by friction, W; may be negative where slip is that of the centres."""
+    return _over_joints(lambda _, contact: contact.friction_loss, s, scene)
+
+
+def _over_joints(
+    part: Callable[[AbstractBearing, Contact], Scalar | None], s: Snapshot, scene: AbstractScene
+) -> Scalar:
+    """The sum of a number of each contact; zero where there is none."""
+    known: list[Scalar] = list(scene.joints.map(part, s.contacts).values)
+    return sum(known[1:], known[0]) if known else jnp.zeros_like(s.motion.crank.speed)
+
+
+def elastic_energy(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Stored in the contacts, in springs at the bodies and in those of the supports, J."""
+    stored = _over_joints(AbstractBearing.elastic_energy, s, scene)
+    applied = s.applied.elastic_energy()
+    stored = stored if applied is None else stored + applied
+    if s.frame is None or scene.supports is None:
+        return stored
+    return stored + scene.supports.elastic_energy(s.frame)
+
+
+def force_at(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+    """The length of the force in a joint, N."""
+    return norm(on_bore(s, scene, joint), FORCE_WIDTH)
+
+
+def _normal_force(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+    contact = s.contacts[joint]
+    return force_at(s, scene, joint) if contact is None else contact.normal_force
+
+
+def _friction_force(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+    contact = s.contacts[joint]
+    force = None if contact is None else contact.friction_force
+    return jnp.zeros_like(s.motion.crank.speed) if force is None else force
+
+
+def _eccentricity(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
+    eccentricity = s.motion.eccentricities[joint]
+    return Vector(0.0, 0.0) if eccentricity is None else eccentricity
+
+
+def _penetration_ratio(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+    contact, clearance = s.contacts[joint], scene.joints[joint]
+    if contact is None:
+        return jnp.zeros_like(s.motion.crank.speed)
+    return contact.penetration / clearance.clearance
+
+
+def _penetration_rate(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+    contact = s.contacts[joint]
+    return jnp.zeros_like(s.motion.crank.speed) if contact is None else contact.penetration_rate
+
+
+def constraint_residual(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return by how much the joints that are held are apart, m or rad."""
+    return jnp.zeros_like(s.motion.crank.speed) if s.residual is None else s.residual
+
+
+def _on_supports(s: Snapshot, scene: AbstractScene, name: str) -> tuple[FrameMotion, OnSupports]:
+    """Return the frame's motion and its supports."""
+    if s.frame is None or scene.supports is None:
+        raise ValueError(
+            f"Argument `outputs` must not ask for {name} of a clamped frame, but does."
+        )
+    return s.frame, scene.supports
+
+
+def support_loss(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Power that the dampers of the supports take, W; ValueError for a clamped frame."""
+    frame, foundation = _on_supports(s, scene, "support_loss")
+    return foundation.loss(frame)
+
+
+def left_force(s: Snapshot, scene: AbstractScene) -> Vector:
+    """Return the force of the left support on the ground, N."""
+    frame, foundation = _on_supports(s, scene, "left_force")
+    return foundation.support_forces(frame)[0]
+
+
+def right_force(s: Snapshot, scene: AbstractScene) -> Vector:
+    """Return the force of the right support on the ground, N."""
+    frame, foundation = _on_supports(s, scene, "right_force")
+    return foundation.support_forces(frame)[1]
+
+
+def transmitted_force(s: Snapshot, scene: AbstractScene) -> Vector:
+    """Return the force of both supports on the ground, N."""
+    frame, foundation = _on_supports(s, scene, "transmitted_force")
+    left, right = foundation.support_forces(frame)
+    return left + right
+
+
+def frame_displacement(s: Snapshot, scene: AbstractScene) -> Vector:
+    """Return the displacement of G from where the frame is drawn, m."""
+    return _on_supports(s, scene, "frame_displacement")[0].displacement
+
+
+def frame_velocity(s: Snapshot, scene: AbstractScene) -> Vector:
+    """Return the velocity of G, m/s."""
+    return _on_supports(s, scene, "frame_velocity")[0].velocity
+
+
+def frame_rotation(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the rotation of the frame, rad."""
+    return _on_supports(s, scene, "frame_rotation")[0].rotation
+
+
+def transmitted_size(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the length of what moves of the force on the ground, N: all but the weight."""
+    _, foundation = _on_supports(s, scene, "transmitted_force")
+    weight = Vector(0.0, -foundation.mass * scene.linkage.gravity) + _total_weight(scene)
+    return norm(transmitted_force(s, scene) - weight, FORCE_WIDTH)
+
+
+def left_size(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the length of the force of the left support, N."""
+    return norm(left_force(s, scene), FORCE_WIDTH)
+
+
+def right_size(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the length of the force of the right support, N."""
+    return norm(right_force(s, scene), FORCE_WIDTH)
+
+
+def frame_speed(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the speed of G, m/s."""
+    return norm(frame_velocity(s, scene), SPEED_WIDTH)
+
+
+def observables_at(joint: str, prefix: str, place: str) -> dict[str, Observable]:
+    """Return the observables of a joint, with a prefix before their names."""
+    return {
+        prefix + name: Observable(OfPart(function, joint), unit, f"{meaning} at {place}")
+        for name, function, unit, meaning in (
+            ("normal_force", _normal_force, "N", "normal force"),
+            ("friction_force", _friction_force, "N", "friction force"),
+            ("eccentricity", _eccentricity, "m", "eccentricity of the pin"),
+            ("penetration_ratio", _penetration_ratio, "1", "penetration / clearance"),
+            ("penetration_rate", _penetration_rate, "m/s", "penetration rate"),
+        )
+    }
+
+
+# Of the machine as a whole.
+OF_MACHINE = {
+    "shaking_force": Observable(shaking_force, "N", "shaking force"),
+    "ground_force": Observable(ground_force, "N", "force on the ground"),
+    "ground_moment": Observable(ground_moment, "N m", "moment on the ground"),
+    "drive_torque": Observable(drive_torque, "N m", "drive torque"),
+    "drive_power": Observable(drive_power, "W", "drive power"),
+    "constraint_residual": Observable(constraint_residual, "m", "largest constraint residual"),
+}
+# What only a frame on supports has; x to the right and y up, in the ground's axes.
+OF_SUPPORTS = {
+    "left_force": Observable(left_force, "N", "force of the left support on the ground"),
+    "right_force": Observable(right_force, "N", "force of the right support on the ground"),
+    "transmitted_force": Observable(transmitted_force, "N", "force of the supports on the ground"),
+    "frame_displacement": Observable(frame_displacement, "m", "displacement of the frame's G"),
+    "frame_velocity": Observable(frame_velocity, "m/s", "velocity of the frame's G"),
+    "frame_rotation": Observable(frame_rotation, "rad", "rotation of the frame"),
+}

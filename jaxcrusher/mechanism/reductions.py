@@ -1,0 +1,143 @@
+"""Statistics: a quantity of the instants of a motion, reduced over time to one number."""
+
+import abc
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Scalar
+
+from jaxcrusher.mechanism.snapshot import Snapshot
+
+# A share of the time in contact that is all of it: a mean over many steps, with their rounding.
+ALL_THE_TIME = 1 - 1e-9
+# Instants a turn at which peaks, contact and the forces of an orbit are looked at: the length of a
+# reaction that passes near zero bends more sharply than the motion does.
+SAMPLES = 1024
+# Smooths a deviation (in the unit of its quantity) where it vanishes.
+DEVIATION_WIDTH = 1e-6
+
+
+class AbstractMean(abc.ABC):
+    """A number that follows from means over time, which are integrated with the motion."""
+
+    @abc.abstractmethod
+    def integrands(self, q: Array) -> tuple[Array, ...]:
+        """Return the functions of the quantity whose means are taken."""
+
+    @abc.abstractmethod
+    def of_means(self, *means: Scalar) -> Scalar:
+        """Return the number from the means."""
+
+    @abc.abstractmethod
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the number over n equal pieces of a motion, from that of each."""
+
+
+@dataclass(frozen=True)
+class PowerMean(AbstractMean):
+    """(mean of q^power)^(1/power) over time."""
+
+    power: int = 1
+
+    def integrands(self, q: Array) -> tuple[Array, ...]:
+        """Return the power of the quantity."""
+        return (q**self.power,)
+
+    def of_means(self, *means: Scalar) -> Scalar:
+        """Return the root of the mean."""
+        (mean,) = means
+        if self.power == 1:
+            return mean
+        return jnp.sqrt(mean) if self.power == 2 else mean ** (1 / self.power)
+
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the number over n equal pieces of a motion, from that of each."""
+        return self.of_means(jnp.mean(values**self.power))
+
+
+@dataclass(frozen=True)
+class Deviation(AbstractMean):
+    """RMS of q less its mean; over several turns each turn has a mean of its own.
+
+    It is sqrt(mean of q^2 - (mean of q)^2), known to some 1e-8 of the mean.
+    """
+
+    def integrands(self, q: Array) -> tuple[Array, ...]:
+        """Return the quantity and its square."""
+        return q, q**2
+
+    def of_means(self, *means: Scalar) -> Scalar:
+        """Return the root of the variance."""
+        mean, square = means
+        return jnp.sqrt(jnp.maximum(square - mean**2, 0) + DEVIATION_WIDTH**2)
+
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the root mean square of the pieces."""
+        return jnp.sqrt(jnp.mean(values**2))
+
+
+@dataclass(frozen=True)
+class Lasting(AbstractMean):
+    """1 / mean of q: how long a stock lasts of which q is used in a unit of time."""
+
+    def integrands(self, q: Array) -> tuple[Array, ...]:
+        """Return the quantity."""
+        return (q,)
+
+    def of_means(self, *means: Scalar) -> Scalar:
+        """Return the time."""
+        (mean,) = means
+        return 1 / mean
+
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the time over n equal pieces of a motion, from that of each."""
+        return 1 / jnp.mean(1 / values)
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Seen at `SAMPLES` instants a turn; how samples, and then n equal pieces, reduce to one."""
+
+    of_samples: Callable[[Float[Array, "n ..."]], Scalar]
+    of_pieces: Callable[[Float[Array, " n"]], Scalar]
+
+
+@dataclass(frozen=True)
+class Statistic:
+    """A number of a motion: a quantity of its instants, reduced over time.
+
+    Integrated means have slopes by any parameter; of a sampled peak the instant stays. Every orbit
+    has all statistics, so `quantity` must have a value at an ideal joint too.
+    """
+
+    unit: str
+    meaning: str
+    quantity: Callable[[Snapshot, Any], Array]
+    reduction: AbstractMean | Sampled
+
+
+def top(samples: Float[Array, " n"]) -> Scalar:
+    """The top of the parabola through the largest sample and its neighbours."""
+    index = jnp.clip(jnp.argmax(samples), 1, samples.size - 2)
+    before, middle, after = samples[index - 1], samples[index], samples[index + 1]
+    slope, bend = (after - before) / 2, before - 2 * middle + after
+    concave = bend < 0
+    shift = jnp.where(concave, -slope / jnp.where(concave, bend, 1), 0)
+    vertex = middle + shift * (slope + shift * bend / 2)
+    return jnp.where(jnp.abs(shift) <= 1, vertex, jnp.max(samples))
+
+
+def share_above_zero(samples: Float[Array, " n"]) -> Scalar:
+    """NaN where a sample is; `jnp.heaviside` of JAX 0.10.0 would return a number there."""
+    return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, samples > 0))
+
+
+# What a program computes: it is compiled for the entries, since a name may get another one.
+Chosen = tuple[tuple[str, Statistic], ...]
+
+
+def chosen(table: Mapping[str, Statistic], names: Iterable[str]) -> Chosen:
+    """Return the entries that these names have now."""
+    return tuple((name, table[name]) for name in names)

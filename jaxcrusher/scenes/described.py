@@ -1,0 +1,69 @@
+"""The scene that a file describes, a crusher's or that of any linkage."""
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from jaxcrusher.basics.checks import require, require_choice
+from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.scenes.build import build_scene
+from jaxcrusher.scenes.linkages import read_linkage
+from jaxcrusher.scenes.parameters import complete
+from jaxcrusher.scenes.scene_file import (
+    read_entries,
+    read_overrides,
+    read_scene_file,
+    scene_of,
+)
+
+KINDS = ("crusher", "linkage")
+
+
+class Described(NamedTuple):
+    """A scene, the numbers and choices that describe it, and what makes another one of others."""
+
+    values: dict[str, Any]
+    scene: AbstractScene
+    make: Callable[..., AbstractScene] | None  # None: `jaxcrusher.build_scene`
+    given: tuple[str, ...]  # names that were written
+
+    def build(self, values: dict[str, Any]) -> AbstractScene:
+        """Return the scene of other numbers and choices."""
+        return build_scene(values) if self.make is None else self.make(**values)
+
+
+def kind_of(path: Path | None) -> str:
+    """Return the `kind` of a scene file, a crusher's where it says none.
+
+    Raises ValueError for another one.
+    """
+    kind = dict(() if path is None else read_entries(path)).get("kind", KINDS[0])
+    require_choice("kind", kind, KINDS)
+    return kind
+
+
+def described(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> Described:
+    """Return the scene of a file and of what overrides it; None is the paper's crusher.
+
+    Raises ValueError of one line for what cannot be read or built.
+    """
+    if kind_of(path) == "linkage":
+        assert path is not None
+        drawing, values = read_linkage(path)
+        changed = read_overrides(overrides)
+        for name in changed:
+            require(name in values, name, "be a number or a choice of the file", "not there")
+        values |= changed
+        return Described(values, drawing(**values), drawing, tuple(values))
+    given = {} if path is None else read_scene_file(path)
+    given |= read_overrides(overrides)
+    values = complete(given)
+    return Described(values, scene_of(values, path, given), None, tuple(given))
+
+
+def read_scene(path: Path | str) -> AbstractScene:
+    """Return the scene of a TOML file, a crusher's or, with `kind = "linkage"`, of any linkage.
+
+    Raises ValueError of one line, with the file and the key.
+    """
+    return described(Path(path)).scene

@@ -1,0 +1,486 @@
+"""Any linkage by a TOML file or in Python: bodies, joints, slides, forces, springs, supports.
+
+```toml
+kind = "linkage"
+crank = "crank"
+speed = "5000 rpm"
+
+[bodies.rod]
+mass = "0.21 kg"
+inertia = "2.5e-4 kg m2"
+mass_centre = ["60 mm", "0 mm"]  # in the body's axes; its origin without
+
+[joints.B]
+bore = ["rod", "120 mm", "0 mm"]  # a body, or "frame", and a point in its axes
+pin = ["slider", "0 mm", "0 mm"]
+clearance = "0.5 mm"              # loose; ideal without
+bore_radius = "10 mm"
+
+[slides.guide]
+body = "slider"
+along = [1, 0]
+```
+
+Besides there are `[forces.NAME]` (body, at, force; or curve and along), `[springs.NAME]` (begin,
+end, stiffness, length, damping, preload), `[points]` whose motion is told, `[foundation]` as of a
+crusher, and `[assembly]`: the side of each dyad, by one of its bodies. The dyads follow from the
+joints. Numbers are named by their place, as `joints.B.clearance` and `bodies.rod.mass_centre.x`.
+"""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxcrusher.basics.checks import concrete, require, require_choice, require_known
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
+from jaxcrusher.joint.friction import AmbrosioFriction
+from jaxcrusher.mechanism.arms import Arm
+from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
+from jaxcrusher.mechanism.linkage_scene import AbstractPush, LinkageScene, Push, PushByAngle, Spring
+from jaxcrusher.mechanism.motion import ideal_at_rest
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.topology import FRAME, dyads_of
+from jaxcrusher.scenes.build import drive_of, foundation_of, joint_of
+from jaxcrusher.scenes.laws import LAWS
+from jaxcrusher.scenes.load_curve import load_curve, read_curve
+from jaxcrusher.scenes.parameters import NUMBERS, PARAMETERS, Parameter, check_number
+from jaxcrusher.scenes.scene_file import flattened, read_entries, read_value
+
+_ANYWHERE = (-1e3, 1e3)
+_PLACE = Parameter(0.0, "m", "of a point in its body's axes", _ANYWHERE, 1.0)
+_DIRECTION = Parameter(0.0, "1", "of a direction", (-1e6, 1e6), 1.0)
+_FORCE = Parameter(0.0, "N", "of a force in the frame's axes", (-1e12, 1e12), 1e3)
+# Section -> its numbers, then its pairs of numbers; what has no default in `_DEFAULTS` is needed.
+_NUMBERS = {
+    "bodies": {
+        "mass": Parameter(1.0, "kg", "of the body"),
+        "inertia": Parameter(1.0, "kg m2", "of the body about its mass centre"),
+    },
+    "joints": {
+        name: PARAMETERS[name]
+        for name in (
+            "clearance",
+            "bore_radius",
+            "young",
+            "poisson",
+            "restitution",
+            "impact_velocity",
+            "friction",
+        )
+    }
+    | {
+        "static_speed": Parameter(0.1, "m/s", "v0 of the friction law"),
+        "full_speed": Parameter(1.0, "m/s", "v1 of the friction law"),
+    },
+    "slides": {},
+    "forces": {},
+    "springs": {
+        "stiffness": Parameter(1e5, "N/m", "of the spring", (0, 1e15)),
+        "length": Parameter(0.1, "m", "of the spring without its preload", (0, 1e3)),
+        "damping": Parameter(0.0, "N s/m", "beside the spring", (0, 1e12), 1e3),
+        "preload": Parameter(0.0, "N", "pull of the spring at its length", (-1e12, 1e12), 1e3),
+    },
+    "points": {},
+}
+_PAIRS = {
+    "bodies": {"mass_centre": _PLACE},
+    "slides": {"along": _DIRECTION, "through": _PLACE},
+    "forces": {"at": _PLACE, "force": _FORCE, "along": _DIRECTION},
+}
+# Of points of bodies: a body, and a pair.
+_POINTS = {"joints": ("bore", "pin"), "springs": ("begin", "end")}
+_CHOICES_OF_A_JOINT = ("slip", "contact_law", "friction_law", "impact_law")
+_LAWS_OF_A_JOINT = {
+    name: tuple(law for law in LAWS[name] if law != "rollers") for name in _CHOICES_OF_A_JOINT
+}
+_CHOICES = {name: tuple(LAWS[name]) for name in ("start", "formulation")}
+_TOP = ("speed", "speed_fluctuation", "fluctuation_order", "fluctuation_phase", "gravity")
+_UNEVEN = _TOP[1:4]
+# What a loose joint takes from the paper's joint.
+_BORROWED = tuple(n for n in _NUMBERS["joints"] if n not in ("clearance", "bore_radius"))
+_SECTIONS = (*_NUMBERS, "foundation", "assembly")
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Which bodies a linkage has and what ties them; called with its numbers it is a scene.
+
+    The numbers and choices go by the names that they have in a file, in SI units. Two drawings of
+    one structure are equal, and share compiled programs.
+    """
+
+    crank: str
+    bodies: tuple[str, ...]
+    joints: tuple[tuple[str, str, str], ...]  # name, body of the bore, body of the pin
+    slides: tuple[tuple[str, str], ...]  # name, body
+    forces: tuple[tuple[str, str, tuple | None], ...]  # name, body, points of a curve
+    springs: tuple[tuple[str, str, str], ...]
+    points: tuple[tuple[str, str], ...]
+    sides: tuple[int, ...]
+
+    def __call__(self, **values: Any) -> LinkageScene:
+        """Return the scene of these numbers, which may be traced."""
+        v = values
+        bearings = {
+            name: _bearing(v, f"joints.{name}.")
+            for name, *_ in self.joints
+            if f"joints.{name}.clearance" in v
+        }
+        return LinkageScene(
+            drawn=self.linkage(v),
+            bearings=Named(bearings),
+            drive=drive_of(v),
+            pushes=tuple(_push(v, *force) for force in self.forces),
+            springs=tuple(_spring(v, *spring) for spring in self.springs),
+            formulation=LAWS["formulation"][v.get("formulation", "eccentricity")](),
+            start=LAWS["start"][v.get("start", "centred")]() if bearings else None,
+            foundation=foundation_of(v),
+            points=Named({name: _point(v, f"points.{name}", body) for name, body in self.points}),
+        )
+
+    def linkage(self, values: Mapping[str, Any]) -> Linkage:
+        """Return bodies, joints and slides."""
+        v, bodies, joints, slides = values, {}, {}, {}
+        for name in self.bodies:
+            at = f"bodies.{name}"
+            bodies[name] = Body(v[f"{at}.mass"], v[f"{at}.inertia"], _arm(v, f"{at}.mass_centre"))
+        for name, bore, pin in self.joints:
+            at = f"joints.{name}"
+            joints[name] = Joint(_point(v, f"{at}.bore", bore), _point(v, f"{at}.pin", pin))
+        for name, body in self.slides:
+            at = f"slides.{name}"
+            slides[name] = Slide(body, _vector(v, f"{at}.along"), _arm(v, f"{at}.through"))
+        bearing = self.bearing
+        gravity = v.get("gravity", PARAMETERS["gravity"].default)
+        parts = Named(bodies), Named(joints), self.crank, bearing, self.sides, gravity
+        return Linkage(*parts, slides=Named(slides))
+
+    @property
+    def bearing(self) -> str:
+        """Return the joint of crank and frame."""
+        return next(n for n, *both in self.joints if {self.crank, FRAME} == set(both))
+
+
+def _arm(values: Mapping[str, Any], name: str) -> Arm:
+    """Return a point of a body; a number that is not given is zero, and is never traced."""
+    return Arm(values.get(f"{name}.x"), values.get(f"{name}.y"))
+
+
+def _vector(values: Mapping[str, Any], name: str) -> Vector:
+    return Vector(values.get(f"{name}.x", 0.0), values.get(f"{name}.y", 0.0))
+
+
+def _point(values: Mapping[str, Any], name: str, body: str) -> Point:
+    return Point(body, _arm(values, name))
+
+
+def _bearing(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
+    """Return the bearing of a loose joint."""
+    bearing = joint_of(values, prefix)
+    if not isinstance(bearing, ClearanceJoint) or not isinstance(
+        bearing.friction, AmbrosioFriction
+    ):
+        return bearing
+    speeds = {name: values[f"{prefix}{name}"] for name in ("static_speed", "full_speed")}
+    friction = dataclasses.replace(bearing.friction, **speeds)
+    return dataclasses.replace(bearing, friction=friction)
+
+
+def _push(values: Mapping[str, Any], name: str, body: str, curve: tuple | None) -> AbstractPush:
+    at = _point(values, f"forces.{name}.at", body)
+    if curve is None:
+        return Push(at, _vector(values, f"forces.{name}.force"))
+    along = _vector(values, f"forces.{name}.along")
+    return PushByAngle(at, along, load_curve(np.array(curve)))
+
+
+def _spring(values: Mapping[str, Any], name: str, begin: str, end: str) -> Spring:
+    at = f"springs.{name}"
+    ends = _point(values, f"{at}.begin", begin), _point(values, f"{at}.end", end)
+    return Spring(ends, *(values[f"{at}.{n}"] for n in _NUMBERS["springs"]))
+
+
+class _Reading:
+    """What the entries of a description come to, one after the other."""
+
+    def __init__(self, entries: Iterable[tuple[str, Any]], number: Callable[[str, Any], float]):
+        self.number = number
+        self.values: dict[str, Any] = {}
+        self.left: dict[str, Any] = {}
+        self.sections: dict[str, dict[str, dict[str, Any]]] = {name: {} for name in _SECTIONS}
+        for name, value in entries:
+            section, _, rest = name.partition(".")
+            if not rest or section == "foundation":
+                self.left[name] = value
+                continue
+            require_known(section, _SECTIONS)
+            item, _, key = rest.partition(".")
+            self.sections[section].setdefault(item, {})[key] = value
+        for keys in self.sections["points"].values():
+            keys["point"] = keys.pop("", None)
+
+    def keep(self, name: str, value: Any, parameter: Parameter) -> None:
+        """Keep a number, whose name is known from now on."""
+        NUMBERS[name] = parameter
+        self.values[name] = self.number(name, value)
+
+    def pair(self, name: str, given: Any, parameter: Parameter) -> None:
+        """Keep the two numbers of a point or a vector but for zeros."""
+        good = isinstance(given, list | tuple) and len(given) == 2
+        require(good, name, f"be a pair [x, y] in {parameter.unit}", repr(given))
+        for axis, one in zip("xy", given, strict=True):
+            self.keep(f"{name}.{axis}", one, parameter)
+            if self.values[f"{name}.{axis}"] == 0:
+                del self.values[f"{name}.{axis}"]
+
+    def point(self, name: str, given: Any) -> str:
+        """Keep a point of a body, and return the body."""
+        good = isinstance(given, list | tuple) and len(given) == 3
+        require(good, name, "be a point [body, x, y]", "missing" if given is None else repr(given))
+        assert given is not None
+        body, *pair = given
+        self.body(name, body)
+        self.pair(name, pair, _PLACE)
+        return body
+
+    def body(self, name: str, body: Any) -> str:
+        """Return a body's name, if there is such a body."""
+        known = (*self.sections["bodies"], FRAME)
+        must = f"name a body: {', '.join(known)}"
+        require(body in known, name, must, "missing" if body is None else repr(body))
+        return str(body)
+
+    def numbers(self, section: str, item: str, defaults: Mapping[str, float]) -> None:
+        """Keep the numbers of an item; one without a default must be there."""
+        for key, parameter in _NUMBERS[section].items():
+            name, given = f"{section}.{item}.{key}", self.sections[section][item].pop(key, None)
+            if given is None and key in defaults:
+                NUMBERS[name], self.values[name] = parameter, defaults[key]
+                continue
+            require(given is not None, name, f"be given in {parameter.unit}", "missing")
+            self.keep(name, given, parameter)
+
+    def ended(self) -> None:
+        """Check that nothing is left."""
+        for section, items in self.sections.items():
+            for item, keys in items.items() if section in _NUMBERS else ():
+                for key in keys:
+                    require_known(f"{section}.{item}.{key}", _known(section, item))
+        for name in self.left:
+            require_known(name, ("kind", "crank", *_TOP, *_CHOICES, *_SECTIONS))
+
+
+def _known(section: str, item: str) -> list[str]:
+    """Return the keys that a table of a section may have."""
+    keys = [*_NUMBERS[section], *_PAIRS.get(section, ()), *_POINTS.get(section, ())]
+    further = {"joints": _CHOICES_OF_A_JOINT, "forces": ("body", "curve"), "slides": ("body",)}
+    return [f"{section}.{item}.{key}" for key in (*keys, *further.get(section, ()))]
+
+
+def _joints(reading: _Reading) -> tuple[tuple[str, str, str], ...]:
+    """Read joints, and the numbers and laws of loose ones."""
+    found = []
+    for item, keys in reading.sections["joints"].items():
+        at = f"joints.{item}"
+        ends = [reading.point(f"{at}.{end}", keys.pop(end, None)) for end in _POINTS["joints"]]
+        require(ends[0] != ends[1], at, "join two bodies", f"of {ends[0]} alone")
+        found.append((item, *ends))
+        if "clearance" not in keys:
+            continue
+        defaults = {name: _NUMBERS["joints"][name].default for name in _BORROWED}
+        reading.numbers("joints", item, defaults)
+        for name, laws in _LAWS_OF_A_JOINT.items():
+            reading.values[f"{at}.{name}"] = law = keys.pop(name, laws[0])
+            require_choice(f"{at}.{name}", law, laws)
+    return tuple(found)
+
+
+def drawn(
+    entries: Iterable[tuple[str, Any]],
+    number: Callable[[str, Any], float],
+    folder: Path = Path(),
+) -> tuple[Drawing, dict[str, Any]]:
+    """Return the drawing of a description, and its numbers and choices by name.
+
+    Raises ValueError of one line for a key that is unknown or missing, a body that there is not,
+    bodies that are no dyads, and links that do not close at some angle of the crank.
+    """
+    reading = _Reading(entries, number)
+    bodies = tuple(reading.sections["bodies"])
+    require(bool(bodies), "bodies", "have a table [bodies.NAME] each", "missing")
+    require(FRAME not in bodies, "bodies", f"have other names than {FRAME!r}", repr(FRAME))
+    crank = str(reading.left.pop("crank", "missing"))
+    must = f"name the body that the drive turns: {', '.join(bodies)}"
+    require(crank in bodies, "crank", must, crank)
+    for item, keys in reading.sections["bodies"].items():
+        reading.numbers("bodies", item, {})
+        reading.pair(f"bodies.{item}.mass_centre", keys.pop("mass_centre", [0, 0]), _PLACE)
+    joints = _joints(reading)
+    held = any({crank, FRAME} == {bore, pin} for _, bore, pin in joints)
+    require(held, "crank", "have a joint to the frame", f"{crank!r} without one")
+    slides, forces, springs = [], [], []
+    for item, keys in reading.sections["slides"].items():
+        at = f"slides.{item}"
+        slides.append((item, reading.body(f"{at}.body", keys.pop("body", None))))
+        reading.pair(f"{at}.along", keys.pop("along", None), _DIRECTION)
+        reading.pair(f"{at}.through", keys.pop("through", [0, 0]), _PLACE)
+    for item, keys in reading.sections["forces"].items():
+        at, curve = f"forces.{item}", None
+        body = reading.body(f"{at}.body", keys.pop("body", None))
+        reading.pair(f"{at}.at", keys.pop("at", [0, 0]), _PLACE)
+        if "curve" in keys:
+            curve = _curve(at, keys.pop("curve"), folder)
+            reading.pair(f"{at}.along", keys.pop("along", None), _DIRECTION)
+        else:
+            reading.pair(f"{at}.force", keys.pop("force", None), _FORCE)
+        forces.append((item, body, curve))
+    for item, keys in reading.sections["springs"].items():
+        at = f"springs.{item}"
+        ends = [reading.point(f"{at}.{end}", keys.pop(end, None)) for end in _POINTS["springs"]]
+        reading.numbers("springs", item, {"damping": 0.0, "preload": 0.0})
+        springs.append((item, *ends))
+    points = [
+        (item, reading.point(f"points.{item}", keys.pop("point")))
+        for item, keys in reading.sections["points"].items()
+    ]
+    _whole(reading)
+    names = tuple((name, FRAME, body) for name, body in slides)
+    dyads = dyads_of((*joints, *names), tuple(n for n, _ in slides), bodies, crank)
+    drawing = Drawing(
+        crank,
+        bodies,
+        joints,
+        tuple(slides),
+        tuple(forces),
+        tuple(springs),
+        tuple(points),
+        _sides(reading, dyads),
+    )
+    reading.ended()
+    _require_closing(drawing(**reading.values))
+    return drawing, reading.values
+
+
+def _whole(reading: _Reading) -> None:
+    """Read what stands outside of tables: the drive, gravity, the start, and the supports."""
+    left = reading.left
+    left.pop("kind", None)
+    require("speed" in left, "speed", "be given, as in '5000 rpm'", "missing")
+    for name in _TOP:
+        if name in left:
+            reading.values[name] = reading.number(name, left.pop(name))
+    if "speed_fluctuation" in reading.values:
+        for name in _UNEVEN:
+            reading.values.setdefault(name, PARAMETERS[name].default)
+    for name, choices in _CHOICES.items():
+        if name in left:
+            require_choice(name, left[name], choices)
+            reading.values[name] = left.pop(name)
+    supports = [name for name in PARAMETERS if name.startswith("foundation.")]
+    given = {name: reading.number(name, left.pop(name)) for name in supports if name in left}
+    if "foundation.mass" in given:
+        missing = [name for name in supports if name not in given]
+        for name in missing:
+            left_out = name in ("foundation.x", "foundation.y")
+            require(left_out, name, "be given with foundation.mass", "missing")
+    if given:
+        given = {"foundation.x": 0.0, "foundation.y": 0.0} | given
+    reading.values |= given
+
+
+def _sides(reading: _Reading, dyads: Iterable[Any]) -> tuple[int, ...]:
+    """Return the side of each dyad, 1 where none is given."""
+    given = {body: keys[""] for body, keys in reading.sections["assembly"].items()}
+    sides = []
+    for dyad in dyads:
+        said = {given.pop(body) for body in (dyad.first, dyad.second) if body in given} or {1}
+        side = next(iter(said))
+        good = len(said) == 1 and side in (-1, 1) and not isinstance(side, bool)
+        require(good, f"assembly.{dyad.first}", "be 1 or -1", ", ".join(map(repr, said)))
+        sides.append(side)
+    for body in given:
+        require(False, f"assembly.{body}", "name a body of a dyad", "none")
+    return tuple(sides)
+
+
+def _curve(at: str, given: Any, folder: Path) -> tuple:
+    """Return the points of a curve, a file's or an array's, as tuples."""
+    points = read_curve(str(folder / given)) if isinstance(given, str) else np.asarray(given)
+    try:
+        load_curve(points)
+    except ValueError as error:
+        raise ValueError(str(error).replace("`load_curve`", f"`{at}.curve`")) from None
+    return tuple(map(tuple, points.tolist()))
+
+
+@eqx.filter_jit
+def _open_at(linkage: Linkage, angles: Any) -> list[Any]:
+    """Return of each dyad whether it is open at angles of the crank."""
+
+    def one(angle: Any) -> list[Any]:
+        motion = ideal_at_rest(linkage, angle)
+        return [~jnp.isfinite(motion.axis(dyad.first).x) for dyad in linkage.dyads]
+
+    return jax.vmap(one)(angles)
+
+
+def _require_closing(scene: LinkageScene) -> None:
+    """Check that all dyads close at every degree of a turn."""
+    linkage = scene.linkage
+    if any(concrete(leaf) is None for leaf in jax.tree.leaves(linkage)):
+        return
+    opened = _open_at(linkage, jnp.radians(jnp.arange(360.0)))
+    for dyad, at in zip(linkage.dyads, opened, strict=True):
+        degrees = np.flatnonzero(np.asarray(at))
+        told = f"open at a crank angle of {degrees[:1].tolist()[0]} deg" if degrees.size else ""
+        must = f"let {dyad.first} and {dyad.second} meet at every angle of the crank"
+        require(not degrees.size, "bodies", must, told)
+
+
+def _number(name: str, value: Any) -> float:
+    """Return a number as Python gives it: in SI units, or a text with its unit."""
+    if isinstance(value, str):
+        return float(read_value(name, value))
+    check_number(name, value)
+    return float(value)
+
+
+def linkage(**description: Any) -> LinkageScene:
+    """Return the scene of a linkage: the tables of a file as keywords, numbers in SI units.
+
+    **Arguments:** as in a file of `kind = "linkage"` (see `jaxcrusher.scenes.linkages`), each table
+    a mapping: `crank`, `speed`, `bodies`, `joints`, `slides`, `forces`, `springs`, `points`,
+    `assembly`, `foundation`. A number is in SI units, or a text with its unit.
+
+    **Returns:** a `LinkageScene`, for all that takes a scene.
+
+    Raises ValueError of one line as `drawn` does.
+    """
+    drawing, values = drawn(flattened(description), _number)
+    return drawing(**values)
+
+
+def read_linkage(path: Path | str) -> tuple[Drawing, dict[str, Any]]:
+    """Return the drawing of a file of `kind = "linkage"`, and its numbers and choices by name.
+
+    Raises ValueError of one line, with the file and the key, as `drawn` and `read_scene_file` do.
+    """
+    path = Path(path)
+    entries = read_entries(path)
+    try:
+        return drawn(entries, partial(_of_file, folder=path.parent), path.parent)
+    except ValueError as error:
+        raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
+
+
+def _of_file(name: str, value: Any, folder: Path) -> float:
+    return float(read_value(name, value, folder))
