@@ -281,7 +281,8 @@ def _on_soil(soil: Mapping[str, Any], speed: Any) -> dict[str, Any]:
     if modulus is None:
         modulus = soil["density"] * soil["shear_wave_speed"] ** 2
     names = "density", "poisson", "length", "width", "embedment"
-    under = soil_under(modulus, *(soil[name] for name in names), speed)._asdict()
+    density, poisson, length, width, embedment = (soil[name] for name in names)
+    under = soil_under(modulus, density, poisson, length, width, embedment, speed)._asdict()
     halved = (
         "horizontal_stiffness",
         "vertical_stiffness",
