@@ -73,16 +73,17 @@ def draw_all(
 def draw_orbits(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
     """Draw the map of the objective on periodic orbits, with descents and designs."""
     fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
-    values = orbits.objective.where(orbits.stable)
-    plots.plot_landscape(values, ax, units=answer.box.units)
-    _mark(ax, answer, descents=True, open_cells=not bool(orbits.stable.all()))
+    stable = _looks_stable(orbits)
+    plots.plot_landscape(orbits.objective.where(stable), ax, units=answer.box.units)
+    _mark(ax, answer, descents=True, open_cells=not bool(stable.all()))
     write_figure(folder / "landscape.png", fig)
 
 
 def draw_settling(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
     """Draw the map of the turns in which a disturbance of the orbit falls to 1/e."""
     fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
-    turns, units = orbits.settling_turns.where(orbits.stable), answer.box.units
+    stable = _looks_stable(orbits)
+    turns, units = orbits.settling_turns.where(stable), answer.box.units
     across, up = plots.axes_of(turns.dims)
     mesh = ax.pcolormesh(
         shown(across, orbits[across].to_numpy(), units),
@@ -94,8 +95,13 @@ def draw_settling(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
     )
     fig.colorbar(mesh, ax=ax, label="turns in which a disturbance falls to 1/e")
     plots.label_axes(ax, across, up, units)
-    _mark(ax, answer, open_cells=not bool(orbits.stable.all()))
+    _mark(ax, answer, open_cells=not bool(stable.all()))
     write_figure(folder / "settling.png", fig)
+
+
+def _looks_stable(orbits: xr.Dataset) -> xr.DataArray:
+    """Tell where disturbances die, or die within what the nodes leave in doubt."""
+    return np.isfinite(orbits.settling_turns)
 
 
 def draw_starts(folder: Path, answer: Answer, data: xr.Dataset) -> None:

@@ -109,6 +109,16 @@ def labelled(
     return table.dataset((*(first or {}), *dims), shaped, columns, coordinates)
 
 
+def rows_of(dataset: xr.Dataset, points: int) -> Rows:
+    """Return the columns of a dataset of so many points, one after the other."""
+    columns = {name: values.to_numpy() for name, values in dataset.items()}
+    shape = dataset.counts.shape
+    return {
+        str(name): column.reshape(points, *column.shape[len(shape) :])
+        for name, column in columns.items()
+    }
+
+
 def worst(landscape: xr.Dataset) -> xr.DataArray:
     """The objective of the worse start; NaN where a start does not count."""
     values = landscape.objective.isel(start=0, drop=True).copy(data=judged(landscape))

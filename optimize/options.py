@@ -15,8 +15,11 @@ Range = Annotated[tuple[str, str], tyro.conf.arg(metavar="LOW HIGH")]
 class Effort:
     """How hard to search."""
 
-    cells: tuple[int, int] = (61, 37)
+    cells: tuple[int, int] = (31, 19)
     """Points of the map of periodic orbits along the first and the second parameter."""
+    within: float | None = None
+    """How far below the optimum the box may hold another design, in the unit of the objective: the
+    map is refined until it is bounded so. By default 3e-5 of the optimum."""
     grid: tuple[int, int] = (16, 10)
     """Points of the landscape, where both starts are run, along the first and the second one."""
     samples: int = 256

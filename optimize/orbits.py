@@ -45,6 +45,7 @@ def solve(
     neighbours: Callable[[int], list[int]] | None = None,
     *,
     sections: Float[np.ndarray, "points states"] | None = None,
+    quick: bool = False,
     tracking: Tracking = NOWHERE,
 ) -> Rows:
     """Solve for the orbits of unit points, as `jaxcrusher.dynamics.many_orbits.solve_orbits` does.
@@ -60,6 +61,7 @@ def solve(
         (NODES, 2 * NODES),
         neighbours,
         sections=sections,
+        quick=quick,
         chunk=CHUNK,
         journal=tracking.journal,
         progress=tracking.progress,
@@ -92,17 +94,22 @@ def solve_map(
     cells: tuple[int, int],
     tracking: Tracking = NOWHERE,
 ) -> xr.Dataset:
-    """Return the map of the periodic orbits of a grid's points, or of a sequence's."""
-    count = len(case.design.names)
-    # The points of a sequence lie too far apart to help each other.
-    near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
-    rows = solve(case, units, near, tracking=tracking)
+    """Return the map of the periodic orbits of a grid's points, or of a sequence's.
+
+    Each is tried from the pin at rest; all further ways are where that leads to none that counts.
+    """
+    rows, motions = solve(case, units, quick=True, tracking=tracking), ()
+    if not rows["counts"].any():
+        count = len(case.design.names)
+        # The points of a sequence lie too far apart to help each other.
+        near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
+        rows, motions = solve(case, units, near, tracking=tracking), MOTION
     of = case.objective
     columns = columns_of(STATISTIC, STATISTICS)
     columns |= columns_of(STATISTIC, (limit.statistic for limit in case.limits))
     columns |= {
         name: COLUMNS[name]
-        for name in (*KEPT, "stable", "inside_model", "failure", "found", *MOTION)
+        for name in (*KEPT, "success", "stable", "inside_model", "failure", "found", *motions)
     }
     columns["objective"] = Column(of.unit, of.meaning)
     meaning = f"slope of the {of.meaning}, per unit of the parameter"

@@ -152,6 +152,8 @@ def _check_numbers(options: Options) -> None:
         ("seed", options.seed, 0),
     ):
         require(value >= least, name, f"be >= {least}", value)
+    if options.within is not None:
+        require(options.within > 0, "within", "be > 0", options.within)
     if options.friction is not None:
         require_within("friction", options.friction, 0, 10)
     if options.capacity_floor is not None:
@@ -179,6 +181,7 @@ def _require_used(options: Options) -> None:
         ),
         ("cells", many, grid),
         ("grid", many, grid),
+        ("within", many, "not be given with more than two parameters, of which nothing is bounded"),
         ("samples", not many, "not be given with a grid; --cells and --grid are its points"),
         ("friction", "friction" in names, "not be given where --design frees it"),
         ("impact_velocity", "impact_velocity" in names, "not be given where --design frees it"),

@@ -14,7 +14,6 @@ from jaxcrusher.scenes.plausibility import tell_borrowed, tell_unusual
 from optimize import figures, report, result_file, stages, verdicts
 from optimize.active import active_constraints
 from optimize.answer import Answer
-from optimize.bound import optimality_bound
 from optimize.landscape import Maps
 from optimize.options import Options
 from optimize.page.document import write_page
@@ -93,8 +92,7 @@ def _searched(problem: Problem, work: stages.Work, maps: Maps) -> Iterator[stage
     yield part
     if best is None:
         return
-    runs = stages.run_open_points(problem, work, maps)
-    yield {"optimum": best, "bound": optimality_bound(problem.case, maps.orbits, best, runs)}
+    yield {"optimum": best, "bound": stages.bounded(problem, work, maps, best)}
     designs = stages.with_coexisting_orbits(problem, work, (best, part["seed_choice"]))
     (best, reference), slopes = stages.with_regimes(problem, work, designs)
     active, free_slopes = active_constraints(problem.case, best)

@@ -20,9 +20,11 @@ from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
 from jaxcrusher.orbits.load_sheet import Row, sheet
-from optimize import landscape, local, open_points, orbits, smooth
-from optimize.answer import Coexisting, Confirmed, Front, OpenPoint, Refinement
+from optimize import landscape, local, orbits, smooth
+from optimize.answer import Bound, Coexisting, Confirmed, Front, Refinement
+from optimize.bound import MOST, Points, optimality_bound, unbounded
 from optimize.case import Case
+from optimize.cells import Cells
 from optimize.concurrent import Stopped, run_concurrently
 from optimize.confirm import SHIFT, Repeats, confirmed, long_runs
 from optimize.counts import losses
@@ -42,6 +44,8 @@ LONGER = 3
 ORDERS = 4
 # Fields of `Answer` that a stage finds.
 Part = dict[str, Any]
+# By how much less than the optimum the box may hold, as a share of it, unless another is asked.
+WITHIN = 3e-5
 # Turns of the regime of the few designs that matter: settling, section points, exponents.
 REGIME = (60, 200, 20)
 
@@ -216,7 +220,7 @@ def confirm(problem: Problem, work: Work, candidates: np.ndarray) -> tuple[Confi
     Returns the best candidate, None where none counts, with `candidates`, `seed_choice`, and why
     there is no best one.
     """
-    case, repeats = problem.case, _repeats(problem)
+    case, (_, repeats) = problem.case, _repeats(problem)
     points = np.concatenate([candidates, case.design.unit(problem.reference)[None]])
     total = len(landscape.STARTS) * len(points) * repeats.runs
     with work.stage("confirmation", total) as tracking:
@@ -236,24 +240,25 @@ def confirm(problem: Problem, work: Work, candidates: np.ndarray) -> tuple[Confi
     return best, part
 
 
-def _repeats(problem: Problem) -> Repeats:
-    """Return the runs that a design is judged by."""
+def _repeats(problem: Problem) -> tuple[Repeats, Repeats]:
+    """Return runs as long as the landscape's, and those that a design is judged by."""
     effort = problem.effort
-    window = Window(LONGER * effort.settle, LONGER * effort.turns, CONFIRM_RTOL)
-    return Repeats(effort.runs, window, effort.seed)
+    short = Window(effort.settle, effort.turns, MAP_RTOL)
+    long = Window(LONGER * effort.settle, LONGER * effort.turns, CONFIRM_RTOL)
+    return Repeats(effort.runs, short, effort.seed), Repeats(effort.runs, long, effort.seed)
 
 
-def run_open_points(problem: Problem, work: Work, maps: Maps) -> tuple[OpenPoint, ...]:
-    """Run the points of the map that have no stable orbit as long as candidates are run."""
-    # Where no point of the map counts, nothing is bounded.
-    mapped = maps.counting_orbits
-    count = len(open_points.unstable(mapped))
-    if mapped is None or not count:
-        return ()
-    case, repeats = problem.case, _repeats(problem)
-    total = len(landscape.STARTS) * count * repeats.runs
-    with work.stage("open points", total) as tracking:
-        return open_points.run_open_points(case, maps.points, mapped, repeats, tracking)
+def bounded(problem: Problem, work: Work, maps: Maps, best: Confirmed) -> Bound:
+    """Return how far below the optimum the box may hold another design, from a refined map."""
+    case, effort, mapped = problem.case, problem.effort, maps.orbits
+    if found := unbounded(case, mapped, best):
+        return found
+    assert mapped is not None
+    with work.stage("bound", MOST) as tracking:
+        rows = landscape.rows_of(mapped, len(maps.points))
+        points = Points(case, maps.points, rows, _repeats(problem), tracking)
+        within = WITHIN * abs(best.objective) if effort.within is None else effort.within
+        return optimality_bound(points, Cells.of_grid(mapped.counts.shape), best, within)
 
 
 def with_coexisting_orbits(

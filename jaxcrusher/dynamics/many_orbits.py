@@ -78,6 +78,7 @@ def solve_orbits(
     neighbours: Callable[[int], list[int]] | None,
     *,
     sections: Float[np.ndarray, "cases states"] | None = None,
+    quick: bool = False,
     chunk: int = CHUNK,
     enough: float = np.inf,
     engine: Engine | None = None,
@@ -95,6 +96,8 @@ def solve_orbits(
       pin at rest is left: it is tried from no other orbit, and not waited for.
     - `sections`: guesses of section points, from which is shot what nodes do not solve; None where
       nothing is known. What is waited for has its own.
+    - `quick`: only from the pin at rest, with the first of `levels`. What these leave in doubt is
+      not called stable.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
     - `journal`: of finished chunks.
     - `progress`: called with the number of finished and of all cases; while motions are waited for,
@@ -109,6 +112,8 @@ def solve_orbits(
     solutions = _Solutions(problem, cases, levels[-1] * problem.period, chunk, engine, journal)
     report = progress or (lambda finished, of: None)
     solutions.fill(np.arange(count), levels[0], alone, report)
+    if quick:
+        return solutions.told()
     left = solutions.unsolved(np.inf)
     sections = np.full((count, 2 * problem.dims), np.nan) if sections is None else sections.copy()
 
@@ -119,9 +124,8 @@ def solve_orbits(
     if neighbours is not None and len(left):
         sections[left] = solutions.wait(waits, left)
     for nodes in levels[1:] or levels:
-        solutions.fill(
-            solutions.begun(solutions.unsolved(enough)), nodes, neighbours or alone, report
-        )
+        begun = solutions.begun(solutions.unsolved(enough))
+        solutions.fill(begun, nodes, neighbours or alone, report)
     left = solutions.unsolved(np.inf)
     solutions.shoot(left[np.isfinite(sections[left]).all(axis=1)], sections)
     for nodes in (levels[-1], MOST_NODES):
@@ -132,12 +136,7 @@ def solve_orbits(
         solutions.wait_on(waits, report)
         motions = solutions.motions(waits)
     report(count, count)
-    rows: dict[str, Any] = solutions.rows
-    rows["eccentricity"] = solutions.orbits
-    failure = _in_words(rows.pop("code"), RESULTS, RESULTS.successful)
-    found = _in_words(rows.pop("way"), WAYS, WAYS.rest)
-    found[~np.asarray(rows["success"], bool)] = ""
-    return rows | {"failure": failure, "found": found} | motions
+    return solutions.told() | motions
 
 
 def alone(_: int) -> list[int]:
@@ -162,6 +161,14 @@ class _Solutions:
         self.points, self.rows = points, Rows()
         # NaN stands for the pin at rest.
         self.orbits = np.full((len(cases[0]), points, problem.dims), np.nan)
+
+    def told(self) -> Rows:
+        """Return the rows with the orbits, and with failures and ways in words."""
+        rows: dict[str, Any] = {**self.rows, "eccentricity": self.orbits}
+        failure = _in_words(rows.pop("code"), RESULTS, RESULTS.successful)
+        found = _in_words(rows.pop("way"), WAYS, WAYS.rest)
+        found[~np.asarray(rows["success"], bool)] = ""
+        return rows | {"failure": failure, "found": found}
 
     def unsolved(self, enough: float) -> np.ndarray:
         """Return the cases without an orbit, or with one whose error is above `enough`."""

@@ -30,7 +30,7 @@ STAGES = {
     "motions": "motions of the cells",
     "refinement": "descents",
     "confirmation": "long runs",
-    "open points": "open points",
+    "bound": "cells halved for the bound",
     "coexisting": "orbits of random starts, decay",
     "regimes": "regimes and slopes",
     "fronts": "fronts",

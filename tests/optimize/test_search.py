@@ -25,19 +25,20 @@ from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
 from jaxcrusher.mechanism.reductions import chosen
 from optimize import (
+    bound,
     confirm,
     decay,
     formatting,
     landscape,
     local,
-    open_points,
     smooth,
     stages,
     verdicts,
 )
 from optimize import orbits as periodic
-from optimize.answer import Check, Coexisting, OpenPoint
-from optimize.bound import _about, _steepest_beside, cell_bounds, optimality_bound
+from optimize.answer import Check, Coexisting
+from optimize.bound import Points, _about, optimality_bound
+from optimize.cells import ROUGHER, Cells, beside
 from optimize.evaluate import Window, evaluate, judged, started
 from optimize.objectives import OBJECTIVES, OF_SUPPORTS
 from optimize.options import Options
@@ -174,55 +175,121 @@ def test_map_of_orbits_is_labelled(finished):
         assert (folder / f"{name}.png").stat().st_size > 10_000
 
 
-def test_runs_speak_for_points_without_a_stable_orbit(finished):
-    folder, answer = finished
-    case, best = resolve(Options(**SMALL)).case, answer.optimum
-    with xr.open_dataset(folder / "orbits.nc") as opened:
-        mapped = opened.load()
-    # A file has numbers for what is logical in a search.
-    for name in ("stable", "counts"):
-        mapped[name] = mapped[name].astype(bool)
-    assert len(open_points.unstable(mapped)) == 0
-    for name in ("stable", "counts"):
-        mapped[name][6, 3] = False
-    assert open_points.unstable(mapped).tolist() == [27]
-    unsaid = optimality_bound(case, mapped, best)
-    point = OpenPoint(
-        {"speed": 40.0, "clearance": 0.12e-3}, "It is chaotic.", best.objective + 4000, 27
-    )
-    said = optimality_bound(case, mapped, best, (point,))
-    assert unsaid.open_points == 1 and "Nothing is said of 1 of 28" in unsaid.statement
-    assert said.open_points == 0 and "Nothing is said" not in said.statement
-    assert "At 1 of 28 points no stable orbit" in said.statement
-    assert "4 kN above the optimum" in said.statement and said.by_runs == (point,)
-    # The runs are far above the optimum: the certificate is that of the orbits, and global.
-    assert "global" not in unsaid.statement and said.within == unsaid.within
+CENTRE = np.array([0.3, 0.6])
+
+
+def bowl(case, units, neighbours=None, **how):
+    """Rows of points whose objective is a bowl, as a map has them: all are stable, and count."""
+    rows = {name: np.ones(len(units), bool) for name in ("success", "stable", "counts")}
+    return rows | {
+        "objective": 2e4 + 1e3 * ((units - CENTRE) ** 2).sum(axis=1),
+        "slope": 2e3 * (units - CENTRE) / periodic.widths(case),
+        "failure": np.full(len(units), "It is chaotic."),
+    }
+
+
+@pytest.fixture
+def bounded(monkeypatch):
+    """A function that bounds the bowl on 7 by 4 points, of which some columns may be changed.
+
+    It returns the bound, the points, and how often points were run, solved for and waited for. Runs
+    come to so much `above` the optimum.
+    """
+    case = resolve(Options(**SMALL)).case
+    units = landscape.points(case.design, (7, 4), 0, 0)
+    best = SimpleNamespace(objective=2e4, values=case.design.numbers(CENTRE))
+    repeats = tuple(confirm.Repeats(runs, Window(1, 1, 1e-6), 0) for runs in (2, 3))
+
+    def bounded(within, function=bowl, above=0.0, **changed):
+        ran, solved, waited = [], [], []
+
+        def runs(case, units, repeats, tracking):
+            ran.append((len(units), repeats.runs))
+            return [{"objective": np.full((2, 2), best.objective + above)}] * len(units)
+
+        def solve(case, units, neighbours=None, **how):
+            (solved if neighbours is None else waited).append(len(units))
+            rows = function(case, units)
+            return rows if neighbours is None else rows | {n: c[27:] for n, c in changed.items()}
+
+        monkeypatch.setattr(bound, "long_runs", runs)
+        monkeypatch.setattr(bound, "solve", solve)
+        points = Points(case, units, function(case, units) | changed, repeats)
+        return optimality_bound(points, Cells.of_grid((7, 4)), best, within), ran, solved, waited
+
+    return bounded
+
+
+def test_runs_speak_for_points_without_a_stable_orbit(bounded):
+    known, ran, _, _ = bounded(100.0)
+    assert not ran and known.by_runs == () and known.open_points == 0
+    stable = np.arange(28) != 27
+    lost = {"stable": stable, "counts": stable}
+    said, ran, solved, waited = bounded(100.0, above=4000.0, **lost)
+    # Short runs are far above the optimum, and nothing is waited for: the bound is the orbits'.
+    assert ran == [(1, 2)] and not waited and said.within == known.within
+    assert "no stable orbit of one turn is known: runs there come to 24000 N" in said.statement
+    assert "4 kN above the optimum" in said.statement
     assert f"global within the box to {_about(said.within, 'N')}" in said.statement
-    # Half a cell away they may be lower, by twice the largest fall about the points beside.
-    near = optimality_bound(case, mapped, best, (replace(point, least=best.objective),))
-    assert near.within is not None and near.within > 10 * said.within
-    falls = np.array([[9.0, 1.0, 3.0], [0.0, 2.0, np.nan]])
-    assert _steepest_beside(falls, (np.intp(1), np.intp(2))) == 3.0
-    # Runs that scatter tell nothing, and say so.
-    low = optimality_bound(case, mapped, best, (replace(point, least=best.objective - 4000),))
+    (point,) = said.by_runs
+    assert point.values["speed"] == 40.0 and point.motion == "It is chaotic." and point.place == 27
+    # Half a cell away they may be lower, by twice the largest fall about the points beside: then
+    # the point is waited for, and run for long.
+    near, ran, more, waited = bounded(100.0, above=10.0, **lost)
+    assert waited == [1] and ran == [(1, 2), (1, 3)]
+    assert sum(more) > sum(solved) and near.within <= 100.0
+    # Runs that scatter tell nothing, and say so; smaller cells would not help.
+    low, _, solved, _ = bounded(100.0, above=-4000.0, **lost)
     assert "4 kN below the optimum: they scatter too much" in low.statement
+    assert low.within > 4000.0 and sum(solved) < 100
     assert not re.search(r"[ (]-\d", low.statement)
-    # The runs of the paper's corner: the quiet motion there has 22 221 N, and the means of three
-    # runs over so few turns scatter by a kilonewton, which a Student factor of 4 goes with.
-    units, repeats = np.array([[1.0, 1.0]] * 28), confirm.Repeats(3, Window(10, 20, 1e-6), 0)
-    (run,) = open_points.run_open_points(case, units, mapped, repeats)
-    assert 1.5e4 < run.least < 2.3e4 and run.values["speed"] == 40.0
-    assert run.motion.startswith("The orbit of one turn is unstable")
+
+
+def test_nothing_is_said_of_what_breaks_a_constraint(bounded, monkeypatch):
+    stable = np.arange(28) != 27
+    unsaid, ran, _, _ = bounded(100.0, counts=stable)
+    assert unsaid.open_points == 1 and not ran and "Nothing is said of 1 of" in unsaid.statement
+    assert "global" not in unsaid.statement
+    # Nor of more motions without an orbit than are run.
+    monkeypatch.setattr(bound, "MOST_OPEN", 0)
+    many, ran, _, _ = bounded(100.0, counts=stable, stable=stable)
+    assert many.by_runs == () and not ran and many.open_points == 1
+
+
+def test_cells_are_halved_until_the_bound_is_as_asked(bounded, monkeypatch):
+    """The least of the bowl is inside a cell, which may hold less than any point."""
+    coarse, _, solved, _ = bounded(1000.0)
+    # Only they are halved, once, and second derivatives are those that were measured before.
+    assert 0 < sum(solved) <= 9 * 5 and 0 < coarse.within < 1000.0
+    assert "they are 1 times" in coarse.statement
+    fine, _, solved, _ = bounded(0.5)
+    assert 0 < fine.within <= 0.5 and 50 < sum(solved) < 300
+    assert f"global within the box to {_about(fine.within, 'N')}" in fine.statement
+
+    def rough(case, units):
+        """A bowl with a ripple that the first points do not see."""
+        rows = bowl(case, units)
+        between = np.abs(6 * units[:, 0] % 1 - 0.5) < 0.1
+        ripple = np.where(between, 1000.0, 0.0)[:, None]
+        return rows | {"slope": rows["slope"] + ripple / periodic.widths(case)}
+
+    # The level that confirms finds it, and a further one is asked for, which sees no more of it.
+    found, _, solved, _ = bounded(1000.0, rough)
+    assert len(solved) > 1 and found.within > coarse.within
+    # Nor are more orbits solved for than are allowed.
+    monkeypatch.setattr(bound, "MOST", 30)
+    poor, _, solved, _ = bounded(1e-9)
+    assert sum(solved) <= 30 + 5 and poor.within > 1e-9 and "half as large" not in poor.statement
 
 
 def test_two_runs_that_scatter_bound_no_force_below_zero():
     """Student's quantile of one degree of freedom is 12.706: 2e4 less 6353 N, and less 2.5e5 N."""
     quiet, wide = [2e4 + 500, 2e4 - 500], [4e4, 0.0]
-    assert open_points._least(np.array([quiet, quiet]), 0.0) == pytest.approx(2e4 - 6353, abs=1)
-    assert open_points._least(np.array([quiet, wide]), 0.0) == 0.0
-    assert open_points._least(np.array([quiet, wide]), -np.inf) < -2e5
+    assert bound._least(np.array([quiet, quiet]), 0.0) == pytest.approx(2e4 - 6353, abs=1)
+    assert bound._least(np.array([quiet, wide]), 0.0) == 0.0
+    assert bound._least(np.array([quiet, wide]), -np.inf) < -2e5
     for rows in ([quiet, [np.nan, 1.0]], [[np.nan, 1.0], quiet]):
-        assert np.isnan(open_points._least(np.array(rows), 0.0))
+        assert np.isnan(bound._least(np.array(rows), 0.0))
 
 
 def test_landscape_is_labelled(finished):
@@ -502,28 +569,42 @@ def test_bounds_of_cells_hold_what_a_function_hides():
         return 3 + (x - 0.51) ** 2 + 2 * (y - 0.37) ** 2 + (x - 0.5) * (y - 0.4)
 
     slopes = np.stack([2 * (x - 0.51) + y - 0.4, 4 * (y - 0.37) + x - 0.5], axis=-1)
-    lowest, hidden = cell_bounds(height(x, y), slopes, sizes)
+    cells = Cells.of_grid(x.shape)
+    place = np.rint(cells.corners / sizes).astype(int)
+    at = np.ravel_multi_index(np.moveaxis(place, -1, 0), x.shape)
+    values, slopes = height(x, y).ravel(), slopes.reshape(-1, 2)
+    lowest, hidden = cells.lowest(at, values, slopes)
     fine = height(*np.meshgrid(np.linspace(0, 1, 401), np.linspace(0, 1, 401)))
-    assert lowest.min() <= fine.min() < height(x, y).min()
+    assert lowest.min() <= fine.min() < values.min()
     # With the exact second derivatives (2, 4, 1, 1) twice over, by hand.
-    expected = 2 * (2 * 0.1**2 + 4 * 0.125**2 + 2 * 0.1 * 0.125) / 2
+    expected = ROUGHER * (2 * 0.1**2 + 4 * 0.125**2 + 2 * 0.1 * 0.125) / 2
     np.testing.assert_allclose(hidden, expected, rtol=1e-12)
-    # A map of the box has slopes by its parameters, and cells of its own size.
-    case = resolve(Options(**SMALL)).case
-    widths = [high - low for low, high in case.design.bounds.values()]
-    values, dims = height(x, y), ("speed", "clearance")
-    columns = {
-        "objective": (dims, values),
-        "slope": ((*dims, "parameter"), slopes / widths),
-        "counts": (dims, np.ones(x.shape, bool)),
-    }
-    best = SimpleNamespace(objective=float(fine.min()), half_width=0.0, settles=True)
-    bound = optimality_bound(case, xr.Dataset(columns), best)
-    assert bound.curvature == pytest.approx(expected, rel=1e-12)
-    assert bound.within == pytest.approx(best.objective - lowest.min(), rel=1e-9)
+    # A point without a number leaves its neighbours the differences beside them.
+    slopes[0] = values[0] = np.nan
+    lowest, hidden = cells.lowest(at, values, slopes)
+    assert np.isnan(lowest).sum() == 1 and np.isnan(lowest[0, 0])
+    np.testing.assert_allclose(hidden, expected, rtol=1e-12)
     # An increasing function has its least at the corner, where nothing falls inwards.
-    flat, none = cell_bounds(x + y, np.ones((*x.shape, 2)), sizes)
+    flat, none = cells.lowest(at, (x + y).ravel(), np.ones((x.size, 2)))
     assert flat.min() == 0 and not none.any()
+    # A cell that is halved leaves four, which share corners with it; one parameter leaves two.
+    halved = cells.halved(np.arange(20) == 7)
+    assert len(halved.low) == 23 and halved.sizes[-4:].tolist() == [[0.1, 0.125]] * 4
+    np.testing.assert_allclose(halved.corners[-4, 0], cells.corners[7, 0], atol=1e-15)
+    np.testing.assert_allclose(halved.corners[-1, -1], cells.corners[7, -1], atol=1e-15)
+    one = Cells.of_grid((4,))
+    assert one.halved(np.array([True, False, False])).low.ravel() == pytest.approx(
+        [1 / 3, 2 / 3, 0, 1 / 6]
+    )
+    by_one, pairs = np.array([np.nan, 0.0, 1.0, 4.0]), np.array([[0, 1], [1, 2], [2, 3]])
+    lowest, hidden = one.lowest(pairs, by_one, by_one[:, None])
+    assert (
+        np.isnan(lowest).sum() == 1 and 3 * hidden[0] == pytest.approx(hidden[1]) and hidden[0] > 0
+    )
+    assert one.hold(np.array([0.5])).tolist() == [False, True, False]
+    # The largest of a cell and of those that share a corner with it.
+    numbers = np.array([np.nan, 1.0, 3.0])
+    assert beside(numbers, pairs, 4).tolist() == [1.0, 3.0, 3.0]
 
 
 def test_capacity_is_the_scene_s(tmp_path):
@@ -835,7 +916,8 @@ def test_an_interrupted_search_goes_on_with_the_same_bits(finished, tmp_path, mo
     computed, kept = [], Journal.kept
 
     def counted(journal, function, inputs, compute):
-        return kept(journal, function, inputs, lambda: (computed.append(function), compute())[1])
+        asked = function, *(np.asarray(one).tobytes() for one in inputs)
+        return kept(journal, function, inputs, lambda: (computed.append(asked), compute())[1])
 
     def interrupt(*_):
         raise KeyboardInterrupt
@@ -848,7 +930,7 @@ def test_an_interrupted_search_goes_on_with_the_same_bits(finished, tmp_path, mo
             run(options, Console(quiet=True))
     maps = list(computed)
     for name in ("_scene", "_motion"):  # of the orbits and of the motions
-        assert any(f"<function {name}>" in function for function in maps)
+        assert any(f"<function {name}>" in function for function, *_ in maps)
     assert any((tmp_path / "small/chunks").iterdir())
     computed.clear()
     answer = run(options, Console(quiet=True))
