@@ -68,16 +68,16 @@ def test_the_engine_asked_for_is_used():
 
 
 def test_sweep_equals_single_runs():
-    axes = {"speed": [28.0, 33.0], "clearance": [0.04e-3, 0.07e-3, 0.1e-3]}
-    base, seen = {"start": "contact"}, []
-    # At 1e-9 a start one unit in the last place away moves a single run's own peak by 3e-7.
-    grid = jc.sweep(axes, 0, 2, base=base, chunk=4, rtol=1e-11, progress=lambda *p: seen.append(p))
-    assert grid.foundation_rms.dims == ("speed", "clearance")
-    assert grid.foundation_rms.attrs["units"] == "N" and grid.clearance.attrs["units"] == "m"
+    axes, seen = {"speed": [28.0, 33.0], "load": [4e3, 7e3, 1e4]}, []
+    grid = jc.sweep(
+        axes, 0, 2, base={"joint": "ideal"}, chunk=4, progress=lambda *p: seen.append(p)
+    )
+    assert grid.foundation_rms.dims == ("speed", "load")
+    assert grid.foundation_rms.attrs["units"] == "N" and grid["load"].attrs["units"] == "N"
     assert bool(grid.success.all()) and seen == [(0, 6), (3, 6), (6, 6)]
-    one = jc.statistics(jc.paper_scene(33.0, 0.1e-3, start="contact"), 0, 2, rtol=1e-11)
-    # Quiet motion: the same program on another batch differs by rounding only.
-    same = grid.sel(speed=33.0, clearance=0.1e-3)
+    one = jc.statistics(jc.ideal_scene(33.0, load=1e4), 0, 2)
+    # The same program on another batch differs by rounding only.
+    same = grid.sel(speed=33.0, load=1e4)
     assert float(same.foundation_rms) == pytest.approx(float(one.foundation_rms), rel=1e-9)
     assert float(same.foundation_peak) == pytest.approx(float(one.foundation_peak), rel=1e-7)
 

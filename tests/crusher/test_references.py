@@ -1,7 +1,6 @@
 """Reference numbers that independent programs agree on."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -117,17 +116,3 @@ def test_given_torque_spins_up_alike():
     assert np.ptp(speeds[0]) > 1
     # 1e-9 at the start, times exp(200 * 0.02) = 55, on an impact force of 1e5 N.
     np.testing.assert_allclose(speeds[1], speeds[0], rtol=1e-5)
-
-
-@pytest.mark.slow
-def test_vmap_over_scenes():
-    clearances = np.array([0.04e-3, 0.1e-3])
-
-    def rms(clearance):
-        scene = jc.paper_scene(30.0, clearance, start="contact")
-        return jc.statistics(scene, 0, 2, outputs=("foundation_rms",)).foundation_rms
-
-    together = jax.jit(jax.vmap(rms))(clearances)
-    alone = [rms(c) for c in clearances]
-    # The same steps up to rounding; 1e-9 of tolerance.
-    np.testing.assert_allclose(together, np.array(alone), rtol=1e-8)

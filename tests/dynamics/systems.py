@@ -52,11 +52,6 @@ def lorenz(t, x, rho):
     return jnp.stack([10 * (x[1] - x[0]), x[0] * (rho - x[2]) - x[1], x[0] * x[1] - 8 / 3 * x[2]])
 
 
-def duffing(t, x, _):
-    """Return the rate of Duffing's equation, with omega = 1, f = 0.3, d = 0.2, beta = -1."""
-    return jnp.stack([x[1], x[0] - x[0] ** 3 - 0.2 * x[1] + 0.3 * jnp.cos(t)])
-
-
 def henon(x):
     """Map a point by Hénon, with a = 1.4, b = 0.3."""
     return jnp.stack([1 - 1.4 * x[0] ** 2 + x[1], 0.3 * x[0]])

@@ -339,20 +339,20 @@ def test_verdicts_on_an_orbit(value, multipliers, verdict, reason):
 
 
 @pytest.mark.parametrize(
-    "share, drift, reason",
+    "accident, reason",
     [
-        (0.25, (0.0, 0.1), "one pair"),
-        (0.1, (3.0, 1.0), "doubling the window"),
-        (0.1, (2.0, 1.0), ""),
+        ({"share": 0.25, "drift": (0.0, 0.1)}, "one pair"),
+        ({"share": 0.1, "drift": (3.0, 1.0)}, "doubling the window"),
+        ({"share": 0.1, "drift": (2.0, 1.0)}, ""),
     ],
 )
-def test_a_fit_that_rests_on_an_accident_is_refused(share, drift, reason):
-    slope = judge("speed", FIT, True, 0.3, growth=100.0, share=share, drift=drift)
+def test_a_fit_that_rests_on_an_accident_is_refused(accident, reason):
+    slope = judge("speed", FIT, True, 0.3, growth=100.0, **accident)
     assert slope.verdict == ("refused" if reason else "ok")
     assert not reason or slope.reasons[0].startswith(reason)
 
 
-@pytest.mark.parametrize("n", [1, 3, 6, 9, 16])
+@pytest.mark.parametrize("n", [1, 3, 16])
 def test_fit_by_many_parameters(n):
     """A linear function is met to rounding, by the fewest pairs allowed."""
     slopes = np.linspace(1, 3, n) ** 3

@@ -17,7 +17,7 @@ from jaxcrusher.motion.indicators import (
     zero_one_test,
 )
 from jaxcrusher.motion.section import poincare_section
-from tests.dynamics.systems import duffing, flow, henon, iterate, logistic, lorenz
+from tests.dynamics.systems import flow, henon, iterate, logistic, lorenz
 
 
 def test_linear_map():
@@ -66,14 +66,6 @@ def test_lorenz():
     assert found.exponents[2] == pytest.approx(-14.57, rel=0.05)
     # The divergence is constant: -13.6667.
     assert found.exponents.sum() == pytest.approx(-41 / 3, rel=1e-5)
-
-
-def test_duffing():
-    period = 2 * np.pi
-    _, jacobians = iterate(flow(duffing, period), [0.5, 0.0], 3000, 50)
-    found = lyapunov_spectrum(jacobians)
-    assert found.exponents[0] / period == pytest.approx(0.1589, rel=0.05)
-    assert found.exponents.sum() / period == pytest.approx(-0.2, rel=1e-5)
 
 
 def test_power_spectrum():

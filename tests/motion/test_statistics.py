@@ -197,13 +197,6 @@ def test_wear_needs_friction():
             run(smooth, 0, 1, outputs=("sliding_power",))
 
 
-def test_an_ideal_joint_keeps_to_the_limits_of_contact():
-    limits = jc.statistics(jc.ideal_scene(30.0), 0, 1).validity
-    assert bool(limits.inside) and limits.remarks() == []
-    assert float(limits.half_width_ratio) == 0 == float(limits.impact_speed_ratio)
-    assert limits.delivered_restitution is None
-
-
 @pytest.mark.parametrize(
     ("values", "missing"),
     [

@@ -15,7 +15,7 @@ def test_a_tracked_velocity_is_held_at_what_it_comes_to():
     assert orbit.held_velocities is not None
     assert float(orbit.held_velocities["main"]) == pytest.approx(0.01, rel=1e-12)
     assert orbit.found.endswith("tracked impact velocity held at 0.01 m/s at the main joint")
-    assert jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3), nodes=96).held_velocities is None
+    assert jc.periodic_orbit(jc.ideal_scene(30.0)).held_velocities is None
 
 
 @pytest.mark.slow

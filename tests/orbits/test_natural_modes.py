@@ -87,21 +87,6 @@ def test_strong_dampers_do_not_move_natural_frequencies():
     assert (jc.natural_modes(jc.build_scene(block | stiffer)).frequency > modes.frequency).all()
 
 
-def test_overdamped():
-    scene = jc.build_scene(PLAIN | {"foundation.vertical_damping": 6e5})
-    modes = jc.natural_modes(scene)
-    vertical = modes.isel(mode=int(np.argmax(modes.share.values[:, 1])))
-    ratio = 12e5 / (2 * 5000 * 1200**0.5)
-    assert float(vertical.damping_ratio) == pytest.approx(ratio, rel=1e-6)
-    assert float(vertical.frequency) == pytest.approx(1200**0.5 / (2 * np.pi), rel=1e-6)
-    # Vertically two motions without vibration, and as many of rotation.
-    rates = modes.decay.values[modes.damped_frequency == 0]
-    assert len(rates) == 4 and modes.sizes["free"] == 5
-    for sign in (-1, 1):
-        expected = 1200**0.5 * (ratio + sign * np.sqrt(ratio**2 - 1))
-        assert np.min(np.abs(rates / expected - 1)) < 1e-6
-
-
 @pytest.mark.slow
 def test_a_free_vibration():
     """A machine that turns swings by its modes: multipliers of its orbit decay as the modes do."""
