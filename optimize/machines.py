@@ -13,6 +13,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
+from jaxcrusher.crusher.capacity import CAUTION, stroke, stroke_ratio
 from jaxcrusher.files.results import results_folder, write_figure, write_table
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.forced import refusal
@@ -36,6 +37,8 @@ QUANTITIES = {
     "speed": ("speed", "rad/s"),
     "clearance": ("radial clearance", "m"),
     "capacity": ("capacity", "m3/h"),
+    "stroke": ("stroke at the discharge", "m"),
+    "stroke_ratio": ("  vertical over horizontal", "1"),
     **{name: (name_of(OBJECTIVES[name].meaning), OBJECTIVES[name].unit) for name in COMPARED},
 }
 
@@ -84,6 +87,7 @@ def run(
     with plt.rc_context(STYLE):
         write_figure(folder / "compare.png", draw(found))
     console.print(Table(("", *titles), table_rows(found, density)).printed())
+    console.print(CAUTION, highlight=False)
     console.print(f"results in {folder}/", highlight=False)
 
 
@@ -110,6 +114,8 @@ def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -
     numbers = dict.fromkeys(QUANTITIES, math.nan)
     numbers["speed"] = float(scene.drive.speed)
     numbers["capacity"] = float(chamber.capacity(scene.drive.speed))
+    numbers["stroke"] = float(stroke(scene.machine))
+    numbers["stroke_ratio"] = float(stroke_ratio(scene.machine))
     if scene.joint is not None:
         numbers["clearance"] = float(scene.joint.clearance)
     numbers |= {name: float(OBJECTIVES[name].formula(result, scene, chamber)) for name in names}

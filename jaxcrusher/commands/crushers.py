@@ -12,7 +12,7 @@ from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
-from jaxcrusher.scenes.build import build_chamber
+from jaxcrusher.scenes.build import build_chamber, by_stroke
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import CHOICES, complete
@@ -53,7 +53,10 @@ def borrowed_by(crusher: Crusher) -> list[str]:
 def given_by(crusher: Crusher) -> dict[str, Any]:
     """Return the values that a scene file and the command line give."""
     given = {} if crusher.scene is None else read_scene_file(crusher.scene)
-    return given | read_overrides(crusher.overrides)
+    over = read_overrides(crusher.overrides)
+    if "stroke" in over and "shaft.eccentricity" not in over:
+        given.pop("shaft.eccentricity", None)
+    return by_stroke(given | over)
 
 
 def units_given(crusher: Crusher, written: Iterable[tuple[str, str]] = ()) -> dict[str, str]:

@@ -26,6 +26,7 @@ from jaxcrusher.commands.crushers import (
     units_given,
 )
 from jaxcrusher.commands.options import Crusher, Foundation
+from jaxcrusher.crusher.capacity import stroke, stroke_ratio
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
@@ -44,6 +45,7 @@ from jaxcrusher.orbits.load_sheet import (
 )
 from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.orbits.solving import NODES
+from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import NUMBERS, POINTS
 from jaxcrusher.scenes.scene_file import point_of, quantity_in, read_range
@@ -155,6 +157,7 @@ def heading(
         "date": datetime.date.today().isoformat(),
         "joints": joint_states(scene),
         "running": f"{told('speed')}, {running_frequency(scene):.4g} Hz",
+        "crushing": _crushing(scene, values),
         "loads": told("load_law", "load", "load_point", "load_edge", "load_scatter"),
         "masses": told("shaft.mass", "jaw.mass", "toggle.mass", "counterweight.mass", "frame_mass"),
         "foundation": told(*(key for key in parts if key in given)) or "clamped",
@@ -169,6 +172,16 @@ def heading(
             "± standard deviation of the turns' peaks"
         )
     return head
+
+
+def _crushing(scene: Scene, values: dict[str, Any]) -> str:
+    """Say stroke and capacity of a machine."""
+    travel, ratio = 1e3 * float(stroke(scene.machine)), float(stroke_ratio(scene.machine))
+    capacity = float(build_chamber(values).capacity(scene.drive.speed))
+    told = (
+        f"stroke at the discharge {travel:.3g} mm horizontally, {ratio:.2f} times that vertically"
+    )
+    return f"{told}, capacity {capacity:.3g} m3/h by laminating theory"
 
 
 def _speeds(options: Foundation, speed: float) -> tuple[float, float]:

@@ -70,6 +70,8 @@ LINKS = (
     "bearing.inclination",
 )
 
+# Steps of the secant from a stroke to an eccentricity, and the share that it may be off.
+STEPS, STROKE_ERROR = 8, 1e-9
 # Widths of the contact's corner and of |e| (m), and what narrows them where the contact is stiffer
 # or the clearance smaller than in the paper's box: the penetration under this force (N), so that
 # the corner is off by 0.5 N at touch-down at most, and this share of the clearance.
@@ -178,6 +180,28 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
     return CrushingChamber(
         v["chamber.width"], v["chamber.height"], v["chamber.loosening"], double_width, v["gravity"]
     )
+
+
+def by_stroke(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a description whose stroke, if it has one, has become its shaft's eccentricity.
+
+    The stroke is nearly proportional to the eccentricity, so that a secant finds it. Raises
+    ValueError where the description has both, or links that do not reach the stroke.
+    """
+    described = dict(values)
+    wanted = described.pop("stroke", None)
+    if wanted is None:
+        return described
+    both = "shaft.eccentricity" in described
+    require(not both, "stroke", "not stand beside shaft.eccentricity", "given with it")
+    travel, found = jax.jit(stroke), float(wanted) / 2
+    for _ in range(STEPS):
+        links = build_machine(described | {"shaft.eccentricity": found})
+        found *= float(wanted / travel(links))
+    off = abs(float(travel(build_machine(described | {"shaft.eccentricity": found}))) / wanted - 1)
+    must = "be one that the links reach"
+    require(off < STROKE_ERROR, "stroke", must, readable("stroke", float(wanted)))
+    return described | {"shaft.eccentricity": found}
 
 
 def _differs(value: Any, other: Any) -> bool:

@@ -215,8 +215,10 @@ CHAMBER = {
     "chamber.loosening": Parameter(0.7, "1", "mu of the material crushed", (0.01, 1)),
 }
 
-# What a load sheet is told besides the motion, which has none of it; the numbers are judged.
+# What a description is told besides the motion, for its load sheet; the numbers are judged.
 SITE = {
+    # In place of shaft.eccentricity, which follows from it when a file is read.
+    "stroke": Parameter(0.0074492, "m", "horizontal travel of the jaw's lower end"),
     "motor_power": Parameter(15e3, "W", "of the motor; none: not known"),
     "frame_mass": Parameter(1500.0, "kg", "of frame and fixed jaw, clamped; none: not known"),
 }

@@ -30,7 +30,7 @@ import pint
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.scenes.build import build_scene
+from jaxcrusher.scenes.build import build_scene, by_stroke
 from jaxcrusher.scenes.own_laws import is_own, law_class, make_known
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS, POINTS, check_number
 
@@ -81,6 +81,7 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
                 raise ValueError(f"Argument `{key}` must be given once, but is given twice.")
             written[key] = name
             values[key] = read_value(name, value, path.parent)
+        values = by_stroke(values)
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
     return values
