@@ -74,7 +74,7 @@ def run(options: Bearing, console: Console) -> int:
                 found.append(run_turns(one_scene, quantities_of(one_scene), seconds=seconds, **how))
         return found
 
-    titles = [", ".join(said(name, one[name], units) for name in one) for one in designs]
+    titles = [", ".join(f"{n} {said(n, one[n], units)}" for n in one) for one in designs]
     found = seen(designs, titles)
     if failed := next((one.failure for one in found if one.failure), ""):
         console.print(f"FAILED: {failed}", style="red")
@@ -181,6 +181,11 @@ def shown(
         column = (NUMBERS | {"shaking_rms": SHAKING})[name]
         unit, factor = SHOWN.get(column.unit, (column.unit, 1.0))
         pairs = zip(numbers[name].values, numbers[f"{name}_scatter"].values, strict=True)
-        texts = [f"{factor * value:z.4g} ± {factor * scatter:.2g}" for value, scatter in pairs]
+        texts = [_amount(factor * value, factor * scatter) for value, scatter in pairs]
         grid.add_row(f"{column.meaning}{'' if unit == '1' else f', {unit}'}", *texts)
     return grid
+
+
+def _amount(value: float, scatter: float) -> str:
+    whole = f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.4g}"
+    return f"{whole} ± {float(f'{scatter:.2g}'):.6g}"

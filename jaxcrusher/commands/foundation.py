@@ -1,6 +1,7 @@
 """`python -m jaxcrusher foundation`: the load sheet of a crusher's foundation."""
 
 import base64
+import dataclasses
 import datetime
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -47,7 +48,7 @@ from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.echo import said
-from jaxcrusher.scenes.parameters import NUMBERS, POINTS
+from jaxcrusher.scenes.parameters import NUMBERS, POINTS, replaced
 from jaxcrusher.scenes.scene_file import point_of, quantity_in, read_range
 
 TITLE = "Load sheet of a jaw crusher's foundation"
@@ -78,7 +79,7 @@ def run(options: Foundation, console: Console) -> int:
         options.results.folder, settings_of("foundation", values, **numbers, **told), *FILES
     )
     with stages(console, "ideal joints"):
-        orbit = jc.periodic_orbit(scene.ideal())
+        orbit = jc.periodic_orbit(quiet(scene))
         require(bool(orbit.success), "scene", "have an orbit with ideal joints", orbit.failure)
         rows, turns = sheet(orbit, options.orders, site), None
     if not scene.is_ideal:
@@ -94,7 +95,7 @@ def run(options: Foundation, console: Console) -> int:
             rows = beside(sheet(turns, options.orders, site), rows)
     speeds = np.linspace(low, high, options.points)
     with console.status("run-up"):
-        curves = run_up(values, speeds)
+        curves = run_up(scene, speeds)
     draw(scene, speeds, curves, folder / "run_up.png")
     write_table(folder / "sheet.csv", [asdict(row) for row in rows])
     head = heading(scene, values, options.crusher, turns)
@@ -149,8 +150,7 @@ def heading(
         return ", ".join(f"{key} {said(key, values[key], units)}" for key in there)
 
     parts = [key for key in NUMBERS if key.startswith(("foundation.", "rollers."))]
-    if "foundation.soil.density" in values:  # soil stands in place of springs and dampers
-        parts = [key for key in parts if not key.endswith(("stiffness", "l_damping"))]
+    parts = [key for key in parts if key not in replaced(values)]
     assumed = [key for key in (*parts, "load_law", "contact_law") if key not in given]
     head = {
         "machine": name,
@@ -160,7 +160,7 @@ def heading(
         "crushing": _crushing(scene, values),
         "loads": told("load_law", "load", "load_point", "load_edge", "load_scatter"),
         "masses": told("shaft.mass", "jaw.mass", "toggle.mass", "counterweight.mass", "frame_mass"),
-        "foundation": told(*(key for key in parts if key in given)) or "clamped",
+        "foundation": told(*(n for n in parts if n in given and "foundation" in n)) or "clamped",
         "from the PE250x400": ", ".join(borrowed_by(crusher)) or "nothing",
         "assumed": told(*assumed) or "nothing",
     }
@@ -192,16 +192,26 @@ def _speeds(options: Foundation, speed: float) -> tuple[float, float]:
     return low, high
 
 
-def run_up(values: dict[str, Any], speeds: np.ndarray) -> dict[str, np.ndarray]:
+def quiet(scene: Scene) -> Scene:
+    """Return the machine with ideal joints, and without what closes inside it.
+
+    Load and rod push the frame as they push the jaw, whose motion is given: the ground feels none
+    of them.
+    """
+    return dataclasses.replace(scene.ideal(), load=None, rod=None)
+
+
+def run_up(scene: Scene, speeds: np.ndarray) -> dict[str, np.ndarray]:
     """Return the RMS of what shakes over the speed with ideal joints, N.
 
     These have an orbit at every speed, and shake as a quiet motion with clearance does.
     """
-    names = [name for name in CURVES if name != "transmitted_rms" or "foundation.mass" in values]
+    names = [name for name in CURVES if name != "transmitted_rms" or scene.supports is not None]
+    still = quiet(scene)
 
     @eqx.filter_jit
     def at(speed: Scalar) -> Array:
-        orbit = jc.periodic_orbit(jc.build_scene({**values, "speed": speed}).ideal(), nodes=NODES)
+        orbit = jc.periodic_orbit(eqx.tree_at(lambda s: s.drive.speed, still, speed), nodes=NODES)
         return jnp.stack([orbit[name] for name in names])
 
     forces = np.array([at(jnp.asarray(speed)) for speed in speeds])

@@ -23,14 +23,14 @@ def test_two_clearances_side_by_side(tmp_path):
     assert bearing.run(options, console) == 0
     with (tmp_path / "knock" / "bearing.csv").open() as file:
         rows = {(r["design"], r["bearing"]): r for r in csv.DictReader(file)}
-    tight, wide = rows["0.06 mm", "main"], rows["0.35 mm", "main"]
+    tight, wide = rows["clearance 0.06 mm", "main"], rows["clearance 0.35 mm", "main"]
     assert float(wide["impact_speed [m/s]"]) > float(tight["impact_speed [m/s]"]) > 0
-    assert rows["0.35 mm", "shaft_bearing"]["impacts"] == ""
+    assert rows["clearance 0.35 mm", "shaft_bearing"]["impacts"] == ""
     text = " ".join(console.export_text().split())
     for said in (
         *("life L10 of one bearing by ISO 281, h", "bearing O", "RMS of the shaking force"),
         *("a play of 120 um in a bore of 120 mm is normal", "a play of 700 um"),
-        *("Bearing A, 0.35 mm:", "it loses contact", "Turns: 10 after 5, 10 after 5"),
+        *("Bearing A, clearance 0.35 mm:", "it loses contact", "Turns: 10 after 5, 10 after 5"),
         *("impacts rest on what is assumed", "load_edge 10 deg", "rollers.damping 20000 N s/m"),
     ):
         assert said in text, said
