@@ -5,7 +5,6 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.dynamics import coexisting_orbits as module
-from jaxcrusher.motion.flow import flat
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.transient import places
 
@@ -57,21 +56,6 @@ def test_the_standard_error_of_a_share():
         # A million samples leave a thousandth of a standard deviation.
         sampled = np.std(random.beta(count + 1, 17 - count, 1_000_000))
         np.testing.assert_allclose(error, sampled, rtol=5e-3)
-
-
-@pytest.mark.slow
-def test_shooting_and_collocation_agree(found):
-    """The same quiet motion by the integrator, from a point beside it."""
-    quiet = next(orbit for orbit in found.orbits if orbit.period == 1)
-    beside = flat(quiet.state(), quiet.scene) + 1e-3
-    shot = shoot(quiet.scene, beside, 1)
-    assert shot.success
-    # The integrator's tolerance is 1e-11 of a state whose swing it hardly damps.
-    np.testing.assert_allclose(shot.foundation_rms, quiet.foundation_rms, rtol=1e-8)
-    moduli = (np.sort(np.abs(orbit.multipliers)) for orbit in (shot, quiet))
-    np.testing.assert_allclose(*moduli, atol=1e-7)
-    assert shot.error < 1e-6 and shot.multipliers_error < 1e-5
-    np.testing.assert_allclose(shot.least_penetration, quiet.least_penetration, rtol=1e-3)
 
 
 @pytest.mark.slow

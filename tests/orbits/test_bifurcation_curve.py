@@ -77,27 +77,6 @@ def test_eigenvectors(folded):
     np.testing.assert_allclose(grown, np.real(values[i] * vectors[:, i]), atol=2e-3)
 
 
-@pytest.mark.slow
-def test_a_narrow_doubling_of_the_crusher():
-    """Two doublings 0.0006 rad/s apart, inside a step of 0.04; a motion of two turns leaves."""
-    at = over_speed(0.11e-3)
-    up = jc.orbit_branch(at, 36.9, (36.85, 37.2), scale=1.0, nodes=96, points=8)
-    branch = jc.orbit_branch(at, 37.15, (36.85, 37.2), upwards=False, scale=1.0, nodes=96)
-    places = [one.parameter for one in branch.events[::-1]]
-    # Both are located to 1e-12 of a step, on orbits that close to 1e-10.
-    np.testing.assert_allclose([one.parameter for one in up.events], places, atol=1e-8)
-    assert [one.kind for one in branch.events] == ["period doubling"] * 2
-    upper, lower = (one.parameter for one in branch.events)
-    assert np.max(np.diff(np.sort(branch.table.parameter))) > 30 * (upper - lower) > 0
-    doubled = jc.orbit_branch(
-        at, branch.events[0].other_branch(), (36.85, 37.2), scale=1.0, points=4
-    )
-    assert doubled.table.period == 2 and len(doubled.orbits) == 4
-    for orbit in doubled.orbits:
-        turns = np.asarray(orbit.eccentricity).reshape(2, 96, 2)
-        assert np.max(np.abs(turns[0] - turns[1])) > 1e-3
-
-
 def closing(speed, clearance):
     """Loaded on the closing stroke: the load jumps, so that its orbits are shot for."""
     described = {"speed": speed, "clearance": clearance, "load_law": "closing_stroke"}

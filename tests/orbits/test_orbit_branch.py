@@ -46,26 +46,6 @@ def worn(speed):
 
 
 @pytest.mark.slow
-def test_a_branch_by_shooting_begins_at_one_section_point(monkeypatch):
-    """A motion of the crusher that keeps contact, as nodes have it at each speed."""
-
-    def first(scene, value, *_):
-        orbit = jc.periodic_orbit(scene(jnp.asarray(value)))
-        return orbit_branch.Departure(1, value, np.asarray(orbit.section), None)
-
-    def scene(speed):
-        return jc.paper_scene(speed, 6e-5)
-
-    monkeypatch.setattr(orbit_branch, "_first", first)
-    found = jc.orbit_branch(scene, 30.0, (29.0, 31.0), points=3)
-    assert len(found.orbits) == 3
-    for orbit in found.orbits:
-        nodes = jc.periodic_orbit(scene(orbit.scene.drive.speed))
-        # Shooting closes to 1e-7 clearances.
-        np.testing.assert_allclose(orbit.foundation_rms, nodes.foundation_rms, rtol=1e-7)
-
-
-@pytest.mark.slow
 def test_a_global_that_changes_is_seen(monkeypatch):
     """By each call anew: another program for another scene, and the same for the same."""
     seen, traces = [], []

@@ -90,26 +90,6 @@ def test_folds_of_duffings_equation():
     assert abs(cusp.point.along[-1]) < 1e-9
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("damping", [0.04, 0.01])
-def test_the_cusp_of_weak_damping(damping):
-    """First harmonic: w^2 - 1 = sqrt(3) c w and f^2 = 32 (w^2 - 1)^3 / 81, to a share of c."""
-    family = eqx.Partial(duffings, c=damping)
-    detuned = np.sqrt(3) * damping
-    force = 1.2 * np.sqrt(32 / 81 * detuned**3)
-    stride = Stride(first=0.1 * damping, longest=1.5 * damping, shortest=1e-8)
-    bounds = (1 - damping, 1 + 4 * damping)
-    fold = first_event(family, 0.1 * np.cos(PHASES), force, bounds, stride=stride)
-    curve = curve_of(CollocationProblem(family=family), "fold", (48, 1), damping, (0.5, 2.0))
-    branch, _ = followed(
-        curve, fold, force, 0.1 * force, (0.3 * force, 2 * force), upwards=False, points=60
-    )
-    (cusp,) = cusps(branch)
-    speed = float(curve.split(cusp.point.u, cusp.parameter)[1][0])
-    np.testing.assert_allclose(speed**2 - 1, detuned * speed, rtol=damping / 2)
-    np.testing.assert_allclose(cusp.parameter**2, 32 / 81 * (speed**2 - 1) ** 3, rtol=damping)
-
-
 def van_der_pol(time, x, rate, args):
     f, w = args
     return f * jnp.cos(w * time) + 0.3 * (1 - x**2) * rate - x
