@@ -14,11 +14,12 @@ from jaxcrusher.mechanism import observables as general
 from jaxcrusher.mechanism.drives import AbstractMotion, AbstractTorque, UnevenSpeed
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from tests.crusher.kinds import check_laws
+from tests.pairs import crossed, slow
 
 UNEVEN = UnevenSpeed(30.0, 0.1, 2, 0.4)
 KINDS = {
-    "ideal": {"joint": "ideal"},
     "A": {"slip": "surface"},
+    "ideal": {"joint": "ideal"},
     "all": {"slip": "surface", "elbow.clearance": 1e-4, "pivot.clearance": 8e-5},
     "on supports": {"slip": "surface", "foundation.mass": 6000.0},
 }
@@ -40,8 +41,7 @@ def test_an_uneven_speed_is_that_of_its_formula():
         assert acceleration == pytest.approx(-2 * 0.1 * 900.0 * np.sin(place), rel=1e-13)
 
 
-@pytest.mark.parametrize("formulation", ["eccentricity", "multiplier"])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "formulation"), crossed(KINDS, ("eccentricity", "multiplier")))
 def test_power_of_an_uneven_speed(kind, formulation):
     """The torque that turns the shaft unevenly does what the energies need."""
     if kind == "ideal" and formulation == "multiplier":
@@ -108,7 +108,7 @@ class Motor(AbstractTorque):
         return self.stall * (1 - crank.speed / (1.1 * self.speed))
 
 
-@pytest.mark.parametrize("kind", ["ideal", "A", "all"])
+@pytest.mark.parametrize("kind", ["all", *slow("ideal", "A")])
 def test_a_motor_of_one_s_own_turns_a_free_shaft(kind):
     scene = driven(kind, Motor(30.0, 2000.0))
     check_laws(scene)

@@ -12,6 +12,7 @@ from jaxcrusher.crusher.loads import AlongJaw
 from jaxcrusher.crusher.rough_feed import RoughFeed, later, rough_feed
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.motion.statistics import statistics
+from tests.pairs import slow
 
 ROUGH = {"load_scatter": 0.2, "load_bandwidth": 7.3, "load_seed": 5, "start": "contact"}
 ANGLES = np.linspace(0.0, 40.0, 41)  # more than six turns
@@ -45,13 +46,15 @@ def test_each_cosine_has_its_own_share_of_the_band():
 @pytest.mark.parametrize(
     "load",
     [
-        {},
         {"load_law": "normal_to_jaw", "load_point": 0.4},
-        {"load_law": "closing_stroke"},
-        {"load_law": "by_angle", "load_curve": CURVE},
         {"load_law": "chamber"},
+        *slow(
+            {},
+            {"load_law": "closing_stroke"},
+            {"load_law": "by_angle", "load_curve": CURVE},
+        ),
     ],
-    ids=["along", "normal", "closing", "curve", "bed"],
+    ids=["normal", "bed", "along", "closing", "curve"],
 )
 def test_any_law_is_multiplied_by_the_same_wave(load):
     """The wave counts the angle since time zero: it goes on where a turn ends."""
