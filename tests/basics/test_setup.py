@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 import warnings
 
 import jax
@@ -15,6 +14,7 @@ from jaxcrusher.crusher.bearing_load import bearing_stiffness
 from jaxcrusher.orbits.result import RESULTS, missing
 from jaxcrusher.scenes.build import build_chamber
 from tests.pairs import slow
+from tests.processes import ended
 
 LOOP = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=262144"
 FUSION = "--xla_backend_extra_options=xla_cpu_disable_new_fusion_emitters"
@@ -43,14 +43,7 @@ print(len(missed), float(rms).hex())
 def python(program: str, **environment: str) -> subprocess.CompletedProcess:
     """Run a program in a fresh process, which this one's settings do not reach."""
     inherited = {name: value for name, value in os.environ.items() if name not in OURS}
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env=inherited | environment,
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
-    )
+    done = ended("-c", program, env=inherited | environment)
     assert done.returncode == 0, done.stderr
     return done
 

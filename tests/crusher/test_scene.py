@@ -1,8 +1,5 @@
 """What a scene leaves out is not traced; what it cannot be is refused in one line."""
 
-import subprocess
-import sys
-
 import diffrax
 import jax
 import jax.numpy as jnp
@@ -17,6 +14,7 @@ from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.reductions import top
 from jaxcrusher.scenes.build import build_machine
 from tests.crusher.operations import field_operations, operations, traced
+from tests.processes import ended
 
 
 def count(function, scene):
@@ -314,9 +312,7 @@ def test_bad_input_is_refused_in_one_line(make, name, value, limit):
 
 def test_32_bit_floats_are_refused():
     program = "import jaxcrusher as jc; jc.paper_scene(30.0, 6e-5)"
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=900, check=False
-    )
+    done = ended("-c", program)
     last = done.stderr.strip().splitlines()[-1]
     assert last.startswith("ValueError: Argument `jax_enable_x64` must be True")
 

@@ -497,6 +497,15 @@ def test_a_picture_of_ideal_joints_has_no_empty_place(monkeypatch, tmp_path):
 SOLVED = ("orbit", "--set", "speed", "27rad/s", "--set", "clearance", "5e-5 m")
 
 
+def orbit_solved(out: Path) -> tuple[str, dict]:
+    """What the command prints and keeps."""
+    status, text = run(*SOLVED, "--out", out)
+    assert status == 0 and "settles in" in text and "inside the contact model" in text
+    kept = json.loads((out / "orbit" / "orbit.json").read_text())
+    assert kept["stable"] and kept["foundation_rms"] == pytest.approx(18524.15958, rel=1e-9)
+    return text, kept
+
+
 def test_orbit_writes_what_it_found(tmp_path, monkeypatch):
     """Its slopes by every number are looked at in the next test."""
 
@@ -504,10 +513,7 @@ def test_orbit_writes_what_it_found(tmp_path, monkeypatch):
         return {metric: dict.fromkeys(numbers, 1.0) for metric in orbit.METRICS}
 
     monkeypatch.setattr(orbit, "_slopes", ones)
-    status, text = run(*SOLVED, "--out", tmp_path)
-    assert status == 0 and "settles in" in text and "inside the contact model" in text
-    kept = json.loads((tmp_path / "orbit" / "orbit.json").read_text())
-    assert kept["stable"] and kept["foundation_rms"] == pytest.approx(18524.15958, rel=1e-9)
+    _, kept = orbit_solved(tmp_path)
     assert kept["slopes_of_foundation_rms"]["speed"] == 1.0
     assert {file.name for file in (tmp_path / "orbit").iterdir()} > {"orbit.png", "orbit.csv"}
 
@@ -515,10 +521,7 @@ def test_orbit_writes_what_it_found(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_orbit_solves_for_the_periodic_orbit(tmp_path):
     """RMS, multipliers, and a slope by every number."""
-    status, text = run(*SOLVED, "--out", tmp_path)
-    assert status == 0 and "settles in" in text and "inside the contact model" in text
-    kept = json.loads((tmp_path / "orbit" / "orbit.json").read_text())
-    assert kept["stable"] and kept["foundation_rms"] == pytest.approx(18524.15958, rel=1e-9)
+    text, kept = orbit_solved(tmp_path)
     # 27 rad/s leave (27 / 30)^2 of the 4513.63 N at 30 rad/s: both are kinematics, but for the pin.
     assert kept["shaking_rms"] == pytest.approx(0.81 * 4513.63, rel=1e-3)
     assert f"shaking force: RMS {kept['shaking_rms']:.4f} N" in text

@@ -2,12 +2,12 @@
 
 import ast
 import re
-import subprocess
-import sys
 import zlib
 from pathlib import Path
 
 import pytest
+
+from tests.processes import ended
 
 ROOT = Path(__file__).parents[2]
 # Not for users: entry points and what they are made of.
@@ -22,14 +22,7 @@ def python_blocks(page: str) -> list[str]:
 def documented(tmp_path_factory) -> set[str]:
     """The names with an entry of their own in the site, which is built as its readers build it."""
     site = tmp_path_factory.mktemp("site")
-    done = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(site)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
-    )
+    done = ended("-m", "mkdocs", "build", "--strict", "--site-dir", str(site), cwd=ROOT)
     assert done.returncode == 0, done.stderr
     formulas = (site / "model.html").read_text()
     assert formulas.count("<math") > 50 and "arithmatex" not in formulas
@@ -98,14 +91,7 @@ def test_processes_of_the_page_on_sweeps_find_what_their_parent_does(tmp_path):
     """Spawned, they import the file that they are of."""
     (block,) = (one for one in python_blocks("docs/large_sweeps.md") if "spawn" in one)
     (tmp_path / "several.py").write_text(block)
-    done = subprocess.run(
-        [sys.executable, "several.py"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=300,
-        check=False,
-    )
+    done = ended("several.py", cwd=tmp_path)
     assert done.stdout == "True\n", done.stderr
 
 
@@ -114,14 +100,7 @@ def test_blocks_of_the_readme_run_in_a_fresh_process():
     """The first of them sets JAX up."""
     blocks = python_blocks("README.md")
     assert blocks
-    done = subprocess.run(
-        [sys.executable, "-W", "error::UserWarning", "-c", "\n".join(blocks)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
-    )
+    done = ended("-W", "error::UserWarning", "-c", "\n".join(blocks), cwd=ROOT)
     assert done.returncode == 0, done.stderr
     # What it says that they print, up to the dots of what is left out.
     printed = re.findall(r"```text\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[0]

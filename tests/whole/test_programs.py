@@ -3,12 +3,12 @@
 import os
 import resource
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.pairs import slow
+from tests.processes import ended
 
 ROOT = Path(__file__).parents[2]
 PROGRAMS = sorted(
@@ -33,15 +33,8 @@ def run(tmp_path):
     def run(*words: str, jax: str, **environment: str) -> subprocess.CompletedProcess[str]:
         (tmp_path / "jax.py").write_text(jax)
         paths = os.pathsep.join([str(tmp_path), str(ROOT)])
-        return subprocess.run(
-            [sys.executable, *words],
-            cwd=tmp_path,
-            env=os.environ | {"PYTHONPATH": paths} | environment,
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=900,
-        )
+        inherited = os.environ | {"PYTHONPATH": paths}
+        return ended(*words, cwd=tmp_path, env=inherited | environment)
 
     return run
 

@@ -1,22 +1,15 @@
 """`import jaxcrusher` is light; its names come when they are asked for."""
 
-import subprocess
-import sys
 from importlib.metadata import version
 
 import pytest
 
 import jaxcrusher as jc
+from tests.processes import ended
 
 
 def test_import_brings_no_jax():
-    done = subprocess.run(
-        [sys.executable, "-c", "import jaxcrusher, sys; assert 'jax' not in sys.modules"],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=900,
-    )
+    done = ended("-c", "import jaxcrusher, sys; assert 'jax' not in sys.modules")
     assert done.returncode == 0, done.stderr
 
 

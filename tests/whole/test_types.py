@@ -11,6 +11,7 @@ import pytest
 
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.crusher.statistics_table import STATISTIC
+from tests.processes import ended
 
 ROOT = Path(__file__).parents[2]
 
@@ -22,13 +23,7 @@ def checked(folder: Path, source: str) -> subprocess.CompletedProcess:
     """Run pyright with its own defaults, as in an editor."""
     (folder / "script.py").write_text(source)
     (folder / "pyrightconfig.json").write_text(json.dumps(SETTINGS))
-    return subprocess.run(
-        [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, "--project", str(folder)],
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
-    )
+    return ended("-m", "pyright", "--pythonpath", sys.executable, "--project", str(folder))
 
 
 @pytest.mark.slow
