@@ -169,7 +169,8 @@ def heading(
     elif turns is not None:
         head["loose joints"] = (
             f"{turns.pieces} turns after {turns.settled}; ideal | loose ± standard error, of peaks "
-            "± standard deviation of the turns' peaks"
+            "± standard deviation of the turns' peaks. Impacts rest on the edge of the load and on "
+            "damping, which are assumed: `python -m jaxcrusher bearing` has half and twice of them"
         )
     return head
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable
 
 from jaxcrusher.batch.sweep import columns_of as sweep_columns
+from jaxcrusher.crusher.capacity import CAUTION
 from jaxcrusher.crusher.joints import JOINTS
 from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
@@ -49,6 +50,7 @@ LIMITS = (
     "Impacting motions diverge exponentially: a motion drawn here is one of many that start "
     "almost alike. Only their statistics can be compared.",
     "A ± of a cell is the scatter within one run; runs can differ from each other by more.",
+    CAUTION,
 )
 
 
