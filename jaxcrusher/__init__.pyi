@@ -11,6 +11,8 @@ from .dynamics.coexisting_orbits import coexisting_orbits as coexisting_orbits
 from .dynamics.orbit_map import orbit_map as orbit_map
 from .dynamics.regime import regime as regime
 from .dynamics.slopes import gradient_report as gradient_report
+from .identification.identify import identify as identify
+from .identification.propagate import propagate as propagate
 from .motion.method import Method as Method
 from .motion.section import poincare_section as poincare_section
 from .motion.simulation import OUTPUTS as OUTPUTS

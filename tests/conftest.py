@@ -18,7 +18,7 @@ import pytest
 # checked with `--all` alone: that took a fifth of the quick tests' time. Workers inherit the word.
 if "--all" in sys.argv:
     os.environ["JAXCRUSHER_CHECKED"] = "all"
-ROOMS = "crusher scenes motion orbits batch dynamics pictures".split()
+ROOMS = "crusher scenes motion orbits batch dynamics identification pictures".split()
 ROOMS += "basics joint mechanism".split() if "JAXCRUSHER_CHECKED" in os.environ else []
 jaxtyping.install_import_hook(
     [f"jaxcrusher.{name}" for name in ROOMS],

@@ -19,6 +19,11 @@ Ranges = Annotated[
     tyro.conf.UseAppendAction,
     tyro.conf.arg(metavar="NAME LOW HIGH COUNT"),
 ]
+Priors = Annotated[
+    tuple[tuple[str, str, str], ...],
+    tyro.conf.UseAppendAction,
+    tyro.conf.arg(metavar="NAME MEAN SIGMA"),
+]
 Designs = Annotated[
     tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="KEY=VALUE,...")
 ]
@@ -248,6 +253,33 @@ class Bearing:
     results: Results = field(default_factory=lambda: Results("bearing"))
 
 
+@dataclass(frozen=True)
+class Identify:
+    """Numbers of a crusher from its measured vibration, and what the data cannot tell.
+
+    Writes OUT/NAME/identified.json and identified.png (measured and fitted amplitudes, ellipses of
+    the estimates). About a minute the first time, most of it compilation, and some seconds then.
+    """
+
+    crusher: Crusher = field(default_factory=Crusher)
+    measured: tuple[Path, ...] = ()
+    """CSV files of harmonics and RMS values with the columns speed_rpm, quantity, order, amplitude,
+    phase_deg, sigma and unit, or of time series with time, angle_deg and quantities."""
+    free: tuple[str, ...] = ()
+    """Keys of the scene file to be found; the search begins at their values."""
+    prior: Priors = ()
+    """What else is known of a number, as in --prior foundation.mass "6 t" "0.3 t": its mean and
+    its standard deviation. May be repeated."""
+    starts: int = 3
+    """Starts of the search: values of the scene file, and others around them."""
+    orders: int = 4
+    """Highest harmonic that is taken from a time series."""
+    noise: float = 0.01
+    """Standard deviation of a further measurement, as a share of the observable's RMS: what would
+    tell most is printed. 0 leaves that out, and half of the compilation."""
+    results: Results = field(default_factory=lambda: Results("identify"))
+
+
 Command = (
     Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
@@ -256,4 +288,5 @@ Command = (
     | Annotated[Orbit, tyro.conf.subcommand("orbit")]
     | Annotated[Foundation, tyro.conf.subcommand("foundation")]
     | Annotated[Bearing, tyro.conf.subcommand("bearing")]
+    | Annotated[Identify, tyro.conf.subcommand("identify")]
 )

@@ -73,6 +73,7 @@ def test_every_module_is_documented(documented):
         "docs/own_parts.md",
         "docs/coming_from.md",
         "docs/foundation.md",
+        "docs/identification.md",
         "docs/rough_feed.md",
     ],
 )

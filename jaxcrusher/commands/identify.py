@@ -1,0 +1,139 @@
+"""`python -m jaxcrusher identify`: numbers of a crusher from its measured vibration."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+from rich.console import Console
+from scipy.stats import chi2
+
+from jaxcrusher.basics.checks import require
+from jaxcrusher.commands.crushers import read_crusher, settings_of, units_given
+from jaxcrusher.commands.options import Identify
+from jaxcrusher.files.progress import stages
+from jaxcrusher.files.provenance import provenance
+from jaxcrusher.files.results import listed, write_figure, write_json
+from jaxcrusher.files.resume import begin_beside
+from jaxcrusher.identification.identify import Identified, identify
+from jaxcrusher.identification.measurements import taken
+from jaxcrusher.identification.model import quantities_of
+from jaxcrusher.scenes.echo import unit_of as shown_in
+from jaxcrusher.scenes.scene_file import require_moving, to_si
+
+FILES = ("identified.json", "identified.png")
+FURTHER = 3  # further measurements that are printed
+COLUMNS, ELLIPSES = 3, 3  # of the picture
+
+
+def run(options: Identify, console: Console) -> int:
+    """Solve, print, write. ValueError for bad options, and without an orbit to begin with."""
+    values, scene = read_crusher(options.crusher)
+    require(len(options.measured) > 0, "measured", "name a file", "missing")
+    require(len(options.free) > 0, "free", "name numbers to be found", "missing")
+    for name in (*options.free, *(name for name, _, _ in options.prior)):
+        require_moving("free", name)
+    priors = {n: (to_si(n, mean), to_si(n, sigma)) for n, mean, sigma in options.prior}
+    quantities = quantities_of(scene)
+    measured = taken(options.measured, quantities.unit, options.orders)
+    settings = settings_of(
+        "identify",
+        values,
+        measured=[asdict(one) for one in measured],
+        **{name: getattr(options, name) for name in ("free", "prior", "starts", "noise")},
+    )
+    folder = begin_beside(options.results.folder, settings, *FILES)
+    with stages(console, "solving (the first time a minute, most of it compilation)"):
+        found = identify(values, measured, options.free, priors=priors, starts=options.starts)
+    units = units_given(options.crusher)
+    console.print("\n".join(found.lines(units)), markup=False)
+    further = []
+    if options.noise:
+        with stages(console, "looking for what tells most"):
+            further = found.further(noise=options.noise)
+        for one in further[:FURTHER]:
+            console.print(
+                f"Tells {one.gain:.1f} bits more: {one.quantity}, order {one.order}, at "
+                f"{one.speed:.4g} rad/s, known to {one.sigma:.2g} {quantities.unit(one.quantity)}"
+            )
+    draw(found, units, folder / "identified.png")
+    write_json(
+        folder / "identified.json",
+        provenance("Identified numbers", scene=values)
+        | {"values": found.values, "standard_deviations": found.standard_deviations}
+        | {"correlations": found.correlations, "chi_square": found.chi_square}
+        | {"degrees_of_freedom": found.freedom, "residuals": found.residuals}
+        | {"measured": [asdict(one) for one in found.measured]}
+        | {"fitted_amplitude": [abs(one) for one in found.fitted]}
+        | {"untold": [asdict(one) for one in found.untold], "remarks": found.remarks}
+        | {"further": [asdict(one) for one in further]},
+    )
+    console.print(listed(folder, FILES))
+    return 0
+
+
+def draw(found: Identified, units: dict[str, str], path: Path) -> None:
+    """Draw measured and fitted amplitudes by observable, and ellipses of the most correlated."""
+    shown = list(
+        dict.fromkeys(found.problem.quantities.observable(one.quantity) for one in found.measured)
+    )
+    names, tied = list(found.values), np.abs(found.correlations)
+    pairs = sorted(zip(*np.triu_indices(len(names), 1), strict=True), key=lambda pair: -tied[pair])
+    pairs = pairs[:ELLIPSES]
+    rows = -(-(len(shown) + len(pairs)) // COLUMNS)
+    size = {"figsize": (4.2 * COLUMNS, 3.4 * rows), "layout": "constrained"}
+    fig, axes = plt.subplots(rows, COLUMNS, squeeze=False, **size)
+    for ax, name in zip(axes.flat, shown, strict=False):
+        _draw_harmonics(ax, found, name)
+    for ax, (i, j) in zip(list(axes.flat)[len(shown) :], pairs, strict=False):
+        _draw_ellipse(
+            ax, found, (names[i], names[j]), found.covariance[np.ix_((i, j), (i, j))], units
+        )
+    for ax in list(axes.flat)[len(shown) + len(pairs) :]:
+        ax.set_axis_off()
+    write_figure(path, fig, dpi=120)
+
+
+def _draw_harmonics(ax: Axes, found: Identified, name: str) -> None:
+    """Draw what was measured of an observable, with two sigmas, and what was fitted, as crosses."""
+    kinds: dict[tuple[str, int | str], list[tuple[float, float, float, float]]] = {}
+    for one, fit in zip(found.measured, found.fitted, strict=True):
+        if found.problem.quantities.observable(one.quantity) == name:
+            row = one.speed * 30 / np.pi, abs(one.amplitude), 2 * one.sigma, abs(fit)
+            kinds.setdefault((one.quantity, one.order), []).append(row)
+    for i, ((quantity, order), rows) in enumerate(kinds.items()):
+        speed, amplitude, error, fit = np.array(sorted(rows)).T
+        side = quantity.removeprefix(name).strip("_")
+        label = f"{side}, {order}" if side else f"{order}"
+        ax.errorbar(speed, amplitude, error, fmt="o", ms=3, color=f"C{i}", label=label)
+        ax.plot(speed, fit, "x-", lw=0.8, color=f"C{i}")
+    ax.set(
+        title=name.replace("_", " "),
+        xlabel="speed (rpm)",
+        ylabel=f"amplitude ({found.problem.quantities.unit(name)})",
+    )
+    ax.set_yscale("log")
+    ax.legend(fontsize=7, title="order; crosses: fitted", title_fontsize=7)
+
+
+def _draw_ellipse(
+    ax: Axes,
+    found: Identified,
+    names: tuple[str, str],
+    covariance: Float[np.ndarray, "2 2"],
+    units: dict[str, str],
+) -> None:
+    """Draw where two numbers lie together with a chance of 95 %."""
+    angle = np.linspace(0, 2 * np.pi, 181)
+    circle = np.sqrt(chi2.ppf(0.95, 2)) * np.stack([np.cos(angle), np.sin(angle)])
+    around = np.linalg.cholesky(covariance) @ circle
+    places, labels = [], []
+    for name, part in zip(names, around, strict=True):
+        unit, size = shown_in(name, units)
+        places.append((found.values[name] + part) / size)
+        labels.append(f"{name} ({unit})" if unit else name)
+    ax.plot(*places)
+    ax.plot(*(place.mean() for place in places), "+", color="C0")
+    ax.set(xlabel=labels[0], ylabel=labels[1], title="95 % of both")

@@ -1,0 +1,1 @@
+"""Numbers of a machine from measured vibration, and vibration from tolerances of numbers."""

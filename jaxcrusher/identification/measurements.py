@@ -1,0 +1,176 @@
+"""What was measured of a machine: harmonics, RMS values and statistics, with their scatter.
+
+A CSV file is a table, or a time series with the shaft's angle and other units than SI in brackets:
+
+```text
+speed_rpm, quantity, order, amplitude, phase_deg, sigma, unit
+286, frame_velocity_y, 1, 1.31, 84, 0.02, mm/s
+286, frame_velocity_y, rms, 0.95, , 0.02, mm/s
+
+time, angle_deg, frame_velocity_y (mm/s)
+0.000, 12.1, 0.83
+```
+"""
+
+import csv
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxcrusher.basics.checks import require, require_positive
+from jaxcrusher.scenes.scene_file import quantity_in
+
+# Returns the SI unit of a quantity; ValueError for an unknown one.
+UnitOf = Callable[[str], str]
+# Columns in other units -> their names here, and what one of them is in SI units.
+_COLUMNS = {
+    "speed_rpm": ("speed", np.pi / 30),
+    "phase_deg": ("phase", np.pi / 180),
+    "angle_deg": ("angle", np.pi / 180),
+}
+_NEEDED = {"speed", "quantity", "order", "amplitude", "sigma"}
+# The scatter of harmonics over fewer turns says little.
+FEWEST_TURNS = 5
+RMS, WHOLE = "rms", ""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A number that was measured at a speed of the shaft (rad/s), in SI units.
+
+    `order` is a whole number for a harmonic, with 0 for the mean: a quantity is
+    a(theta) = mean + sum of A_k cos(k theta + phi_k) of the shaft's angle, as in
+    `jaxcrusher.harmonics`. It is "rms" for the RMS about the mean, and "" for a statistic or for
+    `least_penetration` of a `PeriodicOrbit`. A `phase` (rad) of NaN leaves the amplitude alone.
+    `sigma` is the standard deviation of the number; with a phase, that of A cos(phi) and that of
+    A sin(phi). Raises ValueError for other numbers.
+    """
+
+    speed: float
+    quantity: str
+    order: int | str
+    amplitude: float
+    sigma: float
+    phase: float = math.nan
+
+    def __post_init__(self):
+        require_positive("speed", self.speed, "rad/s")
+        require_positive("sigma", self.sigma, "")
+        require(math.isfinite(self.amplitude), "amplitude", "be finite", self.amplitude)
+        whole = isinstance(self.order, int) and 0 <= self.order <= 100
+        must = 'be a whole number from 0 to 100, "rms", or "" of a statistic'
+        require(whole or self.order in (RMS, WHOLE), "order", must, repr(self.order))
+        phased = self.is_harmonic or not self.has_phase
+        require(phased, "phase", "belong to a harmonic", self.phase)
+
+    @property
+    def is_harmonic(self) -> bool:
+        """Return whether it is more than a mean, an RMS or a statistic."""
+        return isinstance(self.order, int) and self.order > 0
+
+    @property
+    def has_phase(self) -> bool:
+        """Return whether the phase was measured."""
+        return not math.isnan(self.phase)
+
+
+def read_measured(path: Path | str, unit_of: UnitOf, orders: int = 4) -> list[Measurement]:
+    """Return what a CSV file holds: a table, or the harmonics of a time series up to `orders`.
+
+    Raises ValueError, with the file and the line, for what is neither.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: cannot be read: {error}.") from None
+    rows = [[cell.strip() for cell in row] for row in csv.reader(text.splitlines())]
+    header = [_COLUMNS.get(name, (name, 1.0)) for name in (rows[0] if rows else [])]
+    names = [name for name, _ in header]
+    is_series = {"time", "angle"} <= {*names}
+    must = f"have the columns {', '.join(sorted(_NEEDED))}, or time and angle"
+    require(is_series or {*names} >= _NEEDED, str(path), must, f"with {', '.join(names)}")
+    found, series = [], []
+    for line, row in enumerate(rows[1:], 2):
+        try:
+            require(len(row) in (0, len(names)), "row", f"have {len(names)} cells", len(row))
+            if is_series and row:
+                series.append([size * float(row[i]) for i, (_, size) in enumerate(header)])
+            elif row:
+                found.append(_of_row(dict(zip(names, row, strict=True)), dict(header), unit_of))
+        except ValueError as error:
+            raise ValueError(f"{path}, line {line}: {error}") from None
+    if is_series:
+        columns = np.array(series).reshape(-1, len(names)).T
+        return of_series(dict(zip(names, columns, strict=True)), unit_of, orders)
+    return found
+
+
+def _of_row(row: Mapping[str, str], sizes: Mapping[str, float], unit_of: UnitOf) -> Measurement:
+    """Return the measurement of a row of a table, whose columns have units of some sizes."""
+    size = _size(row.get("unit", ""), unit_of(row["quantity"]))
+    return Measurement(
+        sizes["speed"] * float(row["speed"]),
+        row["quantity"],
+        int(row["order"]) if row["order"].isdecimal() else row["order"],
+        size * float(row["amplitude"]),
+        size * float(row["sigma"]),
+        sizes.get("phase", 1.0) * float(row.get("phase") or "nan"),
+    )
+
+
+def _size(unit: str, wanted: str) -> float:
+    """Return what one of a unit is in the unit wanted; without one it is that."""
+    return 1.0 if unit in ("", wanted) else quantity_in(wanted, "unit", f"1 {unit}")
+
+
+def of_series(
+    columns: Mapping[str, Float[np.ndarray, " n"]], unit_of: UnitOf, orders: int = 4
+) -> list[Measurement]:
+    """Return the harmonics of orders 1 to `orders` of a time series, with their scatter.
+
+    `columns` are `time` (s), `angle` (rad, of the shaft, which may begin again each turn), and each
+    quantity by its name, with another unit than SI in brackets behind it. Each whole turn has
+    harmonics of its own, by least squares. The answer is their mean, and its standard deviation
+    that of independent turns. Raises ValueError for fewer than five whole turns.
+    """
+    angle = np.unwrap(columns["angle"])
+    turn = np.floor((angle - angle[:1]) / (2 * np.pi)).astype(int)
+    turns = int(turn.max(initial=0))
+    require(turns >= FEWEST_TURNS, "angle", f"go through {FEWEST_TURNS} whole turns", turns)
+    speed, found = float(np.polyfit(columns["time"], angle, 1)[0]), []
+    for name in (name for name in columns if name not in ("time", "angle")):
+        quantity, _, unit = (part.strip(" )") for part in name.partition("("))
+        size = _size(unit, unit_of(quantity))
+        each = [_fit(angle[turn == i], columns[name][turn == i], orders) for i in range(turns)]
+        mean = size * np.mean(each, axis=0)
+        # Of the mean, in each of its two parts.
+        scatter = size * np.sqrt(np.var(each, axis=0, ddof=1) / (2 * turns))
+        found += [
+            Measurement(speed, quantity, k, float(abs(a)), float(s), float(np.angle(a)))
+            for k, (a, s) in enumerate(zip(mean, scatter, strict=True), 1)
+        ]
+    return found
+
+
+def _fit(angle: np.ndarray, values: np.ndarray, orders: int) -> np.ndarray:
+    """Return A exp(i phi) of the orders 1 to `orders`."""
+    require(2 * orders < angle.size, "orders", "be less than half of a turn's instants", orders)
+    phases = np.outer(angle, np.arange(orders + 1))
+    basis = np.hstack([np.cos(phases), -np.sin(phases[:, 1:])])
+    parts = np.linalg.lstsq(basis, values, rcond=None)[0]
+    return parts[1 : orders + 1] + 1j * parts[orders + 1 :]
+
+
+def taken(
+    measured: Path | str | Iterable[Path | str | Measurement], unit_of: UnitOf, orders: int = 4
+) -> list[Measurement]:
+    """Return measurements, of which files are read."""
+    found: list[Measurement] = []
+    for one in [measured] if isinstance(measured, Path | str) else measured:
+        found += [one] if isinstance(one, Measurement) else read_measured(one, unit_of, orders)
+    require(len(found) > 0, "measured", "hold a measurement", "empty")
+    return found

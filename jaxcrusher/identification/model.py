@@ -1,0 +1,191 @@
+"""What a machine shows at a point of its numbers: harmonics, RMS values and statistics."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxcrusher.basics.checks import require, require_known
+from jaxcrusher.batch.points import SceneFunction, scene_by
+from jaxcrusher.identification.measurements import RMS, WHOLE, Measurement
+from jaxcrusher.mechanism.reductions import SAMPLES
+from jaxcrusher.mechanism.scene import AbstractScene, require_maker
+from jaxcrusher.orbits.periodic_orbit import periodic_orbit
+from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.scenes.parameters import complete
+
+# A description for `build_scene`, or a function that makes a scene of named numbers.
+Machine = Mapping[str, Any] | SceneFunction
+# A number of an orbit beside its statistics.
+LEAST_PENETRATION = "least_penetration"
+SIDES = ("_x", "_y")
+
+
+@dataclass(frozen=True)
+class Maker:
+    """Makes scenes of a machine in which some numbers vary; it equals its copies."""
+
+    function: SceneFunction | None
+    fixed: tuple[tuple[str, Any], ...]  # a curve as a tuple of points
+
+    def __call__(self, **numbers: Any) -> AbstractScene:
+        """Return the scene of these numbers."""
+        others = {name: value for name, value in self.fixed if name not in numbers}
+        return scene_by(self.function, numbers, others)
+
+    def value(self, name: str) -> float:
+        """Return a number of the description; ValueError for what is none."""
+        require(self.function is None, name, "have a value, as {name: value}", "a name alone")
+        numbers = {key: value for key, value in self.fixed if isinstance(value, float)}
+        require_known(name, numbers)
+        return numbers[name]
+
+
+def maker_of(machine: Machine) -> Maker:
+    """Return what makes the scenes of a machine; ValueError for what is none."""
+    if not isinstance(machine, Mapping):
+        require_maker(machine)
+        return Maker(machine, ())
+    fixed = {}
+    for name, value in complete(machine).items():
+        curve = np.ndim(value) > 0
+        if not isinstance(value, str):
+            value = tuple(map(tuple, np.asarray(value).tolist())) if curve else float(value)
+        fixed[name] = value
+    return Maker(None, tuple(fixed.items()))
+
+
+class What(NamedTuple):
+    """What is looked at: harmonics of observables up to an order, and statistics."""
+
+    observables: tuple[str, ...]
+    orders: int
+    statistics: tuple[str, ...]
+
+
+class Seen(NamedTuple):
+    """What is seen of an orbit; of slopes each array has one more axis."""
+
+    # by component; A e^(i phi) of each order, the mean first, and the RMS about it last
+    spectra: dict[str, Any]
+    statistics: dict[str, Any]
+    stable: Any
+
+    def of(self, quantity: str, order: int | str) -> Any:
+        """Return one number, complex where it is a harmonic."""
+        if order == WHOLE:
+            return self.statistics[quantity]
+        require_known(quantity, self.spectra)
+        return self.spectra[quantity][-1 if order == RMS else order]
+
+
+@dataclass(frozen=True)
+class Quantities:
+    """What a scene shows: names and SI units of observables, and of numbers of an orbit."""
+
+    observables: Mapping[str, str]
+    statistics: Mapping[str, str]
+
+    def observable(self, quantity: str) -> str:
+        """Return the observable of a quantity, such as `ground_force` of `ground_force_y`."""
+        is_side = quantity.endswith(SIDES) and quantity not in self.observables
+        return quantity[:-2] if is_side and quantity[:-2] in self.observables else quantity
+
+    def unit(self, quantity: str) -> str:
+        """Return the SI unit of a quantity; ValueError for an unknown one."""
+        name, known = self.observable(quantity), {**self.statistics, **self.observables}
+        require_known(name, known)
+        return known[name]
+
+    def asked(self, measured: Iterable[Measurement]) -> What:
+        """Return what is to be looked at; ValueError for what the scene does not show."""
+        observables, orders, statistics = set(), [1], set()
+        for one in measured:
+            self.unit(one.quantity)
+            name, is_whole = self.observable(one.quantity), one.order == WHOLE
+            known = name in (self.statistics if is_whole else self.observables)
+            must = f'suit {name}: "" of a statistic, and a number or "rms" of an observable'
+            require(known, "order", must, repr(one.order))
+            (statistics if is_whole else observables).add(name)
+            orders += [one.order] if isinstance(one.order, int) else []
+        return What(tuple(sorted(observables)), max(orders), tuple(sorted(statistics)))
+
+
+def quantities_of(scene: AbstractScene) -> Quantities:
+    """Return what a scene shows."""
+    observables = {name: scene.observables[name].unit for name in scene.own_observables}
+    statistics = {name: scene.statistics[name].unit for name in scene.own_statistics}
+    return Quantities(observables, {**statistics, LEAST_PENETRATION: "1"})
+
+
+@eqx.filter_jit
+def look(
+    make: Maker,
+    names: tuple[str, ...],
+    moved: int,
+    point: Float[Array, " n"],
+    sizes: Float[Array, " n"],
+    what: What,
+    nodes: int,
+) -> tuple[Seen, Seen]:
+    """Return what is seen at a point, and its slopes by the first `moved` of its coordinates.
+
+    These are the named numbers in shares of `sizes`. NaN where there is no orbit.
+    """
+
+    def at(some: Float[Array, " moved"]) -> tuple[Seen, Seen]:
+        numbers = sizes * jnp.concatenate([some, point[moved:]])
+        orbit = periodic_orbit(make(**dict(zip(names, numbers, strict=True))), nodes=nodes)
+        seen = _seen(orbit, what)
+        return seen, seen
+
+    slopes, values = jax.jacfwd(at, has_aux=True)(point[:moved])
+    return values, slopes
+
+
+def _seen(orbit: PeriodicOrbit, what: What) -> Seen:
+    angles = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
+    basis = np.exp(-1j * np.outer(np.arange(what.orders + 1), angles)) * 2 / SAMPLES
+    basis[0] /= 2
+    spectra = {}
+    for name, values in orbit.motion(angles, what.observables).items():
+        columns = {name: values} if values.ndim == 1 else dict(zip(SIDES, values.T, strict=True))
+        for side, column in columns.items():
+            spread = jnp.var(column)
+            # The RMS of a quantity that stands still has no slope.
+            rms = jnp.where(spread == 0, 0.0, jnp.sqrt(jnp.where(spread == 0, 1.0, spread)))
+            key = name if values.ndim == 1 else name + side
+            spectra[key] = jnp.concatenate([basis @ column, rms[None]])
+    statistics = {
+        name: orbit.least_penetration if name == LEAST_PENETRATION else orbit[name]
+        for name in what.statistics
+    }
+    return Seen(spectra, statistics, orbit.stable * 1.0)
+
+
+def residual_rows(
+    measured: Iterable[Measurement], seen: Mapping[float, tuple[Seen, Seen]]
+) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows n"]]:
+    """Return what is seen less what was measured, in sigmas, and its slopes.
+
+    A harmonic with its phase has two rows. `seen` has values and slopes by speed.
+    """
+    residuals, slopes = [], []
+    for one in measured:
+        value, slope = (part.of(one.quantity, one.order) for part in seen[one.speed])
+        if one.has_phase:
+            apart = value - one.amplitude * np.exp(1j * one.phase)
+            residuals += [apart.real / one.sigma, apart.imag / one.sigma]
+            slopes += [slope.real / one.sigma, slope.imag / one.sigma]
+            continue
+        if one.is_harmonic:
+            size = abs(value)
+            value, slope = size, np.conj(value) * slope / max(size, np.finfo(float).tiny)
+        residuals.append((value.real - one.amplitude) / one.sigma)
+        slopes.append(slope.real / one.sigma)
+    return np.array(residuals), np.array(slopes)

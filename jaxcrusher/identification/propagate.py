@@ -1,0 +1,113 @@
+"""From tolerances of a machine's numbers to what its periodic orbit shows."""
+
+from collections.abc import Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import xarray as xr
+
+from jaxcrusher.basics.checks import require, require_names, require_positive, require_whole
+from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.identification.model import Machine, What, look, maker_of, quantities_of
+from jaxcrusher.orbits.solving import NODES
+
+# The second order counts if it changes a standard deviation by more than this share.
+LINEAR = 0.05
+TINY = np.finfo(float).tiny
+
+
+def propagate(
+    scene: Machine,
+    sigmas: Mapping[str, float | tuple[float, float]],
+    *,
+    outputs: tuple[str, ...] | None = None,
+    observables: tuple[str, ...] | None = None,
+    orders: int = 2,
+    nodes: int = NODES,
+) -> xr.Dataset:
+    """Return the standard deviations of statistics and harmonics of an orbit, and their causes.
+
+    By exact slopes. Each number is also moved by its deviation to either side, which gives the
+    second order of each number by itself. Numbers are normal and independent.
+
+    **Arguments:**
+
+    - `scene`: names -> values as of `jaxcrusher.build_scene`, or a function that makes a scene of
+      the numbers of `sigmas`, by keyword.
+    - `sigmas`: names of numbers -> standard deviations, or of a function value and deviation.
+    - `outputs`: statistics, or `least_penetration`; None is those that are computed always.
+    - `observables`: those whose amplitudes up to `orders` are wanted; None is the force and the
+      moment on the ground.
+    - `nodes`: as in `jaxcrusher.periodic_orbit`.
+
+    **Returns:** an `xarray.Dataset` over `quantity`, such as "ground_force_y, order 1": `value`,
+    `standard_deviation`, `second_order` (the deviation with the second order), `shift` (of the
+    mean by it) in `unit`, and `linear`, which is logical; over `number` too, `share` of the
+    variance. NaN, and not linear, where a machine of moved numbers has no such orbit.
+
+    Raises ValueError for bad arguments and where the machine itself has no orbit.
+    """
+    require_set_up()
+    require_whole("orders", orders, 1)
+    require(len(sigmas) > 0, "sigmas", "name a number", "empty")
+    make, names = maker_of(scene), tuple(sigmas)
+    pairs = [of if isinstance(of, tuple) else (make.value(n), of) for n, of in sigmas.items()]
+    first, sizes = np.array(pairs, float).T
+    for name, size in zip(names, sizes, strict=True):
+        require_positive(f"sigmas[{name!r}]", size, "")
+    example = make(**dict(zip(names, first, strict=True)))
+    quantities = quantities_of(example)
+    outputs = example.usual_statistics if outputs is None else outputs
+    observables = ("ground_force", "ground_moment") if observables is None else observables
+    require_names("outputs", outputs, tuple(quantities.statistics))
+    require_names("observables", observables, tuple(quantities.observables))
+    what = What(observables, orders, outputs)
+
+    def seen(u: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:
+        """Return numbers by quantity, and their slopes by standard deviations."""
+        found = look(make, names, len(u), jnp.asarray(u), jnp.asarray(sizes), what, nodes)
+        values, slopes = jax.tree.map(np.asarray, found)
+        numbers = {name: float(value) for name, value in values.statistics.items()}
+        by = dict(slopes.statistics)
+        for quantity, spectrum in values.spectra.items():
+            for order in range(1, orders + 1):
+                name, value = f"{quantity}, order {order}", spectrum[order]
+                size = max(abs(value), TINY)
+                numbers[name] = float(abs(value))
+                by[name] = (np.conj(value) * slopes.spectra[quantity][order]).real / size
+        return numbers, by
+
+    middle = first / sizes
+    value, by = seen(middle)
+    require(all(map(np.isfinite, value.values())), "scene", "have a periodic orbit", "without")
+    known = list(value)
+
+    def moved(shifts: np.ndarray) -> np.ndarray:
+        """Return the numbers of machines whose numbers are moved by standard deviations."""
+        return np.array([[seen(middle + shift)[0][name] for name in known] for shift in shifts])
+
+    centre, slopes = np.array([*value.values()]), np.array([by[name] for name in known])
+    ahead, behind = moved(np.eye(len(names))).T, moved(-np.eye(len(names))).T
+    # Of f = f0 + s z + c z^2 with a normal z the mean is f0 + c, and the variance s^2 + 2 c^2.
+    bends = (ahead + behind) / 2 - centre[:, None]
+    deviation = np.linalg.norm(slopes, axis=1)
+    second = np.hypot(deviation, np.sqrt(2) * np.linalg.norm(bends, axis=1))
+    # Of third order.
+    turned = np.linalg.norm((ahead - behind) / 2 - slopes, axis=1)
+    columns = {
+        "value": centre,
+        "standard_deviation": deviation,
+        "second_order": second,
+        "shift": bends.sum(axis=1),
+        "linear": (second - deviation <= LINEAR * deviation) & (turned <= LINEAR * deviation),
+    }
+    return xr.Dataset(
+        {name: ("quantity", column) for name, column in columns.items()}
+        | {"share": (("quantity", "number"), (slopes / np.maximum(deviation, TINY)[:, None]) ** 2)},
+        {
+            "quantity": known,
+            "number": list(names),
+            "unit": ("quantity", [quantities.unit(name.partition(",")[0]) for name in known]),
+        },
+    )

@@ -1,0 +1,95 @@
+"""Files of measurements, and harmonics of time series with their scatter."""
+
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.identification.measurements import Measurement, of_series, read_measured
+from jaxcrusher.identification.model import quantities_of
+
+BLOCK = {"joint": "ideal", "foundation.mass": 6000.0, "foundation.x": 0.3, "foundation.y": 0.2}
+unit_of = quantities_of(jc.build_scene(BLOCK)).unit
+TABLE = """speed_rpm, quantity, order, amplitude, phase_deg, sigma, unit
+286, frame_velocity_y, 1, 1.31, 84, 0.02, mm/s
+
+300, frame_velocity_y, rms, 0.95, , 0.02, mm/s
+286, foundation_rms, , 19.1, , 0.1, kN
+286, frame_rotation, 2, 3e-6, 10, 1e-7,
+"""
+
+
+def test_a_table(tmp_path):
+    (tmp_path / "measured.csv").write_text(TABLE)
+    one, rms, whole, bare = read_measured(tmp_path / "measured.csv", unit_of)
+    assert one.quantity == "frame_velocity_y" and one.order == 1
+    for found, exact in (
+        (one.speed, 286 * np.pi / 30),
+        (one.amplitude, 1.31e-3),
+        (one.sigma, 2e-5),
+        (one.phase, np.radians(84)),
+        (rms.amplitude, 0.95e-3),
+        (whole.amplitude, 19.1e3),
+        (bare.amplitude, 3e-6),
+    ):
+        assert found == pytest.approx(exact, rel=1e-14)
+    assert rms.order == "rms" and whole.order == "" and not rms.has_phase and bare.order == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "must have the columns amplitude, order, quantity, sigma, speed, or time and angle"),
+        ("speed, quantity\n", "must have the columns"),
+        (TABLE.replace("mm/s", "mm"), "line 2: Argument `unit` must have a unit of the kind m/s"),
+        (TABLE.replace("1.31", "fast"), "line 2: could not convert"),
+        (TABLE.replace("84, ", ""), "line 2: Argument `row` must have 7 cells, but is 6"),
+        (TABLE.replace("frame_velocity_y", "velocity"), "line 2: Argument `velocity` must be a kn"),
+        ("time, angle\n0, 1\n1, 2\n", "`angle` must go through 5 whole turns, but is 0"),
+    ],
+)
+def test_files_that_are_refused(text, words, tmp_path):
+    path = tmp_path / "measured.csv"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=words):
+        read_measured(path, unit_of)
+    with pytest.raises(ValueError, match="cannot be read"):
+        read_measured(tmp_path / "none.csv", unit_of)
+
+
+def test_a_series_has_harmonics_with_their_scatter():
+    """White noise of deviation s in n instants scatters a harmonic's parts by s sqrt(2 / n)."""
+    rng, speed, noise = np.random.default_rng(1), 31.0, 0.3
+    time = np.sort(rng.uniform(0, 40.2 * 2 * np.pi / speed, 40_000))
+    angle = speed * time + 0.5
+    exact = np.array([2 * np.exp(0.7j), 0.5 * np.exp(-2j)])
+    values = 5 + sum((a * np.exp(1j * k * angle)).real for k, a in enumerate(exact, 1))
+    values = values + noise * rng.standard_normal(time.size)
+    columns = {"time": time, "angle": angle % (2 * np.pi), "frame_velocity_y (mm/s)": values}
+    found = of_series(columns, unit_of, 2)
+    assert [one.order for one in found] == [1, 2]
+    assert found[0].speed == pytest.approx(speed, rel=1e-9)
+    off = 1e3 * np.array([one.amplitude * np.exp(1j * one.phase) for one in found]) - exact
+    sigma = noise * np.sqrt(2 / 39_800)
+    # A deviation of two parts of 40 turns scatters by 8 % of itself: four times that.
+    assert [1e3 * one.sigma for one in found] == pytest.approx([sigma, sigma], rel=0.32)
+    assert np.abs([off.real, off.imag]).max() < 4 * sigma
+
+
+def test_a_series_in_a_file(tmp_path):
+    angle = np.linspace(0, 6.5 * 2 * np.pi, 400)
+    rows = zip(angle / 30, np.degrees(angle), np.cos(angle + 1), strict=True)
+    text = "\n".join(", ".join(map(repr, map(float, row))) for row in rows)
+    path = tmp_path / "series.csv"
+    path.write_text("time, angle_deg, ground_force_x (kN)\n" + text)
+    # A pure cosine: what scatters is rounding.
+    (one,) = read_measured(path, unit_of, 1)
+    assert one.quantity == "ground_force_x" and one.speed == pytest.approx(30.0)
+    assert one.amplitude == pytest.approx(1e3) and one.phase == pytest.approx(1.0)
+    assert 0 < one.sigma < 1e-9
+    with pytest.raises(ValueError, match="`orders` must be less than half of a turn's instants"):
+        read_measured(path, unit_of, 40)
+
+
+def test_a_mean_has_no_phase():
+    with pytest.raises(ValueError, match="`phase` must belong to a harmonic"):
+        Measurement(30.0, "ground_force_y", 0, 1.0, 1.0, 0.3)

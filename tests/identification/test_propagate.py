@@ -1,0 +1,90 @@
+"""Tolerances against differences by hand, and where linear is not enough."""
+
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from tests.identification import by_hand
+
+SIGMAS = {"jaw.mass": 10.0, "shaft.mass_centre_angle": 0.05, "jaw.inertia": 3.0}
+
+
+@pytest.fixture(scope="module")
+def found():
+    observables = ("ground_force", "ground_moment")
+    return jc.propagate(by_hand.CRUSHER, SIGMAS, outputs=("shaking_rms",), observables=observables)
+
+
+def test_deviations_and_shares_are_those_of_differences(found):
+    def seen(name, change):
+        spectra = by_hand.crusher({name: by_hand.LINKS[name] + change}, 30.0)
+        return {
+            f"{quantity}, order {k}": abs(spectrum[k])
+            for quantity, spectrum in spectra.items()
+            for k in (1, 2)
+        }
+
+    middle = seen("jaw.mass", 0.0)
+    assert set(found["quantity"].values) == {"shaking_rms", *middle}
+    parts = {}
+    for name, sigma in SIGMAS.items():
+        ahead, behind = seen(name, 1e-3 * sigma), seen(name, -1e-3 * sigma)
+        parts[name] = {q: (ahead[q] - behind[q]) / 2e-3 for q in middle}
+    for quantity, value in middle.items():
+        one = found.sel(quantity=quantity)
+        changes = np.array([parts[name][quantity] for name in SIGMAS])
+        # Differences of 1e-3 sigma have errors of 1e-6 of what is not linear, and of rounding.
+        assert float(one.value) == pytest.approx(value, rel=1e-9)
+        assert float(one.standard_deviation) == pytest.approx(np.linalg.norm(changes), rel=1e-5)
+        shares = changes**2 / np.sum(changes**2)
+        np.testing.assert_allclose(one.share, shares, atol=1e-5)
+
+
+def test_drawn_machines_scatter_as_said(found):
+    rng, drawn = np.random.default_rng(0), {}
+    for _ in range(400):
+        values = {n: by_hand.LINKS[n] + s * rng.standard_normal() for n, s in SIGMAS.items()}
+        for quantity, spectrum in by_hand.crusher(values, 30.0).items():
+            for order in (1, 2):
+                drawn.setdefault(f"{quantity}, order {order}", []).append(abs(spectrum[order]))
+    scatter = [np.std(values, ddof=1) for values in drawn.values()]
+    # A deviation of 400 draws scatters by 3.5 % of itself: four times that.
+    np.testing.assert_allclose(found.second_order.sel(quantity=[*drawn]), scatter, rtol=0.14)
+    assert bool(found.linear.sel(quantity="ground_force_y, order 1"))
+
+
+def test_what_is_not_linear_is_said():
+    """An angle of the mass centre at which the force is least has no slope, but a bend."""
+
+    def function(shift):
+        # The length of a force is quadratic in a part at right angles to it.
+        return jc.build_scene({"joint": "ideal", "shaft.mass_centre_angle": shift})
+
+    angles = np.linspace(-3, 3, 601)
+    sizes = [
+        by_hand.crusher({"shaft.mass_centre_angle": a}, 30.0)["ground_force_x"][1] for a in angles
+    ]
+    least = float(angles[np.argmin(np.abs(sizes))])
+    found = jc.propagate(
+        function, {"shift": (least, 0.3)}, outputs=(), observables=("ground_force",), orders=1
+    ).sel(quantity="ground_force_x, order 1")
+    assert not bool(found.linear)
+
+    def size(a):
+        return abs(by_hand.crusher({"shaft.mass_centre_angle": a}, 30.0)["ground_force_x"][1])
+
+    bend = (size(least + 0.3) + size(least - 0.3)) / 2 - size(least)
+    assert float(found["shift"]) == pytest.approx(bend, rel=1e-9) and bend > 0
+    deviation = np.hypot(float(found.standard_deviation), np.sqrt(2) * bend)
+    assert float(found.second_order) == pytest.approx(deviation, rel=1e-9)
+
+
+def test_refused():
+    with pytest.raises(ValueError, match="`sigmas` must name a number, but is empty"):
+        jc.propagate(by_hand.CRUSHER, {})
+    with pytest.raises(ValueError, match=r"`sigmas\['jaw.mass'\]` must be finite and > 0"):
+        jc.propagate(by_hand.CRUSHER, {"jaw.mass": 0.0})
+    with pytest.raises(ValueError, match="`outputs` must be a known name, but is 'left_peak'"):
+        jc.propagate(by_hand.CRUSHER, {"jaw.mass": 1.0}, outputs=("left_peak",))
+    with pytest.raises(ValueError, match=r"`speed` must have a value, as {name: value}"):
+        jc.propagate(jc.paper_scene, {"speed": 1.0})

@@ -1,0 +1,119 @@
+"""What data cannot tell is said, and what would tell it is found."""
+
+import numpy as np
+import pytest
+
+from jaxcrusher.identification.identify import identify
+from jaxcrusher.identification.measurements import Measurement
+from tests.identification import by_hand
+
+SHAKING = ("ground_force_x", "ground_force_y")
+FREE = {"shaft.mass": 90.0, "shaft.mass_centre_radius": 0.0065, "jaw.inertia": 120.0}
+
+
+@pytest.fixture(scope="module")
+def found():
+    """First and second harmonics of the force, which only the shaft's unbalance enters."""
+    rng, rows = np.random.default_rng(4), []
+    for speed in (20.0, 30.0):
+        exact = by_hand.crusher({}, speed)
+        for quantity in SHAKING:
+            for order in (1, 2):
+                value = exact[quantity][order] + 20 * complex(*rng.standard_normal(2))
+                rows.append(
+                    Measurement(speed, quantity, order, abs(value), 20.0, float(np.angle(value)))
+                )
+    return identify({**by_hand.CRUSHER, **FREE}, rows, [*FREE], starts=2)
+
+
+def test_directions_that_cannot_be_told_are_named(found):
+    alone, together = sorted(found.untold, key=lambda one: len(one.changes))
+    # No force depends on the inertia, or on the shares of a product.
+    assert list(alone.changes) == ["jaw.inertia"] and alone.sigmas < 1e-6
+    assert set(together.changes) == {"shaft.mass", "shaft.mass_centre_radius"}
+    shares = [together.changes[name] / FREE[name] for name in together.changes]
+    assert np.max(np.abs(shares)) == pytest.approx(0.1)
+    # The product stands still, to first order in a tenth, at a start that is 2.6 % off.
+    assert sum(shares) == pytest.approx(0, abs=0.005) and together.sigmas < 1e-6
+    text = str(found)
+    assert "Cannot be told: a change of jaw.inertia by 12 kg m2 moves no measured number by" in text
+    assert "and shaft.mass_centre_radius by" in text and "(its start: unknown)" in text
+
+
+def test_what_cannot_be_told_stays_near_its_start(found):
+    assert found.values["jaw.inertia"] == pytest.approx(FREE["jaw.inertia"], rel=1e-6)
+    # 20 N of 95 kg * 6 mm * (30 rad/s)^2 = 513 N, eight times in four parts.
+    product = found.values["shaft.mass"] * found.values["shaft.mass_centre_radius"]
+    assert product == pytest.approx(95.0 * 0.006, rel=0.1)
+    assert found.standard_deviations["jaw.inertia"] > 1e3
+
+
+def test_the_further_measurement_that_tells_most(found):
+    best, *others = found.further(noise={"ground_moment": 5.0, "ground_force": 20.0}, orders=2)
+    assert best.quantity == "ground_moment" and best.order == 1 and best.speed == 30.0
+    # Its share of the weight tells the shaft's mass, and by the product its radius.
+    (weight,) = others
+    assert weight.quantity == "ground_force_y" and weight.order == 0 and best.gain > weight.gain
+    spread = weight.standard_deviations
+    assert spread["shaft.mass"] == pytest.approx(20 / 9.81, rel=0.01)
+    assert spread["shaft.mass_centre_radius"] < 0.05 * 0.006
+    # Of 5 N m in 128 kg m2 times the swing: by hand, from a change of 1 kg m2.
+    swing = [by_hand.crusher({"jaw.inertia": i}, 30.0)["ground_moment"][1] for i in (128.0, 129.0)]
+    alone = 5.0 / abs(swing[1] - swing[0])
+    # The moment has two parts and two numbers that it does not know: these cost precision.
+    assert alone < best.standard_deviations["jaw.inertia"] < 2 * alone
+
+
+def test_a_prior_tells_what_the_data_do_not(found):
+    priors = {"jaw.inertia": (130.0, 5.0), "shaft.mass": (95.0, 1.0)}
+    known = identify({**by_hand.CRUSHER, **FREE}, found.measured, [*FREE], starts=1, priors=priors)
+    assert known.values["jaw.inertia"] == pytest.approx(130.0)
+    assert known.standard_deviations["jaw.inertia"] == pytest.approx(5.0)
+    assert known.standard_deviations["shaft.mass"] == pytest.approx(1.0, rel=0.01)
+    assert known.freedom == found.freedom + 2 == 16 + 2 - 3
+    # The data alone still do not.
+    assert len(known.untold) == 2
+
+
+def test_a_wrong_model_is_seen(found):
+    rows = [
+        Measurement(one.speed, one.quantity, one.order, 1.3 * one.amplitude, one.sigma, one.phase)
+        for one in found.measured
+    ]
+    wrong = identify({**by_hand.CRUSHER, **FREE}, rows, [*FREE], starts=2)
+    assert wrong.chance < 1e-3 and "The data scatter more than their sigmas say" in str(wrong)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"free": "jaw.mass"}, "`free` must name numbers but the speed, each once"),
+        ({"free": ["speed"]}, "`free` must name numbers but the speed, each once"),
+        (
+            {"free": ["jaw.mas"]},
+            r"`jaw.mas` must be a known name, but is not \(is 'jaw.mass' meant",
+        ),
+        ({"free": {"jaw.mass": -1.0}}, r"`free\['jaw.mass'\]` must lie in \[0, inf\]"),
+        ({"measured": []}, "`measured` must hold a measurement"),
+        ({"priors": {"jaw.mass": (1.0, 0.0)}}, r"`priors\['jaw.mass'\]` must be finite and > 0"),
+        ({"priors": {"shaft.mass": (1.0, 1.0)}}, "`priors` must name free numbers, jaw.mass"),
+        ({"starts": 0}, "`starts` must be a whole number >= 1"),
+        ({"quantity": "ground_forc_x"}, "`ground_forc_x` must be a known name"),
+        ({"quantity": "ground_force"}, "`ground_force` must be a known name, but is not"),
+        ({"order": "", "phase": np.nan}, '`order` must suit ground_force: "" of a statistic'),
+        ({"order": 1.5}, "`order` must be a whole number from 0 to 100"),
+        ({"sigma": 0.0}, "`sigma` must be finite and > 0"),
+        ({"order": 0}, "`phase` must belong to a harmonic"),
+    ],
+)
+@pytest.mark.usefixtures("unchecked")
+def test_refused(change, words):
+    row = {"speed": 30.0, "quantity": "ground_force_x", "order": 1, "amplitude": 1.0}
+    row |= {"sigma": 1.0, "phase": 0.0}
+    asked = {"free": ["jaw.mass"]}
+    for name, value in change.items():
+        (row if name in row else asked)[name] = value
+    with pytest.raises(ValueError, match=words):
+        measured = asked.pop("measured", None)
+        measured = [Measurement(**row)] if measured is None else measured
+        identify(by_hand.CRUSHER, measured, **asked)
