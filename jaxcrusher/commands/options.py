@@ -193,6 +193,8 @@ class Orbit:
     crusher: Crusher = field(default_factory=Crusher)
     period: int = 1
     """Turns after which the motion repeats."""
+    effort: Literal["quick", "thorough"] = "thorough"
+    """How far the orbit is searched for: quick answers in seconds, also where it finds none."""
     mat: bool = False
     """Also write OUT/NAME/orbit.mat for MATLAB: what orbit.csv holds."""
     results: Results = field(default_factory=lambda: Results("orbit"))

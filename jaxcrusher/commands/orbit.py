@@ -50,7 +50,7 @@ def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     values, _ = read_crusher(options.crusher)
     require_whole("period", options.period, 1)
-    settings = settings_of("orbit", values, period=options.period)
+    settings = settings_of("orbit", values, period=options.period, effort=options.effort)
     matlab = ("orbit.mat",)
     written = "orbit.json", "orbit.csv", *(matlab if options.mat else ()), "orbit.png"
     folder = begin_beside(options.results.folder, settings, *written, spared=matlab)
@@ -65,7 +65,7 @@ def run(options: Orbit, console: Console) -> int:
         return jc.periodic_orbit(build(numbers), **how)
 
     with stages(console, "solving (the first time half a minute, most of it compilation)"):
-        orbit = solve(numbers, period=options.period)
+        orbit = solve(numbers, period=options.period, effort=options.effort)
     if not bool(orbit.success):
         console.print(f"no periodic orbit: {orbit.failure}")
         console.print(REMEDY)

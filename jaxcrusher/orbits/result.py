@@ -41,6 +41,10 @@ class RESULTS(newton.RESULTS):  # pyright: ignore
     whirl = "The motion from rest is a friction whirl: the pin rolls round its bore."
     repeats = "The motion from rest repeats after another number of turns, up to 4."
     chaotic = "The motion from rest is chaotic: disturbances of it grow."
+    open_end = (
+        "The motion from rest does not repeat within 480 turns, and is not chaotic. "
+        'effort="thorough" waits for 1920 turns, and tries more nodes and shooting.'
+    )
     aperiodic = "The motion from rest does not repeat within 1920 turns, and is not chaotic."
 
 

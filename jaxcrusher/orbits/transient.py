@@ -30,7 +30,7 @@ from jaxcrusher.orbits.result import RESULTS
 
 # Turns of the first round, half of which make a mean: a multiple of all periods up to six. Each
 # round lasts as long as all before it, and 1920 turns take a second.
-TURNS, ROUNDS = 240, 4
+TURNS, ROUNDS, QUICK_ROUNDS = 240, 4, 2
 # The integration's tolerance: at 1e-6 the method feeds a swing as much as the joint damps it; at
 # 1e-7 it changes the decay by 5 to 14 %. No decay is judged by it.
 WAIT_RTOL = 1e-7
@@ -168,10 +168,10 @@ class Round:
 
 
 class Wait:
-    """A motion from the pins at rest, waited for in rounds as far as it is asked for."""
+    """A motion from the pins at rest, waited for in so many rounds, as far as it is asked for."""
 
-    def __init__(self, scene: AbstractScene) -> None:
-        self._own = scene
+    def __init__(self, scene: AbstractScene, rounds: int = ROUNDS) -> None:
+        self._own, self._rounds = scene, rounds
         self._ended: Array | None = None  # the state after all turns so far
         self._last: Round | None = None
         self._failed = self._chaotic = False
@@ -196,7 +196,7 @@ class Wait:
         They end where the motion fails or whirls, and after the second round where it is chaotic.
         """
         seen: list[np.ndarray] = []
-        last = 2 ** (ROUNDS - 1) - 1
+        last = 2 ** (self._rounds - 1) - 1
         for turn in range(last + 1):
             if self._whirls():
                 return
@@ -227,7 +227,9 @@ class Wait:
             return otherwise
         if Round(self._last.states[-TURNS // 2 :]).repeats_after() is not None:
             return RESULTS.repeats
-        return RESULTS.chaotic if self._chaotic else RESULTS.aperiodic
+        if self._chaotic:
+            return RESULTS.chaotic
+        return RESULTS.aperiodic if self._rounds == ROUNDS else RESULTS.open_end
 
     def _whirls(self) -> bool:
         seen = poincare_section(

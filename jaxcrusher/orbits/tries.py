@@ -9,7 +9,8 @@
 
 Where one of these leads to an unstable orbit whose period has doubled, the orbit of twice the turns
 is shot for from beside it. The first stable orbit is the answer. Under `jax.jit` the first try is
-all: see `jaxcrusher.orbits.solving`.
+all: see `jaxcrusher.orbits.solving`. A quick search takes the fewest nodes alone, waits for 480
+turns and shoots for nothing.
 """
 
 import dataclasses
@@ -44,6 +45,8 @@ from jaxcrusher.orbits.solving import (
 from jaxcrusher.orbits.transient import (
     LONGEST,
     NEAR,
+    QUICK_ROUNDS,
+    ROUNDS,
     Round,
     Wait,
     one_period,
@@ -94,6 +97,7 @@ class OrbitSearch(NamedTuple):
     guess: Array | None  # of nodes
     section: Array | None  # the section point of a guess, which may lose contact
     period: int | None  # None is 1, or else what the motion that is waited for repeats after
+    quick: bool = False  # compile little, and wait for little
 
     @property
     def turns(self) -> int:
@@ -101,13 +105,13 @@ class OrbitSearch(NamedTuple):
         return self.period or 1
 
     def by_nodes(
-        self, guess: Array | None, turns: int, count: int = NODES, most: int = MOST_NODES
+        self, guess: Array | None, turns: int, count: int = NODES, most: int | None = None
     ) -> Try:
         """Return the orbit with as many nodes a turn as it needs, from `count` to `most`.
 
         Once with the slopes of the scene, and once with the values that tell how good it is.
         """
-        way = None
+        way, most = None, most or (NODES if self.quick else MOST_NODES)
         while True:
             _LOG.info("Newton's method for a period of %d, %d nodes a turn", turns, count)
             found, factors = solved(self.still, guess, turns, count * turns)
@@ -162,8 +166,9 @@ def searched(search: OrbitSearch, nodes: int | None) -> PeriodicOrbit:
     """
     if nodes is not None:
         return _best([search.by_nodes(search.guess, search.turns, nodes, nodes)])
-    wait = Wait(search.still)
-    return _best(_with_doubled(search, _tries(search, wait)), wait)
+    wait = Wait(search.still, QUICK_ROUNDS if search.quick else ROUNDS)
+    tries = _tries(search, wait)
+    return _best(tries if search.quick else _with_doubled(search, tries), wait)
 
 
 def shot_for(search: OrbitSearch) -> PeriodicOrbit:
@@ -215,7 +220,7 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
         The mean of later turns may be where one led to an orbit: it is not shot from again.
         """
         known = any(turns == n and _is_near(start, at) for n, at in shot_from)
-        if known or not can_be_shot(scene, start):
+        if known or search.quick or not can_be_shot(scene, start):
             return
         found = search.by_shots(start, turns, WAYS.shot_nodes)
         if bool(found[-1].orbit.success):
@@ -240,7 +245,8 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
         yield from shots(search.section)
     if search.guess is not None:
         yield search.by_nodes(None, turns)
-    yield search.by_nodes(None, turns, 2 * NODES)
+    if not search.quick:
+        yield search.by_nodes(None, turns, 2 * NODES)
     if _is_unresolved(first.orbit):
         # What Newton's method converged to is near the orbit that loses contact.
         yield from shots(first.orbit.section)

@@ -9,7 +9,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.orbits import forced, transient, tries
-from jaxcrusher.orbits.result import RESULTS, WAYS
+from jaxcrusher.orbits.result import RESULTS, WAYS, missing
 from jaxcrusher.orbits.solving import solved
 from jaxcrusher.orbits.transient import Round, Wait
 from jaxcrusher.orbits.tries import MOST_STEPS, UNSURE, OrbitSearch, Try, searched
@@ -174,17 +174,49 @@ def test_an_unstable_orbit_says_how_disturbances_grow():
     assert dataclasses.replace(orbit, result=RESULTS.whirl).instability == ""
 
 
-@pytest.mark.parametrize(("growth", "rounds"), [(0.1, 4), (2.0, 2)])
-def test_a_swing_that_may_settle_is_waited_for_and_chaos_is_not(monkeypatch, growth, rounds):
+@pytest.mark.parametrize(("growth", "most", "rounds"), [(0.1, 4, 4), (2.0, 4, 2), (0.1, 2, 2)])
+def test_a_swing_that_may_settle_is_waited_for_and_chaos_is_not(monkeypatch, growth, most, rounds):
     """At (38.687 rad/s, 0.10569 mm) disturbances grow by 0.07 a turn before the motion settles."""
     states = jnp.asarray(np.random.default_rng(0).uniform(size=(transient.TURNS, 4)))
     monkeypatch.setattr(transient, "_points", lambda *_, **__: (states, jnp.array(True)))
-    wait = Wait(jc.paper_scene(27.0, 0.05e-3))
+    wait = Wait(jc.paper_scene(27.0, 0.05e-3), most)
     monkeypatch.setattr(wait, "_whirls", lambda: False)
     monkeypatch.setattr(wait, "_growth", lambda: growth)
     seen = list(wait.rounds())
     assert len(seen) == rounds and [one.chaotic for one in seen] == [growth > 1] * rounds
-    assert (wait.regime(RESULTS.not_closed) == RESULTS.chaotic) == (growth > 1)
+    open_end = RESULTS.aperiodic if most == 4 else RESULTS.open_end
+    assert wait.regime(RESULTS.not_closed) == (RESULTS.chaotic if growth > 1 else open_end)
+
+
+def test_a_quick_search_takes_few_nodes_and_shoots_for_nothing(monkeypatch):
+    """The tries of a quick search and of a thorough one, none of which leads anywhere."""
+    scene, asked = jc.paper_scene(27.0, 0.05e-3), []
+    orbit = missing(scene, 1, RESULTS.unresolved)
+    none, seen = Try(orbit, orbit), jnp.full((96, 2), 0.5)
+    Found = dataclasses.make_dataclass("Found", ["way", "closure"])
+
+    def solved(scene, guess, turns, nodes):
+        asked.append(("rest" if guess is None else "guess", nodes))
+        return Found(WAYS.rest, jnp.array(0.0)), None
+
+    monkeypatch.setattr(tries, "solved", solved)
+    monkeypatch.setattr(tries, "_resolved", lambda scene, found, turns: found)
+    monkeypatch.setattr(tries, "with_statistics", lambda *_: orbit)
+    monkeypatch.setattr(tries, "one_period", lambda *_, **__: (seen, jnp.array(True)))
+    monkeypatch.setattr(OrbitSearch, "with_multipliers", lambda *_: none)
+    shot = lambda self, start, turns: asked.append(("shot", turns)) or none  # noqa: E731
+    monkeypatch.setattr(OrbitSearch, "by_shooting", shot)
+    still = np.zeros((120, 4))
+    monkeypatch.setattr(Wait, "rounds", lambda self: iter(self._rounds * [Round(still)]))
+    for quick in (True, False):
+        asked.clear()
+        search = OrbitSearch(scene, scene, None, None, None, quick)
+        assert not searched(search, None).success
+        nodes = [count for _, count in asked if count > 1]
+        if quick:
+            assert asked == [("rest", 96), ("guess", 96), ("guess", 96)]
+        else:
+            assert ("shot", 1) in asked and max(nodes) == 384 and ("rest", 192) in asked
 
 
 def test_means_are_taken_over_the_turns_that_a_motion_repeats_after():
