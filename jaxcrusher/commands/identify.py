@@ -137,3 +137,4 @@ def _draw_ellipse(
     ax.plot(*places)
     ax.plot(*(place.mean() for place in places), "+", color="C0")
     ax.set(xlabel=labels[0], ylabel=labels[1], title="95 % of both")
+    ax.locator_params(nbins=4)
