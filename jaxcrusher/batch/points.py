@@ -15,7 +15,7 @@ from jaxcrusher.files.journal import text_of
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.own_laws import make_known, with_digests
-from jaxcrusher.scenes.parameters import CHOICES, FILES, PARAMETERS, complete
+from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS, PARAMETERS, complete
 
 # Makes the scene of the numbers and choices of a design, given by name.
 SceneFunction = Callable[..., AbstractScene]
@@ -119,13 +119,14 @@ class Grid:
         }
         kept |= {"axes": with_digests(kept["axes"]), "base": with_digests(self.base)}
         if self.function is not None:
-            kept["scene"] = f"{self.function.__qualname__} {self._digest()}"
+            name = getattr(self.function, "__qualname__", type(self.function).__qualname__)
+            kept["scene"] = f"{name} {self._digest()}"
         return kept
 
     def attributes(self) -> dict[str, Any]:
         """Return what does not vary, for the reader of a dataset."""
         numbers = {
-            name: [value, PARAMETERS[name].unit if name in PARAMETERS else "1"]
+            name: [value, NUMBERS[name].unit if name in NUMBERS else "1"]
             for name, value in self.base.items()
             if not self.chooses(name)
         }
@@ -143,7 +144,7 @@ class Grid:
 
 
 def _labels(name: str) -> dict[str, Any]:
-    of = PARAMETERS.get(name)
+    of = NUMBERS.get(name)
     return {} if of is None else {"long_name": of.meaning, "units": of.unit}
 
 

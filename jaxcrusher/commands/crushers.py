@@ -9,14 +9,15 @@ import xarray as xr
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.scene import Scene, crusher_of
 from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.scenes.build import build_chamber, by_stroke
+from jaxcrusher.scenes.described import Described, described
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import is_own, with_digests
-from jaxcrusher.scenes.parameters import CHOICES, complete
-from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_unusual
+from jaxcrusher.scenes.parameters import CHOICES
+from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_defaults, tell_unusual
 from jaxcrusher.scenes.scene_file import (
     key_of,
     naming,
@@ -24,25 +25,34 @@ from jaxcrusher.scenes.scene_file import (
     read_range,
     read_scene_file,
     require_moving,
-    scene_of,
 )
+
+
+def read_machine(crusher: Crusher) -> Described:
+    """Return what a scene file and the command line describe: a crusher, or any linkage.
+
+    Of a crusher unusual numbers are told, and those that a scene file leaves to the paper; of a
+    linkage what the laws of its loose joints take from the paper. Raises ValueError as `described`,
+    `build_chamber` and `remarks` of `jaxcrusher.scenes.plausibility` do.
+    """
+    found = described(crusher.scene, crusher.overrides)
+    if found.make is not None:
+        tell_defaults(crusher.scene, found.values, found.defaults)
+        return found
+    with naming(crusher.scene, found.given):
+        build_chamber(found.values)
+        tell_unusual(found.values)
+    tell_borrowed(dict.fromkeys(found.given), crusher.scene)
+    return found
 
 
 def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
     """Return every name of a crusher with its value, and the scene that they make.
 
-    Unusual numbers are told, and those that a scene file leaves to the paper. Raises ValueError
-    as `read_scene_file`, `build_scene`, `build_chamber` and `remarks` of
-    `jaxcrusher.scenes.plausibility` do.
+    Raises ValueError as `read_machine` does, and for another linkage.
     """
-    given = given_by(crusher)
-    values = complete(given)
-    scene = scene_of(values, crusher.scene, given)
-    with naming(crusher.scene, given):
-        build_chamber(values)
-        tell_unusual(values)
-    tell_borrowed(given, crusher.scene)
-    return values, scene
+    found = read_machine(crusher)
+    return found.values, crusher_of(found.scene)
 
 
 def borrowed_by(crusher: Crusher) -> list[str]:
@@ -77,11 +87,11 @@ def write_dataset(path: Path, dataset: xr.Dataset) -> None:
         {".nc": write_netcdf, ".mat": write_mat}[path.suffix](path, dataset)
 
 
-def read_moving(crusher: Crusher) -> dict[str, Any]:
-    """A crusher whose pins can move in their bores; ValueError for ideal joints too."""
-    values, scene = read_crusher(crusher)
-    require(not scene.is_ideal, "joint", "have clearance to move in", values["joint"])
-    return values
+def read_moving(crusher: Crusher) -> Described:
+    """Read a machine whose pins can move in their bores; ValueError for ideal joints too."""
+    found = read_machine(crusher)
+    require(not found.scene.is_ideal, "joint", "have clearance to move in", "ideal")
+    return found
 
 
 def bounds(over: Ranges) -> list[tuple[str, str]]:

@@ -12,39 +12,42 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
 from jaxcrusher.commands.crushers import read_moving, settings_of, units_given
 from jaxcrusher.commands.options import Gradient
-from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.dynamics.regime import Regime
 from jaxcrusher.dynamics.slopes import GradientReport
 from jaxcrusher.files.provenance import environment, provenance
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import SETTINGS, begin, earlier, keep_beside
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.scenes.echo import per, unit_of
-from jaxcrusher.scenes.parameters import PARAMETERS
+from jaxcrusher.scenes.parameters import NUMBERS
 from jaxcrusher.scenes.scene_file import require_moving
 
 
 def run(options: Gradient, console: Console) -> int:
     """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
-    values = read_moving(options.crusher)
-    _check(options, values)
-    names = "metric", "by", "settle", "turns", "radius", "pairs", "seed", "rtol"
-    settings = settings_of("gradient", values, **{name: getattr(options, name) for name in names})
+    found = read_moving(options.crusher)
+    metric = options.metric or found.scene.leading
+    _check(options, found.scene, metric)
+    names = "by", "settle", "turns", "radius", "pairs", "seed", "rtol"
+    asked = {"metric": metric} | {name: getattr(options, name) for name in names}
+    values, unit = found.values, found.scene.statistics[metric].unit
+    settings = settings_of("gradient", values, **asked, **found.structure)
     path, given = options.results.folder / "gradient.json", units_given(options.crusher)
     keep_beside(options.results.folder / SETTINGS, settings, path.name)
     report = restored(path, settings)
     if report is not None:
-        return _tell(report, given, f"{path} (done before)", console)
+        return _tell(report, unit, given, f"{path} (done before)", console)
     begin(options.results.folder, settings, path.name)
 
-    def scene(**numbers) -> jc.Scene:
-        return jc.build_scene({**values, **numbers})
+    def scene(**numbers) -> AbstractScene:
+        return found.build({**values, **numbers})
 
     with console.status("compiling") as status:
         report = jc.gradient_report(
             scene,
-            options.metric,
+            metric,
             {name: values[name] for name in options.by},
             settle_turns=options.settle,
             turns=options.turns,
@@ -54,21 +57,22 @@ def run(options: Gradient, console: Console) -> int:
             rtol=options.rtol,
             progress=lambda stage: status.update(f"{stage} (with compilation up to a minute)"),
         )
-    write_json(path, provenance("Slopes", scene=values) | content(report))
-    return _tell(report, given, str(path), console)
+    write_json(path, provenance("Slopes", scene=values) | content(report, unit))
+    return _tell(report, unit, given, str(path), console)
 
 
-def _tell(report: GradientReport, given: dict[str, str], path: str, console: Console) -> int:
-    """Print a report; the exit status."""
+def _tell(
+    report: GradientReport, of: str, given: dict[str, str], path: str, console: Console
+) -> int:
+    """Print a report of a statistic whose unit is `of`; the exit status."""
     console.print(str(shown(report, given)), markup=False)
-    of = STATISTIC[report.metric].unit
     units = ", ".join(f"by {name} {per(of, unit_of(name, given)[0])}" for name in report.slopes)
     console.print(f"units: {units}; in SI units: {path}")
     return 1 if report.regime.name == "failed" else 0
 
 
-def _check(options: Gradient, values: dict[str, Any]) -> None:
-    require_choice("metric", options.metric, tuple(STATISTIC))
+def _check(options: Gradient, scene: AbstractScene, metric: str) -> None:
+    require_choice("metric", metric, tuple(scene.statistics))
     once = len(set(options.by)) == len(options.by) > 0
     require(once, "by", "name parameters, each once", " ".join(options.by))
     for name in options.by:
@@ -95,11 +99,11 @@ def shown(report: GradientReport, units: dict[str, str]) -> GradientReport:
     return dataclasses.replace(report, slopes=slopes)
 
 
-def content(report: GradientReport) -> dict[str, Any]:
-    """A report as JSON keeps it."""
+def content(report: GradientReport, of: str) -> dict[str, Any]:
+    """Return a report of a statistic whose unit is `of` as JSON keeps it."""
     slopes = {}
     for name, slope in report.slopes.items():
-        slopes[name] = {"units": _unit(report.metric, name), **dataclasses.asdict(slope)}
+        slopes[name] = {"units": f"({of})/({NUMBERS[name].unit})", **dataclasses.asdict(slope)}
     return {
         "metric": report.metric,
         "regime": report.regime.name,
@@ -138,8 +142,3 @@ def restored(path: Path, settings: dict[str, Any]) -> GradientReport | None:
 def _number(value: float | None) -> float:
     """Return a number as JSON holds it: NaN and infinity become null."""
     return math.nan if value is None else value
-
-
-def _unit(metric: str, name: str) -> str:
-    """The unit of a slope."""
-    return f"({STATISTIC[metric].unit})/({PARAMETERS[name].unit})"

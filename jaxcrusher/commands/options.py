@@ -34,7 +34,8 @@ class Crusher:
     """Which crusher."""
 
     scene: Path | None = None
-    """TOML file of the crusher; what it leaves out is the PE250x400's."""
+    """TOML file of the crusher; what it leaves out is the PE250x400's. With kind = "linkage" it is
+    of any linkage."""
     overrides: Pairs = ()
     """A key of the scene file and its value with its unit, over the file's, as in
     --set clearance 0.06mm --set speed "286 rpm" --set friction 0.05. May be repeated."""
@@ -159,9 +160,10 @@ class Gradient:
     periodic one.
     """
 
-    metric: Annotated[str, tyro.conf.Positional] = "foundation_rms"
+    metric: Annotated[str, tyro.conf.Positional] = ""
     """The statistic, as jaxcrusher.statistics names them: foundation_rms, winding, drive_power and
-    so on; an unknown one, as in "gradient any", lists them all."""
+    so on; an unknown one, as in "gradient any", lists them all. Without it foundation_rms of a
+    crusher, and shaking_rms of another linkage."""
     crusher: Crusher = field(default_factory=Crusher)
     by: tuple[str, ...] = ("speed", "clearance")
     """Keys of the scene file to differentiate by. Slopes are printed by the units that their values

@@ -18,7 +18,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.commands.crushers import (
     borrowed_by,
-    read_crusher,
+    read_machine,
     settings_of,
     units_given,
     write_dataset,
@@ -30,14 +30,14 @@ from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.pictures.plots import force_size, leading_force
 from jaxcrusher.scenes.echo import per, said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, numbers_of
 
 ANGLES = 720  # of the picture, a turn
 DEGREE = float(np.radians(1.0))
-# The statistics whose slopes are told: what frame and bearings carry, and what shakes the ground.
-METRICS = ("foundation_rms", "shaking_rms")
 REMEDY = (
     "Where the free oscillation of the pin meets a harmonic of the drive, or contact is lost, "
     "there may be no orbit of this period, or several. Try a value a thousandth off, another "
@@ -48,17 +48,19 @@ REMEDY = (
 
 def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
-    values, _ = read_crusher(options.crusher)
+    found = read_machine(options.crusher)
+    values, metrics = found.values, tuple(dict.fromkeys((found.scene.leading, "shaking_rms")))
     require_whole("period", options.period, 1)
-    settings = settings_of("orbit", values, period=options.period, effort=options.effort)
+    asked = {"period": options.period, "effort": options.effort}
+    settings = settings_of("orbit", values, **asked, **found.structure)
     matlab = ("orbit.mat",)
     written = "orbit.json", "orbit.csv", *(matlab if options.mat else ()), "orbit.png"
     folder = begin_beside(options.results.folder, settings, *written, spared=matlab)
     numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values)}
 
     @eqx.filter_jit
-    def build(numbers: dict[str, Any]) -> jc.Scene:
-        return jc.build_scene({**values, **numbers})
+    def build(numbers: dict[str, Any]) -> AbstractScene:
+        return found.build({**values, **numbers})
 
     # Not under `jax.jit`: the program that solves for the orbit serves its slopes too.
     def solve(numbers: dict[str, Any], **how: Any) -> PeriodicOrbit:
@@ -71,7 +73,7 @@ def run(options: Orbit, console: Console) -> int:
         console.print(REMEDY)
         return 1
     with stages(console, "differentiating"):
-        slopes = _slopes(lambda n: solve(n, **orbit.alike), numbers)
+        slopes = _slopes(lambda n: solve(n, **orbit.alike), numbers, metrics)
     slopes = {metric: felt(of, float(orbit[metric]), values) for metric, of in slopes.items()}
     path = folder / "orbit.json"
     write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
@@ -81,7 +83,10 @@ def run(options: Orbit, console: Console) -> int:
         write_dataset(folder / name, seen)
     for line in summary(orbit):
         console.print(line)
-    units, marked = units_given(options.crusher), borrowed_by(options.crusher)
+    units, marked = (
+        units_given(options.crusher),
+        borrowed_by(options.crusher) if found.make is None else [],
+    )
     console.print(table(orbit, slopes, values, units, marked), soft_wrap=False)
     for line in notes(values, units, marked, slopes):
         console.print(line)
@@ -90,17 +95,19 @@ def run(options: Orbit, console: Console) -> int:
 
 
 def _slopes(
-    solve: Callable[[dict[str, Any]], PeriodicOrbit], numbers: dict[str, Any]
+    solve: Callable[[dict[str, Any]], PeriodicOrbit],
+    numbers: dict[str, Any],
+    names: tuple[str, ...],
 ) -> dict[str, dict[str, float]]:
-    """Return the slopes of each of `METRICS` by every number: one orbit, pulled back twice."""
+    """Return the slopes of some statistics by every number: one orbit, pulled back for each."""
 
     def metrics(numbers: dict[str, Any]) -> dict[str, Scalar]:
         orbit = solve(numbers)
-        return {metric: orbit[metric] for metric in METRICS}
+        return {metric: orbit[metric] for metric in names}
 
     found, back = jax.vjp(metrics, numbers)
     slopes = {}
-    for metric in METRICS:
+    for metric in names:
         (by_number,) = back({name: jnp.asarray(float(name == metric)) for name in found})
         slopes[metric] = {name: float(slope) for name, slope in by_number.items()}
     return slopes
@@ -122,8 +129,9 @@ def draw(orbit: PeriodicOrbit, path: Path) -> None:
     angles = 2 * np.pi * np.arange(ANGLES * orbit.period + 1) / ANGLES
     joints = dict(orbit.scene.joints.items())
     names = [f"{before(joint)}eccentricity" for joint in joints]
-    seen = orbit.motion(angles, ("foundation_force", *names))
-    ideal = jc.periodic_orbit(orbit.scene.ideal()).motion(angles, ("foundation_force",))
+    shown = leading_force(orbit.scene)
+    seen = orbit.motion(angles, (shown, *names))
+    ideal = jc.periodic_orbit(orbit.scene.ideal()).motion(angles, (shown,))
     widths = [1.0] * len(joints) + [1.6]
     fig, axes = plt.subplots(
         1, len(widths), figsize=(2 + 4 * len(widths), 4), width_ratios=widths, squeeze=False
@@ -135,9 +143,10 @@ def draw(orbit: PeriodicOrbit, path: Path) -> None:
         pin.plot(*(np.asarray(seen[name]).T / clearance))
         pin.set(aspect="equal", xlabel="e_x / c", ylabel="e_y / c")
         pin.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
-    force.plot(np.degrees(angles), 1e-3 * seen["foundation_force"], label="periodic orbit")
-    force.plot(np.degrees(angles), 1e-3 * ideal["foundation_force"], ":", label="ideal joints")
-    force.set(xlabel="shaft angle, degrees", ylabel="|R_O| + |R_C|, kN")
+    force.plot(np.degrees(angles), force_size(seen[shown]), label="periodic orbit")
+    force.plot(np.degrees(angles), force_size(ideal[shown]), ":", label="ideal joints")
+    words = "|R_O| + |R_C|" if shown == "foundation_force" else "shaking force"
+    force.set(xlabel="shaft angle, degrees", ylabel=f"{words}, kN")
     force.legend()
     fig.tight_layout()
     write_figure(path, fig, dpi=120)
@@ -146,12 +155,16 @@ def draw(orbit: PeriodicOrbit, path: Path) -> None:
 
 def summary(orbit: PeriodicOrbit) -> list[str]:
     """Return the motion in a few lines."""
-    lines = [
-        f"RMS force on the foundation {float(orbit.foundation_rms):.4f} N "
-        f"(error {float(orbit.error):.1g} of it), "
-        f"mean {float(orbit.foundation_mean):.4f} N, peak {float(orbit.foundation_peak):.4f} N",
+    error, lines = f"(error {float(orbit.error):.1g} of it)", []
+    if "foundation_rms" in orbit.values:
+        lines.append(
+            f"RMS force on the foundation {float(orbit.foundation_rms):.4f} N {error}, "
+            f"mean {float(orbit.foundation_mean):.4f} N, peak {float(orbit.foundation_peak):.4f} N"
+        )
+        error = ""
+    lines += [
         f"shaking force: RMS {float(orbit.shaking_rms):.4f} N, peak "
-        f"{float(orbit.shaking_peak):.4f} N",
+        f"{float(orbit.shaking_peak):.4f} N {error}".rstrip(),
     ]
     if orbit.eccentricity is None:
         return [*lines, "ideal joints: nothing oscillates"]
@@ -177,22 +190,26 @@ def table(
 
     What changes the RMS most in a `step` comes first; what changes neither force is left out.
     """
-    rms, shaking = (slopes[metric] for metric in METRICS)
-    percent = 100 / float(orbit.foundation_rms)
+    leading, *_ = slopes
+    rms, shaking = slopes[leading], slopes["shaking_rms"]
+    percent = 100 / float(orbit[leading])
     shares = {
         name: percent * of * step(name, values[name])
         for name, of in rms.items()
         if of or shaking[name]
     }
     # Without a frame every key stands in one line of 80 columns.
-    headings = ("parameter", "value", "slope of the RMS", "% a step", "of shaking")
+    headings = ["parameter", "value", "slope of the RMS", "% a step", "of shaking"][
+        : 3 + len(slopes)
+    ]
     shown = Table(*headings, box=None, padding=(0, 1, 0, 0), pad_edge=False)
     shown.columns[0].overflow = "fold"  # a key is to be copied whole
     for name in sorted(shares, key=lambda name: -abs(shares[name])):
         unit, size = unit_of(name, units)
         value = f"{values[name] / size:.6g} {unit}".rstrip() + " *" * (name in marked)
         slope = f"{rms[name] * size:.5g} {per('N', unit)}"
-        shown.add_row(name, value, slope, f"{shares[name]:.3g}", f"{shaking[name] * size:.5g}")
+        row = name, value, slope, f"{shares[name]:.3g}", f"{shaking[name] * size:.5g}"
+        shown.add_row(*row[: 3 + len(slopes)])
     return shown
 
 
@@ -233,7 +250,7 @@ def notes(
 def content(orbit: PeriodicOrbit, slopes: dict[str, dict[str, float]]) -> dict[str, Any]:
     """An orbit as JSON keeps it."""
     forces = ("foundation_rms", "foundation_mean", "foundation_peak", "shaking_rms", "shaking_peak")
-    names = (*forces, "error", "least_penetration")
+    names = (*(name for name in forces if name in orbit.values), "error", "least_penetration")
     values = [] if orbit.multipliers is None else np.asarray(orbit.multipliers)
     return {
         "period": orbit.period,

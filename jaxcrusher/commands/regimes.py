@@ -14,7 +14,6 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, units_given
 from jaxcrusher.commands.options import Regimes
-from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.dynamics.regime import Regime
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
@@ -23,36 +22,37 @@ from jaxcrusher.files.results import results_folder, write_json, write_netcdf
 from jaxcrusher.files.resume import earlier, keep_beside
 from jaxcrusher.files.table import Column, columns_of
 from jaxcrusher.motion.method import require_tolerance
+from jaxcrusher.motion.statistics import of_whirl
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import CHAMBER, PARAMETERS
+from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS
 from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import key_of, read_text
 
-# Statistics of a row, and all its numbers.
-OUTPUTS = ("foundation_rms", "contact_fraction", "winding")
+# The numbers of a row, besides statistics.
 COLUMNS = {
     "period": Column("1", "turns after which the motion repeats"),
     "largest_exponent": Column("1", "largest Lyapunov exponent a turn"),
     "largest_exponent_error": Column("1", "its standard error"),
     "zero_one": Column("1", "0-1 test: 0 order, 1 chaos"),
     "trend": Column("1", "change of the section's spread, as a share"),
-    **columns_of(STATISTIC, OUTPUTS),
     "seconds": Column("s", "time it took"),
 }
 
 
 def run(options: Regimes, console: Console) -> int:
     """Classify what is not done yet; 1 if a run failed. ValueError for bad options."""
-    values, designs = read_moving(options.crusher), read_designs(options)
+    found, designs = read_moving(options.crusher), read_designs(options)
+    values, outputs = found.values, of_whirl(found.scene)
+    columns = COLUMNS | columns_of(found.scene.statistics, outputs)
     units = _units(options)
     for name, least in (("settle", 0), ("turns", 1), ("tangent_turns", 1)):
         require_whole(name, getattr(options, name), least)
     require_tolerance(options.rtol)
-    scenes = [jc.build_scene({**values, **design}) for design in designs]
-    for design in designs:
+    scenes = [found.build({**values, **design}) for design in designs]
+    for design in designs if found.make is None else ():
         remarks({**values, **design})
-    settings = _settings(options, values, list(designs[0]))
+    settings = _settings(options, values, list(designs[0])) | found.structure
     folder = results_folder(options.results.folder)
     keep_beside(folder / "regimes.json", settings, "regimes.nc")
     kept = earlier(folder / "regimes.json", settings, "name")
@@ -73,11 +73,11 @@ def run(options: Regimes, console: Console) -> int:
                     rtol=options.rtol,
                     tangent_turns=options.tangent_turns,
                 )
-                row = _row(design, verdict, time.perf_counter() - began)
+                row = _row(design, verdict, outputs, time.perf_counter() - began)
                 done.append(row)
                 content = {**attributes, "settings": settings, "rows": done}
                 write_json(folder / "regimes.json", content)
-                write_netcdf(folder / "regimes.nc", dataset(done, settings, attributes))
+                write_netcdf(folder / "regimes.nc", dataset(done, columns, settings, attributes))
             asked.append(row)
             bars.console.print(escape(f"{_name(design, units)}: {row['verdict']}{remark}"))
             bars.advance(bar)
@@ -122,24 +122,28 @@ def _settings(options: Regimes, values: dict[str, Any], varied: list[str]) -> di
     }
 
 
-def dataset(rows: list[dict], settings: dict, attributes: dict[str, str]) -> xr.Dataset:
+def dataset(
+    rows: list[dict], columns: dict[str, Column], settings: dict, attributes: dict[str, str]
+) -> xr.Dataset:
     """Return the rows, with the varied names as coordinates along them."""
     coordinates = {}
     for name in settings["varied"]:
-        known = PARAMETERS.get(name)
+        known = NUMBERS.get(name)
         labels = {"units": known.unit, "long_name": known.meaning} if known else {}
         coordinates[name] = ("design", [row["design"][name] for row in rows], labels)
     values = {
         name: np.array([np.nan if row[name] is None else float(row[name]) for row in rows])
-        for name in COLUMNS
+        for name in columns
     }
     values["regime"] = np.array([row["regime"] for row in rows])
-    kept = {"regime": Column("1", "kind of motion", str)} | COLUMNS
+    kept = {"regime": Column("1", "kind of motion", str)} | columns
     attributes = {**attributes, "settings": json.dumps(settings)}
     return table.dataset(("design",), values, kept, coordinates, attributes)
 
 
-def _row(design: dict[str, Any], verdict: Regime, seconds: float) -> dict[str, Any]:
+def _row(
+    design: dict[str, Any], verdict: Regime, outputs: tuple[str, ...], seconds: float
+) -> dict[str, Any]:
     exponents, summary = verdict.exponents, verdict.statistics
     row: dict[str, Any] = {
         "design": design,
@@ -152,7 +156,7 @@ def _row(design: dict[str, Any], verdict: Regime, seconds: float) -> dict[str, A
         "trend": verdict.trend,
         "seconds": round(seconds, 3),
     }
-    return row | {name: None if summary is None else float(summary[name]) for name in OUTPUTS}
+    return row | {name: None if summary is None else float(summary[name]) for name in outputs}
 
 
 def _design(text: str) -> dict[str, Any]:

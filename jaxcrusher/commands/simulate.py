@@ -15,7 +15,7 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.commands.crushers import read_crusher, settings_of, units_given, write_dataset
+from jaxcrusher.commands.crushers import read_machine, settings_of, units_given, write_dataset
 from jaxcrusher.commands.options import Simulate
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.progress import progress
@@ -24,6 +24,7 @@ from jaxcrusher.files.results import listed, write_figure
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import Column, vector_columns
 from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.motion.statistics import Statistics
@@ -36,10 +37,10 @@ TURNS, DRAWN = 10.0, 2
 # What the energy ledger holds, J.
 LEDGER = {
     "kinetic": "kinetic energy",
-    "potential": "potential energy of weight, zero at C's height",
+    "potential": "potential energy of weight, zero at the height of the frame's origin",
     "elastic": "energy stored in the contact",
     "drive_work": "work of the drive since time zero",
-    "load_work": "work of the crushing load since time zero",
+    "load_work": "work of the load since time zero",
     "contact_loss": "dissipated by the contact's damping since time zero",
     "friction_loss": "dissipated by friction since time zero",
     "imbalance": "what the ledger fails to account for",
@@ -53,13 +54,14 @@ SCATTERED = 0.01
 
 def run(options: Simulate, console: Console) -> int:
     """Simulate, write, print; 1 if the integration failed. ValueError for bad options."""
-    values, scene = read_crusher(options.crusher)
+    found = read_machine(options.crusher)
+    values, scene = found.values, found.scene
     span = _span(options, values["speed"])
     settle = _settle(options, span)
     require_whole("samples", options.samples, 2)
     require_tolerance(options.rtol)
     numbers = {"turns": span, "settle": settle, "samples": options.samples, "rtol": options.rtol}
-    settings = settings_of("simulate", values, **numbers)
+    settings = settings_of("simulate", values, **numbers, **found.structure)
     asked = {"motion.csv": options.csv, "motion.mat": options.mat}
     written = "motion.nc", *(name for name, wanted in asked.items() if wanted), "motion.png"
     folder = begin_beside(options.results.folder, settings, *written, spared=asked)
@@ -86,14 +88,15 @@ def run(options: Simulate, console: Console) -> int:
     if failure:
         console.print(f"FAILED: {failure}", style="red")
     else:
-        console.print(closing(motion, summary, settle, values))
+        told = closing if found.make is None else closing_of_linkage
+        console.print(told(motion, summary, settle, values))
         if summary is not None and (advice := scattered(summary)):
             console.print(advice)
     console.print(listed(folder, written))
     return 1 if failure else 0
 
 
-def _statistics(scene: jc.Scene, settle: int, turns: int, rtol: float) -> Statistics:
+def _statistics(scene: AbstractScene, settle: int, turns: int, rtol: float) -> Statistics:
     """As a batch of one, since lanes compile in half the time."""
     function = eqx.Partial(jc.statistics, settle_turns=settle, turns=turns, rtol=rtol)
     return jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), jc.map_all(function, stack([scene])))
@@ -126,6 +129,8 @@ def dataset(motion: Trajectory, values: dict[str, Any]) -> xr.Dataset:
     arrays = {name: np.asarray(motion[name]) for name in seen}
     lost = {} if motion.energy.support_loss is None else {"support_loss": "taken by the supports"}
     lost |= {} if motion.energy.rod_loss is None else {"rod_loss": "taken by the rod's damper"}
+    springs = {"spring_loss": "taken by the dampers beside springs"}
+    lost |= {} if motion.energy.spring_loss is None else springs
     ledger = LEDGER | lost
     arrays |= {name: np.asarray(getattr(motion.energy, name)) for name in ledger}
     kept = vector_columns(table, arrays) | {
@@ -137,14 +142,17 @@ def dataset(motion: Trajectory, values: dict[str, Any]) -> xr.Dataset:
         "direction": ("direction", ["x", "y"], {"long_name": "to the right and up"}),
     }
     failure = motion.failure or "none"
-    attributes = provenance("Motion of a jaw crusher", scene=values, failure=failure)
+    attributes = provenance("Motion of a mechanism", scene=values, failure=failure)
     return table_of.dataset(("time",), arrays, kept, coordinates, attributes)
 
 
-def draw(motion: Trajectory, scene: jc.Scene, drawn: np.ndarray, units: dict[str, str]) -> Figure:
-    """An orbit for each joint with clearance, and foundation force, at the instants `drawn`."""
+def draw(
+    motion: Trajectory, scene: AbstractScene, drawn: np.ndarray, units: dict[str, str]
+) -> Figure:
+    """An orbit for each joint with clearance, and the leading force, at the instants `drawn`."""
     joints = dict(scene.joints.items())
-    names = ("foundation_force", *(f"{before(joint)}eccentricity" for joint in joints))
+    shown = plots.leading_force(scene)
+    names = (shown, *(f"{before(joint)}eccentricity" for joint in joints))
     seen = {name: motion[name][drawn] for name in names}
     part = Trajectory(motion.time[drawn], motion.outcome, seen)
     fig = plt.figure(figsize=(6 + 4 * max(len(joints), 1), 4), layout="constrained")
@@ -159,20 +167,40 @@ def draw(motion: Trajectory, scene: jc.Scene, drawn: np.ndarray, units: dict[str
             clearance, at = float(joint.clearance), "" if name == "main" else f"{name}: "
             plots.plot_orbit(part, clearance, orbit, joint=name)
             orbit.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
-        ideal = jc.simulate(scene.ideal(), part.time, outputs=("foundation_force",))
+        ideal = jc.simulate(scene.ideal(), part.time, outputs=(shown,))
         plots.plot_force(part, ideal, force).set_title(said("speed", speed, units))
     return fig
 
 
 def scattered(summary: Statistics) -> str:
     """Advise what to do about an average that still changes, or return nothing."""
-    share = float(summary.foundation_rms_error) / float(summary.foundation_rms)
+    leading = "foundation_rms" if "foundation_rms" in summary.values else "shaking_rms"
+    share = float(summary.standard_error(leading)) / float(summary[leading])
     if not SCATTERED < share < math.inf or bool(summary.whirl):
         return ""
     return (
         f"The average still scatters by {share:.0%}: more --turns make it narrower. Where the pin "
         "keeps contact, python -m jaxcrusher orbit solves for the steady state."
     )
+
+
+def closing_of_linkage(
+    motion: Trajectory, summary: Statistics | None, settle: int, values: dict[str, Any]
+) -> str:
+    """Return what a linkage does on average, its whirl and what is outside the model."""
+    if summary is None:
+        shaking = float(np.sqrt(np.mean(np.sum(motion.shaking_force**2, axis=1))))
+        return f"RMS shaking force {shaking:.5g} N over the samples (no whole turn after settling)"
+    units, error = summary.units(), float(summary.standard_error("shaking_rms"))
+    scatter = f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
+    parts = [f"RMS shaking force {float(summary['shaking_rms']):.5g}{scatter} N"]
+    for name in summary.values:
+        if name != "shaking_rms":
+            unit = "" if units[name] == "1" else f" {units[name]}"
+            parts.append(f"{name.replace('_', ' ')} {float(summary[name]):.4g}{unit}")
+    parts.append("FRICTION WHIRL" if bool(summary.whirl) else "no whirl")
+    parts.append(summary.validity.verdict())
+    return f"{', '.join(parts)} (turns {settle + 1} to {settle + summary.turns})"
 
 
 def closing(

@@ -16,7 +16,7 @@ from jaxcrusher.batch.sweep import sweep
 from jaxcrusher.commands.crushers import (
     bounds,
     read_axes,
-    read_crusher,
+    read_machine,
     units_given,
     write_dataset,
 )
@@ -34,9 +34,11 @@ if TYPE_CHECKING:
 
 def run(options: Sweep, console: Console) -> int:
     """Sweep and print a closing line; ValueError for bad options."""
-    (values, _), axes = read_crusher(options.crusher), read_axes(options.over)
+    found, axes = read_machine(options.crusher), read_axes(options.over)
+    values, leading = found.values, found.scene.leading
     base = {n: value for n, value in values.items() if n not in axes and n not in CHAMBER}
-    require_possible(values, axes)
+    if found.make is None:
+        require_possible(values, axes)
     folder = results_folder(options.results.folder)
     designs = math.prod(len(axis) for axis in axes.values())
     with progress(console) as bars, _workers(options.scheduler) as scheduler:
@@ -47,6 +49,7 @@ def run(options: Sweep, console: Console) -> int:
                 options.settle,
                 options.turns,
                 base=base,
+                scene=found.make,
                 store=folder / "sweep.zarr",
                 chunk=options.chunk,
                 engine=options.engine,
@@ -63,8 +66,8 @@ def run(options: Sweep, console: Console) -> int:
     units = units_given(options.crusher, bounds(options.over))
     if len(axes) == 2 and not set(axes) & set(CHOICES):
         written.append(folder / "sweep.png")
-        draw(grid, units, written[-1])
-    console.print(closing(grid, units))
+        draw(grid, leading, units, written[-1])
+    console.print(closing(grid, leading, units))
     console.print(", ".join(map(str, written)))
     return 0
 
@@ -92,7 +95,7 @@ def _workers(scheduler: str | None) -> "Iterator[str | distributed.Client | None
         yield client
 
 
-def draw(grid: xr.Dataset, units: dict[str, str], path: Path) -> None:
+def draw(grid: xr.Dataset, leading: str, units: dict[str, str], path: Path) -> None:
     """Draw the map of the RMS over two ranges, with marks of failures and whirls."""
     fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
     marks = {
@@ -100,23 +103,24 @@ def draw(grid: xr.Dataset, units: dict[str, str], path: Path) -> None:
         "whirl": grid.whirl,
         "outside the contact model": ~grid.inside_model,
     }
-    plot_landscape(grid.foundation_rms.where(~grid.whirl), ax, marks=marks, units=units)
+    plot_landscape(grid[leading].where(~grid.whirl), ax, marks=marks, units=units)
     write_figure(path, fig)
 
 
-def closing(grid: xr.Dataset, units: dict[str, str]) -> str:
+def closing(grid: xr.Dataset, leading: str, units: dict[str, str]) -> str:
     """How the designs fared, and the one that shakes least."""
-    grid = grid[["foundation_rms", "success", "whirl", "inside_model"]].load()
+    grid = grid[[leading, "success", "whirl", "inside_model"]].load()
     success, whirl = grid.success.to_numpy(), grid.whirl.to_numpy()
     outside = int((success & ~whirl & ~grid.inside_model.to_numpy()).sum())
     counts = (
         f"{grid.success.size} designs: {int((~success).sum())} failed, {int(whirl.sum())} "
         f"whirl, {outside} more outside the contact model"
     )
-    good = grid.foundation_rms.where(grid.success & ~grid.whirl)
+    good = grid[leading].where(grid.success & ~grid.whirl)
     if not bool(good.notnull().any()):
         return counts
     best = good.isel(good.argmin(...))  # pyright: ignore
     axes = map(str, grid.sizes)
     design = ", ".join(f"{name} {said(name, best.coords[name].item(), units)}" for name in axes)
-    return f"{counts}; least RMS force on the foundation {best.item():.0f} N at {design}"
+    what = {"foundation_rms": "RMS force on the foundation"}.get(leading, "RMS shaking force")
+    return f"{counts}; least {what} {best.item():.0f} N at {design}"

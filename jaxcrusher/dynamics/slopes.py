@@ -28,7 +28,7 @@ from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangen
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.slopes import OrbitSlopes, orbit_beside, orbit_slopes
-from jaxcrusher.scenes.parameters import PARAMETERS
+from jaxcrusher.scenes.parameters import NUMBERS
 
 # Regime -> why its slope may not be that of the motion in the end.
 UNSETTLED = {
@@ -235,9 +235,9 @@ def _scale(name: str, value: float) -> float:
     """Return the scale of a radius: the value, or where that is 0 the parameter's own scale."""
     if value != 0:
         return abs(value)
-    known = name in PARAMETERS
+    known = name in NUMBERS
     require(known, name, "have a scale (be one of jaxcrusher.PARAMETERS) or not be 0", value)
-    return PARAMETERS[name].scale
+    return NUMBERS[name].scale
 
 
 def _growth(along: Tangents) -> float:

@@ -17,6 +17,7 @@ from matplotlib.patches import Patch
 from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.echo import unit_of
 from jaxcrusher.scenes.parameters import in_words
@@ -152,17 +153,30 @@ def plot_orbit(
     return ax
 
 
+def leading_force(scene: AbstractScene) -> str:
+    """Return the observable that pictures show: a crusher's |R_O| + |R_C|, or what shakes."""
+    return "foundation_force" if "foundation_force" in scene.observables else "shaking_force"
+
+
+def force_size(values: ArrayLike) -> np.ndarray:
+    """Return a force in kN, of a vector its length."""
+    known = np.asarray(values) / 1e3
+    return known if known.ndim == 1 else np.hypot(known[:, 0], known[:, 1])
+
+
 def plot_force(
     trajectory: Trajectory, ideal: Trajectory | None = None, ax: Axes | None = None
 ) -> Axes:
-    """The foundation force (kN) over time (s), with the ideal joint's if given."""
+    """The foundation or the shaking force (kN) over time (s), with the ideal joint's if given."""
     ax = plt.subplots()[1] if ax is None else ax
-    force = trajectory.foundation_force / 1e3
+    name = "foundation_force" if "foundation_force" in trajectory.values else "shaking_force"
+    force = force_size(trajectory[name])
     ax.plot(trajectory.time, force, color=BLUE, linewidth=0.8, label="with clearance")
     if ideal is not None:
         style = {"color": ORANGE, "linestyle": "--", "linewidth": 1.4, "label": "ideal joint"}
-        ax.plot(ideal.time, ideal.foundation_force / 1e3, **style)
-    ax.set(xlabel="time (s)", ylabel=f"${FORCE}$ (kN)")
+        ax.plot(ideal.time, force_size(ideal[name]), **style)
+    words = f"${FORCE}$" if name == "foundation_force" else "shaking force"
+    ax.set(xlabel="time (s)", ylabel=f"{words} (kN)")
     ax.legend()
     return ax
 

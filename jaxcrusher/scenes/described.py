@@ -26,6 +26,12 @@ class Described(NamedTuple):
     scene: AbstractScene
     make: Callable[..., AbstractScene] | None  # None: `jaxcrusher.build_scene`
     given: tuple[str, ...]  # names that were written
+    defaults: tuple[str, ...] = ()  # of a linkage, names that were not
+
+    @property
+    def structure(self) -> dict[str, str]:
+        """Return what besides the values decides what a scene does."""
+        return {} if self.make is None else {"drawing": repr(self.make)}
 
     def build(self, values: dict[str, Any]) -> AbstractScene:
         """Return the scene of other numbers and choices."""
@@ -49,12 +55,13 @@ def described(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> D
     """
     if kind_of(path) == "linkage":
         assert path is not None
-        drawing, values = read_linkage(path)
+        drawing, values, defaults = read_linkage(path)
         changed = read_overrides(overrides)
         for name in changed:
             require(name in values, name, "be a number or a choice of the file", "not there")
         values |= changed
-        return Described(values, drawing(**values), drawing, tuple(values))
+        left = tuple(name for name in defaults if name not in changed)
+        return Described(values, drawing(**values), drawing, tuple(values), left)
     given = {} if path is None else read_scene_file(path)
     given |= read_overrides(overrides)
     values = complete(given)

@@ -32,7 +32,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -170,6 +170,14 @@ class Drawing:
         return next(n for n, *both in self.joints if {self.crank, FRAME} == set(both))
 
 
+class Drawn(NamedTuple):
+    """A drawing, its numbers and choices by name, and the names of those that are defaults."""
+
+    drawing: Drawing
+    values: dict[str, Any]
+    defaults: tuple[str, ...]
+
+
 def _arm(values: Mapping[str, Any], name: str) -> Arm:
     """Return a point of a body; a number that is not given is zero, and is never traced."""
     return Arm(values.get(f"{name}.x"), values.get(f"{name}.y"))
@@ -215,6 +223,7 @@ class _Reading:
     def __init__(self, entries: Iterable[tuple[str, Any]], number: Callable[[str, Any], float]):
         self.number = number
         self.values: dict[str, Any] = {}
+        self.defaults: list[str] = []  # names of numbers and sides that are not given
         self.left: dict[str, Any] = {}
         self.sections: dict[str, dict[str, dict[str, Any]]] = {name: {} for name in _SECTIONS}
         for name, value in entries:
@@ -265,6 +274,7 @@ class _Reading:
             name, given = f"{section}.{item}.{key}", self.sections[section][item].pop(key, None)
             if given is None and key in defaults:
                 NUMBERS[name], self.values[name] = parameter, defaults[key]
+                self.defaults += [name] if section == "joints" else []
                 continue
             require(given is not None, name, f"be given in {parameter.unit}", "missing")
             self.keep(name, given, parameter)
@@ -308,8 +318,8 @@ def drawn(
     entries: Iterable[tuple[str, Any]],
     number: Callable[[str, Any], float],
     folder: Path = Path(),
-) -> tuple[Drawing, dict[str, Any]]:
-    """Return the drawing of a description, and its numbers and choices by name.
+) -> Drawn:
+    """Return the drawing of a description, with its numbers and choices by name.
 
     Raises ValueError of one line for a key that is unknown or missing, a body that there is not,
     bodies that are no dyads, and links that do not close at some angle of the crank.
@@ -367,7 +377,7 @@ def drawn(
     )
     reading.ended()
     _require_closing(drawing(**reading.values))
-    return drawing, reading.values
+    return Drawn(drawing, reading.values, tuple(reading.defaults))
 
 
 def _whole(reading: _Reading) -> None:
@@ -402,7 +412,9 @@ def _sides(reading: _Reading, dyads: Iterable[Any]) -> tuple[int, ...]:
     given = {body: keys[""] for body, keys in reading.sections["assembly"].items()}
     sides = []
     for dyad in dyads:
-        said = {given.pop(body) for body in (dyad.first, dyad.second) if body in given} or {1}
+        said = {given.pop(body) for body in (dyad.first, dyad.second) if body in given}
+        reading.defaults += [] if said else [f"assembly.{dyad.first}"]
+        said = said or {1}
         side = next(iter(said))
         good = len(said) == 1 and side in (-1, 1) and not isinstance(side, bool)
         require(good, f"assembly.{dyad.first}", "be 1 or -1", ", ".join(map(repr, said)))
@@ -465,12 +477,12 @@ def linkage(**description: Any) -> LinkageScene:
 
     Raises ValueError of one line as `drawn` does.
     """
-    drawing, values = drawn(flattened(description), _number)
-    return drawing(**values)
+    read = drawn(flattened(description), _number)
+    return read.drawing(**read.values)
 
 
-def read_linkage(path: Path | str) -> tuple[Drawing, dict[str, Any]]:
-    """Return the drawing of a file of `kind = "linkage"`, and its numbers and choices by name.
+def read_linkage(path: Path | str) -> Drawn:
+    """Return the drawing of a file of `kind = "linkage"`, with its numbers and choices by name.
 
     Raises ValueError of one line, with the file and the key, as `drawn` and `read_scene_file` do.
     """

@@ -334,8 +334,8 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def numbers_of(names: Iterable[str]) -> list[str]:
-    """Return the names that are in `PARAMETERS`, in its order."""
-    return [name for name in PARAMETERS if name in names]
+    """Return the names of numbers of the motion, in the order of `NUMBERS`."""
+    return [name for name in NUMBERS if name in names and name not in CHAMBER]
 
 
 def check_description(values: Mapping[str, Any]) -> None:

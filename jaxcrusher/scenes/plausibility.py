@@ -5,7 +5,7 @@ limits, and is a slip all the same.
 """
 
 import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -315,3 +315,11 @@ def tell_unusual(values: Mapping[str, Any]) -> None:
     """Print the `remarks` on a machine on standard error; ValueError as they do."""
     for line in remarks(values):
         tell(f"unusual: {line}")
+
+
+def tell_defaults(path: Path | None, values: Mapping[str, Any], names: Iterable[str]) -> None:
+    """Print on standard error which numbers and sides of a linkage its file leaves open."""
+    told = [f"{name} {readable(name, values[name])}" for name in names if name in values]
+    told += [f"{name} 1" for name in names if name not in values]
+    if told:
+        tell(f"{path} leaves {len(told)} numbers to defaults: {', '.join(told)}.")
