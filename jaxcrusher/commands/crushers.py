@@ -12,8 +12,8 @@ from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.crusher.scene import Scene, crusher_of
 from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
-from jaxcrusher.scenes.build import build_chamber, by_stroke
-from jaxcrusher.scenes.described import Described, described
+from jaxcrusher.scenes.build import build_chamber
+from jaxcrusher.scenes.described import Described, described, given_by
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import CHOICES
@@ -21,9 +21,7 @@ from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_default
 from jaxcrusher.scenes.scene_file import (
     key_of,
     naming,
-    read_overrides,
     read_range,
-    read_scene_file,
     require_moving,
 )
 
@@ -57,16 +55,7 @@ def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
 
 def borrowed_by(crusher: Crusher) -> list[str]:
     """Return which numbers of a machine its scene file leaves to the PE250x400; none without."""
-    return [] if crusher.scene is None else borrowed(given_by(crusher))
-
-
-def given_by(crusher: Crusher) -> dict[str, Any]:
-    """Return the values that a scene file and the command line give."""
-    given = {} if crusher.scene is None else read_scene_file(crusher.scene)
-    over = read_overrides(crusher.overrides)
-    if "stroke" in over and "shaft.eccentricity" not in over:
-        given.pop("shaft.eccentricity", None)
-    return by_stroke(given | over)
+    return [] if crusher.scene is None else borrowed(given_by(crusher.scene, crusher.overrides))
 
 
 def units_given(crusher: Crusher, written: Iterable[tuple[str, str]] = ()) -> dict[str, str]:

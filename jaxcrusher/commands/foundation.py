@@ -21,7 +21,6 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.commands.crushers import (
     borrowed_by,
-    given_by,
     read_crusher,
     settings_of,
     units_given,
@@ -47,6 +46,7 @@ from jaxcrusher.orbits.load_sheet import (
 from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.build import build_chamber
+from jaxcrusher.scenes.described import given_by
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import NUMBERS, POINTS, replaced
 from jaxcrusher.scenes.scene_file import point_of, quantity_in, read_range
@@ -140,7 +140,7 @@ def heading(
     scene: Scene, values: dict[str, Any], crusher: Crusher, turns: Turns | None
 ) -> dict[str, str]:
     """Return what the sheet is of: machine, joints, loads, masses, and what was assumed."""
-    units, given = units_given(crusher), given_by(crusher)
+    units, given = units_given(crusher), given_by(crusher.scene, crusher.overrides)
     name = "PE250x400" if crusher.scene is None else crusher.scene.stem
     if crusher.overrides:
         name += f" with {', '.join(f'{key} {value}' for key, value in crusher.overrides)}"

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.scenes.build import build_scene
+from jaxcrusher.scenes.build import build_scene, by_stroke
 from jaxcrusher.scenes.linkages import read_linkage
 from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.scenes.scene_file import (
@@ -62,10 +62,18 @@ def described(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> D
         values |= changed
         left = tuple(name for name in defaults if name not in changed)
         return Described(values, drawing(**values), drawing, tuple(values), left)
-    given = {} if path is None else read_scene_file(path)
-    given |= read_overrides(overrides)
+    given = given_by(path, overrides)
     values = complete(given)
     return Described(values, scene_of(values, path, given), None, tuple(given))
+
+
+def given_by(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> dict[str, Any]:
+    """Return the values that a crusher's scene file and what overrides it give."""
+    given = {} if path is None else read_scene_file(path)
+    over = read_overrides(overrides)
+    if "stroke" in over and "shaft.eccentricity" not in over:
+        given.pop("shaft.eccentricity", None)
+    return by_stroke(given | over)
 
 
 def read_scene(path: Path | str) -> AbstractScene:

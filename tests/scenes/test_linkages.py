@@ -1,0 +1,249 @@
+"""Any linkage by a file: what it reads, what it refuses, and its motion by closed forms."""
+
+import re
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.mechanism.energies import kinetic_energy
+from jaxcrusher.scenes.described import described, read_scene
+from jaxcrusher.scenes.linkages import linkage, read_linkage
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+NAMES = ("slider_crank", "four_bar", "double_toggle")
+PLAIN = {
+    "crank": "crank",
+    "speed": 20.0,
+    "gravity": 0.0,
+    "bodies": {
+        "crank": {"mass": 0.3, "inertia": 1e-4},
+        "rod": {"mass": 0.2, "inertia": 2e-4, "mass_centre": [0.06, 0.0]},
+        "slider": {"mass": 0.15, "inertia": 1e-4},
+    },
+    "joints": {
+        "O": {"bore": ["frame", 0, 0], "pin": ["crank", 0, 0]},
+        "A": {"bore": ["rod", 0, 0], "pin": ["crank", 0.05, 0]},
+        "B": {"bore": ["rod", 0.12, 0], "pin": ["slider", 0, 0]},
+    },
+    "slides": {"guide": {"body": "slider", "along": [1, 0]}},
+}
+
+
+def changed(**parts):
+    """The plain slider-crank with other tables, each merged into its own."""
+    merged = {name: dict(of) if isinstance(of, dict) else of for name, of in PLAIN.items()}
+    for name, part in parts.items():
+        merged[name] = {**merged.get(name, {}), **part} if isinstance(part, dict) else part
+    return merged
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_example_is_read(name):
+    path = EXAMPLES / f"{name}.toml"
+    drawing, values, _ = read_linkage(path)
+    scene = read_scene(path)
+    assert scene.linkage.crank == drawing.crank and len(scene.joints) == 1
+    # The drawing of another file of the same bodies is equal: programs are kept by it.
+    assert read_linkage(path).drawing == drawing and hash(drawing) == hash(drawing)
+    faster = drawing(**(values | {"speed": 2 * values["speed"]}))
+    assert float(faster.drive.speed) == 2 * values["speed"]
+
+
+def test_a_file_and_python_say_the_same():
+    one = described(EXAMPLES / "slider_crank.toml", [("speed", "191 rpm")])
+    other = linkage(
+        **changed(
+            speed="191 rpm",
+            bodies={
+                "crank": {"mass": 0.3, "inertia": 1e-4, "mass_centre": [0.025, 0]},
+                "rod": {"mass": 0.21, "inertia": 2.5e-4, "mass_centre": [0.06, 0]},
+                "slider": {"mass": 0.14, "inertia": 1e-4},
+            },
+            joints={
+                "B": {
+                    "bore": ["rod", 0.12, 0],
+                    "pin": ["slider", 0, 0],
+                    "clearance": "0.5 mm",
+                    "bore_radius": 0.01,
+                    "poisson": 0.3,
+                    "impact_law": "tracked",
+                    "friction": 0.0,
+                }
+            },
+        )
+    )
+    for scene in (one.scene, other):
+        assert float(scene.joints["B"].clearance) == 5e-4
+    seen = [
+        jc.simulate(scene, [0.0, 2e-3], outputs=("slider_acceleration",)).slider_acceleration
+        for scene in (one.scene, other)
+    ]
+    np.testing.assert_array_equal(*map(np.asarray, seen))
+
+
+def test_an_ideal_slider_crank_obeys_closed_forms():
+    """Accelerations at the dead centres; the drive's power is that of the force and the motion."""
+    pushed = {"gas": {"body": "slider", "force": [-300.0, 0.0]}}
+    scene = linkage(**changed(forces=pushed, points={"big_end": ["rod", 0, 0]}))
+    turn, r, length = 2 * np.pi / 20.0, 0.05, 0.12
+    motion = jc.simulate(scene, turn * np.linspace(0, 1, 201))
+    dead = r * 20.0**2
+    found = np.asarray(motion.slider_acceleration)[[0, 100], 0]
+    np.testing.assert_allclose(found, [-dead * (1 + r / length), dead * (1 - r / length)])
+    # The big end goes round the crank's axis.
+    size = np.linalg.norm(motion["big_end_acceleration"], axis=1)
+    np.testing.assert_allclose(size, dead, rtol=1e-12)
+    # The tolerance of 1e-11 a step, some hundred steps, and works of 30 J.
+    ledger = motion.energy
+    assert np.abs(ledger.imbalance).max() < 3e-9 and np.ptp(ledger.load_work) > 29.9
+    # The frame carries the guide, the bearing, and the reaction of the gas: the weights less m a.
+    guide = np.asarray(motion.guide_force)
+    total = np.asarray(motion.O_reaction)[:, 1] + guide
+    np.testing.assert_allclose(total, np.asarray(motion.ground_force)[:, 1], atol=1e-9)
+
+
+def test_a_spring_stores_what_it_takes():
+    """Half k s^2 and the preload, and a damper whose loss closes the ledger."""
+    spring = {
+        "begin": ["frame", 0.3, 0.0],
+        "end": ["slider", 0, 0],
+        "stiffness": 2000.0,
+        "length": 0.1,
+        "damping": 5.0,
+        "preload": 20.0,
+    }
+    scene = linkage(**changed(springs={"buffer": spring}))
+    motion = jc.simulate(scene, np.linspace(0, 0.3, 101))
+    stretch = 0.3 - np.asarray(motion.slider_position)[:, 0] - 0.1
+    stored = 20.0 * stretch + 1000.0 * stretch**2
+    np.testing.assert_allclose(motion.energy.elastic, stored, rtol=1e-12)
+    assert np.abs(motion.energy.imbalance).max() < 1e-9
+    assert float(motion.energy.spring_loss[-1]) > 0.1
+
+
+def test_a_force_by_the_angle_of_the_crank():
+    angles = np.radians(np.arange(0.0, 360.0, 15.0))
+    curve = np.stack([angles, 100 * (1 + np.cos(angles))], axis=1)
+    force = {"body": "slider", "along": [-1, 0], "curve": curve}
+    scene = linkage(**changed(forces={"gas": force}))
+    motion = jc.simulate(scene, np.linspace(0, 0.3, 61), outputs=("guide_force", "energy"))
+    # The spline through 24 points of a cosine is off by 2e-5 of it.
+    rate = np.gradient(np.asarray(motion.energy.load_work), np.asarray(motion.time))
+    seen = jc.simulate(scene, motion.time, outputs=("slider_velocity",)).slider_velocity[:, 0]
+    expected = -100 * (1 + np.cos(20.0 * np.asarray(motion.time))) * np.asarray(seen)
+    # Differences of second order over steps of 0.1 rad.
+    np.testing.assert_allclose(rate[1:-1], expected[1:-1], atol=0.01 * np.abs(expected).max())
+
+
+REFUSED = {
+    "a joint of an unknown body": (
+        {"joints": {"B": {"bore": ["bar", 0.12, 0], "pin": ["slider", 0, 0]}}},
+        "joints.B.bore` must name a body: crank, rod, slider, frame, but is 'bar'",
+    ),
+    "a body without mass": (
+        {"bodies": {"rod": {"inertia": 1e-4}}},
+        "bodies.rod.mass` must be given in kg, but is missing",
+    ),
+    "a crank off the frame": (
+        {"joints": {"O": {"bore": ["rod", 0.01, 0], "pin": ["crank", 0, 0]}}},
+        "crank` must have a joint to the frame, but is 'crank' without one",
+    ),
+    "links that do not close": (
+        {"joints": {"A": {"bore": ["rod", 0, 0], "pin": ["crank", 0.13, 0]}}},
+        "let rod and slider meet at every angle of the crank, but is open at a crank angle of 6",
+    ),
+    "bodies that are no dyads": (
+        {"bodies": {"link": {"mass": 1.0, "inertia": 1.0}}},
+        "bodies` must form dyads",
+    ),
+    "a bore without a radius": (
+        {"joints": {"B": {"bore": ["rod", 0.12, 0], "pin": ["slider", 0, 0], "clearance": 1e-4}}},
+        "joints.B.bore_radius` must be given in m, but is missing",
+    ),
+    "an unknown key": (
+        {"bodies": {"rod": {"mass": 0.2, "inertia": 2e-4, "colour": 1.0}}},
+        "bodies.rod.colour` must be a known name",
+    ),
+    "a side that is none": ({"assembly": {"rod": 2}}, "assembly.rod` must be 1 or -1, but is 2"),
+    "a side of no dyad": ({"assembly": {"crank": 1}}, "assembly.crank` must name a body of a dyad"),
+    "a direction without length": (
+        {"slides": {"guide": {"body": "slider", "along": [0, 0]}}},
+        "along` must be a direction, but is zero",
+    ),
+    "a negative mass": (
+        {"bodies": {"rod": {"mass": -1.0, "inertia": 2e-4}}},
+        "bodies.rod.mass` must be finite and > 0 kg",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_bad_input_gets_one_line(name):
+    parts, words = REFUSED[name]
+    with pytest.raises(ValueError, match=re.escape(words)) as caught:
+        linkage(**changed(**parts))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_is_named_where_it_is_refused(tmp_path):
+    text = (EXAMPLES / "four_bar.toml").read_text()
+    for old, new, words in (
+        ('mass = "0.24 kg"', "mass = 0.24", "bodies.crank.mass` must have a unit"),
+        ('speed = "300 rpm"', "", "speed` must be given"),
+        ("[joints.B]", "[joints.A]", "is not TOML: Cannot declare"),
+    ):
+        path = tmp_path / "bad.toml"
+        path.write_text(text.replace(old, new))
+        with pytest.raises(ValueError, match=re.escape(words)) as caught:
+            read_scene(path)
+        assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)
+    path.write_text('kind = "crane"')
+    with pytest.raises(ValueError, match=r"kind` must be one of"):
+        read_scene(path)
+
+
+@pytest.mark.slow
+def test_an_orbit_of_impacts_and_its_slopes():
+    """The four-bar's loose pin is thrown off once or more a turn, and the motion repeats."""
+    drawing, values, _ = read_linkage(EXAMPLES / "four_bar.toml")
+
+    def rms(clearance):
+        scene = drawing(**(values | {"joints.B.clearance": clearance}))
+        return jc.periodic_orbit(scene)
+
+    orbit = rms(1e-4)
+    assert bool(orbit.stable) and float(orbit.least_penetration) < 0
+    report = jc.gradient_report(
+        lambda **free: drawing(**(values | free)), "shaking_rms", {"joints.B.clearance": 1e-4}
+    )
+    assert report.usable
+    sides = [float(rms(1e-4 * (1 + sign * 1e-4)).shaking_rms) for sign in (1, -1)]
+    difference = (sides[0] - sides[1]) / 2e-8
+    # Impacts bend the RMS: by a thousandth of the slope over a ten-thousandth of the clearance.
+    assert report.slopes["joints.B.clearance"].value == pytest.approx(difference, rel=1e-3)
+
+
+def test_statistics_of_a_linkage_are_those_of_its_motion():
+    """RMS by the trapezoidal rule over a turn, of what an ideal machine does."""
+    scene = linkage(**changed())
+    turn = 2 * np.pi / 20.0
+    motion = jc.simulate(scene, turn * np.linspace(0, 1, 2001))
+    names = ("shaking_rms", "B_force_rms", "B_force_peak", "drive_torque_rms", "guide_force_peak")
+    found = jc.statistics(scene, 0, 1, outputs=names)
+    force = np.linalg.norm(motion.B_reaction, axis=1)
+    size = np.linalg.norm(motion.shaking_force, axis=1)
+    for name, expected in (
+        ("shaking_rms", np.sqrt(np.mean(size[:-1] ** 2))),
+        ("B_force_rms", np.sqrt(np.mean(force[:-1] ** 2))),
+        ("B_force_peak", force.max()),
+        ("drive_torque_rms", np.sqrt(np.mean(np.asarray(motion.drive_torque)[:-1] ** 2))),
+        ("guide_force_peak", np.abs(motion.guide_force).max()),
+    ):
+        # Peaks are looked at at 1024 instants a turn.
+        assert float(found[name]) == pytest.approx(expected, rel=1e-5)
+    assert not bool(found.whirl)
+    s = scene.formulation.snapshot(jnp.zeros(()), scene.formulation.initial(scene), scene)
+    assert float(kinetic_energy(s, scene)) > 0
