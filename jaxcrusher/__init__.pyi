@@ -25,6 +25,8 @@ from .orbits.natural_modes import natural_modes as natural_modes
 from .orbits.orbit_branch import orbit_branch as orbit_branch
 from .orbits.periodic_orbit import periodic_orbit as periodic_orbit
 from .scenes.build import build_scene as build_scene
+from .scenes.described import read_scene as read_scene
+from .scenes.linkages import linkage as linkage
 from .scenes.paper import ideal_scene as ideal_scene
 from .scenes.paper import paper_scene as paper_scene
 from .scenes.parameters import PARAMETERS as PARAMETERS
