@@ -46,6 +46,26 @@ def main(out: Path = Path("results/pictures")) -> None:
     plots.plot_sweep(grid, ax=ax)
     write_figure(folder / "whirls.png", fig)
     write_figure(folder / "bearings.png", bearings())
+    write_figure(folder / "linkages.png", linkages())
+
+
+def linkages() -> Figure:
+    """Draw the linkages of the examples with the force in their loose joints."""
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    import jaxcrusher as jc
+    from jaxcrusher.pictures.linkage import plot_linkage
+
+    fig, axes = plt.subplots(1, 3, figsize=(17, 5), layout="constrained")
+    examples = Path(__file__).parents[2] / "examples"
+    loose = {"slider_crank": "B", "four_bar": "B", "double_toggle": "A"}
+    for ax, (name, joint) in zip(axes, loose.items(), strict=True):
+        scene = jc.read_scene(examples / f"{name}.toml")
+        turn = 2 * np.pi / float(scene.drive.speed)
+        motion = jc.simulate(scene, turn / 40 * np.arange(41), outputs=(f"{joint}_reaction",))
+        plot_linkage(scene, motion, 6, ax).set_title(name)
+    return fig
 
 
 def bearings() -> Figure:

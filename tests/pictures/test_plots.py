@@ -1,6 +1,7 @@
 """What is drawn is what was given: the artists' data, never pixels."""
 
 import runpy
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -25,10 +26,12 @@ import jaxcrusher as jc
 from jaxcrusher.basics.integrate import RESULTS, Outcome
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.simulation import OUTPUTS, Trajectory
 from jaxcrusher.pictures import plots
 from jaxcrusher.pictures.film import animate
+from jaxcrusher.pictures.linkage import LinkageDrawing
 from jaxcrusher.pictures.mechanism import DRAWN, FORCES, plot_mechanism
 from jaxcrusher.scenes.build import build_machine
 
@@ -327,3 +330,27 @@ def test_lines_hold_the_data():
 
 def test_all_that_is_drawn_can_be_simulated():
     assert set(DRAWN) <= set(OUTPUTS)
+
+
+def test_a_linkage_is_drawn_where_its_joints_are(tmp_path):
+    """The coupler of the four-bar has its lengths, and the arrow its force, at any instant."""
+    scene = jc.read_scene(ROOT / "examples" / "four_bar.toml")
+    motion = jc.simulate(scene, [0.0, 0.03, 0.11], outputs=("B_reaction",))
+    fig, ax = plt.subplots()
+    drawing = LinkageDrawing(scene, motion, ax, [0, 1, 2])
+    for instant in (2, 1):
+        drawing.show(instant)
+        at = {name: dot.get_xydata()[0] for name, (_, dot, _) in drawing.joints.items()}
+        lengths = [np.linalg.norm(at[one] - at[two]) for one, two in ("OA", "AB", "BD")]
+        np.testing.assert_allclose(lengths, [0.1, 0.3, 0.25], rtol=1e-12)
+        angle = float(scene.drive.speed) * float(motion.time[instant])
+        np.testing.assert_allclose(at["A"], 0.1 * np.array([np.cos(angle), np.sin(angle)]))
+        arrow, force = drawing.arrows["B"]
+        np.testing.assert_allclose([arrow.U[0], arrow.V[0]], force[instant])
+    assert at["B"][1] > 0  # to the left of A-D, as its side says
+    fig.canvas.draw()
+    animate(scene, motion, tmp_path / "turn.gif", instants=[0, 1])
+    assert (tmp_path / "turn.gif").stat().st_size > 1000
+    with pytest.raises(ValueError, match="have a crank of given speed"):
+        free = replace(scene, drive=GivenTorque(10.0, 30.0))
+        LinkageDrawing(free, motion, ax, [0])
