@@ -21,7 +21,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.commands.crushers import (
     borrowed_by,
-    read_crusher,
+    read_machine,
     settings_of,
     units_given,
 )
@@ -32,6 +32,8 @@ from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
+from jaxcrusher.mechanism.linkage_scene import LinkageScene
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.turns import Turns, run_turns
 from jaxcrusher.orbits.load_sheet import (
     MOVING,
@@ -46,12 +48,12 @@ from jaxcrusher.orbits.load_sheet import (
 from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.build import build_chamber
-from jaxcrusher.scenes.described import given_by
+from jaxcrusher.scenes.described import Described
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import NUMBERS, POINTS, replaced
 from jaxcrusher.scenes.scene_file import point_of, quantity_in, read_range
 
-TITLE = "Load sheet of a jaw crusher's foundation"
+TITLE = "Load sheet of a machine's foundation"
 FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")
 # Statistic -> its name in the picture; of a clamped frame the first alone.
 CURVES = {"shaking_rms": "shaking force", "transmitted_rms": "force on the ground"}
@@ -70,13 +72,16 @@ def run(options: Foundation, console: Console) -> int:
     require_whole("orders", options.orders, 1)
     require_whole("points", options.points, 2)
     require_positive("seconds", options.seconds, "s")
-    values, scene = read_crusher(options.crusher)
+    found = read_machine(options.crusher)
+    values, scene = found.values, found.scene
     site = site_of(values, options)
     low, high = _speeds(options, float(values["speed"]))
     numbers = {name: getattr(options, name) for name in ("orders", "points", "settle", "turns")}
     told = {"site": asdict(site), "speeds": [low, high], "seconds": options.seconds}
     folder = begin_beside(
-        options.results.folder, settings_of("foundation", values, **numbers, **told), *FILES
+        options.results.folder,
+        settings_of("foundation", values, **numbers, **told, **found.structure),
+        *FILES,
     )
     with stages(console, "ideal joints"):
         orbit = jc.periodic_orbit(quiet(scene))
@@ -98,7 +103,7 @@ def run(options: Foundation, console: Console) -> int:
         curves = run_up(scene, speeds)
     draw(scene, speeds, curves, folder / "run_up.png")
     write_table(folder / "sheet.csv", [asdict(row) for row in rows])
-    head = heading(scene, values, options.crusher, turns)
+    head = heading(found, options.crusher, turns)
     picture = base64.b64encode((folder / "run_up.png").read_bytes()).decode()
     write_text(folder / "sheet.html", page(scene, rows, head, picture))
     write_json(
@@ -136,11 +141,9 @@ def site_of(values: dict[str, Any], options: Foundation) -> Site:
     return Site(power, frame, points, (low, high), options.dynamic_factor, seconds)
 
 
-def heading(
-    scene: Scene, values: dict[str, Any], crusher: Crusher, turns: Turns | None
-) -> dict[str, str]:
+def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str, str]:
     """Return what the sheet is of: machine, joints, loads, masses, and what was assumed."""
-    units, given = units_given(crusher), given_by(crusher.scene, crusher.overrides)
+    units, values, scene, given = units_given(crusher), found.values, found.scene, found.given
     name = "PE250x400" if crusher.scene is None else crusher.scene.stem
     if crusher.overrides:
         name += f" with {', '.join(f'{key} {value}' for key, value in crusher.overrides)}"
@@ -157,13 +160,25 @@ def heading(
         "date": datetime.date.today().isoformat(),
         "joints": joint_states(scene),
         "running": f"{told('speed')}, {running_frequency(scene):.4g} Hz",
-        "crushing": _crushing(scene, values),
-        "loads": told("load_law", "load", "load_point", "load_edge", "load_scatter"),
-        "masses": told("shaft.mass", "jaw.mass", "toggle.mass", "counterweight.mass", "frame_mass"),
-        "foundation": told(*(n for n in parts if n in given and "foundation" in n)) or "clamped",
-        "from the PE250x400": ", ".join(borrowed_by(crusher)) or "nothing",
-        "assumed": told(*assumed) or "nothing",
     }
+    if isinstance(scene, Scene):
+        loads = "load_law", "load", "load_point", "load_edge", "load_scatter"
+        masses = "shaft.mass", "jaw.mass", "toggle.mass", "counterweight.mass", "frame_mass"
+        head |= {
+            "crushing": _crushing(scene, values),
+            "loads": told(*loads),
+            "masses": told(*masses),
+        }
+        assumed = told(*assumed)
+    else:
+        head["masses"] = told(*(f"bodies.{name}.mass" for name in scene.linkage.bodies.names))
+        assumed = ", ".join(found.defaults)
+    head |= {
+        "foundation": told(*(n for n in parts if n in given and "foundation" in n)) or "clamped",
+        "assumed": assumed or "nothing",
+    }
+    if isinstance(scene, Scene):
+        head["from the PE250x400"] = ", ".join(borrowed_by(crusher)) or "nothing"
     if turns is not None and turns.failure:
         head["loose joints"] = f"the run failed: {turns.failure}"
     elif turns is not None:
@@ -193,16 +208,19 @@ def _speeds(options: Foundation, speed: float) -> tuple[float, float]:
     return low, high
 
 
-def quiet(scene: Scene) -> Scene:
+def quiet(scene: AbstractScene) -> AbstractScene:
     """Return the machine with ideal joints, and without what closes inside it.
 
-    Load and rod push the frame as they push the jaw, whose motion is given: the ground feels none
-    of them.
+    Load and rod, and forces and springs of another linkage, push the frame as they push its
+    bodies, whose motion is given: the ground feels none of them.
     """
-    return dataclasses.replace(scene.ideal(), load=None, rod=None)
+    inside: dict[str, Any] = {"load": None, "rod": None}
+    if isinstance(scene, LinkageScene):
+        inside = {"pushes": (), "springs": ()}
+    return dataclasses.replace(scene.ideal(), **inside)
 
 
-def run_up(scene: Scene, speeds: np.ndarray) -> dict[str, np.ndarray]:
+def run_up(scene: AbstractScene, speeds: np.ndarray) -> dict[str, np.ndarray]:
     """Return the RMS of what shakes over the speed with ideal joints, N.
 
     These have an orbit at every speed, and shake as a quiet motion with clearance does.
@@ -219,7 +237,9 @@ def run_up(scene: Scene, speeds: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip(names, forces.T, strict=True))
 
 
-def draw(scene: Scene, speeds: np.ndarray, curves: dict[str, np.ndarray], path: Path) -> None:
+def draw(
+    scene: AbstractScene, speeds: np.ndarray, curves: dict[str, np.ndarray], path: Path
+) -> None:
     """Draw what shakes over the speed, with the speeds whose harmonics meet a natural frequency."""
     fig, ax = plt.subplots(figsize=(4.4, 3.2))
     minutes = 30 / np.pi * speeds
@@ -286,7 +306,7 @@ def table(part: str, lines: Sequence[tuple[str, ...]]) -> Table:
     return shown
 
 
-def page(scene: Scene, rows: Sequence[Row], head: dict[str, str], picture: str) -> str:
+def page(scene: AbstractScene, rows: Sequence[Row], head: dict[str, str], picture: str) -> str:
     """Return the printable page."""
     return (
         Environment(autoescape=True)

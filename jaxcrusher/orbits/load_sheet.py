@@ -12,13 +12,12 @@ import xarray as xr
 from jaxtyping import Array, Complex, Float, Scalar
 
 from jaxcrusher.crusher.joints import LETTERS
-from jaxcrusher.crusher.observables import OBSERVABLES
-from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.observables import OF_SUPPORTS
 from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Observable
+from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits import severity
 from jaxcrusher.orbits.natural_modes import natural_modes
@@ -71,13 +70,13 @@ class Row:
 def joint_states(scene: AbstractScene) -> str:
     """Say of each joint whether it is ideal, or what clearance it has."""
     states = []
-    for joint, letter in LETTERS.items():
+    for joint in scene.linkage.joints.names:
         one, state = scene.joints[joint], "is ideal"
         if one is not None:
             rolls = "rollers and " if isinstance(one, RollerBearing) else ""
             state = f"has {rolls}a radial clearance of {1e3 * float(one.clearance):.4g} mm"
         name = "main bearing" if joint == "main" else joint.replace("_", " ")
-        states.append(f"{name} {letter} {state}")
+        states.append(f"{name} {LETTERS.get(joint, '')} {state}".replace("  ", " "))
     return ", ".join(states)
 
 
@@ -85,10 +84,10 @@ def quantities_of(scene: AbstractScene) -> dict[str, Observable]:
     """Return what a sheet looks at along a motion."""
     names = ["ground_force", "ground_moment"]
     if scene.supports is None:
-        return {name: OBSERVABLES[name] for name in names}
+        return {name: scene.observables[name] for name in names}
     names += [name for name in OF_SUPPORTS if name != "transmitted_force"]
     spin = Observable(_frame_spin, "rad/s", "spin of the frame")
-    return {name: OBSERVABLES[name] for name in names} | {"frame_spin": spin}
+    return {name: scene.observables[name] for name in names} | {"frame_spin": spin}
 
 
 def _frame_spin(s, scene: AbstractScene) -> Scalar:
@@ -191,7 +190,9 @@ def _place(scene: AbstractScene) -> Float[np.ndarray, "2"]:
 
 
 def _bearing(scene: AbstractScene) -> Float[np.ndarray, "2"]:
-    return np.asarray(crusher_of(scene).machine.bearing.array())
+    """Return the crank's bearing in the frame, as drawn, m."""
+    linkage = scene.linkage
+    return np.asarray(linkage.side_of(linkage.bearing, FRAME).vector().array())
 
 
 def _carried(turns: Turns) -> Curves:

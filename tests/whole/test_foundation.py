@@ -52,7 +52,7 @@ def test_files_of_a_sheet(tmp_path):
     assert row("displacement of the corner, vertically", "1.0", "harmonics of motion")
     text, html = console.export_text(), (folder / "sheet.html").read_text()
     for said in (
-        *("Load sheet of a jaw crusher's foundation", "main bearing A is ideal, elbow B is ideal"),
+        *("Load sheet of a machine's foundation", "main bearing A is ideal, elbow B is ideal"),
         *("foundation.mass 6 t", "foundation.base -600 mm", "motor_power", "overall zone"),
         *(
             "ISO 10816-3:2009",
