@@ -108,6 +108,23 @@ _UNEVEN = _TOP[1:4]
 # What a loose joint takes from the paper's joint.
 _BORROWED = tuple(n for n in _NUMBERS["joints"] if n not in ("clearance", "bore_radius"))
 _SECTIONS = (*_NUMBERS, "foundation", "assembly")
+# Supports of the frame: what a file must give of them, besides where the frame's G is.
+_SUPPORTS = tuple(
+    f"foundation.{name}"
+    for name in (
+        "x",
+        "y",
+        "mass",
+        "inertia",
+        "left",
+        "right",
+        "base",
+        "horizontal_stiffness",
+        "vertical_stiffness",
+        "horizontal_damping",
+        "vertical_damping",
+    )
+)
 
 
 @dataclass(frozen=True)
@@ -234,8 +251,12 @@ class _Reading:
             require_known(section, _SECTIONS)
             item, _, key = rest.partition(".")
             self.sections[section].setdefault(item, {})[key] = value
-        for keys in self.sections["points"].values():
-            keys["point"] = keys.pop("", None)
+        for section, items in self.sections.items():
+            for item, keys in items.items() if section in _NUMBERS else ():
+                for key in keys:
+                    require_known(f"{section}.{item}.{key}".rstrip("."), _known(section, item))
+        for name in self.left:
+            require_known(name, ("kind", "crank", *_TOP, *_CHOICES, *_SUPPORTS))
 
     def keep(self, name: str, value: Any, parameter: Parameter) -> None:
         """Keep a number, whose name is known from now on."""
@@ -280,17 +301,18 @@ class _Reading:
             self.keep(name, given, parameter)
 
     def ended(self) -> None:
-        """Check that nothing is left."""
+        """Check that all has been used: a radius of a joint without clearance would be in vain."""
         for section, items in self.sections.items():
             for item, keys in items.items() if section in _NUMBERS else ():
                 for key in keys:
-                    require_known(f"{section}.{item}.{key}", _known(section, item))
-        for name in self.left:
-            require_known(name, ("kind", "crank", *_TOP, *_CHOICES, *_SECTIONS))
+                    must = "come with what it belongs to, as a clearance or a curve"
+                    require(False, f"{section}.{item}.{key}", must, "alone")
 
 
 def _known(section: str, item: str) -> list[str]:
     """Return the keys that a table of a section may have."""
+    if section == "points":
+        return [f"points.{item}"]
     keys = [*_NUMBERS[section], *_PAIRS.get(section, ()), *_POINTS.get(section, ())]
     further = {"joints": _CHOICES_OF_A_JOINT, "forces": ("body", "curve"), "slides": ("body",)}
     return [f"{section}.{item}.{key}" for key in (*keys, *further.get(section, ()))]
@@ -359,7 +381,7 @@ def drawn(
         reading.numbers("springs", item, {"damping": 0.0, "preload": 0.0})
         springs.append((item, *ends))
     points = [
-        (item, reading.point(f"points.{item}", keys.pop("point")))
+        (item, reading.point(f"points.{item}", keys.pop("", None)))
         for item, keys in reading.sections["points"].items()
     ]
     _whole(reading)
@@ -395,10 +417,9 @@ def _whole(reading: _Reading) -> None:
         if name in left:
             require_choice(name, left[name], choices)
             reading.values[name] = left.pop(name)
-    supports = [name for name in PARAMETERS if name.startswith("foundation.")]
-    given = {name: reading.number(name, left.pop(name)) for name in supports if name in left}
+    given = {name: reading.number(name, left.pop(name)) for name in _SUPPORTS if name in left}
     if "foundation.mass" in given:
-        missing = [name for name in supports if name not in given]
+        missing = [name for name in _SUPPORTS if name not in given]
         for name in missing:
             left_out = name in ("foundation.x", "foundation.y")
             require(left_out, name, "be given with foundation.mass", "missing")
