@@ -90,8 +90,9 @@ def test_energy(slip):
     known = run(free_bodies("ABC", slip), 2e-5 * np.arange(600))
     assert min(known[PREFIXES[joint] + "normal_force"].max() for joint in "ABC") > 1e4
     assert min(known[work][-1] for work in ("damping_loss", "friction_loss")) > 0.01
-    # rtol 1e-11 of 1600 J; the largest was 2e-9.
-    assert largest(known["imbalance"]) < 2e-8
+    # rtol 1e-11 of 1600 J; the largest was 2e-9 on one processor and 7e-8 on another, where a step
+    # goes across a corner of the contact. What is lost on purpose is 0.01 J and more.
+    assert largest(known["imbalance"]) < 3e-7
 
 
 def test_given_start():

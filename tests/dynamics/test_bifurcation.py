@@ -8,6 +8,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.integrate import RESULTS, Outcome
+from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.dynamics.bifurcation import _row, bifurcation
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.section import Section
@@ -68,7 +69,8 @@ def test_a_whirl_is_no_point():
 
     def found(winding):
         values = {"foundation_rms": turns, "contact_fraction": turns, "winding": winding * turns}
-        return Section(jnp.zeros((20, 4)), jnp.zeros((0, 4, 4)), outcome, values)
+        known = tuple(STATISTIC.items())
+        return Section(jnp.zeros((20, 4)), jnp.zeros((0, 4, 4)), outcome, values, known)
 
     row = _row(found(-100), 1e-9)
     assert row["whirl"] and np.isnan(row["e_x"]).all() and np.isnan(row["foundation_rms"]).all()

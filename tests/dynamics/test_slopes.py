@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.dynamics import slopes
 from jaxcrusher.dynamics.fits import fit_slopes
 from jaxcrusher.dynamics.judgement import judge
@@ -294,7 +295,7 @@ def test_halves_that_are_alike_by_chance_do_not_make_a_tangent_precise():
     quarters = np.repeat([1.0, 3.0, 3.0, 1.0], 8)[:, None]
     nothing = np.zeros((32, 4, 4)), np.zeros((32, 4, 1))
     along = Tangents(np.zeros(4), *nothing, np.ones(32), np.zeros((32, 4)), quarters)
-    slope, error = slopes._tangent(along, "foundation_mean")
+    slope, error = slopes._tangent(along, STATISTIC["foundation_mean"])
     # The standard error of four numbers about their mean.
     np.testing.assert_allclose([slope[0], error[0]], [2.0, 1 / np.sqrt(3)], rtol=1e-12)
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.commands.crushers import given_by
-from jaxcrusher.commands.options import Crusher
 from jaxcrusher.crusher import capacity
 from jaxcrusher.scenes.build import build_machine
+from jaxcrusher.scenes.described import given_by
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS
 from jaxcrusher.scenes.plausibility import borrowed, remarks
 from jaxcrusher.scenes.scene_file import point_of, read_scene_file, read_text, read_value
@@ -114,7 +113,7 @@ def test_a_stroke_becomes_an_eccentricity(tmp_path):
         read_scene_file(both)
     # On a command line it takes the place of the file's.
     mine = write(tmp_path, {"shaft.eccentricity": '"20 mm"'})
-    given = given_by(Crusher(mine, (("stroke", "7.4491617 mm"),)))
+    given = given_by(mine, (("stroke", "7.4491617 mm"),))
     assert given == {"shaft.eccentricity": pytest.approx(0.01, rel=1e-7)}
 
 
