@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import require_kind, require_x64
+from jaxcrusher.basics.checks import require, require_x64
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce, JawMotion
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.crusher.observables import OBSERVABLES, load_power, observables_with, rod_loss
@@ -186,7 +186,9 @@ class Scene(AbstractScene):
 
 def crusher_of(scene: AbstractScene) -> Scene:
     """Return a scene that is a crusher's; ValueError for another one."""
-    require_kind("scene", scene, Scene, "jaxcrusher.paper_scene(30.0, 6e-5)")
+    good = isinstance(scene, Scene)
+    must = "be a crusher's, as jaxcrusher.paper_scene makes it"
+    require(good, "scene", must, f"a {type(scene).__name__}")
     assert isinstance(scene, Scene)
     return scene
 

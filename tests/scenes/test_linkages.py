@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.mechanism.energies import kinetic_energy
 from jaxcrusher.scenes.described import described, read_scene
 from jaxcrusher.scenes.linkages import linkage, read_linkage
@@ -300,3 +301,8 @@ def test_its_orbit_on_supports_is_that_of_late_turns():
     late = jc.statistics(scene, 60, 2, outputs=("transmitted_rms",))
     # Sixty turns leave 1e-4 of what the start sets swinging.
     assert float(orbit.transmitted_rms) == pytest.approx(float(late.transmitted_rms), rel=1e-3)
+
+
+def test_what_is_a_crusher_s_alone_refuses_a_linkage():
+    with pytest.raises(ValueError, match=r"be a crusher's, .* a LinkageScene"):
+        crusher_of(linkage(**PLAIN))
