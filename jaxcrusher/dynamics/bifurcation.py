@@ -17,6 +17,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all, stack
+from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.dynamics.regime import NOISE
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
@@ -79,7 +80,7 @@ def bifurcation(
     numbers = np.asarray(values, dtype=float)
     good = numbers.ndim == 1 and numbers.size > 0 and bool((np.diff(numbers) > 0).all())
     require(good, "values", "have shape (n,), n > 0, and increase", values)
-    scenes = [scene(float(number)) for number in numbers]
+    scenes = [crusher_of(scene(float(number))) for number in numbers]
     moves = all(
         isinstance(one.formulation, EccentricityFormulation) and not one.is_ideal for one in scenes
     )

@@ -43,6 +43,7 @@ from jaxcrusher.periodic.trigonometric import resample
 BRANCH_NODES = 192
 # What a point holds: statistics, and further numbers of its orbit.
 HELD = ("foundation_rms", "foundation_mean", "foundation_peak")
+HELD_OF_LINKAGES = ("shaking_rms", "shaking_peak")
 FURTHER = ("error", "least_penetration", "largest_multiplier", "multipliers_error", "stable")
 
 
@@ -263,10 +264,12 @@ def tabulated(
 ) -> xr.Dataset:
     """Return a table with a row for each orbit."""
     names = (*FURTHER, "unstable", "multiplier_real", "multiplier_imag")
-    kept = columns_of(STATISTIC, HELD) | {name: COLUMNS[name] for name in names}
+    table = orbits[0].scene.statistics if orbits else STATISTIC
+    held = tuple(name for name in HELD if name in table) or HELD_OF_LINKAGES
+    kept = columns_of(table, held) | {name: COLUMNS[name] for name in names}
     values = {
         name: np.array([kept[name].kind(getattr(orbit, name)) for orbit in orbits], kept[name].kind)
-        for name in (*HELD, *FURTHER)
+        for name in (*held, *FURTHER)
     }
     multipliers = np.array([orbit.multipliers for orbit in orbits], complex)
     values["unstable"] = np.sum(np.abs(multipliers) > 1, axis=1)
