@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.mechanism.snapshot import Snapshot
+from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 
 # A share of the time in contact that is all of it: a mean over many steps, with their rounding.
 ALL_THE_TIME = 1 - 1e-9
@@ -141,3 +141,17 @@ Chosen = tuple[tuple[str, Statistic], ...]
 def chosen(table: Mapping[str, Statistic], names: Iterable[str]) -> Chosen:
     """Return the entries that these names have now."""
     return tuple((name, table[name]) for name in names)
+
+
+def _as_seen(samples: Array) -> Array:
+    return samples
+
+
+_SAMPLES = Sampled(_as_seen, _as_seen)
+
+
+def samples_of(table: Mapping[str, Observable]) -> Chosen:
+    """Return observables as entries whose value is what is seen, at `SAMPLES` instants a turn."""
+    return tuple(
+        (name, Statistic(one.unit, one.meaning, one, _SAMPLES)) for name, one in table.items()
+    )

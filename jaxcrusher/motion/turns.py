@@ -14,7 +14,7 @@ from jaxtyping import Array
 from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.basics.integrate import Integration, Outcome, failure_text, integrate
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.mechanism.reductions import Chosen, Sampled, Statistic
+from jaxcrusher.mechanism.reductions import Chosen, samples_of
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
@@ -27,13 +27,6 @@ CHUNK = 5
 SETTLING = 1 / 3
 
 logger = logging.getLogger(__name__)
-
-
-def _kept(samples: Array) -> Array:
-    return samples
-
-
-_SAMPLES = Sampled(_kept, _kept)
 
 
 @dataclass(frozen=True)
@@ -89,9 +82,7 @@ def run_turns(
     require_whole("settle", settle, 0)
     require_whole("turns", turns, 1)
     how = resolve(scene, rtol)
-    outputs = tuple(
-        (name, Statistic(one.unit, one.meaning, one, _SAMPLES)) for name, one in quantities.items()
-    )
+    outputs = samples_of(quantities)
     state, done, settled, began = initial_state(scene), 0, 0, None
     kept: list[dict[str, np.ndarray]] = []
     while CHUNK * len(kept) < turns:

@@ -4,12 +4,10 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, Complex, Float, Scalar
+from jaxtyping import Complex, Float, Scalar
 
 from jaxcrusher.crusher.joints import LETTERS
 from jaxcrusher.joint.rollers import RollerBearing
@@ -21,7 +19,7 @@ from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits import severity
 from jaxcrusher.orbits.natural_modes import natural_modes
-from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.result import PeriodicOrbit, seen_along
 from jaxcrusher.orbits.run_up import run_up
 
 SIDES = {"x": "horizontally", "y": "vertically"}
@@ -97,23 +95,8 @@ def _frame_spin(s, scene: AbstractScene) -> Scalar:
 def orbit_turns(orbit: PeriodicOrbit) -> Turns:
     """Return what a sheet looks at along a periodic orbit."""
     angles = 2 * np.pi / SAMPLES * jnp.arange(SAMPLES * orbit.period)
-    seen = _looked(orbit, tuple(quantities_of(orbit.scene).items()), angles)
+    seen = seen_along(orbit, angles, tuple(quantities_of(orbit.scene).items()))
     return Turns(orbit.scene, orbit.period, {n: np.asarray(v)[None] for n, v in seen.items()})
-
-
-@eqx.filter_jit
-def _looked(
-    orbit: PeriodicOrbit, quantities: tuple[tuple[str, Observable], ...], phases: Array
-) -> dict[str, Array]:
-    scene = orbit.scene.steady()
-
-    def look(phase: Scalar) -> dict[str, Array]:
-        still = orbit.eccentricity is None
-        state = scene.formulation.initial(scene) if still else orbit.state(phase)
-        snapshot = scene.formulation.snapshot(phase / scene.drive.speed, state, scene)
-        return {name: one(snapshot, scene) for name, one in quantities}
-
-    return jax.vmap(look)(phases)
 
 
 def sheet(motion: PeriodicOrbit | Turns, orders: int, site: Site = Site()) -> list[Row]:

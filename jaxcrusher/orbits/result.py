@@ -22,6 +22,7 @@ from jaxcrusher.joint.validity import Validity
 from jaxcrusher.mechanism.eccentricity import EccentricityState
 from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
 from jaxcrusher.motion.statistics import limits_of
@@ -205,7 +206,8 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         require_own_process()
         outputs = self.scene.own_observables if outputs is None else outputs
         require_names("outputs", outputs, tuple(self.scene.observables))
-        return _seen(self, jnp.asarray(angles, dtype=float), tuple(outputs))
+        entries = tuple((name, self.scene.observables[name]) for name in outputs)
+        return seen_along(self, jnp.asarray(angles, dtype=float), entries)
 
 
 # One program each: a first call would compile each of their operations by itself.
@@ -285,15 +287,17 @@ def _state(orbit: PeriodicOrbit, phase: Scalar) -> EccentricityState:
 
 
 @eqx.filter_jit
-def _seen(
-    orbit: PeriodicOrbit, phases: Float[Array, " n"], outputs: tuple[str, ...]
+def seen_along(
+    orbit: PeriodicOrbit, phases: Float[Array, " n"], entries: tuple[tuple[str, Observable], ...]
 ) -> dict[str, Array]:
+    """Return observables at phases (rad) of an orbit, by the names of their entries."""
+
     def look(phase: Scalar) -> dict[str, Array]:
         scene = orbit.scene.steady()
         still = orbit.eccentricity is None
         state = scene.formulation.initial(scene) if still else _state(orbit, phase)
         snapshot = scene.formulation.snapshot(phase / scene.drive.speed, state, scene)
-        return {name: scene.observables[name](snapshot, scene) for name in outputs}
+        return {name: one(snapshot, scene) for name, one in entries}
 
     return jax.vmap(look)(phases)
 

@@ -14,7 +14,7 @@ from jaxcrusher.basics.loops import design_by_design
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.mechanism.named import before
-from jaxcrusher.mechanism.reductions import Chosen, Sampled, Statistic
+from jaxcrusher.mechanism.reductions import Chosen, samples_of
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.tangents import same, sloped_turn
 from jaxcrusher.orbits.forced import unknowns
@@ -179,23 +179,12 @@ def least_penetrations_from(
     return least_penetrations(_relative(scene, seen))
 
 
-def _as_seen(samples: Array) -> Array:
-    return samples
-
-
-_SAMPLED = Sampled(_as_seen, _as_seen)
-
-
 def _samples(scene: AbstractScene) -> Chosen:
     """Return what tells the unknowns of an orbit at 1024 instants a turn, as statistics do."""
     names = [before(joint) + "eccentricity" for joint, _ in scene.joints.items()]
     if scene.supports is not None:
         names += ["frame_displacement", "frame_rotation"]
-    seen = {name: scene.observables[name] for name in names}
-    return tuple(
-        (f"path of {name}", Statistic(one.unit, one.meaning, one, _SAMPLED))
-        for name, one in seen.items()
-    )
+    return samples_of({f"path of {name}": scene.observables[name] for name in names})
 
 
 def _relative(scene: AbstractScene, seen: dict[str, Array]) -> Float[Array, "nodes dims"]:
