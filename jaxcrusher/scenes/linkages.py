@@ -52,7 +52,16 @@ from jaxcrusher.mechanism.topology import FRAME, dyads_of
 from jaxcrusher.scenes.build import drive_of, foundation_of, joint_of
 from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.load_curve import load_curve, read_curve
-from jaxcrusher.scenes.parameters import NUMBERS, PARAMETERS, Parameter, check_number
+from jaxcrusher.scenes.parameters import (
+    CHOICES,
+    CHOICES_OF_A_JOINT,
+    NUMBERS,
+    NUMBERS_OF_A_JOINT,
+    PARAMETERS,
+    Parameter,
+    check_number,
+    complete,
+)
 from jaxcrusher.scenes.scene_file import flattened, read_entries, read_value
 
 _ANYWHERE = (-1e3, 1e3)
@@ -65,18 +74,7 @@ _NUMBERS = {
         "mass": Parameter(1.0, "kg", "of the body"),
         "inertia": Parameter(1.0, "kg m2", "of the body about its mass centre"),
     },
-    "joints": {
-        name: PARAMETERS[name]
-        for name in (
-            "clearance",
-            "bore_radius",
-            "young",
-            "poisson",
-            "restitution",
-            "impact_velocity",
-            "friction",
-        )
-    }
+    "joints": {name: PARAMETERS[name] for name in NUMBERS_OF_A_JOINT}
     | {
         "static_speed": Parameter(0.1, "m/s", "v0 of the friction law"),
         "full_speed": Parameter(1.0, "m/s", "v1 of the friction law"),
@@ -98,11 +96,7 @@ _PAIRS = {
 }
 # Of points of bodies: a body, and a pair.
 _POINTS = {"joints": ("bore", "pin"), "springs": ("begin", "end")}
-_CHOICES_OF_A_JOINT = ("slip", "contact_law", "friction_law", "impact_law")
-_LAWS_OF_A_JOINT = {
-    name: tuple(law for law in LAWS[name] if law != "rollers") for name in _CHOICES_OF_A_JOINT
-}
-_CHOICES = {name: tuple(LAWS[name]) for name in ("start", "formulation")}
+_CHOICES = {name: CHOICES[name] for name in ("start", "formulation")}
 _TOP = ("speed", "speed_fluctuation", "fluctuation_order", "fluctuation_phase", "gravity")
 _UNEVEN = _TOP[1:4]
 # What a loose joint takes from the paper's joint.
@@ -110,20 +104,7 @@ _BORROWED = tuple(n for n in _NUMBERS["joints"] if n not in ("clearance", "bore_
 _SECTIONS = (*_NUMBERS, "foundation", "assembly")
 # Supports of the frame: what a file must give of them, besides where the frame's G is.
 _SUPPORTS = tuple(
-    f"foundation.{name}"
-    for name in (
-        "x",
-        "y",
-        "mass",
-        "inertia",
-        "left",
-        "right",
-        "base",
-        "horizontal_stiffness",
-        "vertical_stiffness",
-        "horizontal_damping",
-        "vertical_damping",
-    )
+    name for name in complete({"foundation.mass": 1.0}) if name.startswith("foundation.")
 )
 
 
@@ -314,7 +295,11 @@ def _known(section: str, item: str) -> list[str]:
     if section == "points":
         return [f"points.{item}"]
     keys = [*_NUMBERS[section], *_PAIRS.get(section, ()), *_POINTS.get(section, ())]
-    further = {"joints": _CHOICES_OF_A_JOINT, "forces": ("body", "curve"), "slides": ("body",)}
+    further = {
+        "joints": tuple(CHOICES_OF_A_JOINT),
+        "forces": ("body", "curve"),
+        "slides": ("body",),
+    }
     return [f"{section}.{item}.{key}" for key in (*keys, *further.get(section, ()))]
 
 
@@ -330,7 +315,7 @@ def _joints(reading: _Reading) -> tuple[tuple[str, str, str], ...]:
             continue
         defaults = {name: _NUMBERS["joints"][name].default for name in _BORROWED}
         reading.numbers("joints", item, defaults)
-        for name, laws in _LAWS_OF_A_JOINT.items():
+        for name, laws in CHOICES_OF_A_JOINT.items():
             reading.values[f"{at}.{name}"] = law = keys.pop(name, laws[0])
             require_choice(f"{at}.{name}", law, laws)
     return tuple(found)

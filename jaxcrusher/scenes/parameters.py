@@ -92,7 +92,15 @@ WORN_JOINTS = {
 }
 # Radii of their bores, m; judged.
 _BORES = {"elbow": 0.04, "pivot": 0.04, "shaft_bearing": 0.07}
-_OF_A_JOINT = ("clearance", "bore_radius", "friction", "restitution", "impact_velocity")
+NUMBERS_OF_A_JOINT = (
+    "clearance",
+    "bore_radius",
+    "friction",
+    "restitution",
+    "impact_velocity",
+    "young",
+    "poisson",
+)
 
 
 def _worn(name: str, joint: str) -> Parameter:
@@ -107,9 +115,7 @@ def _worn(name: str, joint: str) -> Parameter:
 
 
 PARAMETERS |= {
-    f"{joint}.{name}": _worn(name, joint)
-    for joint in WORN_JOINTS
-    for name in (*_OF_A_JOINT, "young", "poisson")
+    f"{joint}.{name}": _worn(name, joint) for joint in WORN_JOINTS for name in NUMBERS_OF_A_JOINT
 }
 
 # What the frame stands on. A scene has these names only where one of `_openers` is given.
@@ -229,12 +235,16 @@ CHOICES = {
     **{name: tuple(laws) for name, laws in LAWS.items()},
 }
 
-_CHOICES_OF_A_JOINT = ("slip", "contact_law", "friction_law", "impact_law")
-# B and C are a toggle's seats, which have no rollers, and O is not written with rollers yet.
+# B and C are a toggle's seats, which have no rollers; O, and joints of other linkages, are not
+# written with rollers yet.
+CHOICES_OF_A_JOINT = {
+    name: tuple(choice for choice in CHOICES[name] if choice != "rollers")
+    for name in ("slip", "contact_law", "friction_law", "impact_law")
+}
 CHOICES |= {
-    f"{joint}.{name}": tuple(choice for choice in CHOICES[name] if choice != "rollers")
+    f"{joint}.{name}": choices
     for joint in WORN_JOINTS
-    for name in _CHOICES_OF_A_JOINT
+    for name, choices in CHOICES_OF_A_JOINT.items()
 }
 
 # Before the name of a point of the frame, whose value is its place from C, such as "1.2 m, -0.4 m".
