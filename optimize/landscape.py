@@ -9,7 +9,7 @@ import xarray as xr
 from jaxtyping import Float
 from scipy.stats import qmc
 
-from jaxcrusher.batch.sweep import columns_of as sweep_columns
+from jaxcrusher.batch.sweep import columns_of_row
 from jaxcrusher.crusher.joints import JOINTS
 from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
 from jaxcrusher.files import table
@@ -67,7 +67,7 @@ def dataset(
         "counts": Column("1", "may be chosen: succeeded, no whirl, inside the constraints", bool),
     }
     limited = (limit.statistic for limit in case.limits)
-    kept = sweep_columns(JOINTS, chosen(STATISTIC, always_with(JOINTS)))
+    kept = columns_of_row(JOINTS, chosen(STATISTIC, always_with(JOINTS)))
     kept |= columns_of(STATISTIC, limited)
     kept |= {name: COLUMNS[name] for name in ("steps", "state")}
     return labelled(case.design, units, grid, rows, kept | own, {"start": list(STARTS)})

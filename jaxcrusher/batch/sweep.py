@@ -36,7 +36,7 @@ from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
 from jaxcrusher.batch.store import opened
 from jaxcrusher.crusher.statistics_table import ALWAYS, STATISTICS
 from jaxcrusher.files.provenance import environment, machine, now
-from jaxcrusher.files.table import COLUMNS, Column
+from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.reductions import Chosen
 from jaxcrusher.mechanism.scene import AbstractScene
@@ -118,7 +118,7 @@ class Window:
     statistics: Chosen
 
     def __call__(self, scene: AbstractScene) -> dict[str, jax.Array]:
-        """Return the values of `columns_of` for one design."""
+        """Return the values of `columns_of_row` for one design."""
         method = resolve(scene, self.rtol)
         found = over_turns(scene, None, self.settle_turns, self.turns, self.statistics, method)
         return row_of(
@@ -235,7 +235,7 @@ def plan(
     require_names("outputs", outputs, tuple(first.statistics))
     seen = first.entries(dict.fromkeys((*first.usual_statistics, *outputs)))
     window = Window(settle_turns, turns, float(rtol), seen)
-    columns = columns_of(limited_joints(first), seen, first.leading)
+    columns = columns_of_row(limited_joints(first), seen, first.leading)
     layout = Layout(grid, columns, chunk_shape(grid, designs))
     return Ensemble(layout, window, engine)
 
@@ -246,11 +246,11 @@ def limited_joints(scene: AbstractScene) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*main, *scene.joints.names)))
 
 
-def columns_of(
+def columns_of_row(
     joints: Sequence[str], statistics: Chosen, leading: str = "foundation_rms"
 ) -> dict[str, Column]:
     """Return the columns of `row_of`."""
-    found = {name: Column(one.unit, one.meaning) for name, one in statistics}
+    found = columns_of(dict(statistics), (name for name, _ in statistics))
     found[f"{leading}_error"] = Column(found[leading].unit, "standard error of the RMS")
     for joint in joints:
         at = f", {joint}" if before(joint) else ""

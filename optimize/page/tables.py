@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable
 
-from jaxcrusher.batch.sweep import columns_of as sweep_columns
+from jaxcrusher.batch.sweep import columns_of_row
 from jaxcrusher.crusher.capacity import CAUTION
 from jaxcrusher.crusher.joints import JOINTS
 from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
@@ -312,7 +312,7 @@ def runs(design: Confirmed, unit: str) -> Table:
     """Return every variable of every run of a design."""
     first, *_ = design.transient.values()
     joints = [joint for joint in JOINTS if f"{before(joint)}contact_fraction" in first.by_run]
-    known = sweep_columns(joints, chosen(STATISTIC, always_with(joints)))
+    known = columns_of_row(joints, chosen(STATISTIC, always_with(joints)))
     known |= columns_of(STATISTIC, (name for name in first.by_run if name in STATISTIC))
     known |= {
         "objective": Column(unit, "objective"),

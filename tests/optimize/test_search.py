@@ -17,7 +17,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import Engine
-from jaxcrusher.batch.sweep import columns_of
+from jaxcrusher.batch.sweep import columns_of_row
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
@@ -369,7 +369,8 @@ def test_interval_is_students():
 def rows_of_three_runs():
     """From both starts, in contact all the time."""
     rows = {
-        name: np.ones((2, 3)) for name in columns_of(("main",), chosen(STATISTIC, always_with(())))
+        name: np.ones((2, 3))
+        for name in columns_of_row(("main",), chosen(STATISTIC, always_with(())))
     }
     return rows | {
         "state": np.zeros((2, 3, 4)),
@@ -415,7 +416,7 @@ def test_the_limits_of_every_loose_joint_are_kept():
     """A pivot that approaches at twice the elastic limit is named, beside a main joint inside."""
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
     case = resolve(Options(design=free)).case
-    columns = columns_of(("main", "pivot"), chosen(STATISTIC, always_with(("pivot",))))
+    columns = columns_of_row(("main", "pivot"), chosen(STATISTIC, always_with(("pivot",))))
     rows = {name: np.zeros((2, 3)) for name in columns} | {
         "state": np.zeros((2, 3, 8)),
         "objective": np.ones((2, 3)),
