@@ -12,7 +12,7 @@ from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 
 # Turns that a bearing at its dynamic rating lasts (ISO 281), and seconds an hour.
-_RATED_TURNS, _HOUR = 1e6, 3600.0
+RATED_TURNS, HOUR = 1e6, 3600.0
 
 
 def bearing_stiffness(scene: AbstractScene, force: float | Scalar) -> Scalar:
@@ -54,8 +54,8 @@ def fatigue(s: Snapshot, scene: AbstractScene) -> Scalar:
     """
     bearing = _rollers(scene)
     load = force_at(s, scene, "main") / (bearing.bearings * bearing.dynamic_rating)
-    turns = jnp.abs(s.motion.crank.speed) / (2 * jnp.pi) * _HOUR
-    return turns / _RATED_TURNS * load**LIFE_EXPONENT
+    turns = jnp.abs(s.motion.crank.speed) / (2 * jnp.pi) * HOUR
+    return turns / RATED_TURNS * load**LIFE_EXPONENT
 
 
 def _main(scene: AbstractScene, name: str) -> AbstractBearing:

@@ -171,7 +171,8 @@ class Scene(AbstractScene):
             "shaft": (Turning, ("shaft_speed_least",)),
             "rollers": (_roller_load, ("roller_pressure", "static_load_ratio")),
         }
-        return {part: limit for part, limit in every.items() if part in self._parts()}
+        there = self._parts()
+        return {part: limit for part, limit in every.items() if part in there}
 
     def steady(self) -> "Scene":
         """Return the scene under its mean load, which repeats with the shaft's turn."""

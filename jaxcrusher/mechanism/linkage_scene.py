@@ -248,19 +248,9 @@ class LinkageScene(AbstractScene):
         return observables_of(self._parts)
 
     @property
-    def own_observables(self) -> tuple[str, ...]:
-        """Return the names of all."""
-        return tuple(self.observables)
-
-    @property
     def statistics(self) -> Mapping[str, Statistic]:
         """Return those of its joints and points, of the machine and of its supports."""
         return statistics_of(self._parts)
-
-    @property
-    def own_statistics(self) -> tuple[str, ...]:
-        """Return the names of all."""
-        return tuple(self.statistics)
 
     @property
     def usual_statistics(self) -> tuple[str, ...]:

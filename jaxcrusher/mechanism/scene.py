@@ -79,9 +79,9 @@ class AbstractScene(eqx.Module):
         """Return all that may be asked of an instant, by name."""
 
     @property
-    @abc.abstractmethod
     def own_observables(self) -> tuple[str, ...]:
-        """Return the names of those that this scene has."""
+        """Return the names of those that this scene has: all of them, or fewer."""
+        return tuple(self.observables)
 
     @property
     @abc.abstractmethod
@@ -93,9 +93,9 @@ class AbstractScene(eqx.Module):
         return chosen(self.statistics, self.own_statistics if names is None else names)
 
     @property
-    @abc.abstractmethod
     def own_statistics(self) -> tuple[str, ...]:
-        """Return the names of those that this scene has."""
+        """Return the names of those that this scene has: all of them, or fewer."""
+        return tuple(self.statistics)
 
     @property
     @abc.abstractmethod

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
 
-from jaxcrusher.crusher.bearing_load import roller_pressure
+from jaxcrusher.crusher.bearing_load import HOUR, RATED_TURNS, roller_pressure
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.files.table import Column
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
@@ -34,7 +34,6 @@ COLUMNS = {
     for name, column in (NUMBERS | {"shaking_rms": SHAKING}).items()
     for suffix, words in (("", ""), ("_scatter", "scatter of the "))
 }
-_HOUR, _RATED_TURNS = 3600.0, 1e6
 
 
 def bearings_of(scene: AbstractScene) -> tuple[str, ...]:
@@ -100,7 +99,7 @@ def _of_joint(turns: Turns, joint: str) -> dict[str, tuple[float, float]]:
     bearing = turns.scene.joints[joint]
     if isinstance(bearing, RollerBearing):
         many, speed = float(bearing.bearings), abs(float(turns.scene.drive.speed))
-        hours = _RATED_TURNS / (speed / (2 * np.pi) * _HOUR)
+        hours = RATED_TURNS / (speed / (2 * np.pi) * HOUR)
         life = hours * (float(bearing.dynamic_rating) * many) ** LIFE_EXPONENT / worn
         safety = float(bearing.static_rating) * many / peaks
         found |= {
