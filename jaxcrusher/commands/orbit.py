@@ -145,7 +145,7 @@ def draw(orbit: PeriodicOrbit, path: Path) -> None:
         pin.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
     force.plot(np.degrees(angles), force_size(seen[shown]), label="periodic orbit")
     force.plot(np.degrees(angles), force_size(ideal[shown]), ":", label="ideal joints")
-    words = "|R_O| + |R_C|" if shown == "foundation_force" else "shaking force"
+    words = orbit.scene.observables[shown].meaning
     force.set(xlabel="shaft angle, degrees", ylabel=f"{words}, kN")
     force.legend()
     fig.tight_layout()

@@ -184,6 +184,12 @@ def scattered(summary: Statistics) -> str:
     )
 
 
+def _plus_minus(summary: Statistics, rms: str) -> str:
+    """Return the standard error of an RMS in two digits; nothing where one turn tells none."""
+    error = float(summary.standard_error(rms))
+    return f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
+
+
 def closing_of_linkage(
     motion: Trajectory, summary: Statistics | None, settle: int, values: dict[str, Any]
 ) -> str:
@@ -191,8 +197,7 @@ def closing_of_linkage(
     if summary is None:
         shaking = float(np.sqrt(np.mean(np.sum(motion.shaking_force**2, axis=1))))
         return f"RMS shaking force {shaking:.5g} N over the samples (no whole turn after settling)"
-    units, error = summary.units(), float(summary.standard_error("shaking_rms"))
-    scatter = f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
+    units, scatter = summary.units(), _plus_minus(summary, "shaking_rms")
     parts = [f"RMS shaking force {float(summary['shaking_rms']):.5g}{scatter} N"]
     for name in summary.values:
         if name != "shaking_rms":
@@ -216,8 +221,7 @@ def closing(
             f"RMS force on the foundation {rms:.0f} N, RMS shaking force {shaking:.0f} N{contact}, "
             "over the samples (no whole turn after settling: no verdict on whirl and contact model)"
         )
-    error = float(summary.foundation_rms_error)
-    scatter = f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
+    scatter = _plus_minus(summary, "foundation_rms")
     peak, peaks = float(summary.foundation_peak), summary.by_turn["foundation_peak"]
     # Impacts hit harder in some turns than in others.
     median = f" (median of the turns' peaks {np.median(peaks):.0f} N)" if summary.turns > 1 else ""
