@@ -10,6 +10,7 @@ from jaxcrusher.motion.flow import flat
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.tries import UNSURE
 from jaxcrusher.periodic.trigonometric import resample
+from tests.identification.by_hand import BLOCK as BLOCK_BY_HAND
 from tests.pairs import slow
 
 BLOCK = {"foundation.mass": 6000.0, "foundation.x": 0.3, "foundation.y": 0.2}
@@ -34,25 +35,8 @@ def test_one_rotating_unbalance():
 
     Without gravity, and an unbalance so small that what is not linear in it does not count.
     """
-    numbers = {
-        "foundation.mass": 5000.0,
-        "foundation.inertia": 2000.0,
-        "foundation.x": 0.1,
-        "foundation.y": 0.3,
-        "foundation.left": -0.5,
-        "foundation.right": 0.9,
-        "foundation.base": -0.4,
-        "foundation.horizontal_stiffness": 2e6,
-        "foundation.vertical_stiffness": 3e6,
-        "foundation.horizontal_damping": 1e4,
-        "foundation.vertical_damping": 2e4,
-    }
-    numbers |= {
-        f"{body}.{part}": 1e-9 for body in ("jaw", "toggle") for part in ("mass", "inertia")
-    }
-    radius, lead = 1e-6, 0.4
-    numbers |= {"shaft.mass_centre_radius": radius, "shaft.mass_centre_angle": lead}
-    numbers |= {"shaft.mass": 95.0, "gravity": 0.0, "joint": "ideal", "load_law": "none"}
+    radius, lead = 1e-6, BLOCK_BY_HAND["shaft.mass_centre_angle"]
+    numbers = BLOCK_BY_HAND | {"shaft.mass_centre_radius": radius}
     hub = 0.64 * np.array([np.sin(np.pi / 8), np.cos(np.pi / 8)]) - [0.1, 0.3]
     mass = np.diag([5095.0, 5095.0, 2000.0 + 0.2 + 95 * hub @ hub])
     mass[0, 2] = mass[2, 0] = -95 * hub[1]
