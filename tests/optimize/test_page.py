@@ -711,6 +711,16 @@ def phone(opened):
     opened.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
 
 
+def emulate(browser, media: dict[str, Any], query: str) -> None:
+    """Returns when the page is drawn as ``media`` asks: a busy browser takes some frames for it."""
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+    drawn = """const [query, done] = arguments;
+        const look = (left) => requestAnimationFrame(() =>
+            left === 0 ? done() : look(matchMedia(query).matches ? left - 1 : left));
+        look(2);"""
+    browser.execute_async_script(drawn, query)
+
+
 @pytest.mark.slow
 def test_narrow_window_needs_no_sideways_scrolling(phone):
     """Neither the page nor any table of it: rows are cards."""
@@ -745,7 +755,7 @@ def test_nothing_is_folded_on_paper(phone):
     shown = """return [...document.querySelectorAll("details > :not(summary)")].map((one) =>
         one.checkVisibility({contentVisibilityAuto: true}) && one.offsetHeight > 0)"""
     assert not any(phone.execute_script(shown))
-    phone.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
+    emulate(phone, {"media": "print"}, "print")
     on_paper = phone.execute_script(shown)
     phone.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
     assert len(on_paper) > 1 and all(on_paper)
@@ -757,7 +767,7 @@ def test_dark_and_light(phone):
     contrasts = []
     for scheme in ("light", "dark"):
         feature = {"name": "prefers-color-scheme", "value": scheme}
-        phone.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [feature]})
+        emulate(phone, {"features": [feature]}, f"(prefers-color-scheme: {scheme})")
         style = "const s = getComputedStyle(document.body); return [s.color, s.backgroundColor]"
         ink, paper = (luminance(colour) for colour in phone.execute_script(style))
         contrasts.append((max(ink, paper) + 0.05) / (min(ink, paper) + 0.05))
