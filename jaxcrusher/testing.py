@@ -3,7 +3,7 @@
 ```python
 from jaxcrusher.testing import check_law
 
-check_law(KelvinVoigt(...))
+check_law(Impact(...))
 ```
 """
 

@@ -85,13 +85,13 @@ def reading_rows(listed: Sequence[Claim], evidence: Evidence) -> list[dict[str, 
 
 
 def reading_table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return the table of the claims that each reading meets, of the rows of `reading_rows`."""
-    met: dict[str, list[str]] = {}
+    """Return the table of how many claims each reading meets, of the rows of `reading_rows`."""
+    met = dict.fromkeys((row["reading"] for row in rows), 0)
     for row in rows:
-        met.setdefault(row["reading"], []).extend([row["claim"]] if row["met"] else [])
+        met[row["reading"]] += bool(row["met"])
     claims = len({row["claim"] for row in rows})
-    cells = [[name, f"{len(of)} of {claims}", "; ".join(of)] for name, of in met.items()]
-    return table(["reading", "claims met", "which"], cells)
+    cells = [[name, f"{count} of {claims}"] for name, count in met.items()]
+    return table(["reading", "claims met"], cells)
 
 
 def ranking(listed: Sequence[Claim], evidence: Evidence) -> str:

@@ -24,7 +24,6 @@ def tables(rows: Sequence[Row]) -> dict[str, str]:
     return {
         "clearance": ranked(rows, [scene for scene in scenes if scene != IDEAL]),
         IDEAL: ranked(rows, [scene for scene in scenes if scene == IDEAL]),
-        "compilation": _compilation(rows),
         "failures": table(("scene", "program", "setting", "why"), failed),
     }
 
@@ -80,23 +79,3 @@ def references_table(cases: Sequence[Case], known: Mapping[str, Reference]) -> s
 
 def _number(value: float) -> str:
     return f"{value:.3g}" if np.isfinite(value) else "-"
-
-
-def _compilation(rows: Sequence[Row]) -> str:
-    """Return trace and compile times of each of our programs; first runs of the others."""
-    found: dict[tuple[str, str], list[tuple[float, float]]] = {}
-    for row in rows:
-        times = row.compile_s, row.slope_compile_s
-        if row.program == "numba Dopri5" and row.first_s > 2 * row.run_s:
-            times = row.first_s - row.run_s, np.nan
-        if np.isfinite(times).any():
-            found.setdefault((row.program, row.scene), []).append(times)
-    lines = [[*of, *map(_between, zip(*times, strict=True))] for of, times in found.items()]
-    return table(("program", "scene", "value s", "slope s"), lines)
-
-
-def _between(times: Sequence[float]) -> str:
-    """Return the least and the greatest."""
-    if not np.isfinite(times).any():
-        return "-"
-    return " to ".join(dict.fromkeys(_number(f(times)) for f in (np.nanmin, np.nanmax)))
