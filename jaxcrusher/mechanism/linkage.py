@@ -33,6 +33,13 @@ class Joint(eqx.Module):
     pin: Point
 
 
+def require_direction(along: Vector) -> None:
+    """Raise ValueError for a known vector without length."""
+    parts = [concrete(part) for part in (along.x, along.y)]
+    good = any(part is None or bool((part != 0).all()) for part in parts)
+    require(good, "along", "be a direction", "zero")
+
+
 class Slide(eqx.Module):
     """A slide in the frame: its body moves along a line, and does not turn.
 
@@ -45,9 +52,7 @@ class Slide(eqx.Module):
     through: Arm = Arm()  # from the frame's origin, m
 
     def __check_init__(self):
-        parts = [concrete(part) for part in (self.along.x, self.along.y)]
-        good = any(part is None or bool((part != 0).all()) for part in parts)
-        require(good, "along", "be a direction", "zero")
+        require_direction(self.along)
 
     @property
     def direction(self) -> Vector:
@@ -72,7 +77,8 @@ class Linkage(eqx.Module):
     begin; the crank's angle is that of its x axis.
 
     Raises ValueError for a joint or a slide of a body that there is not, for one that no dyad
-    needs, for bodies that are no dyads, and for another count of `sides`.
+    needs, for bodies that are no dyads, for another count of `sides`, and for a link whose two
+    joints are one point.
     """
 
     bodies: Named[Body]
@@ -98,6 +104,14 @@ class Linkage(eqx.Module):
         require(len(self.sides) == len(self.dyads), "sides", "hold one of each dyad", self.sides)
         good = all(side in (-1, 1) for side in self.sides)
         require(good, "sides", "hold 1 or -1 of each dyad", self.sides)
+        links = [(d.first, d.first_joint, d.meeting) for d in self.dyads]
+        links += [(d.second, d.second_joint, d.meeting) for d in self.dyads]
+        links += [(self.crank, n, self.bearing) for n, *both in self.ends if self.crank in both]
+        for body, joint, other in links:
+            if joint != other and joint not in self.slides:
+                arm = self.side_of(joint, body) - self.side_of(other, body)
+                must = f"have its joints {joint} and {other} apart"
+                require(arm.squared() is not None, f"bodies.{body}", must, "with both at one point")
 
     @property
     def ends(self) -> tuple[tuple[str, str, str], ...]:

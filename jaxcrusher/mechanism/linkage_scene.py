@@ -18,7 +18,7 @@ from jaxcrusher.mechanism.arms import total
 from jaxcrusher.mechanism.drives import AbstractDrive
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.equations import Wrench, wrench_at
-from jaxcrusher.mechanism.linkage import Linkage, Point
+from jaxcrusher.mechanism.linkage import Linkage, Point, require_direction
 from jaxcrusher.mechanism.linkage_statistics import may_rest
 from jaxcrusher.mechanism.linkage_tables import Parts, observables_of, statistics_of, usual_of
 from jaxcrusher.mechanism.motion import Motion
@@ -63,15 +63,21 @@ class Push(AbstractPush):
 
 
 class PushByAngle(AbstractPush):
-    """A force along a direction that stays, by the angle of the crank."""
+    """A force along a direction that stays, by the angle of the crank.
+
+    Raises ValueError for a direction without length.
+    """
 
     at: Point
-    along: Vector  # unit
+    along: Vector  # of any length
     size: Callable[[Scalar], Scalar]  # N, by the angle in rad
+
+    def __check_init__(self):
+        require_direction(self.along)
 
     def force(self, motion: Motion) -> Vector:
         """Return the force at the crank's angle."""
-        return self.size(motion.crank.angle) * self.along
+        return self.size(motion.crank.angle) * (self.along / norm(self.along, 0.0))
 
 
 class Spring(eqx.Module):
@@ -156,7 +162,8 @@ class LinkageScene(AbstractScene):
     of the mass centre of each body, there are position, velocity and acceleration.
 
     Raises ValueError (concrete values only) if 64-bit floats are off, for a bearing of a joint that
-    there is not, and for a clearance that is not inside (0, R_i).
+    there is not, for a clearance that is not inside (0, R_i), and for a name of a point or slide by
+    which a result would be named that has this name already.
     """
 
     drawn: Linkage
@@ -175,6 +182,11 @@ class LinkageScene(AbstractScene):
         for name, bearing in self.bearings.items():
             require(name in known, "bearings", f"be of joints: {', '.join(known)}", f"of {name}")
             require_clearance(bearing.clearance, bearing.bore_radius, before(name))
+        bodies = self.drawn.bodies.names
+        for name, point in self.points.items():
+            require(name not in bodies, "points", "have names that no body has", name)
+            require(point.body in bodies, f"points.{name}", "be of a body", f"of {point.body}")
+        observables_of(self._parts)
 
     @property
     def linkage(self) -> Linkage:

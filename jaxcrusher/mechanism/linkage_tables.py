@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
+from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.mechanism.arms import or_zero, plus
@@ -92,12 +93,16 @@ def _slide_size(s: Snapshot, scene: Any, slide: str) -> Scalar:
 
 @functools.cache
 def observables_of(parts: Parts) -> dict[str, Observable]:
-    """Return what can be observed of a linkage, vectors with x to the right and y up."""
-    found: dict[str, Observable] = {}
+    """Return what can be observed of a linkage, vectors with x to the right and y up.
+
+    Raises ValueError for names of parts of which two observables would have one name.
+    """
+    of_joints: dict[str, Observable] = {}
     for joint in parts.loose:
-        found |= observables_at(joint, before(joint), joint)
+        of_joints |= observables_at(joint, before(joint), joint)
     for joint in parts.joints:
-        found[f"{joint}_reaction"] = _seen(on_bore, joint, "N", f"force on the bore of {joint}")
+        of_joints[f"{joint}_reaction"] = _seen(on_bore, joint, "N", f"force on the bore of {joint}")
+    found: dict[str, Observable] = {}
     for slide in parts.slides:
         found[f"{slide}_force"] = _seen(
             _slide_force, slide, "N", f"force on the slide {slide}, to the left of its direction"
@@ -116,7 +121,11 @@ def observables_of(parts: Parts) -> dict[str, Observable]:
             _acceleration, point, "m/s2", f"acceleration of {point}, past the ground"
         )
     speed = {"crank_speed": Observable(crank_speed, "rad/s", "speed of the crank")}
-    return found | SEEN_OF_MACHINE | speed | (SEEN_OF_SUPPORTS if parts.supports else {})
+    others = SEEN_OF_MACHINE | speed | (SEEN_OF_SUPPORTS if parts.supports else {})
+    twice = ", ".join(sorted(found.keys() & {*of_joints, *others}))
+    must = "have other names than to be seen as what joints, machine or supports have"
+    require(not twice, "slides and points", must, f"seen as {twice}")
+    return of_joints | found | others
 
 
 def _seen(function: Any, part: str, unit: str, meaning: str) -> Observable:

@@ -152,8 +152,7 @@ def _two_links(motion: Motion, dyad: Dyad, side: int) -> dict[str, Pose]:
     start, start_rate = _hung(motion, dyad.first_joint, dyad.first)
     end, end_rate = _hung(motion, dyad.second_joint, dyad.second)
     span, change = minus(end, start), minus(end_rate, start_rate)
-    span, change = _parted(motion, dyad.meeting, dyad.first, span, change)
-    assert span is not None and change is not None
+    span, change = map(or_zero, _parted(motion, dyad.meeting, dyad.first, span, change))
     arms = [linkage.side_of(dyad.first_joint, dyad.first)]
     arms += [linkage.side_of(dyad.second_joint, dyad.second)]
     first = _Link(linkage.side_of(dyad.meeting, dyad.first) - arms[0])

@@ -7,9 +7,10 @@ from typing import Any, NamedTuple
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.scenes.build import build_scene, by_stroke
-from jaxcrusher.scenes.linkages import read_linkage
+from jaxcrusher.scenes.linkages import read_linkage, require_closing
 from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.scenes.scene_file import (
+    naming,
     read_entries,
     read_overrides,
     read_scene_file,
@@ -44,7 +45,8 @@ def kind_of(path: Path | None) -> str:
     Raises ValueError for another one.
     """
     kind = dict(() if path is None else read_entries(path)).get("kind", KINDS[0])
-    require_choice("kind", kind, KINDS)
+    with naming(path, KINDS):
+        require_choice("kind", kind, KINDS)
     return kind
 
 
@@ -61,7 +63,9 @@ def described(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> D
             require(name in values, name, "be a number or a choice of the file", "not there")
         values |= changed
         left = tuple(name for name in defaults if name not in changed)
-        return Described(values, drawing(**values), drawing, tuple(values), left)
+        scene = drawing(**values)
+        require_closing(scene)
+        return Described(values, scene, drawing, tuple(values), left)
     given = given_by(path, overrides)
     values = complete(given)
     return Described(values, scene_of(values, path, given), None, tuple(given))

@@ -102,6 +102,8 @@ _UNEVEN = _TOP[1:4]
 # What a loose joint takes from the paper's joint.
 _BORROWED = tuple(n for n in _NUMBERS["joints"] if n not in ("clearance", "bore_radius"))
 _SECTIONS = (*_NUMBERS, "foundation", "assembly")
+# Where the frame's G is; of a clamped frame, the point of its moment.
+_PLACE_OF_FRAME = ("foundation.x", "foundation.y")
 # Supports of the frame: what a file must give of them, besides where the frame's G is.
 _SUPPORTS = tuple(
     name for name in complete({"foundation.mass": 1.0}) if name.startswith("foundation.")
@@ -197,6 +199,10 @@ def _bearing(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     ):
         return bearing
     speeds = {name: values[f"{prefix}{name}"] for name in ("static_speed", "full_speed")}
+    static, full = map(concrete, speeds.values())
+    if static is not None and full is not None:
+        good = bool((static < full).all())
+        require(good, f"{prefix}static_speed", f"be less than full_speed {full} m/s", static)
     friction = dataclasses.replace(bearing.friction, **speeds)
     return dataclasses.replace(bearing, friction=friction)
 
@@ -353,6 +359,7 @@ def drawn(
     for item, keys in reading.sections["forces"].items():
         at, curve = f"forces.{item}", None
         body = reading.body(f"{at}.body", keys.pop("body", None))
+        require(body != FRAME, f"{at}.body", "be a body that moves", repr(FRAME))
         reading.pair(f"{at}.at", keys.pop("at", [0, 0]), _PLACE)
         if "curve" in keys:
             curve = _curve(at, keys.pop("curve"), folder)
@@ -364,6 +371,7 @@ def drawn(
         at = f"springs.{item}"
         ends = [reading.point(f"{at}.{end}", keys.pop(end, None)) for end in _POINTS["springs"]]
         reading.numbers("springs", item, {"damping": 0.0, "preload": 0.0})
+        require(ends[0] != ends[1], at, "join two bodies", f"of {ends[0]} alone")
         springs.append((item, *ends))
     points = [
         (item, reading.point(f"points.{item}", keys.pop("", None)))
@@ -383,7 +391,7 @@ def drawn(
         _sides(reading, dyads),
     )
     reading.ended()
-    _require_closing(drawing(**reading.values))
+    require_closing(drawing(**reading.values))
     return Drawn(drawing, reading.values, tuple(reading.defaults))
 
 
@@ -394,6 +402,8 @@ def _whole(reading: _Reading) -> None:
     require("speed" in left, "speed", "be given, as in '5000 rpm'", "missing")
     for name in _TOP:
         if name in left:
+            alone = name in _UNEVEN and "speed_fluctuation" not in left | reading.values
+            require(not alone, name, "come with speed_fluctuation", "alone")
             reading.values[name] = reading.number(name, left.pop(name))
     if "speed_fluctuation" in reading.values:
         for name in _UNEVEN:
@@ -406,8 +416,10 @@ def _whole(reading: _Reading) -> None:
     if "foundation.mass" in given:
         missing = [name for name in _SUPPORTS if name not in given]
         for name in missing:
-            left_out = name in ("foundation.x", "foundation.y")
-            require(left_out, name, "be given with foundation.mass", "missing")
+            require(name in _PLACE_OF_FRAME, name, "be given with foundation.mass", "missing")
+    for name in given:
+        alone = "foundation.mass" not in given and name not in _PLACE_OF_FRAME
+        require(not alone, name, "come with foundation.mass", "alone")
     if given:
         given = {"foundation.x": 0.0, "foundation.y": 0.0} | given
     reading.values |= given
@@ -415,16 +427,17 @@ def _whole(reading: _Reading) -> None:
 
 def _sides(reading: _Reading, dyads: Iterable[Any]) -> tuple[int, ...]:
     """Return the side of each dyad, 1 where none is given."""
-    given = {body: keys[""] for body, keys in reading.sections["assembly"].items()}
+    given = {body: keys.get("", keys) for body, keys in reading.sections["assembly"].items()}
+    for body, side in given.items():
+        good = not isinstance(side, bool) and side in (-1, 1)
+        require(good, f"assembly.{body}", "be 1 or -1", repr(side))
     sides = []
     for dyad in dyads:
         said = {given.pop(body) for body in (dyad.first, dyad.second) if body in given}
         reading.defaults += [] if said else [f"assembly.{dyad.first}"]
-        said = said or {1}
-        side = next(iter(said))
-        good = len(said) == 1 and side in (-1, 1) and not isinstance(side, bool)
-        require(good, f"assembly.{dyad.first}", "be 1 or -1", ", ".join(map(repr, said)))
-        sides.append(side)
+        both = f"1 and -1 of {dyad.first} and {dyad.second}"
+        require(len(said) < 2, f"assembly.{dyad.first}", "be one side of a dyad", both)
+        sides.append(int(said.pop()) if said else 1)
     for body in given:
         require(False, f"assembly.{body}", "name a body of a dyad", "none")
     return tuple(sides)
@@ -432,12 +445,19 @@ def _sides(reading: _Reading, dyads: Iterable[Any]) -> tuple[int, ...]:
 
 def _curve(at: str, given: Any, folder: Path) -> tuple:
     """Return the points of a curve, a file's or an array's, as tuples."""
-    points = read_curve(str(folder / given)) if isinstance(given, str) else np.asarray(given)
     try:
+        points = read_curve(str(folder / given)) if isinstance(given, str) else _numbers(given)
         load_curve(points)
     except ValueError as error:
         raise ValueError(str(error).replace("`load_curve`", f"`{at}.curve`")) from None
     return tuple(map(tuple, points.tolist()))
+
+
+def _numbers(given: Any) -> np.ndarray:
+    try:
+        return np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError("Argument `load_curve` must be pairs [rad, N], but is not.") from None
 
 
 @eqx.filter_jit
@@ -451,8 +471,8 @@ def _open_at(linkage: Linkage, angles: Any) -> list[Any]:
     return jax.vmap(one)(angles)
 
 
-def _require_closing(scene: LinkageScene) -> None:
-    """Check that all dyads close at every degree of a turn."""
+def require_closing(scene: LinkageScene) -> None:
+    """Raise ValueError for known numbers by which a dyad is open at some degree of a turn."""
     linkage = scene.linkage
     if any(concrete(leaf) is None for leaf in jax.tree.leaves(linkage)):
         return

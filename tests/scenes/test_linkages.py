@@ -35,11 +35,24 @@ PLAIN = {
 
 
 def changed(**parts):
-    """The plain slider-crank with other tables, each merged into its own."""
+    """The plain slider-crank with other tables, each merged into its own; None leaves one out."""
     merged = {name: dict(of) if isinstance(of, dict) else of for name, of in PLAIN.items()}
     for name, part in parts.items():
-        merged[name] = {**merged.get(name, {}), **part} if isinstance(part, dict) else part
+        if isinstance(part, dict):
+            whole = {**merged.get(name, {}), **part}
+            part = {key: value for key, value in whole.items() if value is not None}
+        merged[name] = part
     return merged
+
+
+LOOSE = {
+    "bore": ["rod", 0.12, 0],
+    "pin": ["slider", 0, 0],
+    "clearance": 1e-4,
+    "bore_radius": 0.01,
+}
+ANGLES = np.radians(np.arange(0.0, 360.0, 15.0))
+CURVE = np.stack([ANGLES, 100 * (1 + np.cos(ANGLES))], axis=1)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -127,9 +140,8 @@ def test_a_spring_stores_what_it_takes():
 
 
 def test_a_force_by_the_angle_of_the_crank():
-    angles = np.radians(np.arange(0.0, 360.0, 15.0))
-    curve = np.stack([angles, 100 * (1 + np.cos(angles))], axis=1)
-    force = {"body": "slider", "along": [-1, 0], "curve": curve}
+    # The direction's length is no part of the force.
+    force = {"body": "slider", "along": [-2, 0], "curve": CURVE}
     scene = linkage(**changed(forces={"gas": force}))
     motion = jc.simulate(scene, np.linspace(0, 0.3, 61), outputs=("guide_force", "energy"))
     # The spline through 24 points of a cosine is off by 2e-5 of it.
@@ -193,6 +205,72 @@ REFUSED = {
     ),
     "a side that is none": ({"assembly": {"rod": 2}}, "assembly.rod` must be 1 or -1, but is 2"),
     "a side of no dyad": ({"assembly": {"crank": 1}}, "assembly.crank` must name a body of a dyad"),
+    "a side that is a table": (
+        {"assembly": {"rod": {"x": 1}}},
+        "assembly.rod` must be 1 or -1, but is {'x': 1}",
+    ),
+    "two sides of a dyad": (
+        {"assembly": {"rod": 1, "slider": -1}},
+        "assembly.rod` must be one side of a dyad, but is 1 and -1 of rod and slider",
+    ),
+    "a point with a body's name": (
+        {"points": {"rod": ["rod", 0.1, 0]}},
+        "points` must have names that no body has, but is rod",
+    ),
+    "a point of the frame": (
+        {"points": {"wall": ["frame", 0.1, 0]}},
+        "points.wall` must be of a body, but is of frame",
+    ),
+    "a slide that is seen as the ground": (
+        {"slides": {"ground": {"body": "slider", "along": [1, 0]}, "guide": None}},
+        "slides and points` must have other names than to be seen as what joints, machine or "
+        "supports have, but is seen as ground_force, ground_moment",
+    ),
+    "a fluctuation of no speed": (
+        {"fluctuation_order": 2.0},
+        "fluctuation_order` must come with speed_fluctuation, but is alone",
+    ),
+    "supports of no mass": (
+        {"foundation": {"left": -1.0}},
+        "foundation.left` must come with foundation.mass, but is alone",
+    ),
+    "friction that is full before it begins": (
+        {"joints": {"B": LOOSE | {"static_speed": 0.2, "full_speed": 0.1, "friction": 0.1}}},
+        "joints.B.static_speed` must be less than full_speed 0.1 m/s, but is 0.2",
+    ),
+    "a link of two joints at one point": (
+        {"joints": {"B": {"bore": ["rod", 0, 0], "pin": ["slider", 0, 0]}}},
+        "bodies.rod` must have its joints A and B apart, but is with both at one point",
+    ),
+    "a crank without a throw": (
+        {"joints": {"A": {"bore": ["rod", 0, 0], "pin": ["crank", 0, 0]}}},
+        "bodies.crank` must have its joints A and O apart, but is with both at one point",
+    ),
+    "a spring of one body": (
+        {
+            "springs": {
+                "s": {
+                    "begin": ["rod", 0, 0],
+                    "end": ["rod", 1, 0],
+                    "stiffness": 1.0,
+                    "length": 1.0,
+                }
+            }
+        },
+        "springs.s` must join two bodies, but is of rod alone",
+    ),
+    "a force on the frame": (
+        {"forces": {"gas": {"body": "frame", "force": [1.0, 0.0]}}},
+        "forces.gas.body` must be a body that moves, but is 'frame'",
+    ),
+    "a curve of words": (
+        {"forces": {"gas": {"body": "slider", "along": [1, 0], "curve": [["a", 1.0]]}}},
+        "forces.gas.curve` must be pairs [rad, N], but is not",
+    ),
+    "a force without a direction": (
+        {"forces": {"gas": {"body": "slider", "along": [0, 0], "curve": CURVE}}},
+        "along` must be a direction, but is zero",
+    ),
     "a direction without length": (
         {"slides": {"guide": {"body": "slider", "along": [0, 0]}}},
         "along` must be a direction, but is zero",
@@ -225,8 +303,23 @@ def test_a_file_is_named_where_it_is_refused(tmp_path):
             read_scene(path)
         assert str(caught.value).startswith(str(path)) and "\n" not in str(caught.value)
     path.write_text('kind = "crane"')
-    with pytest.raises(ValueError, match=r"kind` must be one of"):
+    with pytest.raises(ValueError, match=rf"^{path}: `kind` must be one of"):
         read_scene(path)
+
+
+def test_a_crusher_may_say_its_kind_and_has_no_number_of_a_linkage(tmp_path):
+    read_linkage(EXAMPLES / "four_bar.toml")  # its names are known from now on
+    path = tmp_path / "crusher.toml"
+    path.write_text('kind = "crusher"\nspeed = "30 rad/s"')
+    assert float(read_scene(path).drive.speed) == 30.0
+    path.write_text('[joints.B]\nclearance = "1 mm"')
+    with pytest.raises(ValueError, match=r"joints.B.clearance` must be of a linkage"):
+        read_scene(path)
+
+
+def test_what_overrides_a_linkage_lets_it_close():
+    with pytest.raises(ValueError, match="coupler and rocker meet at every angle of the crank"):
+        described(EXAMPLES / "four_bar.toml", [("joints.A.pin.x", "500 mm")])
 
 
 @pytest.mark.slow
