@@ -284,7 +284,7 @@ def identify(
     good = 0 < len(names) == len(set(names)) and "speed" not in names
     require(good, "free", "name numbers but the speed, each once", repr(free))
     values = free if isinstance(free, Mapping) else {name: make.value(name) for name in names}
-    problem, begin = _problem(make, values, priors or {}, nodes)
+    problem, begin = _problem(make.without(names), values, priors or {}, nodes)
     problem = replace(problem, measured=taken(measured, problem.quantities.unit, orders))
     shifts = 2 * qmc.LatinHypercube(len(begin), rng=seed).random(starts - 1) - 1
     low, high = problem.bounds[0] + EDGE, problem.bounds[1] - EDGE

@@ -1,7 +1,7 @@
 """What a machine shows at a point of its numbers: harmonics, RMS values and statistics."""
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Container, Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -35,8 +35,11 @@ class Maker:
 
     def __call__(self, **numbers: Any) -> AbstractScene:
         """Return the scene of these numbers."""
-        others = {name: value for name, value in self.fixed if name not in numbers}
-        return scene_by(self.function, numbers, others)
+        return scene_by(self.function, numbers, dict(self.without(numbers).fixed))
+
+    def without(self, names: Container[str]) -> "Maker":
+        """Return what makes the same scenes of these numbers, whatever they were."""
+        return replace(self, fixed=tuple(one for one in self.fixed if one[0] not in names))
 
     def value(self, name: str) -> float:
         """Return a number of the description; ValueError for what is none."""
@@ -184,8 +187,7 @@ def residual_rows(
             slopes += [slope.real / one.sigma, slope.imag / one.sigma]
             continue
         if one.is_harmonic:
-            size = abs(value)
-            value, slope = size, np.conj(value) * slope / max(size, np.finfo(float).tiny)
+            value, slope = abs(value), slope * np.exp(-1j * np.angle(value))
         residuals.append((value.real - one.amplitude) / one.sigma)
         slopes.append(slope.real / one.sigma)
     return np.array(residuals), np.array(slopes)

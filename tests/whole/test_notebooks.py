@@ -17,8 +17,8 @@ def cells(path: Path, kind: str) -> list:
     return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == kind]
 
 
-def test_seven_short_ones(path):
-    assert len(NOTEBOOKS) == 7
+def test_eight_short_ones(path):
+    assert len(NOTEBOOKS) == 8
     assert len(nbformat.read(path, as_version=4).cells) <= 15
 
 
