@@ -1,4 +1,4 @@
-"""`python -m jaxcrusher identify`: numbers of a crusher from its measured vibration."""
+"""`python -m jaxcrusher identify`: numbers of a machine from its measured vibration."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -11,7 +11,7 @@ from rich.console import Console
 from scipy.stats import chi2
 
 from jaxcrusher.basics.checks import require
-from jaxcrusher.commands.crushers import read_crusher, settings_of, units_given
+from jaxcrusher.commands.crushers import read_machine, settings_of, units_given
 from jaxcrusher.commands.options import Identify
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
@@ -30,23 +30,24 @@ COLUMNS, ELLIPSES = 3, 3  # of the picture
 
 def run(options: Identify, console: Console) -> int:
     """Solve, print, write. ValueError for bad options, and without an orbit to begin with."""
-    values, scene = read_crusher(options.crusher)
+    machine = read_machine(options.crusher)
     require(len(options.measured) > 0, "measured", "name a file", "missing")
     require(len(options.free) > 0, "free", "name numbers to be found", "missing")
     for name in (*options.free, *(name for name, _, _ in options.prior)):
         require_moving("free", name)
     priors = {n: (to_si(n, mean), to_si(n, sigma)) for n, mean, sigma in options.prior}
-    quantities = quantities_of(scene)
+    quantities = quantities_of(machine.scene)
     measured = taken(options.measured, quantities.unit, options.orders)
     settings = settings_of(
         "identify",
-        values,
+        machine.values,
         measured=[asdict(one) for one in measured],
         **{name: getattr(options, name) for name in ("free", "prior", "starts", "noise")},
+        **machine.structure,
     )
     folder = begin_beside(options.results.folder, settings, *FILES)
     with stages(console, "solving (the first time a minute, most of it compilation)"):
-        found = identify(values, measured, options.free, priors=priors, starts=options.starts)
+        found = identify(machine, measured, options.free, priors=priors, starts=options.starts)
     units = units_given(options.crusher)
     console.print("\n".join(found.lines(units)), markup=False)
     further = []
@@ -61,7 +62,7 @@ def run(options: Identify, console: Console) -> int:
     draw(found, units, folder / "identified.png")
     write_json(
         folder / "identified.json",
-        provenance("Identified numbers", scene=values)
+        provenance("Identified numbers", scene=machine.values)
         | {"values": found.values, "standard_deviations": found.standard_deviations}
         | {"correlations": found.correlations, "chi_square": found.chi_square}
         | {"degrees_of_freedom": found.freedom, "residuals": found.residuals}

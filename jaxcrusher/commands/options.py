@@ -259,7 +259,7 @@ class Bearing:
 
 @dataclass(frozen=True)
 class Identify:
-    """Numbers of a crusher from its measured vibration, and what the data cannot tell.
+    """Numbers of a machine from its measured vibration, and what the data cannot tell.
 
     Writes OUT/NAME/identified.json and identified.png (measured and fitted amplitudes, ellipses of
     the estimates). About a minute the first time, most of it compilation, and some seconds then.

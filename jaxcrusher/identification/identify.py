@@ -29,7 +29,7 @@ from jaxcrusher.identification.model import (
 )
 from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.echo import unit_of as shown_in
-from jaxcrusher.scenes.parameters import PARAMETERS
+from jaxcrusher.scenes.parameters import NUMBERS
 
 # A direction cannot be told if its standard deviation is this share of its numbers: the interval
 # of 95 % is then as wide as they are.
@@ -95,7 +95,7 @@ class _Problem:
 
         def at(speed: float) -> tuple[Seen, Seen]:
             point = jnp.array([*u, speed])
-            found = look(self.make, names, len(u), point, sizes, what, self.nodes)
+            found = look(self.make, names, len(u), point, sizes, what, {"nodes": self.nodes})
             return jax.tree.map(np.asarray, found)
 
         first, *others = sorted({one.speed for one in self.measured})
@@ -261,12 +261,13 @@ def identify(
 
     **Arguments:**
 
-    - `scene`: names -> values as of `jaxcrusher.build_scene`, or a function that makes a scene of
-      the free numbers and the `speed`, by keyword.
+    - `scene`: names -> values as of `jaxcrusher.build_scene`, what `described` of
+      `jaxcrusher.scenes.described` reads of any file, or a function that makes a scene of the free
+      numbers and the `speed`, by keyword.
     - `measured`: CSV files as `jaxcrusher.identification.measurements` has them, or `Measurement`s.
       Of time series harmonics up to `orders` are taken.
     - `free`: names of numbers to be found, which begin at their values in `scene`, or names ->
-      values to begin with. Bounds are the limits of `jaxcrusher.PARAMETERS`.
+      values to begin with. Bounds are the limits of their scene files.
     - `priors`: names of free numbers -> mean and standard deviation of what else is known of them.
     - `starts`: all but the first are drawn by `seed`, off by up to a factor of two, or by half of
       its size for a number that may be negative.
@@ -311,7 +312,7 @@ def _problem(
     names = list(values)
     sizes, bounds, known = {}, [], [(0.0, 0.0)] * len(names)
     for name, value in values.items():
-        of, every = PARAMETERS.get(name), (-np.inf, np.inf)
+        of, every = NUMBERS.get(name), (-np.inf, np.inf)
         low, high = every if of is None else of.limits or (0.0, np.inf)
         require_within(f"free[{name!r}]", value, low, high)
         sizes[name] = size = abs(value) or (1.0 if of is None else of.scale)
@@ -321,7 +322,7 @@ def _problem(
         require_positive(f"priors[{name!r}]", sigma, "")
         known[names.index(name)] = mean / sizes[name], sizes[name] / sigma
     # What it shows does not depend on the speed, which a description has.
-    scene = make(**values, **({} if make.function is None else {"speed": 30.0}))
+    scene = make(**values, **({} if make.fixed else {"speed": 30.0}))
     bounds, prior = np.array(bounds).T, np.array(known).T
     problem = _Problem(make, quantities_of(scene), sizes, bounds, (), prior, nodes)
     return problem, np.array([values[name] / sizes[name] for name in names])

@@ -17,10 +17,11 @@ from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.scene import AbstractScene, require_maker
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.scenes.described import Described
 from jaxcrusher.scenes.parameters import complete
 
-# A description for `build_scene`, or a function that makes a scene of named numbers.
-Machine = Mapping[str, Any] | SceneFunction
+# A description for `build_scene`, or of a file, or a function that makes a scene of named numbers.
+Machine = Mapping[str, Any] | Described | SceneFunction
 # A number of an orbit beside its statistics.
 LEAST_PENETRATION = "least_penetration"
 SIDES = ("_x", "_y")
@@ -43,24 +44,28 @@ class Maker:
 
     def value(self, name: str) -> float:
         """Return a number of the description; ValueError for what is none."""
-        require(self.function is None, name, "have a value, as {name: value}", "a name alone")
         numbers = {key: value for key, value in self.fixed if isinstance(value, float)}
+        require(len(numbers) > 0, name, "have a value, as {name: value}", "a name alone")
         require_known(name, numbers)
         return numbers[name]
 
 
 def maker_of(machine: Machine) -> Maker:
     """Return what makes the scenes of a machine; ValueError for what is none."""
-    if not isinstance(machine, Mapping):
+    if isinstance(machine, Mapping):
+        function, values = None, complete(machine)
+    elif isinstance(machine, Described):
+        function, values = machine.make, machine.values
+    else:
         require_maker(machine)
         return Maker(machine, ())
     fixed = {}
-    for name, value in complete(machine).items():
+    for name, value in values.items():
         curve = np.ndim(value) > 0
         if not isinstance(value, str):
             value = tuple(map(tuple, np.asarray(value).tolist())) if curve else float(value)
         fixed[name] = value
-    return Maker(None, tuple(fixed.items()))
+    return Maker(function, tuple(fixed.items()))
 
 
 class What(NamedTuple):
@@ -134,16 +139,17 @@ def look(
     point: Float[Array, " n"],
     sizes: Float[Array, " n"],
     what: What,
-    nodes: int,
+    how: Mapping[str, Any],
 ) -> tuple[Seen, Seen]:
     """Return what is seen at a point, and its slopes by the first `moved` of its coordinates.
 
-    These are the named numbers in shares of `sizes`. NaN where there is no orbit.
+    These are the named numbers in shares of `sizes`. `how` are arguments of `periodic_orbit`. NaN
+    where there is no orbit.
     """
 
     def at(some: Float[Array, " moved"]) -> tuple[Seen, Seen]:
         numbers = sizes * jnp.concatenate([some, point[moved:]])
-        orbit = periodic_orbit(make(**dict(zip(names, numbers, strict=True))), nodes=nodes)
+        orbit = periodic_orbit(make(**dict(zip(names, numbers, strict=True))), **how)
         seen = _seen(orbit, what)
         return seen, seen
 

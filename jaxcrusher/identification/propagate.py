@@ -1,7 +1,8 @@
-"""From tolerances of a machine's numbers to what its periodic orbit shows."""
+"""From tolerances of a machine's numbers to the scatter of what its periodic orbit shows."""
 
 from collections.abc import Mapping
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,63 +11,68 @@ import xarray as xr
 from jaxcrusher.basics.checks import require, require_names, require_positive, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.identification.model import Machine, What, look, maker_of, quantities_of
-from jaxcrusher.orbits.solving import NODES
+from jaxcrusher.orbits.result import PeriodicOrbit
 
 # The second order counts if it changes a standard deviation by more than this share.
 LINEAR = 0.05
+SAME = 1e-12  # rounding of two ways to one number
 TINY = np.finfo(float).tiny
 
 
 def propagate(
-    scene: Machine,
+    orbit: PeriodicOrbit,
+    machine: Machine,
     sigmas: Mapping[str, float | tuple[float, float]],
     *,
     outputs: tuple[str, ...] | None = None,
     observables: tuple[str, ...] | None = None,
     orders: int = 2,
-    nodes: int = NODES,
 ) -> xr.Dataset:
     """Return the standard deviations of statistics and harmonics of an orbit, and their causes.
 
     By exact slopes. Each number is also moved by its deviation to either side, which gives the
-    second order of each number by itself. Numbers are normal and independent.
+    second order of each number by itself. Numbers are normal and independent. Neighbours of the
+    orbit are found as it was: of its period, and by shooting if it was shot for.
 
     **Arguments:**
 
-    - `scene`: names -> values as of `jaxcrusher.build_scene`, or a function that makes a scene of
-      the numbers of `sigmas`, by keyword.
+    - `orbit`: a `PeriodicOrbit`.
+    - `machine`: what its scene was made of, which has the names of numbers: one as of
+      `jaxcrusher.identify`; a function has the numbers of `sigmas` alone.
     - `sigmas`: names of numbers -> standard deviations, or of a function value and deviation.
     - `outputs`: statistics, or `least_penetration`; None is those that are computed always.
     - `observables`: those whose amplitudes up to `orders` are wanted; None is the force and the
       moment on the ground.
-    - `nodes`: as in `jaxcrusher.periodic_orbit`.
 
     **Returns:** an `xarray.Dataset` over `quantity`, such as "ground_force_y, order 1": `value`,
     `standard_deviation`, `second_order` (the deviation with the second order), `shift` (of the
     mean by it) in `unit`, and `linear`, which is logical; over `number` too, `share` of the
     variance. NaN, and not linear, where a machine of moved numbers has no such orbit.
 
-    Raises ValueError for bad arguments and where the machine itself has no orbit.
+    Raises ValueError for bad arguments, an orbit that was not found, and one of another machine.
     """
     require_set_up()
     require_whole("orders", orders, 1)
     require(len(sigmas) > 0, "sigmas", "name a number", "empty")
-    make, names = maker_of(scene), tuple(sigmas)
+    require(bool(orbit.success), "orbit", "be one that was found", f"none: {orbit.failure}")
+    make, names = maker_of(machine), tuple(sigmas)
     pairs = [of if isinstance(of, tuple) else (make.value(n), of) for n, of in sigmas.items()]
     first, sizes = np.array(pairs, float).T
     for name, size in zip(names, sizes, strict=True):
         require_positive(f"sigmas[{name!r}]", size, "")
     example = make(**dict(zip(names, first, strict=True)))
+    same = bool(eqx.tree_equal(example, orbit.scene, rtol=SAME))
+    require(same, "machine", "make the scene of the orbit", "another one")
     quantities = quantities_of(example)
     outputs = example.usual_statistics if outputs is None else outputs
     observables = ("ground_force", "ground_moment") if observables is None else observables
     require_names("outputs", outputs, tuple(quantities.statistics))
     require_names("observables", observables, tuple(quantities.observables))
-    what = What(observables, orders, outputs)
+    what, make, how = What(observables, orders, outputs), make.without(names), orbit.alike
 
     def seen(u: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:
         """Return numbers by quantity, and their slopes by standard deviations."""
-        found = look(make, names, len(u), jnp.asarray(u), jnp.asarray(sizes), what, nodes)
+        found = look(make, names, len(u), jnp.asarray(u), jnp.asarray(sizes), what, how)
         values, slopes = jax.tree.map(np.asarray, found)
         numbers = {name: float(value) for name, value in values.statistics.items()}
         by = dict(slopes.statistics)
@@ -80,7 +86,6 @@ def propagate(
 
     middle = first / sizes
     value, by = seen(middle)
-    require(all(map(np.isfinite, value.values())), "scene", "have a periodic orbit", "without")
     known = list(value)
 
     def moved(shifts: np.ndarray) -> np.ndarray:

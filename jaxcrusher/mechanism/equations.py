@@ -265,7 +265,9 @@ def _solved(
     forces on the bore, M w' + rows^T force = moments.
     """
     linkage = ways.motion.linkage
-    lower, right = {}, [total([one.right.get(name) for one in rows]) for name in unknown]
+    sides = [total([one.right.get(name) for one in rows]) for name in unknown]
+    # Nothing pushes a body without a force whose mass centre lies in its origin.
+    lower, right = {}, [0.0 if side is None else side for side in sides]
     for place in dict.fromkeys(place for one in rows for place in one.lower):
         lower[place] = total([one.lower.get(place) for one in rows])
     for joint in closing:

@@ -41,6 +41,49 @@ def test_identify(tmp_path):
     assert (tmp_path / "identify" / "identified.png").stat().st_size > 30_000
 
 
+SLIDER_CRANK = """
+kind = "linkage"
+crank = "crank"
+gravity = "0 m/s2"
+bodies.crank = {mass = "4 kg", inertia = "0.01 kg m2", mass_centre = ["20 mm", "0 mm"]}
+bodies.rod = {mass = "1e-9 kg", inertia = "1e-9 kg m2"}
+bodies.slider = {mass = "3 kg", inertia = "0.01 kg m2"}
+joints.O = {bore = ["frame", "0 mm", "0 mm"], pin = ["crank", "0 mm", "0 mm"]}
+joints.A = {bore = ["rod", "0 mm", "0 mm"], pin = ["crank", "50 mm", "0 mm"]}
+joints.B = {bore = ["rod", "200 mm", "0 mm"], pin = ["slider", "0 mm", "0 mm"]}
+slides.guide = {body = "slider", along = [1, 0]}
+assembly.rod = 1
+"""
+
+
+def test_identify_a_linkage(tmp_path):
+    """Masses of a slider-crank of 2 and 5 kg, from the force that they need by hand."""
+    angle = 2 * np.pi * np.arange(64) / 64
+    place = 0.05 * np.cos(angle) + np.sqrt(0.2**2 - (0.05 * np.sin(angle)) ** 2)
+    slider = 2 * np.abs(np.fft.rfft(place)) / 64
+    lines = ["speed_rpm,quantity,order,amplitude,sigma,unit"]
+    for rpm in (200, 300):
+        square = (rpm * np.pi / 30) ** 2
+        for quantity, order, size in (
+            ("ground_force_x", 1, square * (2 * 0.02 + 5 * slider[1])),
+            ("ground_force_x", 2, 4 * square * 5 * slider[2]),
+            ("ground_force_y", 1, square * 2 * 0.02),
+        ):
+            lines.append(f"{rpm},{quantity},{order},{size},{1e-4 * size},N")
+    (tmp_path / "measured.csv").write_text("\n".join(lines))
+    (tmp_path / "mine.toml").write_text(f'speed = "250 rpm"\n{SLIDER_CRANK}')
+    status, text = run(
+        *("identify", "--scene", tmp_path / "mine.toml", "--measured", tmp_path / "measured.csv"),
+        *("--free", "bodies.crank.mass", "bodies.slider.mass", "--noise", "0", "--starts", "1"),
+        *("--out", tmp_path),
+    )
+    assert status == 0 and "bodies.slider.mass: 5 kg ±" in text
+    values = json.loads((tmp_path / "identify" / "identified.json").read_text())["values"]
+    # The rod weighs 1e-9 kg.
+    assert values["bodies.crank.mass"] == pytest.approx(2, rel=1e-7)
+    assert values["bodies.slider.mass"] == pytest.approx(5, rel=1e-7)
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [

@@ -4,15 +4,21 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.orbits.result import RESULTS, missing
 from tests.identification import by_hand
 
 SIGMAS = {"jaw.mass": 10.0, "shaft.mass_centre_angle": 0.05, "jaw.inertia": 3.0}
 
 
+def of(values):
+    return jc.periodic_orbit(jc.build_scene(values))
+
+
 @pytest.fixture(scope="module")
 def found():
-    observables = ("ground_force", "ground_moment")
-    return jc.propagate(by_hand.CRUSHER, SIGMAS, outputs=("shaking_rms",), observables=observables)
+    orbit, observables = of(by_hand.CRUSHER), ("ground_force", "ground_moment")
+    outputs = ("shaking_rms",)
+    return jc.propagate(orbit, by_hand.CRUSHER, SIGMAS, outputs=outputs, observables=observables)
 
 
 def test_deviations_and_shares_are_those_of_differences(found):
@@ -65,8 +71,9 @@ def test_what_is_not_linear_is_said():
         by_hand.crusher({"shaft.mass_centre_angle": a}, 30.0)["ground_force_x"][1] for a in angles
     ]
     least = float(angles[np.argmin(np.abs(sizes))])
+    orbit, only = jc.periodic_orbit(function(least)), {"outputs": (), "orders": 1}
     found = jc.propagate(
-        function, {"shift": (least, 0.3)}, outputs=(), observables=("ground_force",), orders=1
+        orbit, function, {"shift": (least, 0.3)}, observables=("ground_force",), **only
     ).sel(quantity="ground_force_x, order 1")
     assert not bool(found.linear)
 
@@ -79,12 +86,48 @@ def test_what_is_not_linear_is_said():
     assert float(found.second_order) == pytest.approx(deviation, rel=1e-9)
 
 
-def test_refused():
-    with pytest.raises(ValueError, match="`sigmas` must name a number, but is empty"):
-        jc.propagate(by_hand.CRUSHER, {})
-    with pytest.raises(ValueError, match=r"`sigmas\['jaw.mass'\]` must be finite and > 0"):
-        jc.propagate(by_hand.CRUSHER, {"jaw.mass": 0.0})
+@pytest.mark.slow
+@pytest.mark.optimised
+def test_an_orbit_that_loses_contact_scatters_as_its_neighbours_say():
+    """It is shot for, and so are its neighbours."""
+    values = {"speed": 34.23, "clearance": 0.0645e-3, "load_law": "closing_stroke"}
+    orbit = jc.periodic_orbit(jc.build_scene(values), method="shooting")
+    assert orbit.least_penetration < 0
+    sigma, of_rms = 1e-9, {"outputs": ("foundation_rms",), "observables": ()}
+    found = jc.propagate(orbit, values, {"clearance": sigma}, **of_rms)
+    ahead, behind = (
+        jc.periodic_orbit(
+            jc.build_scene(values | {"clearance": 0.0645e-3 + side * sigma}), **orbit.alike
+        ).foundation_rms
+        for side in (1, -1)
+    )
+    # The distance bends by a share of the shift in clearances, 1.6e-5, and what impacts multiply.
+    expected = float(abs(ahead - behind)) / 2
+    assert float(found.standard_deviation[0]) == pytest.approx(expected, rel=1e-3)
+    # Two shots with steps right to 1e-9, which impacts multiply.
+    assert float(found.value[0]) == pytest.approx(float(orbit.foundation_rms), rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("machine", "sigmas", "words"),
+    [
+        (by_hand.CRUSHER, {}, "`sigmas` must name a number, but is empty"),
+        (by_hand.CRUSHER, {"jaw.mass": 0.0}, r"`sigmas\['jaw.mass'\]` must be finite and > 0"),
+        (jc.paper_scene, {"speed": 1.0}, r"`speed` must have a value, as {name: value}"),
+        ({"joint": "ideal", "speed": 31.0}, {"speed": 1.0}, "`machine` must make the scene of the"),
+    ],
+)
+def test_refused(machine, sigmas, words):
+    with pytest.raises(ValueError, match=words):
+        jc.propagate(of(by_hand.CRUSHER), machine, sigmas)
+
+
+def test_refuses_what_was_not_found():
+    orbit = of(by_hand.CRUSHER)
     with pytest.raises(ValueError, match="`outputs` must be a known name, but is 'left_peak'"):
-        jc.propagate(by_hand.CRUSHER, {"jaw.mass": 1.0}, outputs=("left_peak",))
-    with pytest.raises(ValueError, match=r"`speed` must have a value, as {name: value}"):
-        jc.propagate(jc.paper_scene, {"speed": 1.0})
+        jc.propagate(orbit, by_hand.CRUSHER, {"jaw.mass": 1.0}, outputs=("left_peak",))
+    none = missing(orbit.scene, 1, RESULTS.impacts)
+    with pytest.raises(
+        ValueError, match="`orbit` must be one that was found, but is none: The motion"
+    ):
+        jc.propagate(none, by_hand.CRUSHER, {"jaw.mass": 1.0})

@@ -472,7 +472,7 @@ def is_package(module: str) -> bool:
 
 
 @pytest.mark.parametrize(
-    "command", ["simulate", "sweep", "regimes", "gradient", "foundation", "bearing"]
+    "command", ["simulate", "sweep", "regimes", "gradient", "foundation", "bearing", "identify"]
 )
 def test_help_explains_every_option(command, capsys):
     with pytest.raises(SystemExit) as stop:
