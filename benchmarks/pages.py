@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from benchmarks.setting import setting
 from jaxcrusher.files.provenance import command
 from jaxcrusher.files.results import write_figure, write_table, write_text
-from jaxcrusher.pictures.page import STYLE
+from jaxcrusher.pictures.plots import STYLE
 
 DOCS = Path(__file__).parents[1] / "docs"
 NOT_MEASURED = "Not part of this run.\n"

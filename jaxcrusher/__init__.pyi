@@ -5,8 +5,8 @@ from .batch.engines import map_chunks as map_chunks
 from .batch.sweep import sweep as sweep
 from .crusher.scene import Scene as Scene
 from .crusher.statistics_table import STATISTICS as STATISTICS
-from .dynamics.basin_map import basin_map as basin_map
 from .dynamics.bifurcation import bifurcation as bifurcation
+from .dynamics.coexisting_orbits import basin_map as basin_map
 from .dynamics.coexisting_orbits import coexisting_orbits as coexisting_orbits
 from .dynamics.orbit_map import orbit_map as orbit_map
 from .dynamics.regime import regime as regime
@@ -25,10 +25,10 @@ from .orbits.natural_modes import natural_modes as natural_modes
 from .orbits.orbit_branch import orbit_branch as orbit_branch
 from .orbits.periodic_orbit import periodic_orbit as periodic_orbit
 from .scenes.build import build_scene as build_scene
+from .scenes.build import ideal_scene as ideal_scene
+from .scenes.build import paper_scene as paper_scene
 from .scenes.described import read_scene as read_scene
 from .scenes.linkages import linkage as linkage
-from .scenes.paper import ideal_scene as ideal_scene
-from .scenes.paper import paper_scene as paper_scene
 from .scenes.parameters import PARAMETERS as PARAMETERS
 from .scenes.parameters import PE250X400 as PE250X400
 from .version import __version__ as __version__

@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 
 import jaxcrusher as jc
 from jaxcrusher.files.results import write_figure
-from jaxcrusher.pictures import mechanism, page, plots
+from jaxcrusher.pictures import mechanism, plots
 from jaxcrusher.scenes.echo import said, unit_of
 from optimize.answer import Answer, Box, Confirmed
 from optimize.case import Case
@@ -190,8 +190,8 @@ def draw_pareto(
         worse[name].where(counts).to_numpy().ravel() for name in ("objective", statistic)
     )
     kilo, unit = (1e3, "kN") if answer.objective.unit == "N" else (1.0, answer.objective.unit)
-    with plt.rc_context(page.STYLE):
-        fig, axes = plt.subplots(1, 2, figsize=(page.WIDTH, 3.4), layout="constrained")
+    with plt.rc_context(plots.STYLE):
+        fig, axes = plt.subplots(1, 2, figsize=(plots.WIDTH, 3.4), layout="constrained")
         of_axes = (case.capacity(units), -1.0, 1.0), (forces, 1.0, 1e3)
         for k, (ax, (column, sign, one)) in enumerate(zip(axes, of_axes, strict=True)):
             dots = objective / kilo, column / one

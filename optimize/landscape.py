@@ -10,7 +10,7 @@ from jaxtyping import Float
 from scipy.stats import qmc
 
 from jaxcrusher.batch.sweep import columns_of_row
-from jaxcrusher.crusher.joints import JOINTS
+from jaxcrusher.crusher.machine import JOINTS
 from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
 from jaxcrusher.files import table
 from jaxcrusher.files.table import COLUMNS, Column, columns_of

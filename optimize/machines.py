@@ -17,7 +17,7 @@ from jaxcrusher.crusher.capacity import CAUTION, stroke, stroke_ratio
 from jaxcrusher.files.results import results_folder, write_figure, write_table
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.forced import refusal
-from jaxcrusher.pictures.page import STYLE, WIDTH
+from jaxcrusher.pictures.plots import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_unusual

@@ -19,7 +19,7 @@ from benchmarks.optimisers.methods import METHODS, Objective, Searched, search
 from benchmarks.pages import publish, table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder
-from jaxcrusher.pictures.page import WIDTH, plain_powers
+from jaxcrusher.pictures.plots import WIDTH
 from optimize.options import Options
 from optimize.problem import resolve
 from optimize.sets import SETS
@@ -197,7 +197,9 @@ def _draw_searches(ax: Axes, contest: Contest) -> None:
     ax.axhline(max(gain, 0.1), color="0.5", linestyle=":", label="the paper's machine")
     ax.set(xscale="log", yscale="log", ylabel="RMS above the best, N", xlabel="work, values")
     ax.set_title(f"--design {contest.word}")
-    plain_powers(ax)
+    # The raised exponent of a power is small type.
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter("{x:g}")
     ax.grid(alpha=0.3)
 
 

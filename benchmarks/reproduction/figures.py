@@ -14,7 +14,7 @@ from benchmarks.reproduction.motions import Comparison, Portrait
 from benchmarks.reproduction.readings import Point
 from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
 from jaxcrusher.files.results import write_figure
-from jaxcrusher.pictures import page, plots
+from jaxcrusher.pictures import plots
 from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE
 
 STYLE: dict[Any, Any] = {
@@ -149,9 +149,9 @@ def draw_landscape(path: Path, runs: xr.DataArray, settled: xr.DataArray) -> Non
     The runs' is drawn as the cells that it is: neighbours differ by chance as much as by design,
     and contours between them would show that chance. The periodic orbit's carries contours.
     """
-    with plt.rc_context(page.STYLE):
+    with plt.rc_context(plots.STYLE):
         figure, (cells, flat) = plt.subplots(
-            1, 2, figsize=(page.WIDTH, 3.2), sharex=True, sharey=True, layout="constrained"
+            1, 2, figsize=(plots.WIDTH, 3.2), sharex=True, sharey=True, layout="constrained"
         )
         kilo = [values.transpose("speed", "clearance") / 1e3 for values in (runs, settled)]
         ends = [min(float(v.min()) for v in kilo), max(float(v.max()) for v in kilo)]

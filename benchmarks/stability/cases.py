@@ -11,7 +11,7 @@ from benchmarks.peers.equations import Crusher
 from benchmarks.peers.free_bodies import PREFIXES
 from benchmarks.stability.case import Case, Numbers
 from benchmarks.stability.peer import BearingPeer, Pins, SeatsPeer
-from jaxcrusher.crusher.joints import LETTERS
+from jaxcrusher.crusher.machine import LETTERS
 from jaxcrusher.scenes.parameters import PE250X400
 
 

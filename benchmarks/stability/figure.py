@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from benchmarks.stability import cases
 from benchmarks.stability.case import FORMULATIONS
 from benchmarks.stability.judgement import AGREES, DISAGREES, OUTSIDE, REFUSED, WHIRL, Judged
-from jaxcrusher.pictures.page import STYLE, WIDTH
+from jaxcrusher.pictures.plots import STYLE, WIDTH
 
 # From light to dark, so that they differ without colour too.
 COLOURS = ("#e3f2dc", "#fdd049", "#7fb8de", "#b0b0b0", "#c0341d")

@@ -7,9 +7,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.work_precision.measure import Row
-from jaxcrusher.pictures.page import COLOURS, STYLE, WIDTH, plain_powers
+from jaxcrusher.pictures.plots import BLUE, GREEN, PURPLE, STYLE, WIDTH
 
-BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BROWN = COLOURS
+# Okabe and Ito's without the yellow, which is lost on white, and a brown in its place.
+VERMILION, ORANGE, SKY, BROWN = "#D55E00", "#E69F00", "#56B4E9", "#8C564B"
 
 
 @dataclass(frozen=True)
@@ -150,4 +151,6 @@ def _panel(ax, scene: str, rows: list[Row], styles: dict[str, Style], error: str
             label=style.name,
         )
     ax.grid(alpha=0.3, which="major")
-    plain_powers(ax)
+    # The raised exponent of a power is small type.
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter("{x:g}")

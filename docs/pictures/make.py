@@ -26,7 +26,7 @@ def main(out: Path = Path("results/pictures")) -> None:
     from jaxcrusher.pictures import plots
     from jaxcrusher.pictures.film import animate
     from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
-    from jaxcrusher.pictures.page import WIDTH
+    from jaxcrusher.pictures.plots import WIDTH
     from jaxcrusher.scenes.build import build_machine
 
     folder = results_folder(out)
@@ -76,8 +76,8 @@ def bearings() -> Figure:
     import numpy as np
 
     import jaxcrusher as jc
-    from jaxcrusher.crusher.bearing_load import bearing_stiffness
-    from jaxcrusher.pictures.page import WIDTH
+    from jaxcrusher.crusher.observables import bearing_stiffness
+    from jaxcrusher.pictures.plots import WIDTH
 
     fig, (stiff, settling) = plt.subplots(1, 2, figsize=(WIDTH, 3.4), layout="constrained")
     forces = np.geomspace(300.0, 3e5, 40)

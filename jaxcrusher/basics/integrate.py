@@ -20,8 +20,8 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree, Scalar
 
 from jaxcrusher.basics.checks import all_finite, nan_unless
-from jaxcrusher.basics.integrator import integrator
 from jaxcrusher.basics.last_step import floats_counted_at_once
+from jaxcrusher.basics.loops import integrator
 
 # How much narrower the tolerance is where second derivatives come along. A penetration is a
 # twentieth of a clearance, and so is the change of clearance in which the error of a slope may

@@ -6,12 +6,10 @@ integration loop to one kernel.
 
 from jaxtyping import Scalar
 
+from jaxcrusher.basics.plane import plus
+
 # Column -> entry; a column that is not there is structurally zero.
 SparseRow = dict[int, Scalar]
-
-
-def _add(a: Scalar | None, b: Scalar | None) -> Scalar | None:
-    return b if a is None else a if b is None else a + b
 
 
 def solve_symmetric(lower: dict[tuple[int, int], Scalar], right: list) -> list[Scalar]:
@@ -28,7 +26,7 @@ def solve_symmetric(lower: dict[tuple[int, int], Scalar], right: list) -> list[S
             entry = lower.get((i, j))
             for k in range(j):
                 if (i, k) in factor and (j, k) in factor:
-                    entry = _add(entry, -factor[i, k] * factor[j, k] * diagonal[k])
+                    entry = plus(entry, -factor[i, k] * factor[j, k] * diagonal[k])
             if i == j:
                 assert entry is not None, "all pivots are there"
                 diagonal.append(entry)
@@ -59,7 +57,7 @@ def solve_constrained(
         for j, other in enumerate(rows[: i + 1]):
             entry = None
             for column in row.keys() & other.keys():
-                entry = _add(entry, row[column] * other[column] / masses[column])
+                entry = plus(entry, row[column] * other[column] / masses[column])
             if entry is not None:
                 lower[i, j] = entry
     free = [force / mass for force, mass in zip(forces, masses, strict=True)]

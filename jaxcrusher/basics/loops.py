@@ -1,4 +1,7 @@
-"""Loops over instants and over designs: in turn on a processor, side by side on a GPU."""
+"""Loops over instants and over designs: in turn on a processor, side by side on a GPU.
+
+And the function that integrates in place of diffrax while a function is traced.
+"""
 
 from collections.abc import Callable
 from typing import Any
@@ -44,3 +47,8 @@ def design_by_design(function: Callable[..., Any]) -> Callable[..., Any]:
 def on_a_gpu() -> bool:
     """Tell whether JAX computes on a GPU or TPU."""
     return computes_on() != "cpu"
+
+
+# None, or a function of args, times, the state at the start, problem and method. JAX compares
+# programs by it too, and forgets all of them when it is made: so before the first is traced.
+integrator = jax.make_user_context(None)

@@ -69,7 +69,7 @@ def set_up() -> None:
     import jax
 
     # Made before a program is traced, which would be compiled again otherwise.
-    import jaxcrusher.basics.integrator  # noqa: F401
+    import jaxcrusher.basics.loops  # noqa: F401
 
     jax.config.update("jax_enable_x64", True)
     prefer_processor()

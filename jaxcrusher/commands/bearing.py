@@ -20,14 +20,18 @@ from jaxcrusher.commands.crushers import (
     write_dataset,
 )
 from jaxcrusher.commands.options import Bearing
-from jaxcrusher.crusher.joints import LETTERS
+from jaxcrusher.crusher.machine import LETTERS
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed
 from jaxcrusher.files.resume import begin_beside
-from jaxcrusher.joint.clearance_classes import SOURCE, clearance_class
-from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
+from jaxcrusher.joint.rollers import (
+    SOURCE_OF_CLASSES,
+    STATIC_PRESSURE,
+    RollerBearing,
+    clearance_class,
+)
 from jaxcrusher.motion.bearing_sheet import (
     COLUMNS,
     NUMBERS,
@@ -143,7 +147,7 @@ def clearances(found: list[Turns], titles: list[str]) -> list[str]:
                 f"{title + ': ' if title else ''}a play of {2e6 * float(bearing.clearance):.0f} um "
                 f"in a bore of {1e3 * float(bearing.bore):.0f} mm is {name} ({told})"
             )
-    return [*dict.fromkeys(lines), *([f"Classes of {SOURCE}."] if lines else [])]
+    return [*dict.fromkeys(lines), *([f"Classes of {SOURCE_OF_CLASSES}."] if lines else [])]
 
 
 def dataset(titles: list[str], found: list[Turns], values: dict[str, Any]) -> xr.Dataset:

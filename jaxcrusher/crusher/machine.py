@@ -9,11 +9,16 @@ import numpy as np
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import concrete, require, require_positive
-from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.mechanism.arms import Arm, arm_to
+from jaxcrusher.basics.plane import Arm, Vector, arm_to, scalar
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME
+
+# The joints and their letters: the main bearing A (bore in the jaw, pin of the shaft), the elbow B
+# (bore in the jaw, pin of the toggle), the pivot C (bore in the frame, pin of the toggle), and the
+# shaft's own bearing O (bore in the frame).
+LETTERS = {"main": "A", "elbow": "B", "pivot": "C", "shaft_bearing": "O"}
+JOINTS = tuple(LETTERS)
 
 
 class Shaft(eqx.Module):

@@ -4,9 +4,16 @@ import functools
 import operator
 from collections.abc import Container, Iterable
 
-from jaxcrusher.crusher.bearing_load import fatigue, roller_pressure, static_load, stiffness_now
-from jaxcrusher.crusher.joints import JOINTS, LETTERS
-from jaxcrusher.crusher.observables import OBSERVABLES, foundation_force, rod_margin
+from jaxcrusher.crusher.machine import JOINTS, LETTERS
+from jaxcrusher.crusher.observables import (
+    OBSERVABLES,
+    fatigue,
+    foundation_force,
+    rod_margin,
+    roller_pressure,
+    static_load,
+    stiffness_now,
+)
 from jaxcrusher.mechanism.linkage_statistics import (
     LARGEST,
     LEAST,

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from jaxcrusher.basics.setup import UnusualNumbers, set_up
-from jaxcrusher.files.messages import tell
 from jaxcrusher.files.provenance import program_words
+from jaxcrusher.files.results import tell
 from jaxcrusher.files.resume import SETTINGS
 
 EXTRA = "the extra `bench` has all: pip install 'jaxcrusher[bench]'."

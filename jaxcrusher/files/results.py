@@ -1,4 +1,4 @@
-"""Files of results, written whole or not at all: JSON, netCDF, text, tables, figures."""
+"""Files of results, written whole or not at all, and messages of programs on standard error."""
 
 import csv
 import io
@@ -14,6 +14,8 @@ from jaxcrusher.files.durable import replace, writing
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
+
+import sys
 
 
 def run_folder(out: Path, name: str) -> Path:
@@ -104,3 +106,8 @@ def write_figure(path: Path, figure: "Figure", dpi: int = 150) -> None:
     with writing(path) as partial:
         figure.savefig(partial, dpi=dpi)
     plt.close(figure)
+
+
+def tell(line: str) -> None:
+    """Print a line on standard error."""
+    print(" ".join(line.split()), file=sys.stderr)

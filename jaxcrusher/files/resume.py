@@ -5,8 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from jaxcrusher.files.messages import tell
-from jaxcrusher.files.results import results_folder, write_json
+from jaxcrusher.files.results import results_folder, tell, write_json
 
 SETTINGS = "settings.json"
 REMEDY = "Choose another, or delete it."

@@ -12,11 +12,10 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
 from jaxcrusher.mechanism.drives import CrankState
 from jaxcrusher.mechanism.equations import solve
-from jaxcrusher.mechanism.forces import contacts_of, wrenches_of
 from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
 from jaxcrusher.mechanism.motion import moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
+from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene, contacts_of, wrenches_of
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
 

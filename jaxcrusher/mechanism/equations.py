@@ -24,9 +24,8 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.linear import solve_symmetric
-from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.plane import Arm, Vector, arm_to, minus, or_zero, plus, total
 from jaxcrusher.joint.clearance import Contact
-from jaxcrusher.mechanism.arms import Arm, arm_to, minus, or_zero, plus, total
 from jaxcrusher.mechanism.linkage import Body, Joint, Point
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named

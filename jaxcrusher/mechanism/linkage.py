@@ -4,9 +4,8 @@ import equinox as eqx
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import concrete, require
-from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.basics.plane import Arm, Vector, scalar
 from jaxcrusher.basics.smooth import norm
-from jaxcrusher.mechanism.arms import Arm
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME, Dyad, dyads_of
 

@@ -10,17 +10,21 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import require, require_x64
-from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.basics.plane import Vector, scalar, total
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.validity import Turning
-from jaxcrusher.mechanism.arms import total
 from jaxcrusher.mechanism.drives import AbstractDrive
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.equations import Wrench, wrench_at
 from jaxcrusher.mechanism.linkage import Linkage, Point, require_direction
-from jaxcrusher.mechanism.linkage_statistics import may_rest
-from jaxcrusher.mechanism.linkage_tables import Parts, observables_of, statistics_of, usual_of
+from jaxcrusher.mechanism.linkage_statistics import (
+    Parts,
+    may_rest,
+    observables_of,
+    statistics_of,
+    usual_of,
+)
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named, before
 from jaxcrusher.mechanism.reductions import Statistic

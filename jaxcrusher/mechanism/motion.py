@@ -9,8 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.plane import Vector, direction
-from jaxcrusher.mechanism.arms import Arm, minus, or_zero, plus
+from jaxcrusher.basics.plane import Arm, Vector, direction, minus, or_zero, plus
 from jaxcrusher.mechanism.linkage import Linkage, Point
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME, Dyad

@@ -13,8 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.linear import SparseRow, solve_constrained
-from jaxcrusher.basics.plane import Vector, direction, scalar
-from jaxcrusher.mechanism.arms import or_zero, plus
+from jaxcrusher.basics.plane import Vector, direction, or_zero, plus, scalar
 from jaxcrusher.mechanism.drives import from_nearest_turn
 from jaxcrusher.mechanism.equations import (
     Accelerations,
@@ -24,12 +23,11 @@ from jaxcrusher.mechanism.equations import (
     pushes,
     sums_of,
 )
-from jaxcrusher.mechanism.forces import contacts_of, wrenches_of
 from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
 from jaxcrusher.mechanism.linkage import Body, Joint, Slide
 from jaxcrusher.mechanism.motion import Crank, Motion, Pose, moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
+from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene, contacts_of, wrenches_of
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
 from jaxcrusher.mechanism.topology import FRAME

@@ -12,10 +12,9 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.mechanism.equations import solve
-from jaxcrusher.mechanism.forces import wrenches_of
 from jaxcrusher.mechanism.motion import Crank, moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractScene, AbstractStart
+from jaxcrusher.mechanism.scene import AbstractScene, AbstractStart, wrenches_of
 
 Scene = TypeVar("Scene", bound=AbstractScene)
 

@@ -4,8 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
 
-from jaxcrusher.crusher.bearing_load import HOUR, RATED_TURNS, roller_pressure
-from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.observables import HOUR, OBSERVABLES, RATED_TURNS, roller_pressure
 from jaxcrusher.files.table import Column
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
 from jaxcrusher.mechanism.named import before

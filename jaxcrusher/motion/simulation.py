@@ -20,7 +20,7 @@ from jaxcrusher.basics.integrate import (
 )
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.observables import OBSERVABLES, OF_ROD
-from jaxcrusher.mechanism import energies, observables
+from jaxcrusher.mechanism import observables
 from jaxcrusher.mechanism.observables import OF_SUPPORTS
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import Flow, unflattened
@@ -37,8 +37,8 @@ WORKS = {
     "friction_loss": observables.friction_loss,
 }
 ENERGIES = {
-    "kinetic": energies.kinetic_energy,
-    "potential": energies.potential_energy,
+    "kinetic": observables.kinetic_energy,
+    "potential": observables.potential_energy,
     "elastic": observables.elastic_energy,
 }
 # What `simulate` can report of any scene; units stand in

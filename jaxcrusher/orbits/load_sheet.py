@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Complex, Float, Scalar
 
-from jaxcrusher.crusher.joints import LETTERS
+from jaxcrusher.crusher.machine import LETTERS
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.observables import OF_SUPPORTS
 from jaxcrusher.mechanism.reductions import SAMPLES

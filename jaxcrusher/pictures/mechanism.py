@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from jaxcrusher.basics.checks import require
-from jaxcrusher.crusher.joints import LETTERS
+from jaxcrusher.crusher.machine import LETTERS
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.motion.simulation import Trajectory

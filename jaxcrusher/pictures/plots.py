@@ -6,6 +6,7 @@ marker or hatching says too.
 """
 
 from collections.abc import Hashable, Iterable, Mapping
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -22,6 +23,22 @@ from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.echo import unit_of
 from jaxcrusher.scenes.parameters import in_words
 
+# 170 mm in inches: A4 less its margins. About 700 pixels of a page on a screen.
+WIDTH = 6.7
+# The smallest type at that width, in points.
+SMALLEST = 8.0
+# For `matplotlib.rc_context` around all of a figure as wide as a page, `draw_without_rendering`
+# included: ticks take their type when they are first drawn.
+STYLE: dict[Any, Any] = {
+    "font.size": SMALLEST,
+    "axes.titlesize": SMALLEST + 1,
+    "axes.labelsize": SMALLEST,
+    "xtick.labelsize": SMALLEST,
+    "ytick.labelsize": SMALLEST,
+    "legend.fontsize": SMALLEST,
+    "legend.title_fontsize": SMALLEST,
+    "figure.titlesize": SMALLEST + 1,
+}
 # Okabe and Ito's.
 BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 HATCHES = ("xx", "//", "..", "\\\\", "++", "oo")

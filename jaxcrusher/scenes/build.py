@@ -1,4 +1,7 @@
-"""The scene and the machine of a description."""
+"""The scene and the machine of a description.
+
+The paper is Wang, Cui, Wang, Appl. Sci. 2023, 13, 238: the PE250x400 of Tables 1 and 2.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.lax import stop_gradient
-from jaxtyping import Scalar
+from jaxtyping import ArrayLike, Scalar
 
 from jaxcrusher.basics.checks import (
     concrete,
@@ -19,8 +22,13 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.capacity import CrushingChamber, stroke
-from jaxcrusher.crusher.crushing_bed import crushing_bed
-from jaxcrusher.crusher.loads import AbstractLoad, ByAngle, HalfSineStroke, closing_stroke_of
+from jaxcrusher.crusher.loads import (
+    AbstractLoad,
+    ByAngle,
+    HalfSineStroke,
+    closing_stroke_of,
+    crushing_bed,
+)
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
 from jaxcrusher.crusher.rod import Rod, rod_at
 from jaxcrusher.crusher.rough_feed import rough_feed
@@ -37,8 +45,7 @@ from jaxcrusher.joint.rollers import RollerBearing, Rollers
 from jaxcrusher.mechanism.drives import ConstantSpeed, UnevenSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.scene import require_clearance
-from jaxcrusher.mechanism.soil import soil_under
-from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupports
+from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupports, soil_under
 from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.load_curve import load_curve
 from jaxcrusher.scenes.own_laws import built, check_described, is_own
@@ -409,3 +416,28 @@ def _roller_bearing(values: Mapping[str, Any], norm_width: Any) -> RollerBearing
         dynamic_rating=v["dynamic_rating"],
         norm_width=norm_width,
     )
+
+
+def paper_scene(speed: ArrayLike, clearance: ArrayLike, **values: Value) -> Scene:
+    """The paper's crusher with clearance in its main bearing.
+
+    **Arguments:**
+
+    - `speed`: of the shaft, rad/s, constant.
+    - `clearance`: radial, R_i - R_j, m, in (0, 0.13).
+    - `values`: any other names of `jaxcrusher.PE250X400`, as in `jaxcrusher.build_scene`, such as
+      `start="contact"`, `slip="surface"`, `friction=0`, `load_law="closing_stroke"`,
+      `impact_law="tracked"` or `formulation="multiplier"` (the paper's).
+
+    Numbers may be traced. Raises ValueError as `build_scene` does.
+    """
+    return build_scene({"speed": speed, "clearance": clearance, **values})
+
+
+def ideal_scene(speed: ArrayLike, **values: Value) -> Scene:
+    """The paper's crusher without clearance: the floor that a clearance adds to.
+
+    `speed` in rad/s, constant; `values` and what is raised as in `paper_scene`. The ideal twin of
+    any other scene is `scene.ideal()`.
+    """
+    return build_scene({"speed": speed, **values, "joint": "ideal"})

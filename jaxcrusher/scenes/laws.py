@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from jaxcrusher.crusher.crushing_bed import CrushingBed
 from jaxcrusher.crusher.loads import (
     AlongJaw,
     ByAngle,
     ClosingStroke,
+    CrushingBed,
     NormalToJaw,
     along_jaw,
     normal_to_jaw,

@@ -40,10 +40,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxcrusher.basics.checks import concrete, require, require_choice, require_known
-from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction
-from jaxcrusher.mechanism.arms import Arm
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.linkage_scene import AbstractPush, LinkageScene, Push, PushByAngle, Spring
 from jaxcrusher.mechanism.motion import ideal_at_rest

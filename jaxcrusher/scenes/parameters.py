@@ -23,7 +23,7 @@ from jaxcrusher.basics.checks import (
     require_positive,
     require_within,
 )
-from jaxcrusher.crusher.joints import LETTERS
+from jaxcrusher.crusher.machine import LETTERS
 from jaxcrusher.scenes.laws import LAWS
 
 Value = ArrayLike | str

@@ -15,7 +15,7 @@ import numpy as np
 from jaxcrusher.basics.checks import concrete
 from jaxcrusher.basics.setup import UnusualNumbers, warn_once
 from jaxcrusher.crusher.loads import AbstractConstantLoad
-from jaxcrusher.files.messages import tell
+from jaxcrusher.files.results import tell
 from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.parameters import (
     CHAMBER,

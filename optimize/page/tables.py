@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 from jaxcrusher.batch.sweep import columns_of_row
 from jaxcrusher.crusher.capacity import CAUTION
-from jaxcrusher.crusher.joints import JOINTS
+from jaxcrusher.crusher.machine import JOINTS
 from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT

@@ -17,7 +17,7 @@ from benchmarks.stability import figure as stability
 from benchmarks.stability.judgement import Judged
 from benchmarks.work_precision import figure as work_precision
 from benchmarks.work_precision.measure import Row
-from jaxcrusher.pictures.page import SMALLEST, STYLE, WIDTH, power
+from jaxcrusher.pictures.plots import SMALLEST, STYLE, WIDTH, power
 from optimize.sets import SETS
 from tests.tables import read_table
 

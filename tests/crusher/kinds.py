@@ -10,8 +10,7 @@ import numpy as np
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.crusher.joints import JOINTS
-from jaxcrusher.mechanism import energies
+from jaxcrusher.crusher.machine import JOINTS
 from jaxcrusher.mechanism import observables as general
 from jaxcrusher.mechanism.drives import CrankState
 from jaxcrusher.mechanism.frame import frame_units
@@ -101,7 +100,7 @@ def unaccounted(scene):
 
         def energy(time, state):
             s = formulation.snapshot(time, state, scene)
-            parts = (energies.kinetic_energy, energies.potential_energy, general.elastic_energy)
+            parts = (general.kinetic_energy, general.potential_energy, general.elastic_energy)
             return sum(part(s, scene) for part in parts)
 
         s = formulation.snapshot(time, state, scene)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.bearing_load import bearing_stiffness
+from jaxcrusher.crusher.observables import bearing_stiffness
 from jaxcrusher.joint.validity import RollerLoad
 
 ROLLERS = {"contact_law": "rollers", "start": "contact"}

@@ -15,9 +15,9 @@ from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.equations import solve
-from jaxcrusher.mechanism.forces import wrenches_of
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.scene import wrenches_of
 from jaxcrusher.mechanism.starts import Given, shifted_start
 from tests.crusher.kinds import at_start, check_laws, placed
 from tests.crusher.operations import field_operations

@@ -8,7 +8,6 @@ import pytest
 import xarray as xr
 
 import jaxcrusher as jc
-from jaxcrusher.dynamics import basin_map
 from jaxcrusher.dynamics.coexisting_orbits import coexisting_orbits
 
 
@@ -21,7 +20,7 @@ def test_two_designs_side_by_side(monkeypatch):
         asked.append((scene, given, whole(scene, **given)))
         return asked[-1][2]
 
-    monkeypatch.setattr(basin_map, "coexisting_orbits", looks)
+    monkeypatch.setattr("jaxcrusher.dynamics.coexisting_orbits.coexisting_orbits", looks)
     found = jc.basin_map(
         {"speed": [30.0, 40.0], "clearance": [0.12e-3]},
         starts=8,
@@ -68,7 +67,7 @@ def test_a_stored_map_that_was_stopped_goes_on(tmp_path, monkeypatch):
         # One start counts as unsettled, so that labels of either kind are stored.
         return dataclasses.replace(found, labels=np.append(found.labels[:-1], -1))
 
-    monkeypatch.setattr(basin_map, "coexisting_orbits", looks)
+    monkeypatch.setattr("jaxcrusher.dynamics.coexisting_orbits.coexisting_orbits", looks)
     with pytest.raises(KeyboardInterrupt):
         jc.basin_map({"speed": [27.0, 30.0]}, store=tmp_path / "map", **how)
     stored = jc.basin_map({"speed": [27.0, 30.0]}, store=tmp_path / "map", **how).load()

@@ -9,9 +9,8 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.dynamics import slopes
-from jaxcrusher.dynamics.fits import fit_slopes
 from jaxcrusher.dynamics.judgement import judge
-from jaxcrusher.dynamics.slopes import gradient_report
+from jaxcrusher.dynamics.slopes import fit_slopes, gradient_report
 from jaxcrusher.motion import method
 from jaxcrusher.motion.tangents import Tangents
 from jaxcrusher.orbits.shot import shoot

@@ -2,7 +2,7 @@
 
 import pytest
 
-from jaxcrusher.joint.clearance_classes import clearance_class
+from jaxcrusher.joint.rollers import clearance_class
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,14 @@ from scipy.special import beta
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.joint.load_zone import EXPONENT, damping_shares, force_factor
-from jaxcrusher.joint.rollers import PALMGREN, STATIC_PRESSURE, Rollers
+from jaxcrusher.joint.rollers import (
+    EXPONENT,
+    PALMGREN,
+    STATIC_PRESSURE,
+    Rollers,
+    damping_shares,
+    force_factor,
+)
 
 C = 6e-5
 # Sjovall's integral of a bearing of which half is loaded.

@@ -2,11 +2,10 @@
 
 import pytest
 
-from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.joint.clearance import ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction, SurfaceSlip
 from jaxcrusher.joint.normal import ConstantImpactVelocity, LankaraniNikravesh
-from jaxcrusher.mechanism.arms import Arm
 from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.linkage_scene import LinkageScene, Push

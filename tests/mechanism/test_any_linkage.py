@@ -12,9 +12,9 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.joint.clearance import ClearanceJoint
 from jaxcrusher.joint.normal import ConstantImpactVelocity, LankaraniNikravesh
 from jaxcrusher.mechanism.drives import ConstantSpeed, GivenTorque, UnevenSpeed
-from jaxcrusher.mechanism.energies import kinetic_energy, potential_energy
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.observables import kinetic_energy, potential_energy
 from jaxcrusher.mechanism.starts import Given, InContact
 from jaxcrusher.mechanism.supports import OnSupports
 from jaxcrusher.mechanism.topology import FRAME

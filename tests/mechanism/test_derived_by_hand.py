@@ -16,13 +16,12 @@ from jax.flatten_util import ravel_pytree
 
 import jaxcrusher as jc
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.mechanism import energies
 from jaxcrusher.mechanism import observables as general
 from jaxcrusher.mechanism.drives import GivenTorque
 from tests.pairs import slow
 
 DATA = json.loads(Path(__file__).with_name("derived_by_hand.json").read_text())
-ENERGIES = {"kinetic": energies.kinetic_energy, "potential": energies.potential_energy}
+ENERGIES = {"kinetic": general.kinetic_energy, "potential": general.potential_energy}
 ENERGIES |= {"elastic": general.elastic_energy}
 
 

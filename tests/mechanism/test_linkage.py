@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.basics.plane import Vector
-from jaxcrusher.mechanism.arms import Arm, arm_to, minus, plus
+from jaxcrusher.basics.plane import Arm, Vector, arm_to, minus, plus
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.motion import Crank, ideal_at_rest, moving
 from jaxcrusher.mechanism.named import Named

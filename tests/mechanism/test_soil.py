@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.mechanism.soil import soil_under
+from jaxcrusher.mechanism.supports import soil_under
 
 SAND = 6e7, 1800.0, 0.35
 

@@ -12,7 +12,7 @@ import pytest
 import xarray as xr
 from matplotlib.text import Text
 
-from jaxcrusher.pictures.page import SMALLEST, WIDTH
+from jaxcrusher.pictures.plots import SMALLEST, WIDTH
 from optimize import figures
 from optimize.answer import Front
 

@@ -8,7 +8,7 @@ import xarray as xr
 
 import jaxcrusher as jc
 from jaxcrusher.mechanism.reductions import SAMPLES
-from jaxcrusher.mechanism.soil import soil_under
+from jaxcrusher.mechanism.supports import soil_under
 from jaxcrusher.motion.turns import run_turns
 from jaxcrusher.orbits.load_sheet import (
     Site,

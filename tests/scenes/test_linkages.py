@@ -10,7 +10,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.scene import crusher_of
-from jaxcrusher.mechanism.energies import kinetic_energy
+from jaxcrusher.mechanism.observables import kinetic_energy
 from jaxcrusher.scenes.described import described, read_scene
 from jaxcrusher.scenes.linkages import linkage, read_linkage
 

@@ -217,7 +217,7 @@ def command_lines(draw, lines=LINES) -> list[str]:
 
 def one_clear_line(error: BaseException) -> None:
     """Whether a program tells an error in one line that says what must be."""
-    line = " ".join(str(error).split())  # as `jaxcrusher.files.messages.tell` prints it
+    line = " ".join(str(error).split())  # as `jaxcrusher.files.results.tell` prints it
     assert type(error) in (ValueError,), repr(error)
     assert CLEAR.search(line) and "Traceback" not in line, line
     assert not re.search(r"\x1b|\0", line), repr(line)
