@@ -100,7 +100,7 @@ def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -
     names = [name for name in COMPARED if name != "wear" or rubs]
     result, motion = None, "periodic orbit"
     if not refusal(scene):
-        orbit = jc.periodic_orbit(scene)
+        orbit = jc.periodic_orbit(scene, effort="thorough")
         result = orbit if bool(orbit.stable) else None
     if result is None:
         asked = (statistic for name in names for statistic in OBJECTIVES[name].outputs)

@@ -134,7 +134,7 @@ def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
         return None
     described = case.design.described(case.design.numbers(unit))
     scene = jc.build_scene(described)
-    solution = jc.periodic_orbit(scene)
+    solution = jc.periodic_orbit(scene, effort="thorough")
     offsets = BESIDE * np.eye(len(unit))
     units = np.concatenate([unit[None], unit + offsets, unit - offsets])
     rows = solve(case, units, sections=np.tile(solution.section, (len(units), 1)))

@@ -195,8 +195,9 @@ class Orbit:
     crusher: Crusher = field(default_factory=Crusher)
     period: int = 1
     """Turns after which the motion repeats."""
-    effort: Literal["quick", "thorough"] = "thorough"
-    """How far the orbit is searched for: quick answers in seconds, also where it finds none."""
+    effort: Literal["quick", "usual", "thorough"] = "usual"
+    """How far the orbit is searched for: thorough waits as long as it takes. Ctrl-C tells what is
+    known by then."""
     mat: bool = False
     """Also write OUT/NAME/orbit.mat for MATLAB: what orbit.csv holds."""
     results: Results = field(default_factory=lambda: Results("orbit"))

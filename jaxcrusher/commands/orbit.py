@@ -42,7 +42,7 @@ REMEDY = (
     "Where the free oscillation of the pin meets a harmonic of the drive, or contact is lost, "
     "there may be no orbit of this period, or several. Try a value a thousandth off, another "
     "--period, or jaxcrusher.coexisting_orbits, which searches from many starts. Any motion has "
-    "averages: `python -m jaxcrusher simulate --turns 200`."
+    "means: `python -m jaxcrusher foundation` makes a load sheet of them, with their scatter."
 )
 
 

@@ -117,7 +117,7 @@ def coexisting_orbits(
     require_whole("turns", turns, 2 * LOOKS * CYCLE)
     require_whole("seed", seed, 0)
     require(not scene.is_ideal, "scene", "have a joint with clearance", "ideal ones")
-    quiet = periodic_orbit(scene)
+    quiet = periodic_orbit(scene, effort="thorough")
     known = _Known(scene, [quiet] if bool(quiet.stable) else [])
     length = -(-turns // LOOKS)
     advance = eqx.Partial(section_points, turns=length, rtol=WAIT_RTOL)

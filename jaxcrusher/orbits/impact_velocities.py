@@ -16,12 +16,11 @@ from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import initial_state, unflattened
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.orbits.transient import TURNS, WAIT_RTOL, section_points
+from jaxcrusher.orbits.effort import Spent
+from jaxcrusher.orbits.transient import PIECE, TURNS, WAIT_RTOL, piece
 
-# Times that so many turns are waited for contact, and turns that must keep it.
-ROUNDS, KEPT = 8, 12
-
-_points = eqx.filter_jit(section_points)
+# Turns that must keep contact, looked at after each `TURNS`.
+KEPT = 12
 
 
 def tracks(scene: AbstractScene) -> bool:
@@ -30,20 +29,25 @@ def tracks(scene: AbstractScene) -> bool:
     return any(law.initial() is not None for law in laws)
 
 
-def settled_velocities(scene: AbstractScene) -> dict[str, Array] | None:
+def settled_velocities(scene: AbstractScene, spent: Spent) -> dict[str, Array] | None:
     """Return what the impact velocity of each joint comes to from the scene's start, in m/s.
 
-    None where contact is not kept within some 1900 turns: each impact then sets another velocity.
+    None where contact is not kept within an effort: each impact then sets another velocity.
     Concrete values only.
     """
     joints = dict(scene.joints.items())
     outputs = tuple(f"{before(name)}contact_fraction" for name in joints)
     state = initial_state(scene)
-    for _ in range(ROUNDS):
-        states, success = _points((state, scene), turns=TURNS, rtol=WAIT_RTOL)
-        state = states[-1]
-        if not bool(success):
-            return None
+    for _ in range(spent.bounds.turns // TURNS):
+        for _ in range(TURNS // PIECE):
+            if not spent.affords(PIECE):
+                return None
+            states, outcome = piece((state, scene))
+            spent.integrated(outcome, PIECE)
+            spent.turns += PIECE
+            state = states[-1]
+            if not bool(outcome.success):
+                return None
         seen = poincare_section(scene, 0, KEPT, state=state, outputs=outputs, rtol=WAIT_RTOL)
         if all(bool(np.all(seen.values[name] >= ALL_THE_TIME)) for name in outputs):
             at = unflattened(state, scene)

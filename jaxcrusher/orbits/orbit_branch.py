@@ -232,7 +232,7 @@ def _first(
     first = found = periodic_orbit(begin, period=period, nodes=nodes, guess=guess)
     require(first.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
     if not bool(first.success):
-        found = periodic_orbit(begin, period=period, guess=guess)
+        found = periodic_orbit(begin, period=period, guess=guess, effort="thorough")
         given = f"{value}. {found.failure}".removesuffix(".")
         require(bool(found.success), "start", "have a periodic orbit", given)
         path = found.eccentricity

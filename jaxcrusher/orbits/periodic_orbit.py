@@ -20,6 +20,7 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.mechanism.starts import Centred
 from jaxcrusher.orbits import forced
+from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.impact_velocities import held, settled_velocities, tracks
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, finished, missing
 from jaxcrusher.orbits.solving import kinematic, solved, solved_as_needed, with_statistics
@@ -33,7 +34,7 @@ def periodic_orbit(
     nodes: int | None = None,
     guess: PeriodicOrbit | Float[ArrayLike, "n dims"] | Float[ArrayLike, " states"] | None = None,
     method: Literal["shooting"] | None = None,
-    effort: Literal["quick", "thorough"] = "thorough",
+    effort: Literal["quick", "usual", "thorough"] = "usual",
 ) -> PeriodicOrbit:
     """Return the motion of `scene` that repeats after `period` turns.
 
@@ -59,9 +60,11 @@ def periodic_orbit(
     - `method`: "shooting" solves for the section point by the integrator alone, which an impact
       does not disturb, also under `jax.jit`. None is by nodes, and further ways as told above.
 
-    - `effort`: "quick" takes 96 nodes alone, waits for 480 turns at most and does not shoot: an
-      answer takes seconds, also where there is no orbit. "thorough" tries all ways. It does not
-      matter where `nodes` or a `method` is given.
+    - `effort`: "quick" takes 96 nodes alone, waits for 480 turns at most and does not shoot.
+      "usual" tries all ways, cheap ones first, and ends after four million steps of the integrator
+      (`jaxcrusher.orbits.effort`): an answer takes 10 s at most, besides compilation, also where
+      there is no orbit. "thorough" has no such bound. It does not matter where `nodes` or a
+      `method` is given. Ctrl-C ends a search with a KeyboardInterrupt that says what is known.
 
     **Returns:** a `PeriodicOrbit`, stable or not: look at `success` and `stable`. `found` says by
     which way it was found, and `failure` what the motion does if it has none. An orbit whose RMS is
@@ -87,11 +90,13 @@ def periodic_orbit(
     if nodes is not None:
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
-    velocities = None
+    # Shooting that is asked for is not bounded, and nodes that are given wait for nothing.
+    velocities, spent = None, Spent(effort if method is None else "thorough")
     if tracks(scene) and all(primal(leaf) is not None for leaf in jax.tree.leaves(scene)):
-        velocities = settled_velocities(jax.lax.stop_gradient(scene.steady()))
+        velocities = settled_velocities(jax.lax.stop_gradient(scene.steady()), spent)
         if velocities is None:
-            return finished(missing(scene, turns, RESULTS.impacts), scene)
+            none = missing(scene, turns, RESULTS.impacts)
+            return finished(dataclasses.replace(none, tried=str(spent)), scene)
         scene = held(scene, velocities)
     if refused := forced.refusal(scene):
         raise ValueError(f"Argument `scene` must {refused}.")
@@ -99,7 +104,6 @@ def periodic_orbit(
         require_choice("method", method, ("shooting",))
         require(nodes is None, "nodes", 'be None with method="shooting"', nodes)
         require(not scene.is_ideal, "scene", "have a clearance joint to shoot for", "an ideal one")
-    require_choice("effort", effort, ("quick", "thorough"))
     first, begin = None, None
     if isinstance(guess, PeriodicOrbit):
         first, begin = _guess(guess.eccentricity, scene), guess.section
@@ -116,7 +120,7 @@ def periodic_orbit(
     if forced.unknowns(scene) == 0:
         orbit = kinematic(alike, turns, scene.entries())
     elif known:
-        search = OrbitSearch(alike, still, first, begin, period, effort == "quick")
+        search = OrbitSearch(alike, still, first, begin, period, spent)
         # Tries that fail are NaN; what comes out of all of them is looked at below.
         with jax.debug_nans(False):
             orbit = searched(search, nodes) if method is None else shot_for(search)

@@ -42,11 +42,7 @@ class RESULTS(newton.RESULTS):  # pyright: ignore
     whirl = "The motion from rest is a friction whirl: the pin rolls round its bore."
     repeats = "The motion from rest repeats after another number of turns, up to 4."
     chaotic = "The motion from rest is chaotic: disturbances of it grow."
-    open_end = (
-        "The motion from rest does not repeat within 480 turns, and is not chaotic. "
-        'effort="thorough" waits for 1920 turns, and tries more nodes and shooting.'
-    )
-    aperiodic = "The motion from rest does not repeat within 1920 turns, and is not chaotic."
+    aperiodic = "The motion from rest does not repeat within the wait, and is not chaotic."
 
 
 class WAYS(eqx.Enumeration):  # pyright: ignore
@@ -97,6 +93,8 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     held_velocities: Mapping[str, Scalar] | None = None
     # what the motion from the pins at rest does, if it was waited for and no stable orbit was found
     from_rest: RESULTS | None = None
+    # what was tried for an orbit that was not found, in words
+    tried: str = eqx.field(static=True, default="")
 
     def units(self) -> dict[str, str]:
         """Return the unit of every statistic there is."""
@@ -109,8 +107,11 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
     @property
     def failure(self) -> str:
-        """Say why there is no orbit; nothing if there is (concrete values only)."""
-        return words(RESULTS, self.result)
+        """Say why there is no orbit, and what was tried; nothing if there is one.
+
+        Concrete values only.
+        """
+        return " ".join(filter(None, (words(RESULTS, self.result), self.tried)))
 
     @property
     def found(self) -> str:
@@ -310,11 +311,13 @@ def finished(
     Slopes of multipliers and errors are NaN too. They are computed without slopes, and a slope of
     zero would be wrong.
     """
+    # Programs are compiled for each of the words that they are handed.
+    tried, orbit = orbit.tried, dataclasses.replace(orbit, tried="")
     if not is_concrete(scene):
         orbit = _masked_with_slopes(orbit, scene)
     elif not (is_concrete(orbit.result) and bool(orbit.success)):
         orbit = _masked(orbit)
-    return dataclasses.replace(orbit, scene=scene, held_velocities=held_velocities)
+    return dataclasses.replace(orbit, scene=scene, held_velocities=held_velocities, tried=tried)
 
 
 @eqx.filter_jit

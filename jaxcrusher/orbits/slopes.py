@@ -42,7 +42,7 @@ def orbit_beside(scene: AbstractScene) -> PeriodicOrbit | None:
     """
     if scene.is_ideal or refusal(scene):
         return None
-    orbit = periodic_orbit(scene)
+    orbit = periodic_orbit(scene, effort="thorough")
     if orbit.eccentricity is None or not bool(orbit.stable & (orbit.least_penetration > GRAZING)):
         return None
     apart = jnp.max(jnp.abs(initial_state(scene) - flat(orbit.state(), scene)))

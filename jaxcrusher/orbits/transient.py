@@ -16,21 +16,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Scalar
 
-from jaxcrusher.basics.integrate import integrate
+from jaxcrusher.basics.integrate import Outcome, integrate
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.starts import InContact
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
-from jaxcrusher.motion.indicators import CHAOS, detect_period, lyapunov_spectrum
+from jaxcrusher.motion.indicators import CHAOS, detect_period
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistics import of_whirl, statistics_problem
-from jaxcrusher.motion.tangents import SLICES, same, tangents
+from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.forced import coordinates
-from jaxcrusher.orbits.result import RESULTS
+from jaxcrusher.orbits.result import RESULTS, words
 
 # Turns of the first round, half of which make a mean: a multiple of all periods up to six. Each
-# round lasts as long as all before it, and 1920 turns take a second.
-TURNS, ROUNDS, QUICK_ROUNDS = 240, 4, 2
+# round lasts as long as all before it. They are integrated in pieces, between which the steps are
+# counted; half a piece is a multiple of all periods up to four.
+TURNS, PIECE = 240, 24
 # The integration's tolerance: at 1e-6 the method feeds a swing as much as the joint damps it; at
 # 1e-7 it changes the decay by 5 to 14 %. No decay is judged by it.
 WAIT_RTOL = 1e-7
@@ -41,8 +42,8 @@ ANGLES = 96
 LONGEST, NARROWER = 4, 0.5
 # Section points so near, in clearances and m/s, repeat.
 REPEATED = 1e-4
-# Turns over which a disturbance is followed.
-GROWN = 24
+# How far a disturbance is from a motion, in clearances and m/s, at first and when it has grown.
+APART, FAR = 1e-5, 0.1
 
 # An orbit is the mean of a swing if it is no further from it, as a share of its spread and in
 # clearances.
@@ -61,19 +62,20 @@ def section_points(
 
     One integration: in lanes designs do not wait for each other at each turn's end.
     """
-    return _states(case, 2 * np.pi * np.arange(1, turns + 1), rtol)
+    states, outcome = _states(case, 2 * np.pi * np.arange(1, turns + 1), rtol)
+    return states, outcome.success
 
 
 def _states(
     case: SceneAt, phases: Float[np.ndarray, " n"], rtol: float
-) -> tuple[Float[Array, "n dims"], Bool[Array, ""]]:
-    """Return states at phases after a section point, and whether the run succeeded."""
+) -> tuple[Float[Array, "n dims"], Outcome]:
+    """Return states at phases after a section point, and how the run ended."""
     state, scene = case
     flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, rtol)
     (states, _), outcome = integrate(
         flow, jnp.asarray(phases)[:, None], problem=statistics_problem(()), method=method
     )
-    return jax.vmap(lambda one: flat(one, scene))(states), outcome.success
+    return jax.vmap(lambda one: flat(one, scene))(states), outcome
 
 
 def resting_start(scene: AbstractScene) -> SceneAt:
@@ -104,9 +106,9 @@ def one_period(
     With it comes whether the integration succeeded.
     """
     steps = 2 * np.pi * np.arange(1, ANGLES * period) / ANGLES
-    states, success = _states(case, steps, WAIT_RTOL)
+    states, outcome = _states(case, steps, WAIT_RTOL)
     states, scene = jnp.concatenate([case[0][None], states]), case[1]
-    return jax.vmap(lambda one: _coordinates(one, scene))(states), success
+    return jax.vmap(lambda one: _coordinates(one, scene))(states), outcome.success
 
 
 def _coordinates(section: Float[Array, " dims"], scene: AbstractScene) -> Float[Array, " half"]:
@@ -128,7 +130,13 @@ def allowed(spread: float) -> float:
     return max(ABOUT * spread, NEAR)
 
 
-_points, one_period = eqx.filter_jit(section_points), eqx.filter_jit(one_period)
+@eqx.filter_jit
+def piece(case: SceneAt) -> tuple[Float[Array, "turns dims"], Outcome]:
+    """Return the section points of the next `PIECE` turns from a state, and how they ended."""
+    return _states(case, 2 * np.pi * np.arange(1, PIECE + 1), WAIT_RTOL)
+
+
+one_period = eqx.filter_jit(one_period)
 
 
 @dataclass(frozen=True)
@@ -168,10 +176,10 @@ class Round:
 
 
 class Wait:
-    """A motion from the pins at rest, waited for in so many rounds, as far as it is asked for."""
+    """A motion from the pins at rest, waited for within an effort, as far as it is asked for."""
 
-    def __init__(self, scene: AbstractScene, rounds: int = ROUNDS) -> None:
-        self._own, self._rounds = scene, rounds
+    def __init__(self, scene: AbstractScene, spent: Spent) -> None:
+        self._own, self.spent = scene, spent
         self._ended: Array | None = None  # the state after all turns so far
         self._last: Round | None = None
         self._failed = self._chaotic = False
@@ -193,29 +201,38 @@ class Wait:
     def rounds(self) -> Iterator[Round]:
         """Yield the last half of more and more turns.
 
-        They end where the motion fails or whirls, and after the second round where it is chaotic.
+        They end where the motion fails or whirls, after the second round where it is chaotic, and
+        with what there is where the steps of the effort are spent.
         """
-        seen: list[np.ndarray] = []
-        last = 2 ** (self._rounds - 1) - 1
+        seen = np.zeros((0, len(self._state)))
+        last = self.spent.bounds.turns // TURNS - 1
         for turn in range(last + 1):
             if self._whirls():
                 return
-            case = self._state, self.scene
             _LOG.info("waiting: turns %d to %d from rest", turn * TURNS + 1, (turn + 1) * TURNS)
-            states, success = _points(case, turns=TURNS, rtol=WAIT_RTOL)
-            self._failed = not bool(success)
-            if self._failed:
-                return
-            seen.append(np.asarray(states))
-            self._ended, count = states[-1], turn + 1
-            if count & turn == 0:  # a power of two
-                # Half a second each: before what would be in vain, and at the end for its name.
-                self._chaotic = turn in (0, 1, last) and self._growth() > CHAOS
-                half = np.concatenate(seen)[count * TURNS // 2 :]
-                self._last = Round(half, self._chaotic)
-                yield self._last
-                if self._chaotic and turn > 0:
+            while len(seen) < (turn + 1) * TURNS and self.spent.affords(PIECE):
+                begun = self._state
+                states, outcome = piece((begun, self.scene))
+                self._failed = not bool(outcome.success)
+                if self._failed:
                     return
+                self.spent.integrated(outcome, PIECE)
+                self.spent.turns += PIECE
+                seen, self._ended = np.concatenate([seen, states]), states[-1]
+            ends = not self.spent.affords(PIECE)
+            if len(seen) and (turn & (turn + 1) == 0 or ends):  # a power of two, or the last
+                # Before what would be in vain, and at the end for its name.
+                looks = turn in (0, 1, last) or ends
+                self._chaotic = looks and self._growth(begun, seen[-PIECE:]) > CHAOS
+                self._last = Round(seen[len(seen) // 2 :], self._chaotic)
+                yield self._last
+            if ends or (self._chaotic and turn > 0):
+                return
+
+    def told(self) -> str:
+        """Say what was tried, and after turns that were waited for what the motion does."""
+        motion = f"{words(RESULTS, self.regime(RESULTS.aperiodic))} " if self.spent.turns else ""
+        return f"{motion}{self.spent}"
 
     def regime(self, otherwise: RESULTS) -> RESULTS:
         """Name what the motion does that has no orbit."""
@@ -229,17 +246,22 @@ class Wait:
             return RESULTS.repeats
         if self._chaotic:
             return RESULTS.chaotic
-        return RESULTS.aperiodic if self._rounds == ROUNDS else RESULTS.open_end
+        return RESULTS.aperiodic
 
     def _whirls(self) -> bool:
         seen = poincare_section(
             self.scene, 0, 2, state=self._state, outputs=of_whirl(self.scene), rtol=WAIT_RTOL
         )
+        self.spent.integrated(seen.outcome, 2)
         return bool(seen.success) and bool(seen.statistics.whirl)
 
-    def _growth(self) -> float:
-        """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980)."""
-        build = eqx.Partial(same, scene=self.scene)
-        along = tangents(build, jnp.zeros(0), self.scene.leading, self._state, GROWN, WAIT_RTOL)
-        exponents = lyapunov_spectrum(along.jacobians, slices=SLICES, discard=0.0).exponents
-        return float(exponents[0])
+    def _growth(self, begun: Array, states: Float[np.ndarray, "turns dims"]) -> float:
+        """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980).
+
+        It is that of a motion beside the one whose section points are `states`, begun together.
+        """
+        beside, outcome = piece((begun + APART / np.sqrt(begun.size), self.scene))
+        self.spent.integrated(outcome, PIECE)
+        apart = np.linalg.norm(beside - states, axis=1)
+        turns = np.append(np.flatnonzero(apart > FAR), PIECE - 1)[0] + 1
+        return float(np.log(apart[turns - 1] / APART) / turns)

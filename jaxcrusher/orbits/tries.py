@@ -9,8 +9,8 @@
 
 Where one of these leads to an unstable orbit whose period has doubled, the orbit of twice the turns
 is shot for from beside it. The first stable orbit is the answer. Under `jax.jit` the first try is
-all: see `jaxcrusher.orbits.solving`. A quick search takes the fewest nodes alone, waits for 480
-turns and shoots for nothing.
+all: see `jaxcrusher.orbits.solving`. A bounded effort (`jaxcrusher.orbits.effort`) takes the fourth
+before the third, which it leaves out where the motion from rest is chaotic.
 """
 
 import dataclasses
@@ -25,6 +25,8 @@ from jaxtyping import Array, Scalar
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.section import poincare_section
+from jaxcrusher.orbits.effort import Spent
+from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import (
     ORBIT_RTOL,
@@ -45,8 +47,6 @@ from jaxcrusher.orbits.solving import (
 from jaxcrusher.orbits.transient import (
     LONGEST,
     NEAR,
-    QUICK_ROUNDS,
-    ROUNDS,
     Round,
     Wait,
     one_period,
@@ -55,8 +55,8 @@ from jaxcrusher.orbits.transient import (
     section_mean,
 )
 from jaxcrusher.periodic import newton
-from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.multipliers import STEPS
+from jaxcrusher.periodic.trigonometric import resample
 
 # Distances in clearances from an unstable orbit, at which the orbit of twice the turns is shot for.
 # Where |mu| is 1.0004 to 1.01 the first one leads there.
@@ -69,6 +69,8 @@ SURELY_CLOSED = 1e-7
 # An error of multipliers above which they are computed again, in up to so many steps a period. In
 # the paper's box the error is at most 2.4e-7.
 UNSURE, MOST_STEPS = 1e-6, FASTER**2 * STEPS
+# Turns of a wait that cost as much as shooting for a period of one turn.
+SHOT = 300
 
 # Tells each try as it begins, for a program that shows how far it is.
 _LOG = logging.getLogger(__name__)
@@ -97,7 +99,7 @@ class OrbitSearch(NamedTuple):
     guess: Array | None  # of nodes
     section: Array | None  # the section point of a guess, which may lose contact
     period: int | None  # None is 1, or else what the motion that is waited for repeats after
-    quick: bool = False  # compile little, and wait for little
+    spent: Spent
 
     @property
     def turns(self) -> int:
@@ -111,17 +113,20 @@ class OrbitSearch(NamedTuple):
 
         Once with the slopes of the scene, and once with the values that tell how good it is.
         """
-        way, most = None, most or (NODES if self.quick else MOST_NODES)
+        way, most = None, most or self.spent.bounds.nodes
         while True:
+            self.spent.nodes.add(count)
             _LOG.info("Newton's method for a period of %d, %d nodes a turn", turns, count)
-            found, factors = solved(self.still, guess, turns, count * turns)
+            found, factors = solved(
+                self.still, self._start(guess, count * turns), turns, count * turns
+            )
             way = found.way if way is None else way
             found = dataclasses.replace(_resolved(self.still, found, turns), way=way)
             sloped = with_statistics(self.scene, found, factors, turns)
             orbit = without_slopes(sloped)
             if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
                 orbit = with_statistics(self.still, found, factors, turns)
-            enough = count >= most or not _wants_nodes(orbit)
+            enough = count >= most or not self._wants_nodes(orbit)
             if enough and (not bool(orbit.success) or _is_closed(orbit, found.closure)):
                 break
             if count >= most:
@@ -129,6 +134,17 @@ class OrbitSearch(NamedTuple):
                 break
             guess, count = orbit.eccentricity, 2 * count
         return self.with_multipliers(Try(sloped, orbit), found)
+
+    def _start(self, guess: Array | None, nodes: int) -> Array:
+        """Return a guess with so many nodes, NaN for none: one program serves both."""
+        if guess is None:
+            return jnp.full((nodes, unknowns(self.still)), jnp.nan)
+        return guess if len(guess) == nodes else resample(guess, nodes)
+
+    def _wants_nodes(self, orbit: PeriodicOrbit) -> bool:
+        """Tell whether more nodes may help: what they do not resolve is sooner shot for."""
+        inexact = bool(orbit.success) and not float(orbit.error) <= SETTLED
+        return inexact or (_is_unresolved(orbit) and not self.spent.bounds.bounded)
 
     def with_multipliers(self, found: Try, nodes: Nodes) -> Try:
         """Return an orbit with multipliers by the integrator, if steps leave them unsure."""
@@ -141,9 +157,16 @@ class OrbitSearch(NamedTuple):
         values, error = integrated_multipliers(self.still, orbit.section, orbit.period)
         return found.replaced(multipliers=values, multipliers_error=error)
 
+    def can_shoot(self, start: Array, turns: int) -> bool:
+        """Tell whether the integrator may solve from a section point, within the effort."""
+        able = self.spent.bounds.shoots and can_be_shot(self.still, start)
+        return able and self.spent.affords(SHOT * turns)
+
     def by_shooting(self, start: Array, turns: int) -> Try:
         """Return the orbit through a section point near `start`."""
         _LOG.info("shooting for a period of %d", turns)
+        self.spent.spend(SHOT * turns)
+        self.spent.shots += 1
         found = closed(self.still, start, turns)
         orbit = described(self.still, found, turns)
         if is_concrete(self.scene) or not bool(orbit.success):
@@ -166,9 +189,8 @@ def searched(search: OrbitSearch, nodes: int | None) -> PeriodicOrbit:
     """
     if nodes is not None:
         return _best([search.by_nodes(search.guess, search.turns, nodes, nodes)])
-    wait = Wait(search.still, QUICK_ROUNDS if search.quick else ROUNDS)
-    tries = _tries(search, wait)
-    return _best(tries if search.quick else _with_doubled(search, tries), wait)
+    wait = Wait(search.still, search.spent)
+    return _best(_with_doubled(search, _tries(search, wait)), wait)
 
 
 def shot_for(search: OrbitSearch) -> PeriodicOrbit:
@@ -176,7 +198,7 @@ def shot_for(search: OrbitSearch) -> PeriodicOrbit:
 
     From the section point of a guess, and then from the means of turns that are waited for.
     """
-    wait = Wait(search.still)
+    wait = Wait(search.still, search.spent)
     return _best(_shots(search, wait), wait)
 
 
@@ -195,10 +217,13 @@ def shot_once(
 def _best(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbit:
     """Return the first stable orbit, or else the first."""
     found: list[Try] = []
-    for one in tries:
-        found.append(one)
-        if bool(one.orbit.stable) or _is_stiff(one.orbit):
-            break
+    try:
+        for one in tries:
+            found.append(one)
+            if bool(one.orbit.stable) or _is_stiff(one.orbit):
+                break
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(_so_far(found, wait)) from None
     first = next((one for one in found if bool(one.orbit.success)), found[0])
     sloped, orbit = found[-1] if bool(found[-1].orbit.stable) else first
     settled = bool(orbit.stable) or _is_stiff(orbit)
@@ -206,12 +231,19 @@ def _best(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbit:
     # That of an orbit whose slopes are asked for may be traced.
     if regime is None or bool(orbit.success):
         return dataclasses.replace(sloped, result=orbit.result, from_rest=regime)
-    return dataclasses.replace(sloped, result=regime)
+    return dataclasses.replace(sloped, result=regime, tried=str(wait.spent))
+
+
+def _so_far(found: list[Try], wait: Wait | None) -> str:
+    """Say what an interrupted search has come to."""
+    orbit = next((one.orbit for one in found if bool(one.orbit.success)), None)
+    seen = "no orbit yet" if orbit is None else f"an unstable orbit. {orbit.instability}"
+    return seen if wait is None else f"{seen.rstrip('.')}. {wait.told()}"
 
 
 def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
     """Yield what each try comes to, cheap ones first."""
-    scene, turns = search.still, search.turns
+    scene, turns, bounds = search.still, search.turns, search.spent.bounds
     shot_from: list[tuple[int, Array]] = []
 
     def shots(start: Array, turns: int = turns) -> Iterator[Try]:
@@ -220,7 +252,7 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
         The mean of later turns may be where one led to an orbit: it is not shot from again.
         """
         known = any(turns == n and _is_near(start, at) for n, at in shot_from)
-        if known or search.quick or not can_be_shot(scene, start):
+        if known or not search.can_shoot(start, turns):
             return
         found = search.by_shots(start, turns, WAYS.shot_nodes)
         if bool(found[-1].orbit.success):
@@ -235,6 +267,14 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
                 yield search.by_nodes(seen, turns).found(WAYS.waiting)
             yield from shots(mean, turns)
 
+    def more() -> Iterator[Try]:
+        """Yield what twice the nodes lead to, and shooting from what nodes do not resolve."""
+        if bounds.nodes > NODES:
+            yield search.by_nodes(None, turns, 2 * NODES)
+        if _is_unresolved(first.orbit):
+            # What Newton's method converged to is near the orbit that loses contact.
+            yield from shots(first.orbit.section)
+
     first, rounds = search.by_nodes(search.guess, turns), wait.rounds()
     if turns == 1 and bool(first.orbit.stable) and bool(first.orbit.way == WAYS.damping):
         rest = next(rounds, None)
@@ -245,13 +285,13 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
         yield from shots(search.section)
     if search.guess is not None:
         yield search.by_nodes(None, turns)
-    if not search.quick:
-        yield search.by_nodes(None, turns, 2 * NODES)
-    if _is_unresolved(first.orbit):
-        # What Newton's method converged to is near the orbit that loses contact.
-        yield from shots(first.orbit.section)
+    late = more()
+    if not bounds.bounded:
+        yield from late
     for rest in rounds:
         yield from waited(rest)
+        if not rest.chaotic:
+            yield from late  # once
 
 
 def _with_doubled(search: OrbitSearch, tries: Iterable[Try]) -> Iterator[Try]:
@@ -277,7 +317,7 @@ def _doubled(search: OrbitSearch, orbit: PeriodicOrbit) -> Iterator[Try]:
     They start where the disturbance that changes sides leads.
     """
     turns, start = 2 * orbit.period, orbit.section
-    if turns > LONGEST or not can_be_shot(search.still, start):
+    if turns > LONGEST or not search.can_shoot(start, turns):
         return
     found = closed(search.still, start, orbit.period)
     if not bool(found.result == newton.RESULTS.successful):
@@ -286,6 +326,8 @@ def _doubled(search: OrbitSearch, orbit: PeriodicOrbit) -> Iterator[Try]:
     way = np.real(vectors[:, np.argmin(np.where(np.imag(values), np.inf, np.real(values)))])
     way /= np.max(np.abs(places(way, len(search.still.joints))))
     for distance in BESIDE:
+        if not search.can_shoot(start, turns):
+            return
         shots = search.by_shots(start + distance * way, turns, WAYS.doubling)
         yield from shots
         reached = shots[-1].orbit
@@ -336,11 +378,6 @@ def _is_unresolved(orbit: PeriodicOrbit) -> bool:
 def _is_stiff(orbit: PeriodicOrbit) -> bool:
     """Whether springs swing too fast for multipliers to be known; a wait takes minutes."""
     return bool(orbit.success) and not bool(orbit.multipliers_error < 1)
-
-
-def _wants_nodes(orbit: PeriodicOrbit) -> bool:
-    """Whether more nodes may help."""
-    return _is_unresolved(orbit) or (bool(orbit.success) and not float(orbit.error) <= SETTLED)
 
 
 def _is_closed(orbit: PeriodicOrbit, closure: Scalar) -> bool:

@@ -8,7 +8,11 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.basics.integrate import Outcome
+from jaxcrusher.motion.indicators import CHAOS
+from jaxcrusher.motion.section import fine
 from jaxcrusher.orbits import forced, transient, tries
+from jaxcrusher.orbits.effort import EFFORTS, Spent
 from jaxcrusher.orbits.result import RESULTS, WAYS, missing
 from jaxcrusher.orbits.solving import solved
 from jaxcrusher.orbits.transient import Round, Wait
@@ -108,7 +112,7 @@ def test_the_first_stable_orbit_is_the_answer(monkeypatch):
     def answer(*names):
         tried = [Try(made[name], made[name]) for name in names]
         monkeypatch.setattr(tries, "_tries", lambda *_: iter(tried))
-        return searched(OrbitSearch(scene, scene, None, None, None), None)
+        return searched(OrbitSearch(scene, scene, None, None, None, Spent("usual")), None)
 
     assert answer("none", "unstable", "stable", "none").way == WAYS.rest
     assert answer("none", "unstable", "none").way == WAYS.guess
@@ -127,7 +131,8 @@ def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles(monkeypa
         monkeypatch.setattr(tries, "_tries", lambda *_: iter([Try(orbit, orbit)] * 2))
         shots = lambda _, one: beside.append(one) or iter([Try(found, found)])  # noqa: E731
         monkeypatch.setattr(tries, "_doubled", shots)
-        return searched(OrbitSearch(scene, scene, None, None, period), None), len(beside)
+        search = OrbitSearch(scene, scene, None, None, period, Spent("thorough"))
+        return searched(search, None), len(beside)
 
     orbit, count = answer(doubles, twice)
     assert orbit.way == WAYS.doubling and count == 1
@@ -174,29 +179,81 @@ def test_an_unstable_orbit_says_how_disturbances_grow():
     assert dataclasses.replace(orbit, result=RESULTS.whirl).instability == ""
 
 
-@pytest.mark.parametrize(("growth", "most", "rounds"), [(0.1, 4, 4), (2.0, 4, 2), (0.1, 2, 2)])
-def test_a_swing_that_may_settle_is_waited_for_and_chaos_is_not(monkeypatch, growth, most, rounds):
-    """At (38.687 rad/s, 0.10569 mm) disturbances grow by 0.07 a turn before the motion settles."""
-    states = jnp.asarray(np.random.default_rng(0).uniform(size=(transient.TURNS, 4)))
-    monkeypatch.setattr(transient, "_points", lambda *_, **__: (states, jnp.array(True)))
-    wait = Wait(jc.paper_scene(27.0, 0.05e-3), most)
+def swinging(monkeypatch, effort, steps=0, growth=0.1):
+    """Return a wait whose motion swings without end, `steps` of the integrator a turn."""
+    states = jnp.asarray(np.random.default_rng(0).uniform(size=(transient.PIECE, 4)))
+    ended = Outcome(fine().result, jnp.zeros(()), jnp.array(transient.PIECE * steps))
+    monkeypatch.setattr(transient, "piece", lambda case: (states, ended))
+    wait = Wait(jc.paper_scene(27.0, 0.05e-3), Spent(effort))
     monkeypatch.setattr(wait, "_whirls", lambda: False)
-    monkeypatch.setattr(wait, "_growth", lambda: growth)
+    monkeypatch.setattr(wait, "_growth", lambda *_: growth)
+    return wait
+
+
+@pytest.mark.parametrize(
+    ("growth", "effort", "rounds"), [(0.1, "usual", 4), (2.0, "usual", 2), (0.1, "quick", 2)]
+)
+def test_a_swing_that_may_settle_is_waited_for_and_chaos_is_not(
+    monkeypatch, growth, effort, rounds
+):
+    """At (38.687 rad/s, 0.10569 mm) disturbances grow by 0.07 a turn before the motion settles."""
+    wait = swinging(monkeypatch, effort, growth=growth)
     seen = list(wait.rounds())
     assert len(seen) == rounds and [one.chaotic for one in seen] == [growth > 1] * rounds
-    open_end = RESULTS.aperiodic if most == 4 else RESULTS.open_end
-    assert wait.regime(RESULTS.not_closed) == (RESULTS.chaotic if growth > 1 else open_end)
+    assert wait.spent.turns == len(seen[-1].states) * 2 == 120 * 2**rounds
+    name = RESULTS.chaotic if growth > 1 else RESULTS.aperiodic
+    assert wait.regime(RESULTS.not_closed) == name
 
 
-def test_a_quick_search_takes_few_nodes_and_shoots_for_nothing(monkeypatch):
-    """The tries of a quick search and of a thorough one, none of which leads anywhere."""
+def test_a_wait_ends_where_its_steps_are_spent(monkeypatch):
+    """10 000 steps a turn: 96 turns are the most whole pieces of a million steps."""
+    wait = swinging(monkeypatch, "quick", steps=10_000)
+    (last,) = wait.rounds()
+    assert wait.spent.turns == 96 and len(last.states) == 48
+    assert wait.spent.steps <= EFFORTS["quick"].steps < wait.spent.steps + 240_000
+    said = wait.told()
+    assert said.startswith("The motion from rest does not repeat within the wait")
+    assert "Tried: a wait of 96 turns." in said and 'effort="thorough"' in said
+    endless = swinging(monkeypatch, "thorough", steps=10_000)
+    assert len(list(endless.rounds())) == 4 and endless.spent.turns == 1920
+
+
+def test_an_interrupted_search_says_what_it_knows(monkeypatch):
+    scene = jc.paper_scene(27.0, 0.05e-3)
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+        yield
+
+    monkeypatch.setattr(tries, "_tries", stopped)
+    search = OrbitSearch(scene, scene, None, None, None, Spent("usual"))
+    search.spent.nodes.add(96)
+    with pytest.raises(KeyboardInterrupt, match=r"no orbit yet\. Tried: 96 nodes a turn\."):
+        searched(search, None)
+
+
+@pytest.mark.parametrize(("rate", "grows"), [(1.7, True), (0.05, False), (-0.5, False)])
+def test_growth_is_that_of_a_motion_beside(monkeypatch, rate, grows):
+    """It is taken before the two motions are as far apart as they come."""
+    turns = np.arange(1, transient.PIECE + 1)
+    apart = np.minimum(transient.APART * np.exp(rate * turns), 0.5)[:, None] / 2 * np.ones(4)
+    ended = Outcome(fine().result, jnp.zeros(()), jnp.array(100))
+    monkeypatch.setattr(transient, "piece", lambda case: (apart, ended))
+    wait = Wait(jc.paper_scene(27.0, 0.05e-3), Spent("usual"))
+    growth = wait._growth(jnp.zeros(4), np.zeros_like(apart))
+    assert growth == pytest.approx(rate, rel=1e-12)  # rounding of the exponential
+    assert (growth > CHAOS) == grows and wait.spent.steps == 100
+
+
+def test_each_effort_takes_its_tries_in_its_order(monkeypatch):
+    """None of the tries leads anywhere."""
     scene, asked = jc.paper_scene(27.0, 0.05e-3), []
     orbit = missing(scene, 1, RESULTS.unresolved)
     none, seen = Try(orbit, orbit), jnp.full((96, 2), 0.5)
     Found = dataclasses.make_dataclass("Found", ["way", "closure"])
 
     def solved(scene, guess, turns, nodes):
-        asked.append(("rest" if guess is None else "guess", nodes))
+        asked.append(("rest" if np.isnan(guess).all() else "guess", nodes))
         return Found(WAYS.rest, jnp.array(0.0)), None
 
     monkeypatch.setattr(tries, "solved", solved)
@@ -207,16 +264,23 @@ def test_a_quick_search_takes_few_nodes_and_shoots_for_nothing(monkeypatch):
     shot = lambda self, start, turns: asked.append(("shot", turns)) or none  # noqa: E731
     monkeypatch.setattr(OrbitSearch, "by_shooting", shot)
     still = np.zeros((120, 4))
-    monkeypatch.setattr(Wait, "rounds", lambda self: iter(self._rounds * [Round(still)]))
-    for quick in (True, False):
+    monkeypatch.setattr(Wait, "rounds", lambda self: iter(2 * [Round(still)]))
+    monkeypatch.setattr(Wait, "regime", lambda self, otherwise: RESULTS.aperiodic)
+    rest, guess, shot = ("rest", 96), ("guess", 96), ("shot", 1)
+    finer = [("rest", 192), ("rest", 384)]  # the orbit found first is NaN
+    waited, brief = [guess, *finer, shot], [guess, shot]
+    asks = {
+        "quick": [rest, guess, guess],
+        "usual": [rest, *brief, ("rest", 192), shot, *brief],
+        "thorough": [rest, *finer, *finer, shot, *waited, *waited],
+    }
+    for effort, tried in asks.items():
         asked.clear()
-        search = OrbitSearch(scene, scene, None, None, None, quick)
-        assert not searched(search, None).success
-        nodes = [count for _, count in asked if count > 1]
-        if quick:
-            assert asked == [("rest", 96), ("guess", 96), ("guess", 96)]
-        else:
-            assert ("shot", 1) in asked and max(nodes) == 384 and ("rest", 192) in asked
+        search = OrbitSearch(scene, scene, None, None, None, Spent(effort))
+        answer = searched(search, None)
+        assert not answer.success and asked == tried
+        counts = " and ".join(sorted({str(count) for _, count in tried} - {"1"}, key=int))
+        assert f"Tried: {counts} nodes a turn" in answer.failure
 
 
 def test_means_are_taken_over_the_turns_that_a_motion_repeats_after():
@@ -238,7 +302,7 @@ def test_what_has_no_orbit_is_named():
     """The jaw that its load leaves goes from impact to impact."""
     orbit = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3, load_law="closing_stroke"))
     assert not orbit.success and np.isnan(orbit.foundation_rms)
-    assert orbit.failure == "The motion from rest is chaotic: disturbances of it grow."
+    assert orbit.failure.startswith("The motion from rest is chaotic: disturbances of it grow. ")
 
 
 @pytest.mark.slow
@@ -256,11 +320,11 @@ def test_what_the_motion_does_beside_an_unstable_orbit_is_named():
     assert doubled.instability.startswith("Its largest multiplier is -2.008")
     assert doubled.instability.endswith(chaos)
     orbit = jc.periodic_orbit(scene)
-    assert not orbit.success and orbit.failure == chaos
+    assert not orbit.success and orbit.failure.startswith(chaos)
 
 
 def test_a_motion_that_repeats_is_told_from_chaos(monkeypatch):
-    wait = Wait(jc.paper_scene(27.0, 0.05e-3))
+    wait = Wait(jc.paper_scene(27.0, 0.05e-3), Spent("usual"))
     monkeypatch.setattr(wait, "_whirls", lambda: False)
     assert wait.regime(RESULTS.not_closed) == RESULTS.not_closed
     wait._last = Round(np.tile([[0.1] * 4, [0.2] * 4], (120, 1)))
