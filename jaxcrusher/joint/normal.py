@@ -14,7 +14,8 @@ from jaxcrusher.basics.plane import scalar
 # `AbstractNormalLaw.delivered_restitution` solved power by power.
 _REBOUND = np.array([-40 / 189, 104 / 405, -44 / 135, 4 / 9, -2 / 3, 1])
 
-
+# Of spheres in contact: F is as the penetration to this power.
+HERTZ = 1.5
 # Where a force that has no corner of its own counts as touching, m.
 TOUCH = 1e-8
 
@@ -179,33 +180,29 @@ class AbstractHysteresis(AbstractNormalForce):
 
 
 class AbstractNormalLaw(AbstractHysteresis):
-    """F_e = K delta^m: Hertz's spring, its corner smoothed over `width`."""
+    """F_e = K delta^1.5: Hertz's spring, its corner smoothed over `width`."""
 
-    stiffness: eqx.AbstractVar[Scalar]  # K, N/m^m
-    exponent: eqx.AbstractVar[Scalar]  # m
+    stiffness: eqx.AbstractVar[Scalar]  # K, N/m^1.5
 
     def elastic_force(self, penetration: Scalar) -> Scalar:
-        """K delta^m, N."""
-        return self.stiffness * smooth.positive_power(penetration, self.width, self.exponent)
+        """K delta^1.5, N."""
+        return self.stiffness * smooth.positive_power(penetration, self.width, HERTZ)
 
     def elastic_energy(self, penetration: Scalar) -> Scalar:
         """The work of the elastic part, J."""
-        return self.stiffness * smooth.positive_power_integral(
-            penetration, self.width, self.exponent
-        )
+        return self.stiffness * smooth.positive_power_integral(penetration, self.width, HERTZ)
 
     def penetration_under(self, force: Scalar) -> Scalar:
         """The penetration (m) at which the elastic part is `force` (N, > 0) at rest."""
-        return (force / self.stiffness) ** (1 / self.exponent)
+        return (force / self.stiffness) ** (1 / HERTZ)
 
 
 class AbstractPublishedLaw(AbstractNormalLaw):
     """A law of the literature, which its restitution alone tells from others."""
 
-    stiffness: Scalar = eqx.field(converter=scalar)  # K, N/m^m
+    stiffness: Scalar = eqx.field(converter=scalar)  # K, N/m^1.5
     restitution: Scalar = eqx.field(converter=scalar)  # e
     impact_velocity: AbstractImpactVelocity
-    exponent: Scalar = eqx.field(converter=scalar, default=1.5)  # m
     width: Scalar = eqx.field(converter=scalar, default=1e-8)  # m
 
 

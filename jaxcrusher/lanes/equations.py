@@ -68,11 +68,6 @@ class Atom:
         return (str(self.value), self.value.dtype) if self.known else id(self)
 
 
-def number(value: Any) -> Atom:
-    """Make an atom of a number that is known beforehand."""
-    return Atom(constant(value)[()], True)
-
-
 def _as_double(value: Any) -> Any:
     """Turn a number of any type into the double that stands in a row of memory."""
     if kind_of(value) == INTEGER:
@@ -171,34 +166,6 @@ class Emitter:
 
 def _atoms(value: Any, kind: str) -> np.ndarray:
     return elementwise(lambda entry: Atom(entry, True), [constant(value, kind)])
-
-
-def exponents(function: Verified, varying: int) -> set[int]:
-    """Find the numbers of a design that powers depend on: formulas rather than data.
-
-    They are the operands behind the first `varying` ones, and are counted from 0. x^1.5 is a
-    product and a root, x^p a logarithm and an exponential.
-    """
-    found: set[int] = set()
-
-    def primitive(equation: JaxprEqn, operands: list) -> np.ndarray:
-        def one(_: Callable, *parts: set[int] | None) -> set[int] | None:
-            """Say which numbers a result is made of; None if it varies along a motion."""
-            if equation.primitive.name == "pow":
-                found.update(parts[-1] or ())
-            return None if None in parts else set().union(*(part or () for part in parts))
-
-        return of_arrays(equation, operands, one)
-
-    inputs = [np.array(None, object) for _ in range(varying)]
-    for i, variable in enumerate(function.operands[varying:]):
-        inputs.append(np.array({i} if type_of(variable) == REAL else set(), object))
-    function.walk(
-        inputs,
-        primitive,
-        lambda value, kind: elementwise(lambda _: set(), [constant(value, kind)]),
-    )
-    return found
 
 
 Read = Callable[[int], Expression]

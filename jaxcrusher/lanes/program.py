@@ -6,7 +6,7 @@ computes for all designs.
 """
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -33,8 +33,6 @@ from jaxcrusher.lanes.verify import Unsupported, inlined
 # Designs that JAX computes side by side: always as many, so that one program, with one rounding,
 # computes batches of any size; and how many times as many there is room for.
 TILE, ROOMS = 64, tuple(16 * 4**i for i in range(12))
-# Exponents that are products and roots.
-PLAIN = (1.0, 1.5, 2.0)
 
 
 class NoIntegration(Unsupported):
@@ -189,34 +187,10 @@ class _Integration:
         # As diffrax: within 100 units in the last place of the end is at the end.
         floors = times[..., -1] - 100 * np.spacing(times[..., -1])
         shapes = [shape.shape[1:] for shape in what.shapes[:-3]]
-        found: list[np.ndarray] = []
-        for known, rows in self._kinds(numbers):
-            of_each = starts[rows], numbers[rows], tolerances[rows]
-            designs = Designs(*of_each, times.ravel(), floors, schedule[rows])
-            kernels = what.kernels(known, self._target.shape)
-            parts = run(kernels, what.control, designs, shapes, self._target)
-            if not found:
-                found = [np.empty((count, *part.shape[1:]), part.dtype) for part in parts]
-            for whole, part in zip(found, parts, strict=True):
-                whole[rows] = part
+        designs = Designs(starts, numbers, tolerances, times.ravel(), floors, schedule)
+        kernels = what.kernels(self._target.shape)
+        found = run(kernels, what.control, designs, shapes, self._target)
         return [Value(array, True) for array in found]
-
-    def _kinds(self, numbers: np.ndarray) -> Iterator[tuple[dict[int, float], np.ndarray]]:
-        """Split designs by exponents, as far as these are written into the source.
-
-        Its own numbers alone choose a design's kind, so that its bits do not depend on the others.
-        """
-        places = self._what.exponents
-        exponents = numbers[:, places]
-        # Zero stands for all others.
-        plain = np.where(np.isin(exponents, PLAIN), exponents, 0.0)
-        if (plain == plain[0]).all():
-            kinds, kind_of = plain[:1], np.zeros(len(plain), int)
-        else:
-            kinds, kind_of = np.unique(plain, axis=0, return_inverse=True)
-        for i, kind in enumerate(kinds.tolist()):
-            known = {j: value for j, value in zip(places, kind, strict=True) if value in PLAIN}
-            yield known, np.flatnonzero(kind_of == i)
 
 
 def _doubles(array: np.ndarray) -> np.ndarray:

@@ -19,7 +19,6 @@ from jax.extend.core import Jaxpr, JaxprEqn, Primitive
 from jaxtyping import Array, PyTree
 
 from jaxcrusher.lanes.code import CORES, Shape
-from jaxcrusher.lanes.equations import exponents
 from jaxcrusher.lanes.layout import STAGES, Control
 from jaxcrusher.lanes.primitives import REAL
 from jaxcrusher.lanes.stepper import Equations, Kernels, Tableau, kernels
@@ -51,22 +50,15 @@ class Recorded:
     control: Control
     shapes: list[ShapedArray]  # of the summaries, then of code, time and steps
 
-    @cached_property
-    def exponents(self) -> list[int]:
-        """Return which numbers of a design powers depend on."""
-        varying = 1 + self.equations.states
-        functions = (self.equations.field, self.equations.observe)
-        return sorted(set().union(*(exponents(function, varying) for function in functions)))
-
-    def kernels(self, written: dict[int, float], shape: Shape = CORES) -> Kernels:
-        """Write the functions of lanes once for the numbers that are `written` into them."""
+    def kernels(self, shape: Shape = CORES) -> Kernels:
+        """Write the functions of lanes once for their shape."""
         with _LOCK:
-            if (key := (shape, *written.items())) not in self._kernels:
-                self._kernels[key] = kernels(self.equations, written, _tableau(self.solver), shape)
-            return self._kernels[key]
+            if shape not in self._kernels:
+                self._kernels[shape] = kernels(self.equations, _tableau(self.solver), shape)
+            return self._kernels[shape]
 
     @cached_property
-    def _kernels(self) -> dict[Any, Kernels]:
+    def _kernels(self) -> dict[Shape, Kernels]:
         return {}
 
 

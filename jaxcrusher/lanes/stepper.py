@@ -8,7 +8,7 @@ lane in the loop.
 
 import math
 import operator
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import reduce
 from math import prod
 from typing import Any, NamedTuple
@@ -18,7 +18,7 @@ import numpy as np
 from jaxcrusher.lanes import layout as row
 from jaxcrusher.lanes.code import CORES, Array, Code, Module, Shape
 from jaxcrusher.lanes.elementary import exponential, logarithm
-from jaxcrusher.lanes.equations import Atom, Emitter, number, write_summary
+from jaxcrusher.lanes.equations import Atom, Emitter, write_summary
 from jaxcrusher.lanes.expression import DOUBLE, INTEGER, Expression, where
 from jaxcrusher.lanes.layout import (
     FIELDS,
@@ -80,13 +80,8 @@ class Kernels(NamedTuple):
     over: list[bool]  # of every summary, whether it is an array over the instants
 
 
-def kernels(
-    equations: Equations, known: Mapping[int, float], table: Tableau, shape: Shape = CORES
-) -> Kernels:
-    """Write the functions of a batch.
-
-    `known` are those numbers of a design that are written into them.
-    """
+def kernels(equations: Equations, table: Tableau, shape: Shape = CORES) -> Kernels:
+    """Write the functions of a batch."""
     field, observe, summarise, instants, motion = equations
     types = list(map(type_of, field.operands[1 + equations.states :]))
     observed, found = (sum(map(prod, function.shapes)) for function in (observe, summarise))
@@ -97,10 +92,7 @@ def kernels(
     prepare, rates = Code(module, "prepare"), Code(module, "field", rows=3)
     look = Code(module, "look")
     emitter = Emitter(prepare, at.kept)
-    numbers = [
-        number(known[i]) if i in known else emitter.given(at.given + i, type_)
-        for i, type_ in enumerate(types)
-    ]
+    numbers = [emitter.given(at.given + i, type_) for i, type_ in enumerate(types)]
     _write_field(rates, field, emitter, numbers)
     seen, see = _at_instant(look, equations.states, table, at), None
     if sampled:

@@ -10,7 +10,6 @@ from scipy.integrate import quad
 import jaxcrusher as jc
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
-from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from tests.crusher.kinds import KINDS, at_start, check_laws, sliding
 from tests.pairs import crossed, slow
 
@@ -217,12 +216,3 @@ def test_slopes_by_the_bed():
         )
         # Integrated to 1e-9 and differenced over 1e-6 to 1e-3 of a number.
         assert (other - one) / 2 / step == pytest.approx(float(slopes[i]), rel=1e-3)
-
-
-def test_the_two_formulations_feel_the_same_moment():
-    for load in LOADS:
-        one = scene_of(load, "all")
-        other = eqx.tree_at(lambda s: s.formulation, one, MultiplierFormulation())
-        found = [at_start(scene).accelerations.spin_ups["jaw"] for scene in (one, other)]
-        # q'' of the nine coordinates is known to 1e-10 of the contact's forces.
-        assert float(found[1]) == pytest.approx(float(found[0]), rel=1e-7)

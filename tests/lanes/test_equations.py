@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.lanes.code import LANES, Code, Module
-from jaxcrusher.lanes.equations import Atom, Emitter, exponents, number
+from jaxcrusher.lanes.equations import Atom, Emitter
 from jaxcrusher.lanes.expression import whole_of
 from jaxcrusher.lanes.primitives import ELEMENTWISE
 from jaxcrusher.lanes.verify import verified
@@ -84,7 +84,7 @@ FORMULAS = {
 }
 
 
-def _emitted(formula, written=None):
+def _emitted(formula):
     """The functions of a formula of t, x, y and p, which stand in the first rows.
 
     What depends on p alone is computed by the first one. The number of results stands behind them.
@@ -94,8 +94,8 @@ def _emitted(formula, written=None):
     function = verified(jax.make_jaxpr(formula)(*[jnp.zeros(())] * 4))
     results = sum(map(prod, function.shapes))
     emitter = Emitter(prepare, 4 + results)
-    p = emitter.given(3) if written is None else number(written)
-    values = emitter.body(body, function, [*(Atom(body.read(i)) for i in range(3)), p])
+    operands = [*(Atom(body.read(i)) for i in range(3)), emitter.given(3)]
+    values = emitter.body(body, function, operands)
     for i, value in enumerate(values):
         body.write(value, 4 + i)
     emitter.keep()
@@ -136,20 +136,3 @@ def test_as_jax_computes(computed, name):
 @pytest.mark.parametrize("x", [2.7, -2.7, 0.0, 2.0**62, 1e300, -1e300, np.inf, -np.inf, np.nan])
 def test_a_constant_becomes_the_whole_number_that_jax_makes_of_it(x):
     assert int(whole_of(x)) == int(jnp.asarray(x).astype(int))
-
-
-def test_exponents_are_asked_for_and_written_in():
-    def formula(t, x, y, p):
-        return jnp.abs(x) ** (p + 1) * p
-
-    def found(formula):
-        return exponents(verified(jax.make_jaxpr(formula)(*[jnp.zeros(())] * 4)), 3)
-
-    # The bits of sqrt(1/2), where a logarithm starts.
-    assert found(formula) == {0} and "4604544271217802189" in str(_emitted(formula)[0])
-    assert "4604544271217802189" not in str(_emitted(formula, 0.5)[0])
-    assert found(lambda t, x, y, p: p * jnp.abs(x) ** 1.5) == set()
-    # Not those of what varies, and of arrays only those that come to the exponent.
-    assert found(lambda t, x, y, p: jnp.abs(x) ** (t * p)) == set()
-    assert found(lambda t, x, y, p: jnp.abs(x) ** jnp.stack([p, 2.0])[1]) == set()
-    assert found(lambda t, x, y, p: jnp.abs(x) ** jnp.stack([p, 2.0])[0]) == {0}

@@ -151,19 +151,6 @@ def test_each_design_may_have_times_of_its_own():
         np.testing.assert_allclose(found[0][name], values, rtol=0, atol=1e-11)
 
 
-def test_exponents_of_neighbours_do_not_matter():
-    # Common ones are written into the source, others are not.
-    swings = _swings(LANES)
-    whole = in_lanes(_run, swings)
-    exponent = swings.exponent.copy()
-    exponent[1::2] = np.linspace(1.1, 2.9, LANES // 2)
-    mixed = Swing(swings.stiffness, swings.blow, exponent)
-    found = in_lanes(_run, mixed)
-    _equal(_taken(found, slice(None, None, 2)), _taken(whole, slice(None, None, 2)))
-    for name, exact in _in_turn(_run, mixed)[0].items():
-        np.testing.assert_allclose(found[0][name], exact, rtol=0, atol=1e-11)
-
-
 def test_the_number_of_threads_changes_no_bit(monkeypatch):
     swings, found = _swings(5 * LANES + 3), []
     for threads in (1, 2, 5):
