@@ -12,7 +12,7 @@ from tests.identification import by_hand
 pytestmark = pytest.mark.filterwarnings("ignore::jaxcrusher.basics.setup.UnusualNumbers")
 OF_BLOCK = ("frame_displacement_x", "frame_displacement_y", "frame_rotation")
 SPEEDS = (20.0, 33.0, 60.0)
-# The block moves by the first harmonic alone, and a crusher of ideal joints is solved without nodes.
+# The block moves by the first harmonic alone, and a crusher of ideal joints needs no nodes.
 NODES = 16
 STIFFNESS = "foundation.vertical_stiffness"
 # To be found of the block, and where the search begins.
