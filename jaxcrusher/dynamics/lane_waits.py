@@ -27,7 +27,6 @@ from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.statistics import Statistics, of_whirl, statistics, statistics_problem
 from jaxcrusher.orbits.shot import STEPS
 from jaxcrusher.orbits.transient import (
-    GROWN,
     TURNS,
     WAIT_RTOL,
     Round,
@@ -43,8 +42,9 @@ FINE = 1e-10
 # Steps of these differences: a share of the spread of section points, and the shortest one. A
 # spread as wide as the motion is deep bends the map by 1e-4 over the first.
 SHARE, SHORTEST = 0.01, 1e-6
-# How far apart two motions begin whose distance tells chaos, in clearances and m/s.
-APART = 1e-5
+# How far apart two motions begin whose distance tells chaos, in clearances and m/s, and the turns
+# over which it is followed.
+APART, GROWN = 1e-5, 24
 
 
 # Numbers that are free, and all others, of stacked cases.
