@@ -103,6 +103,8 @@ class Confirmed:
     shaking_rms: float  # likewise
     ideal_rms: float  # the same machine's with an ideal joint
     capacity: float  # m3/h
+    stroke: float  # m, at the discharge
+    stroke_ratio: float  # of its vertical over its horizontal part
     orbit: Orbit | None  # None: a scene whose orbits cannot be solved for
     transient: dict[str, Runs]  # by start
     regime: dict[str, Regime] = field(default_factory=dict)  # of starts that do not settle

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from scipy.stats import t as student
 
 import jaxcrusher as jc
+from jaxcrusher.crusher.capacity import stroke, stroke_ratio
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.motion.statistics import limits_of
 from optimize.answer import Confirmed, Orbit, Runs
@@ -99,6 +100,8 @@ def confirmed(
         forces["shaking_rms"],
         float(jc.periodic_orbit(scene.ideal()).foundation_rms),
         float(case.capacity(unit)),
+        float(stroke(scene.machine)),
+        float(stroke_ratio(scene.machine)),
         orbit,
         runs,
         follows={name: float(described[name]) for name in case.design.following},

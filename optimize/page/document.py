@@ -9,6 +9,7 @@ import jinja2
 import xarray as xr
 from markupsafe import Markup
 
+from jaxcrusher.crusher.capacity import CAUTION
 from jaxcrusher.files.results import write_text
 from optimize import formatting
 from optimize.answer import Answer
@@ -71,6 +72,7 @@ def write_page(
         remarks=[
             f"{title}: {formatting.limits(design)}" for title, design in answer.designs.items()
         ],
+        caution=CAUTION,
         error=formatting.error(answer) if answer.designs else "",
         verdict=f"{failed} of {count} failed." if failed else f"All {count} passed.",
         active=[

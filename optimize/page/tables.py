@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable
 
 from jaxcrusher.batch.sweep import columns_of_row
-from jaxcrusher.crusher.capacity import CAUTION
 from jaxcrusher.crusher.machine import JOINTS
 from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
@@ -50,7 +49,6 @@ LIMITS = (
     "Impacting motions diverge exponentially: a motion drawn here is one of many that start "
     "almost alike. Only their statistics can be compared.",
     "A ± of a cell is the scatter within one run; runs can differ from each other by more.",
-    CAUTION,
 )
 
 
@@ -69,6 +67,8 @@ def answer(found: Answer) -> Table:
             f"{design.ideal_rms:.0f}",
             f"{design.capacity:.2f}",
             *([f"{found.throughput[title]:.2f}"] if found.throughput else []),
+            f"{1e3 * design.stroke:.4g}",
+            f"{design.stroke_ratio:.3g}",
             formatting.turns(design),
         )
         for title, design in found.designs.items()
@@ -84,6 +84,8 @@ def answer(found: Answer) -> Table:
         "ideal joints' RMS, N",
         "capacity, m³/h",
         *(["capacity, t/h"] if found.throughput else []),
+        "stroke at the discharge, mm",
+        "stroke, vertical over horizontal",
         "turns to 1/e",
     )
     name = name_of(objective.meaning)

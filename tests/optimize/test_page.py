@@ -154,7 +154,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
     optimum = Confirmed(
         chosen(25.0, 6e-5),
         *(18250.1, 7.2, "centred"),
-        *(25.0, 6e-5, 18243.2, 3135.0, 18240.0, 9.41),
+        *(25.0, 6e-5, 18243.2, 3135.0, 18240.0, 9.41, 0.0201, 1.2),
         None,
         {"centred": hand_made_runs(18250.1), "contact": hand_made_runs(9250.1)},
         {"centred": quiet},
@@ -162,7 +162,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
     other = Confirmed(
         chosen(39.0, 3e-5),
         *(np.nan, np.nan, "contact"),
-        *(39.0, 3e-5, np.nan, np.nan, 21790.0, 6.03),
+        *(39.0, 3e-5, np.nan, np.nan, 21790.0, 6.03, 0.0201, 1.2),
         None,
         {"centred": hand_made_runs(21832.0), "contact": hand_made_runs(21799.0, success=False)},
     )
@@ -285,6 +285,19 @@ def test_capacity_in_tonnes_stands_beside_that_in_cubic_metres(tmp_path):
     plain = replace(found, bulk_density=None)
     assert "t/h" not in write_page(tmp_path, plain, None, None, ()).read_text()
     assert content(plain)["throughput"] == {}
+
+
+def test_strokes_stand_beside_the_capacity_with_a_caution(tmp_path):
+    """20.1 mm in all, 1.2 mm up for each across."""
+    found = hand_made_answer()
+    text = write_page(tmp_path, found, None, None, ()).read_text()
+    assert 'data-label="stroke at the discharge, mm" class="number">20.1</td>' in text
+    assert text.count("slower is always more there") == 1
+    console = Console(record=True, file=io.StringIO(), width=120)
+    print_answer(console, found)
+    said = console.export_text()
+    assert re.search(r"stroke, vertical over horizontal +1\.2 +1\.2 *\n", said)
+    assert "slower is always more there" in said
 
 
 def test_numbers_that_follow_stand_beside_the_free_ones():
