@@ -39,6 +39,7 @@ class RESULTS(newton.RESULTS):  # pyright: ignore
     not_closed = "The motion does not repeat when it is integrated over its period."
     impacts = "The motion goes on losing contact, and each impact sets its tracked velocity anew."
     not_integrated = "The motion from rest cannot be integrated."
+    too_long = "The motion from rest takes more steps a turn than this effort waits for."
     whirl = "The motion from rest is a friction whirl: the pin rolls round its bore."
     repeats = "The motion from rest repeats after another number of turns, up to 4."
     chaotic = "The motion from rest is chaotic: disturbances of it grow."

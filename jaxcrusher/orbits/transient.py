@@ -16,12 +16,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Scalar
 
+from jaxcrusher.basics import integrate as integration
 from jaxcrusher.basics.integrate import Outcome, integrate
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.starts import InContact
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.indicators import CHAOS, detect_period
-from jaxcrusher.motion.method import resolve
+from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistics import of_whirl, statistics_problem
 from jaxcrusher.orbits.effort import Spent
@@ -182,7 +183,7 @@ class Wait:
         self._own, self.spent = scene, spent
         self._ended: Array | None = None  # the state after all turns so far
         self._last: Round | None = None
-        self._failed = self._chaotic = False
+        self._chaotic, self._failure = False, None
 
     # Most orbits need no wait.
     @functools.cached_property
@@ -207,14 +208,14 @@ class Wait:
         seen = np.zeros((0, len(self._state)))
         last = self.spent.bounds.turns // TURNS - 1
         for turn in range(last + 1):
-            if self._whirls():
+            if self._whirls() or self._failure is not None:
                 return
             _LOG.info("waiting: turns %d to %d from rest", turn * TURNS + 1, (turn + 1) * TURNS)
             while len(seen) < (turn + 1) * TURNS and self.spent.affords(PIECE):
                 begun = self._state
                 states, outcome = piece((begun, self.scene))
-                self._failed = not bool(outcome.success)
-                if self._failed:
+                if not bool(outcome.success):
+                    self._failure = RESULTS.not_integrated
                     return
                 self.spent.integrated(outcome, PIECE)
                 self.spent.turns += PIECE
@@ -236,10 +237,10 @@ class Wait:
 
     def regime(self, otherwise: RESULTS) -> RESULTS:
         """Name what the motion does that has no orbit."""
-        if self._failed:
-            return RESULTS.not_integrated
-        if self._whirls():
+        if self._failure is None and self._whirls():
             return RESULTS.whirl
+        if self._failure is not None:
+            return self._failure
         if self._last is None:
             return otherwise
         if Round(self._last.states[-TURNS // 2 :]).repeats_after() is not None:
@@ -249,11 +250,19 @@ class Wait:
         return RESULTS.aperiodic
 
     def _whirls(self) -> bool:
+        """Tell whether the next two turns whirl; of what fails or is too long a failure is kept."""
+        bounds, outputs = self.spent.bounds, of_whirl(self.scene)
+        # More steps a turn leave no piece of turns within the bound.
+        method = Method(max_steps=int(bounds.steps / PIECE) if bounds.bounded else None)
         seen = poincare_section(
-            self.scene, 0, 2, state=self._state, outputs=of_whirl(self.scene), rtol=WAIT_RTOL
+            self.scene, 0, 2, state=self._state, outputs=outputs, rtol=WAIT_RTOL, method=method
         )
         self.spent.integrated(seen.outcome, 2)
-        return bool(seen.success) and bool(seen.statistics.whirl)
+        if not bool(seen.success):
+            long = bool(seen.outcome.result == integration.RESULTS.max_steps_reached)
+            self._failure = RESULTS.too_long if long else RESULTS.not_integrated
+            return False
+        return bool(seen.statistics.whirl)
 
     def _growth(self, begun: Array, states: Float[np.ndarray, "turns dims"]) -> float:
         """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980).

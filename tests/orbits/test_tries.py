@@ -45,7 +45,7 @@ def test_where_motions_coexist_the_answer_is_what_the_machine_comes_to():
     """A damping leads to a quieter motion, of 20 931.5 N, to which no start near rest comes."""
     scene = jc.paper_scene(37.8047, 0.094538e-3, slip="surface")
     orbit = jc.periodic_orbit(scene)
-    assert orbit.stable and orbit.found == "from the mean of turns that were waited for"
+    assert orbit.stable and orbit.found == "by shooting, and by nodes from there"
     # RMS of 20 turns after 3000 by the integrator, within what the nodes know of it.
     assert orbit.error < 1e-6
     assert float(orbit.foundation_rms) == pytest.approx(21113.789507, rel=float(orbit.error))
@@ -216,6 +216,15 @@ def test_a_wait_ends_where_its_steps_are_spent(monkeypatch):
     assert "Tried: a wait of 96 turns." in said and 'effort="thorough"' in said
     endless = swinging(monkeypatch, "thorough", steps=10_000)
     assert len(list(endless.rounds())) == 4 and endless.spent.turns == 1920
+
+
+def test_turns_of_more_steps_than_the_effort_has_are_not_waited_for():
+    """Each turn of the paper's crusher takes some 600 steps."""
+    wait = Wait(jc.paper_scene(27.0, 0.05e-3), Spent("quick"))
+    wait.spent.bounds = wait.spent.bounds._replace(steps=200 * transient.PIECE)
+    assert not list(wait.rounds()) and wait.spent.turns == 0
+    assert wait.regime(RESULTS.not_closed) == RESULTS.too_long
+    assert wait.spent.steps <= 201
 
 
 def test_an_interrupted_search_says_what_it_knows(monkeypatch):
