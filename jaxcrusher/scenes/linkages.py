@@ -28,6 +28,7 @@ joints. Numbers are named by their place, as `joints.B.clearance` and `bodies.ro
 """
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -101,6 +102,7 @@ _UNEVEN = _TOP[1:4]
 # What a loose joint takes from the paper's joint.
 _BORROWED = tuple(n for n in _NUMBERS["joints"] if n not in ("clearance", "bore_radius"))
 _SECTIONS = (*_NUMBERS, "foundation", "assembly")
+_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
 # Where the frame's G is; of a clamped frame, the point of its moment.
 _PLACE_OF_FRAME = ("foundation.x", "foundation.y")
 # Supports of the frame: what a file must give of them, besides where the frame's G is.
@@ -239,6 +241,8 @@ class _Reading:
             self.sections[section].setdefault(item, {})[key] = value
         for section, items in self.sections.items():
             for item, keys in items.items() if section in _NUMBERS else ():
+                must = "be named by letters, digits and _, as results and MATLAB's variables are"
+                require(bool(_NAME.fullmatch(item)), f"{section}.{item}", must, repr(item))
                 for key in keys:
                     require_known(f"{section}.{item}.{key}".rstrip("."), _known(section, item))
         for name in self.left:

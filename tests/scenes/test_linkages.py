@@ -213,6 +213,10 @@ REFUSED = {
         {"assembly": {"rod": 1, "slider": -1}},
         "assembly.rod` must be one side of a dyad, but is 1 and -1 of rod and slider",
     ),
+    "a name that is no variable's": (
+        {"points": {"Öse": ["rod", 0.1, 0]}},
+        "points.Öse` must be named by letters, digits and _, as results and MATLAB's variables are",
+    ),
     "a point with a body's name": (
         {"points": {"rod": ["rod", 0.1, 0]}},
         "points` must have names that no body has, but is rod",
