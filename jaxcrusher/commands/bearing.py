@@ -185,11 +185,6 @@ def shown(
         column = (NUMBERS | {"shaking_rms": SHAKING})[name]
         unit, factor = SHOWN.get(column.unit, (column.unit, 1.0))
         pairs = zip(numbers[name].values, numbers[f"{name}_scatter"].values, strict=True)
-        texts = [_amount(factor * value, factor * scatter) for value, scatter in pairs]
+        texts = [table.with_scatter(factor * value, factor * scatter) for value, scatter in pairs]
         grid.add_row(f"{column.meaning}{'' if unit == '1' else f', {unit}'}", *texts)
     return grid
-
-
-def _amount(value: float, scatter: float) -> str:
-    whole = f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.4g}"
-    return f"{whole} ± {float(f'{scatter:.2g}'):.6g}"

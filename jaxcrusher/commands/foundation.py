@@ -32,6 +32,7 @@ from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
+from jaxcrusher.files.table import digits, with_scatter
 from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.turns import Turns, run_turns
@@ -50,7 +51,7 @@ from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.described import Described
 from jaxcrusher.scenes.echo import said
-from jaxcrusher.scenes.parameters import NUMBERS, POINTS, replaced
+from jaxcrusher.scenes.parameters import NUMBERS, POINTS
 from jaxcrusher.scenes.scene_file import point_of, quantity_in, read_range
 
 TITLE = "Load sheet of a machine's foundation"
@@ -153,7 +154,6 @@ def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str
         return ", ".join(f"{key} {said(key, values[key], units)}" for key in there)
 
     parts = [key for key in NUMBERS if key.startswith(("foundation.", "rollers."))]
-    parts = [key for key in parts if key not in replaced(values)]
     assumed = [key for key in (*parts, "load_law", "contact_law") if key not in given]
     head = {
         "machine": name,
@@ -264,18 +264,21 @@ def _number(value: float | str) -> str:
     """Return a number with four digits, and nothing below half of a thousandth."""
     if isinstance(value, str):
         return value
-    value = value if abs(value) >= 5e-4 else 0.0
-    return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.4g}"
+    return digits(_seen(value))
+
+
+def _seen(value: float) -> float:
+    return value if abs(value) >= 5e-4 else 0.0
 
 
 def _amount(row: Row) -> str:
     """Return a number with its scatter and phase, and that of ideal joints where it differs."""
     value, ideal = _number(row.value), _number(row.ideal)
     before = "" if ideal in ("", value) else f"{ideal} | "
-    shown = row.scatter != "" and float(row.scatter) > 1e-4 * abs(row.value)
-    scatter = f" ± {_number(float(f'{float(row.scatter):.2g}'))}" if shown else ""
+    if row.scatter != "" and float(row.scatter) > 1e-4 * abs(row.value):
+        value = with_scatter(_seen(row.value), _seen(float(row.scatter)))
     phase = "" if isinstance(row.phase, str) else f" at {np.degrees(row.phase):z.0f}°"
-    return f"{before}{value}{scatter}{phase if value != '0' else ''}"
+    return f"{before}{value}{phase if value != '0' else ''}"
 
 
 def grids(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:

@@ -28,6 +28,16 @@ class Column(NamedTuple):
         return {"units": self.unit, "long_name": self.meaning}
 
 
+def digits(value: float) -> str:
+    """Return a number with four digits, and a large one without decimals."""
+    return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.4g}"
+
+
+def with_scatter(value: float, scatter: float) -> str:
+    """Return a number with its scatter, of which two digits are known."""
+    return f"{digits(value)} ± {digits(float(f'{scatter:.2g}'))}"
+
+
 # Every column of the tables that is no statistic of a scene.
 COLUMNS = {
     # of a motion that was integrated

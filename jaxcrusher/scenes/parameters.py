@@ -318,24 +318,26 @@ PE250X400 = {name: value for name, value in _DEFAULTS.items() if not openers(nam
 PAPER_CHAMBER = {name: parameter.default for name, parameter in CHAMBER.items()}
 
 
-def replaced(names: Iterable[str]) -> set[str]:
-    """Return the springs and dampers in whose place a description with these names has soil."""
-    if not any(name in _SOIL for name in names):
-        return set()
-    kinds = ("stiffness", "damping")
-    return {f"foundation.{side}_{kind}" for side in ("horizontal", "vertical") for kind in kinds}
-
-
 def loose_besides(names: Iterable[str]) -> tuple[str, ...]:
     """The joints that a description with these names makes loose besides the main bearing."""
     return tuple(joint for joint in WORN_JOINTS if f"{joint}.clearance" in set(names))
 
 
+def _replaced(names: Iterable[str]) -> set[str]:
+    """Return the springs and dampers in whose place a description with these names has soil."""
+    if not any(name in _SOIL for name in names):
+        return set()
+    sides, kinds = ("horizontal", "vertical", "rocking"), ("stiffness", "damping")
+    return {f"foundation.{side}_{kind}" for side in sides for kind in kinds}
+
+
 def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     """A description with the default of every name that it lacks, if one of its `openers` is there.
 
-    Raises ValueError for a name without any of its openers, as of B, C or O without its clearance.
+    Raises ValueError for a name without any of its openers, as of B, C or O without its clearance,
+    and for springs and dampers beside the soil that stands in their place.
     """
+    instead = _replaced(values)
     there = {*values, *(f"{name}={v}" for name, v in values.items() if isinstance(v, str))}
 
     def belongs(name: str) -> bool:
@@ -343,7 +345,9 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
 
     for name in values:
         require(belongs(name), name, f"come with `{(*openers(name), '')[0]}`", "alone")
-    return {name: value for name, value in _DEFAULTS.items() if belongs(name)} | dict(values)
+        require(name not in instead, name, "not stand beside `foundation.soil`", "given")
+    left = {name: value for name, value in _DEFAULTS.items() if name not in instead}
+    return {name: value for name, value in left.items() if belongs(name)} | dict(values)
 
 
 def numbers_of(names: Iterable[str]) -> list[str]:

@@ -24,7 +24,6 @@ from jaxcrusher.scenes.parameters import (
     WORN_JOINTS,
     complete,
     readable,
-    replaced,
 )
 
 STANDARD_GRAVITY = 9.80665  # m/s2
@@ -295,7 +294,7 @@ def borrowed(given: Mapping[str, Any]) -> list[str]:
     # Other laws have a force of their own, or none.
     constant = law is not None and issubclass(law, AbstractConstantLoad)
     known = set(given) | (set() if constant else {"load"})
-    left = (CHAMBER.keys() | complete(given).keys()) - known - replaced(given)
+    left = (CHAMBER.keys() | complete(given).keys()) - known
     return [n for n in NUMBERS if n in left and (n == "load" or n.startswith(OF_A_MACHINE))]
 
 

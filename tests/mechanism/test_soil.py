@@ -56,3 +56,7 @@ def test_refusals():
         jc.build_scene(soil | speed | {"foundation.mass": 6e3})
     with pytest.raises(ValueError, match=r"come with `foundation\.soil\.shear_modulus`"):
         jc.build_scene({"foundation.soil.length": 2.0, "foundation.mass": 6e3})
+    block = {"foundation.mass": 6e3, **soil}
+    for given in ("vertical_stiffness", "horizontal_damping", "rocking_stiffness"):
+        with pytest.raises(ValueError, match=f"`foundation.{given}` must not stand beside `found"):
+            jc.build_scene({**block, f"foundation.{given}": 1e8})
