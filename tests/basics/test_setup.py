@@ -184,31 +184,6 @@ def refuse(text: str, **_: object) -> None:
 SCENE = {"speed": 30.0, "clearance": 6e-5}
 
 
-@pytest.mark.skipif(UNASKED, reason="no loop is slow")
-@pytest.mark.parametrize(
-    "compute",
-    [
-        lambda: jc.periodic_orbit(jc.paper_scene(**SCENE)),
-        lambda: jc.simulate(jc.paper_scene(**SCENE), np.array([0.0, 0.1])),
-        lambda: jc.statistics(jc.paper_scene(**SCENE), 0, 1),
-        lambda: jc.poincare_section(jc.paper_scene(**SCENE), 0, 1),
-        lambda: jc.regime(jc.paper_scene(**SCENE), 0, 1),
-        lambda: jc.coexisting_orbits(jc.paper_scene(**SCENE)),
-        lambda: jc.orbit_map({"speed": [25.0, 30.0]}),
-        lambda: jc.orbit_branch(lambda c: jc.paper_scene(30.0, c), 6e-5, (5e-5, 7e-5)),
-        lambda: jc.bifurcation(jc.ideal_scene, [25.0, 30.0], settle_turns=0, turns=1),
-        lambda: jc.sweep({"speed": [25.0, 30.0]}, 0, 1),
-        lambda: jc.gradient_report(jc.paper_scene, "foundation_rms", SCENE),
-    ],
-)
-def test_every_computation_tells_of_slow_loops(compute, monkeypatch):
-    monkeypatch.setattr(setup, "_told", set())
-    monkeypatch.setenv("XLA_FLAGS", "")
-    monkeypatch.setattr(warnings, "warn", refuse)
-    with pytest.raises(Said, match=r"times as long\. Import it before"):
-        compute()
-
-
 # Processes before JAX has computed, and after.
 FORKED = """
 import os, signal, sys, warnings
@@ -261,6 +236,20 @@ COMPUTATIONS = {
     "bifurcation": lambda *_: jc.bifurcation(jc.ideal_scene, [25.0], settle_turns=0, turns=1),
     "gradient": lambda *_: jc.gradient_report(jc.paper_scene, "foundation_rms", SCENE),
 }
+# Those that loop over time or over designs.
+SLOW = ["statistics", "simulate", "section", "orbit", "regime", "coexisting", "sweep"]
+SLOW += ["orbit map", "branch", "bifurcation", "gradient"]
+
+
+@pytest.mark.skipif(UNASKED, reason="no loop is slow")
+@pytest.mark.parametrize("name", SLOW)
+def test_every_computation_tells_of_slow_loops(name, monkeypatch):
+    scene = jc.paper_scene(**SCENE)
+    monkeypatch.setattr(setup, "_told", set())
+    monkeypatch.setenv("XLA_FLAGS", "")
+    monkeypatch.setattr(warnings, "warn", refuse)
+    with pytest.raises(Said, match=r"times as long\. Import it before"):
+        COMPUTATIONS[name](scene, None)
 
 
 @pytest.mark.usefixtures("unchecked")
