@@ -40,7 +40,7 @@ def read_machine(crusher: Crusher) -> Described:
     with naming(crusher.scene, found.given):
         build_chamber(found.values)
         tell_unusual(found.values)
-    tell_borrowed(dict.fromkeys(found.given), crusher.scene)
+    tell_borrowed({name: found.values[name] for name in found.given}, crusher.scene)
     return found
 
 

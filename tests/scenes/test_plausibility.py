@@ -11,6 +11,8 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics import setup
 from jaxcrusher.basics.setup import UnusualNumbers
+from jaxcrusher.commands.crushers import read_crusher
+from jaxcrusher.commands.options import Crusher
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, PE250X400, openers, readable
 from jaxcrusher.scenes.plausibility import RATIOS, remarks, tell_borrowed
 
@@ -78,6 +80,13 @@ def test_what_cannot_be_is_refused(values, name):
     with pytest.raises(ValueError, match=f"^Argument `{name}` must be one of a crusher") as error:
         remarks(values)
     assert "usually" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_command_tells_what_an_example_on_rollers_leaves(capsys):
+    path = Path(__file__).parents[2] / "examples" / "pe900x1200.toml"
+    values, _ = read_crusher(Crusher(scene=path))
+    assert values["contact_law"] == "rollers"
+    assert "pe900x1200.toml leaves 2 numbers to the PE250x400" in capsys.readouterr().err
 
 
 def test_numbers_that_a_scene_file_leaves_to_the_paper_are_told(capsys):
