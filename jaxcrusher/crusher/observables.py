@@ -166,16 +166,13 @@ def bearing_stiffness(scene: AbstractScene, force: float | Scalar) -> Scalar:
 
 def stiffness_now(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return dF/de of the main bearing where it is, N/m; ValueError for an ideal one."""
-    joint, contact = _main(scene, "outputs"), s.contacts["main"]
-    assert contact is not None
-    return jax.grad(joint.normal.elastic_force)(contact.penetration)
+    joint = _main(scene, "outputs")
+    return jax.grad(joint.normal.elastic_force)(s.contacts.at("main").penetration)
 
 
 def roller_pressure(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return Hertz's pressure of the most loaded roller, Pa; ValueError without rollers."""
-    bearing, contact = _rollers(scene), s.contacts["main"]
-    assert contact is not None
-    return bearing.pressure(contact.penetration)
+    return _rollers(scene).pressure(s.contacts.at("main").penetration)
 
 
 def static_load(s: Snapshot, scene: AbstractScene) -> Scalar:

@@ -69,8 +69,7 @@ class Accelerations(eqx.Module):
 
     def past_frame(self, body: str) -> Scalar:
         """Return the angular acceleration of a body past the frame, rad/s2."""
-        spin_up, frame = self.spin_ups[body], self.spin_ups[FRAME]
-        assert spin_up is not None
+        spin_up, frame = self.spin_ups.at(body), self.spin_ups[FRAME]
         return spin_up if frame is None else spin_up - frame
 
 
@@ -399,8 +398,7 @@ def _past(
     """Return e'' past the frame, from what pin and bore do past the ground."""
     if frame is None or spin_up is None:
         return second
-    e, rate = motion.eccentricities[joint], motion.rates[joint]
-    assert e is not None and rate is not None
+    e, rate = motion.eccentricities.at(joint), motion.rates.at(joint)
     turning = frame.spin**2 * e - 2 * frame.spin * rate.perp()
     return second + turning - spin_up * e.perp()
 

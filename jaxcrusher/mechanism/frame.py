@@ -113,8 +113,7 @@ def frame_rate(
     if frame is None:
         return None
     units = frame_units(scene)
-    second, spin_up = accelerations.centres[FRAME], accelerations.spin_ups[FRAME]
-    assert second is not None and spin_up is not None
+    second, spin_up = accelerations.centres.at(FRAME), accelerations.spin_ups.at(FRAME)
     velocity = Vector(frame.velocity.x / units.x, frame.velocity.y / units.y)
     turning = frame.spin / units.angle, units.radius * spin_up
     return FrameState(velocity, turning[0], second.along(frame.axis), turning[1])

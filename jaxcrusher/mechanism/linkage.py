@@ -130,18 +130,12 @@ class Linkage(eqx.Module):
 
     def joint(self, name: str) -> Joint:
         """Return a joint, which there is."""
-        found = self.joints[name]
-        assert found is not None, name
-        return found
+        return self.joints.at(name)
 
     def slide(self, name: str) -> Slide:
         """Return a slide, which there is."""
-        found = self.slides[name]
-        assert found is not None, name
-        return found
+        return self.slides.at(name)
 
     def body(self, name: str) -> Body:
         """Return a body, which there is."""
-        found = self.bodies[name]
-        assert found is not None, name
-        return found
+        return self.bodies.at(name)

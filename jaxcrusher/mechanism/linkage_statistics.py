@@ -180,8 +180,7 @@ def _velocity(s: Snapshot, scene: Any, name: str) -> Vector:
 def _acceleration(s: Snapshot, scene: Any, name: str) -> Vector:
     """Return r_S'' + phi'' perp(arm) - phi'^2 arm past the ground, in the frame's axes."""
     point = scene.point(name)
-    centre = s.accelerations.centres[point.body]
-    assert centre is not None, point.body
+    centre = s.accelerations.centres.at(point.body)
     arm = (point.arm - scene.linkage.body(point.body).mass_centre).along(s.motion.axis(point.body))
     if arm is None:
         return centre
@@ -197,15 +196,11 @@ def _acceleration_size(s: Snapshot, scene: Any, name: str) -> Scalar:
 
 
 def _slide_force(s: Snapshot, scene: Any, slide: str) -> Scalar:
-    guiding = s.accelerations.slides[slide]
-    assert guiding is not None, slide
-    return guiding.force
+    return s.accelerations.slides.at(slide).force
 
 
 def _slide_moment(s: Snapshot, scene: Any, slide: str) -> Scalar:
-    guiding = s.accelerations.slides[slide]
-    assert guiding is not None, slide
-    return guiding.moment
+    return s.accelerations.slides.at(slide).moment
 
 
 def _slide_size(s: Snapshot, scene: Any, slide: str) -> Scalar:

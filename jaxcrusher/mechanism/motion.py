@@ -54,9 +54,7 @@ class Motion(eqx.Module):
 
     def pose(self, body: str) -> Pose:
         """Return how a body stands."""
-        found = self.poses[body]
-        assert found is not None, body
-        return found
+        return self.poses.at(body)
 
     def axis(self, body: str) -> Vector:
         """Return the unit vector of a body's x axis."""
@@ -90,9 +88,7 @@ def _position(poses: Named[Pose], point: Point) -> Vector | None:
     if point.body == FRAME:
         arm = point.arm
         return None if arm.x is None and arm.y is None else arm.vector()
-    pose = poses[point.body]
-    assert pose is not None, point.body
-    return pose.position(point.arm)
+    return poses.at(point.body).position(point.arm)
 
 
 def _velocity(poses: Named[Pose], point: Point) -> Vector | None:

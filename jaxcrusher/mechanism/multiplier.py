@@ -136,11 +136,9 @@ class MultiplierFormulation(AbstractFormulation):
         found, frame = snapshot.accelerations, snapshot.frame
         second = {}
         for name in state.velocity.names:
-            centre, spin_up = found.centres[name], found.spin_ups[name]
-            assert centre is not None and spin_up is not None
+            centre, spin_up = found.centres.at(name), found.spin_ups.at(name)
             if frame is not None and scene.supports is not None:
-                carried, turned = found.centres[FRAME], found.spin_ups[FRAME]
-                assert carried is not None and turned is not None
+                carried, turned = found.centres.at(FRAME), found.spin_ups.at(FRAME)
                 arm = snapshot.motion.centre(name) - scene.supports.point
                 velocity = snapshot.motion.centre_velocity(name)
                 swept = turned * arm.perp() - frame.spin**2 * arm
@@ -174,14 +172,10 @@ def _motion(scene: AbstractScene, state: MultiplierState) -> Motion:
     """Return the motion of a state; its loose joints have the eccentricities that they show."""
     linkage, poses = scene.linkage, {}
     for name, at in state.position.items():
-        one, rate = linkage.body(name), state.velocity[name]
-        assert rate is not None
-        rate = rate * (1 / CONTACT_TIME)
+        one, rate = linkage.body(name), state.velocity.at(name) * (1 / CONTACT_TIME)
         axis = direction(at.angle)
         poses[name] = Pose(axis, rate.angle, one.mass_centre, at.centre, rate.centre)
-    crank = state.position[linkage.crank]
-    assert crank is not None
-    turning = Crank(crank.angle, poses[linkage.crank].spin)
+    turning = Crank(state.position.at(linkage.crank).angle, poses[linkage.crank].spin)
     motion = Motion(linkage, turning, Named(poses), Named(), Named())
     gaps = {name: _apart(motion, linkage.joint(name)) for name in scene.joints.names}
     return Motion(

@@ -32,6 +32,12 @@ class Named(eqx.Module, Generic[T]):
     def __getitem__(self, name: str) -> T | None:
         return self.values[self.names.index(name)] if name in self.names else None
 
+    def at(self, name: str) -> T:
+        """Return what is at a name where there is something."""
+        found = self[name]
+        assert found is not None, name
+        return found
+
     def __contains__(self, name: str) -> bool:
         return name in self.names
 

@@ -20,9 +20,7 @@ SPEED_WIDTH = 1e-12
 
 def on_bore(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
     """Return the force on the bore of a joint, N."""
-    force = s.accelerations.forces[joint]
-    assert force is not None
-    return force
+    return s.accelerations.forces.at(joint)
 
 
 def on_pin(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
@@ -50,12 +48,8 @@ def shaking_force(s: Snapshot, scene: AbstractScene) -> Vector:
 
 def _momentum_rates(s: Snapshot, scene: AbstractScene) -> list[tuple[str, Vector]]:
     """Return mass times acceleration of each body, in the frame's axes, N."""
-    linkage, rates = scene.linkage, []
-    for name, body in linkage.bodies.items():
-        acceleration = s.accelerations.centres[name]
-        assert acceleration is not None
-        rates.append((name, body.mass * acceleration))
-    return rates
+    centres, bodies = s.accelerations.centres, scene.linkage.bodies.items()
+    return [(name, body.mass * centres.at(name)) for name, body in bodies]
 
 
 def shaking_size(s: Snapshot, scene: AbstractScene) -> Scalar:
@@ -84,8 +78,7 @@ def ground_moment(s: Snapshot, scene: AbstractScene) -> Scalar:
     fall = fall if s.frame is None else fall.seen_from(s.frame.axis)
     total = jnp.zeros_like(s.motion.crank.speed)
     for name, rate in _momentum_rates(s, scene):
-        body, spin_up = scene.linkage.body(name), s.accelerations.spin_ups[name]
-        assert spin_up is not None
+        body, spin_up = scene.linkage.body(name), s.accelerations.spin_ups.at(name)
         force = body.mass * fall - rate
         total = total + (s.motion.centre(name) - point).cross(force) - body.inertia * spin_up
     return total

@@ -219,8 +219,7 @@ def contacts_of(scene: AbstractScene, motion: Motion, memories: Named[Scalar]) -
 
 def _contact(one: AbstractBearing, motion: Motion, name: str, memory: Scalar | None) -> Contact:
     joint = motion.linkage.joint(name)
-    e, rate = motion.eccentricities[name], motion.rates[name]
-    assert e is not None and rate is not None
+    e, rate = motion.eccentricities.at(name), motion.rates.at(name)
     bore, pin = motion.spin(joint.bore.body), motion.spin(joint.pin.body)
     still = 0.0
     return one.contact(

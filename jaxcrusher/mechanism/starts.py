@@ -123,9 +123,7 @@ def shifted_start(scene: Scene, offset: Vector, joint: str | None = None) -> Sce
     e, rates = start_of(scene).eccentricities(scene)
     relative = scene.joints.map(lambda one, at: at / one.clearance, e)
     name = relative.names[0] if joint is None else joint
-    at = relative[name]
-    assert at is not None
-    start = Given({**dict(relative.items()), name: at + offset}, rates)
+    start = Given({**dict(relative.items()), name: relative.at(name) + offset}, rates)
     return eqx.tree_at(lambda s: s.start, scene, start)
 
 
