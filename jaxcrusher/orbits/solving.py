@@ -23,7 +23,7 @@ from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.collocation import Unfactored, attached, collocate
 from jaxcrusher.periodic.collocation_problem import MOST_NODES
-from jaxcrusher.periodic.multipliers import STEPS, Multipliers, of_slopes
+from jaxcrusher.periodic.multipliers import LOOKS, STEPS, Multipliers, of_slopes
 from jaxcrusher.periodic.newton import Factors
 from jaxcrusher.periodic.node_errors import Family, NodeErrors, dual_error, node_errors
 from jaxcrusher.periodic.system import System
@@ -71,13 +71,14 @@ def of_nodes(
     `factors` are those of its equations; None on a branch.
     """
     scene = system.args
-    found, errors, defect = _passed_on(system, x, family, STEPS)
+    slopes, defect = _between(system, x)
+    found, errors = _passed_on(system, x, slopes, defect, family, STEPS)
     if scene.supports is not None:
         # A frame on stiff springs swings faster than a contact.
         found, errors = jax.lax.cond(
             found.error <= BLURRED,
             lambda: (found, errors),
-            lambda: _passed_on(system, x, family, FASTER * STEPS)[:2],
+            lambda: _passed_on(system, x, slopes, defect, family, FASTER * STEPS),
         )
     if factors is not None:
         rms = jax.lax.cond(
@@ -95,17 +96,30 @@ def of_nodes(
 def in_steps(scene: AbstractScene, found: Nodes, period: int, steps: int) -> Nodes:
     """Return an orbit with multipliers by so many steps a period."""
     system = forced.system(scene, period)
-    known, errors, _ = _passed_on(system, found.x, None, steps)
+    known, errors = _passed_on(system, found.x, *_between(system, found.x), None, steps)
     rms = jnp.where(jnp.isfinite(errors.rms), errors.rms, found.node_errors.rms)
     return dataclasses.replace(found, multipliers=known, node_errors=errors._replace(rms=rms))
 
 
+def _between(
+    system: System, x: Float[Array, "nodes dims"]
+) -> tuple[tuple[Float[Array, "n dims dims"], ...], Float[Array, "n dims"]]:
+    """Return df/dx and df/dx' at equal steps, two a node or more, and the defect there."""
+    slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
+    return slopes, system.defect(x, accelerations)
+
+
 def _passed_on(
-    system: System, x: Float[Array, "nodes dims"], family: Family | None, steps: int
-) -> tuple[Multipliers, NodeErrors, Float[Array, "n dims"]]:
-    """Return the multipliers of the orbit through `x`, what its nodes leave, and their defect."""
-    (slopes, defect), errors = node_errors(system, x, _leading_force, family, steps)
-    return of_slopes(slopes, system.period, steps, defect), errors, defect
+    system: System,
+    x: Float[Array, "nodes dims"],
+    slopes: tuple[Float[Array, "n dims dims"], ...],
+    defect: Float[Array, "n dims"],
+    family: Family | None,
+    steps: int,
+) -> tuple[Multipliers, NodeErrors]:
+    """Return the multipliers of the orbit through `x`, and what its nodes leave."""
+    found = of_slopes(slopes, system.period, steps, defect)
+    return found, node_errors(system, x, slopes, defect, _leading_force, family, steps)
 
 
 def _leading_force(phase: Scalar, x: Array, rate: Array, scene: AbstractScene) -> Scalar:

@@ -16,7 +16,7 @@ from jax.scipy.linalg import lu_solve
 from jaxtyping import Array, Float, PyTree, Scalar
 
 from jaxcrusher.basics.loops import one_by_one
-from jaxcrusher.periodic.multipliers import LOOKS, STEPS, eigenvalues, fundamental, spread
+from jaxcrusher.periodic.multipliers import STEPS, eigenvalues, fundamental, spread
 from jaxcrusher.periodic.newton import Factors
 from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import differentiation, resample
@@ -47,21 +47,16 @@ class NodeErrors(NamedTuple):
     multipliers: Scalar
 
 
-class Looked(NamedTuple):
-    """What is known at equal steps of a period, two a node or more."""
-
-    slopes: tuple[Float[Array, "n dims dims"], ...]  # df/dx and df/dx'
-    defect: Float[Array, "n dims"]
-
-
 def node_errors(
     system: System,
     x: Float[Array, "nodes dims"],
+    slopes: tuple[Float[Array, "n dims dims"], ...],
+    defect: Float[Array, "n dims"],
     quantity: Quantity,
     family: Family | None = None,
     steps: int = STEPS,
-) -> tuple[Looked, NodeErrors]:
-    """Look between the nodes, and estimate from there what they leave.
+) -> NodeErrors:
+    """Estimate them from df/dx, df/dx' and the defect at equal steps, two a node or more.
 
     On a branch the exact orbit is straight across it: a fold does not make that infinite.
 
@@ -69,64 +64,14 @@ def node_errors(
     in what the next order of the defect does. So their sizes are added, and the share of the mean
     square, twice that of the RMS, is returned.
     """
-    points, dims = max(LOOKS, 2 * len(x)), x.shape[1]
+    points, dims = defect.shape
     size, steps = 2 * dims, max(steps // 2, 2 ** math.ceil(math.log2(points)))
     times, place, rate = at = system.at(x, points)
-    none, by_numbers = jnp.zeros((points, size)), jnp.zeros((points, dims, 0))
+    pushes = defect[:, :, None]
     if family is not None:
         by_numbers = jax.jacfwd(lambda p: _defect(family.system(p), x, at))(family.numbers)
-        by_numbers = by_numbers.reshape(points, dims, -1)
-
-    # Twice, on the orbit of the nodes and where it leads: a loop, which is compiled once.
-    def look(now: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], tuple]:
-        (to_place, to_rate), changes = jnp.split(now[0], 2, axis=1), now[1]
-        own = _changed(system, family, changes)
-        slopes, found = own.slopes(times, place + to_place, rate + to_rate)
-        defect = own.defect(x, found)
-        pushes = jnp.concatenate([defect[:, :, None], by_numbers], axis=2)
-        before, last = fundamental(slopes, system.period, steps, pushes)
-        following = _leads_to(before, last, family, points)
-        return following, (Looked(slopes, defect), last[:, :size], following)
-
-    begin = none, jnp.zeros(by_numbers.shape[2])
-    _, seen = jax.lax.scan(look, begin, length=2)
-    looked, _, (motions, changes) = jax.tree.map(lambda leaf: leaf[0], seen)
-    to_place, to_rate = jnp.split(motions, 2, axis=1)
-    besides = jnp.zeros(())
-    if family is not None:
-        exact = _changed(system, family, changes)
-        besides = jnp.mean(squares(exact, at, quantity)[0])
-        besides -= jnp.mean(squares(system, at, quantity)[0])
-    one, other = (eigenvalues(m, jnp.all(jnp.isfinite(m))) for m in seen[1])
-    apart = spread(one, other)
-    found, by_both = squares(system, at, quantity)
-    both = jnp.concatenate(by_both, axis=1), jnp.concatenate([to_place, to_rate], axis=1)
-    by_harmonic = [jnp.fft.rfft(part, axis=0) / points for part in both]
-    shares = jnp.sum(jnp.real(jnp.conj(by_harmonic[0]) * by_harmonic[1]), axis=1)
-    twice = np.where(np.arange(len(shares)) % (points // 2) == 0, 1.0, 2.0)
-    rms = (jnp.sum(twice * jnp.abs(shares)) + jnp.abs(besides)) / jnp.mean(found)
-    multipliers = jnp.where(jnp.isnan(apart), jnp.inf, BENT * apart)
-    return looked, NodeErrors(rms + LEAST_ERROR, multipliers)
-
-
-def _changed(system: System, family: Family | None, changes: Float[Array, " numbers"]) -> System:
-    """Return the system of a family at numbers that have changed."""
-    if family is None:
-        return system
-    return family.system(family.numbers + changes.reshape(family.numbers.shape))
-
-
-def _leads_to(
-    before: Float[Array, "steps size columns"],
-    last: Float[Array, "size columns"],
-    family: Family | None,
-    points: int,
-) -> tuple[Float[Array, "points size"], Float[Array, " numbers"]]:
-    """Return the motion that leads from the nodes to the exact orbit, and the changes of numbers.
-
-    It is made of the fundamental motions, of that which the defect drives, and of those by numbers.
-    """
-    size, dims = last.shape[0], last.shape[0] // 2
+        pushes = jnp.concatenate([pushes, by_numbers.reshape(points, dims, -1)], axis=2)
+    before, last = fundamental(slopes, system.period, steps, pushes)
     matrix, missed = last[:, :size], last[:, size:]
     # One motion that leads there, and those along the branch, which are none off a branch.
     wide = jnp.concatenate([jnp.eye(size) - matrix, -missed[:, 1:]], axis=1)
@@ -143,8 +88,26 @@ def _leads_to(
         products = jnp.einsum("iwa,iva->wv", seen, seen) + scaled @ scaled.T
         share = jnp.linalg.solve(products[1:, 1:], products[1:, 0])
         across = jnp.append(1.0, -share)
-        return across @ motions, across @ changes
-    return motions[:, 0], changes[0]
+        motions, changes = across @ motions, across @ changes
+    else:
+        motions, changes = motions[:, 0], changes[0]
+    to_place, to_rate = jnp.split(motions, 2, axis=1)
+    exact, besides = system, jnp.zeros(())
+    if family is not None:
+        exact = family.system(family.numbers + changes.reshape(family.numbers.shape))
+        besides = jnp.mean(squares(exact, at, quantity)[0])
+        besides -= jnp.mean(squares(system, at, quantity)[0])
+    moved = exact.slopes(times, place + to_place, rate + to_rate)[0]
+    matrices = matrix, fundamental(moved, system.period, steps)[1]
+    one, other = (eigenvalues(m, jnp.all(jnp.isfinite(m))) for m in matrices)
+    apart = spread(one, other)
+    found, by_both = squares(system, at, quantity)
+    both = jnp.concatenate(by_both, axis=1), jnp.concatenate([to_place, to_rate], axis=1)
+    by_harmonic = [jnp.fft.rfft(part, axis=0) / points for part in both]
+    shares = jnp.sum(jnp.real(jnp.conj(by_harmonic[0]) * by_harmonic[1]), axis=1)
+    twice = np.where(np.arange(len(shares)) % (points // 2) == 0, 1.0, 2.0)
+    rms = (jnp.sum(twice * jnp.abs(shares)) + jnp.abs(besides)) / jnp.mean(found)
+    return NodeErrors(rms + LEAST_ERROR, jnp.where(jnp.isnan(apart), jnp.inf, BENT * apart))
 
 
 def _defect(system: System, x: Array, at: tuple[Array, ...]) -> Float[Array, "n dims"]:
