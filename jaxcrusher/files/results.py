@@ -55,18 +55,19 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """JSON; NaN becomes null, arrays become lists."""
+    """Write content as JSON, as `as_kept` has it."""
+    write_text(path, json.dumps(as_kept(content), indent=2) + "\n")
 
-    def clean(value):
-        if hasattr(value, "tolist"):
-            return clean(value.tolist())
-        if isinstance(value, Mapping):
-            return {key: clean(entry) for key, entry in value.items()}
-        if isinstance(value, list | tuple):
-            return [clean(entry) for entry in value]
-        return None if isinstance(value, float) and not math.isfinite(value) else value
 
-    write_text(path, json.dumps(clean(content), indent=2) + "\n")
+def as_kept(value: Any) -> Any:
+    """Return what JSON keeps of a value: null in place of NaN, lists in place of arrays."""
+    if hasattr(value, "tolist"):
+        return as_kept(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(key): as_kept(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_kept(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def write_netcdf(path: Path, dataset: "xr.Dataset") -> None:

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from jaxcrusher.files.results import results_folder, tell, write_json
+from jaxcrusher.files.results import as_kept, results_folder, tell, write_json
 
 SETTINGS = "settings.json"
 REMEDY = "Choose another, or delete it."
@@ -52,7 +52,7 @@ def keep_beside(path: Path, settings: Mapping[str, Any], *written: str) -> None:
         before = json.loads(path.read_bytes())["settings"]
     except (OSError, ValueError, KeyError, TypeError):
         return
-    if before == json.loads(json.dumps(settings)):
+    if before == as_kept(settings):
         return
     folder = path.parent / "earlier"
     numbers = [int(one.name) for one in folder.glob("*") if one.name.isdecimal()]
@@ -80,7 +80,7 @@ def earlier(path: Path, settings: Mapping[str, Any], argument: str) -> dict[str,
             f"Argument `{argument}` must be that of a run that can be read, but {path} is not: "
             f"{type(error).__name__}: {error}. {REMEDY}"
         ) from None
-    require_same(path, before, json.loads(json.dumps(settings)), argument)
+    require_same(path, before, as_kept(settings), argument)
     return content
 
 

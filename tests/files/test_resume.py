@@ -6,6 +6,7 @@ from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin_beside, earlier
 
 SETTINGS = {"turns": 5, "scene": {"speed": 30.0, "start": "contact"}, "width": (1, 2)}
+SETTINGS |= {"phase": float("nan")}  # of a measurement without one
 
 
 def test_the_same_settings_find_what_is_there(tmp_path):
