@@ -63,13 +63,11 @@ def _times(factor: Scalar, one: JawForce) -> JawForce:
     return JawForce(factor * one.force, one.along)
 
 
-def rough_feed(
-    load: AbstractLoad, scatter: Any, bandwidth: Any, seed: Any, cosines: int = COSINES
-) -> RoughFeed:
+def rough_feed(load: AbstractLoad, scatter: Any, bandwidth: Any, seed: Any) -> RoughFeed:
     """Return a load with a wave of its own for each `seed`, a whole number that may be traced."""
     keys = jax.random.split(jax.random.key(jnp.asarray(seed).astype(jnp.uint32)))
-    random = [jax.random.uniform(key, (cosines,), float) for key in keys]
-    places, phases = (jnp.arange(cosines) + random[0]) / cosines, 2 * np.pi * random[1]
+    random = [jax.random.uniform(key, (COSINES,), float) for key in keys]
+    places, phases = (jnp.arange(COSINES) + random[0]) / COSINES, 2 * np.pi * random[1]
     return RoughFeed(load, scatter, bandwidth, places, phases)
 
 

@@ -45,7 +45,6 @@ def bifurcation(
     name: str = "value",
     units: str = "1",
     rtol: float = 1e-9,
-    chunk: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
     """Return section points of `turns` turns after `settle_turns`, at each value of a parameter.
@@ -59,9 +58,8 @@ def bifurcation(
       with its scene's start, on all cores. Where up and down differ there is hysteresis.
     - `settle_turns`, `turns`: >= 0 and >= 20.
     - `name`, `units`: of the parameter, for the labels.
-    - `rtol`: as in `jaxcrusher.statistics`. `chunk`: values between two reports of progress of
-      cold starts; None as in `jaxcrusher.map_chunks`. `progress`: called with the number of
-      finished and of all values.
+    - `rtol`: as in `jaxcrusher.statistics`. `progress`: called with the number of finished and of
+      all values.
 
     **Returns:** an `xarray.Dataset`: `e_x`, `e_y` (clearances), `rate_x`, `rate_y` (m/s) and
     `foundation_rms` (of the turn, N) with dims `value` and `turn`; `success`, `whirl`, `settled`
@@ -90,7 +88,7 @@ def bifurcation(
     run = eqx.Partial(_run, settle=settle_turns, turns=turns, rtol=rtol)
     count, rows = len(scenes), [{}] * len(numbers)
     if direction == "cold":
-        found = run_all(run, stack(scenes), chunk, progress=progress)
+        found = run_all(run, stack(scenes), progress=progress)
         rows = [_row(jax.tree.map(lambda leaf, i=i: leaf[i], found), rtol) for i in range(count)]
     else:
         order = range(count) if direction == "up" else range(count - 1, -1, -1)

@@ -44,6 +44,8 @@ QUIET_PAIRS = 6
 # swing beats with the shaft, and leave Student's t one degree of freedom; parts of less than ten
 # turns would know of each other.
 PARTS = 4
+# Runs at most in a batch of a fit.
+BATCH = 64
 # Turns whose tangents are integrated, and the tolerance and turns that tell a regime.
 TANGENT_TURNS = 40
 REGIME_RTOL, REGIME_TURNS = 1e-10, 200
@@ -94,7 +96,6 @@ def gradient_report(
     pairs: int = 32,
     seed: int = 0,
     rtol: float = 1e-9,
-    chunk: int = 64,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> GradientReport:
     """Slopes of a statistic by named parameters, each with its verdict.
@@ -109,7 +110,6 @@ def gradient_report(
       each value, or where that is 0 of the scale `jaxcrusher.PARAMETERS` has for the name.
     - `pairs`, `seed`: of runs of a fit, and for the random choice of them. There are at least
       twice as many pairs as parameters.
-    - `chunk`: runs at most in a batch of a fit.
     - `progress`: called with what begins, in words: which stages there are, the motion decides.
 
     **Returns:** a `GradientReport`. Periodic motions get the slopes of their orbit, which is solved
@@ -180,7 +180,7 @@ def gradient_report(
     shift = START_SHIFT if chaotic else 0.0
     for share, name in zip((1.0, 0.5), FITS, strict=True):
         progress(f"fitting slopes to {2 * count} runs of {horizon} turns")
-        fits.append(fit_slopes(value, numbers, share * radii, count, seed, shift, chunk))
+        fits.append(fit_slopes(value, numbers, share * radii, count, seed, shift))
         estimates[name] = fits[-1].slopes, fits[-1].errors
         freedom[name] = fits[-1].freedom
     grown = _growth_over(TANGENT_TURNS, kind)[0] if chaotic else _growth(along[0])
@@ -292,7 +292,6 @@ def fit_slopes(
     pairs: int,
     seed: int,
     shift: float = 0.0,
-    chunk: int = 64,
 ) -> Fit:
     """Slopes by a linear fit over pairs of runs.
 
@@ -315,7 +314,7 @@ def fit_slopes(
         "point": jnp.asarray(point + signs * radius * np.repeat(offsets, 2, axis=0)),
         "shift": jnp.asarray(shifts),
     }
-    both = map_all(value, cases, chunk).reshape(pairs, 2, 2)
+    both = map_all(value, cases, BATCH).reshape(pairs, 2, 2)
     half = (both[:, 0] - both[:, 1]) / 2
     if not np.isfinite(half).all():
         nothing, unknown = np.full(len(point), np.nan), np.full(len(point), np.inf)
