@@ -33,14 +33,14 @@ def active_constraints(case: Case, best: Confirmed) -> tuple[tuple[Active, ...],
     standing = _standing(case, best, at)
     if standing:
         # The multipliers that leave the free slopes nearest to zero, none of them negative.
-        normals = np.stack([normal for _, _, normal in standing], axis=1)
+        normals = np.stack([normal for _, _, normal, _ in standing], axis=1)
         sizes = np.linalg.norm(normals[free], axis=0)
         sizes = np.where(sizes > 0, sizes, np.inf)
         multipliers = scipy.optimize.nnls(normals[free] / sizes, slopes[free])[0] / sizes
         slopes = slopes - normals @ multipliers
         found += [
-            Active(name, end, float(multiplier))
-            for (name, end, _), multiplier in zip(standing, multipliers, strict=True)
+            Active(name, end, float(multiplier), unit)
+            for (name, end, _, unit), multiplier in zip(standing, multipliers, strict=True)
         ]
     slopes = slopes / width
     for i, (name, top) in enumerate(zip(names, case.upper, strict=True)):
@@ -55,16 +55,17 @@ def active_constraints(case: Case, best: Confirmed) -> tuple[tuple[Active, ...],
 
 def _standing(
     case: Case, best: Confirmed, at: Float[np.ndarray, " n"]
-) -> list[tuple[str, str, Float[np.ndarray, " n"]]]:
-    """Return what stands at its floor or limit, at which end, and its slope inwards.
+) -> list[tuple[str, str, Float[np.ndarray, " n"], str]]:
+    """Return what stands at its floor or limit, at which end, its slope inwards, and its unit.
 
     Slopes are by the axes of the unit box.
     """
     found = []
-    if case.links_free and best.capacity <= case.capacity_floor * (1 + AT_FLOOR):
-        found.append(("capacity", "lowest", case.capacity_slope(at)))
+    highest, crushing = case.capacity_floor * (1 + AT_FLOOR), best.crushing
+    if case.links_free and crushing is not None and crushing.capacity <= highest:
+        found.append(("capacity", "lowest", case.capacity_slope(at), "m3/h"))
     for limit in case.limits:
         value, slope = smooth.limited(case, limit)(at)
         if value >= limit.most * (1 - OF_ORBIT):
-            found.append((limit.statistic, "highest", -slope))
+            found.append((limit.statistic, "highest", -slope, limit.unit))
     return found

@@ -86,6 +86,16 @@ class Runs:
 
 
 @dataclass(frozen=True)
+class Crushing:
+    """What a design is as a crusher."""
+
+    clearance: float  # m, of the main bearing
+    capacity: float  # m3/h
+    stroke: float  # m, at the discharge
+    stroke_ratio: float  # of its vertical over its horizontal part
+
+
+@dataclass(frozen=True)
 class Confirmed:
     """A design with its long runs; the objective is that of its worst motion.
 
@@ -98,13 +108,9 @@ class Confirmed:
     half_width: float  # estimated error of the orbit's, or of the mean's interval
     worse_start: str
     speed: float
-    clearance: float
-    foundation_rms: float  # of the orbit, or the mean of the worse start's runs
-    shaking_rms: float  # likewise
-    ideal_rms: float  # the same machine's with an ideal joint
-    capacity: float  # m3/h
-    stroke: float  # m, at the discharge
-    stroke_ratio: float  # of its vertical over its horizontal part
+    forces: dict[str, float]  # `Case.forces` of the orbit, or the means of the worse start's runs
+    ideal_rms: float  # the first of them, of the same machine with ideal joints
+    crushing: Crushing | None  # None of a linkage that is no crusher
     orbit: Orbit | None  # None: a scene whose orbits cannot be solved for
     transient: dict[str, Runs]  # by start
     regime: dict[str, Regime] = field(default_factory=dict)  # of starts that do not settle
@@ -141,6 +147,7 @@ class Active:
     parameter: str  # or what is constrained itself: "capacity", a statistic of a limit
     limit: str  # "lowest", "highest" or "capacity"
     multiplier: float  # by how much the objective would fall per unit
+    unit: str = ""  # of a constraint that is no parameter
 
 
 @dataclass(frozen=True)
@@ -172,12 +179,13 @@ class Front:
     Points stand in the order of a rising objective. A front of one point offers nothing to trade.
     """
 
-    of: str  # the other number: "capacity" or an objective
+    of: str  # the other number: "capacity" or a statistic
     unit: str
+    meaning: str
     objective: np.ndarray  # (points,)
     other: np.ndarray  # (points,)
     values: dict[str, np.ndarray]  # of the free parameters, (points,)
-    forces: dict[str, np.ndarray]  # the RMS of both forces of the orbits, (points,)
+    forces: dict[str, np.ndarray]  # `Case.forces` of the orbits, (points,)
 
 
 @dataclass(frozen=True)
@@ -209,7 +217,7 @@ class Box:
 
     bounds: dict[str, tuple[float, float]]
     capacity_floor: float  # m3/h
-    derived_speed: tuple[float, float]  # rad/s, by the equations of capacity
+    derived_speed: tuple[float, float] | None  # rad/s, by the capacity; None without one
     units: dict[str, str] = field(default_factory=dict)  # that numbers were given in, where known
     limits: tuple[Limit, ...] = ()
 
@@ -222,7 +230,8 @@ class Answer:
     versions: dict[str, str]
     objective: Sought
     box: Box
-    fixed: dict[str, Any]  # of the crusher's description
+    fixed: dict[str, Any]  # of the machine's description
+    columns: dict[str, tuple[str, str]]  # unit and meaning of every number of a run
     seed: int
     status: str = "interrupted"
     seconds: Mapping[str, float] = field(default_factory=dict)  # by stage
@@ -262,4 +271,8 @@ class Answer:
         density = self.bulk_density
         if density is None:
             return {}
-        return {title: throughput(one.capacity, density) for title, one in self.designs.items()}
+        return {
+            title: throughput(one.crushing.capacity, density)
+            for title, one in self.designs.items()
+            if one.crushing is not None
+        }

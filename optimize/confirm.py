@@ -9,13 +9,14 @@ from scipy.stats import t as student
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
+from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.statistics import limits_of
-from optimize.answer import Confirmed, Orbit, Runs
+from optimize.answer import Confirmed, Crushing, Orbit, Runs
 from optimize.case import Case
 from optimize.counts import broken
 from optimize.evaluate import NOWHERE, STARTS, Rows, Tracking, Window, evaluate
-from optimize.forces import FORCES
 from optimize.limits import OF_ORBIT
 
 CONFIDENCE = 0.95
@@ -66,8 +67,8 @@ def confirmed(
     """Return a point of the unit box with its long runs and its orbit, and its objective."""
     values = case.design.numbers(unit)
     given = case.design.described(values)
-    described = {**jc.PE250X400, **given}
-    scene = jc.build_scene(given)
+    described = case.design.whole(given)
+    scene = case.design.build(given)
     intervals = [interval(numbers) for numbers in rows["objective"]]
     runs, judged = {}, []
     for i, (start, numbers) in enumerate(zip(STARTS, intervals, strict=True)):
@@ -84,10 +85,10 @@ def confirmed(
     worse = int(np.argmax([mean for mean, _ in judged]))
     objective, half_width = judged[worse]
     worst = runs[STARTS[worse]]
-    forces = {name: float(worst.by_run[name].mean()) for name in FORCES}
+    forces = {name: float(worst.by_run[name].mean()) for name in case.forces}
     counts = bool(rows["counts"].all())
     if orbit is not None and worst.settles:
-        forces = {name: float(orbit.solution[name]) for name in FORCES}
+        forces = {name: float(orbit.solution[name]) for name in case.forces}
         counts &= not np.any(list(broken(case, orbit.solution, OF_ORBIT).values()))
     return Confirmed(
         values,
@@ -95,17 +96,22 @@ def confirmed(
         half_width,
         STARTS[worse],
         float(described["speed"]),
-        float(described["clearance"]),
-        forces["foundation_rms"],
-        forces["shaking_rms"],
-        float(jc.periodic_orbit(scene.ideal()).foundation_rms),
-        float(case.capacity(unit)),
-        float(stroke(scene.machine)),
-        float(stroke_ratio(scene.machine)),
+        forces,
+        float(jc.periodic_orbit(scene.ideal())[scene.leading]),
+        _crushing(case, scene, unit),
         orbit,
         runs,
         follows={name: float(described[name]) for name in case.design.following},
     )
+
+
+def _crushing(case: Case, scene: AbstractScene, unit: np.ndarray) -> Crushing | None:
+    if case.chamber is None:
+        return None
+    crusher = crusher_of(scene)
+    sizes = crusher.joints.values[0].clearance, case.capacity(unit)
+    strokes = stroke(crusher.machine), stroke_ratio(crusher.machine)
+    return Crushing(*(float(one) for one in (*sizes, *strokes)))
 
 
 def _in_contact(by_run: Rows) -> bool:

@@ -1,6 +1,6 @@
 """A design: named parameters with bounds, the unit box the search works on, and its scenes."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -12,21 +12,23 @@ from jaxtyping import Array, ArrayLike, Float
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import concrete, require, require_known
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.scenes.own_laws import check_described
-from jaxcrusher.scenes.parameters import check_number
+from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, check_number
 from optimize.completions import CounterweightMoment, EqualStroke
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """The free parameters of a crusher with their bounds, and those that are fixed.
+    """The free parameters of a crusher, or of any linkage, with their bounds, and fixed ones.
 
     **Arguments:**
 
     - `bounds`: names of `jaxcrusher.PARAMETERS`, or both of `CounterweightMoment.inputs`, with
-      their lowest and highest value in SI units.
+      their lowest and highest value in SI units. Of a linkage, names of its drawing's numbers.
     - `fixed`: the other numbers and choices of the description; what is missing is the paper's.
     - `kept_stroke`: by which the eccentricity follows from the other numbers, if anything.
+    - `make`: what makes a linkage's scene of its numbers and choices; None for a crusher.
 
     Raises ValueError for unknown names, bounds that are not LOW < HIGH inside the parameter's
     limits, and a name that is both free and fixed, or follows.
@@ -35,12 +37,16 @@ class Design:
     bounds: Mapping[str, tuple[float, float]]
     fixed: Mapping[str, Any] = field(default_factory=dict)
     kept_stroke: EqualStroke | None = None
+    make: Callable[..., AbstractScene] | None = None
 
     def __post_init__(self):
         require(len(self.bounds) > 0, "bounds", "name a parameter", dict(self.bounds))
-        check_described(self.fixed)  # a law of one's own makes its numbers known
+        known = tuple(NUMBERS)
+        if self.make is None:
+            check_described(self.fixed)  # a law of one's own makes its numbers known
+            known = (*jc.PARAMETERS, *CounterweightMoment.inputs)
         for name, (low, high) in self.bounds.items():
-            require_known(name, (*jc.PARAMETERS, *CounterweightMoment.inputs))
+            require_known(name, known)
             good = bool(np.isfinite([low, high]).all()) and low < high
             require(good, f"bounds of {name}", "be finite, LOW < HIGH", (low, high))
             check_number(name, np.array([low, high]))
@@ -113,10 +119,18 @@ class Design:
         """For concrete points: a loop that is not compiled once is compiled at every call."""
         return jax.jit(self._complete)
 
-    def scene(self, unit: Float[ArrayLike, " n"]) -> jc.Scene:
+    def scene(self, unit: Float[ArrayLike, " n"]) -> AbstractScene:
         """The scene at a point of the unit box, which may be traced.
 
         Raises ValueError (concrete points only) outside the box and for a machine that cannot
         be built; a traced one has NaN in every number of its motion.
         """
-        return jc.build_scene(self.description(unit))
+        return self.build(self.description(unit))
+
+    def build(self, described: Mapping[str, Any]) -> AbstractScene:
+        """The scene of a completed description; raises as `scene` does."""
+        return jc.build_scene(described) if self.make is None else self.make(**described)
+
+    def whole(self, described: Mapping[str, Any]) -> dict[str, Any]:
+        """The description with what it leaves to the PE250x400; a linkage leaves nothing."""
+        return {**(PE250X400 if self.make is None else {}), **described}

@@ -15,9 +15,11 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import chunk_of, run_all
 from jaxcrusher.batch.sweep import limited_joints, row_of
 from jaxcrusher.files.journal import Journal
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.starts import shifted_start
 from optimize import counts
 from optimize.case import Case
+from optimize.design import Design
 from optimize.limits import Found
 
 # A machine may start either way: with its pin centred in the bore (hard impacts), and resting in
@@ -89,39 +91,40 @@ def judged(rows: Found) -> np.ndarray:
 
 
 def started(
-    description: Mapping[str, Any], start: str, shift: Iterable[ArrayLike] = (0.0, 0.0)
-) -> jc.Scene:
-    """The scene of a description from one of the `STARTS`, `shift` clearances off.
+    design: Design,
+    description: Mapping[str, Any],
+    start: str,
+    shift: Iterable[ArrayLike] = (0.0, 0.0),
+) -> AbstractScene:
+    """The scene of a completed description from one of the `STARTS`, `shift` clearances off.
 
     With the start as numbers, the scenes of all starts run as one program. A rough feed's motions
     are those under its mean load.
     """
-    scene = jc.build_scene({**description, "start": start}).steady()
+    scene = design.build({**description, "start": start}).steady()
     return shifted_start(scene, Vector(*shift))
 
 
 @eqx.filter_jit
 def stacked_scenes(
     case: Case, units: Float[Array, "points n"], shifts: Float[Array, "points 2"] | None = None
-) -> jc.Scene:
+) -> AbstractScene:
     """The scenes of all points from one start, then from the other, stacked."""
     shifts = jnp.zeros((len(units), 2)) if shifts is None else shifts
 
-    def one(unit: Array, shift: Array, start: str) -> jc.Scene:
-        return started(case.design.description(unit), start, shift)
+    def one(unit: Array, shift: Array, start: str) -> AbstractScene:
+        return started(case.design, case.design.description(unit), start, shift)
 
     parts = [jax.vmap(eqx.Partial(one, start=start))(units, shifts) for start in STARTS]
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 
-def _row(batch: tuple[jc.Scene, Array], case: Case, window: Window) -> dict[str, Array]:
+def _row(batch: tuple[AbstractScene, Array], case: Case, window: Window) -> dict[str, Array]:
     """Return the row of a scene at a point of the unit box."""
     scene, unit = batch
-    limited = (limit.statistic for limit in case.limits)
-    always = tuple(dict.fromkeys((*scene.usual_statistics, *limited)))
-    outputs = tuple(dict.fromkeys((*always, *case.objective.outputs)))
+    outputs = tuple(dict.fromkeys((*case.told, *case.objective.outputs)))
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
     chamber = case.chamber_of(case.design.description(unit))
     objective = case.objective.formula(result, scene, chamber)
     further = {"objective": objective, "steps": result.outcome.steps, "state": result.state}
-    return row_of(result, always, limited_joints(scene), scene.leading) | further
+    return row_of(result, case.told, limited_joints(scene), scene.leading) | further

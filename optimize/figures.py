@@ -10,6 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 import jaxcrusher as jc
+from jaxcrusher.crusher.capacity import CrushingChamber
+from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.files.results import write_figure
 from jaxcrusher.pictures import mechanism, plots
 from jaxcrusher.scenes.echo import said, unit_of
@@ -18,8 +20,7 @@ from optimize.case import Case
 from optimize.forces import name_of
 from optimize.formatting import shown
 from optimize.landscape import Maps, worst
-from optimize.motions import DRAWN, design_motions
-from optimize.objectives import OBJECTIVES
+from optimize.motions import design_motions
 from optimize.pareto import nondominated
 
 OPTIMUM, COMPARED = ("*", "C3", 13), ("D", "C1", 8)
@@ -45,14 +46,14 @@ def draw_all(
             omitted |= {"landscape.png": why, "settling.png": why}
         draw_starts(folder, answer, data)
         drawn.append("starts.png")
-    if "speed" in case.design.names:
-        draw_capacity(folder, case, answer.box)
+    if "speed" in case.design.names and case.chamber is not None:
+        draw_capacity(folder, case.chamber, answer.box)
         drawn.append("capacity.png")
     if answer.fronts and all(len(front.objective) == 1 for front in answer.fronts):
-        lower = name_of(OBJECTIVES[answer.fronts[-1].of].meaning)
+        higher = "" if case.chamber is None else "a higher capacity than the optimum, nor "
         omitted["pareto.png"] = (
-            f"nothing has to be traded, because no point of the map has a higher capacity than the "
-            f"optimum, nor a lower {lower}"
+            f"nothing has to be traded, because no point of the map has {higher}a lower "
+            f"{name_of(case.rival.meaning)}{'' if higher else ' than the optimum'}"
         )
     elif maps.counting_orbits is not None:
         draw_pareto(folder, case, maps.points, maps.counting_orbits, answer)
@@ -64,7 +65,7 @@ def draw_all(
         omitted["pareto.png"] = "no point of the maps may be chosen"
     draw_motions(folder, case, answer)
     drawn.append("motion.png")
-    if answer.optimum is not None:
+    if answer.optimum is not None and case.chamber is not None:
         draw_bearings(folder, case, answer.optimum)
         drawn.append("bearings.png")
     return drawn, omitted
@@ -156,15 +157,15 @@ def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool 
     )
 
 
-def draw_capacity(folder: Path, case: Case, box: Box) -> None:
+def draw_capacity(folder: Path, chamber: CrushingChamber, box: Box) -> None:
     """Draw the capacity over speed, with the box searched."""
     low, high = box.bounds["speed"]
     fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
     speeds = np.linspace(0.6 * low, 1.25 * high, 200)
-    plots.plot_capacity(case.chamber, speeds, box.capacity_floor, ax, units=box.units)
+    plots.plot_capacity(chamber, speeds, box.capacity_floor, ax, units=box.units)
     unit, one = unit_of("speed", box.units)
     ax.axvspan(low / one, high / one, color="C2", alpha=0.15, label="box searched")
-    reached = box.derived_speed[1] / one
+    reached = float(chamber.highest_speed(box.capacity_floor)) / one
     if math.isfinite(reached):
         label = f"floor reached at {reached:.4g} {unit}"
         ax.axvline(reached, color="0.4", linestyle=":", label=label)
@@ -175,14 +176,13 @@ def draw_capacity(folder: Path, case: Case, box: Box) -> None:
 def draw_pareto(
     folder: Path, case: Case, units: np.ndarray, data: xr.Dataset, answer: Answer
 ) -> None:
-    """Draw the objective against capacity and another force, at a map's points and the designs.
+    """Draw the objective against a crusher's capacity and the rival, at a map's points and designs.
 
     `data` is the map of orbits, whose fronts the answer has, or the landscape, whose
     worse start counts: its front is what no other point beats in both.
     """
     transient = "start" in data.dims
-    other = answer.fronts[-1].of if answer.fronts else "peak"
-    force = OBJECTIVES[other]
+    force = case.rival
     (statistic,) = force.outputs
     worse = data[["objective", statistic]].max("start") if transient else data
     counts = data.counts.all("start") if transient else data.counts
@@ -190,10 +190,15 @@ def draw_pareto(
         worse[name].where(counts).to_numpy().ravel() for name in ("objective", statistic)
     )
     kilo, unit = (1e3, "kN") if answer.objective.unit == "N" else (1.0, answer.objective.unit)
+    of_axes = [(forces, 1.0, 1e3, f"{force.meaning} (kN)")]
+    if case.chamber is not None:
+        of_axes.insert(0, (case.capacity(units), -1.0, 1.0, "capacity (m³/h)"))
     with plt.rc_context(plots.STYLE):
-        fig, axes = plt.subplots(1, 2, figsize=(plots.WIDTH, 3.4), layout="constrained")
-        of_axes = (case.capacity(units), -1.0, 1.0), (forces, 1.0, 1e3)
-        for k, (ax, (column, sign, one)) in enumerate(zip(axes, of_axes, strict=True)):
+        fig, axes = plt.subplots(
+            1, len(of_axes), figsize=(plots.WIDTH, 3.4), layout="constrained", squeeze=False
+        )
+        axes = axes.ravel()
+        for k, (ax, (column, sign, one, heading)) in enumerate(zip(axes, of_axes, strict=True)):
             dots = objective / kilo, column / one
             ax.plot(*dots, "o", color="0.7", markersize=3, label="points of the map")
             if answer.fronts:
@@ -208,12 +213,13 @@ def draw_pareto(
             ax.plot(line[0] / kilo, line[1] / one, "s-", color="C0", markersize=size, label="front")
             meaning = "worse start" if transient else "periodic orbit"
             ax.set_xlabel(f"{answer.objective.meaning}, {meaning} ({unit})")
-        axes[0].set_ylabel("capacity (m³/h)")
-        axes[1].set_ylabel(f"{force.meaning} (kN)")
+            ax.set_ylabel(heading)
         for title, design in answer.designs.items():
             least, highest = _numbers(design, statistic, transient)
             marker, colour, size = OPTIMUM if title == "optimum" else COMPARED
-            for ax, value in zip(axes, (design.capacity, highest / 1e3), strict=True):
+            crushing = design.crushing
+            values = [highest / 1e3] if crushing is None else [crushing.capacity, highest / 1e3]
+            for ax, value in zip(axes, values, strict=True):
                 ax.plot(
                     least / kilo,
                     value,
@@ -256,7 +262,7 @@ def _numbers(design: Confirmed, statistic: str, transient: bool) -> tuple[float,
 
 def draw_bearings(folder: Path, case: Case, design: Confirmed) -> None:
     """Draw where the frame carries the machine, at O and C, when the toggle presses hardest."""
-    scene = jc.build_scene(case.design.described(design.values)).ideal()
+    scene = crusher_of(case.design.build(case.design.described(design.values)).ideal())
     times = 2 * np.pi / design.speed * np.linspace(0, 1, 73)
     turn = jc.simulate(scene, times, outputs=mechanism.DRAWN)
     hardest = int(np.argmax(np.linalg.norm(turn["toggle_reaction"], axis=1)))
@@ -268,7 +274,7 @@ def draw_bearings(folder: Path, case: Case, design: Confirmed) -> None:
 
 
 def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
-    """Draw the pin's path and the foundation force of both designs after their long runs."""
+    """Draw the pin's path and the leading force of both designs after their long runs."""
     fig, axes = plt.subplots(
         2,
         2 * len(answer.designs),
@@ -280,14 +286,14 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
     turns = np.linspace(0, 2, 4001)
     motions = design_motions(case, list(answer.designs.values()), turns)
     for column, (title, design) in enumerate(answer.designs.items()):
-        described = case.design.described(design.values)
-        speed, clearance = design.speed, design.clearance
-        of_speed = said("speed", speed, answer.box.units)
-        times = 2 * np.pi / speed * turns
-        ideal = jc.simulate(jc.build_scene(described).ideal(), times, outputs=DRAWN)
+        scene = case.design.build(case.design.described(design.values))
+        joint, clearance = scene.joints.names[0], float(scene.joints.values[0].clearance)
+        of_speed = said("speed", design.speed, answer.box.units)
+        times = 2 * np.pi / design.speed * turns
+        ideal = jc.simulate(scene.ideal(), times, outputs=(plots.leading_force(scene),))
         for row, (start, motion) in enumerate(motions[column].items()):
             orbit, force = axes[row, 2 * column : 2 * column + 2]
-            plots.plot_orbit(motion, clearance, orbit)
+            plots.plot_orbit(motion, clearance, orbit, joint=joint)
             plots.plot_force(motion, ideal, force)
             orbit.set_title(f"{title}, start {start}", fontsize=10)
             force.set_title(f"{of_speed}, {1e3 * clearance:.3f} mm", fontsize=10)

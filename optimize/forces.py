@@ -1,12 +1,11 @@
-"""The two forces that every design is told by, and how they change from one design to another."""
+"""The forces that every design is told by, and how they change from one design to another."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from jaxcrusher.crusher.statistics_table import STATISTIC
 
-# What frame and bearings carry, with weight and crushing load, and what shakes the ground.
-FORCES = ("foundation_rms", "shaking_rms")
-# What a sentence calls them; tables give the definition.
+# What a sentence calls them; tables give the definition. What frame and bearings carry, with weight
+# and crushing load, and what shakes the ground.
 NAMES = {"foundation_rms": "RMS force on the foundation", "shaking_rms": "RMS shaking force"}
 _OTHERS = {
     "foundation_peak": "peak force on the foundation",
@@ -17,19 +16,19 @@ _OTHERS = {
 UNCHANGED = 1e-3
 
 
-def besides(*told: str) -> dict[str, str]:
-    """Return the names and meanings of `FORCES`, less the meanings that are `told` already."""
-    meanings = {name: STATISTIC[name].meaning for name in FORCES}
+def besides(forces: Iterable[str], *told: str) -> dict[str, str]:
+    """Return the names and meanings of forces, less the meanings that are `told` already."""
+    meanings = {name: STATISTIC[name].meaning for name in forces}
     return {name: meaning for name, meaning in meanings.items() if meaning not in told}
 
 
 def opposed(before: Mapping[str, float], after: Mapping[str, float], where: str) -> str:
     """Return a sentence that names the force which falls and the one which rises, or nothing.
 
-    `before` and `after` hold `FORCES` in N; `where` names the design that they stood at before.
+    `before` and `after` hold the forces in N; `where` names the design that they stood at before.
     """
-    change = {name: after[name] / before[name] - 1 for name in FORCES}
-    falls, rises = sorted(FORCES, key=lambda name: change[name])
+    change = {name: after[name] / before[name] - 1 for name in before}
+    falls, rises = min(change, key=lambda n: change[n]), max(change, key=lambda n: change[n])
     if not change[falls] < -UNCHANGED < UNCHANGED < change[rises]:
         return ""
     return (

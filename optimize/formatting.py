@@ -6,11 +6,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Active, Answer, Confirmed, Runs
-from optimize.forces import FORCES, besides, name_of, opposed, quantity
+from optimize.forces import besides, name_of, opposed, quantity
 
 
 def number(value: float) -> str:
@@ -58,12 +57,7 @@ def coexisting(design: Confirmed) -> str:
 
 def active(one: Active, unit: str, units: Mapping[str, str]) -> str:
     """Return an active constraint and its multiplier."""
-    if one.parameter == "capacity":
-        of, factor = "m3/h", 1.0
-    elif one.parameter in STATISTIC:
-        of, factor = STATISTIC[one.parameter].unit, 1.0
-    else:
-        of, factor = unit_of(one.parameter, units)
+    of, factor = (one.unit, 1.0) if one.unit else unit_of(one.parameter, units)
     by = "the floor of the capacity" if one.limit == "capacity" else f"its {one.limit} value"
     per = f" per {of}" if of else ""
     return f"{one.parameter} is at {by}, multiplier {number(one.multiplier * factor)} {unit}{per}"
@@ -86,7 +80,8 @@ def answer(found: Answer) -> str:
     if best is None or other is None:
         return f"No design may be chosen: {found.empty}." if found.empty else ""
     shown = [f"{best.speed:.4g} rad/s ({best.speed * 30 / math.pi:.0f} rpm)"]
-    shown.append(f"{1e3 * best.clearance:.3g} mm of radial clearance")
+    if best.crushing is not None:
+        shown.append(f"{1e3 * best.crushing.clearance:.3g} mm of radial clearance")
     shown += [
         f"{in_words(name)} {said(name, value, found.box.units)}"
         for name, value in best.values.items()
@@ -101,7 +96,7 @@ def answer(found: Answer) -> str:
     if beyond := outside(best):
         against.append("outside the contact model")
         reasons.append(f"because of {'; '.join(beyond)}")
-    place = f"{shown[0]} with {', '.join(shown[1:])}"
+    place = " with ".join(filter(None, (shown[0], ", ".join(shown[1:]))))
     text = f"the best is {place}, " if against else f"Run it at {place}: "
     unit = found.objective.unit
     text += f"{name_of(found.objective.meaning)} {quantity(best.objective, unit)}"
@@ -111,9 +106,9 @@ def answer(found: Answer) -> str:
         less = 100 * (1 - best.objective / other.objective)
         than = quantity(other.objective, unit)
         text += f", {less:.1f} % less than {than} at the {found.compared_with}"
-    for name, meaning in besides(found.objective.meaning).items():
-        text += f"; {name_of(meaning)} {quantity(getattr(best, name), 'N')}"
-        text += f" against {quantity(getattr(other, name), 'N')}" if other.counts else ""
+    for name, meaning in besides(best.forces, found.objective.meaning).items():
+        text += f"; {name_of(meaning)} {quantity(best.forces[name], 'N')}"
+        text += f" against {quantity(other.forces[name], 'N')}" if other.counts else ""
     before = f"{'; '.join(against)}: " if against else ""
     text = "; ".join([before + text, *reasons])
     return " ".join(filter(None, (trade(found), f"{text[0].upper()}{text[1:]}.")))
@@ -124,8 +119,7 @@ def trade(found: Answer) -> str:
     before, after = found.seed_choice, found.optimum
     if before is None or after is None or not (before.counts and after.counts):
         return ""
-    stood, stand = ({name: getattr(one, name) for name in FORCES} for one in (before, after))
-    return opposed(stood, stand, found.compared_with)
+    return opposed(before.forces, after.forces, found.compared_with)
 
 
 def _unconfirmed(found: Answer) -> str:

@@ -11,22 +11,18 @@ from optimize import orbits as periodic
 from optimize import smooth
 from optimize.answer import Confirmed, Front
 from optimize.case import Case
-from optimize.forces import FORCES
 from optimize.local import Smooth, descend
-from optimize.objectives import OBJECTIVES
 
 # Points of a front, from the least of one number to the least of the other.
 POINTS = 9
 # A gain in the second number of less than this share is none.
 NO_GAIN = 1e-6
-# Objective -> the force that it is traded against; the peak where there is none.
-RIVALS = dict.fromkeys(("peak", "shaking_rms", "shaking_peak", "shaking_moment_rms"), "rms")
 
 
 def fronts(
     case: Case, optimum: Confirmed, units: np.ndarray, orbits: xr.Dataset, steps: int
 ) -> tuple[Front, ...]:
-    """Return the fronts against the capacity, and against the peak or the force in `RIVALS`.
+    """Return the fronts against the capacity of a crusher, and against the rival of the case.
 
     `units` are the points of the map `orbits`, of which one counts at least; where none of them
     gains anything in the other number, the optimum is all there is.
@@ -37,24 +33,24 @@ def fronts(
 
     assert optimum.orbit is not None
     least = np.clip(case.design.unit(optimum.values), 0, case.upper)
-    of_objective = {OBJECTIVES[name].meaning: rival for name, rival in RIVALS.items()}
-    name = of_objective.get(case.objective.meaning, "peak")
-    rival = OBJECTIVES[name]
+    rival = case.rival
     (statistic,) = rival.outputs
     counts = orbits.counts.to_numpy().ravel()
     over_map = orbits[statistic].to_numpy().ravel()
     value, spares, found = smooth.objective(case), smooth.constraints(case), []
-    for of, unit, sign, number, here, there in (
-        ("capacity", "m3/h", -1, smooth.capacity(case), optimum.capacity, case.capacity(units)),
+    numbers = [
         (
-            name,
-            rival.unit,
+            (statistic, rival.unit, rival.meaning),
             1,
             smooth.objective(replace(case, objective=rival)),
             float(optimum.orbit.solution[statistic]),
             over_map,
-        ),
-    ):
+        )
+    ]
+    if optimum.crushing is not None:
+        of_capacity = smooth.capacity(case), optimum.crushing.capacity, case.capacity(units)
+        numbers.insert(0, (("capacity", "m3/h", "capacity"), -1, *of_capacity))
+    for of, sign, number, here, there in numbers:
         costs = np.where(counts, sign * there, np.nan)
         points, rows = least[None], [[optimum.orbit.objective], [here]]
         if sign * here - np.nanmin(costs) > NO_GAIN * abs(here):
@@ -65,8 +61,8 @@ def fronts(
         values = {key: np.asarray(column) for key, column in case.design.values(points).items()}
         objective, other = map(np.array, rows)
         solved = periodic.solve(case, points)
-        forces = {force: solved[force] for force in FORCES}
-        found.append(Front(of, unit, objective, other, values, forces))
+        forces = {force: solved[force] for force in case.forces}
+        found.append(Front(*of, objective, other, values, forces))
     return tuple(found)
 
 

@@ -9,12 +9,8 @@ import xarray as xr
 from jaxtyping import Float
 from scipy.stats import qmc
 
-from jaxcrusher.batch.sweep import columns_of_row
-from jaxcrusher.crusher.machine import JOINTS
-from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
 from jaxcrusher.files import table
-from jaxcrusher.files.table import COLUMNS, Column, columns_of
-from jaxcrusher.mechanism.reductions import chosen
+from jaxcrusher.files.table import Column
 from jaxcrusher.scenes.parameters import NUMBERS
 from optimize.case import Case
 from optimize.design import Design
@@ -62,15 +58,7 @@ def dataset(
     Dims are `start` and the parameters of a grid, or `sample`. Columns as in `jaxcrusher.sweep`,
     with `objective`, `counts`, `steps` and the `state` at the end.
     """
-    own = {
-        "objective": Column(case.objective.unit, case.objective.meaning),
-        "counts": Column("1", "may be chosen: succeeded, no whirl, inside the constraints", bool),
-    }
-    limited = (limit.statistic for limit in case.limits)
-    kept = columns_of_row(JOINTS, chosen(STATISTIC, always_with(JOINTS)))
-    kept |= columns_of(STATISTIC, limited)
-    kept |= {name: COLUMNS[name] for name in ("steps", "state")}
-    return labelled(case.design, units, grid, rows, kept | own, {"start": list(STARTS)})
+    return labelled(case.design, units, grid, rows, case.columns, {"start": list(STARTS)})
 
 
 def labelled(

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_known
-from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.scene_file import quantity_in
 
@@ -27,18 +26,14 @@ class Limit:
 
     statistic: str
     most: float
-
-    @property
-    def unit(self) -> str:
-        """Return the statistic's unit."""
-        return STATISTIC[self.statistic].unit
+    unit: str
 
     def kept(self, found: Found, share: float) -> np.ndarray:
         """Tell whether the statistics `found` exceed the limit by no more than a `share` of it."""
         return np.asarray(found[self.statistic]) <= self.most * (1 + share)
 
 
-def read_limits(written: Iterable[tuple[str, str]], scene: jc.Scene) -> tuple[Limit, ...]:
+def read_limits(written: Iterable[tuple[str, str]], scene: AbstractScene) -> tuple[Limit, ...]:
     """Return the limits of pairs of a statistic's name and its most, with the unit.
 
     Raises ValueError for a name that the scene has no statistic of, for one given twice, and for a
@@ -47,8 +42,9 @@ def read_limits(written: Iterable[tuple[str, str]], scene: jc.Scene) -> tuple[Li
     found: dict[str, Limit] = {}
     for name, text in written:
         require_known(name, scene.own_statistics)
+        unit = scene.statistics[name].unit
         require(name not in found, "limit", "name every statistic once", name)
-        most = quantity_in(STATISTIC[name].unit, name, text)
+        most = quantity_in(unit, name, text)
         require(most > 0, f"limit of {name}", "be > 0", text)
-        found[name] = Limit(name, most)
+        found[name] = Limit(name, most, unit)
     return tuple(found.values())

@@ -16,7 +16,10 @@ from jaxtyping import Array, Float
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import chunk_of, run_all, stack
 from jaxcrusher.files.table import Column
+from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.pictures.plots import leading_force
 from optimize.answer import Confirmed
 from optimize.case import Case
 from optimize.evaluate import NOWHERE, Tracking, stacked_scenes, started
@@ -24,16 +27,21 @@ from optimize.evaluate import NOWHERE, Tracking, stacked_scenes, started
 # Instants drawn, 256 in each of two turns, of which the second tells whether the first repeats.
 # Peaks of single impacts, a tenth of a millisecond wide, fall between them.
 TURN = np.arange(2 * 256 + 1) / 256
-# What is drawn of a motion, and the tolerance of those of designs that were run for long.
-DRAWN, FINE = ("foundation_force", "eccentricity"), 1e-9
+# The tolerance of the motions of designs that were run for long.
+FINE = 1e-9
 # Motions between two reports of progress; on a GPU more.
 CHUNK = 32
 # What is kept of a motion.
 KEPT = {
     "eccentricity_x": Column("clearance", "eccentricity of the pin to the right"),
     "eccentricity_y": Column("clearance", "eccentricity of the pin upwards"),
-    "foundation_force": Column("N", "|R_O| + |R_C|"),
+    "force": Column("N", "|R_O| + |R_C|, or the shaking force of what is no crusher"),
 }
+
+
+def drawn(scene: AbstractScene) -> tuple[str, str]:
+    """Return the observables that are drawn of a motion: the force, and where the first pin is."""
+    return leading_force(scene), f"{before(scene.joints.names[0])}eccentricity"
 
 
 def cell_motions(
@@ -56,8 +64,8 @@ def cell_motions(
 
     **Returns:** an `xarray.Dataset` of 32-bit floats with dim `start`, the landscape's, and
     `instant`: `eccentricity_x` and `eccentricity_y` of the pin in clearances,
-    `foundation_force` in N, all NaN where a motion failed; and `ideal_force`, the ideal
-    joint's, without `start`. The coordinate `turn` counts from the landscape's end. Also the
+    `force` in N, all NaN where a motion failed; and `ideal_force`, the ideal
+    joints', without `start`. The coordinate `turn` counts from the landscape's end. Also the
     integration steps taken.
     """
     angles, points = jnp.asarray(2 * np.pi * turn), jnp.asarray(units)
@@ -69,14 +77,14 @@ def cell_motions(
     steps = int(found.pop("steps").sum())
     *dims, _ = landscape.state.dims
     *shape, _ = landscape.state.shape
-    drawn = {name: (*dims, "instant") for name in KEPT} | {"ideal_force": (*dims[1:], "instant")}
-    columns = KEPT | {"ideal_force": Column("N", "|R_O| + |R_C| of the ideal joint")}
+    along = {name: (*dims, "instant") for name in KEPT} | {"ideal_force": (*dims[1:], "instant")}
+    columns = KEPT | {"ideal_force": Column("N", "the same force with ideal joints")}
     found = {name: column.reshape(*shape, -1) for name, column in found.items()}
     found["ideal_force"] = np.asarray(_ideal_force(points, angles, case)).reshape(*shape[1:], -1)
     coordinates = {name: landscape[name] for name in ("start", *case.design.names)}
     motions = xr.Dataset(
         {
-            name: (drawn[name], found[name].astype(np.float32), columns[name].labels)
+            name: (along[name], found[name].astype(np.float32), columns[name].labels)
             for name in columns
         },
         coordinates | {"turn": ("instant", turn)},
@@ -90,7 +98,7 @@ def design_motions(
     """Return each design's motion after its long runs, by start, at these turns."""
     batch = [
         (
-            started(case.design.described(one.values), start),
+            started(case.design, case.design.described(one.values), start),
             np.asarray(run.state),
             2 * np.pi / one.speed * turns,
         )
@@ -102,32 +110,37 @@ def design_motions(
     return [{start: next(each) for start in one.transient} for one in designs]
 
 
-def _drawn(batch: tuple[jc.Scene, Array, Array]) -> Trajectory:
+def _drawn(batch: tuple[AbstractScene, Array, Array]) -> Trajectory:
     scene, state, times = batch
-    return jc.simulate(scene, times, outputs=DRAWN, state=state, rtol=FINE)
+    return jc.simulate(scene, times, outputs=drawn(scene), state=state, rtol=FINE)
 
 
-def _motion(batch: tuple[jc.Scene, Array], angles: Float[Array, " n"], rtol: float):
+def _size(force: Array) -> Array:
+    return force if force.ndim == 1 else jnp.hypot(force[:, 0], force[:, 1])
+
+
+def _motion(batch: tuple[AbstractScene, Array], angles: Float[Array, " n"], rtol: float):
     """One motion at these shaft angles (rad), and its steps."""
     scene, state = batch
     times = angles / scene.drive.speed
-    motion = jc.simulate(scene, times, outputs=DRAWN, state=state, rtol=rtol)
-    orbit = motion.eccentricity / scene.joint.clearance
+    force, place = drawn(scene)
+    motion = jc.simulate(scene, times, outputs=(force, place), state=state, rtol=rtol)
+    orbit = motion[place] / scene.joints.values[0].clearance
     return {
         "eccentricity_x": orbit[:, 0],
         "eccentricity_y": orbit[:, 1],
-        "foundation_force": motion.foundation_force,
+        "force": _size(motion[force]),
         "steps": motion.outcome.steps,
     }
 
 
 @eqx.filter_jit
 def _ideal_force(units: Float[Array, "m n"], angles: Float[Array, " k"], case: Case) -> Array:
-    """The ideal joint's foundation force (N): nothing to integrate, so all cells at once."""
+    """The force with ideal joints (N): nothing to integrate, so all cells at once."""
+    name = leading_force(case.scene)
 
     def force(unit):
         scene = case.design.scene(unit).ideal()
-        motion = jc.simulate(scene, angles / scene.drive.speed, outputs=("foundation_force",))
-        return motion.foundation_force
+        return _size(jc.simulate(scene, angles / scene.drive.speed, outputs=(name,))[name])
 
     return jax.vmap(force)(units)

@@ -1,29 +1,32 @@
 """The objectives of the search by name: each is a function of a motion's statistics."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import nan_unless
-from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.rough_feed import RoughFeed
 from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.mechanism.reductions import Statistic
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.feed_response import TURNS
 from jaxcrusher.orbits.result import PeriodicOrbit
 
-Formula = Callable[[Statistics | PeriodicOrbit, jc.Scene, CrushingChamber], Scalar]
+# Of a motion's statistics, its scene, and the chamber of a crusher.
+Formula = Callable[[Statistics | PeriodicOrbit, Any, Any], Scalar]
 
 
 @dataclass(frozen=True)
 class Objective:
     """A number to minimise: unit, meaning, the statistics it needs, and how it follows from them.
 
-    `formula` takes the statistics of a motion or of an orbit, its scene and the crusher's chamber.
+    `formula` takes the statistics of a motion or of an orbit, its scene and the crusher's chamber,
+    which is None of another linkage.
     """
 
     unit: str
@@ -33,9 +36,9 @@ class Objective:
     lowest: float = 0.0  # it cannot be less
 
 
-def plain(name: str) -> Objective:
-    """Return the objective that is a statistic as it is."""
-    statistic = STATISTIC[name]
+def plain(name: str, known: Mapping[str, Statistic] = STATISTIC) -> Objective:
+    """Return the objective that is a statistic as it is, one of those that are `known`."""
+    statistic = known[name]
     return Objective(statistic.unit, statistic.meaning, (name,), lambda found, *_: found[name])
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
@@ -46,31 +46,15 @@ class Options(Effort):
     """Name of the run: results go to OUT/NAME/."""
     out: Path = Path("results")
     """Folder of all results."""
-    objective: Literal[
-        "rms",
-        "peak",
-        "smooth_peak",
-        "mean",
-        "shaking_rms",
-        "shaking_peak",
-        "shaking_moment_rms",
-        "transmitted_rms",
-        "transmitted_peak",
-        "frame_displacement_peak",
-        "frame_velocity_rms",
-        "expected_rms",
-        "excess",
-        "joint_peak",
-        "wear",
-        "energy",
-    ] = "rms"
-    """What to make small: RMS, peak, smooth peak or mean of the foundation force |R_O| + |R_C|, RMS
-    or peak of the shaking force (what moves of the force on the ground), the RMS expected under a
-    rough feed (of a scene with load_scatter), the RMS's excess over the ideal joint, the peak force
-    in the bearing (all N), RMS of what moves of the moment on the ground (N m), sliding work or
-    drive energy per volume crushed (J/m3). Of a frame on supports: RMS or peak of what moves of the
-    force that they pass to the ground (N), how far the frame comes from its mean place (m), RMS of
-    its speed (m/s)."""
+    objective: str | None = None
+    """What to make small. Of a crusher rms (without another), peak, smooth_peak, mean: of the
+    foundation force |R_O| + |R_C|; shaking_rms, shaking_peak: of what moves of the force on the
+    ground; expected_rms under a rough feed (of a scene with load_scatter); excess: the RMS's over
+    the ideal joint; joint_peak in the bearing (all N); shaking_moment_rms on the ground (N m);
+    wear, energy: sliding work and drive energy per volume crushed (J/m3). Of a frame on supports
+    transmitted_rms, transmitted_peak: of what moves of the force that they pass to the ground (N);
+    frame_displacement_peak (m) and frame_velocity_rms (m/s). Of a linkage any statistic, such as
+    shaking_rms (without another) or B_force_peak."""
     speed: Range = ("25", "40rad/s")
     """Lowest and highest driving speed, the first in the unit of the second."""
     clearance: Range = ("0.03", "0.12mm")
@@ -86,7 +70,8 @@ class Options(Effort):
     inertias, load and bearing as well); a line NAME LOW HIGH beside it gives a number other
     bounds."""
     scene: Path | None = None
-    """TOML scene file with the crusher's other numbers; the options below go before it."""
+    """TOML scene file with the crusher's other numbers, or of a linkage; the options below go
+    before it."""
     overrides: Annotated[
         tuple[tuple[str, str], ...],
         tyro.conf.UseAppendAction,

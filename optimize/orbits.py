@@ -9,9 +9,9 @@ import xarray as xr
 from jaxtyping import Array, Float, PyTree, Scalar
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.statistics_table import STATISTIC, STATISTICS
 from jaxcrusher.dynamics.many_orbits import MOTION, Problem, alone, beside, solve_orbits
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES
@@ -36,7 +36,7 @@ SAME = 1e-6
 
 def unsolvable(case: Case) -> str:
     """Why the case's scenes have no orbit to solve for, or nothing."""
-    return refusal(case.design.scene(np.full(len(case.design.names), 0.5)))
+    return refusal(case.scene)
 
 
 def solve(
@@ -75,16 +75,17 @@ def solve(
 # A scene takes as long to build as an orbit takes to solve for, and descents ask one by one.
 @functools.lru_cache(maxsize=8)
 def _problem(case: Case) -> Problem:
-    middle = case.design.scene(np.full(len(case.design.names), 0.5))
     parts = eqx.Partial(_scene, case=case), eqx.Partial(_objective, case=case)
-    return Problem(*parts, 1, unknowns(middle))
+    return Problem(*parts, 1, unknowns(case.scene))
 
 
-def _scene(unit: Array, _: PyTree, case: Case) -> jc.Scene:
+def _scene(unit: Array, _: PyTree, case: Case) -> AbstractScene:
     return case.design.scene(unit)
 
 
-def _objective(orbit: PeriodicOrbit, scene: jc.Scene, unit: Array, _: PyTree, case: Case) -> Scalar:
+def _objective(
+    orbit: PeriodicOrbit, scene: AbstractScene, unit: Array, _: PyTree, case: Case
+) -> Scalar:
     return case.objective.formula(orbit, scene, case.chamber_of(case.design.description(unit)))
 
 
@@ -105,8 +106,7 @@ def solve_map(
         near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
         rows, motions = solve(case, units, near, tracking=tracking), MOTION
     of = case.objective
-    columns = columns_of(STATISTIC, STATISTICS)
-    columns |= columns_of(STATISTIC, (limit.statistic for limit in case.limits))
+    columns = columns_of(case.scene.statistics, case.told)
     columns |= {
         name: COLUMNS[name]
         for name in (*KEPT, "success", "stable", "inside_model", "failure", "found", *motions)
@@ -133,7 +133,7 @@ def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     if unsolvable(case):
         return None
     described = case.design.described(case.design.numbers(unit))
-    scene = jc.build_scene(described)
+    scene = case.design.build(described)
     solution = jc.periodic_orbit(scene, effort="thorough")
     offsets = BESIDE * np.eye(len(unit))
     units = np.concatenate([unit[None], unit + offsets, unit - offsets])
@@ -153,10 +153,9 @@ def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
 def coexisting(case: Case, values: dict[str, float]) -> tuple[Coexisting, ...]:
     """Return the stable orbits that random starts about the centred one come to."""
     described = case.design.described(values)
-    scene, chamber = jc.build_scene(described), case.chamber_of(described)
-    found = jc.coexisting_orbits(
-        started(described, "centred"), starts=ENSEMBLE, turns=ENSEMBLE_TURNS
-    )
+    scene, chamber = case.design.build(described), case.chamber_of(described)
+    centred = started(case.design, described, "centred")
+    found = jc.coexisting_orbits(centred, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
     return tuple(
         Coexisting(share, orbit, float(case.objective.formula(orbit, scene, chamber)))
         for orbit, share in zip(found.orbits, found.shares, strict=True)

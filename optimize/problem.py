@@ -8,17 +8,21 @@ from jaxcrusher.basics.checks import require, require_choice, require_within
 from jaxcrusher.crusher.capacity import AFFLUENCE
 from jaxcrusher.mechanism.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
+from jaxcrusher.scenes.described import kind_of
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, in_words, readable
-from jaxcrusher.scenes.plausibility import require_possible
+from jaxcrusher.scenes.plausibility import (
+    require_possible,
+    tell_borrowed,
+    tell_defaults,
+    tell_unusual,
+)
 from jaxcrusher.scenes.scene_file import (
     key_of,
     read_overrides,
-    read_range,
     read_scene_file,
     read_text,
-    require_moving,
     scene_of,
 )
 from optimize.answer import Box, Sought
@@ -27,8 +31,10 @@ from optimize.completions import CounterweightMoment, EqualStroke
 from optimize.design import Design
 from optimize.landscape import GRID_DIMENSIONS
 from optimize.limits import read_limits
-from optimize.objectives import OBJECTIVES, OF_SUPPORTS
+from optimize.linkages import linkage
+from optimize.objectives import OBJECTIVES, OF_SUPPORTS, Objective, plain
 from optimize.options import Effort, Options
+from optimize.searched import Bounds, Searched, ranges, sets, written_bounds
 from optimize.sets import SETS, set_bounds
 from optimize.throughput import read_bulk_density
 
@@ -49,8 +55,6 @@ KEPT_APART = (
     "bulk_density",
 )
 
-Bounds = dict[str, tuple[float, float]]
-
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -58,7 +62,7 @@ class Problem:
 
     folder: Path
     settings: dict[str, Any]  # everything that decides the answer
-    described: dict[str, Any]  # the crusher's numbers and choices that were given
+    described: dict[str, Any]  # the machine's numbers and choices that were given
     case: Case
     sought: Sought
     box: Box
@@ -67,6 +71,7 @@ class Problem:
     of_the_paper: bool  # its machine, and its objective
     bulk_density: float | None  # kg/m3, of the crushed rock
     effort: Effort
+    defaults: tuple[str, ...] = ()  # names that the file of a linkage leaves open
 
 
 def resolve(options: Options) -> Problem:
@@ -78,29 +83,19 @@ def resolve(options: Options) -> Problem:
     _require_used(options)
     _require_not_set(options)
     bulk_density = read_bulk_density(options.bulk_density)
-    described = _description(options)
-    free, written = _bounds(options, described), _written_bounds(options)
-    design = _design(options, described, free)
-    reference, compared_with = _reference(options, described, free)
-    # Sets lie about the machine's own numbers, other ranges anywhere.
-    lowest = reference | {name: low for name, (low, _) in written.items()}
-    corner = described | design.described(lowest)
-    scene = scene_of(corner, options.scene, given=corner)
-    if "clearance" in free:
-        bore = described.get("bore_radius", PE250X400["bore_radius"])
-        require_clearance(free["clearance"][1], bore)
-    chamber = build_chamber(described)
+    searched = linkage(options) if kind_of(options.scene) == "linkage" else _crusher(options)
+    described, design, chamber = searched.described, searched.design, searched.chamber
+    scene, free = searched.scene, dict(design.bounds)
+    name = options.objective or ("shaking_rms" if chamber is None else "rms")
     case = Case(
         design,
-        OBJECTIVES[options.objective],
+        _objective(name, searched),
         chamber,
-        _floor(options, described, free),
+        searched.capacity_floor,
         options.inside_model,
         read_limits(options.limit, scene),
     )
-    stands = scene.supports is not None or options.objective not in OF_SUPPORTS
-    require(stands, "objective", "be another without foundation.mass", options.objective)
-    if not case.links_free:
+    if chamber is not None and not case.links_free:
         reached = float(chamber.capacity(case.slowest))
         require(
             bool(case.reaches(reached)),
@@ -108,14 +103,14 @@ def resolve(options: Options) -> Problem:
             f"be reached in the box, whose lowest speed gives {reached:.4g} m3/h",
             case.capacity_floor,
         )
-    require_possible(described, free)
-    if "sliding_power" in case.objective.outputs:
-        rubs = scene.joint is not None and scene.joint.friction is not None
-        require(rubs, "objective", "be another without friction", options.objective)
-    speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(case.capacity_floor))
-    texts = (*options.overrides, *((name, high) for name, _, high in _ranges(options)))
+    speeds = None
+    if chamber is not None:
+        require_possible(described, free)
+        speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(case.capacity_floor))
+    texts = (*options.overrides, *((name, high) for name, _, high in ranges(options)))
     units = units_of_file(options.scene) | units_of(texts)
-    kept = {name: value for name, value in asdict(options).items() if name not in KEPT_APART}
+    kept = {key: value for key, value in asdict(options).items() if key not in KEPT_APART}
+    kept["objective"] = name
     kept |= {} if design.kept_stroke is None else {"stroke": design.kept_stroke.target}
     limits = {limit.statistic: limit.most for limit in case.limits}
     return Problem(
@@ -126,17 +121,62 @@ def resolve(options: Options) -> Problem:
             "bounds": free,
             "limits": limits,
             "scene": with_digests(described),
+            **({} if design.make is None else {"drawing": repr(design.make)}),
         },
         described,
         case,
-        Sought(options.objective, case.objective.unit, case.objective.meaning),
-        Box(dict(free), case.capacity_floor, speeds, units, case.limits),
-        reference,
-        compared_with,
-        options.objective == "rms" and options.scene is None,
+        Sought(name, case.objective.unit, case.objective.meaning),
+        Box(free, case.capacity_floor, speeds, units, case.limits),
+        searched.reference,
+        searched.compared_with,
+        name == "rms" and options.scene is None,
         bulk_density,
         options,
+        searched.defaults,
     )
+
+
+def tell(problem: Problem, path: Path | None) -> None:
+    """Print on standard error what is unusual in a machine, and what its file leaves open."""
+    if problem.case.chamber is None:
+        tell_defaults(path, problem.described, problem.defaults)
+        return
+    tell_unusual(problem.described)
+    tell_borrowed({**problem.described, **problem.reference}, path)
+
+
+def _objective(name: str, searched: Searched) -> Objective:
+    """Return the objective of this name: of a linkage that is no crusher, a statistic as it is."""
+    scene = searched.scene
+    if searched.chamber is None:
+        require_choice("objective", name, tuple(scene.own_statistics))
+        return plain(name, scene.statistics)
+    require_choice("objective", name, tuple(OBJECTIVES))
+    stands = scene.supports is not None or name not in OF_SUPPORTS
+    require(stands, "objective", "be another without foundation.mass", name)
+    found = OBJECTIVES[name]
+    if "sliding_power" in found.outputs:
+        main = scene.joints["main"]
+        rubs = main is not None and main.friction is not None
+        require(rubs, "objective", "be another without friction", name)
+    return found
+
+
+def _crusher(options: Options) -> Searched:
+    """Return the crusher that is searched, and its box."""
+    described = _description(options)
+    free, written = _bounds(options, described), written_bounds(options)
+    design = _design(options, described, free)
+    reference, compared_with = _reference(options, described, free)
+    # Sets lie about the machine's own numbers, other ranges anywhere.
+    lowest = reference | {name: low for name, (low, _) in written.items()}
+    corner = described | design.described(lowest)
+    scene = scene_of(corner, options.scene, given=corner)
+    if "clearance" in free:
+        bore = described.get("bore_radius", PE250X400["bore_radius"])
+        require_clearance(free["clearance"][1], bore)
+    chamber, floor = build_chamber(described), _floor(options, described, free)
+    return Searched(described, design, scene, chamber, floor, reference, compared_with)
 
 
 def _check_numbers(options: Options) -> None:
@@ -160,14 +200,13 @@ def _check_numbers(options: Options) -> None:
         require(
             options.capacity_floor >= 0, "capacity_floor", "be >= 0 m3/h", options.capacity_floor
         )
-    require_choice("objective", options.objective, tuple(OBJECTIVES))
 
 
 def _require_used(options: Options) -> None:
     """ValueError for an option that another one makes idle, or a line `--design` of no kind."""
-    names = [key_of(name) for name, _, _ in _ranges(options)] if options.design else []
+    names = [key_of(name) for name, _, _ in ranges(options)] if options.design else []
     require(len(set(names)) == len(names), "design", "name every parameter once", names)
-    words = _sets(options)
+    words = sets(options)
     for word in words:
         require_choice("design", word, SETS)
     many = bool(words) or len(names) > GRID_DIMENSIONS
@@ -197,55 +236,24 @@ def _require_not_set(options: Options) -> None:
 
     The numbers of a set may be given: it frees them about their values.
     """
-    taken = {key_of(name) for name, _, _ in _ranges(options)}
+    taken = {key_of(name) for name, _, _ in ranges(options)}
     taken |= {name for name in ("slip", "friction", "load_law") if getattr(options, name)}
     for name, _ in options.overrides:
         repeated = key_of(name) in taken
         require(not repeated, "set", "not repeat what another option gives", name)
 
 
-def _sets(options: Options) -> list[str]:
-    """Return the sets that lines `--design` name; ValueError for one of neither kind."""
-    for words in options.design:
-        must = f"be NAME LOW HIGH, or one of {', '.join(SETS)}"
-        require(len(words) in (1, 3), "design", must, " ".join(words))
-    return [words[0] for words in options.design if len(words) == 1]
-
-
-def _ranges(options: Options) -> list[tuple[str, str, str]]:
-    """Return the ranges of single parameters as they are written."""
-    if not options.design:
-        return [("speed", *options.speed), ("clearance", *options.clearance)]
-    lines = (words for words in options.design if len(words) == 3)
-    return [(name, low, high) for name, low, high in lines]
-
-
-def _written_bounds(options: Options) -> Bounds:
-    """Return the bounds of single parameters, in SI units.
-
-    Raises ValueError for unknown names, for values without a unit, and for no LOW < HIGH.
-    """
-    found = {}
-    for name, low, high in _ranges(options):
-        key = key_of(name)
-        require_moving("design", key)
-        found[key] = read_range(name, low, high)
-        good = found[key][0] < found[key][1]
-        require(good, name, "have LOW < HIGH", f"{low} {high}")
-    return found
-
-
 def _bounds(options: Options, described: dict[str, Any]) -> Bounds:
     """Return the free parameters with their bounds; single ones go before those of sets."""
     found: Bounds = {}
-    for word in _sets(options):
+    for word in sets(options):
         found |= set_bounds(word, {**PE250X400, **described})
-    return found | _written_bounds(options)
+    return found | written_bounds(options)
 
 
 def _design(options: Options, described: dict[str, Any], free: Bounds) -> Design:
     """Return the design; a set keeps the stroke of the machine that it begins with."""
-    kept = EqualStroke.of(described) if options.design and _sets(options) else None
+    kept = EqualStroke.of(described) if options.design and sets(options) else None
     following = Design(free, {}, kept).following
     apart = {*free, *following}
     fixed = {name: value for name, value in described.items() if name not in apart}
@@ -266,10 +274,11 @@ def _description(options: Options) -> dict[str, Any]:
         velocity = read_text("impact_velocity", options.impact_velocity)
         values |= {"impact_law": "constant", "impact_velocity": velocity}
     require(values.get("joint") != "ideal", "scene", "have a joint with clearance", "ideal")
-    rough = "load_scatter" in {*values, *(name for name, _, _ in _ranges(options))}
+    rough = "load_scatter" in {*values, *(name for name, _, _ in ranges(options))}
     expected = options.objective == "expected_rms"
     must = "come with the objective expected_rms, as motions of others repeat"
-    require(expected or not rough, "load_scatter", must, f"given with {options.objective}")
+    given = f"given with {options.objective or 'rms'}"
+    require(expected or not rough, "load_scatter", must, given)
     require(rough or not expected, "objective", "be another without load_scatter", "expected_rms")
     # The search tries both starts itself.
     values.pop("start", None)

@@ -2,7 +2,6 @@
 
 from rich.console import Console
 
-from jaxcrusher.crusher.capacity import CAUTION
 from optimize import formatting
 from optimize.answer import Answer
 from optimize.page import tables
@@ -17,7 +16,7 @@ def print_answer(console: Console, answer: Answer) -> None:
     tell(formatting.answer(answer))
     if answer.designs:
         console.print(tables.answer(answer).turned.printed())
-        tell(CAUTION)
+        tell(tables.caution(answer))
     failed = [check for check in answer.checks if not check.passed]
     count = len(answer.checks)
     tell(f"{count - len(failed)} of {count} checks passed.")

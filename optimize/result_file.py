@@ -5,13 +5,10 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from jaxcrusher.orbits.result import PeriodicOrbit
-from optimize.answer import Answer
-from optimize.forces import FORCES
+from optimize.answer import Answer, Confirmed
 
-# What the file holds of a periodic orbit besides the RMS of both forces.
+# What the file holds of a periodic orbit besides its forces, RMS and peak.
 _NUMBERS = (
-    "foundation_peak",
-    "shaking_peak",
     "error",
     "largest_multiplier",
     "settling_turns",
@@ -28,7 +25,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, PeriodicOrbit):
         return _orbit(value)
     if is_dataclass(value):
-        return {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+        found = {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
+        # The forces of a design, and what it is as a crusher, stand beside its objective.
+        if isinstance(value, Confirmed):
+            found |= found.pop("forces") | (found.pop("crushing") or {})
+        return found
     if isinstance(value, Mapping):
         return {name: _plain(entry) for name, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -38,7 +39,9 @@ def _plain(value: Any) -> Any:
 
 def _orbit(orbit: PeriodicOrbit) -> dict[str, Any]:
     """Return the numbers of an orbit without its path."""
-    numbers = {name: float(getattr(orbit, name)) for name in (*FORCES, *_NUMBERS)}
+    forces = dict.fromkeys((orbit.scene.leading, "shaking_rms"))
+    forces |= {name.replace("rms", "peak"): None for name in forces}
+    numbers = {name: float(getattr(orbit, name)) for name in (*forces, *_NUMBERS)}
     parts = [[float(m.real), float(m.imag)] for m in orbit.multipliers]
     start = orbit.eccentricity
     return {

@@ -10,14 +10,13 @@ from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command, versions
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
-from jaxcrusher.scenes.plausibility import tell_borrowed, tell_unusual
 from optimize import figures, report, result_file, stages, verdicts
 from optimize.active import active_constraints
 from optimize.answer import Answer
 from optimize.landscape import Maps
 from optimize.options import Options
 from optimize.page.document import write_page
-from optimize.problem import Problem, resolve
+from optimize.problem import Problem, resolve, tell
 
 WRITTEN = ("result.json", "report.html", "orbits.nc", "landscape.nc", "*.png")
 # Finished chunks of a search that is not finished.
@@ -32,8 +31,7 @@ def run(options: Options, console: Console) -> Answer:
     written.
     """
     problem = resolve(options)
-    tell_unusual(problem.described)
-    tell_borrowed({**problem.described, **problem.reference}, options.scene)
+    tell(problem, options.scene)
     folder = begin(problem.folder, problem.settings, *WRITTEN)
     journal = Journal(folder / CHUNKS)
     parts, maps, status = _known(problem), None, "interrupted"
@@ -76,6 +74,7 @@ def _known(problem: Problem) -> stages.Part:
         "objective": problem.sought,
         "box": problem.box,
         "fixed": dict(problem.case.design.fixed),
+        "columns": {name: one[:2] for name, one in problem.case.columns.items()},
         "settle_turns": stages.LONGER * problem.effort.settle,
         "compared_with": problem.compared_with,
         "bulk_density": problem.bulk_density,

@@ -34,7 +34,8 @@ def capacity(case: Case) -> Smooth:
 @functools.lru_cache(maxsize=8)
 def limited(case: Case, limit: Limit) -> Smooth:
     """Return the statistic of the orbit that a limit is of."""
-    return objective(replace(case, objective=plain(limit.statistic), limits=()))
+    of_limit = plain(limit.statistic, case.scene.statistics)
+    return objective(replace(case, objective=of_limit, limits=()))
 
 
 def constraints(case: Case) -> tuple[Smooth, ...]:

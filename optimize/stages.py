@@ -30,7 +30,6 @@ from optimize.confirm import SHIFT, Repeats, confirmed, long_runs
 from optimize.counts import losses
 from optimize.decay import with_decay
 from optimize.evaluate import Tracking, Window, evaluate, judged, started
-from optimize.forces import FORCES
 from optimize.front import fronts
 from optimize.landscape import Maps
 from optimize.motions import cell_motions
@@ -128,8 +127,8 @@ def _explore(problem: Problem, work: Work, cells: np.ndarray) -> tuple[xr.Datase
 
 
 def _provenance(title: str, problem: Problem, **settings: Any) -> dict[str, Any]:
-    scene = {**jc.PE250X400, **problem.case.design.fixed}
-    return provenance(title, scene=scene, box=asdict(problem.box), **settings)
+    design = problem.case.design
+    return provenance(title, scene=design.whole(design.fixed), box=asdict(problem.box), **settings)
 
 
 def refine(problem: Problem, work: Work, maps: Maps) -> tuple[np.ndarray, Part]:
@@ -288,8 +287,8 @@ def by_worst_orbit(design: Confirmed, found: tuple[Coexisting, ...]) -> Confirme
     # An objective of NaN, of a design that does not count, stays.
     if worst is None or not orbits.worse(worst.objective, design.objective):
         return design
-    forces = {name: float(worst.solution[name]) for name in FORCES}
-    return replace(design, objective=worst.objective, **forces)
+    forces = {name: float(worst.solution[name]) for name in design.forces}
+    return replace(design, objective=worst.objective, forces=forces)
 
 
 def with_regimes(
@@ -316,7 +315,7 @@ def _with_regime(case: Case, design: Confirmed) -> Confirmed:
     found = {}
     for start, runs in design.transient.items():
         if not runs.settles:
-            scene = started(case.design.described(design.values), start)
+            scene = started(case.design, case.design.described(design.values), start)
             regime = jc.regime(scene, settle, turns, tangent_turns=tangent_turns)
             found[start] = _without_motion(regime)
     return replace(design, regime=found)
@@ -325,7 +324,7 @@ def _with_regime(case: Case, design: Confirmed) -> Confirmed:
 def _slopes(problem: Problem, best: Confirmed) -> GradientReport:
     case, effort = problem.case, problem.effort
     report = jc.gradient_report(
-        lambda **numbers: started(case.design.described(numbers), "contact"),
+        lambda **numbers: started(case.design, case.design.described(numbers), "contact"),
         case.objective.outputs[0],
         best.values,
         settle_turns=effort.settle,

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-import jaxcrusher as jc
 from jaxcrusher.orbits.feed_response import TURNS
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
@@ -48,8 +47,6 @@ def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
         low * (1 - 1e-12) <= best.values[name] <= high * (1 + 1e-12)
         for name, (low, high) in case.design.bounds.items()
     ]
-    least = min(float(runs.by_run["foundation_rms"].min()) for runs in best.transient.values())
-    below = _below_ideal(case, best)
     there = f"{number(other.objective)} {unit}" if other.counts else "nothing that counts"
     return (
         Check(
@@ -62,11 +59,7 @@ def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
                 for name, (low, high) in case.design.bounds.items()
             ),
         ),
-        Check(
-            "capacity at least the floor",
-            bool(case.reaches(best.capacity)),
-            f"{best.capacity:.2f} >= {case.capacity_floor:.2f} m3/h",
-        ),
+        *_capacity(best, case),
         *_limits(best, case),
         Check(
             "long runs from both starts succeed without whirl",
@@ -80,11 +73,7 @@ def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
             answer.bound is not None and answer.bound.gain >= -VANISHED * abs(best.objective),
             _beside_map(answer, unit),
         ),
-        Check(
-            "not below the ideal joint",
-            min(least, best.foundation_rms) >= best.ideal_rms * (1 - below),
-            f"RMS {least:.0f} N >= {best.ideal_rms:.0f} N less {100 * below:.2g} %",
-        ),
+        *_ideal(best, case),
         Check(
             f"better than the {answer.compared_with}",
             not other.objective < best.objective,
@@ -115,6 +104,30 @@ def _limits(best: Confirmed, case: Case) -> tuple[Check, ...]:
     return tuple(found)
 
 
+def _capacity(best: Confirmed, case: Case) -> tuple[Check, ...]:
+    """Check the capacity of a crusher."""
+    if best.crushing is None:
+        return ()
+    capacity = best.crushing.capacity
+    detail = f"{capacity:.2f} >= {case.capacity_floor:.2f} m3/h"
+    return (Check("capacity at least the floor", bool(case.reaches(capacity)), detail),)
+
+
+def _ideal(best: Confirmed, case: Case) -> tuple[Check, ...]:
+    """Check a crusher's force against that with an ideal joint, of which clearance takes little."""
+    if case.chamber is None:
+        return ()
+    least = min(float(runs.by_run["foundation_rms"].min()) for runs in best.transient.values())
+    below = _below_ideal(case, best)
+    return (
+        Check(
+            "not below the ideal joint",
+            min(least, best.forces["foundation_rms"]) >= best.ideal_rms * (1 - below),
+            f"RMS {least:.0f} N >= {best.ideal_rms:.0f} N less {100 * below:.2g} %",
+        ),
+    )
+
+
 def _below_ideal(case: Case, best: Confirmed) -> float:
     """Return by how much of the ideal joint's RMS a loose joint can lower it at most.
 
@@ -122,7 +135,7 @@ def _below_ideal(case: Case, best: Confirmed) -> float:
     the coefficient times bore radius and force, changes the forces at toggle and bearing by itself
     over the jaw's length.
     """
-    described = {**jc.PE250X400, **case.design.described(best.values)}
+    described = case.design.whole(case.design.described(best.values))
     if described["slip"] != "surface":
         return BELOW_IDEAL
     lever = described["bore_radius"] / described["jaw.length"]
@@ -282,22 +295,23 @@ def remark(best: Confirmed | None, problem: Problem) -> str:
 def quieter(answer: Answer, case: Case, maps: Maps) -> str:
     """Say which point of the map shakes the ground far less than the optimum, if one does."""
     best, orbits = answer.optimum, maps.counting_orbits
-    if best is None or orbits is None:
+    if best is None or orbits is None or len(best.forces) == 1:
         return ""
     if "shaking_rms" in case.objective.outputs:
         return ""
     shaking = orbits.shaking_rms.where(orbits.counts).to_numpy().ravel()
     least = int(np.nanargmin(shaking))
-    if not shaking[least] < best.shaking_rms * (1 - ALIKE):
+    if not shaking[least] < best.forces["shaking_rms"] * (1 - ALIKE):
         return ""
     at = ", ".join(
         f"{in_words(name)} {said(name, value, answer.box.units)}"
         for name, value in case.design.numbers(maps.points[least]).items()
     )
     rms = float(orbits.foundation_rms.to_numpy().ravel()[least])
+    now = quantity(best.forces["shaking_rms"], "N")
     return (
         f"The ground is shaken less elsewhere: at {at} the RMS shaking force is "
-        f"{quantity(shaking[least], 'N')} instead of {quantity(best.shaking_rms, 'N')}, and the "
+        f"{quantity(shaking[least], 'N')} instead of {now}, and the "
         f"RMS force on the foundation is {quantity(rms, 'N')}. The objective shaking_rms searches "
         "for the least."
     )

@@ -84,8 +84,8 @@ class CoexistingOrbits:
         """Return a line for each orbit."""
         lines = [
             f"{share:.0%} ± {error:.0%} period {orbit.period}: "
-            f"RMS {float(orbit.foundation_rms):.2f} N, "
-            f"peak {float(orbit.foundation_peak):.0f} N, "
+            f"RMS {float(orbit[orbit.scene.leading]):.2f} N, "
+            f"peak {float(orbit[orbit.scene.leading.replace('rms', 'peak')]):.0f} N, "
             f"least penetration {float(orbit.least_penetration):.2g} clearances, "
             f"settles in {float(orbit.settling_turns):.3g} turns"
             for orbit, share, error in zip(self.orbits, self.shares, self.share_errors, strict=True)
@@ -254,7 +254,8 @@ class _Known:
 
 
 def _same(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
-    apart = abs(float(one.foundation_rms) / float(other.foundation_rms) - 1)
+    leading = one.scene.leading
+    apart = abs(float(one[leading]) / float(other[leading]) - 1)
     return one.period % other.period == 0 and apart < SAME
 
 

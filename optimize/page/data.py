@@ -53,10 +53,17 @@ def pack(landscape: xr.Dataset, motions: xr.Dataset | None, answer: Answer) -> d
             }
             for title, design in answer.designs.items()
         ],
+        "forces": _forces(landscape),
         "first": 0 if best is None else _nearest(parameters, best.values, units),
         "colours": [to_hex(colour) for colour in colormaps["cividis"](np.linspace(0, 1, COLOURS))],
         "motions": None if motions is None else _pack_motions(motions, dims),
     }
+
+
+def _forces(landscape: xr.Dataset) -> dict[str, str]:
+    """Return what a cell's account calls its leading force and what shakes; a crusher has both."""
+    named = {"foundation_rms": "RMS", "shaking_rms": "shaking RMS"}
+    return {name: words for name, words in named.items() if name in landscape}
 
 
 def script(content: dict) -> Markup:
@@ -122,7 +129,7 @@ def _pack_motions(motions: xr.Dataset, dims: tuple[str, ...]) -> dict | None:
         return None
     turns = [float(f"{turn:.5g}") for turn in kept.turn.to_numpy()]
     packed: dict = {"turn": turns}
-    names = {"x": "eccentricity_x", "y": "eccentricity_y", "force": "foundation_force"}
+    names = {"x": "eccentricity_x", "y": "eccentricity_y", "force": "force"}
     for short, name in names.items():
         packed[short] = _small(kept[name].transpose("start", *dims, "instant").to_numpy())
     packed["ideal"] = _small(kept.ideal_force.transpose(*dims, "instant").to_numpy())

@@ -9,7 +9,6 @@ import jinja2
 import xarray as xr
 from markupsafe import Markup
 
-from jaxcrusher.crusher.capacity import CAUTION
 from jaxcrusher.files.results import write_text
 from optimize import formatting
 from optimize.answer import Answer
@@ -30,10 +29,10 @@ FIGURES = {
     "starts.png": "The objective over the first turns, worse of both starts.",
     "capacity.png": "Capacity over driving speed, with its floor and the box searched. By "
     "laminating crushing theory a slower shaft crushes more, for a layer has more time to fall.",
-    "pareto.png": "The objective against capacity and against the peak of the foundation force "
-    "(of the peak and of the shaking force, its RMS); the front is what nothing beats in both.",
-    "motion.png": "Orbit of the pin and foundation force of the optimum and of the design it is "
-    "compared with, after their long runs.",
+    "pareto.png": "The objective against a crusher's capacity and against another force; the front "
+    "is what nothing beats in both.",
+    "motion.png": "Orbit of the pin and force on the foundation, or shaking force, of the optimum "
+    "and of the design it is compared with, after their long runs.",
 }
 # The page may fetch nothing: a browser refuses what this does not name.
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
@@ -72,7 +71,7 @@ def write_page(
         remarks=[
             f"{title}: {formatting.limits(design)}" for title, design in answer.designs.items()
         ],
-        caution=CAUTION,
+        caution=tables.caution(answer),
         error=formatting.error(answer) if answer.designs else "",
         verdict=f"{failed} of {count} failed." if failed else f"All {count} passed.",
         active=[
@@ -82,7 +81,7 @@ def write_page(
         figures=[_figure(folder, name) for name in figures if name != SKETCH],
         sketch=_figure(folder, SKETCH) if SKETCH in figures else None,
         omitted=omitted or {},
-        limits=tables.LIMITS,
+        limits=tables.limits(answer),
     )
     path = folder / "report.html"
     write_text(path, page)
@@ -98,7 +97,6 @@ def _template() -> jinja2.Template:
 
 
 def _tables(answer: Answer) -> dict:
-    unit = answer.objective.unit
     return {
         "answer": tables.answer(answer) if answer.designs else None,
         "motions": tables.motions(answer) if answer.designs else None,
@@ -109,7 +107,7 @@ def _tables(answer: Answer) -> dict:
         "fronts": tables.fronts(answer),
         "candidates": tables.candidates(answer),
         "descents": tables.descents(answer),
-        "runs": {title: tables.runs(design, unit) for title, design in answer.designs.items()},
+        "runs": {title: tables.runs(answer, design) for title, design in answer.designs.items()},
         "box": tables.box(answer),
         "stages": tables.stages(answer),
         "fixed": tables.fixed(answer),

@@ -36,15 +36,18 @@ function place(cell) {
 function account(cell, start) {
   const named = faults(cell, start);
   if (named[0] === "failed") return `${starts[start]} start: failed`;
-  const rms = number(at("foundation_rms", start, cell));
-  const error = at("foundation_rms_error", start, cell);
+  // The first force has a scatter.
+  const [[leading, called], ...others] = Object.entries(data.landscape.forces);
+  const rms = number(at(leading, start, cell));
+  const error = at(`${leading}_error`, start, cell);
   const scatter = Number.isFinite(error) ? ` ± ${number(Number(error.toPrecision(2)))}` : "";
   const objective = at("objective", start, cell), { label, units } = byName.objective;
   // The objective is often the RMS itself.
-  const other = objective === at("foundation_rms", start, cell)
+  const other = objective === at(leading, start, cell)
     ? [] : [`${label} ${number(objective)} ${units}`];
-  const shaking = `shaking RMS ${number(at("shaking_rms", start, cell))} N`;
-  return [`${starts[start]} start: RMS ${rms}${scatter} N`, shaking, ...other, ...named].join(", ");
+  const further = others.map(([name, words]) => `${words} ${number(at(name, start, cell))} N`);
+  return [`${starts[start]} start: ${called} ${rms}${scatter} N`, ...further, ...other, ...named]
+    .join(", ");
 }
 
 function accounts(cell) {
@@ -205,7 +208,7 @@ function drawForce(svg, force, ideal, top, whirl, named) {
   const { turn } = motions;
   const scales = axes(svg, { left: 62, top: 10, width: 330, height: 190 },
     { low: 0, high: turn.at(-1), ticks: 4, label: "turns of the shaft" },
-    { low: 0, high: top, ticks: 5, label: "|R_O| + |R_C|, kN" });
+    { low: 0, high: top, ticks: 5, label: `${"foundation_rms" in data.landscape.forces ? "|R_O| + |R_C|" : "shaking force"}, kN` });
   const d = whirl ? dots(turn, force, scales) : line(turn, force, scales);
   drawn(svg, "path", { d, class: `force ${named}${whirl ? " dots" : ""}` });
   drawn(svg, "path", { d: line(turn, ideal, scales), class: "ideal" });

@@ -3,13 +3,8 @@
 import math
 from collections.abc import Iterable
 
-from jaxcrusher.batch.sweep import columns_of_row
-from jaxcrusher.crusher.machine import JOINTS
-from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
-from jaxcrusher.files.table import COLUMNS, Column, columns_of
+from jaxcrusher.crusher.capacity import CAUTION
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
-from jaxcrusher.mechanism.named import before
-from jaxcrusher.mechanism.reductions import chosen
 from jaxcrusher.orbits.load_sheet import MOVING, Row, joint_states
 from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.scenes.echo import said, unit_of
@@ -20,7 +15,6 @@ from optimize.answer import Answer, Confirmed, Refinement, Runs
 from optimize.decay import GONE, rate, resolved
 from optimize.forces import besides, name_of
 from optimize.formatting import shown
-from optimize.objectives import OBJECTIVES
 from optimize.table import Table, as_text
 
 # Names of the stages and of the ways of descent.
@@ -37,10 +31,13 @@ STAGES = {
 }
 DESCENTS = {"gradient": "exact gradients", "fits": "fits to noisy runs"}
 # Limits of what the numbers say.
-LIMITS = (
+OF_A_CRUSHER = (
     "The force is |R_O| + |R_C|, the reactions of the frame on shaft and toggle: the source "
     "of the crusher's data never defines its foundation force. It holds the weight and the "
     "crushing load. The ground feels the shaking force: the load closes inside the machine.",
+    CAUTION,
+)
+LIMITS = (
     f"Hertz's contact needs a half-width of at most {WIDEST_CONTACT:g} bore radii, a bearing a "
     f"clearance of at most {WIDEST_CLEARANCE:g} of them; impacts above "
     f"{ELASTIC_IMPACT_SPEED:g} m/s are not elastic. Motions beyond any are marked.",
@@ -52,10 +49,21 @@ LIMITS = (
 )
 
 
+def limits(found: Answer) -> tuple[str, ...]:
+    """Return the limits of what the numbers say, of a crusher more than of another linkage."""
+    return LIMITS if found.box.derived_speed is None else (*OF_A_CRUSHER, *LIMITS)
+
+
+def caution(found: Answer) -> str:
+    """Return what must be known to read a crusher's capacity, or nothing."""
+    return CAUTION if any(one.crushing is not None for one in found.designs.values()) else ""
+
+
 def answer(found: Answer) -> Table:
     """Return the designs, a row each, for the page; turned, for the screen."""
     objective, unit = found.objective, found.objective.unit
-    others = besides(objective.meaning)
+    design = next(iter(found.designs.values()))
+    others = besides(design.forces, objective.meaning)
     rows = [
         (
             title,
@@ -63,17 +71,13 @@ def answer(found: Answer) -> Table:
             *_following(found, design).values(),
             formatting.orbit(design),
             *(formatting.interval(runs) for runs in design.transient.values()),
-            *(getattr(design, name) for name in others),
-            f"{design.ideal_rms:.0f}",
-            f"{design.capacity:.2f}",
-            *([f"{found.throughput[title]:.2f}"] if found.throughput else []),
-            f"{1e3 * design.stroke:.4g}",
-            f"{design.stroke_ratio:.3g}",
+            *(design.forces[name] for name in others),
+            formatting.number(design.ideal_rms),
+            *_crushing(found, title, design).values(),
             formatting.turns(design),
         )
         for title, design in found.designs.items()
     ]
-    design = next(iter(found.designs.values()))
     headings = (
         "design",
         *_parameters(found),
@@ -82,15 +86,25 @@ def answer(found: Answer) -> Table:
         *(f"{start} start after {found.settle_turns} turns, {unit}" for start in design.transient),
         *(f"{meaning}, N" for meaning in others.values()),
         "ideal joints' RMS, N",
-        "capacity, m³/h",
-        *(["capacity, t/h"] if found.throughput else []),
-        "stroke at the discharge, mm",
-        "stroke, vertical over horizontal",
+        *_crushing(found, next(iter(found.designs)), design),
         "turns to 1/e",
     )
     name = name_of(objective.meaning)
     caption = objective.meaning if name == objective.meaning else f"{name}: {objective.meaning}"
     return Table(headings, rows, caption=f"{caption}, {unit}")
+
+
+def _crushing(found: Answer, title: str, design: Confirmed) -> dict[str, str]:
+    """Return the numbers of a design as a crusher, by heading; none of another linkage."""
+    if design.crushing is None:
+        return {}
+    one = design.crushing
+    return {
+        "capacity, m³/h": f"{one.capacity:.2f}",
+        **({"capacity, t/h": f"{found.throughput[title]:.2f}"} if found.throughput else {}),
+        "stroke at the discharge, mm": f"{1e3 * one.stroke:.4g}",
+        "stroke, vertical over horizontal": f"{one.stroke_ratio:.3g}",
+    }
 
 
 def _following(found: Answer, design: Confirmed) -> dict[str, str]:
@@ -163,8 +177,7 @@ def slopes(found: Answer) -> Table | None:
         return Table(("by", "slope", "differences off by"), rows, about=about)
     if report is None:
         return None
-    known = COLUMNS.get(report.metric) or STATISTIC.get(report.metric)
-    unit, meaning = (known.unit, known.meaning) if known else ("its unit", report.metric)
+    unit, meaning = found.columns[report.metric]
     rows = [
         (
             _per(found, slope.parameter, unit),
@@ -190,8 +203,7 @@ def fronts(found: Answer) -> list[Table]:
     for front in found.fronts:
         if len(front.objective) == 1:
             continue
-        of = OBJECTIVES[front.of].meaning if front.of in OBJECTIVES else front.of
-        others = besides(told, of)
+        others = besides(front.forces, told, front.meaning)
         headings = (
             f"{in_words(front.of)}, {front.unit}",
             f"objective, {unit}",
@@ -214,7 +226,9 @@ def fronts(found: Answer) -> list[Table]:
 
 def candidates(found: Answer) -> Table:
     """Return the ends of the descents, confirmed."""
-    unit, others = found.objective.unit, besides(found.objective.meaning)
+    unit = found.objective.unit
+    names = found.candidates[0].forces if found.candidates else ()
+    others = besides(names, found.objective.meaning)
     headings = (
         "",
         *_parameters(found),
@@ -229,7 +243,7 @@ def candidates(found: Answer) -> Table:
             *_chosen(found, one),
             one.objective,
             _two(one.half_width),
-            *(getattr(one, name) for name in others),
+            *(one.forces[name] for name in others),
             one.worse_start,
         )
         for i, one in enumerate(found.candidates)
@@ -310,20 +324,12 @@ def coexisting(found: Answer) -> Table | None:
     return Table(headings, rows) if rows else None
 
 
-def runs(design: Confirmed, unit: str) -> Table:
+def runs(found: Answer, design: Confirmed) -> Table:
     """Return every variable of every run of a design."""
     first, *_ = design.transient.values()
-    joints = [joint for joint in JOINTS if f"{before(joint)}contact_fraction" in first.by_run]
-    known = columns_of_row(joints, chosen(STATISTIC, always_with(joints)))
-    known |= columns_of(STATISTIC, (name for name in first.by_run if name in STATISTIC))
-    known |= {
-        "objective": Column(unit, "objective"),
-        "steps": COLUMNS["steps"],
-        "counts": Column("1", "may be chosen"),
-    }
     rows = []
     for name in first.by_run:
-        of, meaning = known[name].unit, known[name].meaning
+        of, meaning = found.columns[name]
         columns = (one.by_run[name].tolist() for one in design.transient.values())
         rows.append(
             (
@@ -340,12 +346,13 @@ def box(found: Answer) -> Table:
         (name, *(f"{shown(key, value, found.box.units):.5g}" for value in ends))
         for name, (key, ends) in zip(_parameters(found), found.box.bounds.items(), strict=True)
     ]
-    unit, one = unit_of("speed", found.box.units)
-    low, high = (speed / one for speed in found.box.derived_speed)
-    rows += [
-        ("capacity, m³/h", f"{found.box.capacity_floor:.3g}", "none"),
-        (f"speed by capacity, {unit}", f"{low:.4g}", f"{high:.4g}"),
-    ]
+    if found.box.derived_speed is not None:
+        unit, one = unit_of("speed", found.box.units)
+        low, high = (speed / one for speed in found.box.derived_speed)
+        rows += [
+            ("capacity, m³/h", f"{found.box.capacity_floor:.3g}", "none"),
+            (f"speed by capacity, {unit}", f"{low:.4g}", f"{high:.4g}"),
+        ]
     rows += [
         (f"{in_words(limit.statistic)}, {limit.unit}", "none", f"{limit.most:.5g}")
         for limit in found.box.limits
@@ -368,6 +375,8 @@ def fixed(found: Answer) -> Table:
         (in_words(name), said(name, value, found.box.units) if name in NUMBERS else str(value))
         for name, value in found.fixed.items()
     ]
+    if found.box.derived_speed is None:
+        return Table(("", "value"), rows)
     rows += [
         (in_words(name), f"{readable(name, NUMBERS[name].default)} *")
         for name in borrowed({**found.fixed, **found.box.bounds, **_follow(found)})

@@ -73,7 +73,9 @@ def a_case(floor: float, slope: tuple[float, float]) -> Case:
 
 def an_optimum(a: float, b: float, slopes: dict[str, float], capacity: float) -> Any:
     orbit = SimpleNamespace(slopes=slopes)
-    return SimpleNamespace(values={"a": a, "b": b}, orbit=orbit, capacity=capacity)
+    return SimpleNamespace(
+        values={"a": a, "b": b}, orbit=orbit, crushing=SimpleNamespace(capacity=capacity)
+    )
 
 
 def test_the_floor_of_the_capacity_takes_its_part_of_the_slopes():

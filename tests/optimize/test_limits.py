@@ -21,8 +21,8 @@ def test_limits_are_read_in_their_units():
     scene = jc.build_scene(BLOCK)
     written = (("frame_displacement_peak", "0.2 mm"), ("transmitted_rms", "3 kN"))
     assert read_limits(written, scene) == (
-        Limit("frame_displacement_peak", 0.2e-3),
-        Limit("transmitted_rms", 3000.0),
+        Limit("frame_displacement_peak", 0.2e-3, "m"),
+        Limit("transmitted_rms", 3000.0, "N"),
     )
 
 
@@ -48,9 +48,11 @@ def test_objectives_and_limits_of_supports_need_supports():
 
 
 def test_a_number_that_is_none_keeps_no_limit():
-    kept = Limit("shaking_rms", 100.0).kept({"shaking_rms": np.array([99.0, 102.0, np.nan])}, 0.01)
+    kept = Limit("shaking_rms", 100.0, "N").kept(
+        {"shaking_rms": np.array([99.0, 102.0, np.nan])}, 0.01
+    )
     assert kept.tolist() == [True, False, False]
-    assert Limit("shaking_rms", 100.0).kept({"shaking_rms": 100.0}, 0.0)  # the very limit
+    assert Limit("shaking_rms", 100.0, "N").kept({"shaking_rms": 100.0}, 0.0)  # the very limit
     assert OF_ORBIT < OF_RUN
 
 
@@ -97,7 +99,9 @@ def test_multiplier_of_a_limit_is_what_its_last_newton_costs():
     assert rows["counts"][0] and rows["shaking_rms"][0] == pytest.approx(limit, rel=OF_ORBIT)
     slopes = dict(zip(case.design.names, rows["slope"][0], strict=True))
     best: Any = SimpleNamespace(
-        values=case.design.numbers(unit), orbit=SimpleNamespace(slopes=slopes), capacity=9.0
+        values=case.design.numbers(unit),
+        orbit=SimpleNamespace(slopes=slopes),
+        crushing=SimpleNamespace(capacity=9.0),
     )
     (one,), left = active_constraints(case, best)
     assert (one.parameter, one.limit) == ("shaking_rms", "highest")

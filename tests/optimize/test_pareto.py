@@ -12,9 +12,11 @@ import pytest
 import xarray as xr
 from matplotlib.text import Text
 
+from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.pictures.plots import SMALLEST, WIDTH
 from optimize import figures
 from optimize.answer import Front
+from optimize.objectives import OBJECTIVES
 
 # RMS and peak of a map of 3 x 2 points, N; the first point beats all others in everything.
 RMS = np.array([[18e3, 18.5e3], [20e3, 20.5e3], [22e3, np.nan]])
@@ -28,7 +30,8 @@ def design(rms, capacity, **changes) -> Any:
         for k in (1e3, 0.0)
     ]
     orbit = SimpleNamespace(objective=rms, solution={"foundation_peak": 1.5 * rms})
-    known = {"capacity": capacity, "orbit": orbit, "transient": dict(enumerate(runs))}
+    crushing = SimpleNamespace(capacity=capacity)
+    known = {"crushing": crushing, "orbit": orbit, "transient": dict(enumerate(runs))}
     return SimpleNamespace(**known | changes)
 
 
@@ -39,7 +42,9 @@ def drawn(monkeypatch, tmp_path):
     monkeypatch.setattr(figures, "write_figure", lambda path, figure: kept.append(figure))
 
     def draw(data: xr.Dataset, fronts=(), **designs):
-        case = SimpleNamespace(capacity=lambda units: units)
+        case = SimpleNamespace(
+            capacity=lambda units: units, chamber=CrushingChamber(), rival=OBJECTIVES["peak"]
+        )
         sought = SimpleNamespace(unit="N", meaning="RMS of |R_O| + |R_C|")
         answer = SimpleNamespace(designs=designs, fronts=fronts, objective=sought)
         figures.draw_pareto(tmp_path, cast(Any, case), CAPACITY.ravel(), data, cast(Any, answer))
@@ -87,8 +92,8 @@ def test_pareto_of_a_design_without_an_orbit(drawn):
 
 def test_pareto_draws_the_fronts_of_the_answer(drawn):
     ends = np.array([18e3, 19e3])
-    fronts = [Front("capacity", "m3/h", ends, np.array([7.0, 9.0]), {}, {})]
-    fronts.append(Front("peak", "N", ends, np.array([27e3, 25e3]), {}, {}))
+    fronts = [Front("capacity", "m3/h", "capacity", ends, np.array([7.0, 9.0]), {}, {})]
+    fronts.append(Front("foundation_peak", "N", "peak", ends, np.array([27e3, 25e3]), {}, {}))
     fig = drawn(grid(False), tuple(fronts), optimum=design(18e3, 7.0))
     for ax, other in zip(fig.axes, ([7.0, 9.0], [27.0, 25.0]), strict=True):
         (line,) = (line for line in ax.lines if line.get_label() == "front")

@@ -1,0 +1,57 @@
+"""What is searched: a machine, its free numbers with their bounds, and what to compare with."""
+
+from typing import Any, NamedTuple
+
+from jaxcrusher.basics.checks import require
+from jaxcrusher.crusher.capacity import CrushingChamber
+from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.scenes.scene_file import key_of, read_range, require_moving
+from optimize.design import Design
+from optimize.options import Options
+from optimize.sets import SETS
+
+Bounds = dict[str, tuple[float, float]]
+
+
+class Searched(NamedTuple):
+    """A machine and the box of its designs, as the options of a search describe them."""
+
+    described: dict[str, Any]  # the numbers and choices that were given
+    design: Design
+    scene: AbstractScene  # of one of the designs
+    chamber: CrushingChamber | None  # None of a linkage that is no crusher
+    capacity_floor: float  # m3/h
+    reference: dict[str, float]  # the free numbers of the design to compare with
+    compared_with: str
+    defaults: tuple[str, ...] = ()  # names that the file of a linkage leaves open
+
+
+def sets(options: Options) -> list[str]:
+    """Return the sets that lines `--design` name; ValueError for one of neither kind."""
+    for words in options.design:
+        must = f"be NAME LOW HIGH, or one of {', '.join(SETS)}"
+        require(len(words) in (1, 3), "design", must, " ".join(words))
+    return [words[0] for words in options.design if len(words) == 1]
+
+
+def ranges(options: Options) -> list[tuple[str, str, str]]:
+    """Return the ranges of single parameters as they are written."""
+    if not options.design:
+        return [("speed", *options.speed), ("clearance", *options.clearance)]
+    lines = (words for words in options.design if len(words) == 3)
+    return [(name, low, high) for name, low, high in lines]
+
+
+def written_bounds(options: Options) -> Bounds:
+    """Return the bounds of single parameters, in SI units.
+
+    Raises ValueError for unknown names, for values without a unit, and for no LOW < HIGH.
+    """
+    found = {}
+    for name, low, high in ranges(options):
+        key = key_of(name)
+        require_moving("design", key)
+        found[key] = read_range(name, low, high)
+        good = found[key][0] < found[key][1]
+        require(good, name, "have LOW < HIGH", f"{low} {high}")
+    return found
