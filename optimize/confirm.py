@@ -116,5 +116,10 @@ def _crushing(case: Case, scene: AbstractScene, unit: np.ndarray) -> Crushing | 
 
 def _in_contact(by_run: Rows) -> bool:
     """Tell whether no run left contact, so that all of them decay to the orbit."""
+    return bool(least_contact(by_run) >= ALL_THE_TIME and by_run["success"].all())
+
+
+def least_contact(by_run: Rows) -> float:
+    """Return the least share of time that a pin of any run was in contact."""
     shares = [column for name, column in by_run.items() if name.endswith("contact_fraction")]
-    return bool(np.min(shares) >= ALL_THE_TIME and by_run["success"].all())
+    return float(np.min(shares))

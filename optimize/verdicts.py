@@ -10,6 +10,7 @@ from jaxcrusher.scenes.parameters import in_words
 from optimize import decay
 from optimize.answer import Answer, Check, Confirmed, Orbit
 from optimize.case import Case
+from optimize.confirm import least_contact
 from optimize.forces import quantity
 from optimize.formatting import active, coexisting, number, shown
 from optimize.landscape import Maps
@@ -202,7 +203,7 @@ def _motion(answer: Answer, best: Confirmed, case: Case) -> tuple[Check, ...]:
     if orbit is None or not orbit.stable:
         return (_agree(best, case.objective.unit),)
     contact = ", ".join(
-        f"{start} start {100 * float(runs.by_run['contact_fraction'].min()):.4g} %"
+        f"{start} start {100 * least_contact(runs.by_run):.4g} %"
         for start, runs in best.transient.items()
     )
     comes = Check(
