@@ -29,8 +29,8 @@ FIGURES = {
     "starts.png": "The objective over the first turns, worse of both starts.",
     "capacity.png": "Capacity over driving speed, with its floor and the box searched. By "
     "laminating crushing theory a slower shaft crushes more, for a layer has more time to fall.",
-    "pareto.png": "The objective against a crusher's capacity and against another force; the front "
-    "is what nothing beats in both.",
+    "pareto.png": "The objective against what has to be traded for it; the front is what nothing "
+    "beats in both.",
     "motion.png": "Orbit of the pin and force on the foundation, or shaking force, of the optimum "
     "and of the design it is compared with, after their long runs.",
 }

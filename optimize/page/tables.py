@@ -35,7 +35,6 @@ OF_A_CRUSHER = (
     "The force is |R_O| + |R_C|, the reactions of the frame on shaft and toggle: the source "
     "of the crusher's data never defines its foundation force. It holds the weight and the "
     "crushing load. The ground feels the shaking force: the load closes inside the machine.",
-    CAUTION,
 )
 LIMITS = (
     f"Hertz's contact needs a half-width of at most {WIDEST_CONTACT:g} bore radii, a bearing a "

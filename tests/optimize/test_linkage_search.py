@@ -1,0 +1,99 @@
+"""The search over a linkage that is no crusher, by its file."""
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from optimize import stages
+from optimize.options import Options
+from optimize.problem import resolve
+from optimize.search import run
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PUMP = Options(
+    scene=EXAMPLES / "pump.toml",
+    design=(("joints.B.clearance", "0.02", "0.1mm"), ("speed", "600", "900rpm")),
+)
+
+
+def shaking(speed: float) -> float:
+    """RMS of |sum of m a| of the ideal pump, by Fourier series of where its mass centres are, N."""
+    angle = 2 * np.pi * np.arange(4096) / 4096
+    crank, rod = 0.05 * np.exp(1j * angle), np.sqrt(0.12**2 - (0.05 * np.sin(angle)) ** 2)
+    slider = crank.real + rod
+    moment = 0.30 * crank / 2 + 0.21 * (crank + slider) / 2 + 0.14 * slider
+    orders = np.fft.fftfreq(4096, 1 / 4096)
+    force = np.fft.ifft(-((speed * orders) ** 2) * np.fft.fft(moment))
+    return float(np.sqrt(np.mean(np.abs(force) ** 2)))
+
+
+def test_what_is_free_is_named_by_the_file():
+    problem = resolve(PUMP)
+    assert problem.sought.name == "shaking_rms" and problem.compared_with == "scene file's choice"
+    assert problem.reference == pytest.approx({"joints.B.clearance": 5e-5, "speed": 30 * np.pi})
+    assert problem.box.units == {"joints.B.clearance": "mm", "speed": "rpm"} | problem.box.units
+    case = problem.case
+    assert case.chamber is None and case.forces == ("shaking_rms",)
+    assert case.rival.outputs == ("B_force_peak",)
+    assert np.isnan(case.capacity(np.zeros((2, 2)))).all()
+    assert case.reaches(case.capacity(np.zeros((2, 2)))).all()
+    assert resolve(replace(PUMP, objective="B_force_peak")).case.rival.outputs == ("shaking_rms",)
+
+
+@pytest.mark.parametrize(
+    "given, why",
+    [
+        ({"design": ()}, "`design` must free a number of a linkage, as in --design joints.B.cle"),
+        ({"design": (("balance",),)}, "`design` must be NAME LOW HIGH: sets are a crusher's"),
+        ({"design": (("jaw.mass", "1", "2kg"),)}, "`design` must name numbers that the scene file"),
+        (
+            {"design": (("joints.B.clearance", "1", "20mm"),)},
+            "`joints.B.clearance` must be smaller",
+        ),
+        ({"objective": "rms"}, "`objective` must be one of .*shaking_rms"),
+        ({"capacity_floor": 3.0}, "`capacity_floor` must not be given with a linkage"),
+        ({"slip": "surface"}, "`slip` must not be given with a linkage"),
+        ({"limit": (("foundation_rms", "1 kN"),)}, "foundation_rms"),
+        ({"overrides": (("bodies.rod.mas", "1 kg"),)}, "bodies.rod.mas"),
+    ],
+)
+def test_refusals_are_one_line(given, why):
+    with pytest.raises(ValueError, match=why) as refused:
+        resolve(replace(PUMP, **given))
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.slow
+def test_a_pump_is_searched_with_map_certificate_and_report(tmp_path, monkeypatch):
+    # What random starts come to takes a minute, and has tests of its own.
+    monkeypatch.setattr(stages, "with_coexisting_orbits", lambda problem, work, designs: designs)
+    effort = {"cells": (3, 3), "grid": (2, 2), "settle": 4, "turns": 4, "refine": 1, "runs": 2}
+    written = io.StringIO()
+    options = replace(PUMP, out=tmp_path, name="pump", within=40.0, **effort)
+    run(options, Console(file=written, width=200))
+    result = json.loads((tmp_path / "pump" / "result.json").read_text())
+    assert result["status"] == "finished"
+    best, other = result["optimum"], result["seed_choice"]
+    # What shakes rises with the speed's square.
+    assert best["values"]["speed"] == pytest.approx(20 * np.pi, rel=1e-12)
+    # The force of rigid links without play is known; a quiet pin that moves by less than 0.1 mm in
+    # 50 changes it by less than a thousandth.
+    for one, speed in ((best, 20 * np.pi), (other, 30 * np.pi)):
+        assert one["ideal_rms"] == pytest.approx(shaking(speed), rel=1e-9)
+        assert one["shaking_rms"] == pytest.approx(shaking(speed), rel=1e-3)
+        assert one["orbit"]["solution"]["largest_multiplier"] < 1
+    slopes = best["orbit"]["slopes"]
+    assert slopes["speed"] == pytest.approx(2 * best["objective"] / (20 * np.pi), rel=1e-2)
+    assert result["bound"]["within"] < 40 and result["load_sheets"]
+    (front,) = result["fronts"]
+    assert front["of"] == "B_force_peak"
+    text, page = written.getvalue(), (tmp_path / "pump" / "report.html").read_text()
+    assert "Run it at 62.83 rad/s (600 rpm) with joints B clearance" in text
+    for word in ("capacity", "jaw ", "r_o", "crushing", "discharge"):
+        assert word not in text.lower() and word not in page.split("<script")[0].lower(), word
+    assert (tmp_path / "pump" / "landscape.png").exists()
