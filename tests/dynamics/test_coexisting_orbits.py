@@ -1,5 +1,7 @@
 """The motions that many starts come to; orbits by shooting."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -95,6 +97,11 @@ def test_what_a_motion_swings_about():
 class Orbit:
     """As much of one as the bookkeeping asks for."""
 
+    scene = SimpleNamespace(leading="foundation_rms")
+
+    def __getitem__(self, name):
+        return getattr(self, name)
+
     def __init__(self, section, stable=True, least=0.02):
         self.section, self.stable, self.least_penetration = np.asarray(section), stable, least
         self.period, self.foundation_rms = len(section), 1.0 + np.sum(section)
@@ -147,7 +154,8 @@ def test_starts_whose_runs_fail_come_to_no_orbit(monkeypatch):
         return states[:, None], np.zeros(len(states), bool)
 
     monkeypatch.setattr(module, "run_all", failing)
-    monkeypatch.setattr(module, "periodic_orbit", lambda scene: Orbit([[0.0, 0.0]], stable=False))
+    none = Orbit([[0.0, 0.0]], stable=False)
+    monkeypatch.setattr(module, "periodic_orbit", lambda scene, effort: none)
     found = jc.coexisting_orbits(jc.paper_scene(30.0, 0.06e-3), starts=3)
     assert found.labels.tolist() == [-1, -1, -1] and not found.orbits
 
