@@ -107,9 +107,8 @@ class _Problem:
 
     def at(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return residuals, n of priors last, and their slopes."""
-        residuals, slopes = residual_rows(
-            self.measured, self.look(u, self.quantities.asked(self.measured))
-        )
+        seen = self.look(u, self.quantities.asked(self.measured))
+        residuals, slopes = residual_rows(self.measured, seen)
         mean, weight = self.prior
         residuals = np.concatenate([residuals, weight * (u - mean)])
         return residuals, np.concatenate([slopes, np.diag(weight)])
@@ -330,10 +329,8 @@ def _problem(
 
 def _answer(problem: _Problem, u: np.ndarray, starts: np.ndarray) -> Identified:
     """Return what is known at the least squares."""
-    seen, size = (
-        problem.look(u, problem.quantities.asked(problem.measured)),
-        np.array([*problem.size.values()]),
-    )
+    seen = problem.look(u, problem.quantities.asked(problem.measured))
+    size = np.array([*problem.size.values()])
     residuals, slopes = residual_rows(problem.measured, seen)
     mean, weight = problem.prior
     strength, directions = _svd(np.concatenate([slopes, np.diag(weight)]))
