@@ -10,7 +10,7 @@ from jaxcrusher.files.program import program
 
 def main(
     of: Annotated[
-        tuple[Literal["bearing", "seats", "drawn", "orbits"], ...], tyro.conf.Positional
+        tuple[Literal["bearing", "seats", "drawn", "orbits", "answers"], ...], tyro.conf.Positional
     ] = (),
     out: Path = Path("results/stability"),
     count: int = 2000,
@@ -23,13 +23,13 @@ def main(
 
     Args:
         of: The bearing A, the seats B and C, or crushers of every kind drawn at random or their
-            periodic orbits; without a word the first two.
+            periodic orbits, or the time of an answer; without a word the first two.
         out: Folder of stability.md, .csv and .png, and the same of stability_seats.
         count: How many crushers are drawn.
         seed: Seed of the draw.
         cvode: How many drawn crushers of each kind are integrated by SUNDIALS CVODE too.
     """
-    from benchmarks.stability.drawn_orbits import run_orbits
+    from benchmarks.stability.drawn_orbits import run_answers, run_orbits
     from benchmarks.stability.drawn_run import run_drawn
     from benchmarks.stability.run import run
 
@@ -38,6 +38,8 @@ def main(
             run_drawn(out, seed, count, cvode)
         elif what == "orbits":
             run_orbits(out, seed, count)
+        elif what == "answers":
+            run_answers(out, seed, count)
         else:
             run(what, out)
 

@@ -1,7 +1,11 @@
-"""Periodic orbits of drawn crushers, each integrated round its period by diffrax."""
+"""Periodic orbits of drawn crushers, each integrated round its period by diffrax.
+
+And how long an answer takes, of these and of the examples.
+"""
 
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -12,6 +16,8 @@ from benchmarks.pages import table
 from benchmarks.stability.drawn import KINDS, Kind, numbers
 from benchmarks.stability.judgement import AGREES, DISAGREES, OUTSIDE, REFUSED
 from jaxcrusher.files.results import results_folder, write_table
+from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.scenes.described import described
 
 FINE = 1e-12
 # Of a state, in clearances and m/s, as `periodic_orbit` claims, and of the RMS, as a share of it;
@@ -77,3 +83,63 @@ def run_orbits(out: Path, seed: int, count: int) -> None:
     cells = [[kind.name, *(counts[kind.name, v] for v in VERDICTS)] for kind in kinds]
     cells.append(["all", *(sum(row.verdict == v for row in rows) for v in VERDICTS)])
     print(table(["crusher", *VERDICTS], cells))
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What `periodic_orbit` answers of a machine with the usual effort, and its time."""
+
+    machine: str
+    answer: str
+    first_cpu_s: float  # with what is compiled for it, which a machine before may have been
+    again_cpu_s: float
+    again_s: float
+
+
+def answered(machine: str, make: Callable[[], AbstractScene]) -> Answer:
+    """Ask for an orbit twice: the second time nothing is compiled."""
+    spent, words = [], ""
+    for _ in range(2):
+        scene, cpu, began = make(), time.process_time(), time.perf_counter()
+        try:
+            orbit = jc.periodic_orbit(scene)
+        except ValueError as error:
+            words = f"refused: {error}"
+        else:
+            kind = "stable" if bool(orbit.stable) else "unstable"
+            found = f"{kind}, period {orbit.period}: {orbit.found}"
+            words = found if bool(orbit.success) else orbit.failure
+        spent.append((time.process_time() - cpu, time.perf_counter() - began))
+    return Answer(machine, words, spent[0][0], *spent[1])
+
+
+def run_answers(out: Path, seed: int, count: int) -> None:
+    """Time answers of examples and of as many drawn crushers; write stability_answers.csv."""
+    folder, rows = results_folder(out), []
+    kinds = [kind for kind in KINDS if kind.choices.get("formulation") != "multiplier"]
+    makes: dict[str, Callable[[], AbstractScene]] = {
+        path.stem: lambda path=path: described(path).scene
+        for path in sorted(Path("examples").glob("*.toml"))
+    }
+    makes["pe900x1200 without load"] = lambda: (
+        described(Path("examples/pe900x1200.toml"), [("load", "0 N")]).scene
+    )
+    for kind in kinds:
+        for i in range(count // len(kinds)):
+            key = f"{seed} {kind.name} {i}"
+            makes[f"{kind.name}: {i}"] = lambda kind=kind, key=key: jc.build_scene(
+                numbers(kind, key)
+            )
+    for machine, make in makes.items():
+        rows.append(answered(machine, make))
+        write_table(folder / "stability_answers.csv", map(asdict, rows))
+    cells = [
+        (
+            row.machine,
+            row.answer.partition(". ")[0],
+            f"{row.first_cpu_s:.1f}",
+            f"{row.again_cpu_s:.2f}",
+        )
+        for row in rows
+    ]
+    print(table(["machine", "answer", "first, CPU s", "again, CPU s"], cells))

@@ -23,7 +23,7 @@ class Effort(NamedTuple):
         return math.isfinite(self.steps)
 
 
-# A million steps take 1.7 to 2.5 s on an idle core.
+# A million steps take 1 to 2.5 s of a core.
 EFFORTS = {
     "quick": Effort(NODES, turns=480, steps=1e6, shoots=False),
     "usual": Effort(MOST_NODES, turns=1920, steps=4e6, shoots=True),

@@ -62,7 +62,7 @@ def periodic_orbit(
 
     - `effort`: "quick" takes 96 nodes alone, waits for 480 turns at most and does not shoot.
       "usual" tries all ways, cheap ones first, and ends after four million steps of the integrator
-      (`jaxcrusher.orbits.effort`): an answer takes 10 s at most, besides compilation, also where
+      (`jaxcrusher.orbits.effort`): an answer takes seconds, besides compilation, also where
       there is no orbit. "thorough" has no such bound. It does not matter where `nodes` or a
       `method` is given. Ctrl-C ends a search with a KeyboardInterrupt that says what is known.
 
