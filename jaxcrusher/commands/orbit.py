@@ -67,7 +67,11 @@ def run(options: Orbit, console: Console) -> int:
         return jc.periodic_orbit(build(numbers), **how)
 
     with stages(console, "solving (the first time half a minute, most of it compilation)"):
-        orbit = solve(numbers, period=options.period, effort=options.effort)
+        try:
+            orbit = solve(numbers, period=options.period, effort=options.effort)
+        except KeyboardInterrupt as stop:
+            console.print(*stop.args)
+            raise
     if not bool(orbit.success):
         console.print(f"no periodic orbit: {orbit.failure}")
         console.print(REMEDY)
