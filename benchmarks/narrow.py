@@ -1,16 +1,20 @@
 """A scene all but without smoothing."""
 
+from typing import TypeVar
+
 import equinox as eqx
 from jaxtyping import Scalar
 
-import jaxcrusher as jc
 from jaxcrusher.joint.normal import AbstractNormalLaw
+from jaxcrusher.mechanism.scene import AbstractScene
+
+Machine = TypeVar("Machine", bound=AbstractScene)
 
 
-def narrow(scene: jc.Scene) -> jc.Scene:
+def narrow(scene: Machine) -> Machine:
     """Return a scene with a hundredth of the widths that smooth contacts' corners and |e|."""
 
-    def widths(scene: jc.Scene) -> list[Scalar]:
+    def widths(scene: AbstractScene) -> list[Scalar]:
         found = []
         for _, joint in scene.joints.items():
             assert isinstance(joint.normal, AbstractNormalLaw)

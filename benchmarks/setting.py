@@ -13,13 +13,6 @@ def set_up_to_time() -> None:
     set_up()
 
 
-def set_up_on_one_core() -> None:
-    """Do so on one core; a system other than Linux pins no process, and times may be of all."""
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[:1])
-    set_up_to_time()
-
-
 def setting(*packages: str) -> str:
     """Name the processor, cores, system and versions of Python, our tools and `packages`."""
     known = versions("numpy", *packages)

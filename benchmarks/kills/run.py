@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jaxcrusher.files.results import results_folder
+from jaxcrusher.files.results import results_folder, write_text
 
 _MAP = """
 import sys
@@ -29,11 +29,19 @@ def main(folder: str) -> None:
 program(main)
 """
 _SWEEP = "--over speed 25 30rad/s 4 --over clearance 0.05 0.06mm 3 --settle 0 --turns 1 --chunk 1"
+_MEASURED = """speed_rpm,quantity,order,amplitude,sigma,unit
+200,shaking_force_x,1,1.58,0.02,kN
+200,shaking_force_y,1,2.70,0.02,kN
+286,shaking_force_x,1,3.20,0.03,kN
+286,shaking_force_y,1,5.50,0.03,kN
+"""
+_IDENTIFY = "--measured ../../measured.csv --free jaw.mass shaft.mass --set joint ideal"
 _SEARCH = "--cells 5 3 --grid 2 2 --settle 2 --turns 2 --steps 2 --refine 1 --runs 2"
 JOBS = {
     "sweep": ["-m", "jaxcrusher", "sweep", *_SWEEP.split(), "--rtol", "1e-5", "--netcdf", "--csv"],
     "map": ["-c", _MAP],
     "search": ["-m", "optimize.run", *_SEARCH.split()],
+    "identify": ["-m", "jaxcrusher", "identify", *_IDENTIFY.split(), "--noise", "0"],
 }
 # What no two runs have alike: their times, also in the checksum of a file that holds one, the lock,
 # and their folders, whose names are of one length.
@@ -65,6 +73,7 @@ def start(job: str, folder: Path) -> subprocess.Popen[str]:
     place = ["--folder", str(folder)] if job == "map" else ["--out", str(folder)]
     return subprocess.Popen(
         [sys.executable, *JOBS[job], *place],
+        cwd=folder,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -209,6 +218,7 @@ def _disk(folder: Path, size: str) -> Iterator[None]:
 def run(out: Path, seed: int, count: int, jobs: Sequence[str]) -> None:
     """Try all jobs; raises RuntimeError, with all faults, if there are any."""
     chance, faults = random.Random(seed), []
+    write_text(results_folder(out) / "measured.csv", _MEASURED)
     for i, job in enumerate(jobs):
         trial = Trial(job, results_folder(out).absolute())
         trial.kills(chance, count // len(jobs) + (i < count % len(jobs)))

@@ -58,7 +58,7 @@ def _cross(u, v):
 
 
 @compiled
-def _push(law, e, rate, bore_spin, pin_spin):
+def push(law, e, rate, bore_spin, pin_spin):
     """Return the bore's force (N), the pair's moments about both centres (N m), normal force."""
     c, radius, stiffness, damping, friction, of_centre = law
     length = math.sqrt(e.real * e.real + e.imag * e.imag)
@@ -138,9 +138,9 @@ def instant(angle, y, p):
     to_a = a_share * jaw
     to_b, half = to_a - jaw, toggle / 2
     # Contacts push, and weights, load and the spins of bodies.
-    at_a, jaw_m, _, normal_a = _push(laws[0], e_a, u_a, w2, w)
-    at_b, on_jaw_m, toggle_m, normal_b = _push(laws[1], e_b, u_b, w2, w3)
-    at_c, _, on_toggle_m, normal_c = _push(laws[2], e_c, u_c, 0.0, w3)
+    at_a, jaw_m, _, normal_a = push(laws[0], e_a, u_a, w2, w)
+    at_b, on_jaw_m, toggle_m, normal_b = push(laws[1], e_b, u_b, w2, w3)
+    at_c, _, on_toggle_m, normal_c = push(laws[2], e_c, u_c, 0.0, w3)
     arms, masses = (to_a, to_b, half), (m2, j2, m3, j3)
     on_jaw, on_toggle = -load / l2 * jaw - 1j * g * m2, -1j * g * m3
     jaw_m, toggle_m = jaw_m + on_jaw_m, toggle_m + on_toggle_m

@@ -10,32 +10,34 @@ from jaxcrusher.files.program import program
 
 def main(
     of: Annotated[
-        tuple[Literal["bearing", "seats", "drawn", "orbits", "answers"], ...], tyro.conf.Positional
+        tuple[Literal["bearing", "seats", "drawn", "mechanisms", "orbits", "answers"], ...],
+        tyro.conf.Positional,
     ] = (),
     out: Path = Path("results/stability"),
     count: int = 2000,
     seed: int = 1,
-    cvode: int = 0,
 ) -> None:
     """Judge every stiff and extreme case of the bearing A, and of the seats B and C, or drawn ones.
 
     Three quarters of an hour on two cores, of which the bearing takes eleven minutes.
 
     Args:
-        of: The bearing A, the seats B and C, or crushers of every kind drawn at random or their
-            periodic orbits, or the time of an answer; without a word the first two.
+        of: The bearing A, the seats B and C, or crushers of every kind drawn at random, other
+            mechanisms, or periodic orbits of crushers or their times; else the first two.
         out: Folder of stability.md, .csv and .png, and the same of stability_seats.
-        count: How many crushers are drawn.
+        count: How many crushers or mechanisms are drawn.
         seed: Seed of the draw.
-        cvode: How many drawn crushers of each kind are integrated by SUNDIALS CVODE too.
     """
     from benchmarks.stability.drawn_orbits import run_answers, run_orbits
     from benchmarks.stability.drawn_run import run_drawn
+    from benchmarks.stability.mechanisms import run_mechanisms
     from benchmarks.stability.run import run
 
     for what in of or ("bearing", "seats"):
         if what == "drawn":
-            run_drawn(out, seed, count, cvode)
+            run_drawn(out, seed, count)
+        elif what == "mechanisms":
+            run_mechanisms(out, seed, count)
         elif what == "orbits":
             run_orbits(out, seed, count)
         elif what == "answers":

@@ -10,9 +10,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.tree_util import tree_unflatten as unflatten
-from jaxtyping import Array, Scalar
-from sksundae.cvode import CVODE
 
 import jaxcrusher as jc
 from benchmarks.pages import table
@@ -21,11 +18,9 @@ from benchmarks.stability.judgement import AGREES, DISAGREES, PREDICTABLE, PROMI
 from benchmarks.stability.peer import changes
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.crusher.observables import OBSERVABLES
 from jaxcrusher.files.results import results_folder, write_table
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.starts import Given
-from jaxcrusher.motion.flow import by_phase
 from jaxcrusher.motion.simulation import Trajectory
 
 INSTANTS = 401  # compared
@@ -38,7 +33,7 @@ OFFSET = 3e-6
 # Where what a start is moved by dies away, a motion may still enlarge what each later step adds.
 # Diffrax at our tolerance adds as much as ours; two such errors are rarely further apart than this.
 FELLOWS = 10.0
-UNKNOWN = "no reference"
+UNKNOWN, SMOOTHED = "no reference", "agrees if narrow and fine"
 
 
 @dataclass(frozen=True)
@@ -57,7 +52,6 @@ class Row:
     programs: float = (
         np.nan
     )  # of lanes from diffrax at the same fine tolerance, where it is largest
-    cvode: float = np.nan  # as `programs`, of CVODE from diffrax
     remark: str = ""
 
 
@@ -73,31 +67,6 @@ def _compared(scene: jc.Scene) -> tuple[str, ...]:
     return ("foundation_force", *seen)
 
 
-def by_cvode(scene: jc.Scene) -> dict[str, np.ndarray]:
-    """Integrate the same equations by SUNDIALS CVODE (Adams); RuntimeError where it fails."""
-    leaves, structure = jax.tree.flatten(scene.formulation.initial(scene))
-    tolerance = float(scene.formulation.tolerance(scene, FINE))
-
-    @jax.jit  # its numbers are constants: a call with them as arguments takes four times as long
-    def rate(angle: Scalar, y: Array) -> Array:
-        return jnp.stack(jax.tree.leaves(by_phase(angle, unflatten(structure, list(y)), scene)[0]))
-
-    @jax.jit
-    @jax.vmap
-    def seen(angle: Scalar, y: Array) -> dict[str, Array]:
-        _, snapshot = by_phase(angle, unflatten(structure, list(y)), scene)
-        return {name: OBSERVABLES[name](snapshot, scene) for name in _compared(scene)}
-
-    def field(angle: float, y: np.ndarray, into: np.ndarray) -> None:
-        into[:] = rate(jnp.asarray(angle), jnp.asarray(y))
-
-    solver = CVODE(field, method="Adams", rtol=tolerance, atol=tolerance, max_num_steps=MOST_FINE)
-    found = solver.solve(ANGLES, np.array([float(leaf) for leaf in leaves]))
-    if not found.success:
-        raise RuntimeError(f"SUNDIALS stopped: {found.message}")
-    return jax.tree.map(np.asarray, seen(jnp.asarray(ANGLES), jnp.asarray(found.y)))
-
-
 @eqx.filter_jit
 def _moved(scene: jc.Scene, offset: Vector) -> jc.Scene:
     """Move every pin by a share of its clearance: what grows fastest soon hides the rest."""
@@ -111,8 +80,8 @@ def _each(motions: Trajectory, count: int) -> list[Trajectory]:
     return [jax.tree.map(lambda leaf, i=i: np.asarray(leaf[i]), motions) for i in range(count)]
 
 
-def compared(kind: Kind, seed: int, count: int, with_cvode: int) -> Iterator[Row]:
-    """Yield the verdict on each drawn crusher of a kind, on the first ones by CVODE too."""
+def compared(kind: Kind, seed: int, count: int) -> Iterator[Row]:
+    """Yield the verdict on each drawn crusher of a kind."""
     scenes: dict[int, jc.Scene] = {}
     for i in range(count):
         try:
@@ -139,9 +108,8 @@ def compared(kind: Kind, seed: int, count: int, with_cvode: int) -> Iterator[Row
             for at in (still, Vector(still.x + OFFSET, still.y), Vector(still.x, still.y + OFFSET))
         ]
         for at, i in enumerate(places):
-            third = by_cvode(scenes[i]) if i < with_cvode and bool(known[at].success) else None
             near = [each[at] for each in others]
-            yield judged(kind.name, i, ours[at], known[at], fellows[at], near, third)
+            yield judged(kind.name, i, ours[at], known[at], fellows[at], near)
 
 
 def judged(
@@ -151,7 +119,6 @@ def judged(
     known: Trajectory,
     fellow: Trajectory,
     others: list[Trajectory],
-    third: dict[str, np.ndarray] | None = None,
 ) -> Row:
     """Compare a motion with the reference for as long as neighbours and a fellow stay with it.
 
@@ -182,10 +149,6 @@ def judged(
         alike = float(np.where(kept, abs(base - theirs).max(axis=1), 0).max() / size)
         worst = replace(worst, span=min(worst.span, share), programs=max(worst.programs, alike))
         wrong = not np.isfinite(off).all() or ratio[at] > 1
-        if third is not None:
-            apart = abs(third[seen].reshape(INSTANTS, -1) - theirs).max(axis=1) / size
-            worst = replace(worst, cvode=np.fmax(worst.cvode, np.where(kept, apart, 0).max()))
-            wrong |= bool((kept & ~(apart <= np.maximum(grown, PROMISED))).any())
         if wrong:
             worst = replace(worst, verdict=DISAGREES)
         if not ratio[at] <= worst.over_allowed:
@@ -193,16 +156,22 @@ def judged(
     return worst
 
 
-def run_drawn(out: Path, seed: int, count: int, with_cvode: int) -> None:
+def run_drawn(out: Path, seed: int, count: int) -> None:
     """Judge drawn motions, as many of each kind; write stability_drawn.csv and print a table."""
     folder, rows = results_folder(out), []
     for kind in KINDS:
         began = time.perf_counter()
-        rows += compared(kind, seed, count // len(KINDS), with_cvode)
+        rows += compared(kind, seed, count // len(KINDS))
         write_table(folder / "stability_drawn.csv", map(asdict, rows))
         print(f"{kind.name}: {time.perf_counter() - began:.0f} s", flush=True)
-    verdicts = (AGREES, REFUSED, UNKNOWN, DISAGREES)
+    print(verdicts_of(rows))
+
+
+def verdicts_of(rows: list[Row]) -> str:
+    """Return a table of how many drawn motions of each kind have which verdict."""
+    verdicts = (AGREES, SMOOTHED, REFUSED, UNKNOWN, DISAGREES)
     counts = Counter((row.kind, row.verdict) for row in rows)
-    cells = [[kind.name, *(counts[kind.name, v] for v in verdicts)] for kind in KINDS]
+    kinds = dict.fromkeys(row.kind for row in rows)
+    cells = [[kind, *(counts[kind, v] for v in verdicts)] for kind in kinds]
     cells.append(["all", *(sum(row.verdict == v for row in rows) for v in verdicts)])
-    print(table(["crusher", *verdicts], cells))
+    return table(["mechanism", *verdicts], cells)

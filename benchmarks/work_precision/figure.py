@@ -154,3 +154,4 @@ def _panel(ax, scene: str, rows: list[Row], styles: dict[str, Style], error: str
     # The raised exponent of a power is small type.
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter("")

@@ -6,38 +6,21 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
-import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from benchmarks.optimisers import run as optimisers
-from benchmarks.optimisers.methods import METHODS, Improvement, Objective, Searched
 from benchmarks.pages import DOCS
 from benchmarks.stability import figure as stability
 from benchmarks.stability.judgement import Judged
 from benchmarks.work_precision import figure as work_precision
 from benchmarks.work_precision.measure import Row
-from jaxcrusher.pictures.plots import SMALLEST, STYLE, WIDTH, power
-from optimize.sets import SETS
+from jaxcrusher.pictures.plots import SMALLEST, WIDTH
 from tests.tables import read_table
 
 
 @pytest.fixture(scope="module")
 def rows():
     return read_table(DOCS / "work_precision.csv", Row)
-
-
-def made_up():
-    """The figure of the optimisers, of searches made by hand."""
-    improved = [Improvement(1.0, 0.1, 1.0), Improvement(9.0, 1.0, 0.9)]
-    searches = [Searched(method, 0, improved, [0.5], 9, 9.0, 1.0) for method in METHODS]
-    bowl = Objective(lambda _: 1.0, lambda _: (1.0, np.zeros(1)), 1e-3, 2e-3)
-    contests = [optimisers.Contest(word, 19102.0, bowl, searches) for word in SETS]
-    with plt.rc_context(STYLE):
-        fig = optimisers.draw(contests)
-        # Ticks take their type when they are first drawn.
-        fig.draw_without_rendering()
-    return fig
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +30,6 @@ def figures(rows):
         "rest": work_precision.draw_rest(rows, "rms_error"),
         "stability": stability.draw(read_table(DOCS / "stability.csv", Judged)),
         "seats": stability.draw_seats(read_table(DOCS / "stability_seats.csv", Judged)),
-        "optimisers": made_up(),
     }
     yield found
     for fig in found.values():
@@ -57,7 +39,7 @@ def figures(rows):
 every = pytest.mark.parametrize("name", ["first", "rest", "stability", "seats"])
 
 
-@pytest.mark.parametrize("name", ["first", "rest", "stability", "seats", "optimisers"])
+@every
 def test_type_is_large_enough_at_the_width_of_a_page(figures, name):
     fig = figures[name]
     # A4's height less its margins.
@@ -126,10 +108,3 @@ def test_every_verdict_is_a_cell(figures, name, table, verdicts):
     shown = Counter(int(code) for ax in axes for code in ax.images[0].get_array().compressed())
     told = Counter(stability.ORDER.index(row.verdict) for row in motions)
     assert shown == told and len(told) == verdicts
-
-
-@pytest.mark.parametrize(
-    "value, text", [(1e-12, "1e-12"), (1e-2, "0.01"), (1e4, "10000"), (2e-3, "2e-3")]
-)
-def test_powers_of_ten_in_few_letters(value, text):
-    assert power(value) == text

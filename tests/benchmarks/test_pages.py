@@ -13,7 +13,6 @@ from benchmarks.pages import DOCS, NOT_MEASURED, filled, table, tables_of
 from benchmarks.reproduction.tables import reading_table
 from benchmarks.stability.judgement import Judged
 from benchmarks.stability.tables import tables as stability
-from benchmarks.step_cost.run import tables as step_cost
 from benchmarks.work_precision.measure import Row
 from benchmarks.work_precision.tables import tables as work_precision
 from tests.tables import read_table
@@ -50,7 +49,6 @@ def made():
         ),
         "crosschecks.md": {"summary": summary(read_table(DOCS / "crosschecks.csv", Crosscheck))},
         "reproduction/claims.md": {"readings": reading_table(read)},
-        "step_cost.md": step_cost(csv_rows("step_cost.csv")),
         "work_precision.md": work_precision(read_table(DOCS / "work_precision.csv", Row)),
     }
 

@@ -9,7 +9,7 @@ import jax
 import pytest
 
 import jaxcrusher as jc
-from benchmarks.step_cost import programs
+from tests.benchmarks import step_programs as programs
 
 # A guard of speed needs a machine that does little else.
 pytestmark = pytest.mark.slow

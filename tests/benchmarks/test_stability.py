@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from benchmarks.stability import drawn, drawn_run, judgement
+from benchmarks.stability import drawn, drawn_run, judgement, mechanisms
 from benchmarks.stability.cases import BASE, bearing_case, described, seat_case
 from benchmarks.stability.inputs import cast
 from benchmarks.stability.judgement import AGREES, DISAGREES
@@ -142,24 +142,16 @@ def test_a_drawn_motion_is_compared_while_neighbours_stay_together():
         row = drawn_run.judged("", 0, ours, known, fellow, neighbours)
         assert row.verdict == verdict
         assert (row.span < 0.5) == (fellow is parted or neighbours[1] is parted)
-    for third, verdict in (
-        (known, AGREES),
-        (off, DISAGREES),
-        (motion(np.nan * instants), DISAGREES),
-    ):
-        seen = {name: np.asarray(value) for name, value in third.values.items()}
-        row = drawn_run.judged("", 0, known, known, known, [known] * 3, seen)
-        assert row.verdict == verdict
-    assert np.isnan(row.cvode)
 
 
-def test_cvode_integrates_the_same_crusher(monkeypatch):
-    """A sixteenth of a turn from the middle of the bore, with impacts."""
-    monkeypatch.setattr(drawn_run, "ANGLES", drawn_run.ANGLES[:101])
-    scene = jc.build_scene({"friction": 0.02})
-    ours, theirs = drawn_run.motion(scene, 1e-12, 2_000_000), drawn_run.by_cvode(scene)
-    assert (theirs["normal_force"] > 0).any() and (theirs["normal_force"] <= 0).any()
-    for name, value in theirs.items():
-        # Both steps are right to 1e-12; impacts enlarge what they leave by some thousands.
-        size = np.abs(value).max()
-        np.testing.assert_allclose(ours[name], value, atol=1e-7 * size, rtol=0, err_msg=name)
+@pytest.mark.parametrize("family", mechanisms.FAMILIES, ids=lambda family: family.name)
+def test_drawn_mechanisms_go_round_and_are_told_apart(family):
+    one, again, other = (mechanisms.mechanism(family, seed) for seed in ("1 0", "1 0", "1 1"))
+    assert one.values == again.values and one.drawing == other.drawing
+    assert {name for name in one.values if one.values[name] == other.values.get(name)} <= {
+        "start",
+        *(name for name in one.values if name.endswith(("_law", "slip", "_speed"))),
+    }
+    scene = one.drawing(**one.values)
+    assert scene.joints.names == tuple(family.loose)
+    assert (scene.supports is not None) == family.supports

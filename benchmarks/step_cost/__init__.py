@@ -1,1 +1,0 @@
-"""Measure the cost of a step on one core beside other programs; two minutes."""
