@@ -37,8 +37,8 @@ def linkage(options: Options) -> Searched:
     require(len(options.design) > 0, "design", must, "missing")
     require(not sets(options), "design", "be NAME LOW HIGH: sets are a crusher's", sets(options))
     found = described(options.scene, options.overrides)
-    values = {name: value for name, value in found.values.items() if name != "start"}
     # The search tries both starts itself.
+    values = {name: value for name, value in found.values.items() if name != "start"}
     free = written_bounds(options)
     for name, (_, high) in free.items():
         require(name in values, "design", "name numbers that the scene file gives", name)
