@@ -243,7 +243,8 @@ def _unusual(values: Mapping[str, Any]) -> Iterator[tuple[Ratio, str, str, bool]
         least, low, high, most = rule.limits
         if low <= ratio <= high:
             continue
-        given = ", ".join(f"{name} {readable(name, v[name])}" for name in rule.of)
+        told = zip(rule.of, numbers, strict=True)
+        given = ", ".join(f"{name} {readable(name, number)}" for name, number in told)
         texts = (f"{value:.3g} {rule.unit}".rstrip() for value in (ratio, low, high))
         said = "{} is {}, usually {} to {} ({})".format(rule.title, *texts, rule.source)
         yield rule, said, given, least <= ratio <= most
