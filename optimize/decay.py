@@ -43,7 +43,7 @@ def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
         return list(designs)
     # Each goes on from where its long run ended, and another run starts on the orbit itself.
     cases = [
-        (np.asarray(state), started(case.design, case.design.described(designs[i].values), start))
+        (np.asarray(state), started(case.design, designs[i].values, start))
         for i, start in dying
         for state in (designs[i].transient[start].state, _orbit(designs[i]).solution.section)
     ]

@@ -92,16 +92,16 @@ def judged(rows: Found) -> np.ndarray:
 
 def started(
     design: Design,
-    description: Mapping[str, Any],
+    values: Mapping[str, Any],
     start: str,
     shift: Iterable[ArrayLike] = (0.0, 0.0),
 ) -> AbstractScene:
-    """The scene of a completed description from one of the `STARTS`, `shift` clearances off.
+    """The scene of the free parameters' values from one of the `STARTS`, `shift` clearances off.
 
     With the start as numbers, the scenes of all starts run as one program. A rough feed's motions
     are those under its mean load.
     """
-    scene = design.build({**description, "start": start}).steady()
+    scene = design.build({**design.described(values), "start": start}).steady()
     return shifted_start(scene, Vector(*shift))
 
 
@@ -113,7 +113,7 @@ def stacked_scenes(
     shifts = jnp.zeros((len(units), 2)) if shifts is None else shifts
 
     def one(unit: Array, shift: Array, start: str) -> AbstractScene:
-        return started(case.design, case.design.description(unit), start, shift)
+        return started(case.design, case.design.values(unit), start, shift)
 
     parts = [jax.vmap(eqx.Partial(one, start=start))(units, shifts) for start in STARTS]
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)

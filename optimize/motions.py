@@ -98,7 +98,7 @@ def design_motions(
     """Return each design's motion after its long runs, by start, at these turns."""
     batch = [
         (
-            started(case.design, case.design.described(one.values), start),
+            started(case.design, one.values, start),
             np.asarray(run.state),
             2 * np.pi / one.speed * turns,
         )

@@ -154,7 +154,7 @@ def coexisting(case: Case, values: dict[str, float]) -> tuple[Coexisting, ...]:
     """Return the stable orbits that random starts about the centred one come to."""
     described = case.design.described(values)
     scene, chamber = case.design.build(described), case.chamber_of(described)
-    centred = started(case.design, described, "centred")
+    centred = started(case.design, values, "centred")
     found = jc.coexisting_orbits(centred, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
     return tuple(
         Coexisting(share, orbit, float(case.objective.formula(orbit, scene, chamber)))

@@ -315,7 +315,7 @@ def _with_regime(case: Case, design: Confirmed) -> Confirmed:
     found = {}
     for start, runs in design.transient.items():
         if not runs.settles:
-            scene = started(case.design, case.design.described(design.values), start)
+            scene = started(case.design, design.values, start)
             regime = jc.regime(scene, settle, turns, tangent_turns=tangent_turns)
             found[start] = _without_motion(regime)
     return replace(design, regime=found)
@@ -324,7 +324,7 @@ def _with_regime(case: Case, design: Confirmed) -> Confirmed:
 def _slopes(problem: Problem, best: Confirmed) -> GradientReport:
     case, effort = problem.case, problem.effort
     report = jc.gradient_report(
-        lambda **numbers: started(case.design, case.design.described(numbers), "contact"),
+        lambda **numbers: started(case.design, numbers, "contact"),
         case.objective.outputs[0],
         best.values,
         settle_turns=effort.settle,
