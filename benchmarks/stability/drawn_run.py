@@ -2,9 +2,10 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -158,11 +159,17 @@ def judged(
 
 def run_drawn(out: Path, seed: int, count: int) -> None:
     """Judge drawn motions, as many of each kind; write stability_drawn.csv and print a table."""
+    each = count // len(KINDS)
+    run_kinds(out, "stability_drawn.csv", KINDS, lambda kind: compared(kind, seed, each))
+
+
+def run_kinds(out: Path, file: str, kinds: Sequence[Any], judge: Callable) -> None:
+    """Write the rows of each kind, which have names, as they come; print a table of verdicts."""
     folder, rows = results_folder(out), []
-    for kind in KINDS:
+    for kind in kinds:
         began = time.perf_counter()
-        rows += compared(kind, seed, count // len(KINDS))
-        write_table(folder / "stability_drawn.csv", map(asdict, rows))
+        rows += judge(kind)
+        write_table(folder / file, map(asdict, rows))
         print(f"{kind.name}: {time.perf_counter() - began:.0f} s", flush=True)
     print(verdicts_of(rows))
 

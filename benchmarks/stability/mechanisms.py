@@ -3,9 +3,8 @@
 import cmath
 import math
 import random
-import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from benchmarks.peers.any_linkage import AnyLinkage
 from benchmarks.stability import drawn_run
 from benchmarks.stability.judgement import AGREES, DISAGREES, REFUSED
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.files.results import results_folder, write_table
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
@@ -251,10 +249,5 @@ def compared(family: Family, seed: int, count: int) -> Iterator[drawn_run.Row]:
 
 def run_mechanisms(out: Path, seed: int, count: int) -> None:
     """Judge drawn mechanisms, as many of each family; write stability_mechanisms.csv."""
-    folder, rows = results_folder(out), []
-    for family in FAMILIES:
-        began = time.perf_counter()
-        rows += compared(family, seed, count // len(FAMILIES))
-        write_table(folder / "stability_mechanisms.csv", map(asdict, rows))
-        print(f"{family.name}: {time.perf_counter() - began:.0f} s", flush=True)
-    print(drawn_run.verdicts_of(rows))
+    each, file = count // len(FAMILIES), "stability_mechanisms.csv"
+    drawn_run.run_kinds(out, file, FAMILIES, lambda family: compared(family, seed, each))
