@@ -23,7 +23,9 @@ from jaxcrusher.files.results import results_folder
 
 ROOT = Path(__file__).parents[2]
 SOURCES = ("jaxcrusher", "optimize")
-KILLED, SURVIVED, LATE = "killed", "survived", "timed out"
+KILLED, LATELY, SURVIVED, LATE = "killed", "killed by a slow test", "survived", "timed out"
+TIERS = {"not slow": KILLED, "slow": LATELY}  # which tests judge, and what it is called
+NOTHING = 5  # pytest's status where no test was selected
 # What tests import, and no fault changes: it takes four seconds of the processor.
 ALIKE = (
     *("jax", "equinox", "diffrax", "optax", "jaxtyping", "beartype", "scipy.optimize", "tyro"),
@@ -119,12 +121,12 @@ def copy_tree(scratch: Path) -> Path:
 class Judge:
     """Puts faults into a copy of the tree, one at a time, and runs the tests of their rooms.
 
-    A test that fails without the fault too kills nothing, and is left out: `passing` keeps which
-    of the tests that failed pass without it.
+    Slow tests judge what all quick ones pass. A test that fails without the fault too kills
+    nothing, and is left out: `passing` keeps which of the tests that failed pass without it.
     """
 
     tree: Path
-    seconds: float  # of the processor, for the tests of a fault
+    seconds: float  # of the processor, for the tests of a fault: for the quick, and for the slow
     costs: dict[str, float]  # seconds by test
     modules: Sequence[str] = ALIKE  # imported once for all
     passing: dict[str, bool] = field(default_factory=dict)
@@ -132,28 +134,39 @@ class Judge:
 
     def verdict(self, fault: Fault) -> dict[str, str | float]:
         """Put a fault into the copy, run the tests of its room, and take it out again."""
-        file, began = self.tree / fault.path, time.monotonic()
-        whole, killer, status = file.read_bytes(), "", None
-        tests = ordered(fault, self.tree, self.costs)
-        while not self.passing.get(killer, False):
+        began, tests = time.monotonic(), ordered(fault, self.tree, self.costs)
+        found, killer = SURVIVED, ""
+        for tier, killed in TIERS.items():
+            status, killer = self._judged(fault, tests, tier)
+            found = LATE if status is None else SURVIVED if status in (0, NOTHING) else killed
+            if found != SURVIVED:
+                break
+        spent = round(time.monotonic() - began, 1)
+        return {"fault": fault.name, "verdict": found, "by": killer, "seconds": spent}
+
+    def _judged(self, fault: Fault, tests: Sequence[str], tier: str) -> tuple[int | None, str]:
+        """Return pytest's status with a fault, and the test that saw it."""
+        file = self.tree / fault.path
+        whole = file.read_bytes()
+        while True:
             try:
                 write(file, fault.put_into(whole))
                 left_out = [name for name, passes in self.passing.items() if not passes]
-                status, said = self.run(tests, left_out)
+                status, said = self.run(tests, left_out, tier)
             finally:
                 write(file, whole)
             failed = re.search(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said, re.MULTILINE)
             if failed is None:
-                killer = said[-200:] if status else ""
-                break
+                return status, said[-200:] if status not in (0, NOTHING) else ""
             killer = failed[1]
             if killer not in self.passing:
                 self.passing[killer] = self.run([killer])[0] != 1
-        found = LATE if status is None else SURVIVED if status == 0 else KILLED
-        spent = round(time.monotonic() - began, 1)
-        return {"fault": fault.name, "verdict": found, "by": killer, "seconds": spent}
+            if self.passing[killer]:
+                return status, killer
 
-    def run(self, tests: Sequence[str], left_out: Sequence[str] = ()) -> tuple[int | None, str]:
+    def run(
+        self, tests: Sequence[str], left_out: Sequence[str] = (), tier: str = ""
+    ) -> tuple[int | None, str]:
         """Return pytest's status, None if it takes longer, and what it says at the end."""
         if self.process is None:
             known = {"PYTHONPATH": str(self.tree), "EQX_ON_ERROR": "nan"}
@@ -169,7 +182,7 @@ class Judge:
             )
         # Pytest's plugin of notebooks takes four seconds to start.
         words = ["-o", "addopts=", "-p", "no:nbmake"]
-        words += ["-x", "-q", "--tb=no", "-rfE", "--durations=0", *tests]
+        words += ["-x", "-q", "--tb=no", "-rfE", "--durations=0", "-m", tier, *tests]
         words += [word for name in left_out for word in ("--deselect", name)]
         assert self.process.stdin and self.process.stdout
         print(json.dumps({"words": words, "seconds": self.seconds}), file=self.process.stdin)
@@ -217,7 +230,7 @@ def run(
             print(f"{i}/{len(drawn)} {row['verdict']} after {row['seconds']} s: {row['fault']}")
     judged = [(room(fault.path), known[fault.name]) for fault in drawn]
     counts = Counter((place, row["verdict"]) for place, row in judged)
-    verdicts = (KILLED, SURVIVED, LATE)
+    verdicts = (KILLED, LATELY, SURVIVED, LATE)
     cells = [[p, *(counts[p, v] for v in verdicts)] for p in sorted({p for p, _ in judged})]
     cells.append(["all", *(sum(row["verdict"] == v for _, row in judged) for v in verdicts)])
     print(table(["room", *verdicts], cells))

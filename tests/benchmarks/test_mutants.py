@@ -7,7 +7,17 @@ import pytest
 
 from benchmarks.mutants import run
 from benchmarks.mutants.faults import Fault, faults
-from benchmarks.mutants.run import KILLED, LATE, ROOT, SURVIVED, Judge, ordered, room, sample
+from benchmarks.mutants.run import (
+    KILLED,
+    LATE,
+    LATELY,
+    ROOT,
+    SURVIVED,
+    Judge,
+    ordered,
+    room,
+    sample,
+)
 
 SOURCE = b'''"""Text, whose numbers 1 + 2 stay."""
 from math import pi
@@ -87,6 +97,15 @@ def test_cheap():
 def test_other():
     assert double(2) == 4
 """
+SLOW_TEST = """import pytest
+
+from joint.halves import double
+
+
+@pytest.mark.slow
+def test_slow():
+    assert double(3) == 6
+"""
 
 
 @pytest.fixture
@@ -123,6 +142,9 @@ def test_pytest_in_a_copy_of_a_process_tells_faults_apart(tree):
         row = judge.verdict(quarter)
         assert (row["verdict"], row["by"]) == (KILLED, "tests/joint/test_halves.py::test_cheap")
         assert judge.verdict(double)["verdict"] == SURVIVED
+        (tree / "tests/joint/test_all.py").write_text(SLOW_TEST)
+        row = judge.verdict(double)
+        assert (row["verdict"], row["by"]) == (LATELY, "tests/joint/test_all.py::test_slow")
         judge.seconds = 1.0
         (tree / "tests/joint/test_all.py").write_text(
             "def test_all():\n    while True:\n        pass"
@@ -149,7 +171,7 @@ def test_a_test_that_fails_without_the_fault_too_kills_nothing(tmp_path, monkeyp
     sick, sound = "tests/joint/test_halves.py::test[a b]", "tests/joint/test_halves.py::test_sound"
     room_s = ["tests/joint/test_halves.py::test", sound]
 
-    def pytest_run(judge, tests, left_out=()):
+    def pytest_run(judge, tests, left_out=(), tier=""):
         whole = (tmp_path / fault.path).read_bytes() == source
         fails = [sick] if whole or not seen else [sick, sound]
         fails = [one for one in fails if one not in left_out and tests in (room_s, [one])]
