@@ -6,7 +6,7 @@ of `free_bodies_numba`, not smoothed. Vectors of the plane are complex numbers; 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -123,11 +123,13 @@ def instant(time, y, p):
 
 @dataclass
 class AnyLinkage:
-    """The motion of a linkage, as `scipy_peer` takes one, from e (m) of its joints.
+    """The motion of a linkage, as `scipy_peer` takes one, from e (m) and e' (m/s) of its joints.
 
     `values` are the numbers of a description by name. Of `joints` there are name, bore's and pin's
     body, of `slides` the bodies and of `pushed` the bodies with a constant force. The first body is
-    the crank. `angles` are those of the bodies about which it is put together, crank first.
+    the crank. `angles` are those of the bodies about which it is put together, crank first. Of a
+    frame on supports there are x, y (m), angle and their rates from where it is drawn, in the
+    ground's axes; None hangs it in its springs.
     """
 
     values: Mapping[str, Any]
@@ -137,6 +139,8 @@ class AnyLinkage:
     pushed: tuple[tuple[str, str], ...]
     angles: np.ndarray
     e: Mapping[str, complex]
+    rates: Mapping[str, complex] = field(default_factory=dict)
+    frame: np.ndarray | None = None
 
     def _at(self, name: str) -> complex:
         of = self.values
@@ -186,27 +190,39 @@ class AnyLinkage:
         return (of["speed"], of.get("gravity", 9.81), *parts)
 
     @cached_property
+    def held(self) -> tuple:
+        """The same with constraints in all joints."""
+        return (*self.numbers[:5], np.zeros_like(self.numbers[5]), *self.numbers[6:])
+
+    @cached_property
     def start(self) -> np.ndarray:
-        """The state at time 0: the frame hangs in its springs, then all is put together."""
-        speed, gravity, masses, _, _, laws, slides, _, supports = self.numbers
-        n, held = len(masses), (*self.numbers[:5], np.zeros_like(laws), *self.numbers[6:])
-        target = np.array([self.e.get(name, 0j) for name, *_ in self.joints] + [0j] * len(slides))
+        """The state at time 0: the frame stands where it is, then all is put together."""
+        speed, gravity, masses, _, _, _, slides, _, supports = self.numbers
+        n, held = len(masses), self.held
+        rest = [0j] * len(slides)
+        target = np.array([self.e.get(name, 0j) for name, *_ in self.joints] + rest)
+        rates = np.array([self.rates.get(name, 0j) for name, *_ in self.joints] + rest)
         y = np.zeros(6 * n)
         y[:2] = self._at("foundation").real, self._at("foundation").imag
         y[5 : 3 * n : 3] = self.angles
 
+        def rows(e, last):
+            return np.append(np.stack([e.real, e.imag], axis=1).ravel(), last)
+
         def together(e):
-            wanted = np.append(np.stack([e.real, e.imag], axis=1).ravel(), 0.0)
             for _ in range(50):
                 *_, phi, gap = instant(0.0, y, held)
-                step = np.linalg.solve(phi[:, 3:], wanted - gap)
+                step = np.linalg.solve(phi[:, 3:], rows(e, 0.0) - gap)
                 y[3 : 3 * n] += step
                 if abs(step).max() < 1e-15:
                     break
             return phi
 
         phi = together(0 * target)
-        if len(supports):
+        if self.frame is not None:
+            y[:3] += self.frame[:3]
+            y[3 * n : 3 * n + 3] = self.frame[3:]
+        elif len(supports):
             stiff, weight = np.zeros((3, 3)), np.zeros(3)
             for arm, _, k, _ in supports:
                 x, z = np.array([1.0, 0.0, -arm.imag]), np.array([0.0, 1.0, arm.real])
@@ -214,9 +230,13 @@ class AnyLinkage:
             for i in range(n):
                 weight -= masses[i, 0] * gravity * np.array([0.0, 1.0, y[3 * i] - y[0]])
             y[:3] += np.linalg.solve(stiff, weight)
-            y[5 : 3 * n : 3] += y[2]
-        phi = together(np.exp(1j * y[2]) * target)
-        y[3 * n + 3 :] = np.linalg.solve(phi[:, 3:], np.eye(len(phi))[-1] * speed)
+        y[5 : 3 * n : 3] += y[2]
+        turn, spin = np.exp(1j * y[2]), y[3 * n + 2]
+        phi = together(turn * target)
+        wanted = (
+            rows(turn * (rates + 1j * spin * target), speed) - phi[:, :3] @ y[3 * n : 3 * n + 3]
+        )
+        y[3 * n + 3 :] = np.linalg.solve(phi[:, 3:], wanted)
         return y
 
     def field(self, time: float, y) -> np.ndarray:
@@ -231,6 +251,13 @@ class AnyLinkage:
         """Return by how much each loose pin is inside of its bore's wall."""
         e, clearances = instant(time, y, self.numbers)[2], self.numbers[5][:, 0]
         return [abs(at) - c for at, c in zip(e, clearances, strict=True) if c]
+
+    def relative(self, y) -> np.ndarray:
+        """Return e and the frame's x, y and angle, and behind them their rates."""
+        half, count = len(y) // 2, 2 * len(self.joints)
+        *_, phi, gap = instant(0.0, y, self.held)
+        rates = phi[:count] @ y[half:]
+        return np.concatenate([gap[:count], y[:3], rates, y[half : half + 3]])
 
     def observe(self, times, states) -> dict[str, np.ndarray]:
         """Return `NAME_eccentricity` (m), `NAME_normal_force` and `NAME_reaction` (N) of joints.

@@ -7,10 +7,12 @@ import tyro
 
 from jaxcrusher.files.program import program
 
+What = Literal["bearing", "seats", "drawn", "mechanisms", "orbits", "linkage_orbits", "answers"]
+
 
 def main(
     of: Annotated[
-        tuple[Literal["bearing", "seats", "drawn", "mechanisms", "orbits", "answers"], ...],
+        tuple[What, ...],
         tyro.conf.Positional,
     ] = (),
     out: Path = Path("results/stability"),
@@ -23,25 +25,28 @@ def main(
 
     Args:
         of: The bearing A, the seats B and C, or crushers of every kind drawn at random, other
-            mechanisms, or periodic orbits of crushers or their times; else the first two.
+            mechanisms, or periodic orbits of crushers or of linkages, or times of answers; else the
+            first two.
         out: Folder of stability.md, .csv and .png, and the same of stability_seats.
         count: How many crushers or mechanisms are drawn.
         seed: Seed of the draw.
     """
     from benchmarks.stability.drawn_orbits import run_answers, run_orbits
     from benchmarks.stability.drawn_run import run_drawn
+    from benchmarks.stability.linkage_orbits import run_linkage_orbits
     from benchmarks.stability.mechanisms import run_mechanisms
     from benchmarks.stability.run import run
 
+    draws = {
+        "drawn": run_drawn,
+        "mechanisms": run_mechanisms,
+        "orbits": run_orbits,
+        "linkage_orbits": run_linkage_orbits,
+        "answers": run_answers,
+    }
     for what in of or ("bearing", "seats"):
-        if what == "drawn":
-            run_drawn(out, seed, count)
-        elif what == "mechanisms":
-            run_mechanisms(out, seed, count)
-        elif what == "orbits":
-            run_orbits(out, seed, count)
-        elif what == "answers":
-            run_answers(out, seed, count)
+        if what in draws:
+            draws[what](out, seed, count)
         else:
             run(what, out)
 

@@ -4,7 +4,6 @@ And how long an answer takes, of these and of the examples.
 """
 
 import time
-from collections import Counter
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,9 +13,11 @@ import numpy as np
 import jaxcrusher as jc
 from benchmarks.pages import table
 from benchmarks.stability.drawn import KINDS, Kind, numbers
+from benchmarks.stability.drawn_run import run_kinds
 from benchmarks.stability.judgement import AGREES, DISAGREES, OUTSIDE, REFUSED
 from jaxcrusher.files.results import results_folder, write_table
 from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.described import described
 
 FINE = 1e-12
@@ -41,48 +42,58 @@ class Row:
     multiplier: float = np.nan
 
 
-def solved(kind: Kind, seed: int, i: int) -> Row:
-    """Solve for the orbit of a drawn crusher, and integrate it once round."""
+def judged(
+    name: str,
+    i: int,
+    make: Callable[[], AbstractScene],
+    round_it: Callable[[PeriodicOrbit], tuple[float, float]],
+) -> Row:
+    """Solve for the orbit of a drawn machine, and integrate it once round."""
     began = time.perf_counter()
     try:
-        orbit = jc.periodic_orbit(jc.build_scene(numbers(kind, f"{seed} {kind.name} {i}")))
+        orbit = jc.periodic_orbit(make())
     except ValueError as error:
-        return Row(kind.name, i, REFUSED, str(error), time.perf_counter() - began)
+        return Row(name, i, REFUSED, str(error), time.perf_counter() - began)
     spent = time.perf_counter() - began
     if not bool(orbit.success):
         words = orbit.failure
-        return Row(kind.name, i, NONE if words else DISAGREES, words, spent)
-    scene, seen = orbit.scene.steady(), ("foundation_rms",)  # of a rough feed, under its mean
-    round_it = jc.poincare_section(
-        scene, 0, orbit.period, state=orbit.section, outputs=seen, rtol=FINE
-    )
-    if not bool(round_it.success):
-        return Row(kind.name, i, DISAGREES, round_it.failure, spent)
-    before, after = np.asarray(orbit.section), np.asarray(round_it.states[-1])
-    state = np.max(np.abs(after - before))
-    found = np.sqrt(np.mean(np.asarray(round_it.values["foundation_rms"]) ** 2))
-    rms = abs(float(found) / float(orbit.foundation_rms) - 1)
+        return Row(name, i, NONE if words else DISAGREES, words, spent)
+    try:
+        state, rms = round_it(orbit)
+    except RuntimeError as error:
+        return Row(name, i, DISAGREES, str(error), spent)
     multiplier = float(orbit.largest_multiplier)
-    close = max(float(state), rms) <= ALLOWED * max(1.0, multiplier)
+    close = max(state, rms) <= ALLOWED * max(1.0, multiplier)
     inside = AGREES if bool(orbit.validity.inside) else OUTSIDE
     verdict = inside if close else DISAGREES
-    return Row(kind.name, i, verdict, orbit.found, spent, float(state), rms, multiplier)
+    return Row(name, i, verdict, orbit.found, spent, state, rms, multiplier)
+
+
+def by_diffrax(orbit: PeriodicOrbit) -> tuple[float, float]:
+    """Return by how much a crusher's state and RMS differ after one period."""
+    scene, seen = orbit.scene.steady(), ("foundation_rms",)  # of a rough feed, under its mean
+    after = jc.poincare_section(
+        scene, 0, orbit.period, state=orbit.section, outputs=seen, rtol=FINE
+    )
+    if not bool(after.success):
+        raise RuntimeError(after.failure)
+    state = np.max(np.abs(np.asarray(after.states[-1]) - np.asarray(orbit.section)))
+    rms = np.sqrt(np.mean(np.asarray(after.values["foundation_rms"]) ** 2))
+    return float(state), abs(float(rms) / float(orbit.foundation_rms) - 1)
 
 
 def run_orbits(out: Path, seed: int, count: int) -> None:
-    """Judge drawn orbits, as many of each kind; write stability_orbits.csv and print a table."""
-    folder, rows = results_folder(out), []
+    """Judge drawn orbits of crushers, as many of each kind; write stability_orbits.csv."""
     kinds = [kind for kind in KINDS if kind.choices.get("formulation") != "multiplier"]
-    for kind in kinds:
-        for i in range(count // len(kinds)):
-            rows.append(solved(kind, seed, i))
-            write_table(folder / "stability_orbits.csv", map(asdict, rows))
-        longest = max(row.seconds for row in rows)
-        print(f"{kind.name}: the longest yet took {longest:.0f} s", flush=True)
-    counts = Counter((row.kind, row.verdict) for row in rows)
-    cells = [[kind.name, *(counts[kind.name, v] for v in VERDICTS)] for kind in kinds]
-    cells.append(["all", *(sum(row.verdict == v for row in rows) for v in VERDICTS)])
-    print(table(["crusher", *VERDICTS], cells))
+
+    def row(kind: Kind, i: int) -> Row:
+        values = numbers(kind, f"{seed} {kind.name} {i}")
+        return judged(kind.name, i, lambda: jc.build_scene(values), by_diffrax)
+
+    each = range(count // len(kinds))
+    run_kinds(
+        out, "stability_orbits.csv", kinds, lambda kind: (row(kind, i) for i in each), VERDICTS
+    )
 
 
 @dataclass(frozen=True)

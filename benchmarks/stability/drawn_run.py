@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -163,22 +163,22 @@ def run_drawn(out: Path, seed: int, count: int) -> None:
     run_kinds(out, "stability_drawn.csv", KINDS, lambda kind: compared(kind, seed, each))
 
 
-def run_kinds(out: Path, file: str, kinds: Sequence[Any], judge: Callable) -> None:
+def run_kinds(
+    out: Path,
+    file: str,
+    kinds: Sequence[Any],
+    judge: Callable[[Any], Iterable[Any]],
+    verdicts: Sequence[str] = (AGREES, SMOOTHED, REFUSED, UNKNOWN, DISAGREES),
+) -> None:
     """Write the rows of each kind, which have names, as they come; print a table of verdicts."""
     folder, rows = results_folder(out), []
     for kind in kinds:
         began = time.perf_counter()
-        rows += judge(kind)
-        write_table(folder / file, map(asdict, rows))
+        for row in judge(kind):
+            rows.append(row)
+            write_table(folder / file, map(asdict, rows))
         print(f"{kind.name}: {time.perf_counter() - began:.0f} s", flush=True)
-    print(verdicts_of(rows))
-
-
-def verdicts_of(rows: list[Row]) -> str:
-    """Return a table of how many drawn motions of each kind have which verdict."""
-    verdicts = (AGREES, SMOOTHED, REFUSED, UNKNOWN, DISAGREES)
     counts = Counter((row.kind, row.verdict) for row in rows)
-    kinds = dict.fromkeys(row.kind for row in rows)
-    cells = [[kind, *(counts[kind, v] for v in verdicts)] for kind in kinds]
+    cells = [[kind.name, *(counts[kind.name, v] for v in verdicts)] for kind in kinds]
     cells.append(["all", *(sum(row.verdict == v for row in rows) for v in verdicts)])
-    return table(["mechanism", *verdicts], cells)
+    print(table(["drawn", *verdicts], cells))

@@ -58,7 +58,8 @@ class Spent:
         """Say what was tried, and which effort goes further."""
         tried = [f"{' and '.join(map(str, sorted(self.nodes)))} nodes a turn"] if self.nodes else []
         tried += [f"a wait of {self.turns} turns"] if self.turns else []
-        tried += [f"{self.shots} searches by shooting"] if self.shots else []
+        searches = "search" if self.shots == 1 else "searches"
+        tried += [f"{self.shots} {searches} by shooting"] if self.shots else []
         words = f"Tried: {', '.join(tried)}."
         if not self.bounds.bounded:
             return words

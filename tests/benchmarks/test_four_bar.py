@@ -1,5 +1,6 @@
-"""The four-bar of the examples against free bodies by numba and SciPy, in both formulations."""
+"""Linkages against free bodies by numba and SciPy: the four-bar, and where drawn ones begin."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 import jaxcrusher as jc
 from benchmarks.peers import scipy_peer
 from benchmarks.peers.any_linkage import AnyLinkage
+from benchmarks.stability.mechanisms import FAMILIES, mechanism
 from jaxcrusher.scenes.linkages import read_linkage
 
 FILE = Path(__file__).parents[2] / "examples" / "four_bar.toml"
@@ -37,3 +39,26 @@ def test_impacts_of_a_four_bar_by_free_bodies(formulation):
     for name in ("B_normal_force", "O_reaction", "A_reaction", "D_reaction"):
         off = np.abs(motion[name] - hand[name]).max()
         assert off < 1e-4 * np.abs(hand[name]).max(), name
+
+
+@pytest.mark.slow
+def test_free_bodies_begin_where_they_are_put():
+    """The frame of a drawn linkage moves, and e turns with it."""
+    drawn = mechanism(FAMILIES[2], "1 0")
+    e, rates = {"O": 1e-5 - 2e-5j, "B": 3e-5j}, {"A": 0.01 + 0.02j, "B": -0.03j}
+    frame = np.array([1e-4, -2e-4, 3e-3, 0.01, 0.02, 0.5])
+    peer = replace(drawn.peer(e), rates=rates, frame=frame)
+    found = peer.relative(peer.start)
+    turn, names = np.exp(1j * frame[2]), [name for name, *_ in peer.joints]
+    place = [turn * e.get(name, 0j) for name in names]
+    swept = [
+        turn * rates.get(n, 0j) + 1j * frame[5] * at for n, at in zip(names, place, strict=True)
+    ]
+    nominal = [drawn.values["foundation.x"], drawn.values["foundation.y"], 0.0]
+    known = [*_parts(place), *(frame[:3] + nominal), *_parts(swept), *frame[3:]]
+    # Rounding of positions of some metres.
+    np.testing.assert_allclose(found, known, atol=1e-13)
+
+
+def _parts(vectors):
+    return np.array(vectors).view(float)
