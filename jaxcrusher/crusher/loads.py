@@ -69,11 +69,11 @@ class JawMotion(eqx.Module):
         assert spin is not None
         return spin
 
-    def point(self, along: Scalar | float | None = None, across: Scalar | None = None) -> Point:
-        """Return a point of the jaw; `across` (m) is towards the fixed jaw."""
+    def point(self, along: Scalar | float | None = None) -> Point:
+        """Return a point of the jaw."""
         if along is None:
             return Point("jaw", self.motion.linkage.body("jaw").mass_centre)
-        return Point("jaw", Arm(-along, None if across is None else -across))
+        return Point("jaw", Arm(-along))
 
     def position(self, along: Scalar | float | None = None) -> Vector:
         """Return a point of the jaw, m; C is the origin."""

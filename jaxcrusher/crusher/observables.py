@@ -11,9 +11,9 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.crusher.loads import JawMotion
 from jaxcrusher.crusher.machine import JOINTS, LETTERS
-from jaxcrusher.crusher.rod import RodPull
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
+from jaxcrusher.mechanism.acting import Stretched
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.observables import (
     FORCE_WIDTH,
@@ -47,18 +47,12 @@ def net_foundation_force(s: Snapshot, scene: AbstractScene) -> Scalar:
     return norm(bearing_reaction(s, scene) + toggle_reaction(s, scene), FORCE_WIDTH)
 
 
-def load_power(s: Snapshot, scene: AbstractScene) -> Scalar:
-    """The power of the crushing load, W."""
-    load = s.applied.load
-    if load is None:
-        return jnp.zeros_like(s.motion.crank.speed)
-    return load.force.dot(JawMotion(s.motion).velocity(load.along))
-
-
 def load_position(s: Snapshot, scene: AbstractScene) -> Vector:
     """Where the crushing load acts on the jaw, m; S2 where there is none."""
-    along = None if s.applied.load is None else s.applied.load.along
-    return JawMotion(s.motion).position(along)
+    if not s.applied.pushes:
+        return JawMotion(s.motion).position()
+    ((point, _),) = s.applied.pushes
+    return s.motion.position(point)
 
 
 def elbow_position(s: Snapshot, scene: AbstractScene) -> Vector:
@@ -81,30 +75,26 @@ def jaw_mass_centre(s: Snapshot, scene: AbstractScene) -> Vector:
     return s.motion.centre("jaw")
 
 
-def _pull(s: Snapshot, name: str) -> RodPull:
-    """Return what the tension rod does."""
-    if s.applied.rod is None:
+def _rod(s: Snapshot, name: str) -> Stretched:
+    """Return the tension rod as it is stretched."""
+    if not s.applied.springs:
         raise ValueError(f"Argument `outputs` must not ask for {name} without a rod, but does.")
-    return s.applied.rod
+    (rod,) = s.applied.springs
+    return rod
 
 
 def rod_tension(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return the tension of the rod, N; ValueError without one."""
-    return _pull(s, "rod_tension").tension
+    return _rod(s, "rod_tension").pull
 
 
 def rod_margin(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return the tension that a rod would have that can push, N: it is slack where negative."""
-    return _pull(s, "rod_margin").wanted
-
-
-def rod_loss(s: Snapshot, scene: AbstractScene) -> Scalar:
-    """Power that the damper of the rod takes, W; ValueError without one."""
-    return _pull(s, "rod_loss").loss()
+    return _rod(s, "rod_margin").wanted
 
 
 def _crushing_load(s: Snapshot, scene: AbstractScene) -> Vector:
-    return Vector(0.0, 0.0) if s.applied.load is None else s.applied.load.force
+    return s.applied.pushes[0][1] if s.applied.pushes else Vector(0.0, 0.0)
 
 
 _AT = {joint: observables_at(joint, before(joint), LETTERS[joint]) for joint in JOINTS}

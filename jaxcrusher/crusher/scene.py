@@ -7,24 +7,22 @@ from typing import Any, ClassVar
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import require, require_x64
-from jaxcrusher.crusher.loads import AbstractLoad, JawForce, JawMotion
+from jaxcrusher.crusher.loads import AbstractLoad, JawMotion
 from jaxcrusher.crusher.machine import Machine
-from jaxcrusher.crusher.observables import OBSERVABLES, load_power, observables_with, rod_loss
-from jaxcrusher.crusher.rod import Rod, RodPull
+from jaxcrusher.crusher.observables import OBSERVABLES, observables_with
 from jaxcrusher.crusher.statistics_table import STATISTIC, statistics_with, usual_with
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
 from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning
+from jaxcrusher.mechanism.acting import Acting, Spring, acting, push_power, spring_loss
 from jaxcrusher.mechanism.drives import AbstractDrive
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
-from jaxcrusher.mechanism.equations import Wrench, wrench_at
 from jaxcrusher.mechanism.linkage import Linkage
 from jaxcrusher.mechanism.linkage_statistics import may_rest
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.reductions import Statistic
 from jaxcrusher.mechanism.scene import (
-    AbstractApplied,
     AbstractFormulation,
     AbstractScene,
     AbstractStart,
@@ -32,19 +30,6 @@ from jaxcrusher.mechanism.scene import (
 )
 from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation
-from jaxcrusher.mechanism.topology import FRAME
-
-
-class Applied(AbstractApplied):
-    """Forces on the jaw by their source, None where there is none, and all they do to bodies."""
-
-    load: JawForce | None
-    rod: RodPull | None
-    wrenches: tuple[Wrench, ...]
-
-    def elastic_energy(self) -> Scalar | None:
-        """Return what the spring of the rod has stored, J; None without one."""
-        return None if self.rod is None else self.rod.elastic_energy()
 
 
 class Scene(AbstractScene):
@@ -69,7 +54,7 @@ class Scene(AbstractScene):
     elbow: AbstractBearing | None = None
     pivot: AbstractBearing | None = None
     foundation: AbstractFoundation | None = None
-    rod: Rod | None = None
+    rod: Spring | None = None
     shaft_bearing: AbstractBearing | None = None
 
     def __check_init__(self):
@@ -102,22 +87,13 @@ class Scene(AbstractScene):
         """Return the shaft's eccentricity, m."""
         return self.machine.shaft.eccentricity
 
-    def applied(self, motion: Motion) -> Applied:
+    def applied(self, motion: Motion) -> Acting:
         """Return what load and rod do to the jaw, and to the frame by their reactions."""
-        jaw, load, rod, wrenches = JawMotion(motion), None, None, []
+        jaw, pushes = JawMotion(motion), []
         if self.load is not None:
             load = self.load.force(jaw)
-            wrenches.append((jaw.point(load.along), load.force))
-        if self.rod is not None:
-            rod = self.rod.pull(jaw)
-            wrenches.append((self.rod.end(jaw), rod.force))
-        on_bodies = [wrench_at(motion, point, force) for point, force in wrenches]
-        if self.supports is not None:
-            # Each has its reaction on the frame, in the same line.
-            for point, force in wrenches:
-                arm = motion.position(point) - self.supports.point
-                on_bodies.append(Wrench(FRAME, -force, arm.cross(-force)))
-        return Applied(load=load, rod=rod, wrenches=tuple(on_bodies))
+            pushes.append((jaw.point(load.along), load.force))
+        return acting(motion, pushes, () if self.rod is None else (self.rod,), self.supports)
 
     @property
     def observables(self) -> Mapping[str, Observable]:
@@ -161,7 +137,7 @@ class Scene(AbstractScene):
     @property
     def works(self) -> Mapping[str, Callable[[Snapshot, AbstractScene], Scalar]]:
         """Return the power of the crushing load, and what the damper of a rod takes."""
-        return {"load_work": load_power} | ({} if self.rod is None else {"rod_loss": rod_loss})
+        return {"load_work": push_power} | ({} if self.rod is None else {"rod_loss": spring_loss})
 
     @property
     def limits(self) -> Mapping[str, tuple[Callable[..., Any], tuple[str, ...]]]:

@@ -20,6 +20,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.mechanism.acting import Acting
 from jaxcrusher.mechanism.drives import AbstractDrive
 from jaxcrusher.mechanism.equations import MovingFrame, Wrench
 from jaxcrusher.mechanism.linkage import Linkage
@@ -28,19 +29,6 @@ from jaxcrusher.mechanism.named import Named, before
 from jaxcrusher.mechanism.reductions import Chosen, Statistic, chosen
 from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation, OnSupports
-
-
-class AbstractApplied(eqx.Module):
-    """What acts on the bodies besides weight and joints.
-
-    `wrenches` are forces and moments on bodies, and on the frame what it feels of them.
-    """
-
-    wrenches: eqx.AbstractVar[tuple[Wrench, ...]]
-
-    def elastic_energy(self) -> Scalar | None:
-        """Return what springs among it have stored, J; None where there are none."""
-        return None
 
 
 class AbstractScene(eqx.Module):
@@ -70,7 +58,7 @@ class AbstractScene(eqx.Module):
         """Return how far the crank carries its pin, m: what a moving frame is measured by."""
 
     @abc.abstractmethod
-    def applied(self, motion: Motion) -> AbstractApplied:
+    def applied(self, motion: Motion) -> Acting:
         """Return what acts on the bodies of a motion besides weight and joints."""
 
     @property
@@ -228,7 +216,7 @@ def _contact(one: AbstractBearing, motion: Motion, name: str, memory: Scalar | N
 
 
 def wrenches_of(
-    scene: AbstractScene, applied: AbstractApplied, frame: FrameMotion | None
+    scene: AbstractScene, applied: Acting, frame: FrameMotion | None
 ) -> tuple[list[Wrench], Vector, MovingFrame | None]:
     """Return what acts besides contacts, the weight of a unit mass, and the frame as a body."""
     upright = Vector(0.0, -scene.linkage.gravity)

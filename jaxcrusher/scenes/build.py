@@ -3,6 +3,7 @@
 The paper is Wang, Cui, Wang, Appl. Sci. 2023, 13, 238: the PE250x400 of Tables 1 and 2.
 """
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,7 +21,7 @@ from jaxcrusher.basics.checks import (
     require_own_process,
     require_x64,
 )
-from jaxcrusher.basics.plane import Vector, direction
+from jaxcrusher.basics.plane import Arm, Vector, direction
 from jaxcrusher.crusher.capacity import CrushingChamber, stroke
 from jaxcrusher.crusher.loads import (
     AbstractLoad,
@@ -30,7 +31,6 @@ from jaxcrusher.crusher.loads import (
     crushing_bed,
 )
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
-from jaxcrusher.crusher.rod import Rod, rod_at
 from jaxcrusher.crusher.rough_feed import rough_feed
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
@@ -42,10 +42,14 @@ from jaxcrusher.joint.normal import (
     cylinder_stiffness,
 )
 from jaxcrusher.joint.rollers import RollerBearing, Rollers
+from jaxcrusher.mechanism.acting import Spring
 from jaxcrusher.mechanism.drives import ConstantSpeed, UnevenSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.linkage import Point
+from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.scene import require_clearance
 from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupports, soil_under
+from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.load_curve import load_curve
 from jaxcrusher.scenes.own_laws import built, check_described, is_own
@@ -84,6 +88,8 @@ STEPS, STROKE_ERROR = 8, 1e-9
 # the corner is off by 0.5 N at touch-down at most, and this share of the clearance.
 _CORNER, _CORNER_FORCE = 1e-8, 4.0
 _NORM, _NORM_SHARE = 1e-9, 4e-5
+# Width of the corner where the tension rod goes slack, N.
+_SLACK = 1.0
 
 
 def build_scene(values: Mapping[str, Value]) -> Scene:
@@ -323,13 +329,19 @@ def _on_soil(soil: Mapping[str, Any], speed: Any) -> dict[str, Any]:
     return under | {name: under[name] / 2 for name in halved}
 
 
-def _rod(values: Mapping[str, Any], machine: Machine) -> Rod | None:
+def _rod(values: Mapping[str, Any], machine: Machine) -> Spring | None:
     """Return the tension rod, None without."""
     if "rod.stiffness" not in values:
         return None
     v = _of(values, "rod.")
-    on_jaw, on_frame = Vector(v["jaw_along"], v["jaw_across"]), Vector(v["x"], v["y"])
-    return rod_at(machine, v["stiffness"], v["preload"], v["damping"], on_jaw, on_frame)
+    ends = (
+        Point(FRAME, Arm(v["x"], v["y"])),
+        Point("jaw", Arm(-v["jaw_along"], -v["jaw_across"])),
+    )
+    rod = Spring(ends, v["stiffness"], 0.0, v["damping"], v["preload"], _SLACK)
+    # It has its preload at theta1 = 0 with ideal joints.
+    length = rod.stretched(ideal_at_rest(machine.linkage, 0.0)).stretch
+    return dataclasses.replace(rod, length=length)
 
 
 def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:

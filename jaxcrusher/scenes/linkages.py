@@ -44,8 +44,9 @@ from jaxcrusher.basics.checks import concrete, require, require_choice, require_
 from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction
+from jaxcrusher.mechanism.acting import AbstractPush, Push, PushByAngle, Spring
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
-from jaxcrusher.mechanism.linkage_scene import AbstractPush, LinkageScene, Push, PushByAngle, Spring
+from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME, dyads_of

@@ -12,6 +12,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.machine import JOINTS
 from jaxcrusher.mechanism import observables as general
+from jaxcrusher.mechanism.acting import push_power, spring_loss
 from jaxcrusher.mechanism.drives import CrankState
 from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
@@ -106,9 +107,9 @@ def unaccounted(scene):
         s = formulation.snapshot(time, state, scene)
         rate = formulation.rate(s, state, scene)
         _, change = jax.jvp(energy, (time, state), (jnp.array(1.0), rate))
-        inputs = general.drive_power(s, scene), ob.load_power(s, scene)
+        inputs = general.drive_power(s, scene), push_power(s, scene)
         losses = [general.contact_loss(s, scene), general.friction_loss(s, scene)]
-        losses += [] if scene.rod is None else [ob.rod_loss(s, scene)]
+        losses += [spring_loss(s, scene)]
         losses += [] if s.frame is None else [general.support_loss(s, scene)]
         force, moment, size = _pushes(s, scene)
         # Forces at speeds of about 1 m/s.
@@ -128,10 +129,12 @@ def _pushes(s, scene):
         (scene.machine.bearing, -ob.bearing_reaction(s, scene)),
         (Vector(0.0, 0.0), -ob.toggle_reaction(s, scene)),
     ]
-    if s.applied.load is not None:
-        pushes.append((ob.load_position(s, scene), -s.applied.load.force))
+    if scene.load is not None:
+        ((_, load),) = s.applied.pushes
+        pushes.append((ob.load_position(s, scene), -load))
     if scene.rod is not None:
-        pushes.append((scene.rod.on_frame, -s.applied.rod.force))
+        (rod,) = s.applied.springs
+        pushes.append((scene.rod.ends[0].arm.vector(), rod.pull * rod.axis))
     moment = -general.drive_torque(s, scene)
     for name, contact in s.contacts.items():
         if scene.linkage.joint(name).bore.body == FRAME:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher import observables as ob
+from jaxcrusher.mechanism.acting import spring_loss
 from jaxcrusher.scenes.parameters import PARAMETERS
 from tests.crusher.kinds import KINDS, at_start, check_laws, sliding
 from tests.crusher.operations import field_operations
@@ -30,7 +30,7 @@ def test_what_it_does_to_energy_and_frame(kind, rod, stand):
     """Spring and damper take what its force does, and its frame end is pulled, clamped or not."""
     scene = scene_of(kind, load_law="normal_to_jaw", load_point=0.3, **rod, **stand)
     check_laws(scene)
-    lost = float(ob.rod_loss(at_start(scene), scene))
+    lost = float(spring_loss(at_start(scene), scene))
     assert lost > 1 if scene.rod.damping > 0 and kind != "ideal" else lost >= 0
 
 

@@ -95,7 +95,7 @@ def test_by_multipliers_and_on_a_free_shaft_the_angle_is_that_of_the_state():
         (free, lambda state: state.crank.angle),
     ):
         state = eqx.tree_at(of, one.formulation.initial(one), angle)
-        load = one.formulation.snapshot(jnp.asarray(0.0), state, one).applied.load.force
+        load = one.formulation.snapshot(jnp.asarray(0.0), state, one).applied.pushes[0][1]
         wave = float(one.load.wave(angle))
         assert float(jnp.hypot(load.x, load.y)) == pytest.approx(8800 * (1 + 0.2 * wave), rel=1e-12)
 

@@ -6,9 +6,10 @@ from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.joint.clearance import ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction, SurfaceSlip
 from jaxcrusher.joint.normal import ConstantImpactVelocity, LankaraniNikravesh
+from jaxcrusher.mechanism.acting import Push
 from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
-from jaxcrusher.mechanism.linkage_scene import LinkageScene, Push
+from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME
 

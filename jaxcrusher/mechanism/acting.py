@@ -1,0 +1,187 @@
+"""What acts on the bodies of a linkage besides weight and joints: pushes and springs."""
+
+import abc
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.basics.plane import Vector, optional_scalar, scalar, total
+from jaxcrusher.basics.smooth import norm, positive_part, positive_power_integral
+from jaxcrusher.mechanism.equations import Wrench, wrench_at
+from jaxcrusher.mechanism.linkage import Point, require_direction
+from jaxcrusher.mechanism.motion import Motion
+from jaxcrusher.mechanism.snapshot import Snapshot
+from jaxcrusher.mechanism.supports import OnSupports
+from jaxcrusher.mechanism.topology import FRAME
+
+
+class AbstractPush(eqx.Module):
+    """A force between the frame and a point of a body.
+
+    Its reaction acts on the frame in the same line, as that of the gas on a piston acts on the
+    cylinder's end, so that it does not shake the ground by itself.
+    """
+
+    at: eqx.AbstractVar[Point]
+
+    @abc.abstractmethod
+    def force(self, motion: Motion) -> Vector:
+        """Return the force on the body, in the frame's axes, N."""
+
+
+class Push(AbstractPush):
+    """A force that stays as it is, in the frame's axes."""
+
+    at: Point
+    given: Vector  # N
+
+    def force(self, motion: Motion) -> Vector:
+        """Return the given force."""
+        return self.given
+
+
+class PushByAngle(AbstractPush):
+    """A force along a direction that stays, by the angle of the crank.
+
+    Raises ValueError for a direction without length.
+    """
+
+    at: Point
+    along: Vector  # of any length
+    size: Callable[[Scalar], Scalar]  # N, by the angle in rad
+
+    def __check_init__(self):
+        require_direction(self.along)
+
+    def force(self, motion: Motion) -> Vector:
+        """Return the force at the crank's angle."""
+        return self.size(motion.crank.angle) * (self.along / norm(self.along, 0.0))
+
+
+class Spring(eqx.Module):
+    """A spring with a damper beside it, between two points of bodies or of the frame.
+
+    It pulls its ends together by preload + stiffness (L - L0) + damping L', and pushes them apart
+    where that is negative. One with a `slack` never pushes: it is slack there, and its pull is off
+    by a quarter of that force at most.
+    """
+
+    ends: tuple[Point, Point]
+    stiffness: Scalar = eqx.field(converter=scalar)  # N/m
+    length: Scalar = eqx.field(converter=scalar)  # L0, m
+    damping: Scalar = eqx.field(converter=scalar, default=0.0)  # N s/m
+    preload: Scalar = eqx.field(converter=scalar, default=0.0)  # N
+    slack: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # N
+
+    def stretched(self, motion: Motion) -> "Stretched":
+        """Return how far and how fast it is stretched in a motion."""
+        begin, end = self.ends
+        apart = motion.position(end) - motion.position(begin)
+        length = norm(apart, 0.0)
+        axis = apart / length
+        rate = (motion.velocity(end) - motion.velocity(begin)).dot(axis)
+        return Stretched(self, axis, length - self.length, rate)
+
+
+class Stretched(eqx.Module):
+    """A spring as it is stretched at an instant."""
+
+    spring: Spring
+    axis: Vector  # from its first to its second end, unit
+    stretch: Scalar  # L - L0, m
+    rate: Scalar  # m/s
+
+    @property
+    def pull(self) -> Scalar:
+        """Return the force by which it pulls its ends together, N."""
+        return self._kept(self.wanted)
+
+    @property
+    def wanted(self) -> Scalar:
+        """Return the pull that it would have if it could push, N: negative where it is slack."""
+        return self._elastic + self.spring.damping * self.rate
+
+    @property
+    def _elastic(self) -> Scalar:
+        return self.spring.preload + self.spring.stiffness * self.stretch
+
+    def _kept(self, pull: Scalar) -> Scalar:
+        """Return what is left of a pull, which one with a slack has where it is positive."""
+        slack = self.spring.slack
+        return pull if slack is None else positive_part(pull, slack)
+
+    @property
+    def energy(self) -> Scalar:
+        """Return the work of its spring since the length L0, J."""
+        stiffness, preload, slack = self.spring.stiffness, self.spring.preload, self.spring.slack
+        if slack is None:
+            return (preload + 0.5 * stiffness * self.stretch) * self.stretch
+        begin, end = (positive_power_integral(x, slack, 1.0) for x in (preload, self._elastic))
+        elastic = stiffness > 0
+        work = (end - begin) / jnp.where(elastic, stiffness, 1.0)
+        return jnp.where(elastic, work, self._kept(preload) * self.stretch)
+
+    @property
+    def loss(self) -> Scalar:
+        """Return the power that its damper takes, W; not negative."""
+        if self.spring.slack is None:
+            return self.spring.damping * self.rate**2
+        return (self.pull - self._kept(self._elastic)) * self.rate
+
+
+class Acting(eqx.Module):
+    """What pushes and springs do: their `wrenches` on bodies, and on a frame that can move."""
+
+    wrenches: tuple[Wrench, ...]
+    pushes: tuple[tuple[Point, Vector], ...]
+    springs: tuple[Stretched, ...]
+
+    def elastic_energy(self) -> Scalar | None:
+        """Return what the springs have stored, J; None without one."""
+        return total([one.energy for one in self.springs])
+
+
+def acting(
+    motion: Motion,
+    pushes: Iterable[tuple[Point, Vector]],
+    springs: Iterable[Spring],
+    supports: OnSupports | None,
+) -> Acting:
+    """Return what pushes, of points and forces (N) on bodies, and springs do in a motion."""
+
+    def on_frame(point: Point, force: Vector) -> list[Wrench]:
+        """Return what the frame feels of a force at the place of a point, if it can move."""
+        if supports is None:
+            return []
+        arm = motion.position(point) - supports.point
+        return [Wrench(FRAME, force, arm.cross(force))]
+
+    wrenches, pushes = [], tuple(pushes)
+    stretched = tuple(spring.stretched(motion) for spring in springs)
+    for point, force in pushes:
+        wrenches += [wrench_at(motion, point, force), *on_frame(point, -force)]
+    for spring in stretched:
+        pull = spring.pull * spring.axis
+        for point, force in zip(spring.spring.ends, (pull, -pull), strict=True):
+            is_frame = point.body == FRAME
+            wrenches += on_frame(point, force) if is_frame else [wrench_at(motion, point, force)]
+    return Acting(tuple(wrenches), pushes, stretched)
+
+
+def push_power(s: Snapshot, scene: Any) -> Scalar:
+    """Return the power of the pushes, W."""
+    power = jnp.zeros_like(s.motion.crank.speed)
+    for point, force in s.applied.pushes:
+        power = power + force.dot(s.motion.velocity(point))
+    return power
+
+
+def spring_loss(s: Snapshot, scene: Any) -> Scalar:
+    """Return the power that the dampers of springs take, W."""
+    loss = jnp.zeros_like(s.motion.crank.speed)
+    for spring in s.applied.springs:
+        loss = loss + spring.loss
+    return loss
