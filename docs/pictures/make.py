@@ -46,7 +46,7 @@ def main(out: Path = Path("results/pictures")) -> None:
     plots.plot_sweep(grid, ax=ax)
     write_figure(folder / "whirls.png", fig)
     write_figure(folder / "bearings.png", bearings())
-    write_figure(folder / "linkages.png", linkages())
+    write_figure(folder / "linkages.png", linkages(), dpi=70)
 
 
 def linkages() -> Figure:
@@ -55,7 +55,7 @@ def linkages() -> Figure:
     import numpy as np
 
     import jaxcrusher as jc
-    from jaxcrusher.pictures.linkage import plot_linkage
+    from jaxcrusher.pictures.mechanism import plot_mechanism
 
     fig, axes = plt.subplots(1, 3, figsize=(17, 5), layout="constrained")
     examples = Path(__file__).parents[2] / "examples"
@@ -64,7 +64,7 @@ def linkages() -> Figure:
         scene = jc.read_scene(examples / f"{name}.toml")
         turn = 2 * np.pi / float(scene.drive.speed)
         motion = jc.simulate(scene, turn / 40 * np.arange(41), outputs=(f"{joint}_reaction",))
-        plot_linkage(scene, motion, 6, ax).set_title(name)
+        plot_mechanism(scene, motion, 6, ax).set_title(name)
     return fig
 
 

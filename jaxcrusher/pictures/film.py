@@ -12,19 +12,17 @@ from matplotlib.animation import (
 )
 
 from jaxcrusher.basics.checks import require, require_choice, require_whole
-from jaxcrusher.crusher.scene import crusher_of
+from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.durable import writing
 from jaxcrusher.mechanism.linkage_scene import LinkageScene
-from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import Trajectory
-from jaxcrusher.pictures.linkage import LinkageDrawing
 from jaxcrusher.pictures.mechanism import Drawing
 
 SUFFIXES = (".gif", ".html", ".mp4")
 
 
 def animate(
-    scene: AbstractScene,
+    scene: Scene | LinkageScene,
     trajectory: Trajectory,
     path: str | Path,
     *,
@@ -36,8 +34,7 @@ def animate(
 
     The suffix of `path` chooses: `.gif`; `.html`, one page with a player (the icons on its buttons
     come from the network); or `.mp4`, which needs ffmpeg. What is drawn: see
-    `jaxcrusher.pictures.mechanism.plot_mechanism`, and of another linkage
-    `jaxcrusher.pictures.linkage.plot_linkage`; one scale of the arrows holds for all pictures.
+    `jaxcrusher.pictures.mechanism.plot_mechanism`; one scale of the arrows holds for all pictures.
     The times shown should be equally spaced.
 
     Raises ValueError for another suffix, for .mp4 without ffmpeg, and as `plot_mechanism` does.
@@ -48,10 +45,7 @@ def animate(
     fig, ax = plt.subplots(figsize=(8, 6.4), layout="constrained")
     try:
         shown = range(len(trajectory.time)) if instants is None else instants
-        if isinstance(scene, LinkageScene):
-            drawing = LinkageDrawing(scene, trajectory, ax, [*shown])
-        else:
-            drawing = Drawing(crusher_of(scene), trajectory, ax, [*shown])
+        drawing = Drawing(scene, trajectory, ax, shown)
         drawing.show(shown[0])
         # Laid out once: the pictures must not wobble.
         fig.draw_without_rendering()

@@ -1,75 +1,115 @@
-"""The mechanism to scale, its clearance magnified, and the forces on it."""
+"""Any mechanism to scale: its bodies between their joints, and the forces on them.
+
+A crusher has outlines for the eye, and beside it the magnified clearances of its loose joints.
+"""
 
 import itertools
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+from jaxtyping import Array, Float, Scalar
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
 from jaxcrusher.basics.checks import require
+from jaxcrusher.basics.plane import Arm
 from jaxcrusher.crusher.machine import LETTERS
 from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.linkage import Linkage, Point
+from jaxcrusher.mechanism.linkage_scene import LinkageScene
+from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE, PURPLE
 
-# What a trajectory must hold to be drawn.
-DRAWN = (
-    "pin_position",
-    "jaw_position",
-    "jaw_mass_centre",
-    "eccentricity",
-    "bearing_reaction",
-    "toggle_reaction",
-    "joint_force",
-    "crushing_load",
-    "load_position",
-)
-# Force -> symbol, colour, where it acts, and which end of the arrow is there: the frame pushes,
-# so that R_O and F_A, almost equal, do not cover each other.
+# Force of a crusher -> symbol, colour, where it acts, and which end of the arrow is there: the
+# frame pushes, so that R_O and F_A, almost equal, do not cover each other.
 FORCES = {
-    "bearing_reaction": ("$R_O$", BLUE, "bearing", "tip"),
-    "toggle_reaction": ("$R_C$", GREEN, "toggle_pivot", "tip"),
-    "joint_force": ("$F_A$", ORANGE, "pin_position", "tail"),
+    "bearing_reaction": ("$R_O$", BLUE, "O", "tip"),
+    "toggle_reaction": ("$R_C$", GREEN, "C", "tip"),
+    "joint_force": ("$F_A$", ORANGE, "A", "tail"),
     "crushing_load": ("$F_{load}$", PURPLE, "load_position", "tail"),
 }
+# What a trajectory of a crusher must hold to be drawn; its pin tells the angle of a free shaft.
+DRAWN = ("pin_position", "eccentricity", *FORCES, "load_position")
 # Of a joint: the force on the bore and its sign, and where its inset lies.
 INSETS = {
     "main": ("joint_force", 1, (0.01, 0.52, 0.37, 0.45)),
     "elbow": ("elbow_reaction", 1, (0.01, 0.31, 0.37, 0.16)),
     "pivot": ("toggle_reaction", -1, (0.01, 0.095, 0.37, 0.16)),
 }
-# The longest arrow in lengths of the jaw, and the widest magnified gap in radii of the bore.
-LONGEST_ARROW, WIDEST_GAP = 0.4, 0.35
+# The longest arrow in lengths of the jaw, and of another linkage in spans; half of a slider's
+# length in spans, and the widest magnified gap in radii of the bore.
+LONGEST_ARROW, LONGEST_OF_LINKAGE, HALF, WIDEST_GAP = 0.4, 0.3, 0.04, 0.35
 # The outline of the jaw in bore radii, along B-A from A and across it to the face; from B below.
-HUB, FACE, FOOT = 1.25, 1.35, 0.35
+# The sign of the frame in the same.
+HUB, FACE, FOOT, SIGN = 1.25, 1.35, 0.35, 0.45
 JAW, TOGGLE, PIN = "0.88", "0.7", "#dbe9f6"
+COLOURS = (BLUE, GREEN, PURPLE, "0.3", "tab:brown", "tab:olive")
 # How arrows are drawn, in the axes' own units, and what stands beside one.
 ARROW: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "minlength": 0, "zorder": 5}
 OUTLINED = {**ARROW, "width": 0.007, "edgecolor": "w", "linewidth": 0.5}
 _BOX = {"boxstyle": "round,pad=0.1", "facecolor": "w", "edgecolor": "none", "alpha": 0.8}
 SYMBOL: dict[str, Any] = {"fontsize": 12, "fontweight": "bold", "zorder": 6, "bbox": _BOX}
 SYMBOL |= {"textcoords": "offset points", "xytext": (0, 0), "ha": "center", "va": "center"}
+_HATCHED: dict[str, Any] = {"facecolor": "w", "edgecolor": "k", "hatch": "////"}
 
 
 def plot_mechanism(
-    scene: Scene, trajectory: Trajectory, instant: int = 0, ax: Axes | None = None
+    scene: Scene | LinkageScene, trajectory: Trajectory, instant: int = 0, ax: Axes | None = None
 ) -> Axes:
-    """Draw the mechanism (m) at the trajectory's time of index `instant`.
+    """Draw a mechanism (m) at the trajectory's time of index `instant`, with ideal joints.
 
-    Links, pivots, bore and pin are to scale. The machine's tables hold no outline of the jaw, no
-    face and no fixed jaw: these are drawn for the eye, the face parallel to A-B. An inset for each
-    joint with clearance shows the pin in its bore with the clearance magnified. Arrows show the
-    frame's R_O on the shaft and R_C on the toggle, and F_A and the crushing load on the jaw.
+    Links and joints of a crusher are to scale, its bore and pin too. The machine's tables hold no
+    outline of the jaw, no face and no fixed jaw: these are drawn for the eye, the face parallel to
+    A-B. An inset for each joint with clearance shows the pin in its bore with the clearance
+    magnified. Arrows show the frame's R_O on the shaft and R_C on the toggle, and F_A and the
+    crushing load on the jaw.
 
-    Raises ValueError if the trajectory lacks the instant, one of `DRAWN`, or the eccentricity and
-    the force of a loose elbow or pivot.
+    A body of another linkage is the outline of its joints and points, a slider a block on its
+    dashed line; a loose joint is ringed. Arrows show the force on the bore of each loose joint, if
+    the trajectory holds it.
+
+    Raises ValueError if the trajectory lacks the instant or, of a crusher, one of `DRAWN` or the
+    eccentricity and the force of a loose elbow or pivot; and for another linkage whose crank turns
+    freely.
     """
     ax = plt.subplots(figsize=(8, 6.4), layout="constrained")[1] if ax is None else ax
     Drawing(scene, trajectory, ax, [instant]).show(instant)
     return ax
+
+
+class _Part(NamedTuple):
+    """A figure of a body: corners in its axes (m), and how it is drawn."""
+
+    body: str
+    corners: Iterable[tuple[float, float]]
+    style: dict[str, Any]
+
+
+class _Dot(NamedTuple):
+    """A point with its name so many points beside it, and how it is drawn."""
+
+    point: Point
+    beside: tuple[int, int]
+    style: dict[str, Any]
+
+
+class _Look(NamedTuple):
+    """What is drawn of a mechanism: its bodies, points by their names, and forces by theirs."""
+
+    parts: list[_Part]
+    dots: dict[str, _Dot]
+    forces: dict[str, tuple[str, str, str, str]]  # as in `FORCES`
+    longest: float  # arrow, m
+    sign: float  # size of the sign of the frame, m
+    limits: Float[np.ndarray, "2 2"]  # of x and of y, m
 
 
 class Drawing:
@@ -78,158 +118,222 @@ class Drawing:
     The largest force at `instants`, those that will be shown, sets the scale of the arrows.
     """
 
-    def __init__(self, scene: Scene, trajectory: Trajectory, ax: Axes, instants: list[int]):
-        joints = dict(scene.joints.items())
-        of_joints = [(before(name) + "eccentricity", INSETS[name][0]) for name in joints]
-        needed = tuple(dict.fromkeys((*DRAWN, *itertools.chain(*of_joints))))
+    def __init__(
+        self,
+        scene: Scene | LinkageScene,
+        trajectory: Trajectory,
+        ax: Axes,
+        instants: Iterable[int],
+    ):
+        self.ax, self.time, shown = ax, np.asarray(trajectory.time), list(instants)
+        count, is_crusher = len(self.time), isinstance(scene, Scene)
+        magnified = [joint for joint in INSETS if is_crusher and joint in scene.joints]
+        needed = list(DRAWN) if is_crusher else []
+        for joint in magnified:
+            needed += [before(joint) + "eccentricity", INSETS[joint][0]]
         for name in needed:
             require(name in trajectory.values, "trajectory", f"hold '{name}'", "without it")
-        count = len(trajectory.time)
-        good = len(instants) > 0 and all(-count <= i < count for i in instants)
-        require(good, "instant", f"be the index of one of {count} times", instants)
-        self.time = np.asarray(trajectory.time)
-        self.data = {name: np.asarray(trajectory[name]) for name in needed}
-        bearing = np.array([float(scene.machine.bearing.x), float(scene.machine.bearing.y)])
-        self.data["bearing"] = np.broadcast_to(bearing, (count, 2))
-        self.data["toggle_pivot"] = np.zeros((count, 2))
-        sizes = [np.linalg.norm(self.data[name][instants], axis=1) for name in FORCES]
-        largest = max(float(np.nanmax(size, initial=0)) for size in sizes)
-        size = float(scene.machine.jaw.length)
-        # An ideal joint has no radius; 0.19 is the paper's.
-        radius = 0.19 * size if scene.joint is None else float(scene.joint.bore_radius)
-        self.ax = ax
-        self.parts = [
-            _Bodies(ax, size, radius, bearing, self.data),
-            _Arrows(ax, largest / (LONGEST_ARROW * size), largest),
-        ]
-        for name, joint in joints.items():
-            bore, clearance = float(joint.bore_radius), float(joint.clearance)
-            self.parts.append(_Magnified(ax, name, bore, clearance, largest))
-        right, top = bearing + HUB * radius
-        ax.set(
-            xlim=(-0.95 * size, right + 0.63 * size),
-            ylim=(-0.55 * size, top + 0.3 * size),
-            aspect="equal",
-            xlabel="x (m)",
-            ylabel="y (m)",
-        )
+        good = len(shown) > 0 and all(-count <= i < count for i in shown)
+        require(good, "instant", f"be the index of one of {count} times", shown)
+        angles = _angles(scene, trajectory)
+        if isinstance(scene, Scene):
+            look = _crusher(scene)
+        else:
+            look = _linkage(scene, angles, trajectory)
+        self._frame(scene.linkage, look)
+        self.parts = []
+        for body, corners, style in look.parts:
+            arms = [Point(body, Arm(*corner)) for corner in corners]
+            patch = ax.add_patch(Polygon(np.zeros((2, 2)), **style))
+            self.parts.append((patch, _places(scene.linkage, arms, angles)))
+        self.dots = {}
+        for name, (point, beside, style) in look.dots.items():
+            way = _places(scene.linkage, [point], angles)[:, 0]
+            (dot,) = ax.plot([], [], **{"color": "k", "markerfacecolor": "w", "zorder": 4} | style)
+            text = ax.annotate(name, (0, 0), beside, textcoords="offset points", zorder=6)
+            self.dots[name] = dot, text, way
+        places = {name: way for name, (_, _, way) in self.dots.items()}
+        places |= {name: np.asarray(values) for name, values in trajectory.values.items()}
+        sizes = [np.linalg.norm(places[name][shown], axis=1) for name in look.forces]
+        largest = max((float(np.nanmax(size, initial=0)) for size in sizes), default=0.0) or 1.0
+        self.metres, self.least = look.longest / largest, 0.1 * largest
+        self.arrows = {}
+        for name, (symbol, colour, at, end) in look.forces.items():
+            how = {"scale": 1 / self.metres, "pivot": end, "color": colour, **OUTLINED}
+            arrow = ax.quiver(0, 0, 0, 0, **how)
+            label = ax.annotate(symbol, (0, 0), color=colour, **SYMBOL)
+            self.arrows[name] = arrow, label, end, places[at], places[name]
+        if look.forces:
+            unit = _round_down(0.6 * largest)
+            ax.quiverkey(arrow, 0.14, 0.05, unit, f"{unit / 1e3:g} kN", labelpos="E", color="k")
+        self.insets = [_Magnified(ax, scene, joint, largest, places) for joint in magnified]
+        if is_crusher:
+            self._fixed_jaw(look.longest / LONGEST_ARROW, look.sign / SIGN)
+        x, y = look.limits
+        ax.set(xlim=x, ylim=y, aspect="equal", xlabel="x (m)", ylabel="y (m)")
+        if not is_crusher:
+            ax.legend(loc="center left", bbox_to_anchor=(1, 0.5), frameon=False)
 
-    def show(self, instant: int) -> None:
-        """Move everything to one instant of the trajectory."""
-        here = {name: values[instant] for name, values in self.data.items()}
-        for part in self.parts:
-            part.show(here)
-        self.ax.set_title(f"t = {1e3 * self.time[instant]:.2f} ms")
+    def _frame(self, linkage: Linkage, look: _Look) -> None:
+        """Draw what stands still: bearings in the frame, and the lines of slides."""
+        for joint in linkage.joints.values:
+            for end in (joint.bore, joint.pin):
+                if end.body == FRAME:
+                    at = np.asarray(end.arm.vector().array())
+                    foot = at + look.sign * np.array([(0, 0), (-0.8, -1.4), (0.8, -1.4)])
+                    self.ax.add_patch(Polygon(foot, zorder=3, **_HATCHED))
+        for slide in linkage.slides.values:
+            ahead = np.asarray(slide.direction.array())
+            begin = np.asarray(slide.through.vector().array())
+            ends = [begin + ahead * float(ahead @ (corner - begin)) for corner in look.limits.T]
+            self.ax.plot(*np.array(ends).T, "--", color="0.6", linewidth=1, zorder=0)
 
-
-class _Bodies:
-    """Frame, fixed jaw, toggle, jaw and shaft."""
-
-    def __init__(self, ax: Axes, size: float, radius: float, bearing: np.ndarray, data: dict):
-        self.radius = r = radius
-        # Along B-A from A, across it towards the face.
-        self.outline = np.array(
-            [
-                (0.0, -HUB * r),
-                (-size, -0.4 * r),
-                (-size - FOOT * r, 0.0),
-                (-size - FOOT * r, FACE * r),
-                (0.9 * HUB * r, FACE * r),
-                (HUB * r, 0.5 * r),
-                (0.9 * r, -0.9 * r),
-            ]
-        )
-        self.jaw = ax.add_patch(Polygon(self.outline, facecolor=JAW, edgecolor="k"))
-        (self.face,) = ax.plot([], [], color="k", linewidth=3, solid_capstyle="butt")
-        self.toggle = ax.add_patch(Polygon(np.zeros((4, 2)), facecolor=TOGGLE, edgecolor="k"))
-        self.half_toggle = 0.18 * r
-        self.pin = ax.add_patch(Circle((0, 0), r, facecolor=PIN, edgecolor="k"))
-        self.elbow = ax.add_patch(Circle((0, 0), 0.3 * r, facecolor=TOGGLE, edgecolor="k"))
-        (self.mark,) = ax.plot([], [], color="0.4", linewidth=1.2)
-        (self.axis,) = ax.plot([], [], "o", color="k", markersize=4)
-        (self.centre,) = ax.plot([], [], "P", color="k", markerfacecolor="w", markersize=7)
-        for pivot in (np.zeros(2), bearing):
-            foot = pivot + 0.45 * r * np.array([(0, 0), (-0.8, -1.3), (0.8, -1.3)])
-            ax.add_patch(Polygon(foot, facecolor="w", edgecolor="k", hatch="////", zorder=3))
-            ax.plot(*pivot, "o", color="k", markerfacecolor="w", markersize=6, zorder=4)
-        self._fixed_jaw(ax, r, size, data)
-        offsets = {"O": (-18, -4), "A": (7, 4), "B": (9, -14), "C": (5, 9), "$S_2$": (8, -4)}
-        self.names = {
-            name: ax.annotate(name, (0, 0), textcoords="offset points", xytext=offset)
-            for name, offset in offsets.items()
-        }
-
-    def _fixed_jaw(self, ax: Axes, r: float, size: float, data: dict) -> None:
-        """Clear of the face at every time, 20 degrees off it on average."""
-        upwards, across = _axes(data["pin_position"], data["jaw_position"])
-        lower = data["pin_position"] - (size + FOOT * r) * upwards + FACE * r * across
-        nearest = lower[np.nanargmax(lower[:, 0])] + np.array([0.3 * r, 0.0])
-        opening = np.radians(20) + np.arctan2(*np.nanmean(upwards, axis=0))
+    def _fixed_jaw(self, size: float, r: float) -> None:
+        """Draw the fixed jaw clear of the face at every time, 20 degrees off it on average."""
+        _, face = self.parts[1]
+        low, high = face.swapaxes(0, 1)
+        nearest = low[np.nanargmax(low[:, 0])] + np.array([0.3 * r, 0.0])
+        opening = np.radians(20) + np.arctan2(*np.nanmean(high - low, axis=0))
         top = nearest + 1.25 * size * np.array([np.sin(opening), np.cos(opening)])
         back = np.array([0.5 * r, 0.0])
         block = np.array([nearest, top, top + back, nearest + back])
-        ax.add_patch(Polygon(block, facecolor="w", edgecolor="k", hatch="////"))
-        ax.plot(*block[:2].T, color="k", linewidth=3, solid_capstyle="butt")
+        self.ax.add_patch(Polygon(block, **_HATCHED))
+        self.ax.plot(*block[:2].T, color="k", linewidth=3, solid_capstyle="butt")
 
-    def show(self, here: dict[str, np.ndarray]) -> None:
-        pin, elbow = here["pin_position"], here["jaw_position"]
-        upwards, across = _axes(pin, elbow)
-        outline = pin + self.outline[:, :1] * upwards + self.outline[:, 1:] * across
-        self.jaw.set(xy=outline)
-        self.face.set_data(*outline[3:5].T)
-        side = self.half_toggle * np.array([-elbow[1], elbow[0]]) / np.linalg.norm(elbow)
-        self.toggle.set(xy=[side, elbow + side, elbow - side, -side])
-        self.pin.set(center=pin)
-        self.elbow.set(center=elbow)
-        crank = (pin - here["bearing"]) / np.linalg.norm(pin - here["bearing"])
-        self.mark.set_data(*np.array([here["bearing"], pin + self.radius * crank]).T)
-        self.axis.set_data(*pin[:, None])
-        self.centre.set_data(*here["jaw_mass_centre"][:, None])
-        points = (here["bearing"], pin, elbow, np.zeros(2), here["jaw_mass_centre"])
-        for name, point in zip(self.names.values(), points, strict=True):
-            name.xy = (point[0], point[1])
-
-
-class _Arrows:
-    """The forces, to one scale, and the scale."""
-
-    def __init__(self, ax: Axes, newtons_per_metre: float, largest: float):
-        self.arrows, self.labels = {}, {}
-        for name, (symbol, colour, _, end) in FORCES.items():
-            self.arrows[name] = ax.quiver(
-                0, 0, 0, 0, scale=newtons_per_metre, pivot=end, color=colour, **OUTLINED
-            )
-            self.labels[name] = ax.annotate(symbol, (0, 0), color=colour, **SYMBOL)
-        unit = _round_down(0.6 * largest)
-        words = f"{unit / 1e3:g} kN"
-        ax.quiverkey(self.arrows["joint_force"], 0.14, 0.05, unit, words, labelpos="E", color="k")
-        # A shorter arrow leaves no room for its name.
-        self.metres, self.least = 1 / newtons_per_metre, 0.1 * largest
-
-    def show(self, here: dict[str, np.ndarray]) -> None:
-        for name, (_, _, place, end) in FORCES.items():
-            force, point = here[name], here[place]
-            self.arrows[name].set_offsets(point)
-            self.arrows[name].set_UVC(*force)
+    def show(self, instant: int) -> None:
+        """Move everything to one instant of the trajectory."""
+        for patch, corners in self.parts:
+            patch.set(xy=corners[instant])
+        for dot, name, way in self.dots.values():
+            dot.set_data(*way[instant][:, None])
+            name.xy = tuple(way[instant])
+        for arrow, label, end, places, forces in self.arrows.values():
+            at, force = places[instant], forces[instant]
+            arrow.set_offsets(at)
+            arrow.set_UVC(*force)
+            # A shorter arrow leaves no room for its name.
             length = np.linalg.norm(force)
-            label = self.labels[name]
             label.set_visible(bool(length > self.least))
             if label.get_visible():
                 away = -force if end == "tip" else force
-                x, y = point + self.metres * away
-                label.xy = (x, y)
+                label.xy = tuple(at + self.metres * away)
                 label.set_position(12 * away / length)
+        for inset in self.insets:
+            inset.show(instant)
+        self.ax.set_title(f"t = {1e3 * self.time[instant]:.2f} ms")
+
+
+def _angles(scene: Scene | LinkageScene, trajectory: Trajectory) -> Float[Array, " n"]:
+    """Return the angle of the crank at each time, of a free shaft by where its pin is."""
+    if scene.drive.initial() is None:
+        return jax.vmap(lambda time: scene.drive.crank(time, None).angle)(
+            jnp.asarray(trajectory.time)
+        )
+    if not isinstance(scene, Scene):
+        raise ValueError(
+            "Argument `scene` must have a crank of given speed to be drawn, but has a free one."
+        )
+    arm = jnp.asarray(trajectory["pin_position"]) - scene.machine.bearing.array()
+    return jnp.arctan2(arm[:, 1], arm[:, 0])
+
+
+@eqx.filter_jit
+def _seen(
+    linkage: Linkage, points: list[Point], angles: Float[Array, " n"]
+) -> Float[Array, "n points 2"]:
+    def at(angle: Scalar) -> Array:
+        motion = ideal_at_rest(linkage, angle)
+        return jnp.stack([motion.position(point).array() for point in points])
+
+    return jax.vmap(at)(angles)
+
+
+def _places(linkage: Linkage, points: list[Point], angles: Float[Array, " n"]) -> np.ndarray:
+    """Return where points are at angles of the crank, without what clearances shift."""
+    return np.asarray(_seen(linkage, points, angles))
+
+
+def _crusher(scene: Scene) -> _Look:
+    """Return the look of a crusher; an ideal joint has no radius, and 0.19 is the paper's."""
+    machine, linkage = scene.machine, scene.linkage
+    size, toggle = float(machine.jaw.length), float(machine.toggle.length)
+    r = 0.19 * size if scene.joint is None else float(scene.joint.bore_radius)
+    throw, bearing = float(machine.shaft.eccentricity), np.asarray(machine.bearing.array())
+    # Along B-A from A, across it away from the face.
+    jaw = [(0.0, HUB * r), (-size, 0.4 * r), (-size - FOOT * r, 0.0)]
+    face = [(-size - FOOT * r, -FACE * r), (0.9 * HUB * r, -FACE * r)]
+    jaw += [*face, (HUB * r, -0.5 * r), (0.9 * r, 0.9 * r)]
+    half, turned = 0.18 * r, np.linspace(0, 2 * np.pi, 61)
+    plate = [(0.0, half), (toggle, half), (toggle, -half), (0.0, -half)]
+    pin = zip(throw + r * np.cos(turned), r * np.sin(turned), strict=True)
+    line = {"closed": False, "fill": False}
+    parts = [
+        _Part("jaw", jaw, {"facecolor": JAW, "edgecolor": "k"}),
+        _Part("jaw", face, {**line, "edgecolor": "k", "linewidth": 3, "capstyle": "butt"}),
+        _Part("toggle", plate, {"facecolor": TOGGLE, "edgecolor": "k"}),
+        _Part("shaft", pin, {"facecolor": PIN, "edgecolor": "k"}),
+        _Part("shaft", [(0.0, 0.0), (throw + r, 0.0)], {**line, "edgecolor": "0.4"}),
+    ]
+    named = {LETTERS[name]: joint.pin for name, joint in linkage.joints.items()}
+    named["$S_2$"] = Point("jaw", linkage.body("jaw").mass_centre)
+    offsets = {"O": (-18, -4), "A": (7, 4), "B": (9, -14), "C": (5, 9), "$S_2$": (8, -4)}
+    styles = {name: {"marker": "o", "markersize": 6} for name in named}
+    styles |= {"$S_2$": {"marker": "P", "markersize": 7}}
+    dots = {name: _Dot(point, offsets[name], styles[name]) for name, point in named.items()}
+    right, top = bearing + HUB * r
+    limits = np.array([(-0.95 * size, right + 0.63 * size), (-0.55 * size, top + 0.3 * size)])
+    return _Look(parts, dots, FORCES, LONGEST_ARROW * size, SIGN * r, limits)
+
+
+def _linkage(scene: LinkageScene, angles: Float[Array, " n"], trajectory: Trajectory) -> _Look:
+    """Return the look of any linkage, by its joints and points."""
+    linkage, dots, parts = scene.linkage, {}, []
+    for name, joint in linkage.joints.items():
+        end = joint.bore if joint.pin.body == FRAME else joint.pin  # the one that moves
+        loose = name in scene.joints
+        size = {"markersize": 10 if loose else 5, "markeredgecolor": ORANGE if loose else "k"}
+        dots[name] = _Dot(end, (6, 6), {"marker": "o", **size})
+    ends = [end for joint in linkage.joints.values for end in (joint.bore, joint.pin)]
+    moving = [point for point in (*ends, *scene.points.values) if point.body != FRAME]
+    every = _places(linkage, moving, angles).reshape(-1, 2)
+    low, high = every.min(axis=0), every.max(axis=0)
+    span = float(max(high - low))
+    sliders = [slide.body for slide in linkage.slides.values]
+    for body, colour in zip(linkage.bodies.names, itertools.cycle(COLOURS)):
+        own = [point.arm.vector().array() for point in moving if point.body == body]
+        corners = np.array(own, float)
+        middle = corners.mean(axis=0)
+        x, y = (corners - middle).T
+        outline = corners[np.argsort(np.arctan2(y, x), kind="stable")]
+        if body in sliders:
+            outline = middle + HALF * span * np.array([(-2, -1), (2, -1), (2, 1), (-2, 1)])
+        style = {"facecolor": colour, "edgecolor": colour, "alpha": 0.5, "linewidth": 4}
+        style |= {"closed": len(outline) > 2, "joinstyle": "round", "label": body}
+        parts.append(_Part(body, outline.tolist(), style))
+    forces = {f"{name}_reaction": ("", ORANGE, name, "tail") for name in scene.joints.names}
+    forces = {name: how for name, how in forces.items() if name in trajectory.values}
+    margin = 0.15 * span
+    limits = np.stack([low - margin, high + margin], axis=1)
+    return _Look(parts, dots, forces, LONGEST_OF_LINKAGE * span, 0.03 * span, limits)
 
 
 class _Magnified:
     """The pin of a joint in its bore, the clearance, which is named, as wide as can be seen."""
 
-    def __init__(self, ax: Axes, joint: str, radius: float, clearance: float, largest: float):
-        self.joint = joint
-        *_, place = INSETS[joint]
+    def __init__(
+        self,
+        ax: Axes,
+        scene: Scene | LinkageScene,
+        joint: str,
+        largest: float,
+        seen: dict[str, np.ndarray],
+    ):
+        bearing, (force, sign, place) = scene.joints.at(joint), INSETS[joint]
+        radius, clearance = float(bearing.bore_radius), float(bearing.clearance)
         times = _round_down(WIDEST_GAP * radius / clearance)
-        self.scale = times / radius
-        gap = self.scale * clearance
+        gap = times / radius * clearance
+        self.centres = times / radius * seen[before(joint) + "eccentricity"]
+        self.forces = sign * seen[force]
         inset = ax.inset_axes(place)
         limits = (-1.35, 1.35)
         inset.set(xlim=limits, ylim=limits, aspect="equal", xticks=[], yticks=[], facecolor=JAW)
@@ -240,27 +344,18 @@ class _Magnified:
         self.pin = inset.add_patch(pin)
         inset.plot(0, 0, "+", color="k", markersize=9)
         (self.centre,) = inset.plot([], [], "o", color="k", markersize=4)
-        colour = FORCES["joint_force"][1]
         self.force = inset.quiver(
-            0, 0, 0, 0, scale=largest / 0.7, pivot="tip", color=colour, width=0.02, **ARROW
+            0, 0, 0, 0, scale=largest / 0.7, pivot="tip", color=ORANGE, width=0.02, **ARROW
         )
 
-    def show(self, here: dict[str, np.ndarray]) -> None:
-        force, sign, _ = INSETS[self.joint]
-        centre = self.scale * here[before(self.joint) + "eccentricity"]
+    def show(self, instant: int) -> None:
+        centre = self.centres[instant]
         self.pin.set(center=centre)
         self.centre.set_data(*centre[:, None])
         # At the bore's surface, where the pin presses.
         away = np.linalg.norm(centre)
         self.force.set_offsets(centre / away if away > 0 else centre)
-        self.force.set_UVC(*(sign * here[force]))
-
-
-def _axes(pin: np.ndarray, elbow: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors along the jaw, B-A, and across it towards the face."""
-    along = pin - elbow
-    upwards = along / np.linalg.norm(along, axis=-1, keepdims=True)
-    return upwards, np.stack([upwards[..., 1], -upwards[..., 0]], axis=-1)
+        self.force.set_UVC(*self.forces[instant])
 
 
 def _round_down(value: float) -> float:
