@@ -1,10 +1,18 @@
-"""Periodic orbits whose numbers are given by hand, for what is made of them."""
+"""Periodic orbits and runs whose numbers are given by hand, for what is made of them."""
+
+import io
 
 import jax.numpy as jnp
+import numpy as np
+from rich.console import Console
 
 import jaxcrusher as jc
+from jaxcrusher.batch.sweep import columns_of_row
+from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
+from jaxcrusher.mechanism.reductions import chosen
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
-from optimize.answer import Orbit
+from optimize.answer import Answer, Orbit
+from optimize.report import print_answer
 
 VALUES = {"foundation_rms": 8.0, "foundation_peak": 9.0, "shaking_rms": 5.0, "shaking_peak": 6.0}
 
@@ -44,3 +52,23 @@ def no_orbit() -> Orbit:
     return Orbit(
         missing(jc.paper_scene(25.0, 0.03e-3), 1, RESULTS.not_closed), float("nan"), {}, {}
     )
+
+
+def rows_of_three_runs():
+    """From both starts, in contact all the time."""
+    rows = {
+        name: np.ones((2, 3))
+        for name in columns_of_row(("main",), chosen(STATISTIC, always_with(())))
+    }
+    return rows | {
+        "state": np.zeros((2, 3, 4)),
+        "objective": np.array([[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]),
+        "counts": np.ones((2, 3), dtype=bool),
+    }
+
+
+def printed(answer: Answer, width: int = 80) -> str:
+    """Return the closing screen of a search."""
+    console = Console(record=True, file=io.StringIO(), width=width)
+    print_answer(console, answer)
+    return console.export_text()

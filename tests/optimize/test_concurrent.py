@@ -13,10 +13,7 @@ def test_jobs_run_at_once_and_keep_their_order():
     # One after the other they would wait for each other for good.
     assert run_concurrently(
         stop, lambda: (meet.wait(10), "a")[1], lambda: (meet.wait(10), "b")[1]
-    ) == [
-        "a",
-        "b",
-    ]
+    ) == ["a", "b"]
     assert not stop.is_set()
 
 

@@ -62,9 +62,7 @@ def a_case(floor: float, slope: tuple[float, float]) -> Case:
     """Two numbers in boxes 2 and 5 wide, and links that decide the capacity."""
     names, bounds = ("a", "b"), {"a": (0.0, 2.0), "b": (0.0, 5.0)}
     design = SimpleNamespace(
-        names=names,
-        bounds=bounds,
-        unit=lambda values: np.array([values["a"] / 2, values["b"] / 5]),
+        names=names, bounds=bounds, unit=lambda values: np.array([values["a"] / 2, values["b"] / 5])
     )
     known = dict(design=design, upper=np.ones(2), links_free=True, capacity_floor=floor, limits=())
     by_unit = np.array(slope) * (2.0, 5.0)

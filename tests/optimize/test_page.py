@@ -1,7 +1,6 @@
 """The report's page: self-contained, escaped, honest about gaps, and alive in a browser."""
 
 import base64
-import io
 import json
 import re
 import shutil
@@ -15,7 +14,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
-from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
@@ -49,9 +47,8 @@ from optimize.objectives import OBJECTIVES
 from optimize.page import data as page_data
 from optimize.page import tables
 from optimize.page.document import write_page
-from optimize.report import print_answer
 from optimize.result_file import content
-from tests.optimize.by_hand import orbit_by_hand, solution_by_hand
+from tests.optimize.by_hand import orbit_by_hand, printed, solution_by_hand
 
 SPEEDS, CLEARANCES = [25.0, 30.0, 35.0], [3e-5, 6e-5]
 EVIL = '</script><img src="http://example.org/x.png">&'
@@ -286,9 +283,7 @@ def test_capacity_in_tonnes_stands_beside_that_in_cubic_metres(tmp_path):
     found = replace(hand_made_answer(), bulk_density=1600.0)
     text = write_page(tmp_path, found, None, None, ()).read_text()
     assert 'data-label="capacity, t/h" class="number">15.06</td>' in text
-    console = Console(record=True, file=io.StringIO(), width=120)
-    print_answer(console, found)
-    assert re.search(r"capacity, t/h +15\.06 +9\.65 *\n", console.export_text())
+    assert re.search(r"capacity, t/h +15\.06 +9\.65 *\n", printed(found, 120))
     tonnes = {"optimum": pytest.approx(15.056), "paper's choice": pytest.approx(9.648)}
     assert content(found)["throughput"] == tonnes
     plain = replace(found, bulk_density=None)
@@ -302,9 +297,7 @@ def test_strokes_stand_beside_the_capacity_with_a_caution(tmp_path):
     text = write_page(tmp_path, found, None, None, ()).read_text()
     assert 'data-label="stroke at the discharge, mm" class="number">20.1</td>' in text
     assert text.count("slower is always more there") == 1
-    console = Console(record=True, file=io.StringIO(), width=120)
-    print_answer(console, found)
-    said = console.export_text()
+    said = printed(found, 120)
     assert re.search(r"stroke, vertical over horizontal +1\.2 +1\.2 *\n", said)
     assert "slower is always more there" in said
 
@@ -378,11 +371,7 @@ def test_page_of_a_periodic_orbit(tmp_path):
         name: replace(one, settles=True, validity=validity)
         for name, one in found.optimum.transient.items()
     }
-    optimum = replace(
-        found.optimum,
-        orbit=orbit,
-        transient=runs,
-    )
+    optimum = replace(found.optimum, orbit=orbit, transient=runs)
     active = (Active("clearance", "lowest", 51000.0),)
     other = replace(found.seed_choice, objective=21796.4)
     found = replace(found, optimum=optimum, seed_choice=other, active=active, gradient_report=None)
@@ -718,11 +707,7 @@ def test_one_parameter_and_many(browser, tmp_path):
     many = [data.assign_coords(friction=friction) for data in flat]
     for (cells, moving), free, place in (
         (one, ("speed",), "speed 25 rad/s"),
-        (
-            many,
-            ("speed", "clearance", "friction"),
-            "speed 25 rad/s, clearance 0.03 mm, friction 0",
-        ),
+        (many, ("speed", "clearance", "friction"), "speed 25 rad/s, clearance 0.03 mm, friction 0"),
     ):
         browser.get(write_page(tmp_path, hand_made_answer(free), cells, moving, ()).as_uri())
         assert hover(browser, 0).splitlines()[0] == place
@@ -831,11 +816,7 @@ def test_load_sheets_stand_side_by_side():
     assert table.rows == [
         ("left force, vertically, order 2, N", "12 at 90°", "34 at 90°"),
         ("left force, vertically, order 1, N", "", "0 at 0°"),
-        (
-            "velocity of G, RMS, mm/s",
-            "12 (zone A, rigid support)",
-            "34 (zone A, rigid support)",
-        ),
+        ("velocity of G, RMS, mm/s", "12 (zone A, rigid support)", "34 (zone A, rigid support)"),
     ]
     assert "ISO 10816-3:2009" in table.about
     assert "Of the optimum the main bearing A is ideal, elbow B is ideal" in table.about

@@ -58,11 +58,7 @@ def grid(start: bool) -> xr.Dataset:
     """Periodic orbits, or the landscape from two starts, the worse of which is the same."""
     dims, counts = ("speed", "clearance"), np.isfinite(RMS)
     data = xr.Dataset(
-        {
-            "objective": (dims, RMS),
-            "foundation_peak": (dims, 1.5 * RMS),
-            "counts": (dims, counts),
-        }
+        {"objective": (dims, RMS), "foundation_peak": (dims, 1.5 * RMS), "counts": (dims, counts)}
     )
     return xr.concat([data, data], "start") if start else data
 

@@ -9,12 +9,11 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.scenes.parameters import NUMBERS
-from optimize import local, orbits
+from optimize import confirm, local, orbits
 from optimize.design import Design
 from optimize.options import Options
 from optimize.problem import resolve
-
-BALANCE = Options(design=(("balance",),))
+from tests.optimize.by_hand import rows_of_three_runs
 
 
 def refused(message: str, *lines: tuple[str, ...], **more) -> None:
@@ -26,7 +25,7 @@ def refused(message: str, *lines: tuple[str, ...], **more) -> None:
 
 @pytest.fixture(scope="module")
 def balance():
-    return resolve(BALANCE)
+    return resolve(Options(design=(("balance",),)))
 
 
 @pytest.mark.slow
@@ -104,9 +103,25 @@ def test_a_set_lies_about_the_machine_of_a_scene_file(tmp_path):
     assert not {*made.following} & {*made.fixed}
 
 
-def test_a_stroke_that_is_kept_is_another_question():
+def test_a_design_knows_what_follows_from_its_numbers(balance):
+    """A moment of 3 kg m along and 4 across is one of 5, at an angle that has a tangent of 4/3."""
+    moment = (
+        ("counterweight.moment_along", "0", "6 kg m"),
+        ("counterweight.moment_across", "0", "8 kg m"),
+    )
+    case = resolve(Options(design=moment)).case
+    one = confirm.confirmed(case, np.full(2, 0.5), rows_of_three_runs(), None)
+    radius = NUMBERS["counterweight.radius"].default
+    assert one.follows == pytest.approx(
+        {"counterweight.mass": 5 / radius, "counterweight.angle": np.arctan2(4, 3)}, rel=1e-12
+    )
+    # The links of a set have the throw that keeps their stroke.
+    assert balance.case.design.following == (*one.follows, "shaft.eccentricity")
+
+
+def test_a_stroke_that_is_kept_is_another_question(balance):
     """Results of free links are not those of links at equal stroke, with the same bounds."""
-    kept = resolve(BALANCE)
+    kept = balance
     lines = tuple(
         (name, repr(float(low)), f"{float(high)!r} {NUMBERS[name].unit}")
         for name, (low, high) in kept.box.bounds.items()
