@@ -106,12 +106,6 @@ def test_what_the_user_chose_stays(flags, before, expected, tmp_path):
     assert (kind, version_is_known, done.stderr) == ("float64", "True", "")
 
 
-def test_late_call_says_what_to_do():
-    program = "import jax; jax.numpy.ones(1); import jaxcrusher as jc; jc.set_up(); jc.set_up()"
-    flags = f"{LOOP} {FUSION} --xla_force_host_platform_device_count={CORES}"
-    assert f"start Python with XLA_FLAGS='{flags}'" in python(program).stderr
-
-
 # A loop that moves some 2 kB a turn, as XLA has compiled it.
 COMPILED = """
 import jax, jax.numpy as jnp
@@ -140,12 +134,15 @@ for _ in range(2):
 
 
 def test_a_late_import_says_so_once():
-    said = python(WITHOUT).stderr
-    if UNASKED:
-        assert said == ""
-        return
-    assert said.count("UserWarning") == 1 and said.count("JAX had started before") == 1
-    assert said.startswith("<string>:9: ")  # the user's line, not one of the package
+    """And a late `set_up` says what to do, once too."""
+    said = python(f"{WITHOUT}jc.set_up(); jc.set_up()").stderr
+    flags = f"{LOOP} {FUSION} --xla_force_host_platform_device_count={CORES}"
+    assert f"start Python with XLA_FLAGS='{flags}'" in said
+    late = 0 if UNASKED else 1
+    assert said.count("JAX had started before jaxcrusher") == late
+    assert said.count("UserWarning") == 1 + late
+    # The user's line, not one of the package.
+    assert UNASKED or said.startswith("<string>:9: ")
 
 
 @pytest.mark.slow
@@ -157,19 +154,11 @@ def test_nothing_is_said_of_loops_in_time_nor_to_who_knows_the_flag():
     assert python(late).stderr.count("UserWarning") == 1
 
 
-def test_a_loop_over_designs_on_one_core_says_so():
-    program = WITHOUT[: WITHOUT.index("for _")] + "list(jc.map_chunks(abs, jax.numpy.ones(3)))"
-    expected = int(CORES > 1)
-    said = python(program, XLA_FLAGS=LOOP).stderr
-    assert said.count("cores computes: jaxcrusher.set_up()") == expected
-
-
 def test_floats_of_32_bits_are_refused():
     with jax.enable_x64(False):
-        with pytest.raises(
-            ValueError, match=r"`jax_enable_x64` must be True \(call jaxcrusher\.set"
-        ):
-            setup.require_set_up()
+        for refused in (setup.require_set_up, lambda: jc.paper_scene(30.0, 6e-5)):
+            with pytest.raises(ValueError, match=r"^Argument `jax_enable_x64` must be True \(call"):
+                refused()
     setup.require_set_up()
 
 
@@ -262,37 +251,44 @@ def test_every_computation_refuses_such_a_process(name, monkeypatch):
         COMPUTATIONS[name](scene, orbit)
 
 
-# A second platform of JAX's, which it prefers to the processor as it does a GPU.
+# A second platform of JAX's, which it prefers to the processor as it does a GPU; after the first
+# look the user names it.
 SECOND = """
 from jax._src import xla_bridge
 xla_bridge.register_backend_factory("second", xla_bridge.make_cpu_client, priority=1000)
 import jax.numpy as jnp
 from jaxcrusher.batch.engines import in_turn, side_by_side
 processor = set(jax.devices("cpu"))
-ones = jnp.ones(4)
-found = ones, jax.jit(jnp.sin)(2.0), in_turn(abs, ones), side_by_side(abs, ones)
-print(*(array.devices() <= processor for array in found), len(jax.devices()))
+
+def look():
+    ones = jnp.ones(4)
+    found = ones, jax.jit(jnp.sin)(2.0), in_turn(abs, ones), side_by_side(abs, ones)
+    print(*(array.devices() <= processor for array in found), len(jax.devices()))
+
+look()
+jax.config.update("jax_default_device", jax.devices()[0])
+look()
 """
 
 
 @pytest.mark.parametrize(
-    ("first", "last", "on_processor"),
+    ("first", "on_processor"),
     [
-        ("jc.set_up()", "", True),
-        # What the user names stays: a platform, a device before the call and after it.
-        ("jc.set_up()", "jax.config.update('jax_default_device', jax.devices()[0])", False),
+        ("jc.set_up()", True),
         *slow(
-            ("jax.config.update('jax_platforms', 'second,cpu'); jc.set_up()", "", False),
-            # As JAX does by itself.
-            ("jax.config.update('jax_enable_x64', True)", "", False),
+            # What the user names before the call stays too, and what JAX does by itself.
+            ("jax.config.update('jax_platforms', 'second,cpu'); jc.set_up()", False),
+            ("jax.config.update('jax_enable_x64', True)", False),
         ),
     ],
 )
-def test_computations_stay_on_the_processor(first, last, on_processor):
-    head, tail = SECOND.split("import jax.numpy")
+def test_computations_stay_on_the_processor(first, on_processor):
     program = f"import jax, jaxcrusher as jc, warnings\nwarnings.simplefilter('ignore')\n{first}\n"
-    said = python(f"{program}{head}{last}\nimport jax.numpy{tail}").stdout.split()
-    assert said[:4] == [str(on_processor)] * 4 and int(said[4]) >= 1
+    for said, there in zip(
+        python(program + SECOND).stdout.splitlines(), (on_processor, False), strict=True
+    ):
+        *found, count = said.split()
+        assert found == [str(there)] * 4 and int(count) >= 1
 
 
 def test_platform_is_that_of_the_device_chosen():
@@ -312,10 +308,13 @@ with contextlib.suppress(ValueError):  # of its arguments
     jc.simulate(None, [])
 found = pathlib.Path(scipy.__path__[0]).parent.glob("scipy.libs/*openblas*")
 print([ctypes.CDLL(str(file)).scipy_openblas_get_num_threads() for file in found])
+list(jc.map_chunks(abs, jax.numpy.ones(3)))
 """
 
 
-def test_linear_systems_take_one_thread_without_set_up(monkeypatch):
+def test_without_set_up_linear_systems_take_one_thread_and_idle_cores_are_told(monkeypatch):
     """Also where SciPy, whose library JAX calls, was loaded before the package."""
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
-    assert python(THREADS).stdout.strip() == "[1]"
+    done = python(THREADS)
+    assert done.stdout.strip() == "[1]"
+    assert done.stderr.count("cores computes: jaxcrusher.set_up()") == int(CORES > 1)

@@ -14,7 +14,6 @@ from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.reductions import top
 from jaxcrusher.scenes.build import build_machine
 from tests.crusher.operations import field_operations, operations, traced
-from tests.processes import ended
 
 
 def count(function, scene):
@@ -308,13 +307,6 @@ def test_bad_input_is_refused_in_one_line(make, name, value, limit):
     assert text.startswith(f"Argument `{name}` must ")
     must, got = text.rsplit("but is ", 1)
     assert value in got and limit in must
-
-
-def test_32_bit_floats_are_refused():
-    program = "import jaxcrusher as jc; jc.paper_scene(30.0, 6e-5)"
-    done = ended("-c", program)
-    last = done.stderr.strip().splitlines()[-1]
-    assert last.startswith("ValueError: Argument `jax_enable_x64` must be True")
 
 
 def test_an_ideal_joint_has_no_eccentricity():
