@@ -10,7 +10,6 @@ from scipy.integrate import quad
 import jaxcrusher as jc
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
-from jaxcrusher.mechanism.acting import push_power
 from tests.crusher.kinds import KINDS, at_start, check_laws, sliding
 from tests.pairs import crossed, slow
 
@@ -58,7 +57,7 @@ def test_power_and_the_reaction_on_the_fixed_jaw(load, kind):
     scene = scene_of(load, kind)
     check_laws(scene)
     # At this instant the jaws of loose joints open.
-    power = float(push_power(at_start(scene), scene))
+    power = float(ob.load_power(at_start(scene), scene))
     opens = load == "none" or (load in ("closing", "bed") and kind != "ideal")
     assert power == 0 if opens else abs(power) > 1e-3
 
@@ -172,7 +171,8 @@ def test_a_bed_is_pressed_as_the_jaw_moves():
     values = {"joint": "ideal", "load_law": "chamber"}
     scene, times = jc.build_scene(values), np.arange(64) / 64 * 2 * np.pi / 30.0
     names = ("crushing_load", "load_position", "pin_position", "jaw_position")
-    motion = {name: np.asarray(jc.simulate(scene, times, outputs=(name,))[name]) for name in names}
+    motion = jc.simulate(scene, times, outputs=names)
+    motion = {name: np.asarray(motion[name]) for name in names}
     pin, end = motion["pin_position"], motion["jaw_position"]
     axis = (pin - end) / 0.695
     towards = np.array([axis[0, 1], -axis[0, 0]])

@@ -107,7 +107,8 @@ def test_neighbours_further_away_are_tried_too(monkeypatch):
 def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
     """A map that stops after its first chunk goes on with what the journal holds."""
     axes = {"speed": [27.0, 33.0], "clearance": list(np.linspace(4e-5, 6e-5, 9))}
-    whole, solved = orbit_map(axes, nodes=96), []
+    asked = {"axes": axes, "slopes": SLOPES}  # the program of the map above
+    whole, solved = orbit_map(**asked), []
 
     class Killed(Exception):
         pass
@@ -120,9 +121,9 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
 
     engine.__qualname__ = "counting"
     with pytest.raises(Killed):
-        orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine)
+        orbit_map(**asked, store=tmp_path / "map", engine=engine)
     first = len(list(tmp_path.glob("map/.sweep/journal/*.npz")))
-    found = orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine)
+    found = orbit_map(**asked, store=tmp_path / "map", engine=engine)
     assert first == 1 and not (tmp_path / "map/.sweep/journal").exists()
     for name, values in whole.items():
         again, other = found[name].values, values.values
@@ -131,10 +132,10 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
         assert (again == other).all() if words else again.tobytes() == other.tobytes(), name
     # A finished store is only read.
     count = len(solved)
-    orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine)
+    orbit_map(**asked, store=tmp_path / "map", engine=engine)
     assert len(solved) == count
     with pytest.raises(ValueError, match=r"of period 1 \(now 2\)"):
-        orbit_map(axes, nodes=96, store=tmp_path / "map", engine=engine, period=2)
+        orbit_map(**asked, store=tmp_path / "map", engine=engine, period=2)
 
 
 def _with_law(speed, gap):
