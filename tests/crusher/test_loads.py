@@ -10,6 +10,7 @@ from scipy.integrate import quad
 import jaxcrusher as jc
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.loads import AbstractLoad, JawForce
+from jaxcrusher.mechanism.acting import push_power
 from tests.crusher.kinds import KINDS, at_start, check_laws, sliding
 from tests.pairs import crossed, slow
 
@@ -57,7 +58,7 @@ def test_power_and_the_reaction_on_the_fixed_jaw(load, kind):
     scene = scene_of(load, kind)
     check_laws(scene)
     # At this instant the jaws of loose joints open.
-    power = float(ob.load_power(at_start(scene), scene))
+    power = float(push_power(at_start(scene), scene))
     opens = load == "none" or (load in ("closing", "bed") and kind != "ideal")
     assert power == 0 if opens else abs(power) > 1e-3
 
