@@ -2,13 +2,15 @@
 
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
-from scipy.stats import t as student
+from jaxtyping import Float, Scalar
+from scipy.special import stdtrit
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
+from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import AbstractScene
@@ -27,7 +29,7 @@ SHIFT = 0.05
 
 def interval(values: Float[np.ndarray, " runs"]) -> tuple[float, float]:
     """Return the mean of independent runs and half of its 95 % confidence interval."""
-    quantile = float(student.ppf((1 + CONFIDENCE) / 2, len(values) - 1))
+    quantile = float(stdtrit(len(values) - 1, (1 + CONFIDENCE) / 2))
     return float(values.mean()), quantile * float(values.std(ddof=1)) / len(values) ** 0.5
 
 
@@ -110,8 +112,12 @@ def _crushing(case: Case, scene: AbstractScene, unit: np.ndarray) -> Crushing | 
         return None
     crusher = crusher_of(scene)
     sizes = crusher.joints.values[0].clearance, case.capacity(unit)
-    strokes = stroke(crusher.machine), stroke_ratio(crusher.machine)
-    return Crushing(*(float(one) for one in (*sizes, *strokes)))
+    return Crushing(*(float(one) for one in (*sizes, *_strokes(crusher.machine))))
+
+
+@jax.jit  # one program in place of a hundred
+def _strokes(machine: Machine) -> tuple[Scalar, Scalar]:
+    return stroke(machine), stroke_ratio(machine)
 
 
 def _in_contact(by_run: Rows) -> bool:

@@ -102,15 +102,17 @@ def started(
     are those under its mean load.
     """
     scene = design.build({**design.described(values), "start": start}).steady()
-    return shifted_start(scene, Vector(*shift))
+    return _shifted(scene, Vector(*shift))
+
+
+_shifted = eqx.filter_jit(shifted_start)  # one program in place of a hundred
 
 
 @eqx.filter_jit
 def stacked_scenes(
-    case: Case, units: Float[Array, "points n"], shifts: Float[Array, "points 2"] | None = None
+    case: Case, units: Float[Array, "points n"], shifts: Float[Array, "points 2"]
 ) -> AbstractScene:
     """The scenes of all points from one start, then from the other, stacked."""
-    shifts = jnp.zeros((len(units), 2)) if shifts is None else shifts
 
     def one(unit: Array, shift: Array, start: str) -> AbstractScene:
         return started(case.design, case.design.values(unit), start, shift)

@@ -13,6 +13,7 @@ import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.files.results import write_figure
+from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.pictures import mechanism, plots
 from jaxcrusher.scenes.echo import said, unit_of
 from optimize.answer import Answer, Box, Confirmed
@@ -290,7 +291,7 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
         joint, clearance = scene.joints.names[0], float(scene.joints.values[0].clearance)
         of_speed = said("speed", design.speed, answer.box.units)
         times = 2 * np.pi / design.speed * turns
-        ideal = jc.simulate(scene.ideal(), times, outputs=(plots.leading_force(scene),))
+        ideal = jc.simulate(scene.ideal(), times, outputs=(leading_force(scene),))
         for row, (start, motion) in enumerate(motions[column].items()):
             orbit, force = axes[row, 2 * column : 2 * column + 2]
             plots.plot_orbit(motion, clearance, orbit, joint=joint)

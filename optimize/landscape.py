@@ -7,7 +7,6 @@ import numpy as np
 import scipy.spatial
 import xarray as xr
 from jaxtyping import Float
-from scipy.stats import qmc
 
 from jaxcrusher.files import table
 from jaxcrusher.files.table import Column
@@ -45,6 +44,8 @@ def points(design: Design, grid: tuple[int, int], samples: int, seed: int) -> np
     """Points of the unit box, shape (points, n): a grid of one or two parameters, or Sobol's."""
     count = len(design.names)
     if count > GRID_DIMENSIONS:
+        from scipy.stats import qmc  # takes a second to import
+
         return qmc.Sobol(count, rng=seed).random_base2(max(samples - 1, 1).bit_length())
     axes = [np.linspace(0, 1, cells) for cells in grid[:count]]
     return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=-1)

@@ -18,8 +18,7 @@ from jaxcrusher.batch.engines import chunk_of, run_all, stack
 from jaxcrusher.files.table import Column
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.motion.simulation import Trajectory
-from jaxcrusher.pictures.plots import leading_force
+from jaxcrusher.motion.simulation import Trajectory, leading_force
 from optimize.answer import Confirmed
 from optimize.case import Case
 from optimize.evaluate import NOWHERE, Tracking, stacked_scenes, started
@@ -71,7 +70,7 @@ def cell_motions(
     angles, points = jnp.asarray(2 * np.pi * turn), jnp.asarray(units)
     states = landscape.state.to_numpy().reshape(-1, landscape.sizes["coordinate"])
     function = eqx.Partial(_motion, angles=angles, rtol=rtol)
-    batch = (stacked_scenes(case, points), states)
+    batch = (stacked_scenes(case, points, jnp.zeros((len(points), 2))), states)
     at_once = chunk_of(len(states), usual=CHUNK)
     found = run_all(function, batch, at_once, progress=tracking.progress, journal=tracking.journal)
     steps = int(found.pop("steps").sum())

@@ -10,7 +10,7 @@ from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command, versions
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
-from optimize import figures, report, result_file, stages, verdicts
+from optimize import report, result_file, stages, verdicts
 from optimize.active import active_constraints
 from optimize.answer import Answer
 from optimize.landscape import Maps
@@ -48,6 +48,8 @@ def run(options: Options, console: Console) -> Answer:
                 parts |= part
             judged = verdicts.judged(answer_of(status), problem, maps)
             done = answer_of("finished", **judged)
+            from optimize import figures  # imported while programs were compiled
+
             drawn, omitted = figures.draw_all(folder, problem.case, maps, done)
             write_page(folder, done, maps.landscape, maps.motions, drawn, omitted)
             parts |= judged

@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -86,10 +87,11 @@ def map_box(problem: Problem, work: Work) -> Maps:
         landscape.points(design, grid, effort.samples, effort.seed)
         for grid in (effort.grid, effort.cells)
     )
-    mapped, (data, motions) = run_concurrently(
+    mapped, (data, motions), _ = run_concurrently(
         work.stop,
         lambda: _map_orbits(problem, work, points),
         lambda: _explore(problem, work, cells),
+        lambda: import_module("optimize.figures"),  # which takes a second
     )
     return Maps(cells, data, motions, points, mapped)
 

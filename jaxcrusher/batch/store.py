@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-import zarr
 
 from jaxcrusher.batch.layout import Layout, Memory
 from jaxcrusher.files.durable import broken, checksum, lock, named, replace
@@ -77,6 +76,8 @@ class ChunkStore:
             f"Chunk {self._layout.name(number)} of {self.path} could not be written; "
             f"the {len(self.done)} finished chunks are safe"
         )
+        import zarr  # takes a third of a second
+
         with named(what):
             group = zarr.open_group(self.path, mode="r+")
             # Also chunks that are all False: every finished chunk has all its files.
@@ -136,6 +137,8 @@ class ChunkStore:
 
     def _create(self, settings: dict[str, Any], attributes: dict[str, Any]) -> None:
         """Metadata and coordinates, made aside and moved in; settings.json says all are there."""
+        import zarr
+
         layout, side = self._layout, self.path / _SIDE
         made = side / "new"
         group = zarr.create_group(made, overwrite=True, zarr_format=3, attributes=attributes)

@@ -31,8 +31,9 @@ from jaxcrusher.files.results import listed, write_figure, write_json
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.pictures.plots import force_size, leading_force
+from jaxcrusher.pictures.plots import force_size
 from jaxcrusher.scenes.echo import per, said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, numbers_of
 

@@ -26,7 +26,7 @@ from jaxcrusher.files.table import Column, vector_columns
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance
-from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.motion.simulation import Trajectory, leading_force
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.pictures import plots
 from jaxcrusher.scenes.echo import said
@@ -151,7 +151,7 @@ def draw(
 ) -> Figure:
     """An orbit for each joint with clearance, and the leading force, at the instants `drawn`."""
     joints = dict(scene.joints.items())
-    shown = plots.leading_force(scene)
+    shown = leading_force(scene)
     names = (shown, *(f"{before(joint)}eccentricity" for joint in joints))
     seen = {name: motion[name][drawn] for name in names}
     part = Trajectory(motion.time[drawn], motion.outcome, seen)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import ArrayLike, Complex
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 # A tangent that has grown by more than exp(3) says more of the start than of the parameter.
 GROWTH = 3.0
@@ -140,7 +140,7 @@ class _Estimate:
 
     def quantile(self, level: float) -> float:
         """How many standard errors Student's t exceeds, to either side, with this chance."""
-        return float(student.isf(level / 2, self.freedom))
+        return -float(stdtrit(self.freedom, level / 2))
 
     def refuted_by(self, other: "_Estimate", level: float) -> bool:
         """Whether the two differ by more than their errors and their radii explain."""
@@ -155,7 +155,7 @@ class _Estimate:
         double, and must come out further from this one than `refuted_by` allows.
         """
         apart = self._difference(other)
-        quantiles = apart.quantile(level) + float(student.isf(LEVEL, apart.freedom))
+        quantiles = apart.quantile(level) - float(stdtrit(apart.freedom, LEVEL))
         # Of the double the allowed share is twice that of the slope.
         return bool((1 - 2 * AGREEMENT) * abs(self.value) > quantiles * apart.error)
 

@@ -219,3 +219,8 @@ def _problem(outputs: tuple[str, ...]) -> Problem:
         return {name: seen(name) for name in outputs}
 
     return Problem(initial, field, observe, lambda observed, end: observed)
+
+
+def leading_force(scene: AbstractScene) -> str:
+    """Return the observable that pictures show: a crusher's |R_O| + |R_C|, or what shakes."""
+    return "foundation_force" if "foundation_force" in scene.observables else "shaking_force"

@@ -1,7 +1,6 @@
 """A machine on its supports that is run up, or down, through its natural frequencies."""
 
 import numpy as np
-import scipy.signal
 from jaxtyping import Complex, Float
 
 from jaxcrusher.basics.checks import require_positive
@@ -34,6 +33,8 @@ def run_up(
 
     Raises ValueError for a time that is not positive, and as `natural_modes` does.
     """
+    import scipy.signal  # takes a second, and the module is imported with every load sheet
+
     require_positive("seconds", seconds, "s")
     mass, damping, stiffness = linearised(scene)
     speed = float(scene.drive.speed)

@@ -18,7 +18,6 @@ from matplotlib.patches import Patch
 from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.mechanism.named import before
-from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.echo import unit_of
 from jaxcrusher.scenes.parameters import in_words
@@ -168,11 +167,6 @@ def plot_orbit(
     ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)", aspect="equal")
     ax.locator_params(nbins=4)
     return ax
-
-
-def leading_force(scene: AbstractScene) -> str:
-    """Return the observable that pictures show: a crusher's |R_O| + |R_C|, or what shakes."""
-    return "foundation_force" if "foundation_force" in scene.observables else "shaking_force"
 
 
 def force_size(values: ArrayLike) -> np.ndarray:

@@ -7,8 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 import xarray as xr
 from markupsafe import Markup
-from matplotlib import colormaps
-from matplotlib.colors import to_hex
 
 from jaxcrusher.scenes.echo import unit_of
 from jaxcrusher.scenes.parameters import in_words
@@ -33,6 +31,9 @@ def pack(landscape: xr.Dataset, motions: xr.Dataset | None, answer: Answer) -> d
     Cells are numbered as they lie in memory, the last dim fastest. Motions are thinned to
     `MOST_BYTES`, or left out if too few instants a turn would remain.
     """
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
     dims = _cell_dims(landscape)
     units = answer.box.units
     parameters = _parameters(landscape, dims, units)
