@@ -20,17 +20,19 @@ from jaxcrusher.motion.tangents import same, sloped_turn
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.penetrations import least_penetrations
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
-from jaxcrusher.orbits.section_map import along, chained, passed
+from jaxcrusher.orbits.section_map import along, chained
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import difference, eigenvalues
 from jaxcrusher.periodic.shooting_problem import CLOSURE, COARSER
 
-# Newton's steps, at either tolerance of the integration.
+# The most of Newton's steps, at either tolerance of the integration.
 STEPS = 16
-# The tolerance of the integration. Until Newton's step, in clearances and m/s, is as short as the
-# first of these the tolerance is coarse.
+# The tolerance of the integration.
 ORBIT_RTOL = 1e-11
-ROUNDS = ((1e-8, 1e-4), (ORBIT_RTOL, CLOSURE))
+# Tolerance of the integration, Newton's last step in clearances and m/s, and the most steps: coarse
+# until they are short, then fine. Where they ended the matrix is looked at coarsely and finely.
+ROUNDS = ((1e-8, 1e-4, STEPS), (ORBIT_RTOL, CLOSURE, STEPS))
+LOOKS = ((COARSER * ORBIT_RTOL, 0.0, 0), (ORBIT_RTOL, 0.0, 0))
 
 
 class Closed(eqx.Module):
@@ -54,30 +56,40 @@ def closed(scene: AbstractScene, guess: Float[Array, " dims"], period: int) -> C
 
     One program serves all periods. Under `jax.vmap` on a CPU one design after the other.
     """
-    return _closed(scene, guess, jnp.asarray(period))
+    return _closed(scene, guess, jnp.asarray(period), jnp.array(ROUNDS + LOOKS))
 
 
 @eqx.filter_jit
 @design_by_design
-def _closed(scene: AbstractScene, guess: Float[Array, " dims"], period: Int[Array, ""]) -> Closed:
-    def closer(start: Array, now: Array) -> tuple[Array, tuple]:
-        rtol, tolerance = now
+def _closed(
+    scene: AbstractScene,
+    guess: Float[Array, " dims"],
+    period: Int[Array, ""],
+    rounds: Float[Array, "rounds 3"],
+) -> Closed:
+    """Return where rounds of Newton's method end; the last two only look at the matrix."""
+    eye, build = jnp.eye(guess.size), eqx.Partial(same, scene=scene)
 
-        def sloped(x: Array) -> tuple[Array, Array]:
-            end, matrix = _mapped(scene, x, period, rtol)
-            return end - x, matrix - jnp.eye(x.size)
+    # In one place for all rounds: tangents take most of the time that the program is compiled.
+    def closer(start: Array, now: Array) -> tuple[Array, newton.Root]:
+        rtol, tolerance, steps = now
 
-        def residual(x: Array) -> Array:
-            return jax.lax.fori_loop(0, period, lambda _, x: passed(scene, x, rtol)[0], x) - x
+        def turn(_, carry: tuple[Array, Array]) -> tuple[Array, Array]:
+            end, slices, _ = sloped_turn(build, jnp.zeros(0), carry[0], rtol)
+            return end, chained(slices.jacobians, carry[1])
 
-        root = newton.newton(residual, sloped, start, tolerance, STEPS)
+        def mapped(x: Array) -> tuple[Array, Array]:
+            end, matrix = jax.lax.fori_loop(0, period, turn, (x, eye))
+            return end - x, matrix - eye
+
+        root = newton.newton(mapped, start, tolerance, steps)
         # What has failed coarsely fails at once.
-        return jnp.where(root.success, root.point, jnp.nan), (root.steps, root.result)
+        return jnp.where(root.success | (steps == 0), root.point, jnp.nan), root
 
-    state, (steps, results) = jax.lax.scan(closer, guess, jnp.array(ROUNDS))
-    matrix, error = _matrix(scene, state, period)
-    last = jax.tree.map(lambda leaf: leaf[-1], results)
-    return Closed(state, matrix, error, jnp.sum(steps), last)
+    state, roots = jax.lax.scan(closer, guess, rounds)
+    coarse, fine = roots.jacobian[-2:] + eye
+    last = jax.tree.map(lambda leaf: leaf[-3], roots.result)
+    return Closed(state, fine, difference(coarse, fine), jnp.sum(roots.steps), last)
 
 
 def integrated_multipliers(
@@ -87,44 +99,20 @@ def integrated_multipliers(
 
     The tangents are integrated beside the motion; NaN, and infinite, where that fails.
     """
-    matrix, error = _matrix(scene, state, jnp.asarray(period))
+    # By the program that closes orbits.
+    found = _closed(scene, state, jnp.asarray(period), jnp.array(LOOKS + LOOKS))
+    matrix, error = found.matrix, found.matrix_error
     values = eigenvalues(matrix, jnp.all(jnp.isfinite(matrix)))
     return values, jnp.where(jnp.isnan(error), jnp.inf, error)
 
 
-@eqx.filter_jit
-def _matrix(
-    scene: AbstractScene, state: Float[Array, " dims"], period: Int[Array, ""]
-) -> tuple[Float[Array, "dims dims"], Scalar]:
-    """Return what a period makes of a disturbance, and its error.
-
-    It is the difference that a tolerance `COARSER` times as large makes.
-    """
-    tolerances = ORBIT_RTOL * jnp.array([COARSER, 1.0])
-    coarse, fine = jax.lax.map(lambda rtol: _mapped(scene, state, period, rtol)[1], tolerances)
-    return fine, difference(coarse, fine)
-
-
-def _mapped(
-    scene: AbstractScene, state: Float[Array, " dims"], period: Int[Array, ""], rtol: Scalar
-) -> tuple[Float[Array, " dims"], Float[Array, "dims dims"]]:
-    """Return where a period leads from a section point, with its derivative by that."""
-    build = eqx.Partial(same, scene=scene)
-
-    def turn(_, carry: tuple[Array, Array]) -> tuple[Array, Array]:
-        end, slices, _ = sloped_turn(build, jnp.zeros(0), carry[0], rtol)
-        return end, chained(slices.jacobians, carry[1])
-
-    return jax.lax.fori_loop(0, period, turn, (state, jnp.eye(state.size)))
-
-
 def described(scene: AbstractScene, found: Closed, period: int) -> PeriodicOrbit:
     """Return the orbit through a section point, with slopes by the numbers of `scene`."""
-    outputs, samples = scene.entries(), _samples(scene)
-    still = without_slopes(scene)
-    rms = tuple(one for one in outputs if one[0] == scene.leading)
-    _, rough = along(still, found.state, period, COARSER * ORBIT_RTOL, rms)
-    section, seen = along(scene, found.state, period, ORBIT_RTOL, outputs + samples)
+    outputs = scene.entries()
+    seen_too = outputs + _samples(scene)
+    # Of the same outputs, by the same program.
+    _, rough = along(without_slopes(scene), found.state, period, COARSER * ORBIT_RTOL, seen_too)
+    section, seen = along(scene, found.state, period, ORBIT_RTOL, seen_too)
     return _described(scene, found, period, outputs, section, seen, rough[scene.leading])
 
 

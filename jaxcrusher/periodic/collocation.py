@@ -45,13 +45,7 @@ def collocate(
         left, matrix = system_now.linearised(x.reshape(shape))
         return left.ravel(), matrix.reshape(guess.size, guess.size)
 
-    root = newton(
-        lambda x: system_now.residual(x.reshape(shape)).ravel(),
-        linearised,
-        guess.ravel(),
-        tolerance,
-        max_steps,
-    )
+    root = newton(linearised, guess.ravel(), tolerance, max_steps)
     x = jnp.where(root.success, root.point, jnp.nan).reshape(shape)
     return attached(system, x, root.factors), root
 

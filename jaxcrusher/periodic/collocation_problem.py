@@ -81,10 +81,9 @@ class CollocationProblem(AbstractPeriodicProblem):
 
     def solved(self, equations: Bordered) -> HostRoot | None:
         """Return the zero of bordered equations, found by one program; None if there is none."""
-        point, steps, success = _solved(equations)
+        point, jacobian, steps, success = _solved(equations)
         if not bool(success):
             return None
-        jacobian = _jacobian(equations, point)
         return HostRoot(np.asarray(point), np.asarray(jacobian), None, int(steps))
 
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
@@ -124,19 +123,9 @@ class CollocationProblem(AbstractPeriodicProblem):
 @eqx.filter_jit
 def _solved(equations: Bordered):
     root = newton(
-        equations.residual,
-        lambda both: equations.linearised(both)[:2],
-        equations.guess,
-        TOLERANCE,
-        MOST_CORRECTIONS,
+        lambda both: equations.linearised(both)[:2], equations.guess, TOLERANCE, MOST_CORRECTIONS
     )
-    return root.point, root.steps, root.success
-
-
-# A program of its own: of an event's curve this is by far the largest part of all that is compiled.
-@eqx.filter_jit
-def _jacobian(equations: Bordered, both: Array) -> Array:
-    return equations.linearised(both)[1]
+    return root.point, root.jacobian, root.steps, root.success
 
 
 @eqx.filter_jit

@@ -43,6 +43,7 @@ class Root(eqx.Module):
 
     point: Float[Array, " n"]
     factors: Factors
+    jacobian: Float[Array, "n n"]  # where the equations were seen last: half a step before
     steps: Int[Array, ""]  # factorisations
     result: RESULTS
 
@@ -83,106 +84,81 @@ def _size(vector: Any, xp: ModuleType = jnp) -> Any:
 
 
 class _Iterate(eqx.Module):
-    point: Array
-    factors: Factors
-    share: Scalar  # of Newton's step, to be tried next
-    step: Array  # the next step as the last Jacobian foresaw it
-    moved: Scalar  # length of the last Newton step, times the share that was taken of it
+    point: Array  # to be looked at next: a share of a step away from `start`
+    start: Array
+    step: Array  # Newton's, from `start`
+    share: Scalar
+    factors: Factors  # at `start`
+    jacobian: Array  # where the equations were seen last
     steps: Int[Array, ""]
     done: Bool[Array, ""]
     result: RESULTS
 
 
-class _Trial(eqx.Module):
-    share: Scalar
-    next_share: Scalar
-    point: Array
-    step: Array
-    converged: Bool[Array, ""]
-    lost: Bool[Array, ""]
-
-
 def newton(
-    residual: Callable[[Array], Array],
     linearised: Callable[[Array], tuple[Array, Array]],
     guess: Float[Array, " n"],
     tolerance: float | Scalar,
-    max_steps: int,
+    max_steps: int | Int[Array, ""],
 ) -> Root:
-    """Return a zero of `residual` near `guess`; `linearised` gives the residual and its Jacobian.
+    """Return a zero near `guess` of equations; `linearised` gives their residual and Jacobian.
 
     Converged when a further step, with the last Jacobian, is at most `tolerance` in every entry;
-    that step is then taken. Pure JAX; not to be differentiated through.
+    that step is then taken. Where no step is allowed the guess is looked at. The equations stand
+    in one place of the program, so that they are compiled once. Pure JAX; not to be differentiated
+    through.
     """
-    successful = RESULTS.successful
 
-    def advance(state: _Iterate) -> _Iterate:
-        left, matrix = linearised(state.point)
-        factors = lu_factor(matrix)
-        step = lu_solve(factors, -left)
-        length = _size(step)
-        foreseen = _foreseen(state.step, state.moved, step, jnp)
-        share = jnp.where(state.steps == 0, 1.0, foreseen)
-        trial = _damped(residual, state.point, step, factors, share, tolerance)
-        steps = state.steps + 1
-        exhausted = steps >= max_steps
-        lost = trial.lost | ~jnp.isfinite(length)
-        result = RESULTS.where(exhausted, RESULTS.too_many_steps, successful)
-        result = RESULTS.where(trial.converged, successful, result)
+    def advance(now: _Iterate) -> _Iterate:
+        left, matrix = linearised(now.point)
+        begins = now.steps == 0
+        following, length = lu_solve(now.factors, -left), _size(now.step)
+        shorter, retry = _tested(now.step, length, following, now.share, jnp)
+        small = jnp.max(jnp.abs(following)) <= tolerance
+        converged = ~begins & (now.share == 1) & small
+        accepted = (begins | shorter) & ~converged
+        exhausted = accepted & (now.steps >= max_steps)
+        goes_on = accepted & ~exhausted
+        factors = jax.lax.cond(goes_on, lambda: lu_factor(matrix), lambda: now.factors)
+        own = lu_solve(factors, -left)
+        foreseen = jnp.where(begins, 1.0, _foreseen(following, now.share * length, own, jnp))
+        step, start = (
+            jnp.where(goes_on, new, old) for new, old in ((own, now.step), (now.point, now.start))
+        )
+        share = jnp.where(goes_on, foreseen, retry)
+        finite = jnp.isfinite(_size(step))
+        lost = ~(converged | exhausted) & ~(finite & (share >= LEAST_SHARE))
+        result = RESULTS.where(exhausted, RESULTS.too_many_steps, RESULTS.successful)
         result = RESULTS.where(lost, RESULTS.no_descent, result)
-        able = (state.steps > 0) | jnp.all(jnp.isfinite(left))
-        result = RESULTS.where(able, result, RESULTS.not_finite)
+        able = ~begins | jnp.all(jnp.isfinite(left))
+        point = jnp.where(lost, start, start + share * step)
+        point = jnp.where(exhausted, now.point, point)
         return _Iterate(
-            jnp.where(lost, state.point, trial.point),
+            jnp.where(converged, now.point + following, point),
+            start,
+            step,
+            share,
             factors,
-            trial.share,
-            trial.step,
-            trial.share * length,
-            steps,
-            trial.converged | lost | exhausted,
-            result,
+            matrix,
+            now.steps + goes_on,
+            converged | exhausted | lost,
+            RESULTS.where(able, result, RESULTS.not_finite),
         )
 
     n, none = guess.size, jnp.zeros_like(guess)
     first = _Iterate(
         guess,
-        (jnp.eye(n), jnp.arange(n, dtype=jnp.int32)),
-        jnp.ones(()),
+        guess,
         none,
-        jnp.zeros(()),
+        jnp.ones(()),
+        (jnp.eye(n), jnp.arange(n, dtype=jnp.int32)),
+        jnp.eye(n),
         jnp.array(0),
         jnp.array(False),
         RESULTS.too_many_steps,
     )
-    last = jax.lax.while_loop(lambda state: ~state.done, advance, first)
-    return Root(last.point, last.factors, last.steps, last.result)
-
-
-def _damped(
-    residual: Callable[[Array], Array],
-    point: Array,
-    step: Array,
-    factors: Factors,
-    share: Scalar,
-    tolerance: float | Scalar,
-) -> _Trial:
-    """Return the share of Newton's step after which the next one is shorter."""
-    length = _size(step)
-
-    def attempt(share: Scalar) -> tuple[_Trial, Bool[Array, ""]]:
-        tried = point + share * step
-        following = lu_solve(factors, -residual(tried))
-        shorter, retry = _tested(step, length, following, share, jnp)
-        converged = (share == 1) & (jnp.max(jnp.abs(following)) <= tolerance)
-        end = jnp.where(converged, tried + following, tried)
-        lost = ~(shorter | converged) & ~(retry >= LEAST_SHARE)
-        trial = _Trial(share, retry, end, following, converged, lost)
-        return trial, shorter | converged | lost
-
-    # One loop, so that what it does is compiled once. Where there is no step there is no share.
-    no = jnp.array(False)
-    none = _Trial(share, share, point, step, no, no), ~jnp.isfinite(length)
-    return jax.lax.while_loop(lambda s: ~s[1], lambda s: attempt(s[0].next_share), none)[0]
+    last = jax.lax.while_loop(lambda now: ~now.done, advance, first)
+    return Root(last.point, last.factors, last.jacobian, last.steps, last.result)
 
 
 class HostRoot(NamedTuple):

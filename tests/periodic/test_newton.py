@@ -15,9 +15,7 @@ def bent(point):
 
 
 def by_jax(residual, guess, tolerance=1e-10, steps=60):
-    return newton(
-        residual, lambda x: (residual(x), jax.jacfwd(residual)(x)), guess, tolerance, steps
-    )
+    return newton(lambda x: (residual(x), jax.jacfwd(residual)(x)), guess, tolerance, steps)
 
 
 def from_host(residual, guess, tolerance=1e-10, steps=60, **more):
