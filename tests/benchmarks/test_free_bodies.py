@@ -15,6 +15,7 @@ from tests.pairs import crossed, slow
 OTHERS = (PREFIXES["B"], PREFIXES["C"])
 FORCES = ("bearing_reaction", "elbow_reaction", "toggle_reaction", "normal_force")
 CLEARANCES = {"A": 6e-5, "B": 1e-4, "C": 8e-5, "O": 7e-5}
+JOINTS = ("B", "centre"), ("ABCO", "surface"), ("AC", "centre"), ("O", "centre")
 TIGHT = (("clearance", 1e-6), ("friction", 0.0))
 
 
@@ -152,10 +153,7 @@ def test_other_laws_are_refused():
 
 @pytest.mark.parametrize(
     ("formulation", "joints"),
-    crossed(
-        ("eccentricity", "multiplier"),
-        (("B", "centre"), ("ABCO", "surface"), ("AC", "centre"), ("O", "centre")),
-    ),
+    crossed(("eccentricity", "multiplier"), JOINTS, later=JOINTS[2:]),
 )
 def test_the_package_moves_as_free_bodies(formulation, joints):
     loose, slip = joints

@@ -17,6 +17,7 @@ from benchmarks.stability.reference import reference
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
+from tests.pairs import slow
 
 CASE = bearing_case("centred")
 
@@ -108,7 +109,9 @@ def test_corner_stays_small_beside_the_contact(young, clearance):
         assert (float(joint.normal.width), float(joint.norm_width)) == (1e-8, 1e-9)
 
 
-@pytest.mark.parametrize("kind", drawn.KINDS, ids=lambda kind: kind.name)
+@pytest.mark.parametrize(
+    "kind", [*drawn.KINDS[:3], *slow(*drawn.KINDS[3:])], ids=lambda kind: kind.name
+)
 def test_drawn_crushers_are_built_and_told_apart(kind):
     """Every number is within its limits, and another seed draws all of them anew."""
     one, again, other = (drawn.numbers(kind, seed) for seed in ("1", "1", "2"))
@@ -144,7 +147,11 @@ def test_a_drawn_motion_is_compared_while_neighbours_stay_together():
         assert (row.span < 0.5) == (fellow is parted or neighbours[1] is parted)
 
 
-@pytest.mark.parametrize("family", mechanisms.FAMILIES, ids=lambda family: family.name)
+@pytest.mark.parametrize(
+    "family",
+    [*mechanisms.FAMILIES[:3], *slow(*mechanisms.FAMILIES[3:])],
+    ids=lambda family: family.name,
+)
 def test_drawn_mechanisms_go_round_and_are_told_apart(family):
     one, again, other = (mechanisms.mechanism(family, seed) for seed in ("1 0", "1 0", "1 1"))
     assert one.values == again.values and one.drawing == other.drawing

@@ -40,7 +40,9 @@ def test_an_uneven_speed_is_that_of_its_formula():
         assert acceleration == pytest.approx(-2 * 0.1 * 900.0 * np.sin(place), rel=1e-13)
 
 
-@pytest.mark.parametrize(("kind", "formulation"), crossed(KINDS, ("eccentricity", "multiplier")))
+@pytest.mark.parametrize(
+    ("kind", "formulation"), crossed(KINDS, ("eccentricity", "multiplier"), later=["all"])
+)
 def test_power_of_an_uneven_speed(kind, formulation):
     """The torque that turns the shaft unevenly does what the energies need."""
     if kind == "ideal" and formulation == "multiplier":

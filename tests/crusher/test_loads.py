@@ -52,7 +52,7 @@ def scene_of(load, kind, **values):
     return eqx.tree_at(lambda s: s.load, scene, Drag(jnp.asarray(3e3))) if own else scene
 
 
-@pytest.mark.parametrize(("load", "kind"), crossed(LOADS, KINDS))
+@pytest.mark.parametrize(("load", "kind"), crossed(LOADS, KINDS, later=["all by multipliers"]))
 def test_power_and_the_reaction_on_the_fixed_jaw(load, kind):
     """A load that acts off S2 turns the jaw too; the fixed jaw carries it in the same line."""
     scene = scene_of(load, kind)

@@ -24,7 +24,8 @@ STAND = {"foundation.mass": 2000.0, "foundation.x": 0.3, "foundation.y": 0.2}
 
 
 @pytest.mark.parametrize(
-    ("kind", "rod", "stand"), crossed(KINDS, (ROD, BARE), ({"foundation.x": 0.3}, STAND))
+    ("kind", "rod", "stand"),
+    crossed(KINDS, (ROD, BARE), ({"foundation.x": 0.3}, STAND), later=["all by multipliers"]),
 )
 def test_what_it_does_to_energy_and_frame(kind, rod, stand):
     """Spring and damper take what its force does, and its frame end is pulled, clamped or not."""

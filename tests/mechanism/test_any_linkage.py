@@ -105,10 +105,12 @@ def power(s, scene):
     return total
 
 
-# All joints loose at once, and every third of the other cases. Of two dyads the press has a slide
-# too, and turns quicker into a program than six bars.
-SOON = [case for k, case in enumerate(ONE) if case[1] == "all" or k % 3 == 0]
-SOON = [case for case in SOON if case[:2] != ("six-bar", "all")]
+# All joints of one dyad loose at once, and every third of the other cases.
+SOON = [
+    case
+    for k, case in enumerate(ONE)
+    if (case[0] in ("four-bar", "slider-crank") if case[1] == "all" else k % 3 == 0)
+]
 LATER = [case for case in (*ONE, *OTHER) if case not in SOON]
 
 
