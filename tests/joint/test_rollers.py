@@ -101,16 +101,21 @@ def test_damping_shares_are_integrals_over_the_zone():
     np.testing.assert_allclose(across, 4 / np.pi * zone * np.mean(np.sin(psi) ** 2), rtol=1e-8)
 
 
-@pytest.mark.parametrize("force", [10.0, 1e3, 2e4, 1e7])
-def test_a_load_has_its_penetration(force):
-    law, force = rollers(), jnp.asarray(force)
-    depth = law.penetration_under(force)
+def test_a_load_has_its_penetration():
+    """And its slope is one over the stiffness."""
+    law = rollers()
+
+    @jax.jit
+    @jax.vmap
+    def again(force):
+        depth, by_force = jax.value_and_grad(law.penetration_under)(force)
+        found, by_depth = jax.value_and_grad(law.elastic_force)(depth)
+        return found / force, by_force * by_depth
+
     # The corner of 1e-8 m is felt at a penetration of 6e-8 m, and less below.
-    tolerance = 0.05 if force < 100 else 1e-3 if force < 1e4 else 1e-5
-    assert float(law.elastic_force(depth)) == pytest.approx(float(force), rel=tolerance)
-    # And its slope is one over the stiffness, within the same.
-    slope = jax.grad(law.penetration_under)(force) * jax.grad(law.elastic_force)(depth)
-    assert float(slope) == pytest.approx(1, rel=tolerance)
+    tolerances = np.array([0.05, 1e-3, 1e-5, 1e-5])
+    for shares in again(jnp.array([10.0, 1e3, 2e4, 1e7])):
+        assert (np.abs(shares - 1) <= tolerances).all(), shares
 
 
 def test_stiffness_is_the_handbook_s():
