@@ -10,6 +10,7 @@ from benchmarks import comparison
 from benchmarks.crosschecks import clearance, longrun, pointwise
 from benchmarks.crosschecks.programs import CVODE, DOP853, EXUDYN, IDA
 from benchmarks.peers.equations import Crusher
+from tests.pairs import slow
 
 
 def check(comparisons, programs):
@@ -27,21 +28,18 @@ def test_ideal_joint():
     check(pointwise.ideal(speeds=(30.0,)), (pointwise.ANGLES, EXUDYN))
 
 
-def test_no_friction():
-    peers = (CVODE, EXUDYN)
-    check(clearance.clearance((None,), peers, ("eccentricity",)), peers)
-
-
-@pytest.mark.slow
-def test_friction():
-    peers = (DOP853, IDA, EXUDYN)
-    check(clearance.clearance((0.1,), peers, ("multiplier",)), peers)
-
-
-@pytest.mark.slow
-def test_given_torque():
-    peers = (DOP853, EXUDYN)
-    check(pointwise.torque((0.1,), peers, ("eccentricity",)), peers)
+@pytest.mark.parametrize(
+    ("comparison", "friction", "peers", "formulation"),
+    [
+        (clearance.clearance, None, (CVODE, EXUDYN), "eccentricity"),
+        *slow(
+            (clearance.clearance, 0.1, (DOP853, IDA, EXUDYN), "multiplier"),
+            (pointwise.torque, 0.1, (DOP853, EXUDYN), "eccentricity"),
+        ),
+    ],
+)
+def test_motions(comparison, friction, peers, formulation):
+    check(comparison((friction,), peers, (formulation,)), peers)
 
 
 def test_statistics_of_impacts():

@@ -4,12 +4,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from jaxcrusher.crusher.capacity import (
-    AFFLUENCE,
-    CrushingChamber,
-    lower_end,
-    stroke,
-)
+from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber, lower_end, stroke
 from jaxcrusher.scenes.build import build_chamber, build_machine
 
 

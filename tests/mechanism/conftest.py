@@ -39,10 +39,7 @@ def four_bar():
 def six_bar():
     """The four-bar linkage, whose rocker drives a second dyad."""
     one = four_bar()
-    more = {
-        "link": Body(1.5, 0.02, Arm(0.1)),
-        "lever": Body(3.0, 0.05, Arm(0.08, 0.01)),
-    }
+    more = {"link": Body(1.5, 0.02, Arm(0.1)), "lever": Body(3.0, 0.05, Arm(0.08, 0.01))}
     joints = {
         "upper": Joint(Point("rocker", Arm(0.25, 0.0)), Point("link")),
         "middle": Joint(Point("lever", Arm(0.16)), Point("link", Arm(0.22))),

@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.statistics_table import (
-    FURTHER_STATISTICS,
-    STATISTIC,
-)
+from jaxcrusher.crusher.statistics_table import FURTHER_STATISTICS, STATISTIC
 from jaxcrusher.mechanism.reductions import PowerMean, Sampled, Statistic
 from jaxcrusher.motion.statistics import Statistics, limits_of
 from jaxcrusher.motion.tangents import SLICES, combine, tangents

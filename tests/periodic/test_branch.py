@@ -36,12 +36,7 @@ def followed(family, x, bounds, *, first, longest, points):
 @pytest.mark.parametrize(
     ("numbers", "bounds", "folds", "amplitudes"),
     [
-        (
-            (0.04, 1.0, 0.015),
-            (0.9, 1.2),
-            (1.0492623992, 1.0439137088),
-            (0.3471315, 0.2366230),
-        ),
+        ((0.04, 1.0, 0.015), (0.9, 1.2), (1.0492623992, 1.0439137088), (0.3471315, 0.2366230)),
         ((0.05, 0.1, 0.18), (0.8, 1.5), (1.2696019555, 1.1157002518), ()),
     ],
 )
@@ -97,10 +92,7 @@ def test_period_doublings_of_mathieus_equation():
 
 def two_masses(time, x, rate, damping):
     return jnp.array(
-        [
-            jnp.cos(time) - 2.3 * x[0] - damping * rate[0],
-            0.1 * x[0] - 3.7 * x[1] - 0.5 * rate[1],
-        ]
+        [jnp.cos(time) - 2.3 * x[0] - damping * rate[0], 0.1 * x[0] - 3.7 * x[1] - 0.5 * rate[1]]
     )
 
 

@@ -46,10 +46,7 @@ def over_amplitude(amplitude):
 
 @pytest.mark.parametrize(
     ("family", "bounds", "scale", "published"),
-    [
-        (over_offset, (0.0, 0.5), 0.1, 0.422945),
-        (over_amplitude, (0.1, 5.0), 1.0, 4.52337),
-    ],
+    [(over_offset, (0.0, 0.5), 0.1, 0.422945), (over_amplitude, (0.1, 5.0), 1.0, 4.52337)],
 )
 def test_the_torus_of_a_forced_neuron(family, bounds, scale, published):
     stride = Stride(first=0.2, longest=0.8, shortest=1e-6)

@@ -297,10 +297,7 @@ def test_map_of_other_numbers_in_the_units_given():
     values = grid().foundation_rms.rename(speed="counterweight.mass", clearance="jaw.length")
     ax = plots.plot_landscape(values, units={"jaw.length": "cm"})
     names = values.dims  # in their order
-    labels = {
-        "counterweight.mass": "counterweight mass (kg)",
-        "jaw.length": "jaw length (cm)",
-    }
+    labels = {"counterweight.mass": "counterweight mass (kg)", "jaw.length": "jaw length (cm)"}
     assert [ax.get_xlabel(), ax.get_ylabel()] == [labels[str(name)] for name in names]
     of_length = ax.get_xlim() if names[0] == "jaw.length" else ax.get_ylim()
     lengths = 1e2 * values["jaw.length"].to_numpy()
