@@ -52,6 +52,7 @@ def test_a_wait_is_told_of_and_ends_where_that_is_asked():
     with pytest.raises(InterruptedError):
         waits.go_on(np.arange(1), 100 * TURNS)
     assert told == [0, 1, 2] and waits.last(0).states.shape == (3 * TURNS // 2, 4)
+    assert waits.names(np.arange(1)) == ["period 1"]
 
 
 @pytest.mark.slow

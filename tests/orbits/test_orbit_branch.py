@@ -68,6 +68,22 @@ def test_a_global_that_changes_is_seen(monkeypatch):
     assert seen == expected and traces == expected[:2]
 
 
+def test_a_branch_is_made_of_orbits():
+    """It begins at a known orbit, and its last point lies past the bound."""
+
+    def scene(speed):
+        return jc.paper_scene(speed, 6e-5)
+
+    table = jc.orbit_branch(scene, 30.0, (30.0, 30.05), scale=1.0, points=9, nodes=96).table
+    assert np.all(np.diff(table.parameter) > 0) and table.parameter[-1] > 30.05
+    # As in `test_periodic_orbit`.
+    np.testing.assert_allclose(table.foundation_rms[0], 19102.316, atol=1e-3)
+    # Inertia grows with the square of the speed, and what the clearance adds not twice as fast.
+    grown = table.foundation_rms[-1] / table.foundation_rms[0]
+    assert 1 < grown < (table.parameter[-1] / 30) ** 4
+    assert bool(table.stable.all())
+
+
 def test_refusals():
     with pytest.raises(ValueError, match="`start` must lie in the bounds"):
         jc.orbit_branch(scene, 30.0, (31.0, 32.0))

@@ -14,6 +14,7 @@ from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.reductions import AbstractMean
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
+from jaxcrusher.orbits.result import WAYS
 from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
 
 
@@ -92,6 +93,21 @@ def test_a_multiplier_of_one_within_its_error_is_not_stable(orbit):
     for error, stable in ((6e-5, True), (8e-5, False), (np.nan, True)):
         doubted = dataclasses.replace(orbit, multipliers_error=jnp.asarray(error))
         assert bool(doubted.stable) is stable
+
+
+def test_a_neighbour_begins_at_an_orbit_unless_rest_leads_there(orbit):
+    """From rest the same program finds it; shooting and other ways need a guess."""
+    for name, asked in (
+        ("sum", {"period", "nodes"}),
+        ("rest", {"period", "nodes"}),
+        ("damping", {"period", "nodes"}),
+        ("waiting", {"period", "nodes", "guess"}),
+        ("branch", {"period", "nodes", "guess"}),
+        ("shooting", {"period", "method", "guess"}),
+    ):
+        alike = dataclasses.replace(orbit, way=getattr(WAYS, name)).alike
+        assert alike.keys() == asked, name
+        assert alike.get("nodes", 96) == 96 and alike.get("guess", orbit).way is not None
 
 
 def test_statistics_of_the_motion(orbit):

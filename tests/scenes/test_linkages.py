@@ -155,6 +155,10 @@ REFUSED = {
         {"bodies": {"rod": {"inertia": 1e-4}}},
         "bodies.rod.mass` must be given in kg, but is missing",
     ),
+    "a crank that is no body": (
+        {"crank": "wheel"},
+        "crank` must name the body that the drive turns: crank, rod, slider, but is wheel",
+    ),
     "a crank off the frame": (
         {"joints": {"O": {"bore": ["rod", 0.01, 0], "pin": ["crank", 0, 0]}}},
         "crank` must have a joint to the frame, but is 'crank' without one",
