@@ -135,8 +135,8 @@ def test_few_draws_are_covered():
 @pytest.mark.optimised
 @pytest.mark.parametrize("name", MACHINES)
 def test_coverage_of_many_draws(name):
-    inside, within, mean, freedom = coverage(name, 200)
-    # 190 of 200, and three standard deviations of a count: sqrt(200 * 0.95 * 0.05) = 3.1.
+    inside, within, mean, freedom = coverage(name, 100)
+    # 95 of 100, and three standard deviations of a count: sqrt(100 * 0.95 * 0.05) = 2.2.
     for count in (inside, *within):
-        assert abs(count - 190) <= 9
-    assert mean == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom / 200))
+        assert abs(count - 95) <= 6
+    assert mean == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom / 100))
