@@ -138,7 +138,7 @@ class OrbitSearch(NamedTuple):
     def _start(self, guess: Array | None, nodes: int) -> Array:
         """Return a guess with so many nodes, NaN for none: one program serves both."""
         if guess is None:
-            return jnp.full((nodes, unknowns(self.still)), jnp.nan)
+            return jnp.full((nodes, unknowns(self.still)), jnp.nan, float)
         return guess if len(guess) == nodes else resample(guess, nodes)
 
     def _wants_nodes(self, orbit: PeriodicOrbit) -> bool:

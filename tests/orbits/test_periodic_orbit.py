@@ -57,6 +57,13 @@ def test_load_normal_to_the_jaw(speed, clearance, rms):
     np.testing.assert_allclose(jc.periodic_orbit(scene).foundation_rms, rms, atol=1e-6)
 
 
+def test_one_program_serves_the_pins_at_rest_and_a_guess(orbit, caplog):
+    begun = jc.periodic_orbit(orbit.scene, nodes=96)
+    with jax.log_compiles():
+        jc.periodic_orbit(orbit.scene, nodes=96, guess=begun)
+    assert not any("solved" in line for line in caplog.messages if line.startswith("Compiling"))
+
+
 @pytest.mark.slow
 def test_a_slope_beside_an_orbit_compiles_no_second_search(caplog):
     def rms(clearance):
