@@ -4,6 +4,7 @@ Nodes are solved for without slopes; statistics follow from nodes that move with
 """
 
 import dataclasses
+import math
 from collections.abc import Callable
 
 import equinox as eqx
@@ -25,7 +26,14 @@ from jaxcrusher.periodic.collocation import Unfactored, attached, collocate
 from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.multipliers import LOOKS, STEPS, Multipliers, of_slopes
 from jaxcrusher.periodic.newton import Factors
-from jaxcrusher.periodic.node_errors import Family, NodeErrors, dual_error, node_errors
+from jaxcrusher.periodic.node_errors import (
+    Between,
+    Family,
+    NodeErrors,
+    dual_error,
+    node_errors,
+    squares,
+)
 from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import resample
 
@@ -71,20 +79,20 @@ def of_nodes(
     `factors` are those of its equations; None on a branch.
     """
     scene = system.args
-    slopes, defect = _between(system, x)
-    found, errors = _passed_on(system, x, slopes, defect, family, STEPS)
+    between = _between(system, x)
+    found, errors = _passed_on(system, x, between, family, STEPS)
     if scene.supports is not None:
         # A frame on stiff springs swings faster than a contact.
         found, errors = jax.lax.cond(
             found.error <= BLURRED,
             lambda: (found, errors),
-            lambda: _passed_on(system, x, slopes, defect, family, FASTER * STEPS),
+            lambda: _passed_on(system, x, between, family, FASTER * STEPS),
         )
     if factors is not None:
         rms = jax.lax.cond(
             jnp.isfinite(errors.rms),
             lambda: errors.rms,
-            lambda: dual_error(system, x, factors, defect, _leading_force),
+            lambda: dual_error(system, x, factors, between),
         )
         errors = errors._replace(rms=rms)
     missed, change = jnp.split(found.closure, 2)
@@ -96,30 +104,28 @@ def of_nodes(
 def in_steps(scene: AbstractScene, found: Nodes, period: int, steps: int) -> Nodes:
     """Return an orbit with multipliers by so many steps a period."""
     system = forced.system(scene, period)
-    known, errors = _passed_on(system, found.x, *_between(system, found.x), None, steps)
+    known, errors = _passed_on(system, found.x, _between(system, found.x), None, steps)
     rms = jnp.where(jnp.isfinite(errors.rms), errors.rms, found.node_errors.rms)
     return dataclasses.replace(found, multipliers=known, node_errors=errors._replace(rms=rms))
 
 
-def _between(
-    system: System, x: Float[Array, "nodes dims"]
-) -> tuple[tuple[Float[Array, "n dims dims"], ...], Float[Array, "n dims"]]:
-    """Return df/dx and df/dx' at equal steps, two a node or more, and the defect there."""
-    slopes, accelerations = system.slopes(*system.at(x, max(LOOKS, 2 * len(x))))
-    return slopes, system.defect(x, accelerations)
+def _between(system: System, x: Float[Array, "nodes dims"]) -> Between:
+    """Look at equal steps, two a node or more, which the nodes are among."""
+    at = system.at(x, len(x) * max(2, math.ceil(LOOKS / len(x))))
+    slopes, accelerations = system.slopes(*at)
+    return Between(slopes, system.defect(x, accelerations), *squares(system, at, _leading_force))
 
 
 def _passed_on(
     system: System,
     x: Float[Array, "nodes dims"],
-    slopes: tuple[Float[Array, "n dims dims"], ...],
-    defect: Float[Array, "n dims"],
+    between: Between,
     family: Family | None,
     steps: int,
 ) -> tuple[Multipliers, NodeErrors]:
     """Return the multipliers of the orbit through `x`, and what its nodes leave."""
-    found = of_slopes(slopes, system.period, steps, defect)
-    return found, node_errors(system, x, slopes, defect, _leading_force, family, steps)
+    found = of_slopes(between.slopes, system.period, steps, between.defect)
+    return found, node_errors(system, x, between, _leading_force, family, steps)
 
 
 def _leading_force(phase: Scalar, x: Array, rate: Array, scene: AbstractScene) -> Scalar:

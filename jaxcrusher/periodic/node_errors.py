@@ -40,6 +40,15 @@ class Family(NamedTuple):
     scales: Array
 
 
+class Between(NamedTuple):
+    """What an orbit is at equal steps, two a node or more, which its nodes are among."""
+
+    slopes: tuple[Float[Array, "n dims dims"], ...]  # df/dx and df/dx'
+    defect: Float[Array, "n dims"]
+    squares: Float[Array, " n"]  # of a quantity
+    square_slopes: tuple[Float[Array, "n dims"], ...]  # of these by x and x'
+
+
 class NodeErrors(NamedTuple):
     """Errors that the nodes leave: of a quantity's RMS as a share of it, and of multipliers."""
 
@@ -50,13 +59,12 @@ class NodeErrors(NamedTuple):
 def node_errors(
     system: System,
     x: Float[Array, "nodes dims"],
-    slopes: tuple[Float[Array, "n dims dims"], ...],
-    defect: Float[Array, "n dims"],
+    between: Between,
     quantity: Quantity,
     family: Family | None = None,
     steps: int = STEPS,
 ) -> NodeErrors:
-    """Estimate them from df/dx, df/dx' and the defect at equal steps, two a node or more.
+    """Estimate them from what the orbit is at equal steps, and the squares of a quantity there.
 
     On a branch the exact orbit is straight across it: a fold does not make that infinite.
 
@@ -64,6 +72,7 @@ def node_errors(
     in what the next order of the defect does. So their sizes are added, and the share of the mean
     square, twice that of the RMS, is returned.
     """
+    slopes, defect, found, by_both = between
     points, dims = defect.shape
     size, steps = 2 * dims, max(steps // 2, 2 ** math.ceil(math.log2(points)))
     times, place, rate = at = system.at(x, points)
@@ -96,12 +105,11 @@ def node_errors(
     if family is not None:
         exact = family.system(family.numbers + changes.reshape(family.numbers.shape))
         besides = jnp.mean(squares(exact, at, quantity)[0])
-        besides -= jnp.mean(squares(system, at, quantity)[0])
+        besides -= jnp.mean(found)
     moved = exact.slopes(times, place + to_place, rate + to_rate)[0]
     matrices = matrix, fundamental(moved, system.period, steps)[1]
     one, other = (eigenvalues(m, jnp.all(jnp.isfinite(m))) for m in matrices)
     apart = spread(one, other)
-    found, by_both = squares(system, at, quantity)
     both = jnp.concatenate(by_both, axis=1), jnp.concatenate([to_place, to_rate], axis=1)
     by_harmonic = [jnp.fft.rfft(part, axis=0) / points for part in both]
     shares = jnp.sum(jnp.real(jnp.conj(by_harmonic[0]) * by_harmonic[1]), axis=1)
@@ -129,24 +137,20 @@ def squares(
 
 
 def dual_error(
-    system: System,
-    x: Float[Array, "nodes dims"],
-    factors: Factors,
-    defect: Float[Array, "instants dims"],
-    quantity: Quantity,
+    system: System, x: Float[Array, "nodes dims"], factors: Factors, between: Between
 ) -> Scalar:
     """Estimate the error that the nodes leave in the RMS of a quantity, as a share of it.
 
-    The `defect` is known at equal steps, two a node or more. The dual of the mean square says what
-    it matters (Becker and Rannacher, Acta Numerica 10, 2001).
-    It serves where `node_errors` overflows. It knows no harmonics but those of the nodes: with 96
-    of them the true error came to 0.58 of it at most at 350 random orbits of crushers, and with 24
-    to 3.2 times it.
+    The dual of the mean square says what the defect matters (Becker and Rannacher, Acta Numerica
+    10, 2001). It serves where `node_errors` overflows. It knows no harmonics but those of the
+    nodes: with 96 of them the true error came to 0.58 of it at most at 350 random orbits of
+    crushers, and with 24 to 3.2 times it.
     """
-    points, pace = len(defect), 2 * np.pi / system.period
-    found, (by_x, by_rate) = squares(system, system.at(x, len(x)), quantity)
+    points, pace = len(between.defect), 2 * np.pi / system.period
+    by_x, by_rate = (slope[:: points // len(x)] for slope in between.square_slopes)
     weights = by_x + pace * differentiation(len(x))[0].T @ by_rate
     dual = lu_solve(factors, weights.ravel(), trans=1).reshape(x.shape)
-    both = (jnp.fft.rfft(resample(dual, points) / points, axis=0), jnp.fft.rfft(defect, axis=0))
+    parts = resample(dual, points) / points, between.defect
+    both = [jnp.fft.rfft(part, axis=0) for part in parts]
     by_harmonic = jnp.sum(jnp.real(jnp.conj(both[0]) * both[1]), axis=1) / points
-    return jnp.sum(jnp.abs(by_harmonic)) / jnp.mean(found)
+    return jnp.sum(jnp.abs(by_harmonic)) / jnp.mean(between.squares)
