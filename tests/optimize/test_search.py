@@ -863,14 +863,6 @@ def test_a_scene_file_that_makes_no_crusher(tmp_path):
         run(Options(out=tmp_path, scene=tmp_path / "long.toml"), Console(quiet=True))
 
 
-def test_a_search_says_what_is_unusual_before_it_begins(tmp_path, capfd):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(ValueError, match="`out`"):
-        run(Options(out=tmp_path / "file", overrides=(("young", "20.7 GPa"),)), Console())
-    assert "unusual: " in capfd.readouterr().err
-
-
-@pytest.mark.slow
 def test_slopes_of_an_optimum_that_does_not_settle(monkeypatch):
     """They are of the statistic that the objective is made of."""
 
@@ -904,10 +896,13 @@ def test_a_descent_keeps_inside_the_model_if_asked(monkeypatch, outside_counts):
     assert value == 2.0 if outside_counts else np.isnan(value)
 
 
-def test_folder_that_cannot_be_written(tmp_path):
+def test_folder_that_cannot_be_written(tmp_path, capfd):
+    """Before that is said, unusual numbers are told."""
     (tmp_path / "file").write_text("")
+    options = Options(out=tmp_path / "file", overrides=(("young", "20.7 GPa"),))
     with pytest.raises(ValueError, match=r"^Argument `out` must be a folder that can be written"):
-        run(Options(out=tmp_path / "file"), Console(quiet=True))
+        run(options, Console())
+    assert "unusual: " in capfd.readouterr().err
 
 
 def test_an_interrupted_search_goes_on_with_the_same_bits(resumed, tmp_path):
