@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import math
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ from jaxcrusher.basics.checks import require, require_choice, require_positive, 
 from jaxcrusher.commands.crushers import read_moving, settings_of, units_given
 from jaxcrusher.commands.options import Gradient
 from jaxcrusher.dynamics.judgement import Slope
-from jaxcrusher.dynamics.regime import Regime
 from jaxcrusher.dynamics.slopes import GradientReport
 from jaxcrusher.files.provenance import environment, provenance
 from jaxcrusher.files.results import write_json
@@ -32,13 +30,18 @@ def run(options: Gradient, console: Console) -> int:
     _check(options, found.scene, metric)
     names = "by", "settle", "turns", "radius", "pairs", "seed", "rtol"
     asked = {"metric": metric} | {name: getattr(options, name) for name in names}
-    values, unit = found.values, found.scene.statistics[metric].unit
-    settings = settings_of("gradient", values, **asked, **found.structure)
-    path, given = options.results.folder / "gradient.json", units_given(options.crusher)
+    values, unit, given = (
+        found.values,
+        found.scene.statistics[metric].unit,
+        units_given(options.crusher),
+    )
+    units = {name: unit_of(name, given)[0] for name in options.by}
+    settings = settings_of("gradient", values, **asked, units=units, **found.structure)
+    path = options.results.folder / "gradient.json"
     keep_beside(options.results.folder / SETTINGS, settings, path.name)
-    report = restored(path, settings)
-    if report is not None:
-        return _tell(report, unit, given, f"{path} (done before)", console)
+    kept = restored(path, settings)
+    if kept is not None:
+        return _tell(kept, f"{path} (done before)", console)
     begin(options.results.folder, settings, path.name)
 
     def scene(**numbers) -> AbstractScene:
@@ -57,18 +60,16 @@ def run(options: Gradient, console: Console) -> int:
             rtol=options.rtol,
             progress=lambda stage: status.update(f"{stage} (with compilation up to a minute)"),
         )
-    write_json(path, provenance("Slopes", scene=values) | content(report, unit))
-    return _tell(report, unit, given, str(path), console)
+    by = ", ".join(f"by {name} {per(unit, of)}" for name, of in units.items())
+    kept = content(report, unit) | {"told": f"{shown(report, given)}\nunits: {by}"}
+    write_json(path, provenance("Slopes", scene=values) | kept)
+    return _tell(kept, str(path), console)
 
 
-def _tell(
-    report: GradientReport, of: str, given: dict[str, str], path: str, console: Console
-) -> int:
-    """Print a report of a statistic whose unit is `of`; the exit status."""
-    console.print(str(shown(report, given)), markup=False)
-    units = ", ".join(f"by {name} {per(of, unit_of(name, given)[0])}" for name in report.slopes)
-    console.print(f"units: {units}; in SI units: {path}")
-    return 1 if report.regime.name == "failed" else 0
+def _tell(kept: dict[str, Any], path: str, console: Console) -> int:
+    """Print what is kept of a report; the exit status."""
+    console.print(f"{kept['told']}; in SI units: {path}", markup=False)
+    return 1 if kept["regime"] == "failed" else 0
 
 
 def _check(options: Gradient, scene: AbstractScene, metric: str) -> None:
@@ -116,8 +117,8 @@ def content(report: GradientReport, of: str) -> dict[str, Any]:
     }
 
 
-def restored(path: Path, settings: dict[str, Any]) -> GradientReport | None:
-    """The report that the same question got of the same versions, or None.
+def restored(path: Path, settings: dict[str, Any]) -> dict[str, Any] | None:
+    """Return what is kept of the report that the same question got of the same versions, or None.
 
     Raises ValueError for a folder with the answer to another question.
     """
@@ -125,20 +126,4 @@ def restored(path: Path, settings: dict[str, Any]) -> GradientReport | None:
     if asked is None or not path.exists():
         return None
     kept = json.loads(path.read_text(encoding="utf-8"))
-    if kept.get("environment") != json.dumps(environment()) or "period" not in kept:
-        return None
-    kind = Regime(kept["regime"], tuple(kept["evidence"]), kept["period"])
-    growth = _number(kept["growth"]["value"]), _number(kept["growth"]["standard_error"])
-    slopes = {}
-    for name, slope in kept["slopes"].items():
-        slope = {key: value for key, value in slope.items() if key != "units"}
-        for key in ("value", "standard_error"):
-            slope[key] = _number(slope[key])
-        estimates = {key: (_number(a), _number(b)) for key, (a, b) in slope["estimates"].items()}
-        slopes[name] = Slope(**slope | {"reasons": tuple(slope["reasons"]), "estimates": estimates})
-    return GradientReport(kept["metric"], kind, kept["horizon_turns"], growth, slopes)
-
-
-def _number(value: float | None) -> float:
-    """Return a number as JSON holds it: NaN and infinity become null."""
-    return math.nan if value is None else value
+    return kept if kept.get("environment") == json.dumps(environment()) else None

@@ -285,13 +285,4 @@ class Identify:
     results: Results = field(default_factory=lambda: Results("identify"))
 
 
-Command = (
-    Annotated[Simulate, tyro.conf.subcommand("simulate")]
-    | Annotated[Sweep, tyro.conf.subcommand("sweep")]
-    | Annotated[Regimes, tyro.conf.subcommand("regimes")]
-    | Annotated[Gradient, tyro.conf.subcommand("gradient")]
-    | Annotated[Orbit, tyro.conf.subcommand("orbit")]
-    | Annotated[Foundation, tyro.conf.subcommand("foundation")]
-    | Annotated[Bearing, tyro.conf.subcommand("bearing")]
-    | Annotated[Identify, tyro.conf.subcommand("identify")]
-)
+Command = Simulate | Sweep | Regimes | Gradient | Orbit | Foundation | Bearing | Identify

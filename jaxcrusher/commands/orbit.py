@@ -7,7 +7,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from jaxtyping import Scalar
@@ -33,7 +32,7 @@ from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.pictures.plots import force_size
+from jaxcrusher.pictures.plots import force_size, pins_and_force
 from jaxcrusher.scenes.echo import per, said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, numbers_of
 
@@ -132,30 +131,17 @@ def history(orbit: PeriodicOrbit) -> xr.Dataset:
 def draw(orbit: PeriodicOrbit, path: Path) -> None:
     """Each pin in its bore, and the force on the foundation beside that of ideal joints."""
     angles = 2 * np.pi * np.arange(ANGLES * orbit.period + 1) / ANGLES
-    joints = dict(orbit.scene.joints.items())
-    names = [f"{before(joint)}eccentricity" for joint in joints]
+    names = [f"{before(joint)}eccentricity" for joint in orbit.scene.joints.names]
     shown = leading_force(orbit.scene)
     seen = orbit.motion(angles, (shown, *names))
     ideal = jc.periodic_orbit(orbit.scene.ideal()).motion(angles, (shown,))
-    widths = [1.0] * len(joints) + [1.6]
-    fig, axes = plt.subplots(
-        1, len(widths), figsize=(2 + 4 * len(widths), 4), width_ratios=widths, squeeze=False
-    )
-    *pins, force = axes[0]
-    for pin, name, (joint, clear) in zip(pins, names, joints.items(), strict=True):
-        clearance, at = float(clear.clearance), "" if joint == "main" else f"{joint}: "
-        pin.add_patch(plt.Circle((0, 0), 1, fill=False, color="0.6"))  # pyright: ignore
-        pin.plot(*(np.asarray(seen[name]).T / clearance))
-        pin.set(aspect="equal", xlabel="e_x / c", ylabel="e_y / c")
-        pin.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
+    fig, force = pins_and_force(orbit.scene, seen)
     force.plot(np.degrees(angles), force_size(seen[shown]), label="periodic orbit")
     force.plot(np.degrees(angles), force_size(ideal[shown]), ":", label="ideal joints")
     words = orbit.scene.observables[shown].meaning
     force.set(xlabel="shaft angle, degrees", ylabel=f"{words}, kN")
     force.legend()
-    fig.tight_layout()
     write_figure(path, fig, dpi=120)
-    plt.close(fig)
 
 
 def summary(orbit: PeriodicOrbit) -> list[str]:

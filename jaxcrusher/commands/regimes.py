@@ -12,7 +12,7 @@ from rich.markup import escape
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
-from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, units_given
+from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, settings_of, units_given
 from jaxcrusher.commands.options import Regimes
 from jaxcrusher.dynamics.regime import Regime
 from jaxcrusher.files import table
@@ -24,7 +24,6 @@ from jaxcrusher.files.table import Column, columns_of
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistics import of_whirl
 from jaxcrusher.scenes.echo import said
-from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS
 from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import key_of, read_text
@@ -111,15 +110,9 @@ def read_designs(options: Regimes) -> list[dict[str, Any]]:
 
 def _settings(options: Regimes, values: dict[str, Any], varied: list[str]) -> dict[str, Any]:
     """Everything that decides the rows besides their designs."""
-    return {
-        "varied": varied,
-        "scene": with_digests({n: value for n, value in values.items() if n not in varied}),
-        "settle": options.settle,
-        "turns": options.turns,
-        "tangent_turns": options.tangent_turns,
-        "rtol": options.rtol,
-        "versions": versions(),
-    }
+    fixed = {name: value for name, value in values.items() if name not in varied}
+    numbers = {n: getattr(options, n) for n in ("settle", "turns", "tangent_turns", "rtol")}
+    return settings_of("regimes", fixed, varied=varied, **numbers, versions=versions())
 
 
 def dataset(

@@ -6,7 +6,6 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
@@ -44,6 +43,9 @@ LEDGER = {
     "contact_loss": "dissipated by the contact's damping since time zero",
     "friction_loss": "dissipated by friction since time zero",
     "imbalance": "what the ledger fails to account for",
+    "support_loss": "taken by the supports",
+    "rod_loss": "taken by the rod's damper",
+    "spring_loss": "taken by the dampers beside springs",
 }
 
 # The shaft turns at constant speed.
@@ -127,15 +129,10 @@ def dataset(motion: Trajectory, values: dict[str, Any]) -> xr.Dataset:
     table = dict(motion.known)
     seen = [name for name in table if name in motion.values]
     arrays = {name: np.asarray(motion[name]) for name in seen}
-    lost = {} if motion.energy.support_loss is None else {"support_loss": "taken by the supports"}
-    lost |= {} if motion.energy.rod_loss is None else {"rod_loss": "taken by the rod's damper"}
-    springs = {"spring_loss": "taken by the dampers beside springs"}
-    lost |= {} if motion.energy.spring_loss is None else springs
-    ledger = LEDGER | lost
-    arrays |= {name: np.asarray(getattr(motion.energy, name)) for name in ledger}
-    kept = vector_columns(table, arrays) | {
-        name: Column("J", meaning) for name, meaning in ledger.items()
-    }
+    # A clamped frame, and a scene without rod or springs, has no loss there.
+    ledger = {n: part for n in LEDGER if (part := getattr(motion.energy, n)) is not None}
+    arrays |= {name: np.asarray(part) for name, part in ledger.items()}
+    kept = vector_columns(table, arrays) | {name: Column("J", LEDGER[name]) for name in ledger}
     coordinates = {
         "time": ("time", np.asarray(motion.time), {"units": "s", "long_name": "time"}),
         "angle": ("time", values["speed"] * np.asarray(motion.time), ANGLE),
@@ -150,25 +147,18 @@ def draw(
     motion: Trajectory, scene: AbstractScene, drawn: np.ndarray, units: dict[str, str]
 ) -> Figure:
     """An orbit for each joint with clearance, and the leading force, at the instants `drawn`."""
-    joints = dict(scene.joints.items())
-    shown = leading_force(scene)
+    shown, joints = leading_force(scene), scene.joints.names
     names = (shown, *(f"{before(joint)}eccentricity" for joint in joints))
     seen = {name: motion[name][drawn] for name in names}
     part = Trajectory(motion.time[drawn], motion.outcome, seen)
-    fig = plt.figure(figsize=(6 + 4 * max(len(joints), 1), 4), layout="constrained")
-    if not joints:
-        ax = fig.add_subplot()
+    fig, ax = plots.pins_and_force(scene, part)
+    if joints:
+        ideal = jc.simulate(scene.ideal(), part.time, outputs=(shown,))
+        speed = said("speed", float(scene.drive.speed), units)
+        plots.plot_force(part, ideal, ax).set_title(speed)
+    else:
         plots.plot_force(part, ax=ax).set_title("ideal joint")
         ax.legend().remove()
-    else:
-        *orbits, force = fig.subplots(1, len(joints) + 1, width_ratios=[1] * len(joints) + [1.6])
-        speed = float(scene.drive.speed)
-        for orbit, (name, joint) in zip(orbits, joints.items(), strict=True):
-            clearance, at = float(joint.clearance), "" if name == "main" else f"{name}: "
-            plots.plot_orbit(part, clearance, orbit, joint=name)
-            orbit.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
-        ideal = jc.simulate(scene.ideal(), part.time, outputs=(shown,))
-        plots.plot_force(part, ideal, force).set_title(said("speed", speed, units))
     return fig
 
 

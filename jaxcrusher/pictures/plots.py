@@ -13,11 +13,13 @@ import numpy as np
 import xarray as xr
 from jaxtyping import ArrayLike, Float
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.echo import unit_of
 from jaxcrusher.scenes.parameters import in_words
@@ -155,11 +157,15 @@ def plot_capacity(
 
 
 def plot_orbit(
-    trajectory: Trajectory, clearance: float, ax: Axes | None = None, *, joint: str = "main"
+    trajectory: Mapping[str, ArrayLike] | Trajectory,
+    clearance: float,
+    ax: Axes | None = None,
+    *,
+    joint: str = "main",
 ) -> Axes:
     """The centre of the pin of a joint ("main", "elbow", "pivot") in its clearance circle (mm)."""
     ax = plt.subplots()[1] if ax is None else ax
-    orbit = 1e3 * trajectory[f"{before(joint)}eccentricity"]
+    orbit = 1e3 * np.asarray(trajectory[f"{before(joint)}eccentricity"])
     angle = np.linspace(0, 2 * np.pi, 361)
     circle = 1e3 * clearance * np.array([np.cos(angle), np.sin(angle)])
     ax.plot(*circle, color="0.4", linestyle="--", linewidth=1, label="clearance")
@@ -167,6 +173,22 @@ def plot_orbit(
     ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)", aspect="equal")
     ax.locator_params(nbins=4)
     return ax
+
+
+def pins_and_force(
+    scene: AbstractScene, seen: Mapping[str, ArrayLike] | Trajectory
+) -> tuple[Figure, Axes]:
+    """Draw each pin in its bore; return the figure, and the axes beside them for a force."""
+    joints = dict(scene.joints.items())
+    size, widths = (6 + 4 * max(len(joints), 1), 4), [1.0] * len(joints) + [1.6]
+    fig, axes = plt.subplots(
+        1, len(widths), figsize=size, width_ratios=widths, layout="constrained", squeeze=False
+    )
+    for ax, (name, joint) in zip(axes[0], joints.items(), strict=False):
+        clearance, at = float(joint.clearance), "" if name == "main" else f"{name}: "
+        plot_orbit(seen, clearance, ax, joint=name)
+        ax.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
+    return fig, axes[0, -1]
 
 
 def force_size(values: ArrayLike) -> np.ndarray:
