@@ -10,7 +10,7 @@ from jaxtyping import Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import nan_unless
-from jaxcrusher.crusher.rough_feed import RoughFeed
+from jaxcrusher.crusher.loads import RoughFeed
 from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.mechanism.reductions import Statistic
 from jaxcrusher.motion.statistics import Statistics

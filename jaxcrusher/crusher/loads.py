@@ -14,6 +14,7 @@ power.
 
 import abc
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -283,3 +284,59 @@ def _reach(jaw: JawMotion, along: Array, towards: Vector) -> Array:
 def _speed(jaw: JawMotion, along: Array, towards: Vector) -> Array:
     """Return how fast points of the jaw come towards the fixed jaw, m/s."""
     return jaw.velocity(0.0).dot(towards) - along * jaw.spin * jaw.axis.perp().dot(towards)
+
+
+# Cosines of the wave of a rough feed.
+COSINES = 64
+
+
+class RoughFeed(AbstractLoad):
+    """A load that no two strokes have alike: any other one times 1 + s w, with the scatter s.
+
+    w has a mean of 0, a variance of 1, and a flat spectrum from order 0 to the bandwidth, in
+    multiples of the shaft's speed: sqrt(2 / K) sum of K cosines of order nu_k and phase phi_k.
+    Shinozuka and Jan, J. Sound Vib. 25, 1972. Each order lies at random in a K-th of the band, as
+    equal steps would repeat the wave after some turns.
+    """
+
+    load: AbstractLoad  # the mean
+    scatter: Scalar = eqx.field(converter=scalar)  # s
+    bandwidth: Scalar = eqx.field(converter=scalar)  # largest order
+    places: Float[Array, " cosines"]  # nu_k / bandwidth
+    phases: Float[Array, " cosines"]  # rad
+
+    def steady(self) -> AbstractLoad:
+        """Return the mean load."""
+        return self.load
+
+    def force(self, jaw: JawMotion) -> JawForce:
+        """The mean load's, times 1 + s w."""
+        return _times(1 + self.scatter * self.wave(jaw.turned), self.load.force(jaw))
+
+    def wave(self, angle: Scalar) -> Scalar:
+        """Return w at an angle that the shaft has turned by since time zero, rad."""
+        turned = self.places * (self.bandwidth * angle) + self.phases
+        return np.sqrt(2 / len(self.phases)) * jnp.sum(jnp.cos(turned))
+
+
+class Multiplied(AbstractLoad):
+    """A load times a number."""
+
+    load: AbstractLoad
+    factor: Scalar = eqx.field(converter=scalar)
+
+    def force(self, jaw: JawMotion) -> JawForce:
+        """The load's, times the factor."""
+        return _times(self.factor, self.load.force(jaw))
+
+
+def _times(factor: Scalar, one: JawForce) -> JawForce:
+    return JawForce(factor * one.force, one.along)
+
+
+def rough_feed(load: AbstractLoad, scatter: Any, bandwidth: Any, seed: Any) -> RoughFeed:
+    """Return a load with a wave of its own for each `seed`, a whole number that may be traced."""
+    keys = jax.random.split(jax.random.key(jnp.asarray(seed).astype(jnp.uint32)))
+    random = [jax.random.uniform(key, (COSINES,), float) for key in keys]
+    places, phases = (jnp.arange(COSINES) + random[0]) / COSINES, 2 * np.pi * random[1]
+    return RoughFeed(load, scatter, bandwidth, places, phases)

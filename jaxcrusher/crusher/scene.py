@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import require, require_x64
-from jaxcrusher.crusher.loads import AbstractLoad, JawMotion
+from jaxcrusher.crusher.loads import AbstractLoad, JawMotion, RoughFeed
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.crusher.observables import OBSERVABLES, observables_with
 from jaxcrusher.crusher.statistics_table import STATISTIC, statistics_with, usual_with
@@ -119,7 +119,7 @@ class Scene(AbstractScene):
     @property
     def usual_statistics(self) -> tuple[str, ...]:
         """Return the names of what is computed without being asked for."""
-        return usual_with(self.joints.names, self._parts())
+        return usual_with(self._parts())
 
     def _parts(self) -> set[str]:
         """Return the parts that have statistics of their own."""
@@ -172,3 +172,16 @@ def crusher_of(scene: AbstractScene) -> Scene:
 
 def _roller_load(pressure: Scalar, load: Scalar) -> RollerLoad:
     return RollerLoad(pressure / STATIC_PRESSURE, load)
+
+
+def later(scene: Scene, angle: Any) -> Scene:
+    """Return the scene whose time zero is when the shaft has turned by `angle` (rad).
+
+    A run that goes on from the state of another one begins its rough feed again; under this scene
+    it goes on with it. `angle` is whole turns, as states are known at angle zero.
+    """
+    load = scene.load
+    if not isinstance(load, RoughFeed):
+        return scene
+    phases = load.phases + load.places * (load.bandwidth * angle)
+    return dataclasses.replace(scene, load=dataclasses.replace(load, phases=phases))

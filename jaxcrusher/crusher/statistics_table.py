@@ -2,7 +2,7 @@
 
 import functools
 import operator
-from collections.abc import Container, Iterable
+from collections.abc import Container
 
 from jaxcrusher.crusher.machine import JOINTS, LETTERS
 from jaxcrusher.crusher.observables import (
@@ -87,17 +87,6 @@ FURTHER_STATISTICS = tuple(_FURTHER)
 ALWAYS = {joint: tuple(always) for joint, (always, _) in _BY_JOINT.items()}
 
 
-def always_with(loose: Iterable[str]) -> tuple[str, ...]:
-    """The names of what is computed without being asked where these joints are loose.
-
-    Entries that were added to the table are among them.
-    """
-    found, left_out = {JOINTS[0], *loose}, set(FURTHER_STATISTICS)
-    for joint, (always, further) in _BY_JOINT.items():
-        left_out |= set(further) if joint in found else {*always, *further}
-    return tuple(name for name in STATISTIC if name not in left_out)
-
-
 # Part of a scene -> the statistics that only a scene with it has.
 _OF_PARTS = {
     "supports": OF_SUPPORTS,
@@ -108,8 +97,9 @@ _OF_PARTS = {
     **{joint: {**always, **further} for joint, (always, further) in _BY_JOINT.items()},
     **{f"friction of {joint}": (f"{before(joint)}sliding_power",) for joint in JOINTS},
 }
-# Of these parts they are computed without being asked for.
-_USUAL_PARTS = ("rod", "shaft", "rollers")
+# What is computed only when asked: nothing of a rod, of a free shaft and of rollers.
+_ASKED = {*_FURTHER, *(name for _, further in _BY_JOINT.values() for name in further)}
+_ASKED -= {*_OF_ROD, *OF_SHAFT, *_OF_ROLLERS}
 
 
 def statistics_with(parts: Container[str]) -> tuple[str, ...]:
@@ -118,7 +108,9 @@ def statistics_with(parts: Container[str]) -> tuple[str, ...]:
     return tuple(name for name in STATISTIC if name not in left_out)
 
 
-def usual_with(loose: Iterable[str], parts: Container[str]) -> tuple[str, ...]:
-    """Return the names of what is computed of it without being asked for."""
-    of_parts = [name for part in _USUAL_PARTS if part in parts for name in _OF_PARTS[part]]
-    return (*always_with(loose), *of_parts)
+def usual_with(parts: Container[str]) -> tuple[str, ...]:
+    """Return the names of what is computed of it without being asked for.
+
+    Entries that were added to the table are among them.
+    """
+    return tuple(name for name in statistics_with(parts) if name not in _ASKED)

@@ -23,11 +23,10 @@ from jaxcrusher.mechanism.observables import (
     frame_displacement,
     frame_speed,
     ground_moment,
-    left_size,
     observables_at,
     on_bore,
-    right_size,
     shaking_size,
+    support_size,
     transmitted_size,
 )
 from jaxcrusher.mechanism.observables import OF_MACHINE as SEEN_OF_MACHINE
@@ -129,8 +128,12 @@ OF_SUPPORTS = {
     "transmitted_peak": Statistic(
         "N", "peak of what moves of the force on the ground", transmitted_size, PEAK
     ),
-    "left_peak": Statistic("N", "largest force of the left support", left_size, PEAK),
-    "right_peak": Statistic("N", "largest force of the right support", right_size, PEAK),
+    **{
+        f"{side}_peak": Statistic(
+            "N", f"largest force of the {side} support", OfPart(support_size, side), PEAK
+        )
+        for side in ("left", "right")
+    },
     "frame_displacement_peak": Statistic(
         "m", "how far the frame's G comes from its mean place", _place_of_frame, _EXCURSION
     ),

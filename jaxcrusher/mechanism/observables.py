@@ -180,16 +180,11 @@ def support_loss(s: Snapshot, scene: AbstractScene) -> Scalar:
     return foundation.loss(frame)
 
 
-def left_force(s: Snapshot, scene: AbstractScene) -> Vector:
-    """Return the force of the left support on the ground, N."""
-    frame, foundation = _on_supports(s, scene, "left_force")
-    return foundation.support_forces(frame)[0]
-
-
-def right_force(s: Snapshot, scene: AbstractScene) -> Vector:
-    """Return the force of the right support on the ground, N."""
-    frame, foundation = _on_supports(s, scene, "right_force")
-    return foundation.support_forces(frame)[1]
+def support_force(s: Snapshot, scene: AbstractScene, side: str) -> Vector:
+    """Return the force of the left or the right support on the ground, N."""
+    frame, foundation = _on_supports(s, scene, f"{side}_force")
+    left, right = foundation.support_forces(frame)
+    return left if side == "left" else right
 
 
 def transmitted_force(s: Snapshot, scene: AbstractScene) -> Vector:
@@ -221,14 +216,9 @@ def transmitted_size(s: Snapshot, scene: AbstractScene) -> Scalar:
     return norm(transmitted_force(s, scene) - weight, FORCE_WIDTH)
 
 
-def left_size(s: Snapshot, scene: AbstractScene) -> Scalar:
-    """Return the length of the force of the left support, N."""
-    return norm(left_force(s, scene), FORCE_WIDTH)
-
-
-def right_size(s: Snapshot, scene: AbstractScene) -> Scalar:
-    """Return the length of the force of the right support, N."""
-    return norm(right_force(s, scene), FORCE_WIDTH)
+def support_size(s: Snapshot, scene: AbstractScene, side: str) -> Scalar:
+    """Return the length of the force of a support, N."""
+    return norm(support_force(s, scene, side), FORCE_WIDTH)
 
 
 def frame_speed(s: Snapshot, scene: AbstractScene) -> Scalar:
@@ -261,8 +251,12 @@ OF_MACHINE = {
 }
 # What only a frame on supports has; x to the right and y up, in the ground's axes.
 OF_SUPPORTS = {
-    "left_force": Observable(left_force, "N", "force of the left support on the ground"),
-    "right_force": Observable(right_force, "N", "force of the right support on the ground"),
+    **{
+        f"{side}_force": Observable(
+            OfPart(support_force, side), "N", f"force of the {side} support on the ground"
+        )
+        for side in ("left", "right")
+    },
     "transmitted_force": Observable(transmitted_force, "N", "force of the supports on the ground"),
     "frame_displacement": Observable(frame_displacement, "m", "displacement of the frame's G"),
     "frame_velocity": Observable(frame_velocity, "m/s", "velocity of the frame's G"),

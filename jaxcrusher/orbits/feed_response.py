@@ -18,8 +18,8 @@ from jaxcrusher.basics.checks import (
     require_own_process,
 )
 from jaxcrusher.basics.loops import one_by_one
+from jaxcrusher.crusher.loads import Multiplied, RoughFeed
 from jaxcrusher.crusher.observables import foundation_force
-from jaxcrusher.crusher.rough_feed import Multiplied, RoughFeed
 from jaxcrusher.crusher.scene import Scene, crusher_of
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.result import PeriodicOrbit

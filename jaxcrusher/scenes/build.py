@@ -29,9 +29,9 @@ from jaxcrusher.crusher.loads import (
     HalfSineStroke,
     closing_stroke_of,
     crushing_bed,
+    rough_feed,
 )
 from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
-from jaxcrusher.crusher.rough_feed import rough_feed
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AbstractFriction

@@ -70,7 +70,7 @@ def test_start_is_at_rest_on_the_springs():
     """All weight hangs in the springs: by the lever rule, in small rotations of 1e-4."""
     scene = jc.build_scene({**NUMBERS, "joint": "ideal"})
     s = scene.formulation.snapshot(jnp.array(0.0), scene.formulation.initial(scene), scene)
-    left, right = (force(s, scene) for force in (general.left_force, general.right_force))
+    left, right = (general.support_force(s, scene, side) for side in ("left", "right"))
     places = [s.motion.centre(name) for name in scene.linkage.bodies.names]
     masses = [2000.0, *(float(body.mass) for body in scene.linkage.bodies.values)]
     at = np.array([0.3, *(float(place.x) for place in places)])

@@ -8,8 +8,8 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_lanes, in_turn, stack
-from jaxcrusher.crusher.loads import AlongJaw
-from jaxcrusher.crusher.rough_feed import RoughFeed, later, rough_feed
+from jaxcrusher.crusher.loads import AlongJaw, RoughFeed, rough_feed
+from jaxcrusher.crusher.scene import later
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.motion.statistics import statistics
 from tests.pairs import slow

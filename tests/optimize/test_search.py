@@ -19,7 +19,7 @@ from jaxcrusher.batch.engines import Engine
 from jaxcrusher.batch.sweep import columns_of_row
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.crusher.capacity import CrushingChamber
-from jaxcrusher.crusher.statistics_table import STATISTIC, always_with
+from jaxcrusher.crusher.statistics_table import STATISTIC, usual_with
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
 from jaxcrusher.mechanism.reductions import chosen
@@ -407,7 +407,7 @@ def test_the_limits_of_every_loose_joint_are_kept():
     """A pivot that approaches at twice the elastic limit is named, beside a main joint inside."""
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
     case = resolve(Options(design=free)).case
-    columns = columns_of_row(("main", "pivot"), chosen(STATISTIC, always_with(("pivot",))))
+    columns = columns_of_row(("main", "pivot"), chosen(STATISTIC, usual_with(("main", "pivot"))))
     rows = {name: np.zeros((2, 3)) for name in columns} | {
         "state": np.zeros((2, 3, 8)),
         "objective": np.ones((2, 3)),

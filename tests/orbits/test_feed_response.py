@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.rough_feed import RoughFeed
+from jaxcrusher.crusher.loads import RoughFeed
 from jaxcrusher.orbits import feed_response, forced
 from jaxcrusher.orbits.feed_response import RESPONSE_NODES, _Crossing
 from jaxcrusher.periodic.collocation import collocate
