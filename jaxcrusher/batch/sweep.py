@@ -31,9 +31,8 @@ from jaxcrusher.batch.engines import (
     run_all,
     run_of,
 )
-from jaxcrusher.batch.layout import Layout, chunk_shape
 from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
-from jaxcrusher.batch.store import opened
+from jaxcrusher.batch.store import Layout, chunk_shape, opened
 from jaxcrusher.crusher.statistics_table import ALWAYS, STATISTICS
 from jaxcrusher.files.provenance import environment, machine, now
 from jaxcrusher.files.table import COLUMNS, Column, columns_of

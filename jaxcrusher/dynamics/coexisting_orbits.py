@@ -17,9 +17,8 @@ from jaxtyping import Float, Int
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all
-from jaxcrusher.batch.layout import Layout
 from jaxcrusher.batch.points import make_grid
-from jaxcrusher.batch.store import opened
+from jaxcrusher.batch.store import Layout, opened
 from jaxcrusher.dynamics.oscillation import (
     Oscillation,
     distance,

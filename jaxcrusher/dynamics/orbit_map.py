@@ -12,9 +12,8 @@ from jaxtyping import Array, PyTree, Scalar
 from jaxcrusher.basics.checks import require, require_choice, require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import Engine, name_of, without_lanes
-from jaxcrusher.batch.layout import Layout
 from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
-from jaxcrusher.batch.store import opened
+from jaxcrusher.batch.store import Layout, opened
 from jaxcrusher.dynamics.many_orbits import MOTION, SEEN, Problem, Rows, beside, solve_orbits
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.mechanism.scene import AbstractScene

@@ -21,9 +21,8 @@ import xarray as xr
 import jaxcrusher as jc
 from jaxcrusher.batch import engines
 from jaxcrusher.batch.cluster import compute_on, worker_environment
-from jaxcrusher.batch.layout import Layout, Memory
 from jaxcrusher.batch.points import Grid, make_grid
-from jaxcrusher.batch.store import ChunkStore
+from jaxcrusher.batch.store import ChunkStore, Layout, Memory
 from jaxcrusher.batch.sweep import columns_of_row, plan
 from jaxcrusher.crusher.statistics_table import STATISTIC, STATISTICS
 from jaxcrusher.files.table import Column
