@@ -176,13 +176,19 @@ def make_grid(
     require(mapping, "base", 'map names to values, as {"start": "contact"}', given)
     good = function is None or callable(function)
     require(good, "scene", "be a function that makes a scene", repr(function))
-    known = (*PARAMETERS, *CHOICES, *FILES) if function is None else None
-    varied = {name: _axis(name, values, known) for name, values in axes.items()}
+    if function is None:
+        for name in (*axes, *base):
+            require_known(name, (*PARAMETERS, *CHOICES, *FILES))
+
+    def is_text(name: str, value: Any) -> bool:
+        known = name in CHOICES or name in FILES
+        return known if function is None else np.asarray(value).dtype.kind in "US"
+
+    varied = {name: _axis(name, values, is_text(name, values)) for name, values in axes.items()}
     fixed = {}
     for name, value in base.items():
-        _require_name(name, known)
         require(name not in varied, "base", "name none of the axes", repr(name))
-        text = name in CHOICES or name in FILES if function is None else isinstance(value, str)
+        text = is_text(name, value)
         called = f"base[{name!r}]"
         if text and name in FILES and not isinstance(value, str):
             fixed[name] = tuple(map(tuple, _numbers(called, value, 2).tolist()))
@@ -205,19 +211,8 @@ def make_grid(
     return grid
 
 
-def _require_name(name: str, known: tuple[str, ...] | None) -> None:
-    if known is not None:
-        require_known(name, known)
-
-
-def _axis(name: str, values: Any, known: tuple[str, ...] | None) -> tuple:
-    _require_name(name, known)
+def _axis(name: str, values: Any, text: bool) -> tuple:
     called = f"axes[{name!r}]"
-    text = (
-        name in CHOICES or name in FILES
-        if known is not None
-        else np.asarray(values).dtype.kind in "US"
-    )
     array = np.asarray(values, object) if text else _numbers(called, values, 1)
     good = array.ndim == 1 and array.size > 0
     require(good, called, "have shape (n,), n > 0", f"of shape {array.shape}")

@@ -1,8 +1,8 @@
 """The table of a grid of designs, filled chunk by chunk: in memory, or in a Zarr store.
 
-A chunk of the table is one Zarr chunk, one file, of each column. Its marker, a small JSON file
-with the files' checksums, is put in place after them by an atomic rename: without a marker
-the chunk does not exist, whatever lies in the store.
+A killed run leaves a store whole. A chunk of the table is there one Zarr chunk, one file, of each
+column. Its marker, a small JSON file with the files' checksums, is put in place after them by an
+atomic rename: without a marker the chunk does not exist, whatever lies in the store.
 """
 
 import contextlib
