@@ -20,6 +20,20 @@ def ramp(speed):
     return np.clip((np.abs(speed) - 0.1) / 0.9, 0, 1)
 
 
+@pytest.mark.parametrize(
+    ("law", "numbers"),
+    [
+        (AmbrosioFriction, (0.1, 0.1, 1.0, 1e-4)),
+        (Threlfall, (0.1, 1.0)),
+        (BengisuAkay, (0.1, 1.5, 0.1, 10.0)),
+        (Stribeck, (0.1, 1.5, 0.3, 0.01)),
+    ],
+)
+def test_numbers_that_are_left_out(law, numbers):
+    """Ambrosio's are the paper's; those of the others have the same order."""
+    assert jax.tree.leaves(law(SurfaceSlip())) == list(numbers)
+
+
 def test_ramp_and_direction():
     law = AmbrosioFriction(SurfaceSlip(), 0.1, width=1e-9)
     speeds = np.array([-3.9, -1.0, -0.4, -0.1, -0.05, 0.0, 0.05, 0.3, 0.99, 1.01, 5.0])
