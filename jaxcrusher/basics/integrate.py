@@ -203,16 +203,13 @@ def _with_tangents(problem: Problem, unravel: Callable) -> Problem:
         values, scales, fixed = args
         operands = [operand for operand, _ in operands_and_tangents]
 
-        def one(seed, *tangents):
-            def inner(values, *operands):
-                return function(*operands, eqx.combine(unravel(values), fixed))
-
-            return jax.jvp(inner, (values, *operands), (seed, *tangents))[1]
+        def inner(values, *operands):
+            return function(*operands, eqx.combine(unravel(values), fixed))
 
         stacked = [tangents for _, tangents in operands_and_tangents]
         seeds = jnp.pad(jnp.diag(scales), ((0, -scales.size % REGISTER), (0, 0)))
-        derivatives = jax.vmap(one)(seeds, *stacked)
-        return function(*operands, eqx.combine(unravel(values), fixed)), derivatives
+        found, pushed = jax.linearize(inner, values, *operands)
+        return found, jax.vmap(pushed)(seeds, *stacked)
 
     def initial(args):
         return Sensitive(*along_each(problem.initial, args))
