@@ -278,6 +278,20 @@ def test_mistakes_name_file_and_key(text, words, tmp_path):
     assert line.startswith(f"{file}: ") and words in line and "\n" not in line, line
 
 
+def test_a_refusal_names_what_the_file_leaves_out(tmp_path):
+    """A jaw that is too long beside the toggle of the PE250x400, and beside one of the file."""
+    file, length = tmp_path / "mine.toml", '[jaw]\nlength = "2 m"\n'
+    for text, left in (
+        (length, " The file leaves toggle.length and bearing.distance to the PE250x400."),
+        (length + '[toggle]\nlength = "0.3 m"\n[bearing]\ndistance = "0.64 m"\n', ""),
+    ):
+        file.write_text(text)
+        with pytest.raises(ValueError, match=r"mine\.toml: `jaw\.length`") as error:
+            jc.read_scene(file)
+        line = str(error.value)
+        assert line.endswith(left) and ("leaves" in line) == bool(left), line
+
+
 def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(ValueError, match=r"nothing\.toml: cannot be read: No such file"):
         read_scene_file(tmp_path / "nothing.toml")
