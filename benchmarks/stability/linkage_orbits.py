@@ -40,7 +40,8 @@ def on_orbit(orbit: PeriodicOrbit, drawn: Drawn) -> AnyLinkage:
 def by_free_bodies(orbit: PeriodicOrbit, drawn: Drawn) -> tuple[float, float]:
     """Return by how much state and RMS of the shaking force differ after one period.
 
-    The state is counted in clearances of the smallest, in m/s and rad/s.
+    Each e is counted in the clearance of its joint, what is no loose joint's in the smallest; rates
+    in m/s and rad/s.
     """
     peer, speed = on_orbit(orbit, drawn), float(orbit.scene.drive.speed)
     span = orbit.period * 2 * np.pi / speed
@@ -48,7 +49,9 @@ def by_free_bodies(orbit: PeriodicOrbit, drawn: Drawn) -> tuple[float, float]:
     states = scipy_peer.integrate(peer, times)
     change = abs(peer.relative(states[-1]) - peer.relative(states[0]))
     half, clearances = len(change) // 2, peer.numbers[5][:, 0]
-    change[:half] /= clearances[clearances > 0].min()
+    least = clearances[clearances > 0].min()
+    change[: 2 * len(clearances)] /= np.repeat(np.where(clearances > 0, clearances, least), 2)
+    change[2 * len(clearances) : half] /= least
     rates = [instant(t, y, peer.numbers)[0] for t, y in zip(times[1:], states[1:], strict=True)]
     bodies = np.array(rates).reshape(len(rates), -1, 3)[:, 1:, :2]
     shaken = np.einsum("tbi,b->ti", bodies, peer.numbers[2][1:, 0])

@@ -110,6 +110,8 @@ def test_result_holds_the_evidence(finished):
     orbit = optimum["orbit"]["solution"]
     moduli = np.hypot(*np.transpose(orbit["multipliers"]))
     assert moduli.max() == pytest.approx(orbit["largest_multiplier"], rel=1e-12)
+    # e / c where the state begins with it.
+    assert orbit["section"] == pytest.approx(orbit["state"][:2], rel=1e-12)
     bound = result["bound"]
     assert 0 < bound["within"] < 100 and "more than" in bound["statement"]
     assert result["box"]["bounds"]["speed"] == [25.0, 37.5]

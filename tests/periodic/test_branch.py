@@ -45,7 +45,9 @@ def test_folds_of_duffings_equation(numbers, bounds, folds, amplitudes):
     family = eqx.Partial(duffing_at, numbers=jnp.array(numbers))
     start = jnp.asarray(bounds[0])
     x, _ = collocate(family(start), jnp.asarray(0.3 * np.cos(PHASES)))
-    branch = followed(family, x, bounds, first=0.02, longest=0.3, points=150)
+    # A guess that is a little off leads to the orbit where the branch is to begin.
+    branch = followed(family, 1.001 * x, bounds, first=0.02, longest=0.3, points=150)
+    assert branch.parameter[0] == pytest.approx(bounds[0], abs=1e-12)
     assert branch.ended == "The parameter has left its bounds."
     special = special_points(branch)
     assert [one.kind for one in special] == ["fold", "fold"]
