@@ -20,6 +20,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from decimal import Decimal
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from typing import Any
 import numpy as np
 import pint
 
-from jaxcrusher.basics.checks import require, require_choice, require_known
+from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_scene, by_stroke
 from jaxcrusher.scenes.own_laws import is_own, law_class, make_known
@@ -250,10 +251,8 @@ def require_parameter(name: str) -> None:
     """ValueError, with near misses, for a name that is not of `jaxcrusher.PARAMETERS`."""
     if name in CHOICES:
         raise ValueError(f"Argument `{name}` must be a number's key, but is a choice's.")
-    # Of a table that there is its own keys are offered alone.
-    head = name.rpartition(".")[0]
-    own = [key for key in NUMBERS if head and key.startswith(f"{head}.")]
-    require_known(name, NUMBERS if name in NUMBERS else own or _keys())
+    if name not in NUMBERS:
+        raise ValueError(f"Argument `{name}` must be a known key, but is not{_suggestion(name)}")
 
 
 def require_moving(argument: str, name: str) -> None:
@@ -363,6 +362,27 @@ def flattened(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield name, value
         elif value != {}:
             raise ValueError(f"Argument `{name}` must be a table [{name}], but is {value!r}.")
+
+
+def _suggestion(name: str) -> str:
+    """Near misses, or what there is."""
+    head, _, tail = name.rpartition(".")
+    known = dict.fromkeys([*(key for key in _keys() if "." not in key), *_tables()])
+    if head not in ("", *_tables()):  # a table's name is wrong
+        tables = get_close_matches(head, _tables(), n=1)
+        near = [f"[{table}]" for table in tables]
+        return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(known)}."
+    inside = [key for key in _keys() if head and key.startswith(f"{head}.")]
+    if inside:
+        short = {key.rpartition(".")[2]: key for key in inside}
+        near = [short[each] for each in get_close_matches(tail, short, n=1)]
+    else:
+        near = [key for key in _keys() if key.rpartition(".")[2] == tail]
+        near = near or get_close_matches(name, (*_keys(), *_tables()), n=1)
+    near = near or [key for key in _keys() if key.rpartition(".")[2] == tail]
+    if near:
+        return f"; did you mean {' or '.join(near)}?"
+    return f"; there are {', '.join(inside or known)}."
 
 
 def scene_of(values: Mapping[str, Any], path: Path | None, given: Iterable[str] = ()) -> Scene:

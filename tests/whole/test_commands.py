@@ -284,7 +284,7 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("simulate --set sped 3", "`sped` must be a known name"),
+        ("simulate --set sped 3", "`sped` must be a known key"),
         ("simulate --set clearance 0.5m", "`clearance` must be smaller than the bore radius"),
         ("simulate --scene {long}", "long.toml: `jaw.length`, `toggle.length` and `bearing.d"),
         ("simulate --set jaw.length 3m", "`bearing.distance` must let the links close in every tu"),
