@@ -6,7 +6,8 @@ second, which `--help` and a program that sets JAX up first need not wait for.
 
 import lazy_loader
 
-from jaxcrusher.basics.loop_kernels import ask_for_loop_kernels, watch_forks
+from jaxcrusher.basics.loop_kernels import ask_for_loop_kernels
+from jaxcrusher.basics.processes import watch_forks
 
 ask_for_loop_kernels()
 watch_forks()

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, PyTree
 
-from jaxcrusher.basics.loop_kernels import jax_is_stuck
+from jaxcrusher.basics.processes import jax_is_stuck
 
 # More choices than these are not listed to whoever misspells one.
 SEVERAL = 8

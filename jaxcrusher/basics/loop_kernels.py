@@ -1,8 +1,7 @@
-"""What must be seen to before JAX starts, as the package is imported: a flag of XLA, and forks.
+"""The flag by which XLA makes one kernel of a loop on a processor, set as the package is imported.
 
-By the flag XLA makes one kernel of a loop on a processor. Without it each operation in a loop is
-called on its own, and a loop of this package has hundreds. JAX takes such a flag for the whole
-process, and only before its first computation.
+Without it each operation in a loop is called on its own, and a loop of this package has hundreds.
+JAX takes such a flag for the whole process, and only before its first computation.
 """
 
 import os
@@ -53,30 +52,3 @@ def jax_has_started() -> bool:
         return True
     jax.config.update("jax_num_cpu_devices", before)
     return False
-
-
-# Whether JAX had computed when this process was forked from another one, and whether it had in this
-# one at its last fork. The child of such a fork has the memory, but none of the threads by which
-# XLA computes: in it JAX waits for ever.
-_stuck = _started = False
-
-
-def watch_forks() -> None:
-    """Have each later fork tell the child whether JAX had computed."""
-    if hasattr(os, "register_at_fork"):  # Windows has no fork
-        os.register_at_fork(before=_look, after_in_child=_keep)
-
-
-def _look() -> None:
-    global _started
-    _started = jax_has_started()
-
-
-def _keep() -> None:
-    global _stuck
-    _stuck = _stuck or _started
-
-
-def jax_is_stuck() -> bool:
-    """Tell whether JAX would wait for ever in this process."""
-    return _stuck
