@@ -31,8 +31,10 @@ STEPS = 16
 ORBIT_RTOL = 1e-11
 # Tolerance of the integration, Newton's last step in clearances and m/s, and the most steps: coarse
 # until they are short, then fine. Where they ended the matrix is looked at coarsely and finely.
+# Rounds of less than no step integrate nothing.
 ROUNDS = ((1e-8, 1e-4, STEPS), (ORBIT_RTOL, CLOSURE, STEPS))
-LOOKS = ((COARSER * ORBIT_RTOL, 0.0, 0), (ORBIT_RTOL, 0.0, 0))
+MATRICES = ((COARSER * ORBIT_RTOL, 0.0, 0), (ORBIT_RTOL, 0.0, 0))
+SKIPPED = ((ORBIT_RTOL, 0.0, -1),) * len(ROUNDS)
 
 
 class Closed(eqx.Module):
@@ -56,7 +58,7 @@ def closed(scene: AbstractScene, guess: Float[Array, " dims"], period: int) -> C
 
     One program serves all periods. Under `jax.vmap` on a CPU one design after the other.
     """
-    return _closed(scene, guess, jnp.asarray(period), jnp.array(ROUNDS + LOOKS))
+    return _closed(scene, guess, jnp.asarray(period), jnp.array(ROUNDS + MATRICES))
 
 
 @eqx.filter_jit
@@ -73,18 +75,19 @@ def _closed(
     # In one place for all rounds: tangents take most of the time that the program is compiled.
     def closer(start: Array, now: Array) -> tuple[Array, newton.Root]:
         rtol, tolerance, steps = now
+        turns = jnp.where(steps < 0, 0, period)
 
         def turn(_, carry: tuple[Array, Array]) -> tuple[Array, Array]:
             end, slices, _ = sloped_turn(build, jnp.zeros(0), carry[0], rtol)
             return end, chained(slices.jacobians, carry[1])
 
         def mapped(x: Array) -> tuple[Array, Array]:
-            end, matrix = jax.lax.fori_loop(0, period, turn, (x, eye))
+            end, matrix = jax.lax.fori_loop(0, turns, turn, (x, eye))
             return end - x, matrix - eye
 
         root = newton.newton(mapped, start, tolerance, steps)
         # What has failed coarsely fails at once.
-        return jnp.where(root.success | (steps == 0), root.point, jnp.nan), root
+        return jnp.where(root.success | (steps <= 0), root.point, jnp.nan), root
 
     state, roots = jax.lax.scan(closer, guess, rounds)
     coarse, fine = roots.jacobian[-2:] + eye
@@ -100,7 +103,7 @@ def integrated_multipliers(
     The tangents are integrated beside the motion; NaN, and infinite, where that fails.
     """
     # By the program that closes orbits.
-    found = _closed(scene, state, jnp.asarray(period), jnp.array(LOOKS + LOOKS))
+    found = _closed(scene, state, jnp.asarray(period), jnp.array(SKIPPED + MATRICES))
     matrix, error = found.matrix, found.matrix_error
     values = eigenvalues(matrix, jnp.all(jnp.isfinite(matrix)))
     return values, jnp.where(jnp.isnan(error), jnp.inf, error)

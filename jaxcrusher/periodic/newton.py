@@ -43,7 +43,7 @@ class Root(eqx.Module):
 
     point: Float[Array, " n"]
     factors: Factors
-    jacobian: Float[Array, "n n"]  # where the equations were seen last: half a step before
+    jacobian: Float[Array, "n n"]  # where the equations were seen last, before the last step
     steps: Int[Array, ""]  # factorisations
     result: RESULTS
 
