@@ -20,9 +20,9 @@ import numpy as np
 import xarray as xr
 
 from jaxcrusher.batch.points import Grid
+from jaxcrusher.files.durable import broken, checksum, lock, named, replace
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.provenance import environment, provenance
-from jaxcrusher.files.results import broken, checksum, lock, named, replace
 from jaxcrusher.files.resume import require_same
 from jaxcrusher.files.table import Column, dataset
 

@@ -13,8 +13,8 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
+from jaxcrusher.files.durable import writing
 from jaxcrusher.files.provenance import environment
-from jaxcrusher.files.results import writing
 
 Arrays = dict[str, np.ndarray]
 

@@ -20,7 +20,7 @@ import numpy as np
 import platformdirs
 
 from jaxcrusher.basics.setup import cores
-from jaxcrusher.files.results import replace
+from jaxcrusher.files.durable import replace
 from jaxcrusher.lanes.code import CORES, Shape
 from jaxcrusher.lanes.layout import (
     WHOLE,

@@ -13,7 +13,7 @@ from matplotlib.animation import (
 
 from jaxcrusher.basics.checks import require, require_choice, require_whole
 from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.files.results import writing
+from jaxcrusher.files.durable import writing
 from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.pictures.mechanism import Drawing

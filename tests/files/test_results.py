@@ -12,7 +12,7 @@ import xarray as xr
 from scipy.io import loadmat
 
 from jaxcrusher.files import results
-from jaxcrusher.files.results import writing
+from jaxcrusher.files.durable import writing
 from jaxcrusher.files.table import as_csv
 from tests.tables import read_table
 
