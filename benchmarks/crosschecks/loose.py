@@ -10,9 +10,9 @@ from benchmarks.comparison import Comparison
 from benchmarks.crosschecks import programs
 from benchmarks.crosschecks.programs import DOP853, EXUDYN, FORMULATIONS, OURS, timed
 from benchmarks.narrow import narrow
-from benchmarks.peers import scipy_peer
+from benchmarks.peers import crusher_bodies, scipy_peer
+from benchmarks.peers.crusher_bodies import PREFIXES, crusher
 from benchmarks.peers.exudyn_free_bodies import Model
-from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
 from benchmarks.peers.parting import parted
 from jaxcrusher.scenes.parameters import PE250X400
 
@@ -66,7 +66,7 @@ def against(
     theirs, contacts = still, sum(_contacts(still[PREFIXES[j] + "normal_force"]) for j in joints)
     if program == EXUDYN:
         with timed(EXUDYN):
-            theirs = Model(FreeBodies(numbers)).run(TIMES[-1], step=STEP, every=TIMES[1])
+            theirs = Model(crusher(numbers)).run(TIMES[-1], step=STEP, every=TIMES[1])
     for formulation in formulations:
         ours = simulated(dict(numbers) | {"formulation": formulation}, joints)
         level = max(LEVELS[formulation], LEVELS[program])
@@ -98,6 +98,7 @@ def simulated(values: Mapping[str, float | str], joints: str) -> dict[str, np.nd
 
 def moved(numbers: Mapping[str, float | str], e: dict[str, complex]) -> dict[str, np.ndarray]:
     """Return histories of free bodies from eccentricities `e` (m)."""
-    bodies = FreeBodies(numbers, e=e)
+    bodies = crusher(numbers, e)
     with timed(DOP853):
-        return bodies.observe(TIMES, scipy_peer.integrate(bodies, TIMES, rtol=1e-13))
+        states = scipy_peer.integrate(bodies, TIMES, rtol=1e-13)
+        return crusher_bodies.observe(bodies, TIMES, states)

@@ -2,7 +2,7 @@
 
 Body 0 is the frame, which stands if its mass is infinite, and body 1 the crank. Ideal joints,
 slides and the drive are constraints on accelerations, whose drift is not mended; contacts are those
-of `free_bodies_numba`, not smoothed. Vectors of the plane are complex numbers; SI units.
+of `loose_joint`, not smoothed. Vectors of the plane are complex numbers; SI units.
 """
 
 from collections.abc import Mapping
@@ -13,16 +13,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.peers.dopri5 import compiled
-from benchmarks.peers.free_bodies_numba import push
-from benchmarks.peers.loose_joint import LooseJoint
+from benchmarks.peers.loose_joint import dot, law_of, push
 
-LAW = "clearance bore_radius friction restitution impact_velocity young poisson slip".split()
 SUPPORT = ("horizontal_stiffness", "vertical_stiffness", "horizontal_damping", "vertical_damping")
-
-
-@compiled
-def _dot(u, v):
-    return u.real * v.real + u.imag * v.imag
 
 
 @compiled
@@ -101,12 +94,12 @@ def instant(time, y, p):
         apart = z[i] + b - z[0] - a
         rate = u[i] + 1j * spin[i] * b - u[0] - 1j * spin[0] * a
         phi[row, 3 * i], phi[row, 3 * i + 1] = normal.real, normal.imag
-        phi[row, 3 * i + 2] = _dot(normal, 1j * b)
+        phi[row, 3 * i + 2] = dot(normal, 1j * b)
         phi[row, 0], phi[row, 1] = -normal.real, -normal.imag
-        phi[row, 2] = _dot(1j * normal, apart) - _dot(normal, 1j * a)
+        phi[row, 2] = dot(1j * normal, apart) - dot(normal, 1j * a)
         inward = spin[i] ** 2 * b + spin[0] ** 2 * (apart - a)
-        known[row] = _dot(normal, inward) - 2 * spin[0] * _dot(1j * normal, rate)
-        gap[row] = _dot(normal, apart)
+        known[row] = dot(normal, inward) - 2 * spin[0] * dot(1j * normal, rate)
+        gap[row] = dot(normal, apart)
         phi[row + 1, 3 * i + 2], phi[row + 1, 2] = 1.0, -1.0
         gap[row + 1] = y[3 * i + 2] - y[2]
         row += 2
@@ -136,7 +129,7 @@ class AnyLinkage:
     bodies: tuple[str, ...]
     joints: tuple[tuple[str, str, str], ...]
     slides: tuple[tuple[str, str], ...]
-    pushed: tuple[tuple[str, str], ...]
+    pushed: tuple[tuple[str, str, bool], ...]
     angles: np.ndarray
     e: Mapping[str, complex]
     rates: Mapping[str, complex] = field(default_factory=dict)
@@ -151,6 +144,11 @@ class AnyLinkage:
         own = "foundation" if body == "frame" else f"bodies.{body}.mass_centre"
         return self._at(name) - self._at(own)
 
+    @property
+    def loose(self) -> tuple[str, ...]:
+        """The names of the loose joints."""
+        return tuple(n for n, *_ in self.joints if f"joints.{n}.clearance" in self.values)
+
     @cached_property
     def numbers(self) -> tuple:
         """What the compiled field reads."""
@@ -161,11 +159,8 @@ class AnyLinkage:
         for row, (name, bore, pin) in zip(laws, self.joints, strict=True):
             at = f"joints.{name}"
             arms.append((self._arm(f"{at}.bore", bore), self._arm(f"{at}.pin", pin)))
-            if f"{at}.clearance" in of:
-                law = LooseJoint(**{key: of[f"{at}.{key}"] for key in LAW})
-                damping = 0.75 * (1 - law.restitution**2) / law.impact_velocity
-                row[:4] = law.clearance, law.bore_radius, law.stiffness, damping
-                row[4:] = law.friction, law.slip == "centre"
+            if name in self.loose:
+                row[:] = law_of(of, at)
         slides = []
         for name, body in self.slides:
             along, origin = (
@@ -175,8 +170,8 @@ class AnyLinkage:
             through = self._arm(f"slides.{name}.through", "frame")
             slides.append((number[body], origin, through, along / abs(along)))
         loads = [
-            (number[body], self._arm(f"forces.{n}.at", body), self._at(f"forces.{n}.force"), 0)
-            for n, body in self.pushed
+            (number[body], self._arm(f"forces.{n}.at", body), self._at(f"forces.{n}.force"), turns)
+            for n, body, turns in self.pushed
         ]
         supports = []
         for side in ("left", "right") if "foundation.mass" in of else ():

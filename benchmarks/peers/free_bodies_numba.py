@@ -1,4 +1,4 @@
-"""`FreeBodies` compiled by numba, in eccentricities: the published laws, not smoothed.
+"""The bodies of `crusher_bodies` in eccentricities, by numba: the published laws, not smoothed.
 
 In eccentricities a penetration of 1e-6 m is right to rounding of itself, not of the 1 m of a
 position, and nothing drifts. Time is the shaft's angle. State: e / c of A, B and C (6), e' (m/s,
@@ -14,9 +14,10 @@ from functools import cached_property
 import numpy as np
 
 from benchmarks.peers import dopri5
+from benchmarks.peers.any_linkage import AnyLinkage
+from benchmarks.peers.crusher_bodies import PREFIXES
 from benchmarks.peers.dopri5 import compiled
-from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
-from benchmarks.peers.loose_joint import V0, V1
+from benchmarks.peers.loose_joint import cross, dot, push
 
 # Joints that may be loose here; O is ideal.
 LOOSE = ("A", "B", "C")
@@ -24,55 +25,21 @@ LOOSE = ("A", "B", "C")
 Numbers = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def numbers(bodies: FreeBodies) -> Numbers:
+def numbers(bodies: AnyLinkage) -> Numbers:
     """Return what the compiled field reads: vectors, scalars, and a row for each joint."""
-    of = bodies.numbers
-    vectors = bodies.bearing, bodies.joints["A"][1] / of["jaw.length"], bodies.unbalance
-    scalars = [of[name] for name in (
-        "speed", "shaft.eccentricity", "jaw.length", "toggle.length", "jaw.mass", "jaw.inertia",
-        "toggle.mass", "toggle.inertia", "gravity", "load",
-    )]  # fmt: skip
-    rows = np.zeros((3, 6))
-    for row, joint in zip(rows, LOOSE, strict=True):
-        law = bodies.laws[joint]
-        if law is not None:
-            damping = 0.75 * (1 - law.restitution**2) / law.impact_velocity
-            of_centre = float(law.slip == "centre")
-            row[:] = law.clearance, law.bore_radius, law.stiffness, damping, law.friction, of_centre
-    return np.array(vectors), np.array([*scalars, bodies.shaft_mass]), rows
+    speed, gravity, masses, _, arms, laws, _, loads, _ = bodies.numbers
+    (to_a, pin), (to_b, half), _, (bearing, axis) = arms
+    (shaft_mass, _), (m2, j2), (m3, j3) = masses[1:]
+    lengths = abs(pin - axis), abs(to_a - to_b), 2 * abs(half)
+    # From O to the shaft's mass centre.
+    vectors = np.array([bearing, to_a / lengths[1], -shaft_mass * axis])
+    load = abs(loads[0, 2])
+    return vectors, np.array([speed, *lengths, m2, j2, m3, j3, gravity, load, shaft_mass]), laws[:3]
 
 
 @compiled
 def _at(y, i):
     return complex(y[i], y[i + 1])
-
-
-@compiled
-def _dot(u, v):
-    return u.real * v.real + u.imag * v.imag
-
-
-@compiled
-def _cross(u, v):
-    return u.real * v.imag - u.imag * v.real
-
-
-@compiled
-def push(law, e, rate, bore_spin, pin_spin):
-    """Return the bore's force (N), the pair's moments about both centres (N m), normal force."""
-    c, radius, stiffness, damping, friction, of_centre = law
-    length = math.sqrt(e.real * e.real + e.imag * e.imag)
-    if length <= c or c == 0.0:
-        return 0j, 0.0, 0.0, 0.0
-    n, depth = e / length, length - c
-    normal = stiffness * depth * math.sqrt(depth) * (1 + damping * _dot(rate, n))
-    slip = -_cross(n, rate)
-    if of_centre == 0.0:
-        slip += radius * bore_spin - (radius - length) * pin_spin
-    share = min(max((abs(slip) - V0) / (V1 - V0), 0.0), 1.0)
-    tangential = -friction * share * normal * math.copysign(1.0, slip)
-    force = (normal + 1j * tangential) * n
-    return force, radius * tangential, -(radius - length) * tangential, normal
 
 
 @compiled
@@ -83,8 +50,8 @@ def _plays(at_a, at_b, at_c, on_jaw, on_toggle, jaw_moment, toggle_moment, arms,
     """
     (to_a, to_b, half), (m2, j2, m3, j3) = arms, masses
     of_s2, of_s3 = (at_a + at_b + on_jaw) / m2, (on_toggle - at_b - at_c) / m3
-    jaw_rate = (_cross(to_a, at_a) + _cross(to_b, at_b) + jaw_moment) / j2
-    toggle_rate = (_cross(half, at_c) - _cross(half, at_b) + toggle_moment) / j3
+    jaw_rate = (cross(to_a, at_a) + cross(to_b, at_b) + jaw_moment) / j2
+    toggle_rate = (cross(half, at_c) - cross(half, at_b) + toggle_moment) / j3
     of_a = -of_s2 - 1j * jaw_rate * to_a
     of_b = of_s3 + 1j * toggle_rate * half - of_s2 - 1j * jaw_rate * to_b
     return of_a, of_b, of_s3 - 1j * toggle_rate * half
@@ -129,12 +96,12 @@ def instant(angle, y, p):
     # Toggle and jaw are two sides of a triangle, the elbow to the right of the third.
     third = bearing + l1 * turned - e_a + e_b - e_c
     moving = 1j * w * l1 * turned - u_a + u_b - u_c
-    squared = _dot(third, third)
+    squared = dot(third, third)
     share = (squared + l3 * l3 - l2 * l2) / (2 * squared)
     toggle = third * complex(share, -math.sqrt(l3 * l3 / squared - share * share))
     jaw = third - toggle
-    area = _cross(toggle, jaw)
-    w3, w2 = _dot(moving, jaw) / area, -_dot(moving, toggle) / area
+    area = cross(toggle, jaw)
+    w3, w2 = dot(moving, jaw) / area, -dot(moving, toggle) / area
     to_a = a_share * jaw
     to_b, half = to_a - jaw, toggle / 2
     # Contacts push, and weights, load and the spins of bodies.
@@ -168,7 +135,7 @@ def field(angle, y, p, rate):
         if c > 0.0:
             rate[2 * j], rate[2 * j + 1] = y[6 + 2 * j] / (c * w), y[7 + 2 * j] / (c * w)
             rate[6 + 2 * j], rate[7 + 2 * j] = a.real / w, a.imag / w
-    force = math.sqrt(_dot(at_o, at_o)) + math.sqrt(_dot(at_c, at_c))
+    force = math.sqrt(dot(at_o, at_o)) + math.sqrt(dot(at_c, at_c))
     rate[12] = force * force / (2 * math.pi)
 
 
@@ -180,9 +147,9 @@ def integrate(y, p, settle, turns, rtol, h, most=1_000_000_000):
 
 @dataclass
 class CompiledBodies:
-    """The motion of `FreeBodies` from its start, as `scipy_peer` and `sundials_peer` take one."""
+    """The motion of a crusher's bodies from their start, as `sundials_peer` takes one."""
 
-    bodies: FreeBodies
+    bodies: AnyLinkage
 
     @cached_property
     def numbers(self) -> Numbers:
@@ -203,14 +170,14 @@ class CompiledBodies:
 
     def field(self, time: float, y) -> np.ndarray:
         """Return the rate y' by time (s), without the integral."""
-        speed, rate = self.bodies.numbers["speed"], np.empty(13)
+        speed, rate = self.bodies.numbers[0], np.empty(13)
         field(speed * time, y, self.numbers, rate)
         rate[12] = 0.0
         return speed * rate
 
     def observe(self, times, states) -> dict[str, np.ndarray]:
         """Return `foundation_force` (N), each joint's `eccentricity` (m), `normal_force` (N)."""
-        speed, found = self.bodies.numbers["speed"], {"foundation_force": []}
+        speed, found = self.bodies.numbers[0], {"foundation_force": []}
         loose = {j: PREFIXES[name] for j, name in enumerate(LOOSE) if self.numbers[2][j, 0]}
         for prefix in loose.values():
             found |= {f"{prefix}eccentricity": [], f"{prefix}normal_force": []}

@@ -4,12 +4,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.peers.any_linkage import AnyLinkage
-from benchmarks.peers.free_bodies import FreeBodies
 from benchmarks.peers.motion import Motion
 
 
 def integrate(
-    motion: Motion | FreeBodies | AnyLinkage,
+    motion: Motion | AnyLinkage,
     times,
     method: str = "DOP853",
     rtol: float = 1e-11,

@@ -8,7 +8,7 @@ import equinox as eqx
 from jaxtyping import Scalar
 
 import jaxcrusher as jc
-from benchmarks.peers.free_bodies import PREFIXES
+from benchmarks.peers.crusher_bodies import PREFIXES
 from benchmarks.stability.peer import AbstractPeer, Pins
 from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.joint.friction import AmbrosioFriction

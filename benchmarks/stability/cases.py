@@ -7,8 +7,8 @@ import cmath
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
+from benchmarks.peers.crusher_bodies import PREFIXES
 from benchmarks.peers.equations import Crusher
-from benchmarks.peers.free_bodies import PREFIXES
 from benchmarks.stability.case import Case, Numbers
 from benchmarks.stability.peer import BearingPeer, Pins, SeatsPeer
 from jaxcrusher.crusher.machine import LETTERS

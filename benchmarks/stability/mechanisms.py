@@ -74,7 +74,7 @@ class Drawn:
     def peer(self, e: dict[str, complex]) -> AnyLinkage:
         """Return its motion by free bodies from e (m)."""
         d = self.drawing
-        pushed = tuple((name, body) for name, body, _ in d.forces)
+        pushed = tuple((name, body, False) for name, body, _ in d.forces)
         return AnyLinkage(self.values, d.bodies, d.joints, d.slides, pushed, self.angles, e)
 
 

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from benchmarks.peers import free_bodies_numba, numba_peer, sundials_peer
+from benchmarks.peers.crusher_bodies import PREFIXES, crusher
 from benchmarks.peers.equations import Crusher
-from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
 from benchmarks.peers.free_bodies_numba import CompiledBodies
 from benchmarks.peers.motion import Motion
 
@@ -91,8 +91,7 @@ class SeatsPeer(AbstractPeer):
     @cached_property
     def loose(self) -> tuple[str, ...]:
         """Letters of the loose joints."""
-        laws = FreeBodies(dict(self.numbers)).laws
-        return tuple(joint for joint, law in laws.items() if law is not None)
+        return crusher(dict(self.numbers)).loose
 
     @property
     def clearances(self) -> tuple[float, ...]:
@@ -102,7 +101,7 @@ class SeatsPeer(AbstractPeer):
 
     def _compiled(self, pins: Pins) -> CompiledBodies:
         e, rates = (dict(zip(self.loose, at, strict=True)) for at in (pins.e, pins.rates))
-        return CompiledBodies(FreeBodies(dict(self.numbers), e, rates))
+        return CompiledBodies(crusher(dict(self.numbers), e, rates))
 
     def history(self, pins: Pins, times: np.ndarray) -> dict[str, np.ndarray]:
         """Integrate by CVODE in eccentricities."""

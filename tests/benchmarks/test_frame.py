@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from benchmarks.peers.exudyn_free_bodies import Model, Stand
-from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
+from benchmarks.peers.crusher_bodies import PREFIXES, crusher
+from benchmarks.peers.exudyn_free_bodies import Model
 from jaxcrusher.scenes.parameters import PE250X400
 from tests.pairs import crossed
 
@@ -32,11 +32,10 @@ def ours(numbers: dict, times: np.ndarray) -> dict[str, np.ndarray]:
     return {name: np.asarray(motion[name]) for name in SEEN}
 
 
-def theirs(numbers: dict, known: dict, end: float, steps: int, kept: int, **start) -> dict:
+def theirs(numbers: dict, known: dict, end: float, steps: int, kept: int) -> dict:
     """Return the same from where ours starts; a connector's force is on its first marker."""
-    turned = known["frame_rotation"][0]
-    stand = Stand(complex(0.3, 0.2), complex(*known["frame_displacement"][0]), float(turned))
-    model = Model(FreeBodies(numbers, **start), stand)
+    frame = np.array([*known["frame_displacement"][0], known["frame_rotation"][0], 0, 0, 0])
+    model = Model(crusher(numbers, frame=frame))
     raw = model.parts.run(end, end / steps, end / kept, 0.9)
     return {
         "frame_displacement": known["frame_displacement"][0] + raw["displacement"][:, 1:3],

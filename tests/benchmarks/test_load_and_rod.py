@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from benchmarks.peers.crusher_bodies import PREFIXES, crusher
 from benchmarks.peers.exudyn_free_bodies import JawLoad, Model
-from benchmarks.peers.free_bodies import PREFIXES, FreeBodies
 from jaxcrusher.scenes.parameters import PE250X400
 from tests.pairs import slow
 
@@ -56,7 +56,7 @@ def compared(
     numbers = ONE_JOINT | {"speed": SPEED} | more
     times = np.linspace(0, end, kept + 1)
     mine = jc.simulate(jc.build_scene(numbers | ours), times, outputs=names, rtol=1e-10)
-    model = Model(FreeBodies(numbers | (ROD if "rod.x" in ours else {})), load=load)
+    model = Model(crusher(numbers | (ROD if "rod.x" in ours else {})), load)
     found = model.run(end, end / steps, end / kept)
     shares = {}
     for name in names:
