@@ -29,7 +29,9 @@ SHAFT_BORE = 0.07
 # For the others where a description has none; Young's modulus and Poisson's ratio are those of A.
 DEFAULTS = {"bore_radius": 0.04, "friction": 0.1, "restitution": 0.9, "impact_velocity": 0.5}
 # The only ones here.
-LAWS = dict(load_law="along_jaw", contact_law="lankarani_nikravesh", impact_law="constant")
+LAWS = {"contact_law": "lankarani_nikravesh", "impact_law": "constant"}
+# In the axes of the jaw, whose x points from B to A; y points away from the fixed jaw.
+DIRECTIONS = {"along_jaw": -1 + 0j, "normal_to_jaw": 1j}
 # The joints' forces as others call them, and the sign that makes them of that on the bore.
 REACTIONS = {
     "A": ("joint_force", 1),  # on the jaw
@@ -51,9 +53,11 @@ def crusher(
     is if its `joint` is "ideal". `frame` is that of `AnyLinkage`.
     """
     of = numbers
-    for name, choice in LAWS.items():
-        if of.get(name, choice) != choice:
-            raise ValueError(f"Argument `{name}` must be {choice!r}, but is {of[name]!r}.")
+    known = {"load_law": tuple(DIRECTIONS)}
+    known |= {prefix + name: (law,) for prefix in PREFIXES.values() for name, law in LAWS.items()}
+    for name, choices in known.items():
+        if of.get(name, choices[0]) not in choices:
+            raise ValueError(f"Argument `{name}` must be one of {choices}, but is {of[name]!r}.")
     shaft, weight = of["shaft.mass"], of["counterweight.mass"]
     s1 = cmath.rect(of["shaft.mass_centre_radius"], of["shaft.mass_centre_angle"])
     apart = cmath.rect(of["counterweight.radius"], of["counterweight.angle"]) - s1
@@ -74,7 +78,7 @@ def crusher(
         "joints.C.pin": -toggle / 2,
         "joints.O.bore": bearing,
         "bodies.shaft.mass_centre": s1 + weight / mass * apart,
-        "forces.load.force": -of["load"],
+        "forces.load.force": of["load"] * DIRECTIONS[of.get("load_law", "along_jaw")],
     }
     values = dict(of)
     for name, place in points.items():
@@ -87,7 +91,10 @@ def crusher(
             if joint == "O":
                 usual["bore_radius"] = SHAFT_BORE
             law = {name: of.get(prefix + name, value) for name, value in usual.items()}
-            law |= {"clearance": of[prefix + "clearance"], "slip": of["slip"]}
+            law["clearance"], law["slip"] = (
+                of[prefix + "clearance"],
+                of.get(prefix + "slip", of["slip"]),
+            )
             values |= {f"joints.{joint}.{name}": value for name, value in law.items()}
     # Toggle and jaw are two sides of a triangle, the elbow to the right of the third.
     third = bearing + crank

@@ -32,9 +32,8 @@ def numbers(bodies: AnyLinkage) -> Numbers:
     (shaft_mass, _), (m2, j2), (m3, j3) = masses[1:]
     lengths = abs(pin - axis), abs(to_a - to_b), 2 * abs(half)
     # From O to the shaft's mass centre.
-    vectors = np.array([bearing, to_a / lengths[1], -shaft_mass * axis])
-    load = abs(loads[0, 2])
-    return vectors, np.array([speed, *lengths, m2, j2, m3, j3, gravity, load, shaft_mass]), laws[:3]
+    vectors = np.array([bearing, to_a / lengths[1], -shaft_mass * axis, loads[0, 2]])
+    return vectors, np.array([speed, *lengths, m2, j2, m3, j3, gravity, shaft_mass]), laws[:3]
 
 
 @compiled
@@ -88,8 +87,8 @@ def _kept(free, laws, arms, masses):
 def instant(angle, y, p):
     """Return e'' by joint (m/s2), R_O on the shaft, R_C on the toggle and normal forces (N)."""
     vectors, scalars, laws = p
-    bearing, a_share, unbalance = vectors
-    w, l1, l2, l3, m2, j2, m3, j3, g, load, shaft_mass = scalars
+    bearing, a_share, unbalance, load = vectors
+    w, l1, l2, l3, m2, j2, m3, j3, g, shaft_mass = scalars
     turned = complex(math.cos(angle), math.sin(angle))
     e_a, e_b, e_c = laws[0, 0] * _at(y, 0), laws[1, 0] * _at(y, 2), laws[2, 0] * _at(y, 4)
     u_a, u_b, u_c = _at(y, 6), _at(y, 8), _at(y, 10)
@@ -109,7 +108,7 @@ def instant(angle, y, p):
     at_b, on_jaw_m, toggle_m, normal_b = push(laws[1], e_b, u_b, w2, w3)
     at_c, _, on_toggle_m, normal_c = push(laws[2], e_c, u_c, 0.0, w3)
     arms, masses = (to_a, to_b, half), (m2, j2, m3, j3)
-    on_jaw, on_toggle = -load / l2 * jaw - 1j * g * m2, -1j * g * m3
+    on_jaw, on_toggle = load / l2 * jaw - 1j * g * m2, -1j * g * m3
     jaw_m, toggle_m = jaw_m + on_jaw_m, toggle_m + on_toggle_m
     a_a, a_b, a_c = _plays(at_a, at_b, at_c, on_jaw, on_toggle, jaw_m, toggle_m, arms, masses)
     a_a += w2 * w2 * to_a - w * w * l1 * turned

@@ -90,10 +90,10 @@ def test_ideal_joints_are_the_closed_form():
 
 
 @pytest.mark.parametrize("slip", ["surface", "centre"])
-@pytest.mark.parametrize("loose", ["ABC", "B"])
-def test_power(loose, slip):
+@pytest.mark.parametrize(("loose", "law"), [("ABC", "along_jaw"), ("B", "normal_to_jaw")])
+def test_power(loose, law, slip):
     """Jaw and toggle gain what load, weight and joints do, at random states in contact."""
-    random, numbers = np.random.default_rng(0), described(loose, slip)
+    random, numbers = np.random.default_rng(0), described(loose, slip) | {"load_law": law}
     for _ in range(40):
         depths, turns = 10 ** random.uniform(-2, 0.5, 3), random.uniform(0, 2 * np.pi, 3)
         ways = dict(zip("ABC", (1 + depths) * np.exp(1j * turns), strict=True))
@@ -110,7 +110,8 @@ def test_power(loose, slip):
             gained += mass * dot(moving[body], speed_up)
             gained += inertia * spins[body] * found[3 * body + 2]
         jaw = np.exp(1j * y[8])
-        works = [dot(-numbers["load"] * jaw, moving[2])]
+        way = -jaw if law == "along_jaw" else 1j * jaw
+        works = [dot(numbers["load"] * way, moving[2])]
         for j, (joint, *_) in enumerate(bodies.joints[:3]):
             (bore, pin), (arm, _) = bodies.numbers[3][j], bodies.numbers[4][j]
             centre = places[bore] + arm * np.exp(1j * y[3 * bore + 2])
@@ -181,9 +182,10 @@ def test_exudyn_agrees_with_friction(slip):
         assert largest((found[name] - known[name])[1:]) < 2e-3 * largest(known[name])
 
 
-def test_other_laws_are_refused():
-    with pytest.raises(ValueError, match="load_law"):
-        crusher(PE250X400 | {"load_law": "none"})
+@pytest.mark.parametrize("name", ["load_law", "contact_law", "elbow.contact_law"])
+def test_other_laws_are_refused(name):
+    with pytest.raises(ValueError, match=name):
+        crusher(PE250X400 | {name: "none"})
 
 
 @pytest.mark.parametrize(

@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from benchmarks.peers.crusher_bodies import crusher
 from benchmarks.stability import drawn, drawn_run, judgement, mechanisms
 from benchmarks.stability.cases import BASE, bearing_case, described, seat_case
+from benchmarks.stability.free_orbits import by_free_bodies
 from benchmarks.stability.inputs import cast
 from benchmarks.stability.judgement import AGREES, DISAGREES
 from benchmarks.stability.reference import reference
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.scenes.parameters import PE250X400
 from tests.pairs import slow
 
 CASE = bearing_case("centred")
@@ -162,3 +165,15 @@ def test_drawn_mechanisms_go_round_and_are_told_apart(family):
     scene = one.drawing(**one.values)
     assert scene.joints.names == tuple(family.loose)
     assert (scene.supports is not None) == family.supports
+
+
+@pytest.mark.slow
+def test_an_orbit_is_judged_by_free_bodies():
+    """The quiet orbit closes, and one that is begun with a wrong rate does not."""
+    numbers = PE250X400 | {"load_law": "normal_to_jaw", "slip": "surface"}
+    orbit = jc.periodic_orbit(jc.build_scene(numbers))
+    bodies = crusher(numbers)
+    # The orbit is right to 1e-9 clearances, a step of SciPy to 1e-11 of 1 m, or 2e-7 of them.
+    assert max(by_free_bodies(orbit, bodies)) < 1e-7
+    wrong = replace(orbit, section=orbit.section + 1e-4)
+    assert by_free_bodies(wrong, bodies)[0] > 1e-6
