@@ -119,10 +119,11 @@ class AnyLinkage:
     """The motion of a linkage, as `scipy_peer` takes one, from e (m) and e' (m/s) of its joints.
 
     `values` are the numbers of a description by name. Of `joints` there are name, bore's and pin's
-    body, of `slides` the bodies and of `pushed` the bodies with a constant force. The first body is
-    the crank. `angles` are those of the bodies about which it is put together, crank first. Of a
-    frame on supports there are x, y (m), angle and their rates from where it is drawn, in the
-    ground's axes; None hangs it in its springs.
+    body, of `slides` the bodies and of `pushed` the bodies with a force of one size, and whether it
+    turns with them; else it does with the frame. The first body is the crank. `angles` are those of
+    the bodies about which it is put together, crank first. Of a frame on supports there are x, y
+    (m), angle and their rates from where it is drawn, in the ground's axes; None hangs it in its
+    springs.
     """
 
     values: Mapping[str, Any]

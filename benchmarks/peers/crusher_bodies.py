@@ -26,10 +26,15 @@ JOINTS = (
 )
 # Radius of the bore at O where a description has none, m.
 SHAFT_BORE = 0.07
-# For the others where a description has none; Young's modulus and Poisson's ratio are those of A.
+# For the others where a description has none; the numbers of `OF_A` are then those of A.
 DEFAULTS = {"bore_radius": 0.04, "friction": 0.1, "restitution": 0.9, "impact_velocity": 0.5}
+OF_A = ("young", "poisson", "slip")
 # The only ones here.
-LAWS = {"contact_law": "lankarani_nikravesh", "impact_law": "constant"}
+LAWS = {
+    "contact_law": "lankarani_nikravesh",
+    "friction_law": "ambrosio",
+    "impact_law": "constant",
+}
 # In the axes of the jaw, whose x points from B to A; y points away from the fixed jaw.
 DIRECTIONS = {"along_jaw": -1 + 0j, "normal_to_jaw": 1j}
 # The joints' forces as others call them, and the sign that makes them of that on the bore.
@@ -87,14 +92,11 @@ def crusher(
         values |= {f"bodies.{body}.mass": mass, f"bodies.{body}.inertia": inertia}
     for joint, prefix in PREFIXES.items():
         if prefix + "clearance" in of and (prefix or of.get("joint") != "ideal"):
-            usual = DEFAULTS | {name: of[name] for name in ("young", "poisson")}
+            usual = DEFAULTS | {name: of[name] for name in OF_A}
             if joint == "O":
                 usual["bore_radius"] = SHAFT_BORE
             law = {name: of.get(prefix + name, value) for name, value in usual.items()}
-            law["clearance"], law["slip"] = (
-                of[prefix + "clearance"],
-                of.get(prefix + "slip", of["slip"]),
-            )
+            law["clearance"] = of[prefix + "clearance"]
             values |= {f"joints.{joint}.{name}": value for name, value in law.items()}
     # Toggle and jaw are two sides of a triangle, the elbow to the right of the third.
     third = bearing + crank
