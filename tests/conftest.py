@@ -7,17 +7,15 @@ import mmap
 import os
 import pathlib
 import shutil
-import sys
 import tempfile
 
 import jaxtyping
 import pytest
 
 # Shapes and types of arguments and results are checked as the package is imported, but for what
-# writes LLVM's text, and what only writes and asks. Rooms that the package itself calls most are
-# checked with `--all` alone: that took a fifth of the quick tests' time. Workers inherit the word.
-if "--all" in sys.argv:
-    os.environ["JAXCRUSHER_CHECKED"] = "all"
+# writes LLVM's text, and what only writes and asks. In rooms that the package itself calls most the
+# checks take a fifth of all tests' time: `tests/whole/test_signatures.py` asks for them, of the
+# tests of these rooms alone.
 ROOMS = "crusher scenes motion orbits batch dynamics identification pictures".split()
 ROOMS += "basics joint mechanism".split() if "JAXCRUSHER_CHECKED" in os.environ else []
 jaxtyping.install_import_hook(
