@@ -12,7 +12,7 @@ from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
 from optimize import report, result_file, stages, verdicts
 from optimize.active import active_constraints
-from optimize.answer import Answer
+from optimize.answer import Answer, Orbit
 from optimize.landscape import Maps
 from optimize.options import Options
 from optimize.page.document import write_page
@@ -43,8 +43,8 @@ def run(options: Options, console: Console) -> Answer:
             return Answer(status=status, **spent, **parts, **more)
 
         try:
-            maps = stages.map_box(problem, work)
-            for part in _searched(problem, work, maps):
+            maps, compared = stages.map_box(problem, work)
+            for part in _searched(problem, work, maps, compared):
                 parts |= part
             judged = verdicts.judged(answer_of(status), problem, maps)
             done = answer_of("finished", **judged)
@@ -84,12 +84,17 @@ def _known(problem: Problem) -> stages.Part:
     }
 
 
-def _searched(problem: Problem, work: stages.Work, maps: Maps) -> Iterator[stages.Part]:
-    """Yield the parts of the answer as the stages find them."""
+def _searched(
+    problem: Problem, work: stages.Work, maps: Maps, compared: Orbit | None
+) -> Iterator[stages.Part]:
+    """Yield the parts of the answer as the stages find them.
+
+    `compared` is the orbit of the design to compare with.
+    """
     yield {"stable_orbits": maps.stable_orbits}
     candidates, part = stages.refine(problem, work, maps)
     yield part
-    best, part = stages.confirm(problem, work, candidates)
+    best, part = stages.confirm(problem, work, candidates, compared)
     yield part
     if best is None:
         return

@@ -22,7 +22,7 @@ from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
 from jaxcrusher.orbits.load_sheet import Row, sheet
 from optimize import landscape, local, orbits, smooth
-from optimize.answer import Bound, Coexisting, Confirmed, Front, Refinement
+from optimize.answer import Bound, Coexisting, Confirmed, Front, Orbit, Refinement
 from optimize.bound import MOST, Points, optimality_bound, unbounded
 from optimize.case import Case
 from optimize.cells import Cells
@@ -80,20 +80,25 @@ class Work:
         self.seconds[name] = time.perf_counter() - began
 
 
-def map_box(problem: Problem, work: Work) -> Maps:
-    """Look at the whole box: its periodic orbits, and both starts on a coarser grid."""
+def map_box(problem: Problem, work: Work) -> tuple[Maps, Orbit | None]:
+    """Look at the whole box: its periodic orbits, and both starts on a coarser grid.
+
+    Returns the maps, and the orbit of the design to compare with, which needs none of them: it is
+    searched for beside the map of orbits, with the programs that the confirmation uses again.
+    """
     effort, design = problem.effort, problem.case.design
     cells, points = (
         landscape.points(design, grid, effort.samples, effort.seed)
         for grid in (effort.grid, effort.cells)
     )
-    mapped, (data, motions), _ = run_concurrently(
+    reference = problem.case.design.unit(problem.reference)
+    mapped, ((data, motions), orbit), _ = run_concurrently(
         work.stop,
         lambda: _map_orbits(problem, work, points),
-        lambda: _explore(problem, work, cells),
+        lambda: (_explore(problem, work, cells), orbits.orbit_of(problem.case, reference)),
         lambda: import_module("optimize.figures"),  # which takes a second
     )
-    return Maps(cells, data, motions, points, mapped)
+    return Maps(cells, data, motions, points, mapped), orbit
 
 
 def _map_orbits(problem: Problem, work: Work, points: np.ndarray) -> xr.Dataset | None:
@@ -215,10 +220,12 @@ class _NoisyObjective:
         return judged(rows)
 
 
-def confirm(problem: Problem, work: Work, candidates: np.ndarray) -> tuple[Confirmed | None, Part]:
+def confirm(
+    problem: Problem, work: Work, candidates: np.ndarray, orbit: Orbit | None
+) -> tuple[Confirmed | None, Part]:
     """Run the candidates and the design to compare with for long, several times from each start.
 
-    Returns the best candidate, None where none counts, with `candidates`, `seed_choice`, and why
+    `orbit` is that of the design to compare with. Returns the best candidate, None where none counts, with `candidates`, `seed_choice`, and why
     there is no best one.
     """
     case, (_, repeats) = problem.case, _repeats(problem)
@@ -228,7 +235,7 @@ def confirm(problem: Problem, work: Work, candidates: np.ndarray) -> tuple[Confi
         runs, found = run_concurrently(
             work.stop,
             lambda: long_runs(case, points, repeats, tracking),
-            lambda: [orbits.orbit_of(case, point) for point in points],
+            lambda: [*(orbits.orbit_of(case, point) for point in candidates), orbit],
         )
         *ended, reference = [confirmed(case, *of) for of in zip(points, runs, found, strict=True)]
     work.steps["confirmation"] = sum(int(rows["steps"].sum()) for rows in runs)
