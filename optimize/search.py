@@ -13,6 +13,7 @@ from jaxcrusher.files.resume import begin
 from optimize import report, result_file, stages, verdicts
 from optimize.active import active_constraints
 from optimize.answer import Answer, Orbit
+from optimize.concurrent import run_concurrently
 from optimize.landscape import Maps
 from optimize.options import Options
 from optimize.page.document import write_page
@@ -98,8 +99,14 @@ def _searched(
     yield part
     if best is None:
         return
-    yield {"optimum": best, "bound": stages.bounded(problem, work, maps, best)}
-    designs = stages.with_coexisting_orbits(problem, work, (best, part["seed_choice"]))
+    yield {"optimum": best}
+    known = best, part["seed_choice"]
+    bound, designs = run_concurrently(
+        work.stop,
+        lambda: stages.bounded(problem, work, maps, best),
+        lambda: stages.with_coexisting_orbits(problem, work, known),
+    )
+    yield {"bound": bound}
     (best, reference), slopes = stages.with_regimes(problem, work, designs)
     active, free_slopes = active_constraints(problem.case, best)
     yield {

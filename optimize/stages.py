@@ -225,8 +225,8 @@ def confirm(
 ) -> tuple[Confirmed | None, Part]:
     """Run the candidates and the design to compare with for long, several times from each start.
 
-    `orbit` is that of the design to compare with. Returns the best candidate, None where none counts, with `candidates`, `seed_choice`, and why
-    there is no best one.
+    `orbit` is that of the design to compare with. Returns the best candidate, None where none
+    counts, with `candidates`, `seed_choice`, and why there is no best one.
     """
     case, (_, repeats) = problem.case, _repeats(problem)
     points = np.concatenate([candidates, case.design.unit(problem.reference)[None]])
