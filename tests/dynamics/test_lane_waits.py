@@ -69,18 +69,16 @@ def test_motions_are_named():
 
 
 @pytest.mark.slow
-@pytest.mark.optimised
 def test_a_map_names_a_motion_round_an_unstable_orbit():
     """A pair of multipliers has left the unit circle: the motion turns round the orbit."""
     axes = {"speed": [40.0], "clearance": [0.075e-3, 0.0975e-3]}
-    found = jc.orbit_map(axes).isel(speed=0)
+    found = jc.orbit_map(axes, nodes=384).isel(speed=0)
     assert found.success.values.all() and found.stable.values.tolist() == [True, False]
     assert found.motion.values.tolist() == ["", "quasi-periodic"]
-    # By 384 nodes, as a lone call finds them.
+    # As a lone call finds them.
     np.testing.assert_allclose(found.foundation_rms, [22320.44114, 22509.25530], atol=1e-3)
     assert np.isnan(found.run_rms[0]) and found.run_rms_error[1] < 0.1
     assert found.largest_multiplier[1] == pytest.approx(1.0019934, abs=1e-6)
-    # A lone run at a hundredth of the tolerance, over another window.
-    run = jc.statistics(jc.paper_scene(40.0, 0.0975e-3, start="contact"), 5000, 1000)
-    errors = float(found.run_rms_error[1]) + float(run.foundation_rms_error)
-    assert abs(float(run.foundation_rms - found.run_rms[1])) < 4 * errors
+    # By `statistics` at a hundredth of the tolerance, over turns 5000 to 6000 from contact.
+    rms, error = 22507.0542, 0.4125
+    assert abs(rms - found.run_rms[1]) < 4 * (found.run_rms_error[1] + error)
