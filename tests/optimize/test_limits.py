@@ -67,22 +67,6 @@ def test_the_objective_of_an_orbit_knows_scene_and_chamber():
     assert float(found) == pytest.approx(3600 * float(orbit.drive_power) / float(capacity))
 
 
-def limited_to(newtons: float):
-    """Return the case and the end of a descent whose shaking force is limited."""
-    case = resolve(
-        Options(
-            design=(
-                ("counterweight.mass", "0", "50 kg"),
-                ("counterweight.angle", "120 deg", "240 deg"),
-            ),
-            limit=(("shaking_rms", f"{newtons!r} N"),),
-        )
-    ).case
-    spares = smooth.constraints(case)
-    end = descend(smooth.objective(case), np.array([0.9, 0.6]), case.upper, 60, spares)
-    return case, end
-
-
 @pytest.mark.slow
 def test_multiplier_of_a_limit_is_what_its_last_newton_costs():
     """The slope of the least objective by the limit, by central differences of descents.
@@ -91,9 +75,19 @@ def test_multiplier_of_a_limit_is_what_its_last_newton_costs():
     error is the third derivative's, some 1e-4 of it.
     """
     limit, step = 1400.0, 5.0
-    case, end = limited_to(limit)
+    free = (("counterweight.mass", "0", "50 kg"), ("counterweight.angle", "120 deg", "240 deg"))
+    case = resolve(Options(design=free, limit=(("shaking_rms", f"{limit!r} N"),))).case
+    of_limit = smooth.negative(smooth.limited(case, case.limits[0]))
+    end, above, below = (
+        descend(smooth.objective(case), np.array([0.9, 0.6]), case.upper, 60, spares)
+        for spares in (
+            smooth.constraints(case),
+            # Other limits by the same programs, which know none.
+            (smooth.above(of_limit, -limit - step),),
+            (smooth.above(of_limit, -limit + step),),
+        )
+    )
     unit = end.path[-1]
-    (_, above), (_, below) = limited_to(limit + step), limited_to(limit - step)
     cost = (below.last - above.last) / (2 * step)
     rows = orbits.solve(case, unit[None])
     assert rows["counts"][0] and rows["shaking_rms"][0] == pytest.approx(limit, rel=OF_ORBIT)
