@@ -363,8 +363,8 @@ def _resolved(scene: AbstractScene, found: Nodes, turns: int) -> Nodes:
 
     A contact that damps itself to rest within a step of the usual length overflows there.
     """
-    steps, whole = STEPS, bool(jnp.isfinite(found.x[0, 0]))
-    while whole and steps < MOST_STEPS and not found.multipliers.error <= UNSURE:
+    steps, solved_for = STEPS, bool(found.result == newton.RESULTS.successful)
+    while solved_for and steps < MOST_STEPS and not found.multipliers.error <= UNSURE:
         steps *= FASTER
         found = in_steps(scene, found, turns, steps)
     return found
