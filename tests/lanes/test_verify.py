@@ -22,6 +22,9 @@ REFUSED = {
     "the primitive `cond`": lambda x, n: jax.lax.cond(x > 0, jnp.sin, jnp.cos, x),
     "the primitive `while`": lambda x, n: jax.lax.while_loop(lambda a: a > 1, lambda a: a / 2, x),
     "the primitive `scan`": lambda x, n: jax.lax.scan(lambda a, b: (a * x + b, None), x, ONES)[0],
+    "the primitive `reduce_or` of the type `int64`": lambda x, n: (
+        x * jax.lax.reduce_or(jnp.stack([n, n]), axes=(0,))
+    ),
     "the primitive `shift_left`": lambda x, n: x * (n << 2),
     "the primitive `debug_callback`": lambda x, n: jax.debug.callback(print, x) or x,
     # Of calls inside of calls too.
