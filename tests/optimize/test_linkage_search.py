@@ -2,6 +2,7 @@
 
 import io
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,6 +73,7 @@ def test_refusals_are_one_line(given, why):
 def test_a_pump_is_searched_with_map_certificate_and_report(tmp_path, monkeypatch):
     # What random starts come to takes a minute, and has tests of its own.
     monkeypatch.setattr(stages, "with_coexisting_orbits", lambda problem, work, designs: designs)
+    monkeypatch.setattr(sys, "argv", ["optimize.run"])  # which the report quotes
     effort = {"cells": (3, 3), "grid": (2, 2), "settle": 4, "turns": 4, "refine": 1, "runs": 2}
     written = io.StringIO()
     options = replace(PUMP, out=tmp_path, name="pump", within=40.0, **effort)

@@ -15,7 +15,7 @@ from matplotlib.text import Text
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.pictures.plots import SMALLEST, WIDTH
 from optimize import figures
-from optimize.answer import Front
+from optimize.answer import Box, Front
 from optimize.objectives import OBJECTIVES
 
 # RMS and peak of a map of 3 x 2 points, N; the first point beats all others in everything.
@@ -132,4 +132,15 @@ def test_descents_are_drawn_on_the_map_of_orbits_alone(shown, monkeypatch, tmp_p
     texts = [text.get_text() for text in legend.get_texts()]
     assert "optimum" in texts and ("descents" in texts) == (shown == "orbits")
     assert "no stable periodic orbit found" not in texts  # all are stable
+    plt.close("all")
+
+
+def test_the_speed_at_which_the_capacity_falls_to_its_floor_is_drawn(monkeypatch, tmp_path):
+    kept = []
+    monkeypatch.setattr(figures, "write_figure", lambda path, figure: kept.append(figure))
+    box = Box({"speed": (25.0, 40.0)}, 6.0, None)
+    figures.draw_capacity(tmp_path, CrushingChamber(), box)
+    ax, speed = kept[0].axes[0], float(CrushingChamber().highest_speed(6.0))
+    (line,) = (one for one in ax.lines if one.get_linestyle() == ":")
+    assert line.get_xdata()[0] == speed and f"{speed:.4g} rad/s" in str(line.get_label())
     plt.close("all")
