@@ -13,9 +13,9 @@ import jaxtyping
 import pytest
 
 # Shapes and types of arguments and results are checked as the package is imported, but for what
-# writes LLVM's text, and what only writes and asks. In rooms that the package itself calls most the
-# checks take a fifth of all tests' time: `tests/whole/test_signatures.py` asks for them, of the
-# tests of these rooms alone.
+# writes LLVM's text, and what only writes and asks. Rooms that the package itself calls most are
+# left out, which takes a fifth off the quick tests' time: `tests/whole/test_signatures.py` asks for
+# them, of the tests of these rooms alone.
 ROOMS = "crusher scenes motion orbits batch dynamics identification pictures".split()
 ROOMS += "basics joint mechanism".split() if "JAXCRUSHER_CHECKED" in os.environ else []
 jaxtyping.install_import_hook(
