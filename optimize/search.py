@@ -103,7 +103,7 @@ def _searched(
     known = best, part["seed_choice"]
     bound, designs = run_concurrently(
         work.stop,
-        lambda: stages.bounded(problem, work, maps, best),
+        lambda: stages.bounded(problem, work, maps, known[0]),
         lambda: stages.with_coexisting_orbits(problem, work, known),
     )
     yield {"bound": bound}
