@@ -66,6 +66,16 @@ def test_exact_data_give_back_the_numbers(name):
     # The block's model is linear to 1e-6 of its motion, and links of 1e-9 kg count 1e-7.
     np.testing.assert_allclose([*found.values.values()], truth(name, free), rtol=1e-5)
     assert not found.untold
+    # The inverse of the normal equations' matrix, in deviations; rounding by its condition.
+    sizes = np.array([*free.values()])
+    _, slopes = found.problem.at(np.array([*found.values.values()]) / sizes)
+    normal = slopes.T @ slopes / np.outer(sizes, sizes)
+    deviations = np.sqrt(np.diag(found.covariance))
+    scaled = np.outer(deviations, deviations)
+    rounding = 1e-14 * np.linalg.cond(normal * scaled)
+    np.testing.assert_allclose(
+        found.covariance / scaled, np.linalg.inv(normal * scaled), atol=rounding, rtol=0
+    )
 
 
 def test_means_rms_values_and_statistics_tell_as_well():
