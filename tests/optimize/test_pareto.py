@@ -36,10 +36,17 @@ def design(rms, capacity, **changes) -> Any:
 
 
 @pytest.fixture
-def drawn(monkeypatch, tmp_path):
+def kept(monkeypatch):
+    """The figures that the search would write."""
+    written = []
+    monkeypatch.setattr(figures, "write_figure", lambda path, figure: written.append(figure))
+    yield written
+    plt.close("all")
+
+
+@pytest.fixture
+def drawn(kept, tmp_path):
     """Draws a Pareto figure and keeps it."""
-    kept = []
-    monkeypatch.setattr(figures, "write_figure", lambda path, figure: kept.append(figure))
 
     def draw(data: xr.Dataset, fronts=(), **designs):
         case = SimpleNamespace(
@@ -50,8 +57,7 @@ def drawn(monkeypatch, tmp_path):
         figures.draw_pareto(tmp_path, cast(Any, case), CAPACITY.ravel(), data, cast(Any, answer))
         return kept[-1]
 
-    yield draw
-    plt.close("all")
+    return draw
 
 
 def grid(start: bool) -> xr.Dataset:
@@ -97,10 +103,8 @@ def test_pareto_draws_the_fronts_of_the_answer(drawn):
 
 
 @pytest.mark.parametrize("shown", ["orbits", "settling", "starts"])
-def test_descents_are_drawn_on_the_map_of_orbits_alone(shown, monkeypatch, tmp_path):
+def test_descents_are_drawn_on_the_map_of_orbits_alone(shown, kept, tmp_path):
     """The other maps show the designs, and no way to them."""
-    kept: list[Any] = []
-    monkeypatch.setattr(figures, "write_figure", lambda path, figure: kept.append(figure))
     axes = {"speed": [25.0, 30.0, 40.0], "clearance": [4e-5, 6e-5]}
     dims, whole = ("start", *axes), np.ones((2, 3, 2), bool)
     data = xr.Dataset(
@@ -132,15 +136,11 @@ def test_descents_are_drawn_on_the_map_of_orbits_alone(shown, monkeypatch, tmp_p
     texts = [text.get_text() for text in legend.get_texts()]
     assert "optimum" in texts and ("descents" in texts) == (shown == "orbits")
     assert "no stable periodic orbit found" not in texts  # all are stable
-    plt.close("all")
 
 
-def test_the_speed_at_which_the_capacity_falls_to_its_floor_is_drawn(monkeypatch, tmp_path):
-    kept = []
-    monkeypatch.setattr(figures, "write_figure", lambda path, figure: kept.append(figure))
+def test_the_speed_at_which_the_capacity_falls_to_its_floor_is_drawn(kept, tmp_path):
     box = Box({"speed": (25.0, 40.0)}, 6.0, None)
     figures.draw_capacity(tmp_path, CrushingChamber(), box)
     ax, speed = kept[0].axes[0], float(CrushingChamber().highest_speed(6.0))
     (line,) = (one for one in ax.lines if one.get_linestyle() == ":")
     assert line.get_xdata()[0] == speed and f"{speed:.4g} rad/s" in str(line.get_label())
-    plt.close("all")
