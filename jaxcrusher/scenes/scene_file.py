@@ -373,13 +373,12 @@ def _suggestion(name: str) -> str:
         near = [f"[{table}]" for table in tables]
         return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(known)}."
     inside = [key for key in _keys() if head and key.startswith(f"{head}.")]
+    elsewhere = [key for key in _keys() if key.rpartition(".")[2] == tail]
     if inside:
         short = {key.rpartition(".")[2]: key for key in inside}
-        near = [short[each] for each in get_close_matches(tail, short, n=1)]
+        near = [short[each] for each in get_close_matches(tail, short, n=1)] or elsewhere
     else:
-        near = [key for key in _keys() if key.rpartition(".")[2] == tail]
-        near = near or get_close_matches(name, (*_keys(), *_tables()), n=1)
-    near = near or [key for key in _keys() if key.rpartition(".")[2] == tail]
+        near = elsewhere or get_close_matches(name, (*_keys(), *_tables()), n=1)
     if near:
         return f"; did you mean {' or '.join(near)}?"
     return f"; there are {', '.join(inside or known)}."
