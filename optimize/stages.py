@@ -91,7 +91,7 @@ def map_box(problem: Problem, work: Work) -> tuple[Maps, Orbit | None]:
         landscape.points(design, grid, effort.samples, effort.seed)
         for grid in (effort.grid, effort.cells)
     )
-    reference = problem.case.design.unit(problem.reference)
+    reference = design.unit(problem.reference)
     mapped, ((data, motions), orbit), _ = run_concurrently(
         work.stop,
         lambda: _map_orbits(problem, work, points),
