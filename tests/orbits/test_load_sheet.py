@@ -149,7 +149,9 @@ def test_below_its_scope_the_standard_says_nothing(orbit, running, power, words)
 
 def test_a_run_stands_beside_ideal_joints():
     """Harmonics are means of the turns' own, with their standard error; peaks are the turns'."""
-    scene = jc.build_scene({"load_law": "closing_stroke", "start": "contact"})
+    # Its orbit impacts and is stable: the largest multiplier is 0.64.
+    numbers = {"speed": 34.23, "clearance": 0.0645e-3}
+    scene = jc.build_scene({"load_law": "closing_stroke", "start": "contact", **numbers})
     turns = run_turns(scene, quantities_of(scene), settle=5, turns=10, rtol=1e-7)
     assert turns.settled == 5 and turns.pieces == 10 and not turns.failure
     force = 1e-3 * turns.values["ground_force"][..., 1]
@@ -168,8 +170,8 @@ def test_a_run_stands_beside_ideal_joints():
     whole = jc.statistics(scene, 5, 10, rtol=1e-7).by_turn["shaking_rms"]
     moving = turns.values["ground_force"] + [0, 9.81 * 641]
     chunk = np.sqrt(np.mean(np.sum(moving**2, axis=-1), axis=1))
-    # 1024 instants of a turn with impacts; later turns diverge.
-    np.testing.assert_allclose(chunk[:1], whole[:1], rtol=0.02)
+    # 1024 instants of a turn with impacts leave 2e-4.
+    np.testing.assert_allclose(chunk, whole, rtol=1e-3)
 
 
 def test_a_run_of_ideal_joints_is_their_orbit():
