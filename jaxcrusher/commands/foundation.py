@@ -102,16 +102,16 @@ def run(options: Foundation, console: Console) -> int:
     speeds = np.linspace(low, high, options.points)
     with console.status("run-up"):
         curves = run_up(scene, speeds)
-    draw(scene, speeds, curves, folder / "run_up.png")
-    write_table(folder / "sheet.csv", [asdict(row) for row in rows])
     head = heading(found, options.crusher, turns)
-    picture = base64.b64encode((folder / "run_up.png").read_bytes()).decode()
-    write_text(folder / "sheet.html", page(scene, rows, head, picture))
+    write_table(folder / "sheet.csv", [asdict(row) for row in rows])
     write_json(
         folder / "sheet.json",
         provenance("Load sheet of a foundation", scene=values)
         | {"rows": [asdict(row) for row in rows], "speed": speeds, "about": head, **curves},
     )
+    draw(scene, speeds, curves, folder / "run_up.png")
+    picture = base64.b64encode((folder / "run_up.png").read_bytes()).decode()
+    write_text(folder / "sheet.html", page(scene, rows, head, picture))
     console.print(TITLE)
     for name, text in head.items():
         console.print(f"{name}: {text}")

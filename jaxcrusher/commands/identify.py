@@ -1,5 +1,6 @@
 """`python -m jaxcrusher identify`: numbers of a machine from its measured vibration."""
 
+import itertools
 from dataclasses import asdict
 from pathlib import Path
 
@@ -59,7 +60,6 @@ def run(options: Identify, console: Console) -> int:
                 f"Tells {one.gain:.1f} bits more: {one.quantity}, order {one.order}, at "
                 f"{one.speed:.4g} rad/s, known to {one.sigma:.2g} {quantities.unit(one.quantity)}"
             )
-    draw(found, units, folder / "identified.png")
     write_json(
         folder / "identified.json",
         provenance("Identified numbers", scene=machine.values)
@@ -71,6 +71,7 @@ def run(options: Identify, console: Console) -> int:
         | {"untold": [asdict(one) for one in found.untold], "remarks": found.remarks}
         | {"further": [asdict(one) for one in further]},
     )
+    draw(found, units, folder / "identified.png")
     console.print(listed(folder, FILES))
     return 0
 
@@ -81,8 +82,8 @@ def draw(found: Identified, units: dict[str, str], path: Path) -> None:
         dict.fromkeys(found.problem.quantities.observable(one.quantity) for one in found.measured)
     )
     names, tied = list(found.values), np.abs(found.correlations)
-    pairs = sorted(zip(*np.triu_indices(len(names), 1), strict=True), key=lambda pair: -tied[pair])
-    pairs = pairs[:ELLIPSES]
+    known = [i for i, name in enumerate(names) if found.known[name]]
+    pairs = sorted(itertools.combinations(known, 2), key=lambda pair: -tied[pair])[:ELLIPSES]
     rows = -(-(len(shown) + len(pairs)) // COLUMNS)
     size = {"figsize": (4.2 * COLUMNS, 3.4 * rows), "layout": "constrained"}
     fig, axes = plt.subplots(rows, COLUMNS, squeeze=False, **size)
@@ -129,7 +130,9 @@ def _draw_ellipse(
     """Draw where two numbers lie together with a chance of 95 %."""
     angle = np.linspace(0, 2 * np.pi, 181)
     circle = np.sqrt(chi2.ppf(0.95, 2)) * np.stack([np.cos(angle), np.sin(angle)])
-    around = np.linalg.cholesky(covariance) @ circle
+    along, vectors = np.linalg.eigh(covariance)
+    # Of numbers that cannot be told apart rounding may leave a variance below zero.
+    around = vectors * np.sqrt(np.maximum(along, 0.0)) @ circle
     places, labels = [], []
     for name, part in zip(names, around, strict=True):
         unit, size = shown_in(name, units)

@@ -81,10 +81,10 @@ def run(options: Orbit, console: Console) -> int:
     slopes = {metric: felt(of, float(orbit[metric]), values) for metric, of in slopes.items()}
     path = folder / "orbit.json"
     write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
-    draw(orbit, folder / "orbit.png")
     seen = history(orbit)
     for name in written[1:-1]:
         write_dataset(folder / name, seen)
+    draw(orbit, folder / "orbit.png")
     for line in summary(orbit):
         console.print(line)
     units, marked = (

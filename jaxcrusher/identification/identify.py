@@ -143,7 +143,8 @@ class Identified:
     """Numbers of a machine that measurements tell, and how surely.
 
     Arrays have the order of `values`. `residuals` are in sigmas; a harmonic with its phase has two.
-    The covariance is that of the linear model at the estimate, by the sigmas as given.
+    The covariance is that of the linear model at the estimate, by the sigmas as given. A number at
+    its limit has none: NaN, and those of the others hold with it there.
     """
 
     values: Mapping[str, float]  # SI units
@@ -152,7 +153,7 @@ class Identified:
     fitted: Sequence[complex]  # what the machine shows, A e^(i phi) of a harmonic
     residuals: Float[np.ndarray, " rows"]
     chi_square: float  # with that of priors
-    freedom: int  # residuals and priors less numbers
+    freedom: int  # residuals and priors less numbers that are not at their limits
     untold: Sequence[Untold]
     starts: Sequence[float]  # chi-squares that starts came to, the least first; infinite: no orbit
     remarks: Sequence[str]
@@ -162,6 +163,12 @@ class Identified:
     def standard_deviations(self) -> dict[str, float]:
         """Return the standard deviation of each number."""
         return dict(zip(self.values, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+
+    @property
+    def known(self) -> dict[str, bool]:
+        """Return whether each number has a standard deviation of less than 1000 times its size."""
+        sizes = self.problem.size
+        return {n: one < UNKNOWN * sizes[n] for n, one in self.standard_deviations.items()}
 
     @property
     def correlations(self) -> Float[np.ndarray, "n n"]:
@@ -223,11 +230,14 @@ class Identified:
         spread, names = self.standard_deviations, list(self.values)
         lines = []
         for name, value in self.values.items():
-            known = spread[name] < UNKNOWN * self.problem.size[name]
-            error = f"± {said(name, spread[name], '.2g')}" if known else "(its start: unknown)"
+            error = "(at its limit)" if np.isnan(spread[name]) else "(its start: unknown)"
+            if self.known[name]:
+                error = f"± {said(name, spread[name], '.2g')}"
             lines.append(f"{name}: {said(name, value, '.6g')} {error}")
+        tied = self.correlations
         for i, j in zip(*np.triu_indices(len(names), 1), strict=True):
-            lines.append(f"correlation {self.correlations[i, j]:.3f}: {names[i]}, {names[j]}")
+            if np.isfinite(tied[i, j]):
+                lines.append(f"correlation {tied[i, j]:.3f}: {names[i]}, {names[j]}")
         chance = f", larger by chance in {100 * self.chance:.2g} %" if self.freedom > 0 else ""
         lines.append(f"chi-square {self.chi_square:.4g} of {self.freedom} degrees{chance}")
         for one in self.untold:
@@ -333,14 +343,18 @@ def _answer(problem: _Problem, u: np.ndarray, starts: np.ndarray) -> Identified:
     size = np.array([*problem.size.values()])
     residuals, slopes = residual_rows(problem.measured, seen)
     mean, weight = problem.prior
-    strength, directions = _svd(np.concatenate([slopes, np.diag(weight)]))
+    inside = np.abs(problem.bounds - u).min(axis=0) > 2 * EDGE
+    # Directions in which all numbers move but those that their limits hold.
+    strength, among = _svd(np.concatenate([slopes, np.diag(weight)])[:, inside])
+    directions = among @ np.eye(len(u))[inside]
     # What nothing tells has a large deviation, and no infinite one.
-    half = size[:, None] * directions.T / np.maximum(strength, 1e-12 * max(strength[0], 1.0))
+    least = 1e-12 * strength.max(initial=1.0)
+    half = size[:, None] * directions.T / np.maximum(strength, least)
     chi_square = float(residuals @ residuals + np.sum((weight * (u - mean)) ** 2))
-    freedom = len(residuals) + int(np.count_nonzero(weight)) - len(u)
+    freedom = len(residuals) + int(np.count_nonzero(weight)) - int(inside.sum())
     return Identified(
         values=dict(zip(problem.size, (u * size).tolist(), strict=True)),
-        covariance=half @ half.T,
+        covariance=np.where(np.outer(inside, inside), half @ half.T, np.nan),
         measured=problem.measured,
         fitted=[complex(seen[m.speed][0].of(m.quantity, m.order)) for m in problem.measured],
         residuals=residuals,
@@ -349,7 +363,7 @@ def _answer(problem: _Problem, u: np.ndarray, starts: np.ndarray) -> Identified:
         untold=_untold(problem, slopes),
         starts=starts.tolist(),
         remarks=[
-            *_remarks(problem, u, seen, starts, float(chi2.sf(chi_square, max(freedom, 1)))),
+            *_remarks(problem, inside, seen, starts, float(chi2.sf(chi_square, max(freedom, 1)))),
             *_bends(problem, u, strength, directions, chi_square),
         ],
         problem=problem,
@@ -391,6 +405,11 @@ def _bends(
         if by > 1 / UNTOLD
         for side in (1, -1)
     ]
+    if not np.isfinite(grown).all():
+        return [
+            f"{AWAY:g} standard deviations away there is no such machine, or none with a periodic "
+            "orbit. Standard deviations are rough."
+        ]
     worst = max(grown, key=lambda one: abs(one - AWAY**2), default=AWAY**2)
     if abs(worst - AWAY**2) <= BENT:
         return []
@@ -402,7 +421,7 @@ def _bends(
 
 def _remarks(
     problem: _Problem,
-    u: np.ndarray,
+    inside: np.ndarray,
     seen: Mapping[float, tuple[Seen, Seen]],
     starts: np.ndarray,
     chance: float,
@@ -411,8 +430,7 @@ def _remarks(
     unstable = [f"{speed:.4g}" for speed, (one, _) in seen.items() if not one.stable]
     missing = int(np.isinf(starts).sum())
     other = starts[np.isfinite(starts) & (starts > starts[0] * (1 + ROUGH) + SAME)]
-    at_limit = np.abs(problem.bounds - u).min(axis=0) <= 2 * EDGE
-    limited = [name for name, there in zip(problem.size, at_limit, strict=True) if there]
+    limited = [name for name, free in zip(problem.size, inside, strict=True) if not free]
     least = other.min(initial=np.inf)
     said = {
         "The data scatter more than their sigmas say: these or the model are wrong.": (

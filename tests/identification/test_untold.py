@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from jaxcrusher.commands.identify import draw
 from jaxcrusher.identification.identify import identify
 from jaxcrusher.identification.measurements import Measurement
 from tests.identification import by_hand
@@ -46,6 +47,12 @@ def test_what_cannot_be_told_stays_near_its_start(found):
     product = found.values["shaft.mass"] * found.values["shaft.mass_centre_radius"]
     assert product == pytest.approx(95.0 * 0.006, rel=0.1)
     assert found.standard_deviations["jaw.inertia"] > 1e3
+
+
+def test_a_picture_of_what_cannot_be_told_is_drawn(found, tmp_path):
+    """Without the ellipse of two numbers, the covariance of which is singular."""
+    draw(found, {}, tmp_path / "identified.png")
+    assert (tmp_path / "identified.png").exists()
 
 
 def test_the_further_measurement_that_tells_most(found):
@@ -117,3 +124,35 @@ def test_refused(change, words):
         measured = asked.pop("measured", None)
         measured = [Measurement(**row)] if measured is None else measured
         identify(by_hand.CRUSHER, measured, **asked)
+
+
+def test_a_number_at_its_limit_has_no_error_and_the_others_hold_with_it_there():
+    """Its unbalance lies on the other side, which a radius cannot say: the best is none."""
+    opposite = {"shaft.mass_centre_radius": 0.002, "shaft.mass_centre_angle": np.radians(210.0)}
+    rows = []
+    for name in SHAKING:
+        value = by_hand.crusher(opposite, 30.0)[name][1]
+        rows.append(Measurement(30.0, name, 1, abs(value), 20.0, float(np.angle(value))))
+    begin = {"shaft.mass_centre_radius": 0.006, "jaw.mass": 520.0}
+    both = identify(by_hand.CRUSHER, rows, begin, starts=1)
+    held = {**by_hand.CRUSHER, "shaft.mass_centre_radius": 0.0}
+    alone = identify(held, rows, {"jaw.mass": 520.0}, starts=1)
+    assert np.isnan(both.standard_deviations["shaft.mass_centre_radius"])
+    # Fits end where their sums change by 1e-10.
+    for found in ("values", "standard_deviations"):
+        pair = (getattr(one, found)["jaw.mass"] for one in (both, alone))
+        np.testing.assert_allclose(*pair, rtol=1e-4)
+    assert both.freedom == alone.freedom == 3
+    text = str(both)
+    assert "mm (at its limit)" in text and "correlation" not in text and "not linear" not in text
+
+
+def test_errors_that_reach_past_a_limit_are_rough():
+    """A restitution that its prior alone tells is above one, two deviations away."""
+    rows = [Measurement(30.0, "ground_force_x", 1, 1e4, 1e9)]
+    how = {"priors": {"restitution": (0.9, 0.3)}, "starts": 1}
+    found = identify({"clearance": 6e-5}, rows, {"restitution": 0.9}, **how)
+    assert found.remarks == [
+        "2 standard deviations away there is no such machine, or none with a periodic orbit. "
+        "Standard deviations are rough."
+    ]
