@@ -367,13 +367,14 @@ def flattened(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 def _suggestion(name: str) -> str:
     """Near misses, or what there is."""
     head, _, tail = name.rpartition(".")
+    top = name.partition(".")[0]
     known = dict.fromkeys([*(key for key in _keys() if "." not in key), *_tables()])
-    if head not in ("", *_tables()):  # a table's name is wrong
-        tables = get_close_matches(head, _tables(), n=1)
-        near = [f"[{table}]" for table in tables]
+    if head and top not in _tables():
+        near = [f"[{table}]" for table in get_close_matches(top, _tables(), n=1)]
         return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(known)}."
     inside = [key for key in _keys() if head and key.startswith(f"{head}.")]
     elsewhere = [key for key in _keys() if key.rpartition(".")[2] == tail]
+    elsewhere = [key for key in elsewhere if key.partition(".")[0] == top] or elsewhere
     if inside:
         short = {key.rpartition(".")[2]: key for key in inside}
         near = [short[each] for each in get_close_matches(tail, short, n=1)] or elsewhere

@@ -319,6 +319,20 @@ def test_what_overrides_a_linkage_lets_it_close():
         described(EXAMPLES / "four_bar.toml", [("joints.A.pin.x", "500 mm")])
 
 
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("joints.B.clearanc", "joints.B.clearance"),
+        ("joints.A.clearance", "joints.B.clearance"),  # A is not loose
+        ("joints.Q.clearance", "joints.B.clearance"),
+        ("bodies.crank.mas", "bodies.crank.mass"),
+    ],
+)
+def test_a_misspelt_number_is_told_from_those_of_its_table(name, meant):
+    with pytest.raises(ValueError, match=f"`{name}` must be .* did you mean {meant}\\?$"):
+        described(EXAMPLES / "four_bar.toml", [(name, "1 mm")])
+
+
 @pytest.mark.slow
 def test_an_orbit_of_impacts():
     """The four-bar's loose pin is thrown off more than once a turn, and the motion repeats."""
