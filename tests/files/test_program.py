@@ -2,7 +2,7 @@
 
 import pytest
 
-from jaxcrusher.files.program import program
+from jaxcrusher.files.program import keeping, program
 
 
 @pytest.mark.parametrize(
@@ -32,6 +32,17 @@ def test_an_error_is_one_line_and_a_status(raised, status, told, monkeypatch, ca
         program(main, prepare=None)
     said = capsys.readouterr().err
     assert end.value.code == status and said.startswith(told) and said.count("\n") == bool(told)
+
+
+def test_an_interrupted_program_names_what_is_finished(tmp_path):
+    for name in ("sweep.csv", "settings.json", "motion.nc.partial"):
+        (tmp_path / name).write_text("")
+    with pytest.raises(KeyboardInterrupt, match=rf"is in {tmp_path}/: sweep.csv$"):
+        with keeping(tmp_path):
+            raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt, match=r"^nothing was written$"):
+        with keeping(tmp_path / "none"):
+            raise KeyboardInterrupt
 
 
 def test_an_error_that_nobody_foresaw_shows_where_it_is_from(monkeypatch):

@@ -84,6 +84,7 @@ def test_capacity_in_tonnes():
         ((), None, "`scenes` must name at least one file"),
         (("a/x.toml", "b/x.toml"), None, "`scenes` must have names of their own"),
         (("a/x.toml",), "1.6", "`bulk_density` must be a quoted quantity"),
+        (("a/x.toml",), "0 t/m3", "`bulk_density` must be > 0"),
     ],
 )
 def test_bad_requests(tmp_path, names, density, told):

@@ -320,6 +320,8 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         ("regimes --design speed=3rad/s,speed=4rad/s", "`design` must name a key once"),
         ("regimes --design speed=30rad/s --design clearance=3e-5m", "`design` must name speed"),
         ("regimes --set joint ideal", "`joint` must have clearance"),
+        ("identify --free jaw.mass", "`measured` must name a file"),
+        ("identify --measured m.csv", "`free` must name numbers to be found"),
         ("gradient speed", "`metric` must be one of 'foundation_rms'"),
         ("gradient --by start", "`start` must be a number's key"),
         ("simulate --set clearance 100mm", "`clearance` must be one of a crusher"),
