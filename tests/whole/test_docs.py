@@ -71,6 +71,7 @@ def test_every_module_is_documented(documented):
         "docs/gradients.md",
         "docs/lanes.md",
         "docs/orbits.md",
+        "docs/periodic.md",
         "docs/design_search.md",
         "docs/own_parts.md",
         "docs/foundation.md",
