@@ -168,16 +168,3 @@ def zero_one_test(
         oscillation = x.mean() ** 2 * (1 - np.cos(lags * c)) / (1 - np.cos(c))
         values.append(np.corrcoef(lags, square - oscillation)[0, 1])
     return float(np.median(values))
-
-
-def power_spectrum(
-    series: Float[ArrayLike, " n"], interval: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (Hz) and one-sided power density (unit^2 / Hz), with a Hann window.
-
-    `interval` is the time between samples (s). The density's integral is the variance.
-    """
-    # Half a second that `import jaxcrusher` shall not take.
-    from scipy.signal import periodogram
-
-    return periodogram(np.asarray(series, dtype=float), 1 / interval, "hann")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, ArrayLike, Complex, Float, Scalar
+from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.basics.checks import (
     require,
@@ -118,18 +118,6 @@ class OrbitBranch:
     events: tuple[Event, ...]
     ended: str  # says why the branch ends
     branches: tuple[Branch, ...] = field(repr=False)
-
-    def eigenvectors(
-        self, point: int
-    ) -> tuple[Complex[np.ndarray, " n"], Complex[np.ndarray, "n n"]]:
-        """Return the multipliers of a point, and the disturbances (columns) that they multiply.
-
-        By nodes these are of e / c and its derivative by the phase, by shooting of the
-        section point.
-        """
-        points = [one for branch in self.branches for one in branch.points]
-        values, vectors = np.linalg.eig(points[point].monodromy)
-        return values.astype(complex), vectors.astype(complex)
 
 
 def orbit_branch(

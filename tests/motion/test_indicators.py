@@ -11,7 +11,6 @@ from jaxcrusher.motion.indicators import (
     Lyapunov,
     detect_period,
     lyapunov_spectrum,
-    power_spectrum,
     spread_trend,
     verdict,
     zero_one_test,
@@ -66,19 +65,6 @@ def test_lorenz():
     assert found.exponents[2] == pytest.approx(-14.57, rel=0.05)
     # The divergence is constant: -13.6667.
     assert found.exponents.sum() == pytest.approx(-41 / 3, rel=1e-5)
-
-
-def test_power_spectrum():
-    time = 1e-3 * np.arange(4096)
-    series = 3 + 2 * np.sin(2 * np.pi * 50 * time)
-    frequency, density = power_spectrum(series, 1e-3)
-    assert abs(frequency[np.argmax(density)] - 50) <= frequency[1]
-    # Parseval, up to what the window makes of an uneven number of periods.
-    assert np.sum(density) * frequency[1] == pytest.approx(2, rel=1e-2)
-    # The fastest that samples can tell has one line where others have two: its power is 1 as well.
-    frequency, density = power_spectrum(np.tile([1.0, -1.0], 32), 0.5)
-    assert np.sum(density) * frequency[1] == pytest.approx(1, rel=1e-12)
-    assert np.argmax(density) == 32 and frequency[32] == 1.0
 
 
 def test_zero_one_of_a_rotation():

@@ -57,26 +57,6 @@ def test_a_fold_over_two_parameters(folded):
     np.testing.assert_allclose(near, speed, atol=1e-4)
 
 
-@pytest.mark.slow
-def test_eigenvectors(folded):
-    """They belong to the multipliers; a disturbance along one is seen to grow by it."""
-    values, vectors = folded.eigenvectors(0)
-    found = folded.table.multiplier_real.values[0] + 1j * folded.table.multiplier_imag.values[0]
-    np.testing.assert_allclose(np.sort_complex(values), np.sort_complex(found), atol=1e-9)
-    orbit, i = folded.orbits[0], int(np.argmax(np.abs(values)))
-    size = 1e-5
-    # By the phase in clearances; a section point's rates are in m/s.
-    unit = np.array([1, 1, *[float(orbit.scene.drive.speed * orbit.scene.joint.clearance)] * 2])
-    shift = size * unit * np.real(vectors[:, i])
-    ends = [
-        np.asarray(jc.poincare_section(orbit.scene, 0, 1, state=state, rtol=1e-11).states[0])
-        for state in (orbit.section, orbit.section + shift)
-    ]
-    grown = (ends[1] - ends[0]) / unit / size
-    # A disturbance of 1e-5 leaves as much of the curvature, which impacts make some 100.
-    np.testing.assert_allclose(grown, np.real(values[i] * vectors[:, i]), atol=2e-3)
-
-
 def closing(speed, clearance):
     """Loaded on the closing stroke: the load jumps, so that its orbits are shot for."""
     described = {"speed": speed, "clearance": clearance, "load_law": "closing_stroke"}
