@@ -46,11 +46,15 @@ Statistics = dict[str, Statistic]
 
 
 def _winding(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
-    """Revolutions of the pin round the bore over those of the shaft."""
+    """Revolutions of the pin round the bore over those of the shaft, as long as they touch.
+
+    In flight past the bore's centre the angle jumps, and no step of the integration sees that.
+    """
     contact = s.contacts[joint]
     if contact is None:
         return jnp.zeros_like(scene.drive.speed)
-    return contact.orbit_speed / scene.drive.speed
+    touching = jnp.where(contact.penetration > 0, contact.orbit_speed, 0.0)
+    return touching / scene.drive.speed
 
 
 def _sliding_power(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
@@ -90,7 +94,7 @@ def always_at(joint: str, prefix: str, place: str, seen: Mapping[str, Observable
             ("contact_fraction", "1", "share of time in contact", depth, _CONTACT),
             ("penetration_ratio", "1", "largest penetration / clearance", depth, LARGEST),
             ("impact_speed", "m/s", "fastest approach of pin and bore", rate, LARGEST),
-            ("winding", "1", "revolutions of pin round bore per turn", winding, PowerMean()),
+            ("winding", "1", "revolutions round the bore a turn, in contact", winding, PowerMean()),
         )
     }
 
