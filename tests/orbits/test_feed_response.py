@@ -10,7 +10,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher.loads import RoughFeed
 from jaxcrusher.orbits import feed_response, forced
-from jaxcrusher.orbits.feed_response import RESPONSE_NODES, _Crossing
+from jaxcrusher.orbits.feed_response import RESPONSE_NODES, FeedResponse, _Crossing
 from jaxcrusher.periodic.collocation import collocate
 from jaxcrusher.periodic.trigonometric import resample
 
@@ -32,6 +32,16 @@ def linear(orbit):
     """The modes of the orbit, and the slope of the force by (x, x', w)."""
     about = feed_response.linearised(orbit)
     return about.modes, about.force.slope
+
+
+@pytest.mark.parametrize(
+    ("losses", "chance"), [(0.0, 0.0), (1e-9, 1e-9), (0.1, 1 - np.exp(-0.1)), (30.0, 1.0)]
+)
+def test_the_chance_of_losses_that_come_independently(losses, chance):
+    """That of none is exp(-losses), by Poisson's distribution."""
+    none, nodes = jnp.zeros(()), jnp.zeros(0)
+    seen = FeedResponse(nodes, jnp.zeros((0, 2)), nodes, none, none, jnp.asarray(losses), none)
+    assert float(seen.chance) == pytest.approx(chance, rel=1e-8)
 
 
 def with_feed(scene, scatter, orders, phases):
@@ -155,5 +165,9 @@ def test_refusals(orbit):
         jc.feed_response(plain)
     with pytest.raises(ValueError, match="must be of a scene with a clearance joint"):
         jc.feed_response(jc.periodic_orbit(jc.build_scene({"joint": "ideal", "load_scatter": 0.1})))
+    feed = dataclasses.replace(orbit.scene.load, bandwidth=jnp.asarray(41.0))
+    wide = dataclasses.replace(orbit.scene, load=feed)
+    with pytest.raises(ValueError, match="must be of a load_bandwidth of 40 at most, but is 41"):
+        jc.feed_response(dataclasses.replace(orbit, scene=wide))
     unstable = dataclasses.replace(orbit, multipliers=1.1 + 0 * orbit.multipliers)
     assert np.isnan(float(jc.feed_response(unstable).rms))

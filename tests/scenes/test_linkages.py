@@ -179,6 +179,10 @@ REFUSED = {
         {"bodies": {"rod": {"mass": 0.2, "inertia": 2e-4, "colour": 1.0}}},
         "bodies.rod.colour` must be a known name",
     ),
+    "a pair of three": (
+        {"bodies": {"rod": {"mass": 0.2, "inertia": 2e-4, "mass_centre": [0.1, 0.0, 0.0]}}},
+        "bodies.rod.mass_centre` must be a pair [x, y] in m, but is [0.1, 0.0, 0.0]",
+    ),
     "a radius in vain": (
         {"joints": {"B": {"bore": ["rod", 0.12, 0], "pin": ["slider", 0, 0], "bore_radius": 0.01}}},
         "joints.B.bore_radius` must come with what it belongs to",

@@ -1,6 +1,7 @@
 """What the bearings stand, from the command line to its file."""
 
 import csv
+import re
 
 import pytest
 from rich.console import Console
@@ -26,7 +27,17 @@ def test_two_clearances_side_by_side(tmp_path):
     tight, wide = rows["clearance 0.06 mm", "main"], rows["clearance 0.35 mm", "main"]
     assert float(wide["impact_speed [m/s]"]) > float(tight["impact_speed [m/s]"]) > 0
     assert rows["clearance 0.35 mm", "shaft_bearing"]["impacts"] == ""
-    text = " ".join(console.export_text().split())
+    lines = console.export_text().splitlines()
+    for said, column, factor in (
+        ("peak load, kN", "peak_load [N]", 1e-3),
+        ("fastest impact, m/s", "impact_speed [m/s]", 1.0),
+    ):
+        row = next(line for line in lines if line.strip().startswith(said))
+        printed = [float(one) for one in re.findall(r"(\S+) ±", row)]
+        # Four digits of each.
+        kept = [factor * float(of[column]) for of in (tight, wide)]
+        assert printed == pytest.approx(kept, rel=1e-3)
+    text = " ".join(" ".join(lines).split())
     for said in (
         *("life L10 of one bearing by ISO 281, h", "bearing O", "RMS of the shaking force"),
         *("a play of 120 um in a bore of 120 mm is normal", "a play of 700 um"),
