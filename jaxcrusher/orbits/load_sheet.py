@@ -299,7 +299,7 @@ def _modes(scene: AbstractScene, modes: xr.Dataset, rows: Sequence[Row], site: S
             times = frequency / (order * running)
             if low <= times <= high:
                 remark += f"; resonance: {times:.2f} times order {order:g}"
-                remark += f" ({size / most:.0%} of the largest harmonic)"
+                remark += f" ({size / most:.1%} of the largest harmonic)"
         found.append(Row(part, f"undamped frequency of {mode}", "", frequency, "Hz", remark=remark))
     # Dampers couple the modes: what moves freely is no single mode, and need not vibrate.
     for i, (decay, damped) in enumerate(zip(modes.decay, modes.damped_frequency, strict=True)):
