@@ -60,6 +60,15 @@ class Twisted(RollerBearing):
         return dataclasses.replace(touch, journal_moment=2 * touch.journal_moment)
 
 
+class Cornered(RollerBearing):
+    """A bearing whose loss is a number and has no slope."""
+
+    def contact(self, eccentricity, rate, bearing_spin, journal_spin, memory):
+        touch = super().contact(eccentricity, rate, bearing_spin, journal_spin, memory)
+        nothing = jnp.sqrt(eccentricity.x - eccentricity.x)
+        return dataclasses.replace(touch, normal_loss=touch.normal_loss + nothing)
+
+
 def rollers(kind):
     made = jc.build_scene({"contact_law": "rollers"}).joint
     return kind(**{field.name: getattr(made, field.name) for field in dataclasses.fields(made)})
@@ -111,6 +120,7 @@ def test_bearings_of_the_package_pass(law):
         (lambda: normal(Pulling), "must take power by its damping"),
         (lambda: Sorted(), "must run in lanes"),
         (lambda: rollers(Twisted), "must (balance in moment|lose what its forces take)"),
+        (lambda: rollers(Cornered), "must have finite slopes"),
         (lambda: 3, "must be an instance of"),
         (lambda: Coulomb, "but is the class Coulomb: give it its numbers"),
     ],
