@@ -148,10 +148,11 @@ def test_a_number_at_its_limit_has_no_error_and_the_others_hold_with_it_there():
 
 
 def test_errors_that_reach_past_a_limit_are_rough():
-    """A restitution that its prior alone tells is above one, two deviations away."""
+    """An angle that its prior alone tells is beyond a turn, two deviations away."""
     rows = [Measurement(30.0, "ground_force_x", 1, 1e4, 1e9)]
-    how = {"priors": {"restitution": (0.9, 0.3)}, "starts": 1}
-    found = identify({"clearance": 6e-5}, rows, {"restitution": 0.9}, **how)
+    priors = {"shaft.mass_centre_angle": (6.0, 0.3)}
+    begin = {"shaft.mass_centre_angle": 6.0}
+    found = identify(by_hand.CRUSHER, rows, begin, priors=priors, starts=1)
     assert found.remarks == [
         "2 standard deviations away there is no such machine, or none with a periodic orbit. "
         "Standard deviations are rough."

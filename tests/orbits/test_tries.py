@@ -28,10 +28,8 @@ def rms(speed, clearance):
     return jc.periodic_orbit(jc.paper_scene(speed, clearance, slip="surface")).foundation_rms
 
 
-@pytest.mark.parametrize(
-    ("speed", "clearance", "waited"),
-    [TONGUES[0], pytest.param(*TONGUES[1], marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("speed", "clearance", "waited"), TONGUES)
 def test_a_damping_is_lowered_where_rest_is_too_far(speed, clearance, waited):
     orbit = jc.periodic_orbit(jc.paper_scene(speed, clearance, slip="surface"))
     assert orbit.stable and orbit.found == "from the pins at rest, by a damping lowered to none"
