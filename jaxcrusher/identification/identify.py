@@ -227,11 +227,11 @@ class Identified:
             unit, size = shown_in(name, units or {})
             return f"{value / size:{digits}} {unit}".rstrip()
 
-        spread, names = self.standard_deviations, list(self.values)
+        spread, names, known = self.standard_deviations, list(self.values), self.known
         lines = []
         for name, value in self.values.items():
             error = "(at its limit)" if np.isnan(spread[name]) else "(its start: unknown)"
-            if self.known[name]:
+            if known[name]:
                 error = f"± {said(name, spread[name], '.2g')}"
             lines.append(f"{name}: {said(name, value, '.6g')} {error}")
         tied = self.correlations

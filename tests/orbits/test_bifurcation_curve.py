@@ -26,16 +26,12 @@ def over_speed(clearance):
     return eqx.Partial(scene, clearance=jnp.asarray(clearance))
 
 
-@pytest.fixture(scope="module")
-def folded():
-    """A branch over its fold, with few nodes: those of 192 lie 5e-5 rad/s off."""
-    return jc.orbit_branch(over_speed(0.1e-3), 37.3, BOUNDS[0], scale=1.0, nodes=96, points=25)
-
-
 @pytest.mark.slow
-def test_a_fold_over_two_parameters(folded):
+def test_a_fold_over_two_parameters():
     """A point of the curve is the fold of a branch over the speed at its own clearance."""
-    (fold,) = folded.events
+    # With few nodes: those of 192 lie 5e-5 rad/s off.
+    few = {"scale": 1.0, "nodes": 96, "points": 25}
+    (fold,) = jc.orbit_branch(over_speed(0.1e-3), 37.3, BOUNDS[0], **few).events
     assert fold.kind == "fold"
     # The error across the branch is small where that at one speed is without bounds.
     orbit = fold.orbit()
@@ -48,10 +44,8 @@ def test_a_fold_over_two_parameters(folded):
     np.testing.assert_allclose(np.abs(values - 1).min(axis=1), 0.0, atol=1e-6)
     last = table.isel(point=-1)
     speed, clearance = float(last.parameter), float(last.second)
-    again = jc.orbit_branch(
-        over_speed(clearance), speed - 0.02, BOUNDS[0], scale=1.0, nodes=96, points=25,
-        guess=np.asarray(curve.orbits[-1].eccentricity),
-    )  # fmt: skip
+    guess = np.asarray(curve.orbits[-1].eccentricity)
+    again = jc.orbit_branch(over_speed(clearance), speed - 0.02, BOUNDS[0], guess=guess, **few)
     near = min((one.parameter for one in again.events), key=lambda one: abs(one - speed))
     # One by the multipliers, the other by the nodes: 96 of them leave 5e-5 between both.
     np.testing.assert_allclose(near, speed, atol=1e-4)
