@@ -47,6 +47,7 @@ jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE
 # so that all passes ran 25 times over. The fourth checks XLA's own work. XLA reads the flag as JAX
 # starts. Notebooks and subprocesses run as users have them.
 jc.set_up()
+atexit.register(gc.freeze)  # at the end nobody looks for garbage among all that was traced
 FLAGS = os.environ["XLA_FLAGS"]
 PASSES = (
     "while-loop-invariant-code-motion",

@@ -6,6 +6,9 @@ from scipy.integrate import solve_ivp
 from benchmarks.peers.any_linkage import AnyLinkage
 from benchmarks.peers.motion import Motion
 
+# Instants that one call of SciPy comes to: it keeps all its steps, which may be millions.
+TOGETHER = 500
+
 
 def integrate(
     motion: Motion | AnyLinkage,
@@ -31,16 +34,17 @@ def integrate(
     times = np.asarray(times)
     states, now, y, reported = [], 0.0, motion.start, 0
     while reported < len(times):
+        until = times[min(reported + TOGETHER, len(times)) - 1]
         solution = solve_ivp(
             motion.field,
-            (now, times[-1]),
+            (now, until),
             y,
             method,
             dense_output=True,
             rtol=rtol,
             atol=rtol * 1e-2,
             events=events,
-            first_step=min(1e-7, times[-1] - now),
+            first_step=min(1e-7, until - now),
             max_step=2e-4,
         )
         if solution.status < 0:

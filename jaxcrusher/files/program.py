@@ -4,8 +4,10 @@ Nothing here imports JAX, and what a program needs it imports after its options 
 and a mistyped option are answered at once.
 """
 
+import atexit
 import contextlib
 import functools
+import gc
 import io
 import os
 import re
@@ -37,6 +39,8 @@ def program(
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
+    # To look for garbage among all that was traced takes a second at the end of the process.
+    atexit.register(gc.freeze)
     # Figures go to files.
     os.environ["MPLBACKEND"] = "Agg"
     # Commands tell what is unusual of the crusher that they are given, in a line of their own.

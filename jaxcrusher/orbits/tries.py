@@ -69,8 +69,8 @@ SURELY_CLOSED = 1e-7
 # An error of multipliers above which they are computed again, in up to so many steps a period. In
 # the paper's box the error is at most 2.4e-7.
 UNSURE, MOST_STEPS = 1e-6, FASTER**2 * STEPS
-# Turns of a wait that cost as much as shooting for a period of one turn.
-SHOT = 300
+# Turns of a wait that cost as much as shooting for a period of one turn, and as its tangents alone.
+SHOT, TANGENTS = 300, 100
 
 # Tells each try as it begins, for a program that shows how far it is.
 _LOG = logging.getLogger(__name__)
@@ -127,7 +127,7 @@ class OrbitSearch(NamedTuple):
             if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
                 orbit = with_statistics(self.still, found, factors, turns)
             enough = count >= most or not self._wants_nodes(orbit)
-            if enough and (not bool(orbit.success) or _is_closed(orbit, found.closure)):
+            if enough and (not bool(orbit.success) or self._is_closed(orbit, found.closure)):
                 break
             if count >= most:
                 orbit = dataclasses.replace(orbit, result=RESULTS.not_closed)
@@ -147,15 +147,36 @@ class OrbitSearch(NamedTuple):
         return inexact or (_is_unresolved(orbit) and not self.spent.bounds.bounded)
 
     def with_multipliers(self, found: Try, nodes: Nodes) -> Try:
-        """Return an orbit with multipliers by the integrator, if steps leave them unsure."""
+        """Return an orbit with multipliers by the integrator, if steps leave them unsure.
+
+        Where that is beyond the effort they stay as they are, with their error.
+        """
         orbit = found.orbit
         known = not bool(orbit.success) or bool(nodes.multipliers.error <= UNSURE)
         # Stiff springs of a frame would take the integrator minutes.
         framed = self.still.supports is not None
         if known or framed or not can_be_shot(self.still, orbit.section):
             return found
+        turns = TANGENTS * orbit.period
+        if not self.spent.steps:
+            self._comes_back(orbit)
+        if not self.spent.affords(turns):
+            return found
+        self.spent.spend(turns)
         values, error = integrated_multipliers(self.still, orbit.section, orbit.period)
         return found.replaced(multipliers=values, multipliers_error=error)
+
+    def _is_closed(self, orbit: PeriodicOrbit, closure: Scalar) -> bool:
+        """Whether a motion that begins on the orbit comes back, by estimate or integrated."""
+        return float(closure) <= SURELY_CLOSED or self._comes_back(orbit)
+
+    def _comes_back(self, orbit: PeriodicOrbit) -> bool:
+        """Whether a motion that begins on the orbit comes back, by the integrator."""
+        state, turns = orbit.section, orbit.period
+        end = poincare_section(orbit.scene, 0, turns, state=state, rtol=ORBIT_RTOL)
+        self.spent.integrated(end.outcome, turns)
+        apart = np.max(np.abs(np.asarray(end.states)[-1] - np.asarray(state)))
+        return bool(end.success) and bool(apart < COMES_BACK)
 
     def can_shoot(self, start: Array, turns: int) -> bool:
         """Tell whether the integrator may solve from a section point, within the effort."""
@@ -378,13 +399,3 @@ def _is_unresolved(orbit: PeriodicOrbit) -> bool:
 def _is_stiff(orbit: PeriodicOrbit) -> bool:
     """Whether springs swing too fast for multipliers to be known; a wait takes minutes."""
     return bool(orbit.success) and not bool(orbit.multipliers_error < 1)
-
-
-def _is_closed(orbit: PeriodicOrbit, closure: Scalar) -> bool:
-    """Whether a motion that begins on the orbit comes back, by estimate or by the integrator."""
-    if float(closure) <= SURELY_CLOSED:
-        return True
-    state = orbit.section
-    end = poincare_section(orbit.scene, 0, orbit.period, state=state, rtol=ORBIT_RTOL)
-    apart = np.max(np.abs(np.asarray(end.states)[-1] - np.asarray(state)))
-    return bool(end.success) and bool(apart < COMES_BACK)

@@ -51,7 +51,11 @@ def test_a_wait_is_told_of_and_ends_where_that_is_asked():
     waits = waits_of([0.06e-3], tell, speed=30.0)
     with pytest.raises(InterruptedError):
         waits.go_on(np.arange(1), 100 * TURNS)
-    assert told == [0, 1, 2] and waits.last(0).states.shape == (3 * TURNS // 2, 4)
+    states = waits.last(0).states
+    assert told == [0, 1, 2] and states.shape == (3 * TURNS // 2, 4)
+    (mean,), (spread,) = waits.means(np.arange(1), 2)
+    np.testing.assert_array_equal(mean, states[1::2].mean(axis=0))
+    np.testing.assert_array_equal(spread, states[1::2].std(axis=0))
     assert waits.names(np.arange(1)) == ["period 1"]
 
 

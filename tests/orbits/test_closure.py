@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.solving import solved, with_statistics
-from jaxcrusher.orbits.tries import COMES_BACK, SURELY_CLOSED, _is_closed
+from jaxcrusher.orbits.tries import COMES_BACK, SURELY_CLOSED, OrbitSearch
 
 LOOSE_ELBOW = {"load_law": "normal_to_jaw", "elbow.clearance": 3e-5, "clearance": 1.2e-4}
 
@@ -48,6 +49,9 @@ def test_an_orbit_that_does_not_close_is_none():
 def test_the_integrator_decides_where_the_estimate_does_not(estimate):
     orbit = jc.periodic_orbit(jc.paper_scene(30.0, 0.06e-3), nodes=96)
     beside = dataclasses.replace(orbit, section=orbit.section + 3 * COMES_BACK)
-    assert _is_closed(orbit, jnp.asarray(estimate))
-    assert not _is_closed(beside, jnp.asarray(estimate))
-    assert _is_closed(beside, jnp.asarray(SURELY_CLOSED / 2))  # is not integrated
+    search = OrbitSearch(orbit.scene, orbit.scene, None, None, None, Spent("usual"))
+    assert search._is_closed(orbit, jnp.asarray(estimate))
+    assert not search._is_closed(beside, jnp.asarray(estimate))
+    taken = search.spent.steps
+    assert search._is_closed(beside, jnp.asarray(SURELY_CLOSED / 2))
+    assert search.spent.steps == taken > 0  # it is not integrated

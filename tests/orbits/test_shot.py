@@ -41,10 +41,16 @@ def waited():
 def test_what_is_seen_along_an_orbit_has_second_derivatives(monkeypatch):
     """Of x = p cos x, a turn of which leads to p cos x and shows p x^2."""
 
+    def step(x, p):
+        return p * jnp.cos(x), p * jnp.sum(x**2)
+
+    def turned(p, x, rtol, outputs):
+        end, value = step(x, p)
+        return end, {"m": value[None]}
+
     def sloped_turn(build, point, x, rtol, outputs):
         def turn(x, point):
-            p = build(point)
-            return p * jnp.cos(x), p * jnp.sum(x**2)
+            return step(x, build(point))
 
         (jacobian, forcing), (by_state, by_parameter) = jax.jacfwd(turn, (0, 1))(x, point)
         end, value = turn(x, point)
@@ -64,8 +70,8 @@ def test_what_is_seen_along_an_orbit_has_second_derivatives(monkeypatch):
         return p * x**2
 
     monkeypatch.setattr(section_map, "sloped_turn", sloped_turn)
-    monkeypatch.setattr(section_map, "passed", lambda *_: (jnp.zeros(1), {"m": jnp.zeros(1)}))
-    for of in (jax.grad, jax.hessian):
+    monkeypatch.setattr(section_map, "passed", turned)
+    for of in (lambda function: function, jax.grad, jax.hessian):
         # Rounding, and what the contraction leaves.
         np.testing.assert_allclose(of(seen)(0.8), of(expected)(0.8), rtol=1e-12)
 

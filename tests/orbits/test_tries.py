@@ -15,8 +15,9 @@ from jaxcrusher.orbits import forced, transient, tries
 from jaxcrusher.orbits.effort import EFFORTS, Spent
 from jaxcrusher.orbits.result import RESULTS, WAYS, missing
 from jaxcrusher.orbits.solving import solved
-from jaxcrusher.orbits.transient import Round, Wait
+from jaxcrusher.orbits.transient import Round, Wait, resting_start
 from jaxcrusher.orbits.tries import MOST_STEPS, UNSURE, OrbitSearch, Try, searched
+from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import multipliers
 
 # Near a harmonic of the drive Newton's method fails from rest. RMS of 20 turns after 3000 from the
@@ -225,6 +226,31 @@ def test_turns_of_more_steps_than_the_effort_has_are_not_waited_for():
     assert not list(wait.rounds()) and wait.spent.turns == 0
     assert wait.regime(RESULTS.not_closed) == RESULTS.too_long
     assert wait.spent.steps <= 201
+
+
+@pytest.mark.usefixtures("unchecked")  # an error alone in place of what Newton's method found
+@pytest.mark.parametrize(("steps", "integrated"), [(1e6, True), (1e4, False)])
+def test_tangents_beyond_the_effort_are_not_integrated(monkeypatch, steps, integrated):
+    """The first turn of the paper's crusher takes 1279 steps, tangents a hundred times as many."""
+    scene, asked = jc.paper_scene(27.0, 0.05e-3), []
+    success = RESULTS.promote(newton.RESULTS.successful)
+    at_rest = dataclasses.replace(
+        missing(scene, 1, RESULTS.unresolved), result=success, section=resting_start(scene)[0]
+    )
+
+    def tangents(*_):
+        asked.append(1)
+        return jnp.zeros(4), jnp.array(0.0)
+
+    monkeypatch.setattr(tries, "integrated_multipliers", tangents)
+    Unsure = dataclasses.make_dataclass("Unsure", ["multipliers"])
+    Error = dataclasses.make_dataclass("Error", ["error"])
+    search = OrbitSearch(scene, scene, None, None, None, Spent("usual"))
+    search.spent.bounds = search.spent.bounds._replace(steps=steps)
+    found = search.with_multipliers(Try(at_rest, at_rest), Unsure(Error(jnp.array(2 * UNSURE))))
+    assert bool(asked) == integrated == (found.orbit.multipliers_error == 0)
+    turns = 101 if integrated else 1
+    assert 600 * turns < search.spent.steps < 2000 * turns
 
 
 def test_an_interrupted_search_says_what_it_knows(monkeypatch):
