@@ -50,11 +50,11 @@ def name_of(meaning: str) -> str:
 
 
 def quantity(value: float, unit: str) -> str:
-    """Return a number with four digits and its unit: newtons as kN, joules as MJ, lengths as mm."""
+    """Return a number with four digits and its unit, if any: N as kN, J as MJ, m as mm."""
     if unit == "m":
         return f"{1e3 * value:.4g} mm"
     factor, prefix = prefixed(abs(value), unit)
-    return f"{value / factor:.4g} {prefix}"
+    return f"{value / factor:.4g} {prefix}".removesuffix(" 1")
 
 
 def prefixed(most: float, unit: str) -> tuple[float, str]:

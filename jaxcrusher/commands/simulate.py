@@ -1,6 +1,7 @@
 """`python -m jaxcrusher simulate`: one crusher's motion, as a file and a picture."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -202,14 +203,21 @@ def closing(
     motion: Trajectory, summary: Statistics | None, settle: int, values: dict[str, Any]
 ) -> str:
     """RMS of both forces, peak, contact, whirl and what is outside the model, on one line."""
-    ideal = values["joint"] == "ideal" and not loose_besides(values)
+    loose = [*(["main"] if values["joint"] != "ideal" else []), *loose_besides(values)]
+
+    def contact(share: Callable[[str], Any]) -> list[str]:
+        """Say the share of time in contact of each loose joint; `share` is by its prefix."""
+        of = {"" if joint == "main" else f"{joint} ": before(joint) for joint in loose}
+        return [f"{joint}contact share {float(share(at)):.3f}" for joint, at in of.items()]
+
     if summary is None:
         rms = float(np.sqrt(np.mean(motion.foundation_force**2)))
         shaking = float(np.sqrt(np.mean(np.sum(motion.shaking_force**2, axis=1))))
-        contact = "" if ideal else f", contact share {float(motion.contact_fraction):.3f}"
+        seen = contact(lambda at: np.mean(motion[f"{at}penetration_ratio"] > 0))
+        parts = [f"RMS force on the foundation {rms:.0f} N", f"RMS shaking force {shaking:.0f} N"]
         return (
-            f"RMS force on the foundation {rms:.0f} N, RMS shaking force {shaking:.0f} N{contact}, "
-            "over the samples (no whole turn after settling: no verdict on whirl and contact model)"
+            f"{', '.join([*parts, *seen])}, over the samples (no whole turn after settling: no "
+            "verdict on whirl and contact model)"
         )
     scatter = _plus_minus(summary, "foundation_rms")
     peak, peaks = float(summary.foundation_peak), summary.by_turn["foundation_peak"]
@@ -220,10 +228,8 @@ def closing(
         f"peak {peak:.0f} N{median}",
         f"RMS shaking force {float(summary.shaking_rms):.0f} N",
     ]
-    if not ideal:
-        for joint in (*(["main"] if values["joint"] != "ideal" else []), *loose_besides(values)):
-            share = float(summary[f"{before(joint)}contact_fraction"])
-            parts.append(f"{'' if joint == 'main' else f'{joint} '}contact share {share:.3f}")
+    if loose:
+        parts += contact(lambda at: summary[f"{at}contact_fraction"])
         parts.append("FRICTION WHIRL" if bool(summary.whirl) else "no whirl")
         parts.append(summary.validity.verdict())
     return f"{', '.join(parts)} (turns {settle + 1} to {settle + summary.turns})"

@@ -11,7 +11,17 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.orbits.result import RESULTS, missing
-from optimize.machines import COMPARED, DRAWN, QUANTITIES, Machine, draw, run, table_rows
+from jaxcrusher.scenes.parameters import complete
+from optimize.machines import (
+    COMPARED,
+    DRAWN,
+    QUANTITIES,
+    Machine,
+    draw,
+    machine,
+    run,
+    table_rows,
+)
 from optimize.objectives import OBJECTIVES
 
 
@@ -71,9 +81,17 @@ def test_a_number_that_no_machine_has_is_not_drawn():
     assert len(draw([smooth, rubs]).axes) == len(DRAWN)
 
 
+def test_a_machine_with_ideal_joints_is_compared_and_does_not_wear():
+    values = complete({"joint": "ideal", "speed": 27.0})
+    ideal = machine("ideal", values, jc.build_scene(values), 2, 3)
+    assert ideal.motion == "periodic orbit" and math.isnan(ideal.numbers["clearance"])
+    assert [name for name in COMPARED if math.isnan(ideal.numbers[name])] == ["wear"]
+
+
 def test_capacity_in_tonnes():
     numbers = dict.fromkeys(QUANTITIES, 1.0) | {"clearance": math.nan, "capacity": 7.5}
     one = Machine("a", numbers, {}, "x", "inside")
+    assert table_rows([one], None)[4] == ("  vertical over horizontal", "1")
     rows = dict((row[0] + row[1][-3:], row[1]) for row in table_rows([one], 1600.0))
     assert rows["capacityt/h"] == "12 t/h" and rows["radial clearanceone"] == "none"
 

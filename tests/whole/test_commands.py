@@ -11,6 +11,7 @@ import shlex
 import sys
 from pathlib import Path
 
+import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -28,7 +29,10 @@ from jaxcrusher.dynamics.slopes import GradientReport
 from jaxcrusher.files.program import parse
 from jaxcrusher.files.resume import begin
 from jaxcrusher.motion.indicators import Lyapunov
+from jaxcrusher.motion.section import fine
+from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.parameters import complete
 
 
 def run(*arguments) -> tuple[int | None, str]:
@@ -101,6 +105,24 @@ def test_simulate_says_what_the_motion_is(simulated):
     assert float(found[2]) == pytest.approx(np.max(last), abs=1 + 1e-3 * last[0])
     assert float(found[3]) == pytest.approx(np.sqrt(np.mean(shaking**2)), abs=1 + 1e-3 * last[0])
     assert float(found[4]) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("loose", "told"),
+    [
+        ({"joint": "ideal"}, ""),
+        ({"joint": "ideal", "elbow.clearance": 3e-5}, ", elbow contact share 0.250"),
+        ({"elbow.clearance": 3e-5}, ", contact share 0.750, elbow contact share 0.250"),
+    ],
+)
+def test_a_span_without_a_whole_turn_tells_the_contact_of_each_loose_joint(loose, told):
+    depths = {"penetration_ratio": [1.0, 1, 1, -1], "elbow_penetration_ratio": [-1.0, -1, 0, 1]}
+    values = {name: jnp.array(of) for name, of in depths.items()}
+    values |= {"foundation_force": jnp.full(4, 5e3), "shaking_force": jnp.full((4, 2), 1e3)}
+    motion = Trajectory(jnp.arange(4.0), fine(), values)
+    line = simulate.closing(motion, None, 0, complete(loose))
+    known = "RMS force on the foundation 5000 N, RMS shaking force 1414 N"
+    assert line.startswith(f"{known}{told}, over the samples")
 
 
 def test_an_average_that_scatters_says_what_to_do():
