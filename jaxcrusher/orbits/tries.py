@@ -153,9 +153,7 @@ class OrbitSearch(NamedTuple):
         """
         orbit = found.orbit
         known = not bool(orbit.success) or bool(nodes.multipliers.error <= UNSURE)
-        # Stiff springs of a frame would take the integrator minutes.
-        framed = self.still.supports is not None
-        if known or framed or not can_be_shot(self.still, orbit.section):
+        if known or not can_be_shot(self.still, orbit.section):
             return found
         turns = TANGENTS * orbit.period
         if not self.spent.steps:
