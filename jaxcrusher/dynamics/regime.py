@@ -108,8 +108,8 @@ def classify(
     if not bool(summary.success):
         return Regime("failed", (summary.failure,), statistics=summary)
     if bool(summary.whirl):
-        deepest = min(float(q) for n, q in summary.values.items() if n.endswith("winding"))
-        winding = f"winds {deepest:.0f} times a turn round its bore"
+        windings = (float(q) for n, q in summary.values.items() if n.endswith("winding"))
+        winding = f"winds {max(windings, key=abs):.0f} times a turn round its bore"
         return Regime("whirl", (winding,), statistics=summary)
     along = further(summary.state)
     if not np.isfinite(along.jacobians).all():

@@ -4,7 +4,7 @@ And of its drive, of what it shakes, and of its supports.
 """
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -287,7 +287,9 @@ def statistics_of(parts: Parts) -> dict[str, Statistic]:
     return found | (OF_SUPPORTS if parts.supports else {})
 
 
-def _sizes(name: str, unit: str, meaning: str, size: OfPart) -> dict[str, Statistic]:
+def _sizes(
+    name: str, unit: str, meaning: str, size: Callable[[Snapshot, Any], Scalar]
+) -> dict[str, Statistic]:
     """Return RMS and peak of the size of a quantity."""
     return {
         f"{name}_rms": Statistic(unit, f"RMS of the {meaning}", size, PowerMean(2)),
@@ -295,10 +297,11 @@ def _sizes(name: str, unit: str, meaning: str, size: OfPart) -> dict[str, Statis
     }
 
 
-_OF_DRIVE = {
-    "drive_torque_rms": Statistic("N m", "RMS of the drive torque", drive_torque, PowerMean(2)),
-    "drive_torque_peak": Statistic("N m", "peak of the drive torque", drive_torque, PEAK),
-}
+def _torque_size(s: Snapshot, scene: AbstractScene) -> Scalar:
+    return norm(Vector(drive_torque(s, scene), jnp.zeros(())), FORCE_WIDTH)
+
+
+_OF_DRIVE = _sizes("drive_torque", "N m", "size of the drive torque", _torque_size)
 _SPEED_LEAST = Statistic(
     "rad/s", "least speed of a free crank, which friction does not hold at rest", crank_speed, LEAST
 )

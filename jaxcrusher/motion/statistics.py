@@ -78,8 +78,9 @@ class Statistics(eqx.Module, AbstractOverTurns):
 
     @property
     def whirl(self) -> Bool[Array, "*batch"]:
-        """Whether the motion is a friction whirl: a pin rolls backwards round its bore.
+        """Whether the motion is a friction whirl: a pin rolls round its bore.
 
+        It rolls against its body's turning in the bore, so backwards at a crusher's main joint.
         Its penetrations, of the order of the clearance, are outside Hertz's theory. Where there is
         a main joint its pin tells: those of elbow and pivot go round only while it whirls
         (docs/stability_seats.md).
@@ -89,7 +90,7 @@ class Statistics(eqx.Module, AbstractOverTurns):
         for name in ["winding"] if "winding" in names else names:
             at = name.removesuffix("winding")
             kept = self[f"{at}contact_fraction"] > WHIRL_CONTACT
-            rolling = rolling | (kept & (self[f"{at}winding"] < -WHIRL_WINDING))
+            rolling = rolling | (kept & (abs(self[f"{at}winding"]) > WHIRL_WINDING))
         return rolling
 
     @property

@@ -54,6 +54,16 @@ def test_the_error_of_the_rms_is_that_of_each_motion_of_a_batch():
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
+@pytest.mark.usefixtures("unchecked")  # statistics without an end
+@pytest.mark.parametrize(
+    ("winding", "touching", "whirls"), [(-70.7, 1, True), (70.9, 1, True), (70.9, 0.9, False)]
+)
+def test_a_pin_whirls_either_way_round(winding, touching, whirls):
+    """The crank of a pump of 3000 rpm whirls as a pin at -70.7, and round the rod's pin at 70.9."""
+    seen = {"winding": jnp.array(winding), "contact_fraction": jnp.array(touching)}
+    assert bool(Statistics(3, None, seen, {}, jnp.zeros(4)).whirl) == whirls
+
+
 @pytest.mark.slow
 def test_an_entry_makes_a_statistic(own):
     """In statistics, sections whole and in slices, and tangents."""

@@ -354,6 +354,7 @@ def test_statistics_of_a_linkage_are_those_of_its_motion():
     turn = 2 * np.pi / 20.0
     motion = jc.simulate(scene, turn * np.linspace(0, 1, 2001))
     names = ("shaking_rms", "B_force_rms", "B_force_peak", "drive_torque_rms", "guide_force_peak")
+    names += ("drive_torque_peak",)
     found = jc.statistics(scene, 0, 1, outputs=names)
     force = np.linalg.norm(motion.B_reaction, axis=1)
     size = np.linalg.norm(motion.shaking_force, axis=1)
@@ -363,6 +364,7 @@ def test_statistics_of_a_linkage_are_those_of_its_motion():
         ("B_force_peak", force.max()),
         ("drive_torque_rms", np.sqrt(np.mean(np.asarray(motion.drive_torque)[:-1] ** 2))),
         ("guide_force_peak", np.abs(motion.guide_force).max()),
+        ("drive_torque_peak", np.abs(motion.drive_torque).max()),
     ):
         # Peaks are looked at at 1024 instants a turn.
         assert float(found[name]) == pytest.approx(expected, rel=1e-5)
