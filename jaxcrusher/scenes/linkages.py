@@ -23,8 +23,10 @@ along = [1, 0]
 
 Besides there are `[forces.NAME]` (body, at, force; or curve and along), `[springs.NAME]` (begin,
 end, stiffness, length, damping, preload), `[points]` whose motion is told, `[foundation]` as of a
-crusher, and `[assembly]`: the side of each dyad, by one of its bodies. The dyads follow from the
-joints. Numbers are named by their place, as `joints.B.clearance` and `bodies.rod.mass_centre.x`.
+crusher, and `[assembly]`: the side of each dyad, by one of its bodies. Two links meet to the left
+(1) or to the right (-1) of the line from the outer joint of the named one to the other's; a link
+and a slider meet ahead (1) or behind (-1) along the slide. The dyads follow from the joints.
+Numbers are named by their place, as `joints.B.clearance` and `bodies.rod.mass_centre.x`.
 """
 
 import dataclasses
@@ -430,16 +432,18 @@ def _whole(reading: _Reading) -> None:
 
 
 def _sides(reading: _Reading, dyads: Iterable[Any]) -> tuple[int, ...]:
-    """Return the side of each dyad, 1 where none is given."""
+    """Return the side of each dyad, seen from its first body; 1 where none is given."""
     given = {body: keys.get("", keys) for body, keys in reading.sections["assembly"].items()}
     for body, side in given.items():
         good = not isinstance(side, bool) and side in (-1, 1)
         require(good, f"assembly.{body}", "be 1 or -1", repr(side))
     sides = []
     for dyad in dyads:
-        said = {given.pop(body) for body in (dyad.first, dyad.second) if body in given}
+        slid = dyad.second_joint in reading.sections["slides"]
+        seen = {dyad.first: 1, dyad.second: 1 if slid else -1}
+        said = {seen[body] * given.pop(body) for body in seen if body in given}
         reading.defaults += [] if said else [f"assembly.{dyad.first}"]
-        both = f"1 and -1 of {dyad.first} and {dyad.second}"
+        both = f"two by {dyad.first} and {dyad.second}"
         require(len(said) < 2, f"assembly.{dyad.first}", "be one side of a dyad", both)
         sides.append(int(said.pop()) if said else 1)
     for body in given:

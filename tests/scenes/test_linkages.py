@@ -1,8 +1,10 @@
 """Any linkage by a file: what it reads, what it refuses, and its motion by closed forms."""
 
 import re
+import tomllib
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -213,7 +215,7 @@ REFUSED = {
     ),
     "two sides of a dyad": (
         {"assembly": {"rod": 1, "slider": -1}},
-        "assembly.rod` must be one side of a dyad, but is 1 and -1 of rod and slider",
+        "assembly.rod` must be one side of a dyad, but is two by rod and slider",
     ),
     "a name that is no variable's": (
         {"points": {"Öse": ["rod", 0.1, 0]}},
@@ -346,6 +348,21 @@ def test_an_orbit_of_impacts():
     assert float(orbit.shaking_rms) == pytest.approx(131, abs=0.5)
     moduli = np.sort(np.abs(np.asarray(orbit.multipliers)))
     assert moduli[-2:] == pytest.approx([0.057, 0.117], abs=5e-4)
+
+
+@pytest.mark.parametrize("side", [{"coupler": 1}, {"rocker": -1}, {"coupler": 1, "rocker": -1}])
+def test_the_side_of_two_links_does_not_ask_for_their_order(side):
+    """The line from the outer joint of the one to that of the other has a left and a right."""
+    given = tomllib.loads((EXAMPLES / "four_bar.toml").read_text())
+    given["assembly"] = side
+    turned = given | {"bodies": dict(reversed(given["bodies"].items()))}
+    poses = []
+    for scene in (linkage(**given), linkage(**turned)):
+        state = scene.formulation.initial(scene)
+        poses.append(scene.formulation.snapshot(jnp.zeros(()), state, scene).motion.poses)
+    for body in given["bodies"]:
+        one, other = (np.array(jax.tree.leaves(of[body])) for of in poses)
+        np.testing.assert_allclose(one, other, rtol=1e-14, atol=1e-14)  # rounding
 
 
 def test_statistics_of_a_linkage_are_those_of_its_motion():
