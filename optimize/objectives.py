@@ -12,7 +12,8 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import nan_unless
 from jaxcrusher.crusher.loads import RoughFeed
 from jaxcrusher.crusher.statistics_table import STATISTIC
-from jaxcrusher.mechanism.reductions import Statistic
+from jaxcrusher.mechanism.linkage_statistics import PEAK
+from jaxcrusher.mechanism.reductions import PowerMean, Statistic
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.feed_response import TURNS
 from jaxcrusher.orbits.result import PeriodicOrbit
@@ -39,7 +40,11 @@ class Objective:
 def plain(name: str, known: Mapping[str, Statistic] = STATISTIC) -> Objective:
     """Return the objective that is a statistic as it is, one of those that are `known`."""
     statistic = known[name]
-    return Objective(statistic.unit, statistic.meaning, (name,), lambda found, *_: found[name])
+    # Of a size; a mean may be of what has a sign.
+    lowest = 0.0 if statistic.reduction in (PowerMean(2), PEAK) else -math.inf
+    return Objective(
+        statistic.unit, statistic.meaning, (name,), lambda found, *_: found[name], lowest
+    )
 
 
 def _excess(statistics: Statistics | PeriodicOrbit, scene: jc.Scene, _) -> Scalar:

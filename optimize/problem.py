@@ -237,7 +237,8 @@ def _require_not_set(options: Options) -> None:
     The numbers of a set may be given: it frees them about their values.
     """
     taken = {key_of(name) for name, _, _ in ranges(options)}
-    taken |= {name for name in ("slip", "friction", "load_law") if getattr(options, name)}
+    given = ("slip", "friction", "load_law", "impact_velocity")
+    taken |= {name for name in given if getattr(options, name) is not None}
     for name, _ in options.overrides:
         repeated = key_of(name) in taken
         require(not repeated, "set", "not repeat what another option gives", name)

@@ -115,6 +115,8 @@ def _searched(
         "gradient_report": slopes,
         "active": active,
         "free_slopes": free_slopes,
-        "load_sheets": stages.load_sheets({"optimum": best, problem.compared_with: reference}),
+        "load_sheets": stages.load_sheets(
+            problem.described, {"optimum": best, problem.compared_with: reference}
+        ),
     }
     yield {"fronts": stages.trade(problem, work, best, maps)}

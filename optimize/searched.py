@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.scenes.scene_file import key_of, read_range, require_moving
+from jaxcrusher.scenes.scene_file import key_of, read_range, require_continuous
 from optimize.design import Design
 from optimize.options import Options
 from optimize.sets import SETS
@@ -50,7 +50,7 @@ def written_bounds(options: Options) -> Bounds:
     found = {}
     for name, low, high in ranges(options):
         key = key_of(name)
-        require_moving("design", key)
+        require_continuous("design", key)
         found[key] = read_range(name, low, high)
         good = found[key][0] < found[key][1]
         require(good, name, "have LOW < HIGH", f"{low} {high}")

@@ -20,7 +20,8 @@ from jaxcrusher.dynamics.slopes import GradientReport
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
-from jaxcrusher.orbits.load_sheet import Row, sheet
+from jaxcrusher.orbits.load_sheet import Row, Site, sheet
+from jaxcrusher.scenes.scene_file import points_of
 from optimize import landscape, local, orbits, smooth
 from optimize.answer import Bound, Coexisting, Confirmed, Front, Orbit, Refinement
 from optimize.bound import MOST, Points, optimality_bound, unbounded
@@ -347,10 +348,17 @@ def _without_motion(regime: Regime) -> Regime:
     return replace(regime, statistics=None, state=None)
 
 
-def load_sheets(designs: Mapping[str, Confirmed]) -> dict[str, list[Row]]:
-    """Return the load sheets of the foundation, by title, of designs that come to their orbit."""
+def load_sheets(
+    described: Mapping[str, Any], designs: Mapping[str, Confirmed]
+) -> dict[str, list[Row]]:
+    """Return the load sheets of the foundation, by title, of designs that come to their orbit.
+
+    Motor, frame and points are those that are `described`.
+    """
+    power, frame = described.get("motor_power"), described.get("frame_mass")
+    site = Site(power, frame, points_of(described))
     return {
-        title: sheet(design.orbit.solution, ORDERS)
+        title: sheet(design.orbit.solution, ORDERS, site)
         for title, design in designs.items()
         if design.settles and design.orbit is not None
     }

@@ -51,8 +51,8 @@ from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.described import Described
 from jaxcrusher.scenes.echo import said
-from jaxcrusher.scenes.parameters import NUMBERS, POINTS
-from jaxcrusher.scenes.scene_file import point_of, quantity_in, read_range
+from jaxcrusher.scenes.parameters import NUMBERS
+from jaxcrusher.scenes.scene_file import points_of, quantity_in, read_range
 
 TITLE = "Load sheet of a machine's foundation"
 FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")
@@ -63,7 +63,8 @@ PAGE = Path(__file__).with_name("load_sheet.html")
 LONG = (MOVING,)
 SIGNS = (
     "Forces are those on the ground: x to the right, y up, moments counterclockwise. Harmonics are "
-    "A cos(k theta + phi) of the shaft angle theta, which is zero where the eccentric points to +x."
+    "A cos(k theta + phi) of the shaft angle theta at its mean speed, zero where the eccentric "
+    "points to +x."
 )
 FACTOR = "The dynamic factor counts what moves; 3 is the fatigue factor of DIN 4024-1, from memory."
 
@@ -133,13 +134,8 @@ def site_of(values: dict[str, Any], options: Foundation) -> Site:
     require(options.dynamic_factor >= 1, "dynamic_factor", "be >= 1", options.dynamic_factor)
     seconds = quantity_in("s", "run_up", options.run_up)
     require_positive("run_up", seconds, "s")
-    points = {
-        name.removeprefix(POINTS): point_of(name, value)
-        for name, value in values.items()
-        if name.startswith(POINTS)
-    }
     power, frame = values.get("motor_power"), values.get("frame_mass")
-    return Site(power, frame, points, (low, high), options.dynamic_factor, seconds)
+    return Site(power, frame, points_of(values), (low, high), options.dynamic_factor, seconds)
 
 
 def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str, str]:

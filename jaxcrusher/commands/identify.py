@@ -22,7 +22,7 @@ from jaxcrusher.identification.identify import Identified, identify
 from jaxcrusher.identification.measurements import taken
 from jaxcrusher.identification.model import quantities_of
 from jaxcrusher.scenes.echo import unit_of as shown_in
-from jaxcrusher.scenes.scene_file import require_moving, to_si
+from jaxcrusher.scenes.scene_file import require_continuous, to_si
 
 FILES = ("identified.json", "identified.png")
 FURTHER = 3  # further measurements that are printed
@@ -35,7 +35,7 @@ def run(options: Identify, console: Console) -> int:
     require(len(options.measured) > 0, "measured", "name a file", "missing")
     require(len(options.free) > 0, "free", "name numbers to be found", "missing")
     for name in (*options.free, *(name for name, _, _ in options.prior)):
-        require_moving("free", name)
+        require_continuous("free", name)
     priors = {n: (to_si(n, mean), to_si(n, sigma)) for n, mean, sigma in options.prior}
     quantities = quantities_of(machine.scene)
     measured = taken(options.measured, quantities.unit, options.orders)

@@ -43,7 +43,7 @@ class Measurement:
     """A number that was measured at a speed of the shaft (rad/s), in SI units.
 
     `order` is a whole number for a harmonic, with 0 for the mean: a quantity is
-    a(theta) = mean + sum of A_k cos(k theta + phi_k) of the shaft's angle, as in
+    a(theta) = mean + sum of A_k cos(k theta + phi_k) of the shaft's angle at its mean speed, as in
     `jaxcrusher.harmonics`. It is "rms" for the RMS about the mean, and "" for a statistic or for
     `least_penetration` of a `PeriodicOrbit`. A `phase` (rad) of NaN leaves the amplitude alone.
     `sigma` is the standard deviation of the number; with a phase, that of A cos(phi) and that of

@@ -158,8 +158,9 @@ def look(
 
 
 def _seen(orbit: PeriodicOrbit, what: What) -> Seen:
-    angles = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
-    basis = np.exp(-1j * np.outer(np.arange(what.orders + 1), angles)) * 2 / SAMPLES
+    count = SAMPLES * orbit.period
+    angles = 2 * np.pi * np.arange(count) / SAMPLES
+    basis = np.exp(-1j * np.outer(np.arange(what.orders + 1), angles)) * 2 / count
     basis[0] /= 2
     spectra = {}
     for name, values in orbit.motion(angles, what.observables).items():

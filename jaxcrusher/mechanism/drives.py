@@ -6,9 +6,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Scalar
+from jaxtyping import ArrayLike, Scalar
 
-from jaxcrusher.basics.checks import concrete, require, require_positive
+from jaxcrusher.basics.checks import (
+    concrete,
+    is_concrete,
+    nan_unless,
+    require,
+    require_positive,
+)
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.mechanism.motion import Crank
 
@@ -100,6 +106,12 @@ class ConstantSpeed(AbstractMotion):
         return self.speed * time, self.speed, None
 
 
+def _whole(order: ArrayLike) -> Scalar:
+    """Return an order; NaN where one that is only known to `jax.jit` is not a whole number."""
+    order = scalar(order)
+    return order if is_concrete(order) else nan_unless(order == jnp.round(order), order)
+
+
 class UnevenSpeed(AbstractMotion):
     """The crank's speed is w (1 + share cos(order w t + phase)), the angle its integral.
 
@@ -109,7 +121,7 @@ class UnevenSpeed(AbstractMotion):
 
     speed: Scalar = eqx.field(converter=scalar)  # w, rad/s
     fluctuation: Scalar = eqx.field(converter=scalar)  # share
-    order: Scalar = eqx.field(converter=scalar, default=1.0)  # a turn
+    order: Scalar = eqx.field(converter=_whole, default=1.0)  # a turn
     phase: Scalar = eqx.field(converter=scalar, default=0.0)  # rad
 
     def __check_init__(self):

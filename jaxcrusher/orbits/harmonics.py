@@ -24,8 +24,8 @@ def harmonics(
 ) -> xr.Dataset:
     """Return amplitudes and phases of observables of an orbit, by harmonics of the shaft's turn.
 
-    A quantity is a(theta) = mean + sum of A_k cos(k theta + phi_k) of the phase theta: the
-    shaft's angle, counted on through all turns of the period.
+    A quantity is a(theta) = mean + sum of A_k cos(k theta + phi_k) of the phase theta = omega t:
+    the shaft's angle at its mean speed, counted on through all turns of the period.
 
     **Arguments:**
 

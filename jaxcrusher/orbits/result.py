@@ -189,7 +189,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
         """Return where the motion is at a phase (rad); it may be handed to a formulation.
 
-        The phase is the shaft's angle, counted on through all turns of the period.
+        The phase is omega t, the shaft's angle at its mean speed, through all turns of the period.
         """
         require_own_process()
         require(self.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
@@ -200,7 +200,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     ) -> dict[str, Array]:
         """Return observables at any phases (rad), by name, shape (n,) or (n, 2).
 
-        A phase is the shaft's angle, counted on through all turns of the period.
+        A phase is omega t, the shaft's angle at its mean speed, through all turns of the period.
 
         None is all but those of an elbow and a pivot that are ideal, and of supports that are none.
         Raises ValueError for a name that the scene's `observables` lack.

@@ -299,15 +299,17 @@ def foundation_of(values: Mapping[str, Any]) -> AbstractFoundation | None:
     if soil:
         numbers |= _on_soil(soil, values["speed"])
         numbers["base"] = numbers["base"] + numbers.pop("lever")
-    if "rocking_stiffness" not in numbers:
-        return OnSupports(point=point, **numbers)
-    # Two vertical springs so far apart that they turn with it, and a damper for the rest.
-    middle = (numbers["left"] + numbers["right"]) / 2
-    arm = jnp.sqrt(numbers.pop("rocking_stiffness") / (2 * numbers["vertical_stiffness"]))
+    arm = (numbers["right"] - numbers["left"]) / 2
+    if "rocking_stiffness" in numbers:
+        # Two vertical springs so far apart that they turn with it.
+        middle = (numbers["left"] + numbers["right"]) / 2
+        arm = jnp.sqrt(numbers.pop("rocking_stiffness") / (2 * numbers["vertical_stiffness"]))
+        numbers |= {"left": middle - arm, "right": middle + arm}
     if "rocking_damping" in numbers:
+        # What the two vertical dampers leave of it.
         rest = numbers["rocking_damping"] - 2 * numbers["vertical_damping"] * arm**2
         numbers["rocking_damping"] = rest
-    return OnSupports(point=point, **(numbers | {"left": middle - arm, "right": middle + arm}))
+    return OnSupports(point=point, **numbers)
 
 
 def _on_soil(soil: Mapping[str, Any], speed: Any) -> dict[str, Any]:

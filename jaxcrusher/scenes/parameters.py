@@ -259,6 +259,8 @@ OF_LINKAGES = ("bodies.", "joints.", "slides.", "forces.", "springs.", "points."
 # Every number that a scene file may have.
 NUMBERS = PARAMETERS | CHAMBER | SITE
 
+# Whole numbers: nothing has slopes by them.
+WHOLE = ("fluctuation_order", "load_seed")
 # A name, or the beginning of names -> what a description must have one of to have them: a name, or
 # the choice of a law.
 _OPENERS: dict[str, tuple[str, ...]] = {
@@ -351,8 +353,9 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def numbers_of(names: Iterable[str]) -> list[str]:
-    """Return the names of numbers of the motion, in the order of `NUMBERS`."""
-    return [name for name in NUMBERS if name in names and name not in CHAMBER]
+    """Return the names of numbers that the motion has slopes by, in the order of `NUMBERS`."""
+    none = {*CHAMBER, *WHOLE}
+    return [name for name in NUMBERS if name in names and name not in none]
 
 
 def check_description(values: Mapping[str, Any]) -> None:

@@ -32,7 +32,15 @@ from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_scene, by_stroke
 from jaxcrusher.scenes.own_laws import is_own, law_class, make_known
-from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS, POINTS, check_number
+from jaxcrusher.scenes.parameters import (
+    CHAMBER,
+    CHOICES,
+    FILES,
+    NUMBERS,
+    POINTS,
+    WHOLE,
+    check_number,
+)
 
 # A diameter of a drawing -> the radius that it gives.
 _DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
@@ -264,12 +272,24 @@ def require_moving(argument: str, name: str) -> None:
     require(name not in CHAMBER, argument, must, f"{name}, the capacity's")
 
 
+def require_continuous(argument: str, name: str) -> None:
+    """ValueError, of the `argument`, for a name that is no number that motions have slopes by."""
+    require_moving(argument, name)
+    require(name not in WHOLE, argument, "name a number between whole ones", name)
+
+
 def to_si(name: str, text: str) -> float:
     """A quantity such as "0.06 mm" in the SI unit of the parameter `name`.
 
     Raises ValueError as `quantity_in` does.
     """
     return quantity_in(NUMBERS[name].unit, name, text)
+
+
+def points_of(values: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Return the points of the frame that a description names, m from C."""
+    there = (name for name in values if name.startswith(POINTS))
+    return {name.removeprefix(POINTS): point_of(name, values[name]) for name in there}
 
 
 def point_of(name: str, value: Any) -> tuple[float, float]:

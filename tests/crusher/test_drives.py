@@ -40,6 +40,13 @@ def test_an_uneven_speed_is_that_of_its_formula():
         assert acceleration == pytest.approx(-2 * 0.1 * 900.0 * np.sin(place), rel=1e-13)
 
 
+@pytest.mark.parametrize(("order", "known"), [(2.0, True), (1.5, False)])
+def test_a_traced_order_that_is_not_whole_has_no_motion(order, known):
+    """The crank's speed would jump at every turn."""
+    moved = jax.jit(lambda order: UnevenSpeed(30.0, 0.1, order).motion(jnp.asarray(0.1)))(order)
+    assert np.isfinite(moved).all() == known
+
+
 @pytest.mark.parametrize(
     ("kind", "formulation"), crossed(KINDS, ("eccentricity", "multiplier"), later=["all"])
 )

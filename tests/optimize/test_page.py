@@ -797,6 +797,17 @@ def luminance(colour: str) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
+def test_a_load_sheet_knows_motor_and_points():
+    """The group of a machine in ISO 10816-3 follows from its power."""
+    block = {"foundation.mass": 6e3, "joint": "ideal"}
+    solution = jc.periodic_orbit(jc.build_scene(block))
+    design: Any = SimpleNamespace(settles=True, orbit=SimpleNamespace(solution=solution))
+    given = block | {"motor_power": 4e5, "foundation.points.corner": "1 m, 0.5 m"}
+    (sheet,) = stages.load_sheets(given, {"optimum": design}).values()
+    assert "motor_power is not given" not in sheet[0].remark
+    assert any("corner" in row.name for row in sheet)
+
+
 def test_load_sheets_stand_side_by_side():
     def sheet(value: float, *more: Row) -> list[Row]:
         return [

@@ -29,7 +29,7 @@ from optimize.answer import Check, Coexisting, Confirmed
 from optimize.bound import Points, _about, optimality_bound
 from optimize.cells import ROUGHER, Cells, beside
 from optimize.evaluate import Window, evaluate, judged
-from optimize.objectives import OBJECTIVES, OF_SUPPORTS
+from optimize.objectives import OBJECTIVES, OF_SUPPORTS, plain
 from optimize.options import Options
 from optimize.pareto import nondominated
 from optimize.problem import resolve
@@ -302,6 +302,7 @@ def test_two_runs_that_scatter_bound_no_force_below_zero():
     assert bound._least(np.array([quiet, quiet]), 0.0) == pytest.approx(2e4 - 6353, abs=1)
     assert bound._least(np.array([quiet, wide]), 0.0) == 0.0
     assert bound._least(np.array([quiet, wide]), -np.inf) < -2e5
+    assert plain("foundation_rms").lowest == 0.0 and plain("winding").lowest == -np.inf
     for rows in ([quiet, [np.nan, 1.0]], [[np.nan, 1.0], quiet]):
         assert np.isnan(bound._least(np.array(rows), 0.0))
 
@@ -828,6 +829,8 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"slip": "surface", "friction": 0.0}, "slip"),
         ({"overrides": (("speed", "30rad/s"),)}, "set"),
         ({"overrides": (("diametral_clearance", "0.1mm"),)}, "set"),
+        ({"friction": 0.0, "overrides": (("friction", "0.3"),)}, "set"),
+        ({"impact_velocity": "0.5m/s", "overrides": (("impact_velocity", "1m/s"),)}, "set"),
         ({"overrides": (("jaw.mass", "480"),)}, "jaw.mass"),
         ({"name": "../evil"}, "name"),
         ({"name": "a\\b"}, "name"),
@@ -843,6 +846,7 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"design": (("speed", "30", "25 rad/s"),)}, "speed"),
         ({"runs": 1}, "runs"),
         ({"design": (("sped", "30", "25 rad/s"),)}, "sped"),
+        ({"design": (("fluctuation_order", "1", "3"),)}, "design"),
         ({"design": (("chamber.discharge", "30", "40 mm"),)}, "design"),
         ({"objective": "beauty"}, "objective"),
         ({"objective": "expected_rms"}, "objective"),

@@ -264,6 +264,17 @@ def test_rocking_is_given_without_supports(orbit):
     assert rows["damping in rocking", ""].value == pytest.approx(3)
 
 
+@pytest.mark.parametrize("given", [{}, {"rocking_stiffness": 8e8}])
+def test_the_damper_of_rocking_stands_for_that_of_the_supports(given):
+    block = {"mass": 50e3, "inertia": 6e4, "vertical_damping": 1e6, "rocking_damping": 2e5}
+    block |= {"left": -0.8, "right": 0.6, **given}
+    under = jc.build_scene(BARE | {f"foundation.{n}": v for n, v in block.items()}).supports
+    arm = (under.right - under.left) / 2
+    total = 2 * under.vertical_damping * arm**2 + under.rocking_damping
+    assert float(total) == pytest.approx(2e5, rel=1e-12)
+    assert given or (float(under.left), float(under.right)) == (-0.8, 0.6)
+
+
 def test_a_block_on_soil():
     """Its springs are those of the soil, and its modes those of two masses by hand."""
     soil = {"shear_modulus": 6e7, "density": 1800.0, "poisson": 0.35}

@@ -19,6 +19,7 @@ from jaxcrusher.scenes.parameters import (
     PARAMETERS,
     WORN_JOINTS,
     check_description,
+    numbers_of,
     openers,
     within_limits,
 )
@@ -69,6 +70,11 @@ def test_defaults_are_tables_1_and_2():
     scene = jc.build_scene({})
     assert isinstance(scene.formulation, EccentricityFormulation)
     assert isinstance(scene.drive, ConstantSpeed)
+
+
+def test_nothing_has_slopes_by_a_whole_number():
+    names = ("speed", "fluctuation_order", "load_seed", "chamber.nip_angle")
+    assert numbers_of(names) == ["speed"]
 
 
 def test_every_number_reaches_the_scene():
