@@ -508,6 +508,11 @@ def maps_of(points: np.ndarray, orbits: xr.Dataset) -> landscape.Maps:
     return landscape.Maps(np.zeros((0, 2)), xr.Dataset(), xr.Dataset(), points, orbits)
 
 
+def test_a_map_of_a_machine_without_orbits_has_none_that_count():
+    alone = replace(maps_of(np.zeros((0, 2)), xr.Dataset()), orbits=None)
+    assert alone.counting_orbits is None and alone.stable_orbits is None
+
+
 def test_the_answer_says_first_what_shakes_the_ground_more(finished):
     """A design of less RMS that shakes more, and a point of the map that shakes less."""
     _, answer = finished

@@ -242,6 +242,10 @@ REFUSED = {
         {"foundation": {"left": -1.0}},
         "foundation.left` must come with foundation.mass, but is alone",
     ),
+    "friction that is full where it begins": (
+        {"joints": {"B": LOOSE | {"static_speed": 0.1, "full_speed": 0.1, "friction": 0.1}}},
+        "joints.B.static_speed` must be less than full_speed 0.1 m/s, but is 0.1",
+    ),
     "friction that is full before it begins": (
         {"joints": {"B": LOOSE | {"static_speed": 0.2, "full_speed": 0.1, "friction": 0.1}}},
         "joints.B.static_speed` must be less than full_speed 0.1 m/s, but is 0.2",
