@@ -94,16 +94,10 @@ def run(options: Bearing, console: Console) -> int:
     for line in (*verdicts(kept), *clearances(found, titles)):
         console.print(line)
     if (lost := float(kept.impacts.sel(bearing="main")[0])) and np.isfinite(lost):
-        variants = [
-            {**designs[0], name: factor * values[name]}
-            for name in ASSUMED
-            if name in values
-            for factor in (0.5, 2.0)
-        ]
+        variants = variants_of({**values, **designs[0]}, units)
         if variants:
-            names = [said_change(one, designs[0], units) for one in variants]
-            runs = seen(variants, names)
-            beside = dataset([*kept.design.values[:1], *names], [found[0], *runs], values)
+            runs = seen([{**designs[0], **one} for one in variants.values()], [*variants])
+            beside = dataset([*kept.design.values[:1], *variants], [found[0], *runs], values)
             rests = ["peak_load", "impacts", "impact_speed", "contact_lost"]
             title = "bearing A: impacts rest on what is assumed"
             console.print(shown(beside.sel(bearing="main", drop=True), title, rests))
@@ -130,10 +124,14 @@ def verdicts(kept: xr.Dataset) -> list[str]:
     return lines
 
 
-def said_change(one: Mapping[str, Any], base: Mapping[str, Any], units: dict[str, str]) -> str:
-    """Return the number that a variant changes."""
-    (name,) = (key for key in one if one[key] != base.get(key))
-    return f"{name} {said(name, one[name], units)}"
+def variants_of(base: Mapping[str, Any], units: dict[str, str]) -> dict[str, dict[str, Any]]:
+    """Return half and twice of each number that is assumed, by what they are called."""
+    return {
+        f"{name} {said(name, factor * base[name], units)}": {name: factor * base[name]}
+        for name in ASSUMED
+        if base.get(name)
+        for factor in (0.5, 2.0)
+    }
 
 
 def clearances(found: list[Turns], titles: list[str]) -> list[str]:

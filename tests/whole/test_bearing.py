@@ -3,11 +3,13 @@
 import csv
 import re
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from jaxcrusher.commands import bearing
 from jaxcrusher.commands.options import Bearing, Crusher, Results
+from jaxcrusher.motion.turns import Turns
 
 KNOCK = (("contact_law", "rollers"), ("load_law", "closing_stroke"), ("load", "300 kN"))
 
@@ -56,3 +58,33 @@ def test_quiet_bearings_rest_on_nothing_assumed(tmp_path):
     assert "Bearing A: no limit." in text and "assumed" not in text
     with pytest.raises(ValueError, match="`seconds` must be"):
         bearing.run(Bearing(quiet, seconds=0.0), console)
+
+
+@pytest.fixture
+def said(tmp_path, monkeypatch):
+    """Return what the command says of crushers whose runs are made up, with contact lost."""
+
+    def made_up(scene, quantities, **_):
+        values = {name: np.ones((2, 8)) for name in quantities}
+        depth = np.tile([-1.0, 1.0], (2, 4))
+        values |= {"shaking_force": np.ones((2, 8, 2)), "main penetration_ratio": depth}
+        return Turns(scene, 1, values)
+
+    def run(*overrides, over=()):
+        console = Console(record=True, width=200)
+        results = Results("made_up", tmp_path)
+        options = Bearing(Crusher(overrides=(KNOCK[1], *overrides)), over=over, results=results)
+        assert bearing.run(options, console) == 0
+        return " ".join(console.export_text().split())
+
+    monkeypatch.setattr(bearing, "run_turns", made_up)
+    return run
+
+
+def test_variants_are_half_and_twice_of_the_first_design(said):
+    """Not of the scene's number, of which the first design may be the half."""
+    text = said(("load_edge", "20 deg"), over=(("load_edge", "10", "20 deg", "2"),))
+    assert "load_edge 10 deg load_edge 5 deg load_edge 20 deg" in text
+    # Nothing is half of no damping.
+    text = said(*KNOCK, ("load_edge", "20 deg"), ("rollers.damping", "0 N s/m"))
+    assert "load_edge 10 deg load_edge 40 deg peak" in text and "bearing.csv" in text
