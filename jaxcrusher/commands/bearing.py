@@ -21,6 +21,7 @@ from jaxcrusher.commands.crushers import (
 )
 from jaxcrusher.commands.options import Bearing
 from jaxcrusher.crusher.machine import LETTERS
+from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
@@ -64,22 +65,22 @@ def run(options: Bearing, console: Console) -> int:
     designs = [dict(zip(axes, point, strict=True)) for point in itertools.product(*axes.values())]
     for design in designs:
         remarks({**values, **design})
+    scenes = [jc.build_scene({**values, **design}) for design in designs]
     numbers = {name: getattr(options, name) for name in ("settle", "turns", "seconds")}
     settings = settings_of("bearing", values, over=axes, **numbers)
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
-    def seen(changed: list[dict[str, Any]], words: list[str]) -> list[Turns]:
+    def seen(scenes: list[Scene], words: list[str]) -> list[Turns]:
         how = {"settle": options.settle, "turns": options.turns}
         found = []
-        for one, title in zip(changed, words, strict=True):
-            one_scene = jc.build_scene({**values, **one})
+        for scene, title in zip(scenes, words, strict=True):
             with stages(console, title or "turns"):
-                seconds = options.seconds / (2 * len(changed))
-                found.append(run_turns(one_scene, quantities_of(one_scene), seconds=seconds, **how))
+                seconds = options.seconds / (2 * len(scenes))
+                found.append(run_turns(scene, quantities_of(scene), seconds=seconds, **how))
         return found
 
     titles = [", ".join(f"{n} {said(n, one[n], units)}" for n in one) for one in designs]
-    found = seen(designs, titles)
+    found = seen(scenes, titles)
     if failed := next((one.failure for one in found if one.failure), ""):
         console.print(f"FAILED: {failed}", style="red")
         return 1
@@ -94,9 +95,11 @@ def run(options: Bearing, console: Console) -> int:
     for line in (*verdicts(kept), *clearances(found, titles)):
         console.print(line)
     if (lost := float(kept.impacts.sel(bearing="main")[0])) and np.isfinite(lost):
-        variants = variants_of({**values, **designs[0]}, units)
+        variants, refused = variants_of({**values, **designs[0]}, units)
+        for line in refused:
+            console.print(line)
         if variants:
-            runs = seen([{**designs[0], **one} for one in variants.values()], [*variants])
+            runs = seen([*variants.values()], [*variants])
             beside = dataset([*kept.design.values[:1], *variants], [found[0], *runs], values)
             rests = ["peak_load", "impacts", "impact_speed", "contact_lost"]
             title = "bearing A: impacts rest on what is assumed"
@@ -124,14 +127,20 @@ def verdicts(kept: xr.Dataset) -> list[str]:
     return lines
 
 
-def variants_of(base: Mapping[str, Any], units: dict[str, str]) -> dict[str, dict[str, Any]]:
-    """Return half and twice of each number that is assumed, by what they are called."""
-    return {
-        f"{name} {said(name, factor * base[name], units)}": {name: factor * base[name]}
-        for name in ASSUMED
-        if base.get(name)
-        for factor in (0.5, 2.0)
-    }
+def variants_of(
+    base: Mapping[str, Any], units: dict[str, str]
+) -> tuple[dict[str, Scene], list[str]]:
+    """Return scenes with half and twice of what is assumed, and say which of them cannot be."""
+    scenes, refused = {}, []
+    for name, factor in itertools.product(ASSUMED, (0.5, 2.0)):
+        if base.get(name):
+            value = factor * base[name]
+            title = f"{name} {said(name, value, units)}"
+            try:
+                scenes[title] = jc.build_scene({**base, name: value})
+            except ValueError as error:
+                refused.append(f"Without {title}: {error}")
+    return scenes, refused
 
 
 def clearances(found: list[Turns], titles: list[str]) -> list[str]:

@@ -88,3 +88,17 @@ def test_variants_are_half_and_twice_of_the_first_design(said):
     # Nothing is half of no damping.
     text = said(*KNOCK, ("load_edge", "20 deg"), ("rollers.damping", "0 N s/m"))
     assert "load_edge 10 deg load_edge 40 deg peak" in text and "bearing.csv" in text
+
+
+def test_what_cannot_be_is_left_out(said):
+    text = said(("load_edge", "60 deg"))
+    assert "Without load_edge 120 deg: Argument `load_edge` must lie in [0.001, 1.5]" in text
+    assert "load_edge 30 deg peak load" in text and "bearing.csv" in text
+
+
+def test_designs_are_refused_before_any_runs(monkeypatch, tmp_path):
+    monkeypatch.setattr(bearing, "run_turns", lambda *_, **__: pytest.fail("it runs"))
+    axis = ("rollers.diameter", "34", "300 mm", "2")
+    options = Bearing(Crusher(overrides=KNOCK), over=(axis,), results=Results("none", tmp_path))
+    with pytest.raises(ValueError, match=r"`rollers\.diameter` must be smaller"):
+        bearing.run(options, Console())
