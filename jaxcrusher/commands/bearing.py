@@ -149,10 +149,14 @@ def clearances(found: list[Turns], titles: list[str]) -> list[str]:
     for one, title in zip(found, titles, strict=True):
         bearing = one.scene.joints["main"]
         if isinstance(bearing, RollerBearing):
-            name, told = clearance_class(float(bearing.bore), float(bearing.clearance))
+            try:
+                name, told = clearance_class(float(bearing.bore), float(bearing.clearance))
+                kind = f"is {name} ({told})"
+            except ValueError:
+                kind = "has no class for this bore"
             lines.append(
                 f"{title + ': ' if title else ''}a play of {2e6 * float(bearing.clearance):.0f} um "
-                f"in a bore of {1e3 * float(bearing.bore):.0f} mm is {name} ({told})"
+                f"in a bore of {1e3 * float(bearing.bore):.0f} mm {kind}"
             )
     return [*dict.fromkeys(lines), *([f"Classes of {SOURCE_OF_CLASSES}."] if lines else [])]
 

@@ -102,3 +102,10 @@ def test_designs_are_refused_before_any_runs(monkeypatch, tmp_path):
     options = Bearing(Crusher(overrides=KNOCK), over=(axis,), results=Results("none", tmp_path))
     with pytest.raises(ValueError, match=r"`rollers\.diameter` must be smaller"):
         bearing.run(options, Console())
+
+
+@pytest.mark.parametrize("bore", ["24 mm", "600 mm"])
+def test_a_bore_without_classes_has_the_rest_of_the_sheet(said, bore):
+    text = said(*KNOCK, ("clearance", "0.1 mm"), ("rollers.bore", bore))
+    assert f"a play of 200 um in a bore of {bore} has no class for this bore" in text
+    assert "impacts rest on what is assumed" in text and "bearing.csv" in text
