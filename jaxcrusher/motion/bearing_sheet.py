@@ -49,7 +49,7 @@ def _friction(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
 
 def quantities_of(scene: AbstractScene) -> dict[str, Observable]:
     """Return what the sheet looks at along a motion."""
-    found = {"shaking_force": OBSERVABLES["shaking_force"]}
+    found = {name: OBSERVABLES[name] for name in ("shaking_force", "shaft_speed")}
     for joint in bearings_of(scene):
         found[f"{joint} load"] = Observable(OfPart(force_at, joint), "N", "load")
         if scene.joints[joint] is None:
@@ -86,8 +86,9 @@ def shaking_rms(turns: Turns) -> tuple[float, float]:
 
 
 def _of_joint(turns: Turns, joint: str) -> dict[str, tuple[float, float]]:
-    load = turns.values[f"{joint} load"]
-    worn, error = _mean(np.mean(load**LIFE_EXPONENT, axis=1))
+    load, speed = turns.values[f"{joint} load"], np.abs(turns.values["shaft_speed"])
+    # ISO 281 averages over revolutions, which uneven speed does not spread evenly over time.
+    worn, error = _mean(np.mean(load**LIFE_EXPONENT * speed, axis=1) / speed.mean())
     equivalent = worn ** (1 / LIFE_EXPONENT)
     peaks = load.max(axis=1)
     found = {
@@ -97,8 +98,8 @@ def _of_joint(turns: Turns, joint: str) -> dict[str, tuple[float, float]]:
     }
     bearing = turns.scene.joints[joint]
     if isinstance(bearing, RollerBearing):
-        many, speed = float(bearing.bearings), abs(float(turns.scene.drive.speed))
-        hours = RATED_TURNS / (speed / (2 * np.pi) * HOUR)
+        many = float(bearing.bearings)
+        hours = RATED_TURNS / (float(speed.mean()) / (2 * np.pi) * HOUR)
         life = hours * (float(bearing.dynamic_rating) * many) ** LIFE_EXPONENT / worn
         safety = float(bearing.static_rating) * many / peaks
         found |= {

@@ -41,6 +41,7 @@ def test_impacts_are_counted_by_hand(scene):
     load = np.array([[0.0, 2, 2, 0, 2, 2, 0, 0], np.full(8, 3.0)])
     values = {name: np.ones((2, 8)) for name in quantities_of(scene)}
     values |= {"main penetration_ratio": depth, "main penetration_rate": rate, "main load": load}
+    values |= {"shaft_speed": np.full((2, 8), 30.0)}
     values |= {"main friction": np.array([np.full(8, 4.0), np.full(8, 6.0)])}
     found = bearing_sheet(Turns(scene, 1, values))["main"]
     assert found["impacts"] == (1.5, 0.5)
@@ -57,6 +58,18 @@ def test_impacts_are_counted_by_hand(scene):
     hours = 1e6 * 2 * np.pi / (30 * 3600) * (2 * 0.98e6) ** (10 / 3) / worn
     assert found["life"] == pytest.approx((hours, hours * uncertain))
     assert found["static_safety"][0] == pytest.approx(2 * 1.12e6 / 3)
+
+
+def test_life_counts_revolutions_and_not_time(scene):
+    """The shaft turns backwards, thrice as fast under the load of 2 N as under that of 1 N."""
+    values = {name: np.ones((2, 8)) for name in quantities_of(scene)}
+    values |= {"main load": np.tile([2.0, 1.0], (2, 4))}
+    values |= {"shaft_speed": np.tile([-45.0, -15.0], (2, 4))}
+    found = bearing_sheet(Turns(scene, 1, values))["main"]
+    worn = (3 * 2 ** (10 / 3) + 1) / 4
+    assert found["equivalent_load"] == pytest.approx((worn**0.3, 0.0))
+    hours = 1e6 * 2 * np.pi / (30 * 3600) * (2 * 0.98e6) ** (10 / 3) / worn
+    assert found["life"] == pytest.approx((hours, 0.0))
 
 
 def test_seats_are_there_where_they_are_loose(scene):
