@@ -67,13 +67,19 @@ def run(options: Identify, console: Console) -> int:
         | {"correlations": found.correlations, "chi_square": found.chi_square}
         | {"degrees_of_freedom": found.freedom, "residuals": found.residuals}
         | {"measured": [asdict(one) for one in found.measured]}
-        | {"fitted_amplitude": [abs(one) for one in found.fitted]}
+        | {"fitted_amplitude": amplitudes(found)}
         | {"untold": [asdict(one) for one in found.untold], "remarks": found.remarks}
         | {"further": [asdict(one) for one in further]},
     )
     draw(found, units, folder / "identified.png")
     console.print(listed(folder, FILES))
     return 0
+
+
+def amplitudes(found: Identified) -> list[float]:
+    """Return what was fitted: of harmonics the amplitude, and the rest with its sign."""
+    pairs = zip(found.measured, found.fitted, strict=True)
+    return [abs(fit) if one.is_harmonic else fit.real for one, fit in pairs]
 
 
 def draw(found: Identified, units: dict[str, str], path: Path) -> None:

@@ -1,10 +1,13 @@
 """`python -m jaxcrusher identify`: from files to an answer, a picture and JSON."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from jaxcrusher.commands.identify import amplitudes
+from jaxcrusher.identification.measurements import Measurement
 from tests.identification import by_hand
 from tests.whole.test_commands import run
 
@@ -82,6 +85,13 @@ def test_identify_a_linkage(tmp_path):
     # The rod weighs 1e-9 kg.
     assert values["bodies.crank.mass"] == pytest.approx(2, rel=1e-7)
     assert values["bodies.slider.mass"] == pytest.approx(5, rel=1e-7)
+
+
+def test_a_mean_and_a_statistic_keep_their_sign():
+    orders = (0, 1, "rms", "")
+    measured = [Measurement(30.0, "ground_force_y", order, 1.0, 1.0) for order in orders]
+    found = SimpleNamespace(measured=measured, fitted=[-2 + 0j, 3 - 4j, 5 + 0j, -6 + 0j])
+    assert amplitudes(found) == [-2.0, 5.0, 5.0, -6.0]
 
 
 @pytest.mark.parametrize(
