@@ -264,10 +264,12 @@ def clearance_class(bore: float, clearance: float) -> tuple[str, str]:
 
     Raises ValueError for a bore that is not over 24 and up to 500 mm.
     """
-    wide, play = 1e3 * bore, 2e6 * clearance
+    # Without rounding, which would move what is on a bound.
+    wide, play = round(1e3 * bore, 6), round(2e6 * clearance, 6)
     inside = [i for i, end in enumerate(_UP_TO) if _OVER[i] < wide <= end]
     require(len(inside) == 1, "bore", "be over 24 and up to 500 mm", f"{wide:g} mm")
     bounds = _BOUNDS[inside[0]]
-    _, low, high, loose, looser, _ = bounds
+    least, low, high, loose, looser, _ = bounds
     told = f"normal {low} to {high}, C3 to {loose}, C4 to {looser} um"
-    return CLASSES[int(np.searchsorted(bounds, play))], told
+    # A play on a bound belongs to the tighter class, and the least one to C2.
+    return CLASSES[1 if play == least else int(np.searchsorted(bounds, play))], told

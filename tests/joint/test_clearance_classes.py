@@ -16,6 +16,10 @@ from jaxcrusher.joint.rollers import clearance_class
         (120, 200, "C4"),
         (120, 250, "C5"),
         (120, 270, "more than C5"),
+        # A bound belongs to the tighter of two classes, and the least one to C2.
+        (30, 14.999, "less than C2"),
+        (30, 15, "C2"),
+        (30, 25, "C2"),
         # A bore belongs to the row that it ends.
         (121, 140, "normal"),
         (320, 400, "C3"),
