@@ -16,6 +16,7 @@ import csv
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from numbers import Integral
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,8 @@ class Measurement:
         require_positive("speed", self.speed, "rad/s")
         require_positive("sigma", self.sigma, "")
         require(math.isfinite(self.amplitude), "amplitude", "be finite", self.amplitude)
+        if isinstance(self.order, Integral):
+            object.__setattr__(self, "order", int(self.order))
         whole = isinstance(self.order, int) and 0 <= self.order <= 100
         must = 'be a whole number from 0 to 100, "rms", or "" of a statistic'
         require(whole or self.order in (RMS, WHOLE), "order", must, repr(self.order))

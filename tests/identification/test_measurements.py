@@ -93,3 +93,10 @@ def test_a_series_in_a_file(tmp_path):
 def test_a_mean_has_no_phase():
     with pytest.raises(ValueError, match="`phase` must belong to a harmonic"):
         Measurement(30.0, "ground_force_y", 0, 1.0, 1.0, 0.3)
+
+
+def test_an_order_may_be_a_whole_number_of_numpy(unchecked):
+    one = Measurement(30.0, "ground_force_y", np.int64(1), 1.0, 1.0)
+    assert one.is_harmonic and type(one.order) is int
+    with pytest.raises(ValueError, match="`order` must be a whole number from 0 to 100"):
+        Measurement(30.0, "ground_force_y", np.int64(-1), 1.0, 1.0)
