@@ -127,9 +127,10 @@ def _known_numbers(name: str, value: ArrayLike) -> np.ndarray | None:
 
 
 def require_whole(name: str, value: object, least: int) -> None:
-    """A whole number, at least `least`."""
+    """A whole number, at least `least`; JAX would trace one of NumPy."""
     good = isinstance(value, int) and not isinstance(value, bool) and value >= least
-    require(good, name, f"be a whole number >= {least}", value)
+    given = f"{value} of NumPy, without int()" if isinstance(value, np.integer) else value
+    require(good, name, f"be a whole number >= {least}", given)
 
 
 def require_kind(name: str, value: object, kind: type, example: str) -> None:

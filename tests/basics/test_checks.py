@@ -47,6 +47,7 @@ REFUSED = [
     (require_whole, (1, 2), "must be a whole number >= 2, but is 1"),
     (require_whole, (2.0, 2), "must be a whole number >= 2, but is 2.0"),
     (require_whole, (True, 0), "must be a whole number >= 0, but is True"),
+    (require_whole, (np.int64(5), 1), "must be a whole number >= 1, but is 5 of NumPy, without"),
 ]
 
 
