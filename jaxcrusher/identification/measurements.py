@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from jaxcrusher.basics.checks import require, require_positive
+from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.scenes.scene_file import quantity_in
 
 # Returns the SI unit of a quantity; ValueError for an unknown one.
@@ -172,6 +172,7 @@ def taken(
     measured: Path | str | Iterable[Path | str | Measurement], unit_of: UnitOf, orders: int = 4
 ) -> list[Measurement]:
     """Return measurements, of which files are read."""
+    require_whole("orders", orders, 1)
     found: list[Measurement] = []
     for one in [measured] if isinstance(measured, Path | str) else measured:
         found += [one] if isinstance(one, Measurement) else read_measured(one, unit_of, orders)

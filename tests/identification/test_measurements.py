@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.identification.measurements import Measurement, of_series, read_measured
+from jaxcrusher.identification.measurements import Measurement, of_series, read_measured, taken
 from jaxcrusher.identification.model import quantities_of
 
 BLOCK = {"joint": "ideal", "foundation.mass": 6000.0, "foundation.x": 0.3, "foundation.y": 0.2}
@@ -100,3 +100,9 @@ def test_an_order_may_be_a_whole_number_of_numpy(unchecked):
     assert one.is_harmonic and type(one.order) is int
     with pytest.raises(ValueError, match="`order` must be a whole number from 0 to 100"):
         Measurement(30.0, "ground_force_y", np.int64(-1), 1.0, 1.0)
+
+
+@pytest.mark.parametrize("orders", [0, -1])
+def test_orders_are_refused_before_files_are_read(orders):
+    with pytest.raises(ValueError, match="`orders` must be a whole number >= 1, but is"):
+        taken("none.csv", unit_of, orders)
