@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jaxcrusher.basics.checks import require, require_choice
+from jaxcrusher.basics.checks import require_choice
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.scenes.build import build_scene, by_stroke
 from jaxcrusher.scenes.linkages import read_linkage, require_closing
@@ -59,9 +59,7 @@ def described(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> D
         assert path is not None
         drawing, values, defaults = read_linkage(path)
         changed = read_overrides(overrides)
-        for name in changed:
-            require(name in values, name, "be a number or a choice of the file", "not there")
-        values |= changed
+        values = drawing.whole(values | changed)
         left = tuple(name for name in defaults if name not in changed)
         scene = drawing(**values)
         require_closing(scene)

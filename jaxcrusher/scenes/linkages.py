@@ -65,7 +65,7 @@ from jaxcrusher.scenes.parameters import (
     check_number,
     complete,
 )
-from jaxcrusher.scenes.scene_file import flattened, read_entries, read_value
+from jaxcrusher.scenes.scene_file import flattened, read_entries, read_value, unknown
 
 _ANYWHERE = (-1e3, 1e3)
 _PLACE = Parameter(0.0, "m", "of a point in its body's axes", _ANYWHERE, 1.0)
@@ -104,6 +104,8 @@ _TOP = ("speed", "speed_fluctuation", "fluctuation_order", "fluctuation_phase", 
 _UNEVEN = _TOP[1:4]
 # What a loose joint takes from the paper's joint.
 _BORROWED = tuple(n for n in _NUMBERS["joints"] if n not in ("clearance", "bore_radius"))
+# Numbers and choices that come with a joint's clearance.
+_OF_LOOSE = ("bore_radius", *_BORROWED, *CHOICES_OF_A_JOINT)
 _SECTIONS = (*_NUMBERS, "foundation", "assembly")
 _NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
 # Where the frame's G is; of a clamped frame, the point of its moment.
@@ -112,6 +114,11 @@ _PLACE_OF_FRAME = ("foundation.x", "foundation.y")
 _SUPPORTS = tuple(
     name for name in complete({"foundation.mass": 1.0}) if name.startswith("foundation.")
 )
+# A number -> those that come with it, besides a loose joint's.
+_BROUGHT = {
+    "speed_fluctuation": _UNEVEN[1:],
+    "foundation.mass": [n for n in _SUPPORTS if n not in ("foundation.mass", *_PLACE_OF_FRAME)],
+}
 
 
 @dataclass(frozen=True)
@@ -132,8 +139,8 @@ class Drawing:
     sides: tuple[int, ...]
 
     def __call__(self, **values: Any) -> LinkageScene:
-        """Return the scene of these numbers, which may be traced."""
-        v = values
+        """Return the scene of these numbers, which may be traced; raises as `whole` does."""
+        v = self.whole(values)
         bearings = {
             name: _bearing(v, f"joints.{name}.")
             for name, *_ in self.joints
@@ -150,6 +157,49 @@ class Drawing:
             foundation=foundation_of(v),
             points=Named({name: _point(v, f"points.{name}", body) for name, body in self.points}),
         )
+
+    def whole(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return numbers and choices, with the defaults of those that others bring along.
+
+        Raises ValueError of one line for a name that the linkage does not have, for one that stands
+        without what it belongs to, and for what is missing of a loose joint or of supports.
+        """
+        known, v = self._always_known(), dict(values)
+        if not v.keys().isdisjoint(("foundation.mass", *_PLACE_OF_FRAME)):
+            v = dict.fromkeys(_PLACE_OF_FRAME, 0.0) | v
+        if "speed_fluctuation" in v:
+            v = {name: PARAMETERS[name].default for name in _UNEVEN} | v
+        loose = {
+            f"joints.{joint}.clearance": [f"joints.{joint}.{of}" for of in _OF_LOOSE]
+            for joint, *_ in self.joints
+        }
+        for first, names in (_BROUGHT | loose).items():
+            for name in names:
+                require(first in v or name not in v, name, f"come with {first}", "alone")
+                require(first not in v or name in v, name, f"be given with {first}", "missing")
+            known += [first, *names] if first in v else []
+        for name in v:
+            if name not in known:
+                raise unknown(name, tuple(known))
+        return v
+
+    def _always_known(self) -> list[str]:
+        """Return the names that are read whatever joints are loose and the frame stands on."""
+        pairs = [
+            *(f"bodies.{name}.mass_centre" for name in self.bodies),
+            *(f"joints.{name}.{end}" for name, *_ in self.joints for end in _POINTS["joints"]),
+            *(f"slides.{name}.{of}" for name, _ in self.slides for of in _PAIRS["slides"]),
+            *(f"forces.{name}.at" for name, *_ in self.forces),
+            *(f"forces.{name}.{'along' if curve else 'force'}" for name, _, curve in self.forces),
+            *(f"springs.{name}.{end}" for name, *_ in self.springs for end in _POINTS["springs"]),
+            *(f"points.{name}" for name, _ in self.points),
+        ]
+        return [
+            *(*_TOP, *_PLACE_OF_FRAME, *_CHOICES),
+            *(f"bodies.{name}.{of}" for name in self.bodies for of in _NUMBERS["bodies"]),
+            *(f"springs.{name}.{of}" for name, *_ in self.springs for of in _NUMBERS["springs"]),
+            *(f"{pair}.{axis}" for pair in pairs for axis in "xy"),
+        ]
 
     def linkage(self, values: Mapping[str, Any]) -> Linkage:
         """Return bodies, joints and slides."""
@@ -397,8 +447,9 @@ def drawn(
         _sides(reading, dyads),
     )
     reading.ended()
-    require_closing(drawing(**reading.values))
-    return Drawn(drawing, reading.values, tuple(reading.defaults))
+    values = drawing.whole(reading.values)
+    require_closing(drawing(**values))
+    return Drawn(drawing, values, tuple(reading.defaults))
 
 
 def _whole(reading: _Reading) -> None:
@@ -406,29 +457,13 @@ def _whole(reading: _Reading) -> None:
     left = reading.left
     left.pop("kind", None)
     require("speed" in left, "speed", "be given, as in '5000 rpm'", "missing")
-    for name in _TOP:
+    for name in (*_TOP, *_SUPPORTS):
         if name in left:
-            alone = name in _UNEVEN and "speed_fluctuation" not in left | reading.values
-            require(not alone, name, "come with speed_fluctuation", "alone")
             reading.values[name] = reading.number(name, left.pop(name))
-    if "speed_fluctuation" in reading.values:
-        for name in _UNEVEN:
-            reading.values.setdefault(name, PARAMETERS[name].default)
     for name, choices in _CHOICES.items():
         if name in left:
             require_choice(name, left[name], choices)
             reading.values[name] = left.pop(name)
-    given = {name: reading.number(name, left.pop(name)) for name in _SUPPORTS if name in left}
-    if "foundation.mass" in given:
-        missing = [name for name in _SUPPORTS if name not in given]
-        for name in missing:
-            require(name in _PLACE_OF_FRAME, name, "be given with foundation.mass", "missing")
-    for name in given:
-        alone = "foundation.mass" not in given and name not in _PLACE_OF_FRAME
-        require(not alone, name, "come with foundation.mass", "alone")
-    if given:
-        given = {"foundation.x": 0.0, "foundation.y": 0.0} | given
-    reading.values |= given
 
 
 def _sides(reading: _Reading, dyads: Iterable[Any]) -> tuple[int, ...]:

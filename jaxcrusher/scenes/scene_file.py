@@ -63,9 +63,9 @@ def _keys() -> tuple[str, ...]:
     return (*NUMBERS, *CHOICES, *FILES)
 
 
-def _tables() -> tuple[str, ...]:
-    """Return the names of tables."""
-    return tuple(dict.fromkeys(name.partition(".")[0] for name in NUMBERS if "." in name))
+def _tables(keys: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of the tables that keys stand in."""
+    return tuple(dict.fromkeys(name.partition(".")[0] for name in keys if "." in name))
 
 
 def read_scene_file(path: Path | str) -> dict[str, float | str]:
@@ -260,7 +260,12 @@ def require_parameter(name: str) -> None:
     if name in CHOICES:
         raise ValueError(f"Argument `{name}` must be a number's key, but is a choice's.")
     if name not in NUMBERS:
-        raise ValueError(f"Argument `{name}` must be a known key, but is not{_suggestion(name)}")
+        raise unknown(name, _keys())
+
+
+def unknown(name: str, keys: tuple[str, ...]) -> ValueError:
+    """Return the error, with near misses, of a name that is none of the keys."""
+    return ValueError(f"Argument `{name}` must be a known key, but is not{_suggestion(name, keys)}")
 
 
 def require_moving(argument: str, name: str) -> None:
@@ -378,28 +383,28 @@ def flattened(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, An
         name = prefix + key
         if isinstance(value, dict) and value and name not in _keys():
             yield from flattened(value, f"{name}.")
-        elif name not in _tables():
+        elif name not in _tables(NUMBERS):
             yield name, value
         elif value != {}:
             raise ValueError(f"Argument `{name}` must be a table [{name}], but is {value!r}.")
 
 
-def _suggestion(name: str) -> str:
+def _suggestion(name: str, keys: tuple[str, ...]) -> str:
     """Near misses, or what there is."""
     head, _, tail = name.rpartition(".")
-    top = name.partition(".")[0]
-    known = dict.fromkeys([*(key for key in _keys() if "." not in key), *_tables()])
-    if head and top not in _tables():
-        near = [f"[{table}]" for table in get_close_matches(top, _tables(), n=1)]
+    top, tables = name.partition(".")[0], _tables(keys)
+    known = dict.fromkeys([*(key for key in keys if "." not in key), *tables])
+    if head and top not in tables:
+        near = [f"[{table}]" for table in get_close_matches(top, tables, n=1)]
         return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(known)}."
-    inside = [key for key in _keys() if head and key.startswith(f"{head}.")]
-    elsewhere = [key for key in _keys() if key.rpartition(".")[2] == tail]
+    inside = [key for key in keys if head and key.startswith(f"{head}.")]
+    elsewhere = [key for key in keys if key.rpartition(".")[2] == tail]
     elsewhere = [key for key in elsewhere if key.partition(".")[0] == top] or elsewhere
     if inside:
         short = {key.rpartition(".")[2]: key for key in inside}
         near = [short[each] for each in get_close_matches(tail, short, n=1)] or elsewhere
     else:
-        near = elsewhere or get_close_matches(name, (*_keys(), *_tables()), n=1)
+        near = elsewhere or get_close_matches(name, (*keys, *tables), n=1)
     if near:
         return f"; did you mean {' or '.join(near)}?"
     return f"; there are {', '.join(inside or known)}."

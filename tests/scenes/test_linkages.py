@@ -324,6 +324,41 @@ def test_a_crusher_may_say_its_kind_and_has_no_number_of_a_linkage(tmp_path):
         read_scene(path)
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("clearance", "clearance` must be a known key, but is not; did you mean joints.B.clear"),
+        ("jaw.mass", "jaw.mass` must be a known key, but is not; there are speed, "),
+        ("forces.pressure.along.x", "did you mean forces.pressure.at.x or forces.pressure.force.x"),
+        ("fluctuation_order", "fluctuation_order` must come with speed_fluctuation, but is alone"),
+        ("joints.A.friction", "joints.A.friction` must come with joints.A.clearance, but is alone"),
+        ("joints.A.clearance", "joints.A.bore_radius` must be given with joints.A.clearance"),
+        ("foundation.mass", "foundation.inertia` must be given with foundation.mass, but is mis"),
+    ],
+)
+def test_a_drawing_refuses_what_it_does_not_read(name, words):
+    drawing, values, _ = read_linkage(EXAMPLES / "pump.toml")
+    with pytest.raises(ValueError, match=re.escape(words)):
+        drawing(**values, **{name: 0.01})
+    with pytest.raises(ValueError, match=re.escape(words)):
+        jc.sweep({name: [0.01, 0.02]}, 1, 1, base=values, scene=drawing)
+
+
+@pytest.mark.parametrize(
+    ("name", "seen"),
+    [
+        ("gravity", lambda scene: scene.linkage.gravity),
+        ("bodies.rod.mass_centre.y", lambda scene: scene.point("rod").arm.y),
+        ("forces.pressure.force.y", lambda scene: scene.pushes[0].given.y),
+        ("foundation.x", lambda scene: scene.foundation.point.x),
+        ("speed_fluctuation", lambda scene: scene.drive.fluctuation),
+    ],
+)
+def test_a_drawing_reads_what_is_zero_or_left_to_its_default(name, seen):
+    drawing, values, _ = read_linkage(EXAMPLES / "pump.toml")
+    assert name not in values and float(seen(drawing(**values, **{name: 0.01}))) == 0.01
+
+
 def test_what_overrides_a_linkage_lets_it_close():
     with pytest.raises(ValueError, match="coupler and rocker meet at every angle of the crank"):
         described(EXAMPLES / "four_bar.toml", [("joints.A.pin.x", "500 mm")])
