@@ -18,6 +18,7 @@ from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import SETTINGS, begin, earlier, keep_beside
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance
+from jaxcrusher.scenes.described import Described
 from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS
 from jaxcrusher.scenes.scene_file import require_moving
@@ -27,7 +28,7 @@ def run(options: Gradient, console: Console) -> int:
     """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
     found = read_moving(options.crusher)
     metric = options.metric or found.scene.leading
-    _check(options, found.scene, metric)
+    _check(options, found, metric)
     names = "by", "settle", "turns", "radius", "pairs", "seed", "rtol"
     asked = {"metric": metric} | {name: getattr(options, name) for name in names}
     values, unit, given = (
@@ -72,12 +73,13 @@ def _tell(kept: dict[str, Any], path: str, console: Console) -> int:
     return 1 if kept["regime"] == "failed" else 0
 
 
-def _check(options: Gradient, scene: AbstractScene, metric: str) -> None:
-    require_choice("metric", metric, tuple(scene.statistics))
+def _check(options: Gradient, found: Described, metric: str) -> None:
+    require_choice("metric", metric, tuple(found.scene.statistics))
     once = len(set(options.by)) == len(options.by) > 0
     require(once, "by", "name parameters, each once", " ".join(options.by))
     for name in options.by:
         require_moving("by", name)
+        require(name in found.values, "by", "name numbers that the machine is given", name)
     for name, least in (("settle", 0), ("turns", 1), ("pairs", 2), ("seed", 0)):
         require_whole(name, getattr(options, name), least)
     require_positive("radius", options.radius, "")

@@ -364,6 +364,7 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         ("sweep --over clearance 0.03 100mm 3", "`clearance` must be one of a crusher"),
         ("regimes --design clearance=100mm", "`clearance` must be one of a crusher"),
         ("sweep --over chamber.width 0.4 0.6m 3", "`over` must name numbers of the motion"),
+        ("gradient --by foundation.mass", "`by` must name numbers that the machine is given"),
         ("gradient --by chamber.width", "`by` must name numbers of the motion"),
     ],
 )
