@@ -60,7 +60,7 @@ jax.devices()
 os.environ["XLA_FLAGS"] = FLAGS
 
 # After it: this imports Equinox, which reads then what `set_up` tells it.
-from jaxcrusher.scenes.parameters import NUMBERS, PARAMETERS  # noqa: E402
+from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, PARAMETERS  # noqa: E402
 
 # Seconds of the processor: 10 on an idle machine, and twice that on a busy one. Where all tests run
 # the machine may be another one, half as fast.
@@ -138,8 +138,8 @@ def forget_programs():
 
 @pytest.fixture(autouse=True)
 def forget_laws():
-    """Forget the numbers of a law of one's own after the test that named it."""
-    tables = (PARAMETERS, NUMBERS)
+    """Forget the names of a linkage, and of a law of one's own, after the test that named it."""
+    tables = (PARAMETERS, NUMBERS, CHOICES)
     known = [dict(table) for table in tables]
     yield
     for table, before in zip(tables, known, strict=True):

@@ -378,6 +378,7 @@ def _joints(reading: _Reading) -> tuple[tuple[str, str, str], ...]:
         defaults = {name: _NUMBERS["joints"][name].default for name in _BORROWED}
         reading.numbers("joints", item, defaults)
         for name, laws in CHOICES_OF_A_JOINT.items():
+            CHOICES[f"{at}.{name}"] = laws  # known from now on, as numbers are
             reading.values[f"{at}.{name}"] = law = keys.pop(name, laws[0])
             require_choice(f"{at}.{name}", law, laws)
     return tuple(found)

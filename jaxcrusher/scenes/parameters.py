@@ -253,7 +253,7 @@ POINTS = "foundation.points."
 # Names whose value is a file, or in Python the array that it would hold.
 FILES = {"load_curve": "force over the shaft's angle: angle_deg, force_kN"}
 
-# Before the names of numbers of any linkage, which `NUMBERS` has once such a file has been read.
+# Before the names of any linkage, which `NUMBERS` and `CHOICES` have once it has been read.
 OF_LINKAGES = ("bodies.", "joints.", "slides.", "forces.", "springs.", "points.")
 
 # Every number that a scene file may have.
@@ -367,10 +367,10 @@ def check_description(values: Mapping[str, Any]) -> None:
     for name, value in values.items():
         if name in FILES or name.startswith(POINTS):
             continue
+        require(not name.startswith(OF_LINKAGES), name, "be of a linkage", "of a crusher")
         if name in CHOICES:
             require_choice(name, value, CHOICES[name])
             continue
-        require(not name.startswith(OF_LINKAGES), name, "be of a linkage", "of a crusher")
         require_known(name, (*NUMBERS, *CHOICES, *FILES))
         check_number(name, value)
 

@@ -319,9 +319,31 @@ def test_a_crusher_may_say_its_kind_and_has_no_number_of_a_linkage(tmp_path):
     path = tmp_path / "crusher.toml"
     path.write_text('kind = "crusher"\nspeed = "30 rad/s"')
     assert float(read_scene(path).drive.speed) == 30.0
-    path.write_text('[joints.B]\nclearance = "1 mm"')
-    with pytest.raises(ValueError, match=r"joints.B.clearance` must be of a linkage"):
-        read_scene(path)
+    for key, value in (("clearance", "1 mm"), ("slip", "centre")):
+        path.write_text(f'[joints.B]\n{key} = "{value}"')
+        with pytest.raises(ValueError, match=f"joints.B.{key}` must be of a linkage"):
+            read_scene(path)
+
+
+@pytest.mark.parametrize(
+    ("file", "key", "text", "value"),
+    [
+        ("four_bar", "joints.B.slip", "centre", "centre"),
+        ("slider_crank", "joints.B.impact_law", "constant", "constant"),
+        ("slider_crank", "start", "contact", "contact"),
+        ("pump", "bodies.rod.mass_centre.y", "1 mm", 1e-3),
+        ("pump", "gravity", "0 m/s2", 0.0),
+        ("pump", "speed_fluctuation", "2 %", 0.02),
+    ],
+)
+def test_a_key_may_be_set_that_a_file_has_or_may_have(file, key, text, value):
+    found = described(EXAMPLES / f"{file}.toml", [(key, text)])
+    assert found.values[key] == value
+
+
+def test_a_choice_of_a_joint_is_one_of_its_laws():
+    with pytest.raises(ValueError, match=r"`joints.B.slip` must be one of 'centre', 'surface'"):
+        described(EXAMPLES / "four_bar.toml", [("joints.B.slip", "middle")])
 
 
 @pytest.mark.parametrize(
