@@ -254,7 +254,7 @@ POINTS = "foundation.points."
 FILES = {"load_curve": "force over the shaft's angle: angle_deg, force_kN"}
 
 # Before the names of any linkage, which `NUMBERS` and `CHOICES` have once it has been read.
-OF_LINKAGES = ("bodies.", "joints.", "slides.", "forces.", "springs.", "points.")
+OF_LINKAGES = ("bodies.", "joints.", "slides.", "forces.", "springs.", "points.", "assembly.")
 
 # Every number that a scene file may have.
 NUMBERS = PARAMETERS | CHAMBER | SITE

@@ -37,6 +37,7 @@ from jaxcrusher.scenes.parameters import (
     CHOICES,
     FILES,
     NUMBERS,
+    OF_LINKAGES,
     POINTS,
     WHOLE,
     check_number,
@@ -383,7 +384,7 @@ def flattened(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, An
         name = prefix + key
         if isinstance(value, dict) and value and name not in _keys():
             yield from flattened(value, f"{name}.")
-        elif name not in _tables(NUMBERS):
+        elif name not in _tables((*NUMBERS, *OF_LINKAGES)):
             yield name, value
         elif value != {}:
             raise ValueError(f"Argument `{name}` must be a table [{name}], but is {value!r}.")

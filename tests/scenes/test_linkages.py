@@ -289,6 +289,14 @@ REFUSED = {
 }
 
 
+def test_an_empty_table_is_none():
+    none = {key: {} for key in ("forces", "springs", "points", "assembly", "foundation")}
+    for scene in (linkage(**PLAIN, **none), linkage(**changed(joints={"B": LOOSE}), **none)):
+        assert scene.pushes == scene.springs == () and scene.foundation is None
+    with pytest.raises(ValueError, match="`forcs` must be a known name, but is not"):
+        linkage(**PLAIN, forcs={})
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_bad_input_gets_one_line(name):
     parts, words = REFUSED[name]
