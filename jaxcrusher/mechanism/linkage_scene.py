@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import require, require_x64
+from jaxcrusher.basics.plane import plus
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.validity import Turning
 from jaxcrusher.mechanism.acting import (
@@ -88,11 +89,13 @@ class LinkageScene(AbstractScene):
 
     @property
     def throw(self) -> Scalar:
-        """Return how far the crank's pin is from its bearing, m."""
+        """Return how far the crank's pin is from its bearing, m; alone, its radius of gyration."""
         linkage, crank = self.linkage, self.linkage.crank
-        pin = next(n for n, *both in linkage.ends if crank in both and n != linkage.bearing)
-        arm = linkage.side_of(pin, crank) - linkage.side_of(linkage.bearing, crank)
-        squared = arm.squared()
+        body, bearing = linkage.body(crank), linkage.side_of(linkage.bearing, crank)
+        pins = [n for n, *both in linkage.ends if crank in both and n != linkage.bearing]
+        end = linkage.side_of(pins[0], crank) if pins else body.mass_centre
+        squared = (end - bearing).squared()
+        squared = squared if pins else plus(squared, body.inertia / body.mass)
         assert squared is not None, "two joints of a body are apart"
         return jnp.sqrt(squared)
 
