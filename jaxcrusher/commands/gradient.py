@@ -18,9 +18,8 @@ from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import SETTINGS, begin, earlier, keep_beside
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance
-from jaxcrusher.scenes.described import Described
 from jaxcrusher.scenes.echo import per, unit_of
-from jaxcrusher.scenes.parameters import NUMBERS
+from jaxcrusher.scenes.parameters import NUMBERS, numbers_of
 from jaxcrusher.scenes.scene_file import require_moving
 
 
@@ -28,15 +27,17 @@ def run(options: Gradient, console: Console) -> int:
     """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
     found = read_moving(options.crusher)
     metric = options.metric or found.scene.leading
-    _check(options, found, metric)
-    names = "by", "settle", "turns", "radius", "pairs", "seed", "rtol"
-    asked = {"metric": metric} | {name: getattr(options, name) for name in names}
+    numbers = numbers_of(found.values)
+    by = options.by or ("speed", *(name for name in numbers if name.endswith("clearance")))
+    _check(options, found.scene, metric, by, numbers)
+    names = "settle", "turns", "radius", "pairs", "seed", "rtol"
+    asked = {"metric": metric, "by": by} | {name: getattr(options, name) for name in names}
     values, unit, given = (
         found.values,
         found.scene.statistics[metric].unit,
         units_given(options.crusher),
     )
-    units = {name: unit_of(name, given)[0] for name in options.by}
+    units = {name: unit_of(name, given)[0] for name in by}
     settings = settings_of("gradient", values, **asked, units=units, **found.structure)
     path = options.results.folder / "gradient.json"
     keep_beside(options.results.folder / SETTINGS, settings, path.name)
@@ -52,7 +53,7 @@ def run(options: Gradient, console: Console) -> int:
         report = jc.gradient_report(
             scene,
             metric,
-            {name: values[name] for name in options.by},
+            {name: values[name] for name in by},
             settle_turns=options.settle,
             turns=options.turns,
             radius=options.radius,
@@ -61,8 +62,8 @@ def run(options: Gradient, console: Console) -> int:
             rtol=options.rtol,
             progress=lambda stage: status.update(f"{stage} (with compilation up to a minute)"),
         )
-    by = ", ".join(f"by {name} {per(unit, of)}" for name, of in units.items())
-    kept = content(report, unit) | {"told": f"{shown(report, given)}\nunits: {by}"}
+    told = ", ".join(f"by {name} {per(unit, of)}" for name, of in units.items())
+    kept = content(report, unit) | {"told": f"{shown(report, given)}\nunits: {told}"}
     write_json(path, provenance("Slopes", scene=values) | kept)
     return _tell(kept, str(path), console)
 
@@ -73,13 +74,14 @@ def _tell(kept: dict[str, Any], path: str, console: Console) -> int:
     return 1 if kept["regime"] == "failed" else 0
 
 
-def _check(options: Gradient, found: Described, metric: str) -> None:
-    require_choice("metric", metric, tuple(found.scene.statistics))
-    once = len(set(options.by)) == len(options.by) > 0
-    require(once, "by", "name parameters, each once", " ".join(options.by))
-    for name in options.by:
+def _check(
+    options: Gradient, scene: AbstractScene, metric: str, by: tuple[str, ...], numbers: list[str]
+) -> None:
+    require_choice("metric", metric, tuple(scene.statistics))
+    require(len(set(by)) == len(by), "by", "name parameters, each once", " ".join(by))
+    for name in by:
         require_moving("by", name)
-        require(name in found.values, "by", "name numbers that the machine is given", name)
+        require_choice("by", name, tuple(numbers))
     for name, least in (("settle", 0), ("turns", 1), ("pairs", 2), ("seed", 0)):
         require_whole(name, getattr(options, name), least)
     require_positive("radius", options.radius, "")

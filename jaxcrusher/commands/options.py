@@ -165,9 +165,9 @@ class Gradient:
     so on; an unknown one, as in "gradient any", lists them all. Without it foundation_rms of a
     crusher, and shaking_rms of another linkage."""
     crusher: Crusher = field(default_factory=Crusher)
-    by: tuple[str, ...] = ("speed", "clearance")
-    """Keys of the scene file to differentiate by. Slopes are printed by the units that their values
-    are given in; gradient.json has SI units."""
+    by: tuple[str, ...] = ()
+    """Keys of the scene file to differentiate by; without it the speed and all clearances. Slopes
+    are printed by the units that their values are given in; gradient.json has SI units."""
     settle: int = 50
     """Turns of the shaft before the statistic starts."""
     turns: int = 50

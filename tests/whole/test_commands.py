@@ -44,6 +44,7 @@ def run(*arguments) -> tuple[int | None, str]:
     return status, printed.getvalue()
 
 
+PUMP = Path(__file__).parents[2] / "examples" / "pump.toml"
 SHORT = shlex.split("--turns 2 --settle 1 --samples 401 --set start contact --set speed '300 rpm'")
 
 
@@ -304,6 +305,26 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
 
 
 @pytest.mark.parametrize(
+    ("machine", "names"),
+    [
+        ("", ["speed", "clearance"]),
+        ("--set elbow.clearance 0.1mm", ["speed", "clearance", "elbow.clearance"]),
+        (f"--scene {PUMP}", ["speed", "joints.B.clearance"]),
+    ],
+)
+def test_a_gradient_is_by_the_speed_and_all_clearances(machine, names, tmp_path, monkeypatch):
+    asked = {}
+
+    def report(scene, metric, parameters, **options):
+        asked.update(parameters)
+        return GradientReport(metric, Regime("chaotic", ()), 10, (0.5, 0.1), {})
+
+    monkeypatch.setattr(gradient.jc, "gradient_report", report)
+    assert run(*shlex.split(f"gradient {machine} --out '{tmp_path}'"))[0] == 0
+    assert list(asked) == names
+
+
+@pytest.mark.parametrize(
     ("line", "words"),
     [
         ("simulate --set sped 3", "`sped` must be a known key"),
@@ -356,6 +377,13 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
             "orbit --set diametral_clearance 0,1mm",
             "`diametral_clearance` must be a quoted quantity",
         ),
+        (
+            "gradient --by load_edge",
+            "`by` must be a known name, but is 'load_edge' (is 'load' meant?",
+        ),
+        ("gradient --by rod.stiffness", "`by` must be one of 'speed', 'clearance', "),
+        (f"gradient --scene {PUMP} --by jaw.mass", "'joints.B.clearance', 'joints.B.bore_radius'"),
+        (f"gradient --scene {PUMP} --by bodies.rod.mass_centre.y", "is 'bodies.rod.mass_centre.x'"),
         ("gradient --by bore_diameter", "`by` must name the radius, bore_radius, but is bore_dia"),
         (
             "sweep --over clearance 0.03 0.1mm 3 --over diametral_clearance 0.1 0.2mm 3",
