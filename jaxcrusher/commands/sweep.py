@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 def run(options: Sweep, console: Console) -> int:
-    """Sweep and print a closing line; ValueError for bad options."""
+    """Sweep and print a closing line; 1 if a design failed. ValueError for bad options."""
     found, axes = read_machine(options.crusher), read_axes(options.over)
     values, leading = found.values, found.scene.leading
     require_of_linkage(found, axes)
@@ -71,7 +71,7 @@ def run(options: Sweep, console: Console) -> int:
         draw(grid, leading, units, written[-1])
     console.print(closing(grid, leading, units))
     console.print(", ".join(map(str, written)))
-    return 0
+    return 0 if bool(grid.success.all()) else 1
 
 
 @contextlib.contextmanager

@@ -21,7 +21,7 @@ from scipy.io import loadmat
 import jaxcrusher as jc
 from jaxcrusher import __main__
 from jaxcrusher.batch.sweep import Ensemble
-from jaxcrusher.commands import gradient, orbit, regimes, simulate
+from jaxcrusher.commands import gradient, orbit, regimes, simulate, sweep
 from jaxcrusher.commands.options import Crusher
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.dynamics.regime import Regime
@@ -210,6 +210,20 @@ def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypa
     assert "sweep.zarr" in again and "sweep.nc" not in again
     with pytest.raises(ValueError, match=r"`name` must be new .* of base\.load 8800 \(now 9000\)"):
         run(*line, "--set", "load", "9 kN")
+
+
+def test_a_sweep_with_a_failed_design_is_written_and_ends_with_1(tmp_path, monkeypatch):
+    coordinates = {"start": ["centred", "contact"]}
+    columns = {"foundation_rms": [math.nan, 2e4], "success": [False, True]}
+    columns |= {"whirl": [False, False], "inside_model": [False, True]}
+    of = {name: ("start", values) for name, values in columns.items()}
+    monkeypatch.setattr(sweep, "sweep", lambda *_, **__: xr.Dataset(of, coordinates))
+    line = ("sweep", "--over", "start", "centred", "contact", "--csv", "--out", tmp_path)
+    status, text = run(*line)
+    assert status == 1 and "2 designs: 1 failed, 0 whirl" in text
+    assert (tmp_path / "sweep" / "sweep.csv").read_text().count("\n") == 3
+    of["success"] = "start", [True, True]
+    assert run(*line)[0] == 0
 
 
 @pytest.fixture
