@@ -212,7 +212,7 @@ def limits_of(scene: AbstractScene, values: Mapping[str, Scalar]) -> Validity:
 
 def of_whirl(scene: AbstractScene) -> tuple[str, ...]:
     """Return the leading statistic of a scene, and what tells a whirl of it."""
-    names = ("main",) if "main" in scene.linkage.joints.names else scene.joints.names
+    names = ("main",) if "contact_fraction" in scene.statistics else scene.joints.names
     return scene.leading, *(before(n) + of for n in names for of in ("contact_fraction", "winding"))
 
 

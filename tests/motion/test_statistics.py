@@ -1,7 +1,9 @@
 """The table of statistics: one entry makes a statistic wherever statistics are known."""
 
 import math
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +12,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher.statistics_table import FURTHER_STATISTICS, STATISTIC
 from jaxcrusher.mechanism.reductions import PowerMean, Sampled, Statistic
-from jaxcrusher.motion.statistics import Statistics, limits_of
+from jaxcrusher.motion.statistics import Statistics, limits_of, of_whirl
 from jaxcrusher.motion.tangents import SLICES, combine, tangents
 from jaxcrusher.periodic.trigonometric import resample
 
@@ -62,6 +64,17 @@ def test_a_pin_whirls_either_way_round(winding, touching, whirls):
     """The crank of a pump of 3000 rpm whirls as a pin at -70.7, and round the rod's pin at 70.9."""
     seen = {"winding": jnp.array(winding), "contact_fraction": jnp.array(touching)}
     assert bool(Statistics(3, None, seen, {}, jnp.zeros(4)).whirl) == whirls
+
+
+def test_a_whirl_is_told_by_the_main_joint_where_it_has_statistics():
+    path = Path(__file__).parents[2] / "examples" / "pump.toml"
+    text = path.read_text().replace('kind = "linkage"', "")
+    for name, at in (("A", "B_"), ("B", "")):  # ideal, and loose
+        scene = jc.linkage(**tomllib.loads(text.replace(f"[joints.{name}]", "[joints.main]")))
+        assert of_whirl(scene) == ("shaking_rms", f"{at}contact_fraction", f"{at}winding")
+    # A crusher's has them although it is ideal.
+    scene = jc.build_scene({"joint": "ideal", "elbow.clearance": 3e-5})
+    assert of_whirl(scene) == ("foundation_rms", "contact_fraction", "winding")
 
 
 @pytest.mark.slow
