@@ -105,7 +105,7 @@ class Statistics(eqx.Module, AbstractOverTurns):
         """
         value, batches = self[rms], min(10, self.turns)
         if batches == 1:
-            return jnp.full_like(value, jnp.inf)
+            return value + jnp.inf
         length = self.turns // batches
         used = self.by_turn[rms][..., : batches * length] ** 2
         means = jnp.mean(used.reshape(*used.shape[:-1], batches, length), axis=-1)

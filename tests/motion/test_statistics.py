@@ -66,6 +66,13 @@ def test_a_pin_whirls_either_way_round(winding, touching, whirls):
     assert bool(Statistics(3, None, seen, {}, jnp.zeros(4)).whirl) == whirls
 
 
+@pytest.mark.usefixtures("unchecked")  # statistics of a batch
+def test_one_turn_tells_no_error_and_a_failure_has_none():
+    rms = jnp.array([0.0, 2.0, jnp.nan])
+    found = Statistics(1, None, {"shaking_rms": rms}, {"shaking_rms": rms[:, None]}, jnp.zeros(4))
+    np.testing.assert_array_equal(found.standard_error("shaking_rms"), [np.inf, np.inf, np.nan])
+
+
 def test_a_whirl_is_told_by_the_main_joint_where_it_has_statistics():
     path = Path(__file__).parents[2] / "examples" / "pump.toml"
     text = path.read_text().replace('kind = "linkage"', "")
