@@ -106,11 +106,12 @@ def _statistics(scene: AbstractScene, settle: int, turns: int, rtol: float) -> S
 
 
 def _span(options: Simulate, speed: float) -> float:
-    """The time span in turns."""
+    """The time span in turns; one of whole turns up to rounding is whole."""
     if options.seconds is not None:
         require(options.turns is None, "turns", "not be given with seconds", options.turns)
         require_positive("seconds", options.seconds, "s")
-        return options.seconds * speed / (2 * np.pi)
+        span = options.seconds * speed / (2 * np.pi)
+        return float(round(span)) if math.isclose(span, round(span)) else span
     turns = TURNS if options.turns is None else options.turns
     require_positive("turns", turns, "")
     return turns

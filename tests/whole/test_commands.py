@@ -22,7 +22,7 @@ import jaxcrusher as jc
 from jaxcrusher import __main__
 from jaxcrusher.batch.sweep import Ensemble
 from jaxcrusher.commands import gradient, orbit, regimes, simulate, sweep
-from jaxcrusher.commands.options import Crusher
+from jaxcrusher.commands.options import Crusher, Simulate
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.dynamics.regime import Regime
 from jaxcrusher.dynamics.slopes import GradientReport
@@ -124,6 +124,15 @@ def test_a_span_without_a_whole_turn_tells_the_contact_of_each_loose_joint(loose
     line = simulate.closing(motion, None, 0, complete(loose))
     known = "RMS force on the foundation 5000 N, RMS shaking force 1414 N"
     assert line.startswith(f"{known}{told}, over the samples")
+
+
+@pytest.mark.parametrize(
+    ("seconds", "turns", "half"), [(3.0, 15, 7), (2.8, 14, 7), (2.7999, 13, 6)]
+)
+def test_seconds_of_whole_turns_lose_none_by_rounding(seconds, turns, half):
+    options = Simulate(seconds=seconds)
+    span = simulate._span(options, 300 * np.pi / 30)
+    assert (int(span), simulate._settle(options, span)) == (turns, half)
 
 
 def test_an_average_that_scatters_says_what_to_do():
