@@ -16,7 +16,7 @@ from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.described import Described, described, given_by
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import is_own, with_digests
-from jaxcrusher.scenes.parameters import CHOICES, OF_LINKAGES
+from jaxcrusher.scenes.parameters import CHOICES
 from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_defaults, tell_unusual
 from jaxcrusher.scenes.scene_file import (
     key_of,
@@ -86,13 +86,6 @@ def read_moving(crusher: Crusher) -> Described:
 def bounds(over: Ranges) -> list[tuple[str, str]]:
     """Return the text of each axis's highest value, whose unit serves the lowest one too."""
     return [(name, rest[1]) for name, *rest in over if len(rest) == 3 and name not in CHOICES]
-
-
-def require_of_linkage(found: Described, names: Iterable[str]) -> None:
-    """Refuse names that a linkage would pass over; a crusher knows all that can be read."""
-    for name in names:
-        good = found.make is None or name in found.values or name.startswith(OF_LINKAGES)
-        require(good, name, "be a number or a choice of the file", "not there")
 
 
 def read_axes(over: Ranges) -> dict[str, list]:

@@ -12,14 +12,7 @@ from rich.markup import escape
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
-from jaxcrusher.commands.crushers import (
-    bounds,
-    read_axes,
-    read_moving,
-    require_of_linkage,
-    settings_of,
-    units_given,
-)
+from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, settings_of, units_given
 from jaxcrusher.commands.options import Regimes
 from jaxcrusher.dynamics.regime import Regime
 from jaxcrusher.files import table
@@ -50,7 +43,6 @@ def run(options: Regimes, console: Console) -> int:
     """Classify what is not done yet; 1 if a run failed. ValueError for bad options."""
     found, designs = read_moving(options.crusher), read_designs(options)
     values, outputs = found.values, of_whirl(found.scene)
-    require_of_linkage(found, designs[0])
     columns = COLUMNS | columns_of(found.scene.statistics, outputs)
     units = _units(options)
     for name, least in (("settle", 0), ("turns", 1), ("tangent_turns", 1)):

@@ -17,7 +17,6 @@ from jaxcrusher.commands.crushers import (
     bounds,
     read_axes,
     read_machine,
-    require_of_linkage,
     units_given,
     write_dataset,
 )
@@ -37,7 +36,6 @@ def run(options: Sweep, console: Console) -> int:
     """Sweep and print a closing line; 1 if a design failed. ValueError for bad options."""
     found, axes = read_machine(options.crusher), read_axes(options.over)
     values, leading = found.values, found.scene.leading
-    require_of_linkage(found, axes)
     base = {n: value for n, value in values.items() if n not in axes and n not in CHAMBER}
     if found.make is None:
         require_possible(values, axes)
