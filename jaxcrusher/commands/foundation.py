@@ -34,6 +34,7 @@ from jaxcrusher.files.results import listed, write_figure, write_json, write_tab
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import digits, with_scatter
 from jaxcrusher.mechanism.linkage_scene import LinkageScene
+from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.turns import Turns, run_turns
 from jaxcrusher.orbits.load_sheet import (
@@ -71,7 +72,7 @@ FACTOR = "The dynamic factor counts what moves; 3 is the fatigue factor of DIN 4
 
 def run(options: Foundation, console: Console) -> int:
     """Solve, run, print, write; 1 if the loose machine's run failed. ValueError for bad options."""
-    require_whole("orders", options.orders, 1)
+    require_orders(options.orders)
     require_whole("points", options.points, 2)
     require_positive("seconds", options.seconds, "s")
     found = read_machine(options.crusher)

@@ -27,6 +27,7 @@ from jaxcrusher.identification.model import (
     quantities_of,
     residual_rows,
 )
+from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.echo import unit_of as shown_in
 from jaxcrusher.scenes.parameters import NUMBERS
@@ -191,7 +192,7 @@ class Identified:
         by the observable's name, others left out. Gains count from what is known now, where each
         number is known to its own size without any data.
         """
-        require_whole("orders", orders, 1)
+        require_orders(orders)
         problem, size = self.problem, np.array([*self.problem.size.values()])
         u = np.array([*self.values.values()]) / size
         known, observable = problem.quantities.observables, problem.quantities.observable

@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from jaxcrusher.basics.checks import require, require_names, require_positive, require_whole
+from jaxcrusher.basics.checks import require, require_names, require_positive
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.identification.model import Machine, What, look, maker_of, quantities_of
+from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.orbits.result import PeriodicOrbit
 
 # The second order counts if it changes a standard deviation by more than this share.
@@ -52,7 +53,7 @@ def propagate(
     Raises ValueError for bad arguments, an orbit that was not found, and one of another machine.
     """
     require_set_up()
-    require_whole("orders", orders, 1)
+    require_orders(orders)
     require(len(sigmas) > 0, "sigmas", "name a number", "empty")
     require(bool(orbit.success), "orbit", "be one that was found", f"none: {orbit.failure}")
     make, names = maker_of(machine), tuple(sigmas)

@@ -8,6 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Scalar
 
+from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 
 # A share of the time in contact that is all of it: a mean over many steps, with their rounding.
@@ -17,6 +18,12 @@ ALL_THE_TIME = 1 - 1e-9
 SAMPLES = 1024
 # Smooths a deviation (in the unit of its quantity) where it vanishes.
 DEVIATION_WIDTH = 1e-6
+
+
+def require_orders(orders: int) -> None:
+    """Check the highest harmonic that is asked for: instants of a turn determine no higher ones."""
+    require_whole("orders", orders, 1)
+    require(orders < SAMPLES // 2, "orders", f"be less than {SAMPLES // 2}", orders)
 
 
 class AbstractMean(abc.ABC):

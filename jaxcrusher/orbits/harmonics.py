@@ -10,9 +10,8 @@ from jaxcrusher.basics.checks import (
     require_names,
     require_own_process,
     require_untraced,
-    require_whole,
 )
-from jaxcrusher.mechanism.reductions import SAMPLES
+from jaxcrusher.mechanism.reductions import SAMPLES, require_orders
 from jaxcrusher.orbits.result import PeriodicOrbit
 
 # What a foundation is laid out for.
@@ -48,8 +47,7 @@ def harmonics(
     require_untraced("orbit", orbit.values, "harmonics", "PeriodicOrbit.motion")
     require(orbit.success.ndim == 0, "orbit", "be one orbit", f"a batch {orbit.success.shape}")
     require(bool(orbit.success), "orbit", "be one that was found", orbit.failure)
-    require_whole("orders", orders, 1)
-    require(orders < SAMPLES // 2, "orders", f"be less than {SAMPLES // 2}", orders)
+    require_orders(orders)
     outputs, known = OUTPUTS if outputs is None else outputs, orbit.scene.observables
     require_names("outputs", outputs, tuple(known))
     turns, count = orbit.period, SAMPLES * orbit.period

@@ -12,7 +12,7 @@ from jaxtyping import Complex, Float, Scalar
 from jaxcrusher.crusher.machine import LETTERS
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.observables import OF_SUPPORTS
-from jaxcrusher.mechanism.reductions import SAMPLES
+from jaxcrusher.mechanism.reductions import SAMPLES, require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.mechanism.topology import FRAME
@@ -102,8 +102,9 @@ def orbit_turns(orbit: PeriodicOrbit) -> Turns:
 def sheet(motion: PeriodicOrbit | Turns, orders: int, site: Site = Site()) -> list[Row]:
     """Return the rows of the sheet of an orbit or of a run, part by part.
 
-    `orders` is the highest harmonic of the shaft's speed.
+    `orders` is the highest harmonic of the shaft's speed. Raises ValueError as `harmonics` does.
     """
+    require_orders(orders)
     turns = motion if isinstance(motion, Turns) else orbit_turns(motion)
     exciting = _exciting(turns)
     rows = [

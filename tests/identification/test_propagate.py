@@ -143,6 +143,8 @@ def test_refuses_what_was_not_found():
     orbit = of(by_hand.CRUSHER)
     with pytest.raises(ValueError, match="`outputs` must be a known name, but is 'left_peak'"):
         jc.propagate(orbit, by_hand.CRUSHER, {"jaw.mass": 1.0}, outputs=("left_peak",))
+    with pytest.raises(ValueError, match="`orders` must be less than 512, but is 600"):
+        jc.propagate(orbit, by_hand.CRUSHER, {"jaw.mass": 1.0}, orders=600)
     none = missing(orbit.scene, 1, RESULTS.impacts)
     with pytest.raises(
         ValueError, match="`orbit` must be one that was found, but is none: The motion"

@@ -324,6 +324,8 @@ def test_a_clamped_frame_has_a_shorter_sheet():
     still = named["force, vertically", "static"]
     assert still.remark == "without the frame" and still.value == pytest.approx(-9.81e-3 * 641)
     framed = by_name(sheet(orbit, 1, Site(frame_mass=1e3)))["force, vertically", "static"]
+    with pytest.raises(ValueError, match="`orders` must be less than 512, but is 512"):
+        sheet(orbit, 512)
     assert framed.remark == "with the frame of 1000 kg"
     assert framed.value == pytest.approx(-9.81e-3 * 1641)
 

@@ -104,6 +104,7 @@ def test_a_run_that_fails_leaves_ideal_joints(tmp_path, monkeypatch):
         ({"resonance": (1.3, 0.7)}, "`resonance` must be two numbers, 0 < LOW < HIGH"),
         ({"dynamic_factor": 0.5}, "`dynamic_factor` must be >= 1"),
         ({"run_up": "10 m"}, "`run_up` must have a unit of the kind s"),
+        ({"orders": 512}, "`orders` must be less than 512, but is 512"),
         ({"seconds": 0.0}, "`seconds` must be"),
     ],
 )
