@@ -10,6 +10,7 @@ import xarray as xr
 from jaxtyping import Complex, Float, Scalar
 
 from jaxcrusher.crusher.machine import LETTERS
+from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.observables import OF_SUPPORTS
 from jaxcrusher.mechanism.reductions import SAMPLES, require_orders
@@ -151,12 +152,16 @@ def _both(name: str, unit: str, values: Float[np.ndarray, "pieces samples 2"]) -
 def _exciting(turns: Turns) -> Curves:
     """Return force and moments of shaft, jaw and toggle on the frame."""
     force, moment = turns.values["ground_force"], turns.values["ground_moment"]
-    place = _place(turns.scene)
-    levels = {"exciting moment about " + ("C" if turns.scene.foundation is None else "G"): place}
-    if turns.scene.foundation is not None and turns.scene.supports is None:
-        levels = {"exciting moment about the foundation's point": place}
-    levels["exciting moment at the shaft's level, about O"] = _bearing(turns.scene)
-    if (foundation := turns.scene.supports) is not None:
+    scene, place = turns.scene, _place(turns.scene)
+    about = "G" if scene.supports is not None else "the foundation's point"
+    if scene.foundation is None:
+        about = "C" if isinstance(scene, Scene) else "the frame's origin"
+    bearing = LETTERS.get(scene.linkage.bearing, scene.linkage.bearing)
+    levels = {
+        f"exciting moment about {about}": place,
+        f"exciting moment at the shaft's level, about {bearing}": _bearing(scene),
+    }
+    if (foundation := scene.supports) is not None:
         middle = float(foundation.left + foundation.right) / 2
         levels["exciting moment at the base, in its middle"] = np.array(
             [middle, float(foundation.base)]

@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import xarray as xr
 import jaxcrusher as jc
 from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.supports import soil_under
-from jaxcrusher.motion.turns import run_turns
+from jaxcrusher.motion.turns import Turns, run_turns
 from jaxcrusher.orbits.load_sheet import (
     Site,
     beside,
@@ -22,6 +23,9 @@ from jaxcrusher.orbits.load_sheet import (
 from jaxcrusher.orbits.natural_modes import linearised
 from jaxcrusher.orbits.run_up import STEPS, run_up
 from jaxcrusher.orbits.severity import ZONES, outside_scope, support_kind, zone
+from jaxcrusher.scenes.described import read_scene
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.fixture(scope="module")
@@ -328,6 +332,23 @@ def test_a_clamped_frame_has_a_shorter_sheet():
         sheet(orbit, 512)
     assert framed.remark == "with the frame of 1000 kg"
     assert framed.value == pytest.approx(-9.81e-3 * 1641)
+
+
+@pytest.mark.parametrize(
+    ("name", "about", "bearing"),
+    [
+        ("slider_crank", "the frame's origin", "K"),
+        ("pe250x400", "C", "O"),
+    ],
+)
+def test_moments_are_named_by_points_that_there_are(name, about, bearing, tmp_path):
+    text = (EXAMPLES / f"{name}.toml").read_text()
+    (tmp_path / "mine.toml").write_text(text.replace("joints.O", "joints.K"))
+    scene = read_scene(tmp_path / "mine.toml")
+    values = {"ground_force": np.ones((1, 8, 2)), "ground_moment": np.ones((1, 8))}
+    names = {row.name for row in sheet(Turns(scene, 1, values), 1)}
+    moments = {f"about {about}", f"at the shaft's level, about {bearing}"}
+    assert {one for one in names if one.startswith("moment")} == {f"moment {n}" for n in moments}
 
 
 def test_the_title_says_the_state_of_each_joint():
