@@ -44,6 +44,7 @@ REMEDY = (
     "--period, or jaxcrusher.coexisting_orbits, which searches from many starts. Any motion has "
     "means: `python -m jaxcrusher foundation` makes a load sheet of them, with their scatter."
 )
+ROUGH = "under the mean load: what load_scatter adds is told by jaxcrusher.feed_response"
 
 
 def run(options: Orbit, console: Console) -> int:
@@ -157,6 +158,8 @@ def summary(orbit: PeriodicOrbit) -> list[str]:
         f"shaking force: RMS {float(orbit.shaking_rms):.4f} N, peak "
         f"{float(orbit.shaking_peak):.4f} N {error}".rstrip(),
     ]
+    if orbit.scene.steady() is not orbit.scene:
+        lines.append(ROUGH)
     if orbit.eccentricity is None:
         return [*lines, "ideal joints: nothing oscillates"]
     moduli = ", ".join(f"{abs(value):.6f}" for value in np.asarray(orbit.multipliers))

@@ -647,6 +647,12 @@ def test_slopes_of_an_orbit_are_shown_where_a_force_feels_them(tmp_path):
     assert "Neither force changes with young, poisson." in told and len(told) == 3
 
 
+@pytest.mark.parametrize("scatter", [0.0, 0.2])
+def test_an_orbit_of_a_rough_feed_is_told_to_be_under_the_mean_load(scatter):
+    found = jc.periodic_orbit(jc.build_scene({"joint": "ideal", "load_scatter": scatter}))
+    assert (orbit.ROUGH in orbit.summary(found)) == (scatter > 0)
+
+
 @pytest.mark.slow
 def test_no_orbit_leaves_no_file(tmp_path):
     bad = ("orbit", "--out", tmp_path, "--name", "none", "--set", "load_law", "none")
