@@ -13,7 +13,7 @@ mass_centre = ["60 mm", "0 mm"]  # in the body's axes; its origin without
 [joints.B]
 bore = ["rod", "120 mm", "0 mm"]  # a body, or "frame", and a point in its axes
 pin = ["slider", "0 mm", "0 mm"]
-clearance = "0.5 mm"              # loose; ideal without
+clearance = "0.5 mm"              # or diametral_clearance: loose; ideal without
 bore_radius = "10 mm"
 
 [slides.guide]
@@ -65,7 +65,14 @@ from jaxcrusher.scenes.parameters import (
     check_number,
     complete,
 )
-from jaxcrusher.scenes.scene_file import flattened, read_entries, read_value, unknown
+from jaxcrusher.scenes.scene_file import (
+    DIAMETERS,
+    flattened,
+    key_of,
+    read_entries,
+    read_value,
+    unknown,
+)
 
 _ANYWHERE = (-1e3, 1e3)
 _PLACE = Parameter(0.0, "m", "of a point in its body's axes", _ANYWHERE, 1.0)
@@ -284,6 +291,7 @@ class _Reading:
         self.defaults: list[str] = []  # names of numbers and sides that are not given
         self.left: dict[str, Any] = {}
         self.sections: dict[str, dict[str, dict[str, Any]]] = {name: {} for name in _SECTIONS}
+        self.written: dict[str, str] = {}  # name -> what is given, maybe a diameter
         for name, value in entries:
             section, _, rest = name.partition(".")
             if not rest or section == "foundation":
@@ -291,7 +299,11 @@ class _Reading:
                 continue
             require_known(section, _SECTIONS)
             item, _, key = rest.partition(".")
-            self.sections[section].setdefault(item, {})[key] = value
+            table = self.sections[section].setdefault(item, {})
+            radius = DIAMETERS.get(key, key) if section == "joints" else key
+            require(radius not in table, name, f"not stand beside {radius} or its double", "given")
+            table[radius] = value
+            self.written[f"{section}.{item}.{radius}"] = name
         for section, items in self.sections.items():
             for item, keys in items.items() if section in _NUMBERS else ():
                 must = "be named by letters, digits and _, as results and MATLAB's variables are"
@@ -304,7 +316,7 @@ class _Reading:
     def keep(self, name: str, value: Any, parameter: Parameter) -> None:
         """Keep a number, whose name is known from now on."""
         NUMBERS[name] = parameter
-        self.values[name] = self.number(name, value)
+        self.values[name] = self.number(self.written.get(name, name), value)
 
     def pair(self, name: str, given: Any, parameter: Parameter) -> None:
         """Keep the two numbers of a point or a vector but for zeros."""
@@ -532,8 +544,8 @@ def _number(name: str, value: Any) -> float:
     """Return a number as Python gives it: in SI units, or a text with its unit."""
     if isinstance(value, str):
         return float(read_value(name, value))
-    check_number(name, value)
-    return float(value)
+    check_number(key := key_of(name), value)
+    return float(value) / (1 if key == name else 2)
 
 
 def linkage(**description: Any) -> LinkageScene:

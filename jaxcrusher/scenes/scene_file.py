@@ -44,7 +44,7 @@ from jaxcrusher.scenes.parameters import (
 )
 
 # A diameter of a drawing -> the radius that it gives.
-_DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
+DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
 # A rotational speed as data sheets write it; elsewhere "1/min" may be another rate.
 _TURNS_A_MINUTE = ("1/min", "U/min", "min-1", "min^-1", "min**-1")
 
@@ -153,7 +153,7 @@ def _slip(text: str, error: str) -> str:
 def key_of(name: str) -> str:
     """Return the key of `PARAMETERS` that a name of a scene file gives, a diameter's too."""
     head, dot, tail = name.rpartition(".")
-    key = f"{head}{dot}{_DIAMETERS.get(tail, tail)}"
+    key = f"{head}{dot}{DIAMETERS.get(tail, tail)}"
     return key if key in NUMBERS else name
 
 

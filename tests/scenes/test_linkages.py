@@ -47,6 +47,7 @@ def changed(**parts):
 
 
 LOOSE = {"bore": ["rod", 0.12, 0], "pin": ["slider", 0, 0], "clearance": 1e-4, "bore_radius": 0.01}
+DIAMETERS = {"diametral_clearance": 2e-4, "bore_diameter": "20 mm"}
 ANGLES = np.radians(np.arange(0.0, 360.0, 15.0))
 CURVE = np.stack([ANGLES, 100 * (1 + np.cos(ANGLES))], axis=1)
 
@@ -202,6 +203,10 @@ REFUSED = {
         },
         "forces.gas.force` must come with what it belongs to",
     ),
+    "a clearance beside its double": (
+        {"joints": {"B": LOOSE | {"diametral_clearance": 2e-4}}},
+        "joints.B.diametral_clearance` must not stand beside clearance or its double, but is given",
+    ),
     "a word that is none": ({"spede": 1.0}, "spede` must be a known name"),
     "supports without their springs": (
         {"foundation": {"mass": 10.0}},
@@ -297,6 +302,12 @@ def test_an_empty_table_is_none():
         linkage(**PLAIN, forcs={})
 
 
+def test_a_diameter_is_twice_a_radius():
+    ends = {name: LOOSE[name] for name in ("bore", "pin")}
+    joint = linkage(**changed(joints={"B": ends | DIAMETERS})).joints["B"]
+    assert float(joint.clearance) == 1e-4 and float(joint.bore_radius) == 0.01
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_bad_input_gets_one_line(name):
     parts, words = REFUSED[name]
@@ -310,6 +321,8 @@ def test_a_file_is_named_where_it_is_refused(tmp_path):
     for old, new, words in (
         ('mass = "0.24 kg"', "mass = 0.24", "bodies.crank.mass` must have a unit"),
         ('speed = "300 rpm"', "", "speed` must be given"),
+        ('clearance = "0.1 mm"', "bore_diameter = 0.02", "bore_radius` must not stand beside"),
+        ('clearance = "0.1 mm"', "diametral_clearance = 1", "diametral_clearance` must have a uni"),
         ("[joints.B]", "[joints.A]", "is not TOML: Cannot declare"),
     ):
         path = tmp_path / "bad.toml"
