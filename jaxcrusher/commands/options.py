@@ -142,7 +142,7 @@ class Regimes:
     settle: int = 200
     """Turns of the shaft before the motion is looked at."""
     turns: int = 1000
-    """Turns of which the section is looked at."""
+    """Turns of which the section is looked at, at least 20."""
     tangent_turns: int = 100
     """Further turns for the exponents."""
     rtol: float = 1e-10

@@ -14,7 +14,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, settings_of, units_given
 from jaxcrusher.commands.options import Regimes
-from jaxcrusher.dynamics.regime import Regime
+from jaxcrusher.dynamics.regime import LEAST_TURNS, Regime
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance, versions
@@ -45,7 +45,7 @@ def run(options: Regimes, console: Console) -> int:
     values, outputs = found.values, of_whirl(found.scene)
     columns = COLUMNS | columns_of(found.scene.statistics, outputs)
     units = _units(options)
-    for name, least in (("settle", 0), ("turns", 1), ("tangent_turns", 1)):
+    for name, least in (("settle", 0), ("turns", LEAST_TURNS), ("tangent_turns", 1)):
         require_whole(name, getattr(options, name), least)
     require_tolerance(options.rtol)
     scenes = [found.build({**values, **design}) for design in designs]

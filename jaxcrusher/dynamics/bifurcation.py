@@ -19,7 +19,7 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.crusher.statistics_table import STATISTIC
-from jaxcrusher.dynamics.regime import NOISE
+from jaxcrusher.dynamics.regime import LEAST_TURNS, NOISE
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.scene import AbstractScene, require_maker
@@ -31,8 +31,6 @@ from jaxcrusher.motion.statistics import of_whirl
 # The first coordinates of a section point, and what is told of a value besides.
 COORDINATES = ("e_x", "e_y", "rate_x", "rate_y")
 FLAGS = ("success", "whirl", "settled", "period")
-# Ten batches of two points: the least that shows a trend.
-LEAST_TURNS = 20
 
 
 def bifurcation(

@@ -31,6 +31,8 @@ from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES
 
+# Ten batches of two points, and two lags of the 0-1 test: the least that show a trend.
+LEAST_TURNS = 20
 # After how many turns a whirl is called one.
 WHIRL_TURNS = 20
 # What the integration leaves on a periodic orbit, in tolerances: a thousand steps a turn, and
@@ -69,7 +71,7 @@ def regime(
     tangent_turns: int = 100,
     rtol: float = 1e-10,
 ) -> Regime:
-    """Classify the motion of `scene` after `settle_turns`, from `turns` section points.
+    """Classify the motion of `scene` after `settle_turns`, from `turns` (>= 20) section points.
 
     The exponents come from `tangent_turns` further turns. A verdict other than "undecided" needs
     its indicators to agree; points whose spread still changes are "not settled", unless they
@@ -79,7 +81,7 @@ def regime(
     `jaxcrusher.statistics`, tighter by default: points that repeat are told by it, and a looser one
     than 1e-10 damps or feeds a swing itself, so that a trend of the spread may be the method's.
 
-    Raises ValueError as `poincare_section` does.
+    Raises ValueError for fewer points, and as `poincare_section` does.
     """
     require_scene(scene)
     require_untraced("scene", scene, "regime", "jaxcrusher.statistics")
@@ -163,7 +165,7 @@ def _record(scene: AbstractScene, settle_turns: int, turns: int, rtol: float) ->
     Turn by turn: one program serves any number of them.
     """
     require_whole("settle_turns", settle_turns, 0)
-    require_whole("turns", turns, 1)
+    require_whole("turns", turns, LEAST_TURNS)
     state, steps, seen = initial_state(scene), 0, []
     contact = (f"{before(joint)}contact_fraction" for joint, _ in scene.joints.items())
     outputs = tuple(dict.fromkeys((*of_whirl(scene), *contact)))

@@ -47,7 +47,7 @@ def test_whirl_and_failure_are_named():
     found = jc.regime(scene, 10, 20, rtol=1e-8)
     assert found.name == "whirl" and "round its bore" in str(found)
     broken = eqx.tree_at(lambda s: s.machine.gravity, scene, scalar(np.nan))
-    found = jc.regime(broken, 1, 2)
+    found = jc.regime(broken, 1, 20)
     assert found.name == "failed" and "stopped at 0 rad" in str(found)
 
 
@@ -60,5 +60,11 @@ def test_a_failure_is_told_by_the_angle_since_the_start(monkeypatch):
         return turn(scene, *how, state=state, **more)
 
     monkeypatch.setattr(module, "poincare_section", failing)
-    found = jc.regime(jc.paper_scene(30.0, 0.06e-3, start="contact"), 0, 5)
+    found = jc.regime(jc.paper_scene(30.0, 0.06e-3, start="contact"), 0, 20)
     assert found.name == "failed" and "stopped at 12.5664 rad" in str(found)
+
+
+def test_fewer_turns_than_show_a_trend_are_refused_before_any_is_computed(monkeypatch):
+    monkeypatch.delattr(module, "poincare_section")
+    with pytest.raises(ValueError, match=r"`turns` must be a whole number >= 20, but is 19\.$"):
+        jc.regime(jc.paper_scene(30.0, 0.06e-3), 0, 19)

@@ -123,7 +123,7 @@ LINES = (
     f"simulate --scene {EXAMPLES}/four_bar.toml --turns 2 --settle 1 --set joints.B.friction 0.1",
     f"sweep --scene {EXAMPLES}/slider_crank.toml --over joints.B.clearance 0.1 0.5mm 2 --turns 2",
     f"orbit --scene {EXAMPLES}/double_toggle.toml --set bodies.jaw.mass '3 t' --period 1",
-    f"regimes --scene {EXAMPLES}/four_bar.toml --over speed 200 300rpm 2 --settle 1 --turns 4",
+    f"regimes --scene {EXAMPLES}/four_bar.toml --over speed 200 300rpm 2 --settle 1 --turns 20",
     f"gradient --scene {EXAMPLES}/four_bar.toml --by speed joints.B.clearance --pairs 4",
     f"foundation --scene {EXAMPLES}/double_toggle.toml --orders 2 --points 3",
 )
