@@ -49,7 +49,6 @@ LEDGER = {
     "spring_loss": "taken by the dampers beside springs",
 }
 
-# The shaft turns at constant speed.
 ANGLE = {"units": "rad", "long_name": "shaft angle since time zero"}
 # A standard error beyond this share of the RMS is told to be rough.
 SCATTERED = 0.01
@@ -74,7 +73,7 @@ def run(options: Simulate, console: Console) -> int:
     with progress(console) as bars:
         bar = bars.add_task("simulation", total=3)
         motion = jc.simulate(scene, times, rtol=options.rtol)
-        kept = dataset(motion, values)
+        kept = dataset(motion, scene, values)
         for name in written[:-1]:
             write_dataset(folder / name, kept)
         bars.update(bar, completed=1, description="figure")
@@ -126,7 +125,7 @@ def _settle(options: Simulate, span: float) -> int:
     return options.settle
 
 
-def dataset(motion: Trajectory, values: dict[str, Any]) -> xr.Dataset:
+def dataset(motion: Trajectory, scene: AbstractScene, values: dict[str, Any]) -> xr.Dataset:
     """Return the motion with units, long names and provenance."""
     table = dict(motion.known)
     seen = [name for name in table if name in motion.values]
@@ -135,9 +134,10 @@ def dataset(motion: Trajectory, values: dict[str, Any]) -> xr.Dataset:
     ledger = {n: part for n in LEDGER if (part := getattr(motion.energy, n)) is not None}
     arrays |= {name: np.asarray(part) for name, part in ledger.items()}
     kept = vector_columns(table, arrays) | {name: Column("J", LEDGER[name]) for name in ledger}
+    angle = jax.vmap(lambda time: scene.drive.crank(time, None).angle)(motion.time)
     coordinates = {
         "time": ("time", np.asarray(motion.time), {"units": "s", "long_name": "time"}),
-        "angle": ("time", values["speed"] * np.asarray(motion.time), ANGLE),
+        "angle": ("time", np.asarray(angle), ANGLE),
         "direction": ("direction", ["x", "y"], {"long_name": "to the right and up"}),
     }
     failure = motion.failure or "none"

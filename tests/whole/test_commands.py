@@ -16,6 +16,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.integrate import cumulative_trapezoid
 from scipy.io import loadmat
 
 import jaxcrusher as jc
@@ -75,8 +76,19 @@ def test_simulate_writes_a_labelled_motion(simulated):
     # That crusher was simulated: its speed, and a pin that rests in the bore of its clearance
     # but for a penetration, which stays under a quarter of it.
     np.testing.assert_allclose(motion.shaft_speed, values["speed"], rtol=1e-12)
+    np.testing.assert_array_equal(motion.angle, values["speed"] * motion.time.to_numpy())
     out_of_centre = np.hypot(*motion.eccentricity.transpose().to_numpy()) / 0.05e-3
     assert ((out_of_centre > 0.99) & (out_of_centre < 1.25)).all()
+
+
+def test_the_angle_of_an_uneven_shaft_is_the_integral_of_its_speed():
+    values = complete({"joint": "ideal", "speed_fluctuation": 0.2})
+    scene, times = jc.build_scene(values), np.linspace(0, 0.2, 2001)
+    motion = jc.simulate(scene, times, outputs=("shaft_speed", "energy"))
+    angle = simulate.dataset(motion, scene, values).angle
+    # By trapezoids, an error of 0.2 w^2 h^2 / 12 a turn of w h = 3e-3.
+    turned = cumulative_trapezoid(motion["shaft_speed"], times, initial=0.0)
+    np.testing.assert_allclose(angle, turned, atol=1e-6)
 
 
 def test_the_picture_of_a_motion_names_clearances_and_speed():
