@@ -64,8 +64,7 @@ PAGE = Path(__file__).with_name("load_sheet.html")
 LONG = (MOVING,)
 SIGNS = (
     "Forces are those on the ground: x to the right, y up, moments counterclockwise. Harmonics are "
-    "A cos(k theta + phi) of the shaft angle theta at its mean speed, zero where the eccentric "
-    "points to +x."
+    "A cos(k theta + phi) of the shaft angle theta at mean speed, 0 where the eccentric is at +x."
 )
 FACTOR = "The dynamic factor counts what moves; 3 is the fatigue factor of DIN 4024-1, from memory."
 

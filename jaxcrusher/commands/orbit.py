@@ -123,7 +123,7 @@ def history(orbit: PeriodicOrbit) -> xr.Dataset:
     degrees = np.arange(360 * orbit.period + 1)
     seen = orbit.motion(np.radians(degrees), orbit.scene.own_observables)
     values = {name: np.asarray(column) for name, column in seen.items()}
-    angle = ("angle", degrees, {"units": "deg", "long_name": "shaft angle at the mean speed"})
+    angle = ("angle", degrees, {"units": "deg", "long_name": "shaft angle at mean speed"})
     coordinates = {"angle": angle, "direction": ["x", "y"]}
     columns = table_of.vector_columns(orbit.scene.observables, values)
     return table_of.dataset(("angle",), values, columns, coordinates)
@@ -140,7 +140,7 @@ def draw(orbit: PeriodicOrbit, path: Path) -> None:
     force.plot(np.degrees(angles), force_size(seen[shown]), label="periodic orbit")
     force.plot(np.degrees(angles), force_size(ideal[shown]), ":", label="ideal joints")
     words = orbit.scene.observables[shown].meaning
-    force.set(xlabel="shaft angle at the mean speed, degrees", ylabel=f"{words}, kN")
+    force.set(xlabel="shaft angle at mean speed, degrees", ylabel=f"{words}, kN")
     force.legend()
     write_figure(path, fig, dpi=120)
 

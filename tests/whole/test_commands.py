@@ -608,6 +608,8 @@ def test_orbit_writes_what_it_found(tmp_path, monkeypatch):
     _, kept = orbit_solved(tmp_path)
     assert kept["slopes_of_foundation_rms"]["speed"] == 1.0
     assert {file.name for file in (tmp_path / "orbit").iterdir()} > {"orbit.png", "orbit.csv"}
+    # By phase, which is not the angle of an uneven shaft.
+    assert orbit.history(jc.periodic_orbit(jc.ideal_scene(30.0))).angle.long_name.endswith("speed")
 
 
 @pytest.mark.slow
