@@ -428,7 +428,7 @@ def test_a_gradient_is_by_the_speed_and_all_clearances(machine, names, tmp_path,
         ("sweep --over clearance 0.03 100mm 3", "`clearance` must be one of a crusher"),
         ("regimes --design clearance=100mm", "`clearance` must be one of a crusher"),
         ("sweep --over chamber.width 0.4 0.6m 3", "`over` must name numbers of the motion"),
-        ("gradient --by foundation.mass", "`by` must be one of"),
+        ("gradient --by foundation.mass", "`by` must be a known name, but is 'foundation.mass'"),
         ("gradient --by chamber.width", "`by` must name numbers of the motion"),
     ],
 )
