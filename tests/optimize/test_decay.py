@@ -8,12 +8,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import linregress
 
 import jaxcrusher as jc
 from jaxcrusher.orbits.transient import section_points
 from optimize import decay, verdicts
 from optimize.answer import Decay
-from optimize.decay import TURNS, measured, unmeasurable
+from optimize.decay import PARTS, PHASE, TURNS, measured, unmeasurable
 
 ANGLE = 1.04  # of the crusher's swing in a turn
 
@@ -33,6 +34,17 @@ def test_decay_of_a_swing(rate):
     assert found.error < 0.01 / TURNS * 3
     assert found.first == pytest.approx(0.05 * np.sqrt(1.09 / 2 / 2) * np.exp(-30 * rate), rel=0.02)
     assert found.last < found.first
+
+
+def test_the_error_of_a_rate_is_that_of_least_squares():
+    """By SciPy, of parts whose sizes scatter; what the phase leaves comes besides."""
+    length = TURNS // PARTS
+    sizes = np.exp(np.random.default_rng(3).normal(0.0, 0.3, PARTS))
+    fit = linregress(length * np.arange(PARTS), np.log(sizes))
+    found = measured(np.repeat(sizes, length)[:, None] * np.ones(2), 0.0)
+    spread = length * np.std(np.arange(PARTS)) * np.sqrt(PARTS)
+    assert found.rate == pytest.approx(-fit.slope, rel=1e-12)
+    assert found.error == pytest.approx(np.hypot(fit.stderr, PHASE / spread), rel=1e-12)
 
 
 def test_a_swing_that_does_not_die_is_told():
