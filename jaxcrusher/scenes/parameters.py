@@ -261,6 +261,7 @@ NUMBERS = PARAMETERS | CHAMBER | SITE
 
 # Whole numbers: nothing has slopes by them.
 WHOLE = ("fluctuation_order", "load_seed")
+
 # A name, or the beginning of names -> what a description must have one of to have them: a name, or
 # the choice of a law.
 _OPENERS: dict[str, tuple[str, ...]] = {

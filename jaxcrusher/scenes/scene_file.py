@@ -281,7 +281,7 @@ def require_moving(argument: str, name: str) -> None:
 def require_continuous(argument: str, name: str) -> None:
     """ValueError, of the `argument`, for a name that is no number that motions have slopes by."""
     require_moving(argument, name)
-    require(name not in WHOLE, argument, "name a number between whole ones", name)
+    require(name not in WHOLE, argument, "name a number that may vary continuously", name)
 
 
 def to_si(name: str, text: str) -> float:
