@@ -81,7 +81,7 @@ def _check(
     require(len(set(by)) == len(by), "by", "name parameters, each once", " ".join(by))
     for name in by:
         require_moving("by", name)
-        require_choice("by", name, tuple(numbers))
+        require(name in numbers, "by", "name numbers that the machine has, such as speed", name)
     for name, least in (("settle", 0), ("turns", 1), ("pairs", 2), ("seed", 0)):
         require_whole(name, getattr(options, name), least)
     require_positive("radius", options.radius, "")

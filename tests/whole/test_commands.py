@@ -45,6 +45,7 @@ def run(*arguments) -> tuple[int | None, str]:
     return status, printed.getvalue()
 
 
+LACKS = "`by` must name numbers that the machine has, such as speed, but is"
 PUMP = Path(__file__).parents[2] / "examples" / "pump.toml"
 SHORT = shlex.split("--turns 2 --settle 1 --samples 401 --set start contact --set speed '300 rpm'")
 
@@ -413,13 +414,10 @@ def test_a_gradient_is_by_the_speed_and_all_clearances(machine, names, tmp_path,
             "orbit --set diametral_clearance 0,1mm",
             "`diametral_clearance` must be a quoted quantity",
         ),
-        (
-            "gradient --by load_edge",
-            "`by` must be a known name, but is 'load_edge' (is 'load' meant?",
-        ),
-        ("gradient --by rod.stiffness", "`by` must be one of 'speed', 'clearance', "),
-        (f"gradient --scene {PUMP} --by jaw.mass", "'joints.B.clearance', 'joints.B.bore_radius'"),
-        (f"gradient --scene {PUMP} --by bodies.rod.mass_centre.y", "is 'bodies.rod.mass_centre.x'"),
+        ("gradient --by load_edge", f"{LACKS} load_edge."),
+        ("gradient --by foundation.mass", f"{LACKS} foundation.mass."),
+        (f"gradient --scene {PUMP} --by jaw.mass", f"{LACKS} jaw.mass."),
+        (f"gradient --scene {PUMP} --by bodies.rod.mass_centre.y", LACKS),
         ("gradient --by bore_diameter", "`by` must name the radius, bore_radius, but is bore_dia"),
         (
             "sweep --over clearance 0.03 0.1mm 3 --over diametral_clearance 0.1 0.2mm 3",
@@ -428,7 +426,6 @@ def test_a_gradient_is_by_the_speed_and_all_clearances(machine, names, tmp_path,
         ("sweep --over clearance 0.03 100mm 3", "`clearance` must be one of a crusher"),
         ("regimes --design clearance=100mm", "`clearance` must be one of a crusher"),
         ("sweep --over chamber.width 0.4 0.6m 3", "`over` must name numbers of the motion"),
-        ("gradient --by foundation.mass", "`by` must be a known name, but is 'foundation.mass'"),
         ("gradient --by chamber.width", "`by` must name numbers of the motion"),
     ],
 )
