@@ -79,10 +79,16 @@ def run(options: Bearing, console: Console) -> int:
                 found.append(run_turns(scene, quantities_of(scene), seconds=seconds, **how))
         return found
 
+    def failed(runs: list[Turns]) -> bool:
+        """Tell whether one of some runs failed, and print why."""
+        why = next((one.failure for one in runs if one.failure), "")
+        if why:
+            console.print(f"FAILED: {why}", style="red")
+        return bool(why)
+
     titles = [", ".join(f"{n} {said(n, one[n], units)}" for n in one) for one in designs]
     found = seen(scenes, titles)
-    if failed := next((one.failure for one in found if one.failure), ""):
-        console.print(f"FAILED: {failed}", style="red")
+    if failed(found):
         return 1
     kept = dataset(titles, found, values)
     write_dataset(folder / "bearing.csv", kept)
@@ -94,6 +100,7 @@ def run(options: Bearing, console: Console) -> int:
     )
     for line in (*verdicts(kept), *clearances(found, titles)):
         console.print(line)
+    status = 0
     if (lost := float(kept.impacts.sel(bearing="main")[0])) and np.isfinite(lost):
         variants, refused = variants_of({**values, **designs[0]}, units)
         for line in refused:
@@ -104,8 +111,9 @@ def run(options: Bearing, console: Console) -> int:
             rests = ["peak_load", "impacts", "impact_speed", "contact_lost"]
             title = "bearing A: impacts rest on what is assumed"
             console.print(shown(beside.sel(bearing="main", drop=True), title, rests))
+            status = int(failed(runs))
     console.print(listed(folder, ["bearing.csv"]))
-    return 0
+    return status
 
 
 def verdicts(kept: xr.Dataset) -> list[str]:

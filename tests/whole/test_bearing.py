@@ -2,6 +2,7 @@
 
 import csv
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,11 +71,11 @@ def said(tmp_path, monkeypatch):
         values |= {"shaking_force": np.ones((2, 8, 2)), "main penetration_ratio": depth}
         return Turns(scene, 1, values)
 
-    def run(*overrides, over=()):
+    def run(*overrides, over=(), status=0):
         console = Console(record=True, width=200)
         results = Results("made_up", tmp_path)
         options = Bearing(Crusher(overrides=(KNOCK[1], *overrides)), over=over, results=results)
-        assert bearing.run(options, console) == 0
+        assert bearing.run(options, console) == status
         return " ".join(console.export_text().split())
 
     monkeypatch.setattr(bearing, "run_turns", made_up)
@@ -88,6 +89,18 @@ def test_variants_are_half_and_twice_of_the_first_design(said):
     # Nothing is half of no damping.
     text = said(*KNOCK, ("load_edge", "20 deg"), ("rollers.damping", "0 N s/m"))
     assert "load_edge 10 deg load_edge 40 deg peak" in text and "bearing.csv" in text
+
+
+def test_a_variant_that_fails_is_told(said, monkeypatch):
+    first, runs = bearing.run_turns, []
+
+    def failing(*asked, **how):
+        runs.append(first(*asked, **how))
+        return replace(runs[-1], failure="it stopped" if len(runs) > 1 else "")
+
+    monkeypatch.setattr(bearing, "run_turns", failing)
+    text = said(("load_edge", "20 deg"), status=1)
+    assert "FAILED: it stopped" in text and text.endswith("bearing.csv")
 
 
 def test_what_cannot_be_is_left_out(said):
