@@ -141,7 +141,8 @@ def of_series(
     that of independent turns. Raises ValueError for fewer than five whole turns.
     """
     angle = np.unwrap(columns["angle"])
-    turn = np.floor((angle - angle[:1]) / (2 * np.pi)).astype(int)
+    # A series that ends with a whole turn may miss it by rounding.
+    turn = np.floor((angle - angle[:1]) / (2 * np.pi) + 1e-9).astype(int)
     turns = int(turn.max(initial=0))
     require(turns >= FEWEST_TURNS, "angle", f"go through {FEWEST_TURNS} whole turns", turns)
     speed, found = float(np.polyfit(columns["time"], angle, 1)[0]), []

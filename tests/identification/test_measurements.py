@@ -75,6 +75,17 @@ def test_a_series_has_harmonics_with_their_scatter():
     assert np.abs([off.real, off.imag]).max() < 4 * sigma
 
 
+@pytest.mark.parametrize("start", [0.0, 1.3, 1.8, 2.3])
+def test_five_turns_are_five_from_whatever_angle(start):
+    angle = np.radians((np.degrees(start) + np.linspace(0, 5 * 360, 401)) % 360)
+    columns = {
+        "time": np.linspace(0, np.pi / 3, 401),
+        "angle": angle,
+        "frame_velocity_y": np.cos(angle),
+    }
+    assert of_series(columns, unit_of, 1)[0].amplitude == pytest.approx(1.0, rel=1e-12)
+
+
 def test_a_series_in_a_file(tmp_path):
     angle = np.linspace(0, 6.5 * 2 * np.pi, 400)
     rows = zip(angle / 30, np.degrees(angle), np.cos(angle + 1), strict=True)
