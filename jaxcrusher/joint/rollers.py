@@ -264,7 +264,7 @@ def clearance_class(bore: float, clearance: float) -> tuple[str, str]:
 
     Raises ValueError for a bore that is not over 24 and up to 500 mm.
     """
-    # Without rounding, which would move what is on a bound.
+    # To a millionth, since errors of floats would move what is on a bound.
     wide, play = round(1e3 * bore, 6), round(2e6 * clearance, 6)
     inside = [i for i, end in enumerate(_UP_TO) if _OVER[i] < wide <= end]
     require(len(inside) == 1, "bore", "be over 24 and up to 500 mm", f"{wide:g} mm")

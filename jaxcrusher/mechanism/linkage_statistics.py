@@ -210,8 +210,13 @@ def _slide_moment(s: Snapshot, scene: Any, slide: str) -> Scalar:
     return s.accelerations.slides.at(slide).moment
 
 
+def _size(number: Scalar) -> Scalar:
+    """Return the size of a force or a torque, with a derivative at zero too."""
+    return norm(Vector(number, jnp.zeros(())), FORCE_WIDTH)
+
+
 def _slide_size(s: Snapshot, scene: Any, slide: str) -> Scalar:
-    return norm(Vector(_slide_force(s, scene, slide), jnp.zeros(())), FORCE_WIDTH)
+    return _size(_slide_force(s, scene, slide))
 
 
 @functools.cache
@@ -298,7 +303,7 @@ def _sizes(
 
 
 def _torque_size(s: Snapshot, scene: AbstractScene) -> Scalar:
-    return norm(Vector(drive_torque(s, scene), jnp.zeros(())), FORCE_WIDTH)
+    return _size(drive_torque(s, scene))
 
 
 _OF_DRIVE = _sizes("drive_torque", "N m", "size of the drive torque", _torque_size)

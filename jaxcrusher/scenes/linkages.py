@@ -544,8 +544,9 @@ def _number(name: str, value: Any) -> float:
     """Return a number as Python gives it: in SI units, or a text with its unit."""
     if isinstance(value, str):
         return float(read_value(name, value))
-    check_number(key := key_of(name), value)
-    return float(value) / (1 if key == name else 2)
+    key = key_of(name)
+    check_number(key, value)
+    return float(value) if key == name else float(value) / 2  # a diameter
 
 
 def linkage(**description: Any) -> LinkageScene:
