@@ -58,13 +58,19 @@ def plot_landscape(
     `units` maps names to those that the axes have; without, rad/s, mm, degrees, GPa or SI units.
     `marks` maps names to the cells (true, or not 0) that are hatched and named in a legend; a
     cell with several marks shows the first. Cells without a number are grey; a map of nothing else
-    says so and has no colour bar.
+    says so and has no colour bar. The values along an axis may come in any order.
 
-    Raises ValueError for more than six marks.
+    Raises ValueError for an axis of choices or of a single value, and for more than six marks.
     """
     ax = plt.subplots()[1] if ax is None else ax
     kilo = landscape.attrs.get("units") == "N"
     across, up = axes_of(landscape.dims)
+    for name in (across, up):
+        along = landscape[name].to_numpy()
+        good = along.dtype.kind in "fiu" and len(along) > 1
+        require(good, "landscape", "have two or more numbers along each dim", f"{name} {along}")
+    # Cells are drawn between their neighbours.
+    landscape = landscape.sortby([across, up])
     values = landscape.transpose(up, across).to_numpy() / (1e3 if kilo else 1)
     x, y = (landscape[name].to_numpy() / unit_of(name, units or {})[1] for name in (across, up))
     mesh = ax.pcolormesh(x, y, values, cmap="cividis", shading="nearest")
@@ -80,7 +86,7 @@ def plot_landscape(
     free = np.ones(values.shape, dtype=bool)
     handles = []
     for hatch, (name, cells) in zip(HATCHES, marks.items(), strict=False):
-        chosen = free & (cells.transpose(up, across).to_numpy() != 0)
+        chosen = free & (cells.sortby([across, up]).transpose(up, across).to_numpy() != 0)
         free &= ~chosen
         if not chosen.any():
             continue

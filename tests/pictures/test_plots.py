@@ -307,6 +307,28 @@ def test_map_of_other_numbers_in_the_units_given():
         plots.plot_landscape(values.isel({"jaw.length": 0}))
 
 
+def test_map_of_axes_in_any_order():
+    data = grid()
+    shuffled = data.isel(clearance=[1, 2, 0], speed=[1, 0])
+    drawn = []
+    for one in (data, shuffled):
+        ax = plots.plot_sweep(one)
+        of = [c for c in ax.collections if isinstance(c, QuadMesh) or c.get_hatch()]
+        drawn.append([np.ma.getmaskarray(c.get_array()).reshape(3, 2) for c in of])
+        mesh = of[0]
+        drawn[-1] += [mesh.get_array().filled(np.nan), mesh.get_coordinates()]
+    for one, other in zip(*drawn, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_map_wants_several_numbers_along_each_axis():
+    values = grid().foundation_rms
+    with pytest.raises(ValueError, match=r"two or more numbers along each dim, but is speed \[2"):
+        plots.plot_landscape(values.isel(speed=[0]))
+    with pytest.raises(ValueError, match=r"two or more numbers .* but is start \['a' 'b'\]\.$"):
+        plots.plot_landscape(values.rename(speed="start").assign_coords(start=["a", "b"]))
+
+
 def test_lines_hold_the_data():
     fig, (orbit, force, spectrum) = plt.subplots(1, 3)
     motion = Trajectory(
