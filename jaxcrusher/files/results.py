@@ -6,7 +6,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,14 +78,25 @@ def write_netcdf(path: Path, dataset: "xr.Dataset") -> None:
 
 
 def write_mat(path: Path, dataset: "xr.Dataset") -> None:
-    """MATLAB's format 5: each variable by its name, and a structure `units` with their units."""
+    """MATLAB's format 5: each variable by its name, in which a dot becomes an underscore.
+
+    The structures `units`, `long_names` and `dims` have for each its unit, its meaning and the
+    names of its axes; `attributes` has those of the dataset.
+    """
     import numpy as np
     from scipy.io import savemat
 
-    values = {str(name): np.asarray(column) for name, column in dataset.variables.items()}
-    units = {name: dataset[name].attrs.get("units", "1") for name in values}
+    def told(of: Callable[["xr.DataArray"], Any]) -> dict[str, Any]:
+        return {str(name).replace(".", "_"): of(dataset[name]) for name in dataset.variables}
+
+    content = told(np.asarray) | {
+        "units": told(lambda column: column.attrs.get("units", "1")),
+        "long_names": told(lambda column: column.attrs.get("long_name", "")),
+        "dims": told(lambda column: ", ".join(map(str, column.dims)).replace(".", "_")),
+        "attributes": dataset.attrs,
+    }
     with writing(path) as partial, open(partial, "wb") as file:
-        savemat(file, values | {"units": units}, long_field_names=True, oned_as="column")
+        savemat(file, content, long_field_names=True, oned_as="column")
 
 
 def write_table(path: Path, rows: Iterable[Mapping[str, Any]], remark: str = "") -> None:

@@ -87,6 +87,21 @@ def test_matlab_reads_columns_words_and_units(tmp_path):
     assert read["units"] == {"angle": "1", "force": "N", "found": "1"}
 
 
+def test_matlab_knows_names_axes_and_origin(tmp_path):
+    """MATLAB's names have no dots; of equally long axes the order must be told."""
+    force = (("speed", "elbow.clearance"), np.eye(2), {"units": "N", "long_name": "a force"})
+    table = xr.Dataset({"force": force}, attrs={"title": "a sweep", "turns": 3})
+    play = ("elbow.clearance", [1e-5, 2e-5], {"units": "m"})
+    table = table.assign_coords({"speed": [25.0, 30.0], "elbow.clearance": play})
+    results.write_mat(tmp_path / "x.mat", table)
+    read = loadmat(tmp_path / "x.mat", simplify_cells=True)
+    assert list(read["elbow_clearance"]) == [1e-5, 2e-5]
+    assert read["units"] == {"force": "N", "speed": "1", "elbow_clearance": "m"}
+    assert read["dims"]["force"] == "speed, elbow_clearance"
+    assert read["long_names"]["force"] == "a force"
+    assert read["attributes"] == {"title": "a sweep", "turns": 3}
+
+
 def test_json_has_no_nan_and_no_arrays(tmp_path):
     content = {"a": [np.nan, 1.0], "b": {"c": np.inf}, "d": np.arange(2), "e": np.float64(2)}
     results.write_json(tmp_path / "x.json", content)
