@@ -21,7 +21,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import PyTree
 
-from jaxcrusher.basics.checks import require, require_choice, require_own_process
+from jaxcrusher.basics.checks import require, require_choice, require_own_process, require_whole
 from jaxcrusher.basics.devices import computes_on, devices, finds_card
 from jaxcrusher.basics.setup import remind_of_idle_cores
 from jaxcrusher.basics.traced import traced
@@ -73,7 +73,7 @@ def map_chunks(
     computes all scenes at once by `jax.vmap`; "gpu" runs lanes on a GPU of NVIDIA's. None takes
     "gpu" where CuPy finds one and a chunk has 32 768 scenes or more, and "lanes" elsewhere.
 
-    Raises ValueError for another name, and for scenes that are not stacked.
+    Raises ValueError for another name, a chunk below 1, and scenes that are not stacked.
     """
     yield from run_chunks(_traced(function, scenes), scenes, chunk, engine)
 
@@ -121,6 +121,8 @@ def run_chunks(
     `journal` finished chunks, whose results are named arrays, are not computed again.
     """
     _require_stacked(function, scenes)
+    if chunk is not None:
+        require_whole("chunk", chunk, 1)
     function = eqx.Partial(_with_statistics, function=function, statistics=tuple(STATISTIC.items()))
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
     scenes = jax.tree.map(np.asarray, scenes)
@@ -227,10 +229,10 @@ def name_of(engine: Engine) -> str:
 
 def run_of(engine: Engine) -> Run:
     """Return the function of an engine; ValueError for a name that is none of `ENGINES`."""
-    if isinstance(engine, str):
-        require_choice("engine", engine, tuple(ENGINES))
-        return ENGINES[engine]
-    return engine
+    if callable(engine):
+        return engine
+    require_choice("engine", engine, tuple(ENGINES))
+    return ENGINES[engine]
 
 
 def default_engine(designs: int) -> Engine:

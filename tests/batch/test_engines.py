@@ -74,6 +74,12 @@ def test_scenes_that_are_not_stacked_are_refused(scenes, first):
         map_all(abs, scenes, engine="loop")
 
 
+@pytest.mark.parametrize("chunk", [0, -100])
+def test_a_chunk_without_scenes_is_refused(chunk):
+    with pytest.raises(ValueError, match=f"`chunk` must be a whole number >= 1, but is {chunk}"):
+        map_all(abs, np.ones(3), chunk)
+
+
 def test_what_lanes_do_not_know_is_told(monkeypatch):
     def refuse(*_):
         raise Unsupported("the primitive `sort`")
