@@ -15,7 +15,7 @@ from jaxcrusher.files.journal import text_of
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.own_laws import make_known, with_digests
-from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS, PARAMETERS, complete
+from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS, PARAMETERS, complete
 
 # Makes the scene of the numbers and choices of a design, given by name.
 SceneFunction = Callable[..., AbstractScene]
@@ -178,7 +178,7 @@ def make_grid(
     require(good, "scene", "be a function that makes a scene", repr(function))
     if function is None:
         for name in (*axes, *base):
-            require_known(name, (*PARAMETERS, *CHOICES, *FILES))
+            require_known(name, (*PARAMETERS, *CHAMBER, *CHOICES, *FILES))
 
     def is_text(name: str, value: Any) -> bool:
         known = name in CHOICES or name in FILES

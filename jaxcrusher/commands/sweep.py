@@ -25,7 +25,7 @@ from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.pictures.plots import plot_landscape
 from jaxcrusher.scenes.echo import said
-from jaxcrusher.scenes.parameters import CHAMBER, CHOICES
+from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, POINTS, SITE
 from jaxcrusher.scenes.plausibility import require_possible
 
 if TYPE_CHECKING:
@@ -36,7 +36,10 @@ def run(options: Sweep, console: Console) -> int:
     """Sweep and print a closing line; 1 if a design failed. ValueError for bad options."""
     found, axes = read_machine(options.crusher), read_axes(options.over)
     values, leading = found.values, found.scene.leading
-    base = {n: value for n, value in values.items() if n not in axes and n not in CHAMBER}
+    # What the motion does not depend on: of the chamber a bed of rock is made, and nothing else.
+    rock = "chamber" in axes.get("load_law", [values.get("load_law")])
+    idle = {*SITE, *(() if rock else CHAMBER), *(n for n in values if n.startswith(POINTS))}
+    base = {n: value for n, value in values.items() if n not in axes and n not in idle}
     if found.make is None:
         require_possible(values, axes)
     folder = results_folder(options.results.folder)

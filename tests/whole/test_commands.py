@@ -234,6 +234,26 @@ def test_interrupted_sweep_keeps_what_is_finished_and_goes_on(tmp_path, monkeypa
         run(*line, "--set", "load", "9 kN")
 
 
+def test_a_sweep_presses_the_rock_of_its_scene_file(tmp_path):
+    """It once took the paper's chamber, and refused what is for the load sheet."""
+    described = ("joint", "ideal", "load_law", "chamber", "chamber.discharge", "60 mm")
+    described += ("motor_power", "20 kW", "foundation.mass", "6 t")
+    described += ("foundation.points.corner", "1 m, 0 m")
+    scene = {"joint": "ideal", "load_law": "chamber", "chamber.discharge": 0.06}
+    line = "sweep --over speed 29 30rad/s 2 --settle 0 --turns 1".split()
+    for name, value in zip(described[::2], described[1::2], strict=True):
+        line += ["--set", name, value]
+    assert run(*line, "--out", tmp_path)[0] == 0
+    with xr.open_zarr(tmp_path / "sweep" / "sweep.zarr") as grid:
+        kept = json.loads(grid.attrs["parameters"])
+        found = float(grid.foundation_rms[1])
+    assert kept["chamber.discharge"] == [0.06, "m"] and "motor_power" not in kept
+    block = {"foundation.mass": 6000.0}
+    right = jc.statistics(jc.build_scene(scene | block), 0, 1).foundation_rms
+    # Two engines are 4e-7 from a tolerance of 1e-11; the paper's chamber is 40 % off.
+    assert found == pytest.approx(float(right), rel=1e-6)
+
+
 def test_a_sweep_with_a_failed_design_is_written_and_ends_with_1(tmp_path, monkeypatch):
     coordinates = {"start": ["centred", "contact"]}
     columns = {"foundation_rms": [math.nan, 2e4], "success": [False, True]}
