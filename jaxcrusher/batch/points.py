@@ -15,7 +15,15 @@ from jaxcrusher.files.journal import text_of
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.own_laws import make_known, with_digests
-from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS, PARAMETERS, complete
+from jaxcrusher.scenes.parameters import (
+    CHAMBER,
+    CHOICES,
+    FILES,
+    NUMBERS,
+    PARAMETERS,
+    complete,
+    openers,
+)
 
 # Makes the scene of the numbers and choices of a design, given by name.
 SceneFunction = Callable[..., AbstractScene]
@@ -195,9 +203,11 @@ def make_grid(
         else:
             fixed[name] = value if text else float(_numbers(called, value, 0))
     if function is None:
-        lowest = {name: values[0] for name, values in varied.items()}
-        described = complete({**fixed, **lowest})
-        fixed = {name: value for name, value in described.items() if name not in varied}
+        described = complete({**fixed, **{name: values[0] for name, values in varied.items()}})
+        # What comes with a choice that varies is not of every design.
+        chosen = {f"{name}={value}" for name, values in varied.items() for value in values}
+        left = {n: v for n, v in described.items() if not chosen.intersection(openers(n))}
+        fixed = {name: value for name, value in (left | fixed).items() if name not in varied}
     grid = Grid(varied, fixed, function)
     # All limits are intervals, and what keeps off the dead points is convex: the grid's corners
     # speak for what lies between.

@@ -127,3 +127,12 @@ def test_a_curve_may_be_an_array():
     for bad in (np.zeros(3), [[1.0, 2.0], [3.0]]):
         with pytest.raises(ValueError, match=r"^Argument `base\['load_curve'\]` must be rows of"):
             jc.sweep({"speed": [25.0]}, 0, 1, base=base | {"load_curve": bad})
+
+
+def test_choices_come_in_any_order():
+    """Numbers of the first choice were once handed to the others, which refused them."""
+    loads = ["chamber", "along_jaw"]
+    base = {"start": "contact"}
+    first = jc.sweep({"load_law": loads}, 0, 1, base=base, rtol=1e-6)
+    second = jc.sweep({"load_law": loads[::-1]}, 0, 1, base=base, rtol=1e-6)
+    np.testing.assert_array_equal(first.foundation_rms, second.foundation_rms[::-1])
