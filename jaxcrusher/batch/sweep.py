@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import xarray as xr
 
-from jaxcrusher.basics.checks import require_names, require_whole
+from jaxcrusher.basics.checks import require, require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.cluster import Result, workers
 from jaxcrusher.batch.engines import (
@@ -108,7 +109,7 @@ def sweep(
 class Window:
     """The statistics of a motion over `turns` turns, after `settle_turns` of them.
 
-    `statistics` are entries of the table: another process may know others.
+    `statistics` are entries of the table: another process may know others. A scene has some or all.
     """
 
     settle_turns: int
@@ -119,10 +120,9 @@ class Window:
     def __call__(self, scene: AbstractScene) -> dict[str, jax.Array]:
         """Return the values of `columns_of_row` for one design."""
         method = resolve(scene, self.rtol)
-        found = over_turns(scene, None, self.settle_turns, self.turns, self.statistics, method)
-        return row_of(
-            found, [name for name, _ in self.statistics], limited_joints(scene), scene.leading
-        )
+        own = tuple(one for one in self.statistics if one[0] in scene.own_statistics)
+        found = over_turns(scene, None, self.settle_turns, self.turns, own, method)
+        return row_of(found, [name for name, _ in own], limited_joints(scene), scene.leading)
 
     def settings(self) -> dict[str, Any]:
         """Return what decides the values, as JSON keeps it."""
@@ -151,9 +151,10 @@ class Ensemble:
             window=self.window,
         )
         columns = run_all(function, grid.numbers(designs.ravel()), most, self.engine, whole=most)
+        # What other choices alone have, as the pressure of rollers, is not there.
         values = {
-            name: column.reshape(*designs.shape, *column.shape[1:])
-            for name, column in columns.items()
+            name: np.reshape(columns.get(name, np.full(designs.size, one.missing)), designs.shape)
+            for name, one in self.layout.columns.items()
         }
         record = {
             "machine": machine(),
@@ -230,11 +231,17 @@ def plan(
     at_once = math.prod(chunk_shape(grid, designs or CARD_CHUNK))
     engine = engine or default_engine(at_once)
     designs = designs or chunk_of(at_once, engine)
-    first = grid.scene(0)
-    require_names("outputs", outputs, tuple(first.statistics))
-    seen = first.entries(dict.fromkeys((*first.usual_statistics, *outputs)))
-    window = Window(settle_turns, turns, float(rtol), seen)
-    columns = columns_of_row(limited_joints(first), seen, first.leading)
+    scenes = [grid.scene(alike[0]) for _, alike in grid.alike()]
+    require_names("outputs", outputs, tuple(scenes[0].statistics))
+    entries, joints = {}, {}
+    for scene in scenes:
+        asked = [name for name in outputs if name in scene.own_statistics]
+        entries |= scene.entries((*scene.usual_statistics, *asked))
+        joints |= dict.fromkeys(limited_joints(scene))
+    for name in outputs:
+        require(name in entries, "outputs", "name statistics that these designs have", name)
+    window = Window(settle_turns, turns, float(rtol), tuple(entries.items()))
+    columns = columns_of_row(tuple(joints), window.statistics, scenes[0].leading)
     layout = Layout(grid, columns, chunk_shape(grid, designs))
     return Ensemble(layout, window, engine)
 

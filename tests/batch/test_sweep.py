@@ -136,3 +136,25 @@ def test_choices_come_in_any_order():
     first = jc.sweep({"load_law": loads}, 0, 1, base=base, rtol=1e-6)
     second = jc.sweep({"load_law": loads[::-1]}, 0, 1, base=base, rtol=1e-6)
     np.testing.assert_array_equal(first.foundation_rms, second.foundation_rms[::-1])
+
+
+@pytest.mark.parametrize("laws", [["lankarani_nikravesh", "rollers"], ["rollers"]])
+def test_a_design_is_judged_by_all_that_it_has(laws):
+    """Rollers beside pins were once outside of the model, for their pressure was not computed."""
+    found = jc.sweep({"contact_law": laws}, 0, 1, base={"start": "contact"}, rtol=1e-6)
+    assert found.inside_model.all() and float(found.roller_pressure[-1]) > 1e8  # Pa
+    assert bool(np.isnan(found.roller_pressure[0])) == (len(laws) > 1)
+
+
+def test_designs_of_a_scene_of_ones_own_have_the_joints_that_they_have():
+    def seats(speed, worn):
+        clearance = {"elbow.clearance": 5e-5} if worn == "worn" else {}
+        described = {"speed": speed, "start": "contact", "load_law": "normal_to_jaw"}
+        return jc.build_scene(described | clearance)
+
+    base = {"speed": 30.0}
+    found = jc.sweep({"worn": ["new", "worn"]}, 0, 1, base=base, scene=seats, rtol=1e-6)
+    assert found.success.all() and np.isnan(found.elbow_half_width_ratio[0])
+    assert found.elbow_half_width_ratio[1] > 0
+    with pytest.raises(ValueError, match=r"`outputs` must name statistics that these designs have"):
+        jc.sweep({"worn": ["new"]}, 0, 1, base=base, scene=seats, outputs=("bearing_life",))
