@@ -353,10 +353,13 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in left.items() if belongs(name)} | dict(values)
 
 
-def numbers_of(names: Iterable[str]) -> list[str]:
-    """Return the names of numbers that the motion has slopes by, in the order of `NUMBERS`."""
-    none = {*CHAMBER, *WHOLE}
-    return [name for name in NUMBERS if name in names and name not in none]
+def numbers_of(values: Mapping[str, Any]) -> list[str]:
+    """Return the names of numbers that the motion has slopes by, in the order of `NUMBERS`.
+
+    Those of the chamber are among them where it is the load: a bed of rock.
+    """
+    none = {*WHOLE, *(() if values.get("load_law") == "chamber" else CHAMBER)}
+    return [name for name in NUMBERS if name in values and name not in none]
 
 
 def check_description(values: Mapping[str, Any]) -> None:

@@ -74,7 +74,9 @@ def test_defaults_are_tables_1_and_2():
 
 def test_nothing_has_slopes_by_a_whole_number():
     names = ("speed", "fluctuation_order", "load_seed", "chamber.nip_angle")
-    assert numbers_of(names) == ["speed"]
+    described = dict.fromkeys(names, 1.0)
+    assert numbers_of(described) == ["speed"]
+    assert numbers_of(described | {"load_law": "chamber"}) == ["speed", "chamber.nip_angle"]
 
 
 def test_every_number_reaches_the_scene():
