@@ -86,6 +86,8 @@ _NUMBERS = {
     },
     "joints": {name: PARAMETERS[name] for name in NUMBERS_OF_A_JOINT}
     | {
+        "clearance": Parameter(0.06e-3, "m", "radial clearance c of the joint"),
+        "bore_radius": Parameter(0.13, "m", "radius R_i of the bore"),
         "static_speed": Parameter(0.1, "m/s", "v0 of the friction law"),
         "full_speed": Parameter(1.0, "m/s", "v1 of the friction law"),
     },

@@ -14,6 +14,7 @@ from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.mechanism.observables import kinetic_energy
 from jaxcrusher.scenes.described import described, read_scene
 from jaxcrusher.scenes.linkages import linkage, read_linkage
+from jaxcrusher.scenes.parameters import NUMBERS
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = ("slider_crank", "four_bar", "double_toggle")
@@ -385,6 +386,12 @@ def test_a_drawing_refuses_what_it_does_not_read(name, words):
         drawing(**values, **{name: 0.01})
     with pytest.raises(ValueError, match=re.escape(words)):
         jc.sweep({name: [0.01, 0.02]}, 1, 1, base=values, scene=drawing)
+
+
+def test_numbers_of_a_joint_are_not_called_those_of_a_jaw():
+    _, values, _ = read_linkage(EXAMPLES / "pump.toml")
+    meanings = [NUMBERS[name].meaning for name in values if name.startswith("joints.")]
+    assert meanings and not [text for text in meanings if "main bearing" in text or "jaw" in text]
 
 
 @pytest.mark.parametrize(
