@@ -23,6 +23,7 @@ from jaxcrusher.commands.crushers import (
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_figure
+from jaxcrusher.files.table import digits
 from jaxcrusher.pictures.plots import plot_landscape
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, POINTS, SITE
@@ -126,4 +127,4 @@ def closing(grid: xr.Dataset, leading: str, units: dict[str, str]) -> str:
     axes = map(str, grid.sizes)
     design = ", ".join(f"{name} {said(name, best.coords[name].item(), units)}" for name in axes)
     what = {"foundation_rms": "RMS force on the foundation"}.get(leading, "RMS shaking force")
-    return f"{counts}; least {what} {best.item():.0f} N at {design}"
+    return f"{counts}; least {what} {digits(best.item())} N at {design}"

@@ -25,7 +25,7 @@ from jaxcrusher.dynamics.oscillation import (
     oscillation_about,
     section_of,
 )
-from jaxcrusher.files.table import COLUMNS
+from jaxcrusher.files.table import COLUMNS, digits
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene, require_steady
 from jaxcrusher.motion.flow import initial_state
@@ -84,7 +84,7 @@ class CoexistingOrbits:
         lines = [
             f"{share:.0%} ± {error:.0%} period {orbit.period}: "
             f"RMS {float(orbit[orbit.scene.leading]):.2f} N, "
-            f"peak {float(orbit[orbit.scene.leading.replace('rms', 'peak')]):.0f} N, "
+            f"peak {digits(float(orbit[orbit.scene.leading.replace('rms', 'peak')]))} N, "
             f"least penetration {float(orbit.least_penetration):.2g} clearances, "
             f"settles in {float(orbit.settling_turns):.3g} turns"
             for orbit, share, error in zip(self.orbits, self.shares, self.share_errors, strict=True)

@@ -254,6 +254,15 @@ def test_a_sweep_presses_the_rock_of_its_scene_file(tmp_path):
     assert found == pytest.approx(float(right), rel=1e-6)
 
 
+def test_a_small_force_keeps_its_digits():
+    """A pump shakes by some newtons, of which whole ones once were told."""
+    told = {"shaking_rms": [9.3124, 12.6], "success": [True, True]}
+    told |= {"whirl": [False, False], "inside_model": [True, True]}
+    of = {name: ("speed", column) for name, column in told.items()}
+    said = sweep.closing(xr.Dataset(of, {"speed": [20.0, 30.0]}), "shaking_rms", {})
+    assert "least RMS shaking force 9.312 N at speed 20 rad/s" in said
+
+
 def test_a_sweep_with_a_failed_design_is_written_and_ends_with_1(tmp_path, monkeypatch):
     coordinates = {"start": ["centred", "contact"]}
     columns = {"foundation_rms": [math.nan, 2e4], "success": [False, True]}
