@@ -120,7 +120,8 @@ class Window:
     def __call__(self, scene: AbstractScene) -> dict[str, jax.Array]:
         """Return the values of `columns_of_row` for one design."""
         method = resolve(scene, self.rtol)
-        own = tuple(one for one in self.statistics if one[0] in scene.own_statistics)
+        absent = {*scene.statistics}.difference(scene.own_statistics)
+        own = tuple((name, one) for name, one in self.statistics if name not in absent)
         found = over_turns(scene, None, self.settle_turns, self.turns, own, method)
         return row_of(found, [name for name, _ in own], limited_joints(scene), scene.leading)
 

@@ -8,6 +8,9 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_turn, map_all, map_chunks, side_by_side
+from jaxcrusher.batch.points import make_grid
+from jaxcrusher.batch.sweep import plan
+from jaxcrusher.crusher.statistics_table import STATISTIC
 
 
 def _double(x):
@@ -158,3 +161,13 @@ def test_designs_of_a_scene_of_ones_own_have_the_joints_that_they_have():
     assert found.elbow_half_width_ratio[1] > 0
     with pytest.raises(ValueError, match=r"`outputs` must name statistics that these designs have"):
         jc.sweep({"worn": ["new"]}, 0, 1, base=base, scene=seats, outputs=("bearing_life",))
+
+
+def test_a_worker_computes_statistics_that_its_own_table_lacks(monkeypatch):
+    monkeypatch.setitem(STATISTIC, "carried", STATISTIC["foundation_mean"])
+    made = plan(
+        make_grid({"speed": [30.0]}, {"joint": "ideal"}), 0, 1, 1e-6, None, None, ["carried"]
+    )
+    monkeypatch.delitem(STATISTIC, "carried")
+    _, values, _ = made.compute(0)
+    assert values["carried"] == values["foundation_mean"]
