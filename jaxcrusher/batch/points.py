@@ -21,6 +21,8 @@ from jaxcrusher.scenes.parameters import (
     FILES,
     NUMBERS,
     PARAMETERS,
+    WHOLE,
+    check_number,
     complete,
     openers,
 )
@@ -209,8 +211,11 @@ def make_grid(
         left = {n: v for n, v in described.items() if not chosen.intersection(openers(n))}
         fixed = {name: value for name, value in (left | fixed).items() if name not in varied}
     grid = Grid(varied, fixed, function)
-    # All limits are intervals, and what keeps off the dead points is convex: the grid's corners
-    # speak for what lies between.
+    if function is None:
+        for name in set(WHOLE).intersection(varied):
+            check_number(name, np.array(varied[name]))
+    # All other limits are intervals, and what keeps off the dead points is convex: the grid's
+    # corners speak for what lies between.
     ends = [
         values if grid.chooses(name) else {min(values), max(values)}
         for name, values in varied.items()

@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics import smooth
+from jaxcrusher.basics.checks import nan_unless
 from jaxcrusher.basics.periodic_spline import PeriodicSeries, PeriodicSpline
 from jaxcrusher.basics.plane import Arm, Vector, direction, optional_scalar, scalar
 from jaxcrusher.crusher.capacity import ANGLES, stationary
@@ -339,4 +340,6 @@ def rough_feed(load: AbstractLoad, scatter: Any, bandwidth: Any, seed: Any) -> R
     keys = jax.random.split(jax.random.key(jnp.asarray(seed).astype(jnp.uint32)))
     random = [jax.random.uniform(key, (COSINES,), float) for key in keys]
     places, phases = (jnp.arange(COSINES) + random[0]) / COSINES, 2 * np.pi * random[1]
+    # A seed of NaN, which lies outside its limits, would be taken for 0.
+    phases = nan_unless(jnp.isfinite(seed), phases)
     return RoughFeed(load, scatter, bandwidth, places, phases)

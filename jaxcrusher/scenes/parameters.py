@@ -389,7 +389,7 @@ def within_limits(values: Mapping[str, Any]) -> dict[str, Any]:
     limited = dict(values)
     for name, value in values.items():
         if name in NUMBERS and concrete(value) is None:
-            limited[name] = nan_unless(_is_within(NUMBERS[name], value), value)
+            limited[name] = nan_unless(_is_within(name, value), value)
     for name, compare, other in _PAIRS:
         both = [limited[one] for one in (name, other) if one in limited]
         if len(both) == 2 and any(primal(one) is None for one in both):
@@ -397,11 +397,12 @@ def within_limits(values: Mapping[str, Any]) -> dict[str, Any]:
     return limited
 
 
-def _is_within(parameter: Parameter, value: Any) -> Any:
-    if parameter.limits is None:
+def _is_within(name: str, value: Any) -> Any:
+    if NUMBERS[name].limits is None:
         return (value > 0) & (value < jnp.inf)
-    low, high = parameter.limits
-    return (value >= low) & (value <= high)
+    low, high = NUMBERS[name].limits
+    good = (value >= low) & (value <= high)
+    return good & (value == jnp.round(value)) if name in WHOLE else good
 
 
 def check_number(name: str, value: ArrayLike) -> None:
@@ -417,6 +418,9 @@ def check_number(name: str, value: ArrayLike) -> None:
     else:
         unit = "" if parameter.unit == "1" else parameter.unit
         require_within(name, value, *parameter.limits, unit)
+    known = primal(value)
+    if name in WHOLE and known is not None:
+        require(bool(np.all(known == np.round(known))), name, "be a whole number", known)
 
 
 # SI unit -> how many of the unit of drawings and data sheets it is, and that unit.

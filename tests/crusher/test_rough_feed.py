@@ -137,3 +137,16 @@ def test_what_repeats_each_turn_takes_the_mean_load_or_refuses():
     for refused in (lambda: jc.poincare_section(rough, 0, 1), lambda: jc.coexisting_orbits(rough)):
         with pytest.raises(ValueError, match="must have a load that repeats each turn"):
             refused()
+
+
+def test_a_seed_is_a_whole_number():
+    """A fraction was once cut off, so that a sweep had the same feed several times."""
+    with pytest.raises(ValueError, match=r"`load_seed` must be a whole number, but is 1\.5\.$"):
+        jc.build_scene(ROUGH | {"load_seed": 1.5})
+    base = {name: value for name, value in ROUGH.items() if name != "load_seed"}
+    for name in ("load_seed", "fluctuation_order"):
+        of = base | ({"speed_fluctuation": 0.02} if name == "fluctuation_order" else {})
+        with pytest.raises(ValueError, match=rf"`{name}` must be a whole number, but is \[1"):
+            jc.sweep({name: [1.0, 1.5, 2.0]}, 0, 1, base=of)
+    traced = jax.jit(lambda seed: jc.build_scene(ROUGH | {"load_seed": seed}).load.phases)
+    assert np.isnan(traced(1.5)).all() and np.isfinite(traced(2.0)).all()
