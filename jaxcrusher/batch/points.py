@@ -211,6 +211,8 @@ def make_grid(
         left = {n: v for n, v in described.items() if not chosen.intersection(openers(n))}
         fixed = {name: value for name, value in (left | fixed).items() if name not in varied}
     grid = Grid(varied, fixed, function)
+    some = len(grid.numbers_described) > 0
+    require(some, "base", "hold a number, such as the speed, where no axis is one", "without one")
     if function is None:
         for name in set(WHOLE).intersection(varied):
             check_number(name, np.array(varied[name]))

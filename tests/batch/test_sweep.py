@@ -159,6 +159,8 @@ def test_designs_of_a_scene_of_ones_own_have_the_joints_that_they_have():
     found = jc.sweep({"worn": ["new", "worn"]}, 0, 1, base=base, scene=seats, rtol=1e-6)
     assert found.success.all() and np.isnan(found.elbow_half_width_ratio[0])
     assert found.elbow_half_width_ratio[1] > 0
+    with pytest.raises(ValueError, match="`base` must hold a number, such as the speed, where no"):
+        jc.sweep({"worn": ["new"]}, 0, 1, scene=lambda worn: seats(30.0, worn))
     with pytest.raises(ValueError, match=r"`outputs` must name statistics that these designs have"):
         jc.sweep({"worn": ["new"]}, 0, 1, base=base, scene=seats, outputs=("bearing_life",))
 
