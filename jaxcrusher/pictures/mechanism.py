@@ -1,6 +1,6 @@
 """Any mechanism to scale: its bodies between their joints, and the forces on them.
 
-A crusher has outlines for the eye, and beside it the magnified clearances of its loose joints.
+A crusher has outlines for the eye, and beside it the magnified clearances of A, B and C.
 """
 
 import itertools
@@ -68,7 +68,7 @@ def plot_mechanism(
 
     Links and joints of a crusher are to scale, its bore and pin too. The machine's tables hold no
     outline of the jaw, no face and no fixed jaw: these are drawn for the eye, the face parallel to
-    A-B. An inset for each joint with clearance shows the pin in its bore with the clearance
+    A-B. An inset for each of A, B and C with clearance shows the pin in its bore with the clearance
     magnified. Arrows show the frame's R_O on the shaft and R_C on the toggle, and F_A and the
     crushing load on the jaw.
 

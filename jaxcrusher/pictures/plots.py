@@ -169,7 +169,7 @@ def plot_orbit(
     *,
     joint: str = "main",
 ) -> Axes:
-    """The centre of the pin of a joint ("main", "elbow", "pivot") in its clearance circle (mm)."""
+    """The centre of the pin of a joint, by its name, in its clearance circle (mm)."""
     ax = plt.subplots()[1] if ax is None else ax
     orbit = 1e3 * np.asarray(trajectory[f"{before(joint)}eccentricity"])
     angle = np.linspace(0, 2 * np.pi, 361)
