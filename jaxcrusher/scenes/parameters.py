@@ -398,9 +398,10 @@ def within_limits(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _is_within(name: str, value: Any) -> Any:
-    if NUMBERS[name].limits is None:
+    limits = NUMBERS[name].limits
+    if limits is None:
         return (value > 0) & (value < jnp.inf)
-    low, high = NUMBERS[name].limits
+    low, high = limits
     good = (value >= low) & (value <= high)
     return good & (value == jnp.round(value)) if name in WHOLE else good
 
