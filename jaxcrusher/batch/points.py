@@ -136,7 +136,7 @@ class Grid:
     def attributes(self) -> dict[str, Any]:
         """Return what does not vary, for the reader of a dataset."""
         numbers = {
-            name: [value, NUMBERS[name].unit if name in NUMBERS else "1"]
+            name: [value, NUMBERS[name].unit if name in NUMBERS else None]  # one's own: not known
             for name, value in self.base.items()
             if not self.chooses(name)
         }

@@ -1,5 +1,7 @@
 """The batch engine and the sweep."""
 
+import json
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -150,15 +152,17 @@ def test_a_design_is_judged_by_all_that_it_has(laws):
 
 
 def test_designs_of_a_scene_of_ones_own_have_the_joints_that_they_have():
-    def seats(speed, worn):
-        clearance = {"elbow.clearance": 5e-5} if worn == "worn" else {}
+    def seats(speed, worn, gap=5e-5):
+        clearance = {"elbow.clearance": gap} if worn == "worn" else {}
         described = {"speed": speed, "start": "contact", "load_law": "normal_to_jaw"}
         return jc.build_scene(described | clearance)
 
-    base = {"speed": 30.0}
+    base = {"speed": 30.0, "gap": 5e-5}
     found = jc.sweep({"worn": ["new", "worn"]}, 0, 1, base=base, scene=seats, rtol=1e-6)
     assert found.success.all() and np.isnan(found.elbow_half_width_ratio[0])
     assert found.elbow_half_width_ratio[1] > 0
+    # Nobody has told the unit of the gap: it is not 1.
+    assert json.loads(found.attrs["parameters"]) == {"speed": [30.0, "rad/s"], "gap": [5e-5, None]}
     with pytest.raises(ValueError, match="`base` must hold a number, such as the speed, where no"):
         jc.sweep({"worn": ["new"]}, 0, 1, scene=lambda worn: seats(30.0, worn))
     with pytest.raises(ValueError, match=r"`outputs` must name statistics that these designs have"):
