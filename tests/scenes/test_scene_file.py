@@ -60,6 +60,7 @@ def test_every_key_comes_back(tmp_path):
         if name != "stroke"  # which becomes the eccentricity
     }
     values |= {"counterweight.mass": 12.5, "counterweight.angle": -1.25}
+    values |= {"fluctuation_order": 3.0, "load_seed": 7.0}  # whole numbers
     values |= {name: offered[-1] for name, offered in CHOICES.items()}
     # As TOML writes them: a choice in quotes, a quantity with its unit, a number without one plain.
     written = {}
