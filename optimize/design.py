@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
@@ -72,13 +71,13 @@ class Design:
         """Return the names of the numbers that follow from the others."""
         return tuple(name for completion in self.completions for name in completion.outputs)
 
-    def values(self, unit: Float[ArrayLike, "*batch n"]) -> dict[str, Array]:
+    def values(self, unit: Float[Array | np.ndarray, "*batch n"]) -> dict[str, Any]:
         """The free parameters at a point of the unit box, in SI units."""
-        low, high = jnp.array(list(self.bounds.values())).T
-        numbers = low + jnp.asarray(unit) * (high - low)
+        low, high = np.array(list(self.bounds.values())).T
+        numbers = low + unit * (high - low)
         return {name: numbers[..., i] for i, name in enumerate(self.names)}
 
-    def numbers(self, unit: Float[ArrayLike, " n"]) -> dict[str, float]:
+    def numbers(self, unit: Float[np.ndarray, " n"]) -> dict[str, float]:
         """`values` of one point, as Python's numbers."""
         return {name: float(value) for name, value in self.values(unit).items()}
 
@@ -90,7 +89,7 @@ class Design:
         ]
         return np.stack(rows, axis=-1)
 
-    def description(self, unit: Float[ArrayLike, " n"]) -> dict[str, Any]:
+    def description(self, unit: Float[Array | np.ndarray, " n"]) -> dict[str, Any]:
         """The completed description at a point; ValueError for a concrete one outside the box."""
         point = concrete(unit)
         if point is not None:
@@ -119,7 +118,7 @@ class Design:
         """For concrete points: a loop that is not compiled once is compiled at every call."""
         return jax.jit(self._complete)
 
-    def scene(self, unit: Float[ArrayLike, " n"]) -> AbstractScene:
+    def scene(self, unit: Float[Array | np.ndarray, " n"]) -> AbstractScene:
         """The scene at a point of the unit box, which may be traced.
 
         Raises ValueError (concrete points only) outside the box and for a machine that cannot

@@ -85,7 +85,7 @@ def map_box(problem: Problem, work: Work) -> tuple[Maps, Orbit | None]:
     """Look at the whole box: its periodic orbits, and both starts on a coarser grid.
 
     Returns the maps, and the orbit of the design to compare with, which needs none of them: it is
-    searched for beside the map of orbits, with the programs that the confirmation uses again.
+    searched for beside them, with the programs that the confirmation uses again.
     """
     effort, design = problem.effort, problem.case.design
     cells, points = (
@@ -93,11 +93,17 @@ def map_box(problem: Problem, work: Work) -> tuple[Maps, Orbit | None]:
         for grid in (effort.grid, effort.cells)
     )
     reference = design.unit(problem.reference)
-    mapped, ((data, motions), orbit), _ = run_concurrently(
+
+    def explore() -> tuple[xr.Dataset, xr.Dataset]:
+        found = _explore(problem, work, cells)
+        import_module("optimize.figures")  # a second, while the map of orbits is computed
+        return found
+
+    mapped, (data, motions), orbit = run_concurrently(
         work.stop,
         lambda: _map_orbits(problem, work, points),
-        lambda: (_explore(problem, work, cells), orbits.orbit_of(problem.case, reference)),
-        lambda: import_module("optimize.figures"),  # which takes a second
+        explore,
+        lambda: orbits.orbit_of(problem.case, reference),
     )
     return Maps(cells, data, motions, points, mapped), orbit
 

@@ -135,6 +135,9 @@ def run_chunks(
     # XLA opens a loop over one design, and then rounds differently: each device gets two.
     size = max(-(-size // whole) * whole, 2 * shares)
     size = -(-size // shares) * shares
+    numbers, rest = eqx.partition(function, eqx.is_array)
+    # Of the same engine: another one, as on another device, gives other bits.
+    text = f"{name_of(engine)} {text_of(jax.tree.flatten(rest))}" if journal is not None else ""
 
     def of_chunk(first: int) -> tuple[slice, PyTree]:
         rows = slice(first, min(first + size, count))
@@ -149,11 +152,7 @@ def run_chunks(
 
         if journal is None:
             return rows, compute()
-        numbers, rest = eqx.partition(function, eqx.is_array)
-        inputs = jax.tree.leaves((numbers, part))
-        # Of the same engine: another one, as on another device, gives other bits.
-        text = f"{name_of(engine)} {text_of(jax.tree.flatten(rest))}"
-        return rows, journal.kept(text, inputs, compute)
+        return rows, journal.kept(text, jax.tree.leaves((numbers, part)), compute)
 
     yield from in_order(of_chunk, range(0, count, size), engine)
 
