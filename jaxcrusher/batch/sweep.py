@@ -98,7 +98,7 @@ def sweep(
     cannot be written, naming the chunk; ImportError for `scheduler` without the extra `cluster`.
     """
     require_set_up()
-    title = "Statistics of jaw crushers over a grid of parameters"
+    title = "Statistics of machines over a grid of parameters"
     if engine is None and scheduler is not None:
         engine = "lanes"  # Its workers may differ in their devices.
     made = plan(make_grid(axes, base, scene), settle_turns, turns, rtol, chunk, engine, outputs)

@@ -56,7 +56,7 @@ def run(options: Regimes, console: Console) -> int:
     keep_beside(folder / "regimes.json", settings, "regimes.nc")
     kept = earlier(folder / "regimes.json", settings, "name")
     done = kept["rows"] if kept else []
-    attributes = provenance("Regimes of a jaw crusher's motion", scene=values)
+    attributes = provenance("Regimes of a machine's motion", scene=values)
     asked = []
     with progress(console) as bars:
         bar = bars.add_task("designs", total=len(designs))

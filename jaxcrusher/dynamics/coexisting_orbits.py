@@ -1,6 +1,6 @@
-"""The stable motions that a crusher comes to from many starts, and how many come to each.
+"""The stable motions that a machine comes to from many starts, and how many come to each.
 
-Of one crusher, or of a grid of them.
+Of one machine, or of a grid of them.
 """
 
 from collections.abc import Callable, Mapping
@@ -315,7 +315,7 @@ def basin_map(
     # The quiet orbit is among them without a start that came to it.
     sizes = {"orbit": starts + 1, "start": starts, "coordinate": 2 * unknowns(grid.scene(0))}
     layout = Layout(grid, columns, (1,) * len(grid.shape), sizes)
-    title = "Coexisting periodic orbits of jaw crushers over a grid of parameters"
+    title = "Coexisting periodic orbits of machines over a grid of parameters"
     with opened(layout, store, title, grid.settings() | asked, asked) as kept:
         for design in range(grid.size):
             if design not in kept.done:

@@ -96,7 +96,7 @@ def orbit_map(
     asked = {"period": period, "slopes": list(slopes), "metric": metric, "nodes": list(levels)}
     settings = grid.settings() | asked | ({} if engine is None else {"engine": name_of(engine)})
     layout, done = _layout(grid, first, slopes, metric), 0
-    title = "Periodic orbits of jaw crushers over a grid of parameters"
+    title = "Periodic orbits of machines over a grid of parameters"
     told = asked | {"engine": name_of(engine or without_lanes())}
     with opened(layout, store, title, settings, told) as kept:
         if 0 not in kept.done:

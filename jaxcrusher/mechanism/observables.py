@@ -29,17 +29,17 @@ def on_pin(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
 
 
 def _total_weight(scene: AbstractScene) -> Vector:
-    """Return the weight of the three bodies, N."""
+    """Return the weight of the bodies, N."""
     linkage = scene.linkage
     masses = [body.mass for body in linkage.bodies.values]
     return Vector(0.0, -sum(masses[1:], masses[0]) * linkage.gravity)
 
 
 def shaking_force(s: Snapshot, scene: AbstractScene) -> Vector:
-    """Return -sum of m a, N: the moving part of what shaft, jaw and toggle pass to the frame.
+    """Return -sum of m a, N: the moving part of what the bodies pass to the frame.
 
-    The machine stands on the ground by bearing, pivot and fixed jaw. The crushing load closes
-    between jaw and fixed jaw, inside the machine, and the weight stands still: neither shakes.
+    The load closes inside the machine, as a crusher's between jaw and fixed jaw, and the weight
+    stands still: neither shakes.
     """
     one, *others = (rate for _, rate in _momentum_rates(s, scene))
     total = -sum(others, one)
@@ -58,20 +58,20 @@ def shaking_size(s: Snapshot, scene: AbstractScene) -> Scalar:
 
 
 def ground_force(s: Snapshot, scene: AbstractScene) -> Vector:
-    """Return the force of shaft, jaw and toggle on the frame, N: their weight less sum of m a.
+    """Return the force of the bodies on the frame, N: their weight less sum of m a.
 
-    A clamped frame passes it to the ground. It equals -(R_O + R_C) less the load on the jaw, whose
-    reaction the fixed jaw carries.
+    A clamped frame passes it to the ground. Of a crusher it equals -(R_O + R_C) less the load on
+    the jaw, whose reaction the fixed jaw carries.
     """
     return shaking_force(s, scene) + _total_weight(scene)
 
 
 def ground_moment(s: Snapshot, scene: AbstractScene) -> Scalar:
-    """Return the moment of shaft, jaw and toggle on the frame, N m, about the foundation's point.
+    """Return the moment of the bodies on the frame, N m, about the foundation's point.
 
-    Each body adds (r - p) x m (g - a) - J alpha; without a foundation p is C. The load and its
-    reaction on the fixed jaw lie in one line and add nothing, nor does a drive that stands on the
-    frame.
+    Each body adds (r - p) x m (g - a) - J alpha; without a foundation p is the origin, a crusher's
+    C. A load and its reaction on the frame lie in one line and add nothing, nor does a drive that
+    stands on the frame.
     """
     point = Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
     fall = Vector(0.0, -scene.linkage.gravity)

@@ -1,1 +1,1 @@
-"""Find the periodic motion that a crusher settles on, and slopes along it."""
+"""Find the periodic motion that a machine settles on, and slopes along it."""

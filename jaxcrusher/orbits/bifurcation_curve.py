@@ -1,4 +1,4 @@
-"""Follow an event on branches of orbits, such as a fold, over two parameters of a crusher."""
+"""Follow an event on branches of orbits, such as a fold, over two parameters of a machine."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -150,7 +150,7 @@ def _both(name: str, unit: str, values: Float[np.ndarray, "pieces samples 2"]) -
 
 
 def _exciting(turns: Turns) -> Curves:
-    """Return force and moments of shaft, jaw and toggle on the frame."""
+    """Return force and moments of the bodies on the frame."""
     force, moment = turns.values["ground_force"], turns.values["ground_moment"]
     scene, place = turns.scene, _place(turns.scene)
     about = "G" if scene.supports is not None else "the foundation's point"

@@ -36,7 +36,7 @@ UNDAMPED, CRITICAL = 1e-13, 1e-6
 def natural_modes(scene: AbstractScene) -> xr.Dataset:
     """Return the natural modes of the machine at rest on its supports, the slowest first.
 
-    Shaft, jaw and toggle stand still in the frame, the shaft at angle zero and its pins in the
+    Its bodies stand still in the frame, the crank at angle zero and its pins in the
     middle of their bores. The equations are linear about the place where the springs carry all
     weight; weight that leans counts too.
 

@@ -1,4 +1,4 @@
-"""Follow the periodic orbits of a crusher over one parameter, round their folds, to other branches.
+"""Follow the periodic orbits of a machine over one parameter, round their folds, to other branches.
 
 `orbit_branch` returns the orbits and the events between them. From an event the branch that leaves
 there may be followed; `jaxcrusher.orbits.bifurcation_curve` follows the event over two parameters.

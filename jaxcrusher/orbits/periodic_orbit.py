@@ -1,4 +1,4 @@
-"""The motion that a crusher settles on, solved for instead of waited for."""
+"""The motion that a machine settles on, solved for instead of waited for."""
 
 import dataclasses
 from typing import Literal
