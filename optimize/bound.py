@@ -201,7 +201,9 @@ def optimality_bound(points: Points, cells: Cells, best: Confirmed, within: floa
         )
         return Bound(None, None, unsaid, gain, statement)
     of_orbits = max(0.0, best.objective - float(np.nanmin(orbits)))
-    curvature = float(hidden[np.nanargmin(np.fmin.reduce(orbits, axis=1))])
+    # Of a cell whose corners lie above the optimum they hide more than it may hold below it.
+    hides = float(hidden[np.nanargmin(np.fmin.reduce(orbits, axis=1))])
+    curvature = min(of_orbits, hides)
     statement = (
         f"No other periodic orbit of the box is more than {_about(of_orbits, unit)} below the "
         f"optimum, of which {_about(curvature, unit)} are what second derivatives can hide: these "

@@ -275,7 +275,15 @@ def test_cells_are_halved_until_the_bound_is_as_asked(bounded, monkeypatch):
     coarse, _, solved, _ = bounded(1000.0)
     # Only they are halved, once, and second derivatives are those that were measured before.
     assert 0 < sum(solved) <= 9 * 5 and 0 < coarse.within < 1000.0
-    assert "they are 1 times" in coarse.statement
+    assert "they are 1 times" in coarse.statement and coarse.curvature <= coarse.within
+
+    def raised(case, units):
+        rows = bowl(case, units)
+        return rows | {"objective": rows["objective"] + 20.0}
+
+    # Of a cell above the optimum second derivatives hide more than it may hold below it.
+    above, *_ = bounded(1000.0, raised)
+    assert 0 < above.curvature == above.within
     fine, _, solved, _ = bounded(0.5)
     assert 0 < fine.within <= 0.5 and 50 < sum(solved) < 300
     assert f"global within the box to {_about(fine.within, 'N')}" in fine.statement
