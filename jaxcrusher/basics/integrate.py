@@ -303,4 +303,5 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
 def _evaluate(args, times, y: PyTree, problem: Problem) -> PyTree:
     """The summaries of a scene that has nothing to integrate."""
     observed = jax.vmap(jax.vmap(lambda time: problem.observe(time, y, args)))(times)
-    return jax.vmap(lambda segment: problem.summarise(segment, y))(observed)
+    summarise = jax.vmap(lambda segment: problem.summarise(segment, y), axis_size=len(times))
+    return summarise(observed)
