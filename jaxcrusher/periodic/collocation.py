@@ -14,6 +14,7 @@ from jax.custom_batching import custom_vmap
 from jax.scipy.linalg import lu_factor, lu_solve
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.loops import on_a_gpu
 from jaxcrusher.periodic.newton import Factors, Root, newton
 from jaxcrusher.periodic.system import System
@@ -37,7 +38,10 @@ def collocate(
     `tolerance` bounds the last step, in the unit of x: choose that of order one. Differentiable
     by the system's numbers in both directions, by the implicit function theorem and never through
     Newton's steps; the guess has no slope. Where the search failed the orbit is NaN.
+
+    Raises ValueError for a guess of another shape, or with an odd number of nodes.
     """
+    require(jnp.ndim(guess) == 2, "guess", "have shape (nodes, dims)", jnp.shape(guess))
     system_now, guess = jax.lax.stop_gradient((system, jnp.asarray(guess, float)))
     shape = guess.shape
 

@@ -12,6 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
 
+from jaxcrusher.basics.checks import require
+
 
 def nodes(count: int) -> Float[np.ndarray, " count"]:
     """Return `count` equally spaced points of [0, 1)."""
@@ -22,7 +24,9 @@ def differentiation(count: int, xp: ModuleType = np) -> tuple[Any, Any]:
     """Return the matrices from values at the nodes to the first two derivatives there (chapter 3).
 
     They are constants of a program if `xp` is NumPy, and computed by it if that is `jax.numpy`.
+    Raises ValueError for an odd number of nodes, of which they are others.
     """
+    require(count > 0 and count % 2 == 0, "nodes", "be an even number > 0", count)
     apart = xp.arange(count)[:, None] - xp.arange(count)
     same = apart == 0
     half = xp.where(same, 1.0, np.pi / count * apart)

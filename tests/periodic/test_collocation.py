@@ -1,5 +1,7 @@
 """Orbits and multipliers of systems with published numbers, through the general interface."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -194,6 +196,20 @@ def test_failures_have_reasons():
     system = duffing_system((0.1, 0.5, 0.3), 0.6)
     short = collocate(system, harmonic(5.0, 0.0, 16), max_steps=2)[1]
     assert short.result == RESULTS.too_many_steps
+
+
+@pytest.mark.parametrize(
+    ("shape", "words"),
+    [
+        ((33, 1), "`nodes` must be an even number > 0, but is 33."),
+        ((32,), "`guess` must have shape (nodes, dims), but is (32,)."),
+    ],
+)
+def test_a_guess_that_nothing_is_known_of_is_refused(shape, words):
+    """An odd number of nodes has other matrices: by these its orbit would be another one."""
+    system = duffing_system((0.04, 1.0, 0.3), 1.0)
+    with pytest.raises(ValueError, match=re.escape(words)):
+        collocate(system, np.zeros(shape))
 
 
 def test_the_jacobian_is_that_of_the_residual():
