@@ -41,13 +41,14 @@ def resample(
 ) -> Float[Array, "points ..."]:
     """Return a derivative (0: the value) at equal steps, the first `shift` of them after zero.
 
-    Fewer points than nodes leave the highest harmonics out.
+    Fewer points than nodes leave the harmonics above half of their number out.
     """
     count, kept = len(x), min(len(x), points) // 2 + 1
     harmonics = np.arange(kept)
     turned = (1j * harmonics) ** order * np.exp(2j * np.pi * shift / points * harmonics)
-    if points > count:
-        turned[-1] /= 2
+    # A spectrum of an even number of values has its highest harmonic once, the others twice.
+    last = 2 * (kept - 1)
+    turned[-1] *= (2 if last == points else 1) / (2 if last == count else 1)
     spectrum = jnp.fft.rfft(x, axis=0)[:kept] * (points / count)
     return jnp.fft.irfft(spectrum * turned.reshape(-1, *[1] * (x.ndim - 1)), points, axis=0)
 

@@ -238,3 +238,8 @@ def test_trigonometric_polynomials():
         np.testing.assert_allclose(finer, wave((np.arange(50) + 0.3) / 50, order), atol=1e-12)
         one = evaluate(jnp.asarray(wave(places)), jnp.asarray(0.123), order)
         np.testing.assert_allclose(one, wave(0.123, order), atol=1e-12)
+        # Six points have the third harmonic too, and of an odd number of points none stands alone.
+        for fewer in (6, 7):
+            there = resample(jnp.asarray(wave(places)), fewer, 0.3, order)
+            expected = wave((np.arange(fewer) + 0.3) / fewer, order)
+            np.testing.assert_allclose(there, expected, atol=1e-12)
