@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -250,8 +251,10 @@ def _growth(along: Tangents) -> float:
 def _tangent(along: Tangents, metric: Statistic) -> tuple[np.ndarray, np.ndarray]:
     """The forward tangent from dx/dp = 0 on, and its error by the scatter of its window's parts."""
     found = changes(along, np.zeros(along.forcing.shape[1:]))
-    parts = zip(np.array_split(along.values, PARTS), np.array_split(found, PARTS), strict=True)
-    slopes = [combine(metric, values, part) for values, part in parts]
+    length = len(along.jacobians) // PARTS
+    windows = [slice(k * length, (k + 1) * length) for k in range(PARTS)]
+    parts = [jax.tree.map(lambda a, w=w: a[w], (along.values, found)) for w in windows]
+    slopes = [combine(metric, *part) for part in parts]
     with np.errstate(over="ignore", invalid="ignore"):
         error = np.std(slopes, axis=0, ddof=1) / np.sqrt(PARTS)
         return combine(metric, along.values, found), error

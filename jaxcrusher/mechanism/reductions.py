@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Scalar
+from jaxtyping import Array, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.mechanism.snapshot import Observable, Snapshot
@@ -109,6 +110,24 @@ class Sampled:
 
     of_samples: Callable[[Float[Array, "n ..."]], Scalar]
     of_pieces: Callable[[Float[Array, " n"]], Scalar]
+
+
+def of_slices(
+    how: AbstractMean | Sampled, kept: PyTree[Float[Array, "slices ..."]], turns: int
+) -> Scalar:
+    """Return the number over whole turns from what each of their equal slices keeps of it.
+
+    That are the means of the integrands, or all samples: what a slice makes of its own mean is not
+    what its turn makes of it.
+    """
+
+    def of_turn(slices: PyTree[Float[Array, "slices ..."]]) -> Scalar:
+        if isinstance(how, AbstractMean):
+            return how.of_means(*map(jnp.mean, slices))
+        return how.of_samples(slices.reshape(-1, *slices.shape[2:]))
+
+    by_turn = jax.tree.map(lambda leaf: jnp.reshape(leaf, (turns, -1, *leaf.shape[1:])), kept)
+    return how.of_pieces(jax.vmap(of_turn)(by_turn))
 
 
 @dataclass(frozen=True)

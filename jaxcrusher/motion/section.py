@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 from jaxcrusher.basics.checks import require, require_names, require_whole
 from jaxcrusher.basics.integrate import RESULTS, Integration, Outcome, integrate
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.mechanism.reductions import Chosen
+from jaxcrusher.mechanism.reductions import Chosen, of_slices
 from jaxcrusher.mechanism.scene import AbstractScene, require_steady
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.method import Method, resolve
@@ -61,8 +61,8 @@ class Section(eqx.Module, AbstractOverTurns):
 
 def advance(
     flow: Flow, span: float, method: Integration, outputs: Chosen = ()
-) -> tuple[PyTree[Scalar], dict[str, Array], Outcome]:
-    """The state after `span` radians of phase, and statistics on the way there.
+) -> tuple[PyTree[Scalar], dict[str, PyTree], Outcome]:
+    """The state after `span` radians of phase, and what is kept of statistics on the way there.
 
     Differentiable by the scene and the state.
     """
@@ -74,13 +74,13 @@ def advance(
 
 
 class Slices(eqx.Module):
-    """A slice of a motion or several: state x, parameters p, statistics m of each slice alone."""
+    """A slice of a motion or several: state x, parameters p, and m, kept of each statistic."""
 
     jacobians: Float[Array, "*slices dims dims"]  # dx_after / dx_before
     forcing: Float[Array, "*slices dims n"]  # dx_after / dp
-    values: dict[str, Float[Array, "*slices"]]  # m
-    by_state: dict[str, Float[Array, "*slices dims"]]  # dm / dx_before
-    by_parameter: dict[str, Float[Array, "*slices n"]]  # dm / dp
+    values: dict[str, PyTree[Float[Array, "..."]]]  # m, as `of_slices` takes it
+    by_state: dict[str, PyTree[Float[Array, "... dims"]]]  # dm / dx_before
+    by_parameter: dict[str, PyTree[Float[Array, "... n"]]]  # dm / dp
 
 
 class Sloped(eqx.Module):
@@ -127,15 +127,9 @@ class Sloped(eqx.Module):
         derivatives, (end, values, outcome) = jax.jacfwd(after, has_aux=True)(
             jnp.concatenate([state, self.point])
         )
-        (matrix, forcing), slopes = _split(derivatives[0], dims), derivatives[1]
-        slopes = {name: _split(slope, dims) for name, slope in slopes.items()}
-        by_state, by_parameter = ({name: s[i] for name, s in slopes.items()} for i in (0, 1))
+        matrix, by_state = jax.tree.map(lambda slope: slope[..., :dims], derivatives)
+        forcing, by_parameter = jax.tree.map(lambda slope: slope[..., dims:], derivatives)
         return end, Slices(matrix, forcing, values, by_state, by_parameter), outcome
-
-
-def _split(derivative: Float[Array, "... both"], dims: int) -> tuple[Array, Array]:
-    """By the state and by the parameters."""
-    return derivative[..., :dims], derivative[..., dims:]
 
 
 def fine() -> Outcome:
@@ -219,7 +213,7 @@ def _section(
     def sliced_turn(carry, _):
         state, before = carry
         after, found, outcome = sloped.turn(state, slices)
-        values = {n: one.reduction.of_pieces(found.values[n]) for n, one in outputs}
+        values = {n: of_slices(one.reduction, found.values[n], 1) for n, one in outputs}
         return (after, first_failure(before, outcome)), (after, values, found.jacobians)
 
     start = initial_state(scene) if state is None else jnp.asarray(state, float)

@@ -224,10 +224,11 @@ def instants(outputs: Chosen, share: float = 1.0) -> Float[Array, " n"]:
 
 
 @functools.cache  # so that programs of other counts share its trace
-def statistics_problem(outputs: Chosen, share: float = 1.0) -> Problem:
-    """Return the problem of a `Flow` over a turn, or a share of it, with its statistics.
+def statistics_problem(outputs: Chosen, share: float | None = None) -> Problem:
+    """Return the problem of a `Flow` over a turn with its statistics, or over a share of a turn.
 
-    Totals and samples by phase, in radians.
+    Totals and samples by phase, in radians. Of a share come the means and the samples, which
+    `jaxcrusher.mechanism.reductions.of_slices` puts together.
     """
     looks = {name: one.quantity for name, one in outputs}
     means = {n: one.reduction for n, one in outputs if isinstance(one.reduction, AbstractMean)}
@@ -253,11 +254,10 @@ def statistics_problem(outputs: Chosen, share: float = 1.0) -> Problem:
         _, snapshot = by_phase(flow.phase + phase, y.motion, flow.scene)
         return quantities(samples, snapshot, flow)
 
-    def summarise(seen: dict[str, Array], end: Carried) -> tuple[PyTree, dict[str, Array]]:
-        values = {
-            name: mean.of_means(*(total / share for total in end.totals[name]))
-            for name, mean in means.items()
-        }
+    def summarise(seen: dict[str, Array], end: Carried) -> tuple[PyTree, dict[str, PyTree]]:
+        if share is not None:
+            return end.motion, jax.tree.map(lambda total: total / share, end.totals) | seen
+        values = {name: mean.of_means(*end.totals[name]) for name, mean in means.items()}
         values |= {name: how.of_samples(seen[name]) for name, how in samples.items()}
         return end.motion, values
 

@@ -10,10 +10,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Scalar
+from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.integrate import Outcome, failure_text
-from jaxcrusher.mechanism.reductions import Chosen, Statistic
+from jaxcrusher.mechanism.reductions import Chosen, Statistic, of_slices
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import Slices, Sloped, fine, first_failure
@@ -30,7 +30,7 @@ def same(_: Array, scene: AbstractScene) -> AbstractScene:
 
 
 class Tangents(eqx.Module):
-    """Consecutive slices: state x, parameters p, and m, the statistic of each slice alone.
+    """Consecutive slices: state x, parameters p, and m, what each keeps of the statistic.
 
     NaN from a failure on.
     """
@@ -38,9 +38,9 @@ class Tangents(eqx.Module):
     state: Float[np.ndarray, " dims"]  # at the end
     jacobians: Float[np.ndarray, "slices dims dims"]  # dx_after / dx_before
     forcing: Float[np.ndarray, "slices dims n"]  # dx_after / dp
-    values: Float[np.ndarray, " slices"]  # m
-    by_state: Float[np.ndarray, "slices dims"]  # dm / dx_before
-    by_parameter: Float[np.ndarray, "slices n"]  # dm / dp
+    values: PyTree[Float[np.ndarray, "slices ..."]]  # m, as `of_slices` takes it
+    by_state: PyTree[Float[np.ndarray, "slices ... dims"]]  # dm / dx_before
+    by_parameter: PyTree[Float[np.ndarray, "slices ... n"]]  # dm / dp
     failure: str = ""  # why and when it ended early
 
 
@@ -116,23 +116,35 @@ def chain(parts: Tangents) -> tuple[np.ndarray, np.ndarray]:
     return matrix, forcing
 
 
-def changes(parts: Tangents, moved: Float[np.ndarray, "dims n"]) -> Float[np.ndarray, "slices n"]:
+def changes(
+    parts: Tangents, moved: Float[np.ndarray, "dims n"]
+) -> PyTree[Float[np.ndarray, "slices ... n"]]:
     """dm/dp of each slice, if dx/dp is `moved` at the beginning.
 
     Not finite where a tangent has left the range of floats.
     """
-    found = np.empty_like(parts.by_parameter)
+    before = np.empty((len(parts.jacobians), *moved.shape))
     with np.errstate(over="ignore", invalid="ignore"):
         for i, jacobian in enumerate(parts.jacobians):
-            found[i] = parts.by_state[i] @ moved + parts.by_parameter[i]
-            moved = jacobian @ moved + parts.forcing[i]
-    return found
+            before[i], moved = moved, jacobian @ moved + parts.forcing[i]
+        # One product of matrices a slice, whatever a slice keeps.
+        return jax.tree.map(
+            lambda by_state, by_parameter: (
+                np.einsum("i...d,idn->i...n", by_state, before) + by_parameter
+            ),
+            parts.by_state,
+            parts.by_parameter,
+        )
 
 
 def combine(
-    metric: Statistic, values: Float[np.ndarray, " slices"], changes: Float[np.ndarray, "slices n"]
+    metric: Statistic,
+    values: PyTree[Float[np.ndarray, "slices ..."]],
+    changes: PyTree[Float[np.ndarray, "slices ... n"]],
 ) -> Float[np.ndarray, " n"]:
-    """Slopes of the statistic over all slices."""
-    weights = jax.grad(metric.reduction.of_pieces)(jnp.asarray(values))
+    """Slopes of the statistic over the whole turns that all slices make."""
+    turns = len(jax.tree.leaves(values)[0]) // SLICES
+    weights = jax.grad(lambda kept: of_slices(metric.reduction, kept, turns))(values)
     with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(weights) @ changes
+        parts = jax.tree.map(lambda w, c: np.tensordot(w, c, np.ndim(w)), weights, changes)
+        return sum(jax.tree.leaves(parts))

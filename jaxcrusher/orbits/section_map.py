@@ -22,8 +22,8 @@ from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import Slices, advance
 from jaxcrusher.motion.tangents import SLICES, sloped_turn
 
-# A section point, and what slices of turns tell: statistics, or samples of a path.
-Passed = tuple[Float[Array, " dims"], dict[str, Array]]
+# A section point, and what slices of turns keep of statistics: means, or samples.
+Passed = tuple[Float[Array, " dims"], dict[str, PyTree[Array]]]
 
 
 @eqx.filter_jit
@@ -103,8 +103,9 @@ def _combined(point: Array, unravel: Any, fixed: AbstractScene) -> AbstractScene
 def _moved(slices: Slices, change: Float[Array, " n"]) -> Passed:
     """Return how an orbit's section point and outputs move when its numbers change."""
 
-    def carried(moved: Array, one: Slices) -> tuple[Array, dict[str, Array]]:
-        seen = {n: one.by_state[n] @ moved + one.by_parameter[n] @ change for n in one.values}
+    def carried(moved: Array, one: Slices) -> tuple[Array, dict[str, PyTree[Array]]]:
+        both = one.by_state, one.by_parameter
+        seen = jax.tree.map(lambda by_x, by_p: by_x @ moved + by_p @ change, *both)
         return one.jacobians @ moved + one.forcing @ change, seen
 
     eye = jnp.eye(slices.jacobians.shape[1])

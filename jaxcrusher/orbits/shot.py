@@ -7,14 +7,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Complex, Float, Int, Scalar
+from jaxtyping import Array, ArrayLike, Complex, Float, Int, PyTree, Scalar
 
 from jaxcrusher.basics.checks import without_slopes
 from jaxcrusher.basics.loops import design_by_design
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.mechanism.named import before
-from jaxcrusher.mechanism.reductions import Chosen, samples_of
+from jaxcrusher.mechanism.reductions import Chosen, of_slices, samples_of
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.tangents import same, sloped_turn
 from jaxcrusher.orbits.forced import unknowns
@@ -126,12 +126,12 @@ def _described(
     period: int,
     outputs: Chosen,
     section: Array,
-    seen: dict[str, Array],
-    rough: Float[Array, " slices"],
+    seen: dict[str, PyTree[Array]],
+    rough: PyTree[Float[Array, "slices ..."]],
 ) -> PeriodicOrbit:
     table, path = dict(outputs), _relative(scene, seen)
-    values = {name: table[name].reduction.of_pieces(seen[name]) for name in table}
-    apart = table[scene.leading].reduction.of_pieces(rough) / values[scene.leading] - 1
+    values = {name: of_slices(table[name].reduction, seen[name], period) for name in table}
+    apart = of_slices(table[scene.leading].reduction, rough, period) / values[scene.leading] - 1
     good = found.result == newton.RESULTS.successful
     result = RESULTS.promote(newton.RESULTS.successful)
     return built(
@@ -178,7 +178,7 @@ def _samples(scene: AbstractScene) -> Chosen:
     return samples_of({f"path of {name}": scene.observables[name] for name in names})
 
 
-def _relative(scene: AbstractScene, seen: dict[str, Array]) -> Float[Array, "nodes dims"]:
+def _relative(scene: AbstractScene, seen: dict[str, PyTree[Array]]) -> Float[Array, "nodes dims"]:
     """Return all unknowns at equal steps of phase, from zero on."""
 
     def whole(samples: Array) -> Array:

@@ -11,7 +11,10 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.mechanism.starts import Given
+from jaxcrusher.motion.flow import initial_state
+from jaxcrusher.motion.tangents import changes, combine, tangents
 
 DESIGN = jnp.array([30.0, 0.06e-3])
 
@@ -69,6 +72,25 @@ def test_every_way_to_differentiate_agrees():
     )
     # Differentiated steps and integrated tangents differ by the error of the steps.
     np.testing.assert_allclose(through_steps(DESIGN), forward, rtol=1e-5)
+
+
+@pytest.mark.slow
+def test_tangents_of_what_is_about_the_mean_of_a_turn():
+    metric = "shaking_moment_rms"
+
+    def scene(point):
+        return jc.paper_scene(point[0], 0.06e-3, start="contact")
+
+    state = initial_state(scene(DESIGN))
+
+    def value(point):
+        found = jc.statistics(scene(point), 0, 2, outputs=(metric,), state=state, rtol=1e-12)
+        return float(found[metric])
+
+    along = tangents(scene, DESIGN[:1], metric, state, 2, 1e-10)
+    slope = combine(STATISTIC[metric], along.values, changes(along, np.zeros((4, 1))))
+    differences = central_differences(value, DESIGN[:1], [3e-3])
+    np.testing.assert_allclose(slope, differences, rtol=1e-4)
 
 
 @pytest.mark.slow

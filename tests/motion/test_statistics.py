@@ -11,7 +11,13 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.statistics_table import FURTHER_STATISTICS, STATISTIC
-from jaxcrusher.mechanism.reductions import PowerMean, Sampled, Statistic
+from jaxcrusher.mechanism.reductions import (
+    AbstractMean,
+    PowerMean,
+    Sampled,
+    Statistic,
+    of_slices,
+)
 from jaxcrusher.motion.statistics import Statistics, limits_of, of_whirl
 from jaxcrusher.motion.tangents import SLICES, combine, tangents
 from jaxcrusher.periodic.trigonometric import resample
@@ -115,9 +121,9 @@ def test_an_entry_makes_a_statistic(own):
     along = tangents(
         lambda point: contact(point[0]), jnp.array([30.0]), own[0], whole.states[0], 1, 1e-9
     )
-    assert along.values.shape == (SLICES,) and along.failure == ""
+    assert along.values[0].shape == (SLICES,) and along.failure == ""
     assert np.isfinite(combine(STATISTIC[own[0]], along.values, along.by_parameter)).all()
-    turn = float(STATISTIC[own[0]].reduction.of_pieces(jnp.asarray(along.values)))
+    turn = float(of_slices(STATISTIC[own[0]].reduction, along.values, 1))
     assert turn == pytest.approx(float(found.by_turn[own[0]][1]), rel=1e-6)
 
     with pytest.raises(
@@ -158,12 +164,13 @@ def test_an_entry_that_is_redefined_is_seen(own, monkeypatch):
     """Wherever it was computed before: programs are of entries, not of their names."""
     name, scene, state = own[0], contact(), jnp.array([1.0, 0.0, 0.0, 0.0])
     how = dict(rtol=1e-6, method=jc.Method(max_steps=200_000))
+    reduction, point = OWN[name].reduction, jnp.array([30.0])
 
     def computed():
         return [
             float(jc.statistics(scene, 0, 1, outputs=(name,), **how)[name]),
             float(jc.poincare_section(scene, 0, 1, outputs=(name,), **how)[name][0]),
-            float(tangents(still, jnp.array([30.0]), name, state, 1, 1e-6).values[0]),
+            float(of_slices(reduction, tangents(still, point, name, state, 1, 1e-6).values, 1)),
             float(jc.periodic_orbit(scene, nodes=96)[name]),
             float(jc.periodic_orbit(scene.ideal())[own[1]]),
             float(jc.sweep({"speed": [30.0]}, 0, 1, rtol=1e-6)[name][0]),
@@ -203,6 +210,25 @@ def test_turns_reduce_as_the_motion_does():
     ):
         found = STATISTIC[name].reduction.of_pieces(jnp.asarray(q))
         assert float(found) == pytest.approx(expected, rel=1e-12), name
+
+
+def test_slices_reduce_as_their_turns_do():
+    """Also what is about the mean of a turn, which is not that of its slices."""
+    angles = 2 * np.pi * np.arange(1, 2 * 1024 + 1) / 1024
+    for name, statistic in STATISTIC.items():
+        how, q = statistic.reduction, jnp.asarray(3 + np.cos(angles) + 0.1 * angles)
+        if name == "frame_displacement_peak":
+            q = jnp.stack([q, np.sin(angles)], axis=1)
+        if isinstance(how, AbstractMean):
+            turns = [
+                how.of_means(*map(jnp.mean, how.integrands(half))) for half in (q[:1024], q[1024:])
+            ]
+            kept = tuple(jnp.mean(one.reshape(16, 128), axis=1) for one in how.integrands(q))
+        else:
+            turns = [how.of_samples(half) for half in (q[:1024], q[1024:])]
+            kept = q.reshape(16, 128, *q.shape[1:])
+        found, expected = of_slices(how, kept, 2), how.of_pieces(jnp.stack(turns))
+        assert float(found) == pytest.approx(float(expected), rel=1e-12), name
 
 
 def test_a_failure_is_no_number_in_any_statistic():

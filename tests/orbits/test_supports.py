@@ -242,7 +242,13 @@ def test_an_orbit_that_is_shot_for_is_the_same():
     # Newton's last step is 1e-7; a frame's displacement counts from its sag in both.
     apart = np.abs(resample(found.eccentricity, count) - orbit.eccentricity).max()
     assert float(apart) < 1e-6
-    assert float(found.transmitted_rms) == pytest.approx(float(orbit.transmitted_rms), rel=1e-7)
+    # Peaks of a turn are seen at 1024 instants, and those of nodes between them too.
+    for name, share in (
+        ("transmitted_rms", 1e-7),
+        ("shaking_moment_rms", 1e-7),
+        ("frame_displacement_peak", 1e-5),
+    ):
+        assert float(found[name]) == pytest.approx(float(orbit[name]), rel=share), name
 
 
 @pytest.mark.parametrize(("joint", "size"), [("ideal", 3), *slow(("clearance", 5))])
