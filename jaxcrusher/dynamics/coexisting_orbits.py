@@ -29,7 +29,6 @@ from jaxcrusher.files.table import COLUMNS, digits
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene, require_steady
 from jaxcrusher.motion.flow import initial_state
-from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
@@ -313,7 +312,8 @@ def basin_map(
     asked = {"starts": starts, "spread": spread, "turns": turns, "seed": seed}
     columns = {name: COLUMNS[name] for name in HELD}
     # The quiet orbit is among them without a start that came to it.
-    sizes = {"orbit": starts + 1, "start": starts, "coordinate": 2 * unknowns(grid.scene(0))}
+    size = initial_state(grid.scene(0)).size
+    sizes = {"orbit": starts + 1, "start": starts, "coordinate": size}
     layout = Layout(grid, columns, (1,) * len(grid.shape), sizes)
     title = "Coexisting periodic orbits of machines over a grid of parameters"
     with opened(layout, store, title, grid.settings() | asked, asked) as kept:
@@ -331,7 +331,7 @@ def basin_map(
 def _row(found: CoexistingOrbits, most: int) -> dict[str, Any]:
     """Return the columns of one design, filled up to `most` orbits."""
     fill = (0, most - len(found.orbits))
-    rms = np.array([float(orbit.foundation_rms) for orbit in found.orbits])
+    rms = np.array([float(orbit[orbit.scene.leading]) for orbit in found.orbits])
     shares = np.array(found.shares)
     reached = [*rms[shares > 0]]
     return {

@@ -1,6 +1,7 @@
 """The motions that starts come to over a grid."""
 
 import dataclasses
+from pathlib import Path
 
 import equinox as eqx
 import numpy as np
@@ -8,7 +9,8 @@ import pytest
 import xarray as xr
 
 import jaxcrusher as jc
-from jaxcrusher.dynamics.coexisting_orbits import coexisting_orbits
+from jaxcrusher.dynamics.coexisting_orbits import CoexistingOrbits, coexisting_orbits
+from jaxcrusher.motion.flow import initial_state
 
 
 @pytest.mark.slow
@@ -49,6 +51,22 @@ def test_two_designs_side_by_side(monkeypatch):
     # Most swing about the one quiet motion after 400 turns; further columns are empty.
     assert quiet.share.values[0] > 0.5 and np.isnan(quiet.orbit_rms.values[count - 1])
     assert quiet.orbit_period.values[count - 1] == 0
+
+
+@pytest.mark.parametrize("kind", ["tracked", "linkage"])
+def test_states_with_a_memory_and_a_linkage_that_is_no_crusher(kind, monkeypatch):
+    """Each has its own number of coordinates, and its own leading statistic."""
+    path = Path(__file__).parents[2] / "examples" / "slider_crank.toml"
+    crusher = jc.paper_scene(30.0, 0.06e-3, impact_law="tracked")
+    scene = crusher if kind == "tracked" else jc.read_scene(path)
+    starts, orbit = np.tile(initial_state(scene), (2, 1)), jc.periodic_orbit(scene.ideal())
+    found = CoexistingOrbits((orbit,), starts, np.zeros(2, int), {})
+    monkeypatch.setattr(
+        "jaxcrusher.dynamics.coexisting_orbits.coexisting_orbits", lambda *_, **__: found
+    )
+    mapped = jc.basin_map({"of": [1.0]}, scene=lambda of: scene, starts=2)
+    np.testing.assert_array_equal(mapped.start_state[0], starts)
+    assert float(mapped.worst_rms[0]) == float(orbit[scene.leading])
 
 
 def test_a_stored_map_that_was_stopped_goes_on(tmp_path, monkeypatch):
