@@ -292,16 +292,22 @@ def _reference(
     """Return the design to compare with, and what it is called.
 
     It is the paper's choice, or that of the scene file. A joint that is ideal there is loose in
-    every design of the box, and has the default clearance.
+    every design of the box, and has the default clearance. A speed or clearance that is not free
+    may be another than the paper's choice, and is told.
     """
     base, title = {**PE250X400, **described}, "scene file's choice"
     base |= CounterweightMoment().of(base)
-    if options.scene is None:
-        base |= {"speed": SEED_SPEED, "clearance": SEED_CLEARANCE}
-        title = "paper's choice"
     assumed = {name: NUMBERS[name].default for name in free if name not in base}
+    others = {}
+    if options.scene is None:
+        choice = {"speed": SEED_SPEED, "clearance": SEED_CLEARANCE}
+        kept = {name: base[name] for name in choice if name not in free}
+        others = {name: value for name, value in kept.items() if value != choice[name]}
+        base, title = base | choice, "paper's choice"
     values = {name: float((base | assumed)[name]) for name in free}
-    told = [f"{in_words(name)} {readable(name, value)}" for name, value in assumed.items()]
+    told = [
+        f"{in_words(name)} {readable(name, value)}" for name, value in (others | assumed).items()
+    ]
     return values, f"{title} with {' and '.join(told)}" if told else title
 
 

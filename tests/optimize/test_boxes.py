@@ -135,4 +135,5 @@ def test_a_joint_that_is_ideal_in_the_paper_is_compared_with_its_default():
     options = Options(design=free)
     problem = resolve(options)
     assert problem.reference == {"speed": 39.0, "pivot.clearance": 0.06e-3}
-    assert problem.compared_with == "paper's choice with pivot clearance 0.06 mm"
+    title = "paper's choice with clearance 0.06 mm and pivot clearance 0.06 mm"
+    assert problem.compared_with == title

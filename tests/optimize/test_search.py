@@ -624,6 +624,19 @@ def test_bounds_of_cells_hold_what_a_function_hides():
     assert beside(numbers, pairs, 4).tolist() == [1.0, 3.0, 3.0]
 
 
+def test_what_is_not_the_paper_s_choice_is_told():
+    """Its 39 rad/s and 0.03 mm are compared with only where they are free, or given."""
+    free = (("counterweight.mass", "0", "100 kg"),)
+    choice = (("speed", "39 rad/s"), ("clearance", "0.03 mm"))
+    for given, others in (
+        ((), " with speed 30 rad/s (286.5 rpm) and clearance 0.06 mm"),
+        (choice[:1], " with clearance 0.06 mm"),
+        (choice, ""),
+    ):
+        problem = resolve(Options(design=free, overrides=given))
+        assert problem.compared_with == f"paper's choice{others}"
+
+
 def test_capacity_is_the_scene_s(tmp_path):
     """Floor and capacities of a chamber twice as wide; the paper's to the last bit; free links."""
     problem, chamber = resolve(Options()), CrushingChamber()
