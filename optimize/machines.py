@@ -99,6 +99,8 @@ def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -
     )
     names = [name for name in COMPARED if name != "wear" or rubs]
     result, motion = None, "periodic orbit"
+    if scene.steady() is not scene:
+        motion += " under the mean load"
     if not refusal(scene):
         orbit = jc.periodic_orbit(scene, effort="thorough")
         result = orbit if bool(orbit.stable) else None

@@ -88,6 +88,12 @@ def test_a_machine_with_ideal_joints_is_compared_and_does_not_wear():
     assert [name for name in COMPARED if math.isnan(ideal.numbers[name])] == ["wear"]
 
 
+def test_the_orbit_of_a_rough_feed_is_that_of_its_mean_load():
+    values = complete({"joint": "ideal", "load_scatter": 0.1})
+    found = machine("rough", values, jc.build_scene(values), 0, 2)
+    assert found.motion == "periodic orbit under the mean load"
+
+
 def test_capacity_in_tonnes():
     numbers = dict.fromkeys(QUANTITIES, 1.0) | {"clearance": math.nan, "capacity": 7.5}
     one = Machine("a", numbers, {}, "x", "inside")
