@@ -15,6 +15,7 @@ from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.indicators import (
+    CHAOS,
     Lyapunov,
     detect_period,
     lyapunov_spectrum,
@@ -31,8 +32,9 @@ from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES
 
-# Ten batches of two points, and two lags of the 0-1 test: the least that show a trend.
-LEAST_TURNS = 20
+# Ten batches of two points: the least that show a trend. The 0-1 test needs more: of 100 points it
+# takes one torus of ten for chaos, of 20 every one, and of 200 none.
+LEAST_TURNS, TESTED = 20, 200
 # After how many turns a whirl is called one.
 WHIRL_TURNS = 20
 # What the integration leaves on a periodic orbit, in tolerances: a thousand steps a turn, and
@@ -74,12 +76,13 @@ def regime(
     """Classify the motion of `scene` after `settle_turns`, from `turns` (>= 20) section points.
 
     The exponents come from `tangent_turns` further turns. A verdict other than "undecided" needs
-    its indicators to agree; points whose spread still changes are "not settled", unless they
-    repeat or are chaotic. A motion that never leaves contact and swings about a stable orbit of one
-    turn is "not settled" too, however slowly the swing dies: the multipliers of that orbit say so
-    where no window does. Whirls are named by `Statistics.whirl`. `rtol` is that of
-    `jaxcrusher.statistics`, tighter by default: points that repeat are told by it, and a looser one
-    than 1e-10 damps or feeds a swing itself, so that a trend of the spread may be the method's.
+    its indicators to agree, of which the 0-1 test is left out below 200 points; points whose spread
+    still changes are "not settled", unless they repeat or are chaotic. A motion that never leaves
+    contact and swings about a stable orbit of one turn is "not settled" too, however slowly the
+    swing dies: the multipliers of that orbit say so where no window does. Whirls are named by
+    `Statistics.whirl`. `rtol` is that of `jaxcrusher.statistics`, tighter by default: points that
+    repeat are told by it, and a looser one than 1e-10 damps or feeds a swing itself, so that a
+    trend of the spread may be the method's.
 
     Raises ValueError for fewer points, and as `poincare_section` does.
     """
@@ -118,19 +121,21 @@ def classify(
         why = f"the tangents are not finite; {along.failure}".rstrip("; ")
         return Regime("failed", (why,), statistics=summary)
     exponents = lyapunov_spectrum(along.jacobians, slices=SLICES)
-    zero_one = zero_one_test(widest(points))
+    zero_one = zero_one_test(widest(points)) if len(points) >= TESTED else None
     period = detect_period(points, noise=NOISE * rtol)
     trend, significant = spread_trend(points)
     largest, error = exponents.exponents[0], exponents.errors[0]
     evidence = [
         f"largest exponent {largest:.3g} ± {error:.2g} a turn",
-        f"0-1 test {zero_one:.2f}",
+        f"no 0-1 test of fewer than {TESTED} points"
+        if zero_one is None
+        else f"0-1 test {zero_one:.2f}",
         f"period {period}" if period else "no period up to 32",
         f"spread changes by {100 * trend:.0f} %",
     ]
-    name = verdict(
-        period, exponents.positive, zero_one, trending=significant, neutral=exponents.neutral
-    )
+    # Without that test a growth that a swing may have too is none.
+    grows = exponents.positive and (zero_one is not None or largest > CHAOS)
+    name = verdict(period, grows, zero_one, trending=significant, neutral=exponents.neutral)
     orbit = None if name == "chaotic" else _orbit_in_contact(scene, record)
     if orbit is not None:
         # Of neither a torus nor a limit does it tell that a window sees no change in.

@@ -1,5 +1,7 @@
 """Verdicts on motions whose kind is known, and on evidence that does not agree."""
 
+from types import SimpleNamespace
+
 import equinox as eqx
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector, scalar
 from jaxcrusher.dynamics import regime as module
 from jaxcrusher.mechanism.starts import shifted_start
+from jaxcrusher.motion.tangents import SLICES
 
 
 # With the load on the closing stroke only the pin flies: windows of short periods, and chaos, which
@@ -40,6 +43,23 @@ def test_swing_that_hardly_decays_has_not_settled():
         found
     )
     assert "largest multiplier is 1 - 7e-05" in str(found)
+
+
+@pytest.mark.usefixtures("unchecked")  # stand-ins for sections
+@pytest.mark.parametrize(("growth", "name"), [(0.1, "undecided"), (2.0, "chaotic")])
+def test_few_points_have_no_zero_one_test(growth, name, monkeypatch):
+    """Of twenty points of a torus it is 1, as of chaos; a swing may grow by 0.1 a turn for long."""
+    angle = 2.4 * np.arange(20)
+    points = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    summary = SimpleNamespace(success=True, whirl=False, state=points[-1])
+    record = SimpleNamespace(states=points, statistics=summary)
+    monkeypatch.setattr(module, "_record", lambda *_: record)
+    monkeypatch.setattr(module, "_orbit_in_contact", lambda *_: None)
+    grown = np.exp(growth / SLICES + 1e-3 * np.random.default_rng(0).normal(size=20 * SLICES))
+    along = SimpleNamespace(jacobians=grown[:, None, None] * np.diag([1.0, 0.5]))
+    found = module.classify(None, 0, 20, 1e-10, lambda _: along)
+    assert found.name == name and found.zero_one is None
+    assert "no 0-1 test of fewer than 200 points" in str(found)
 
 
 def test_whirl_and_failure_are_named():
