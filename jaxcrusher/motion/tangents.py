@@ -147,4 +147,4 @@ def combine(
     weights = jax.grad(lambda kept: of_slices(metric.reduction, kept, turns))(values)
     with np.errstate(over="ignore", invalid="ignore"):
         parts = jax.tree.map(lambda w, c: np.tensordot(w, c, np.ndim(w)), weights, changes)
-        return sum(jax.tree.leaves(parts))
+        return np.sum(jax.tree.leaves(parts), axis=0)
