@@ -12,6 +12,7 @@ from optimize import smooth
 from optimize.answer import Confirmed, Front
 from optimize.case import Case
 from optimize.local import Smooth, descend
+from optimize.pareto import nondominated
 
 # Points of a front, from the least of one number to the least of the other.
 POINTS = 9
@@ -77,7 +78,8 @@ def front(
 
     From `least`, where `one` is, to where `other` is, which a descent from `best` finds. From
     there on `other` is bounded by equal steps, and `one` goes down from the point before.
-    `down(function, start, *spares)` returns the end of a descent, where no spare is below 0.
+    `down(function, start, *spares)` returns the end of a descent, where no spare is below 0. What
+    another point beats in both, as where descents may take few steps, is left out.
     """
     end = down(other, best)
     highest, lowest = other(least)[0], other(end)[0]
@@ -90,4 +92,5 @@ def front(
     points = [least]
     for level in levels[1:-1]:
         points.append(bounded(float(level), points[-1]))
-    return np.stack([*points, bounded(float(levels[-1]), end)])
+    found = np.stack([*points, bounded(float(levels[-1]), end)])
+    return found[nondominated(np.array([[one(point)[0], other(point)[0]] for point in found]))]

@@ -12,6 +12,7 @@ from optimize.case import Case
 from optimize.front import front
 from optimize.local import descend
 from optimize.options import Options
+from optimize.pareto import nondominated
 from optimize.problem import resolve
 from optimize.verdicts import _slopes, _stationary
 
@@ -41,6 +42,23 @@ def test_a_front_joins_two_minima():
     np.testing.assert_allclose(points[:, 1], 0.3 + (points[:, 0] - 0.2) / 2, atol=1e-6)
     bounded = [bowl(0.8, 0.6)(point)[0] for point in points]
     np.testing.assert_allclose(bounded, np.linspace(bounded[0], 0, 9), atol=1e-5)
+
+
+def test_a_point_that_another_one_beats_is_none_of_a_front():
+    """Where each descent may take one step only, some of nine points are beaten in both."""
+
+    def valley(x):
+        off = x[1] - x[0] ** 2
+        slope = [2 * (x[0] - 0.2) - 400 * x[0] * off, 200 * off]
+        return float((x[0] - 0.2) ** 2 + 100 * off**2), np.array(slope)
+
+    def short(function, start, *spares):
+        return descend(function, start, UPPER, 1, spares).path[-1]
+
+    other = bowl(0.9, 0.1)
+    points = front(valley, other, np.array([0.2, 0.041]), np.array([0.8, 0.2]), short)
+    costs = np.array([[valley(point)[0], other(point)[0]] for point in points])
+    assert nondominated(costs).all() and 1 < len(points) < 9
 
 
 def test_the_end_of_a_front_is_least_in_what_the_other_does_not_depend_on():
