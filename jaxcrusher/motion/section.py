@@ -48,6 +48,8 @@ class Section(eqx.Module, AbstractOverTurns):
     @property
     def statistics(self) -> Statistics:
         """Return the statistics that were asked for, over all turns."""
+        if self.states.ndim > 2:
+            return jax.vmap(lambda one: one.statistics)(self)
         table = dict(self.known)
         values = {name: table[name].reduction.of_pieces(q) for name, q in self.values.items()}
         turns, state = len(self.states), self.state
@@ -56,7 +58,7 @@ class Section(eqx.Module, AbstractOverTurns):
     @property
     def slices(self) -> int:
         """Jacobians a turn."""
-        return self.jacobians.shape[0] // self.states.shape[0]
+        return self.jacobians.shape[-3] // self.states.shape[-2]
 
 
 def advance(

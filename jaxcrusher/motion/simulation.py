@@ -80,7 +80,7 @@ class Energy(eqx.Module):
         balance = balance + self.contact_loss + self.friction_loss
         for loss in (self.support_loss, self.rod_loss, self.spring_loss):
             balance = balance if loss is None else balance + loss
-        return balance - balance[0]
+        return balance - balance[..., :1]
 
 
 class Trajectory(eqx.Module, AbstractNamed, ObservableNames):
@@ -115,14 +115,15 @@ class Trajectory(eqx.Module, AbstractNamed, ObservableNames):
         return failure_text(self.outcome, "s")
 
     @property
-    def jaw_displacement(self) -> Float[Array, "times 2"]:
+    def jaw_displacement(self) -> Float[Array, "*batch times 2"]:
         """The displacement of B since the first time, m."""
-        return self["jaw_position"] - self["jaw_position"][0]
+        places = self["jaw_position"]
+        return places - places[..., :1, :]
 
     @property
-    def contact_fraction(self) -> Scalar:
+    def contact_fraction(self) -> Float[Array, "*batch"]:
         """The share of the given times at which pin and bore touch."""
-        return jnp.mean((self["penetration_ratio"] > 0).astype(float))
+        return jnp.mean((self["penetration_ratio"] > 0).astype(float), axis=-1)
 
 
 def simulate(

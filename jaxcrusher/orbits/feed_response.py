@@ -22,7 +22,7 @@ from jaxcrusher.crusher.loads import Multiplied, RoughFeed
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.scene import Scene, crusher_of
 from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.result import PeriodicOrbit, require_one
 from jaxcrusher.periodic.multipliers import of_slopes
 from jaxcrusher.periodic.random_forcing import LEAST, Modes, band, mean_variance, modes
 from jaxcrusher.periodic.system import System
@@ -81,7 +81,7 @@ def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
     """
     require_own_process()
     require_kind("orbit", orbit, PeriodicOrbit, "jaxcrusher.periodic_orbit(scene)")
-    require(orbit.success.ndim == 0, "orbit", "be one orbit", f"a batch {orbit.success.shape}")
+    require_one(orbit)
     feed = crusher_of(orbit.scene).load
     rough = isinstance(feed, RoughFeed)
     require(rough, "orbit", "be of a scene with a load_scatter", "of one whose load repeats")

@@ -12,7 +12,7 @@ from jaxcrusher.basics.checks import (
     require_untraced,
 )
 from jaxcrusher.mechanism.reductions import SAMPLES, require_orders
-from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.result import PeriodicOrbit, require_one
 
 # What a foundation is laid out for.
 OUTPUTS = ("ground_force", "ground_moment")
@@ -45,7 +45,7 @@ def harmonics(
     require_own_process()
     require_kind("orbit", orbit, PeriodicOrbit, "jaxcrusher.periodic_orbit(scene)")
     require_untraced("orbit", orbit.values, "harmonics", "PeriodicOrbit.motion")
-    require(orbit.success.ndim == 0, "orbit", "be one orbit", f"a batch {orbit.success.shape}")
+    require_one(orbit)
     require(bool(orbit.success), "orbit", "be one that was found", orbit.failure)
     require_orders(orders)
     outputs, known = OUTPUTS if outputs is None else outputs, orbit.scene.observables

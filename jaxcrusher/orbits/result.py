@@ -126,8 +126,9 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     def alike(self) -> dict[str, Any]:
         """Return the arguments by which `periodic_orbit` finds what a small change makes of it.
 
-        Concrete values only.
+        Concrete values of one orbit only.
         """
+        require_one(self)
         if bool(self.way == WAYS.shooting):
             return {"period": self.period, "method": "shooting", "guess": self}
         nodes = None if self.eccentricity is None else len(self.eccentricity) // self.period
@@ -161,6 +162,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
         Also what the motion from the pins at rest does instead, if it was waited for.
         """
+        require_one(self)
         if not bool(self.success) or bool(self.stable):
             return ""
         instead = "" if self.from_rest is None else " " + words(RESULTS, self.from_rest)
@@ -190,8 +192,10 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         """Return where the motion is at a phase (rad); it may be handed to a formulation.
 
         The phase is omega t, the shaft's angle at its mean speed, through all turns of the period.
+        Raises ValueError for a batch of orbits: `jax.vmap` takes many.
         """
         require_own_process()
+        require_one(self)
         require(self.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
         return _state(self, jnp.asarray(angle, dtype=float))
 
@@ -203,13 +207,19 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         A phase is omega t, the shaft's angle at its mean speed, through all turns of the period.
 
         None is all but those of an elbow and a pivot that are ideal, and of supports that are none.
-        Raises ValueError for a name that the scene's `observables` lack.
+        Raises ValueError for a name that the scene's `observables` lack, and for a batch of orbits.
         """
         require_own_process()
+        require_one(self)
         outputs = self.scene.own_observables if outputs is None else outputs
         require_names("outputs", outputs, tuple(self.scene.observables))
         entries = tuple((name, self.scene.observables[name]) for name in outputs)
         return seen_along(self, jnp.asarray(angles, dtype=float), entries)
+
+
+def require_one(orbit: PeriodicOrbit) -> None:
+    """Check that it is one orbit, and no batch as `jax.vmap` returns it."""
+    require(orbit.success.ndim == 0, "orbit", "be one orbit", f"a batch {orbit.success.shape}")
 
 
 # One program each: a first call would compile each of their operations by itself.

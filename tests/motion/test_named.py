@@ -92,3 +92,41 @@ def test_results_are_pytrees_that_can_be_copied_and_kept(results):
             assert type(other) is type(result)
             for name in result.values:
                 np.testing.assert_array_equal(other[name], result[name])
+
+
+def test_what_follows_from_a_batch_is_that_of_each_motion():
+    """Changes since each motion's own begin, and statistics over its own turns."""
+    speeds, times = jnp.array([28.0, 30.0, 33.0]), jnp.array([0.0, 0.02, 0.04])
+
+    def moved(speed):
+        outputs = ("jaw_position", "energy")
+        return jc.simulate(jc.ideal_scene(speed), times, outputs=outputs)
+
+    def cut(speed):
+        scene = jc.paper_scene(speed, 0.06e-3, start="contact")
+        return jc.poincare_section(scene, 0, 2, outputs=("foundation_rms",), slices=2, rtol=1e-6)
+
+    motions, sections = jax.vmap(moved)(speeds), jax.vmap(cut)(speeds)
+    whole = sections.statistics
+    assert sections.slices == 2 and whole.turns == 2
+    for i, speed in enumerate(speeds):
+        one = moved(speed)
+        # Rounding of programs for one and for three, in m, J and shares.
+        np.testing.assert_allclose(motions.jaw_displacement[i], one.jaw_displacement, atol=1e-12)
+        np.testing.assert_allclose(motions.energy.imbalance[i], one.energy.imbalance, atol=1e-6)
+        rms = cut(speed).statistics.foundation_rms
+        assert float(whole.foundation_rms[i]) == pytest.approx(float(rms), rel=1e-6)
+
+
+def test_a_batch_of_orbits_is_not_taken_for_one():
+    """Its first axis would be taken for that of the nodes."""
+    orbits = jax.vmap(lambda speed: jc.periodic_orbit(jc.ideal_scene(speed)))(
+        jnp.array([28.0, 30.0])
+    )
+    for asked in (lambda: orbits.motion(np.zeros(1)), orbits.state, lambda: orbits.alike):
+        with pytest.raises(
+            ValueError, match=r"^Argument `orbit` must be one orbit, but is a batch"
+        ):
+            asked()
+    each = jax.vmap(lambda one: one.motion(jnp.zeros(1), ("drive_torque",))["drive_torque"])
+    assert each(orbits).shape == (2, 1)
