@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxcrusher.basics.checks import require_untraced, require_whole
+from jaxcrusher.basics.checks import require, require_untraced, require_whole
 from jaxcrusher.basics.integrate import Outcome
 from jaxcrusher.dynamics.oscillation import distance, oscillation_about, section_of
 from jaxcrusher.mechanism.named import before
@@ -84,10 +84,13 @@ def regime(
     repeat are told by it, and a looser one than 1e-10 damps or feeds a swing itself, so that a
     trend of the spread may be the method's.
 
-    Raises ValueError for fewer points, and as `poincare_section` does.
+    Raises ValueError for fewer points, for ideal joints in a clamped frame, whose motion has no
+    state, and as `poincare_section` does.
     """
     require_scene(scene)
     require_untraced("scene", scene, "regime", "jaxcrusher.statistics")
+    moves = not scene.is_ideal or scene.supports is not None
+    require(moves, "scene", "have a joint with clearance, or supports", "an ideal one")
     require_whole("tangent_turns", tangent_turns, 1)
 
     def further(state: Float[Array, " dims"]) -> Section:

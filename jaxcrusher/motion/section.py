@@ -172,8 +172,8 @@ def poincare_section(
     **Returns:** a `Section`; NaN from a failure on.
 
     Raises ValueError for counts that are not whole numbers in range, for a free shaft, for
-    a rough feed, for ideal joints in a clamped frame, for unknown outputs and for a state of
-    another shape.
+    a rough feed, for slices of ideal joints in a clamped frame, whose motion has no state, for
+    unknown outputs and for a state of another shape.
     """
     require_set_up()
     require_whole("settle_turns", settle_turns, 0)
@@ -184,7 +184,7 @@ def poincare_section(
     free = scene.drive.initial() is not None
     require(not free, "scene", "have a shaft of constant speed", scene.drive)
     moves = not scene.is_ideal or scene.supports is not None
-    require(moves, "scene", "have a joint with clearance, or supports", "an ideal one")
+    require(moves or not slices, "slices", "be 0 for ideal joints in a clamped frame", slices)
     how = resolve(scene, rtol, method)
     return _section(scene, settle_turns, turns, slices, state, scene.entries(outputs), how)
 

@@ -100,13 +100,15 @@ def test_a_free_shaft_has_no_section():
         jc.poincare_section(free(), 0, 1, state=np.zeros(6))
 
 
-def test_ideal_joints_in_a_clamped_frame_have_no_section():
-    """One line; a motion of which nothing is asked, and that has no state, is no error."""
+def test_ideal_joints_in_a_clamped_frame_have_no_state():
+    """Their sections are empty, also where nothing is asked, and they have no regime."""
     scene = jc.ideal_scene(30.0)
-    for run in (jc.poincare_section, jc.regime):
-        with pytest.raises(ValueError, match=r"^Argument `scene` must have a joint with clearance"):
-            run(scene, 0, 20)
+    assert jc.poincare_section(scene, 1, 2).states.shape == (2, 0)
+    with pytest.raises(ValueError, match="`slices` must be 0 for ideal joints in a clamped frame"):
+        jc.poincare_section(scene, 1, 2, slices=2)
     assert bool(jc.statistics(scene, 0, 1, outputs=()).success)
+    with pytest.raises(ValueError, match=r"^Argument `scene` must have a joint with clearance"):
+        jc.regime(scene, 0, 20)
 
 
 def test_friction_that_does_not_hold_a_shaft_at_rest_says_so():
