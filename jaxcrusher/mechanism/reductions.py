@@ -118,7 +118,7 @@ def of_slices(
     """Return the number over whole turns from what each of their equal slices keeps of it.
 
     That are the means of the integrands, or all samples: what a slice makes of its own mean is not
-    what its turn makes of it.
+    what its turn makes of it. A slice may be an instant, of which there are the integrands.
     """
 
     def of_turn(slices: PyTree[Float[Array, "slices ..."]]) -> Scalar:
@@ -126,6 +126,8 @@ def of_slices(
             return how.of_means(*map(jnp.mean, slices))
         return how.of_samples(slices.reshape(-1, *slices.shape[2:]))
 
+    if turns == 1:
+        return of_turn(kept)
     by_turn = jax.tree.map(lambda leaf: jnp.reshape(leaf, (turns, -1, *leaf.shape[1:])), kept)
     return how.of_pieces(jax.vmap(of_turn)(by_turn))
 

@@ -14,7 +14,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int, Scalar
 
 from jaxcrusher.basics.loops import design_by_design, one_by_one
 from jaxcrusher.mechanism.named import before
-from jaxcrusher.mechanism.reductions import SAMPLES, AbstractMean, Chosen
+from jaxcrusher.mechanism.reductions import SAMPLES, AbstractMean, Chosen, of_slices
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
@@ -304,12 +304,14 @@ def _statistics(
         return [quantity(seen, scene) for quantity in quantities]
 
     samples = dict(zip(quantities, one_by_one(look, instants, scene), strict=True))
+    turns = len(instants[0]) // SAMPLES
 
     def reduce(name: str, step: int = 1) -> Scalar:
         how, q = statistics[name].reduction, samples[statistics[name].quantity][::step]
         if isinstance(how, AbstractMean):
-            return how.of_means(*map(jnp.mean, how.integrands(q)))
-        return how.of_samples(_finer(q))
+            return of_slices(how, how.integrands(q), turns)
+        by_turn = jnp.reshape(_finer(q), (turns, -1, *q.shape[1:]))
+        return of_slices(how, by_turn, turns)
 
     values = {name: reduce(name) for name in statistics}
     error = jnp.abs(reduce(scene.leading, 2) / values[scene.leading] - 1)

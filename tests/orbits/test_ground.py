@@ -1,10 +1,13 @@
 """Force and moment on the ground under a clamped frame, and their harmonics."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.mechanism.reductions import SAMPLES
+from jaxcrusher.orbits import solving
 from tests.pairs import crossed
 
 LAWS = ("along_jaw", "closing_stroke", "normal_to_jaw", "none")
@@ -140,6 +143,30 @@ def test_harmonics_of_a_rotating_unbalance():
     assert seen[2] == pytest.approx(np.angle(turning * np.exp(1j * ahead)), abs=1e-9)
     # Half of the squares of the harmonics.
     assert float(orbit.shaking_moment_rms) == pytest.approx(abs(turning) / np.sqrt(2), rel=1e-9)
+
+
+def test_each_turn_of_an_orbit_has_a_mean_of_its_own():
+    """As those of a run have: here a turn of an ideal machine stands for two, which differ."""
+    scene = jc.ideal_scene(30.0)
+    still = scene.formulation.initial(scene)
+    times = 2 * np.pi / 30.0 * np.arange(2 * SAMPLES) / SAMPLES
+    found, _, _ = solving._statistics(
+        lambda time, scene: scene.formulation.snapshot(time / 2, still, scene),
+        (jnp.asarray(times),),
+        scene,
+        scene.entries(("foundation_rms", "foundation_peak", "shaking_moment_rms")),
+    )
+    moment, force = (
+        np.asarray(jc.simulate(scene, times / 2, outputs=(name,))[name]).reshape(2, -1)
+        for name in ("ground_moment", "foundation_force")
+    )
+    assert float(found["shaking_moment_rms"]) == pytest.approx(
+        np.sqrt(np.mean(np.var(moment, axis=1))), rel=1e-9
+    )
+    assert np.std(moment) > 1.2 * float(found["shaking_moment_rms"])
+    assert float(found["foundation_rms"]) == pytest.approx(np.sqrt(np.mean(force**2)), rel=1e-12)
+    # The polynomial between the instants is no lower.
+    assert 0 <= float(found["foundation_peak"]) - force.max() < 0.1
 
 
 @pytest.mark.slow
