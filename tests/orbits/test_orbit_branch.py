@@ -92,22 +92,3 @@ def test_refusals():
     lost = missing(jc.paper_scene(30.0, 0.1e-3), 2, RESULTS.not_closed)
     with pytest.raises(ValueError, match="`period` must be the guess's 2, but is 1"):
         jc.orbit_branch(scene, 30.0, (29.0, 32.0), period=1, guess=lost)
-
-
-@pytest.mark.slow
-def test_a_fold_of_the_crusher_by_few_nodes():
-    """96 nodes place it 2.1e-4 rad/s below; 192, 384 and 768 agree to 2e-9.
-
-    A motion that begins on so few nodes does not close, and the branch goes on all the same: as one
-    that comes from lower speeds.
-    """
-    at = lambda speed: jc.build_scene({"speed": speed, "clearance": 0.11e-3})  # noqa: E731
-    found = jc.orbit_branch(at, 38.01, (37.0, 38.5), scale=1.0, points=7, nodes=96)
-    assert found.branches[0].points[0].u.shape == (96, 2)
-    (fold,) = found.events
-    assert fold.kind == "fold" and fold.error < 1e-8
-    np.testing.assert_allclose(fold.parameter, 38.0276250, atol=1e-7)
-    orbit = fold.orbit()
-    # Steps move the double root by the root of what they leave of the matrix.
-    least = np.abs(np.asarray(orbit.multipliers) - 1).min()
-    assert 1e-5 < least < orbit.multipliers_error < 1e-3
