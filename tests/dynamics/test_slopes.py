@@ -93,7 +93,7 @@ def test_a_global_that_changes_is_seen(monkeypatch):
 @pytest.mark.optimised
 def test_chaos_is_refused(monkeypatch):
     # A thorough search for an orbit ends as a quick one does, with programs for more nodes.
-    quick = lambda scene, effort: jc.periodic_orbit(scene, effort="quick")  # noqa: E731
+    quick = lambda scene, **how: jc.periodic_orbit(scene, **(how | {"effort": "quick"}))  # noqa: E731
     monkeypatch.setattr("jaxcrusher.orbits.slopes.periodic_orbit", quick)
     report = gradient_report(
         lambda **numbers: jc.build_scene({"load_law": "closing_stroke", **numbers}),
