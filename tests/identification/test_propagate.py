@@ -104,6 +104,7 @@ def test_what_is_not_linear_is_said():
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_an_orbit_that_loses_contact_scatters_as_its_neighbours_say():
     """It is shot for, and so are its neighbours."""
     values = {"speed": 34.23, "clearance": 0.0645e-3, "load_law": "closing_stroke"}
