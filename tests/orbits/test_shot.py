@@ -73,6 +73,7 @@ def test_what_is_seen_along_an_orbit_has_second_derivatives(monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_an_orbit_that_loses_contact_has_slopes_in_a_traced_call(waited):
     """Beside differences of runs that have settled, which know nothing of orbits."""
     (value, orbit), slopes = waited(CLOSING)
@@ -102,6 +103,7 @@ def test_an_orbit_that_loses_contact_has_slopes_in_a_traced_call(waited):
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_a_failure_has_no_slopes(waited):
     """Where the motion is chaotic the mean of its turns leads to no orbit."""
     (value, orbit), slopes = waited(jnp.array([30.0, 0.06e-3]))
@@ -110,6 +112,7 @@ def test_a_failure_has_no_slopes(waited):
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_an_eager_call_is_a_traced_one_and_its_multipliers_are_of_the_map(waited):
     (_, traced), _ = waited(CLOSING)
     _, orbit = rms(CLOSING, guess=traced)
@@ -139,6 +142,7 @@ def test_an_eager_call_is_a_traced_one_and_its_multipliers_are_of_the_map(waited
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_slopes_over_two_turns_are_those_over_one(waited):
     """Those of one turn are tested by differences."""
     (value, orbit), slopes = waited(CLOSING)
