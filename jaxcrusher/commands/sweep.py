@@ -4,7 +4,6 @@ import contextlib
 import logging
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
@@ -24,7 +23,7 @@ from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.files.table import digits
-from jaxcrusher.pictures.plots import plot_landscape
+from jaxcrusher.pictures.plots import plot_sweep
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, POINTS, SITE
 from jaxcrusher.scenes.plausibility import require_possible
@@ -70,7 +69,9 @@ def run(options: Sweep, console: Console) -> int:
     units = units_given(options.crusher, bounds(options.over))
     if len(axes) == 2 and not set(axes) & set(CHOICES):
         written.append(folder / "sweep.png")
-        draw(grid, leading, units, written[-1])
+        fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
+        plot_sweep(grid, leading, ax, units=units)
+        write_figure(written[-1], fig)
     console.print(closing(grid, leading, units))
     console.print(", ".join(map(str, written)))
     return 0 if bool(grid.success.all()) else 1
@@ -97,18 +98,6 @@ def _workers(scheduler: str | None) -> "Iterator[str | distributed.Client | None
     )
     with cluster, distributed.Client(cluster, set_as_default=False) as client:
         yield client
-
-
-def draw(grid: xr.Dataset, leading: str, units: dict[str, str], path: Path) -> None:
-    """Draw the map of the RMS over two ranges, with marks of failures and whirls."""
-    fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
-    marks = {
-        "failed": ~grid.success,
-        "whirl": grid.whirl,
-        "outside the contact model": ~grid.inside_model,
-    }
-    plot_landscape(grid[leading].where(~grid.whirl), ax, marks=marks, units=units)
-    write_figure(path, fig)
 
 
 def closing(grid: xr.Dataset, leading: str, units: dict[str, str]) -> str:

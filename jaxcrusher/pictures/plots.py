@@ -128,12 +128,18 @@ def _name(values: xr.DataArray) -> str:
     return name if "$" in name else name.replace(FORCE, f"${FORCE}$")
 
 
-def plot_sweep(grid: xr.Dataset, variable: str = "foundation_rms", ax: Axes | None = None) -> Axes:
+def plot_sweep(
+    grid: xr.Dataset,
+    variable: str = "foundation_rms",
+    ax: Axes | None = None,
+    *,
+    units: Mapping[str, str] | None = None,
+) -> Axes:
     """The map of one variable of a `jaxcrusher.sweep`, with what must be known to read it.
 
     Failed cells and whirls are hatched on grey: a whirl's numbers are outside of the contact
     theory, and so large that nothing else would show. Other cells outside of the theory keep
-    their colour under the hatching.
+    their colour under the hatching. `units` are those of `plot_landscape`.
     """
     whirl, success = grid.whirl != 0, grid.success != 0
     marks = {
@@ -141,7 +147,7 @@ def plot_sweep(grid: xr.Dataset, variable: str = "foundation_rms", ax: Axes | No
         "friction whirl": whirl,
         "outside the contact model": grid.inside_model == 0,
     }
-    return plot_landscape(grid[variable].where(success & ~whirl), ax, marks=marks)
+    return plot_landscape(grid[variable].where(success & ~whirl), ax, marks=marks, units=units)
 
 
 def plot_capacity(

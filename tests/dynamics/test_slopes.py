@@ -265,7 +265,8 @@ def test_halves_that_are_alike_by_chance_do_not_make_a_tangent_precise():
     """In a beat of a swing with the shaft the two halves of a window were equal to 0.5 %."""
     quarters = np.repeat([1.0, 3.0, 3.0, 1.0], 8)[:, None]
     nothing = np.zeros((32, 4, 4)), np.zeros((32, 4, 1))
-    along = Tangents(np.zeros(4), *nothing, np.ones(32), np.zeros((32, 4)), quarters)
+    means = (np.ones(32),), (np.zeros((32, 4)),), (quarters,)
+    along = Tangents(np.zeros(4), *nothing, *means)
     slope, error = slopes._tangent(along, STATISTIC["foundation_mean"])
     # The standard error of four numbers about their mean.
     np.testing.assert_allclose([slope[0], error[0]], [2.0, 1 / np.sqrt(3)], rtol=1e-12)
