@@ -125,9 +125,9 @@ def answered(machine: str, make: Callable[[], AbstractScene]) -> Answer:
     """Ask for an orbit twice: the second time nothing is compiled."""
     spent, words = [], ""
     for _ in range(2):
-        scene, cpu, began = make(), time.process_time(), time.perf_counter()
+        cpu, began = time.process_time(), time.perf_counter()
         try:
-            orbit = jc.periodic_orbit(scene)
+            orbit = jc.periodic_orbit(make())
         except ValueError as error:
             words = f"refused: {error}"
         else:
