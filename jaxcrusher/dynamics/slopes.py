@@ -26,7 +26,7 @@ from jaxcrusher.mechanism.scene import AbstractScene, require_maker
 from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.tangents import Tangents, chain, changes, combine, tangents
+from jaxcrusher.motion.tangents import SLICES, Tangents, chain, changes, combine, tangents
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.slopes import OrbitSlopes, orbit_beside, orbit_slopes
@@ -251,9 +251,11 @@ def _growth(along: Tangents) -> float:
 def _tangent(along: Tangents, metric: Statistic) -> tuple[np.ndarray, np.ndarray]:
     """The forward tangent from dx/dp = 0 on, and its error by the scatter of its window's parts."""
     found = changes(along, np.zeros(along.forcing.shape[1:]))
-    length = len(along.jacobians) // PARTS
-    windows = [slice(k * length, (k + 1) * length) for k in range(PARTS)]
-    parts = [jax.tree.map(lambda a, w=w: a[w], (along.values, found)) for w in windows]
+    count = len(along.jacobians)
+    # Of whole turns, or where there are too few of slices.
+    unit = SLICES if count >= PARTS * SLICES else 1
+    windows = np.array_split(np.arange(count).reshape(-1, unit), PARTS)
+    parts = [jax.tree.map(lambda a, w=w: a[w.ravel()], (along.values, found)) for w in windows]
     slopes = [combine(metric, *part) for part in parts]
     with np.errstate(over="ignore", invalid="ignore"):
         error = np.std(slopes, axis=0, ddof=1) / np.sqrt(PARTS)

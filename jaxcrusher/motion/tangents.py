@@ -142,8 +142,8 @@ def combine(
     values: PyTree[Float[np.ndarray, "slices ..."]],
     changes: PyTree[Float[np.ndarray, "slices ... n"]],
 ) -> Float[np.ndarray, " n"]:
-    """Slopes of the statistic over the whole turns that all slices make."""
-    turns = len(jax.tree.leaves(values)[0]) // SLICES
+    """Slopes of the statistic over the whole turns that all slices make, or over a part of one."""
+    turns = max(1, len(jax.tree.leaves(values)[0]) // SLICES)
     weights = jax.grad(lambda kept: of_slices(metric.reduction, kept, turns))(values)
     with np.errstate(over="ignore", invalid="ignore"):
         parts = jax.tree.map(lambda w, c: np.tensordot(w, c, np.ndim(w)), weights, changes)

@@ -12,7 +12,7 @@ from jaxcrusher.dynamics import slopes
 from jaxcrusher.dynamics.judgement import judge
 from jaxcrusher.dynamics.slopes import fit_slopes, gradient_report
 from jaxcrusher.motion import method
-from jaxcrusher.motion.tangents import Tangents
+from jaxcrusher.motion.tangents import SLICES, Tangents
 from tests.dynamics.systems import lorenz
 
 
@@ -270,6 +270,17 @@ def test_halves_that_are_alike_by_chance_do_not_make_a_tangent_precise():
     slope, error = slopes._tangent(along, STATISTIC["foundation_mean"])
     # The standard error of four numbers about their mean.
     np.testing.assert_allclose([slope[0], error[0]], [2.0, 1 / np.sqrt(3)], rtol=1e-12)
+
+
+@pytest.mark.parametrize("turns", [1, 3, 13, 50])
+def test_windows_of_any_number_of_turns_have_a_tangent(turns):
+    """Quarters of them are of whole turns, or of slices where turns are fewer than quarters."""
+    count = turns * SLICES
+    nothing = np.zeros((count, 4, 4)), np.zeros((count, 4, 1))
+    means = (np.ones(count),), (np.zeros((count, 4)),), (np.ones((count, 1)),)
+    along = Tangents(np.zeros(4), *nothing, *means)
+    slope, error = slopes._tangent(along, STATISTIC["foundation_mean"])
+    np.testing.assert_allclose([slope[0], error[0]], [1.0, 0.0], atol=1e-12)
 
 
 def test_the_slope_of_a_transient_is_doubtful():
