@@ -89,8 +89,7 @@ def regime(
     """
     require_scene(scene)
     require_untraced("scene", scene, "regime", "jaxcrusher.statistics")
-    moves = not scene.is_ideal or scene.supports is not None
-    require(moves, "scene", "have a joint with clearance, or supports", "an ideal one")
+    require(scene.has_unknowns, "scene", "have a joint with clearance, or supports", "an ideal one")
     require_whole("tangent_turns", tangent_turns, 1)
 
     def further(state: Float[Array, " dims"]) -> Section:

@@ -126,7 +126,7 @@ def of_slices(
             return how.of_means(*map(jnp.mean, slices))
         return how.of_samples(slices.reshape(-1, *slices.shape[2:]))
 
-    if turns == 1:
+    if turns == 1:  # a root of its own square has no slope at zero
         return of_turn(kept)
     by_turn = jax.tree.map(lambda leaf: jnp.reshape(leaf, (turns, -1, *leaf.shape[1:])), kept)
     return how.of_pieces(jax.vmap(of_turn)(by_turn))

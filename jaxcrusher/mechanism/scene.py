@@ -118,6 +118,11 @@ class AbstractScene(eqx.Module):
         """Whether no joint has clearance."""
         return len(self.joints) == 0
 
+    @property
+    def has_unknowns(self) -> bool:
+        """Whether a joint has clearance or the frame stands on supports: what an orbit is of."""
+        return not self.is_ideal or self.supports is not None
+
 
 class AbstractStart(eqx.Module):
     """Where pins start in their bores."""

@@ -183,8 +183,8 @@ def poincare_section(
     require_steady(scene)
     free = scene.drive.initial() is not None
     require(not free, "scene", "have a shaft of constant speed", scene.drive)
-    moves = not scene.is_ideal or scene.supports is not None
-    require(moves or not slices, "slices", "be 0 for ideal joints in a clamped frame", slices)
+    good = scene.has_unknowns or not slices
+    require(good, "slices", "be 0 for ideal joints in a clamped frame", slices)
     how = resolve(scene, rtol, method)
     return _section(scene, settle_turns, turns, slices, state, scene.entries(outputs), how)
 

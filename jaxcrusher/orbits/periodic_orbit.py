@@ -117,7 +117,7 @@ def periodic_orbit(
         alike = dataclasses.replace(alike, start=Centred())
     still, first, begin = without_slopes((alike, first, begin))
     known = all(primal(leaf) is not None for leaf in jax.tree.leaves((still, first, begin)))
-    if forced.unknowns(scene) == 0:
+    if not scene.has_unknowns:
         orbit = kinematic(alike, turns, scene.entries())
     elif known:
         search = OrbitSearch(alike, still, first, begin, period, spent)
