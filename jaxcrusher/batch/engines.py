@@ -36,12 +36,11 @@ from jaxcrusher.motion.recorded import recorded
 
 # Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
 CHUNK = 1024
-# On a card, whose kernel took 19 us a design with so many, and 24 us with a quarter of them.
+# On a card. Two chunks at once took 29 us a design with so many, and 31 us with twice as many.
 CARD_CHUNK = 65_536
-# From so many designs in a chunk on a card is chosen without being asked for. Measured on an H100
-# beside 16 cores: the card takes 6.2 s to begin and 43 us a design, the cores 242 us a design.
-# They are even at 6.2 s / 199 us = 31 000 designs, which also fill the card's 33 792 threads.
-ENOUGH = 32_768
+# From so many designs in a chunk on a card is chosen without being asked for. An H100 takes 0.6 s
+# for them, and 16 cores 3.7 s: as long as 100 cores. To begin, both take as long.
+ENOUGH = 16_384
 # Chunks at once on a card: while it computes one, the processor prepares another.
 ON_CARD = 2
 Item = TypeVar("Item")
@@ -71,7 +70,7 @@ def map_chunks(
     `engine` is one of these names, or a function of your own. "lanes" compiles integrations to
     loops over lanes of scenes; "loop" computes one scene after the other on each core; "vmap"
     computes all scenes at once by `jax.vmap`; "gpu" runs lanes on a GPU of NVIDIA's. None takes
-    "gpu" where CuPy finds one and a chunk has 32 768 scenes or more, and "lanes" elsewhere.
+    "gpu" where CuPy finds one and a chunk has 16 384 scenes or more, and "lanes" elsewhere.
 
     Raises ValueError for another name, a chunk below 1, and scenes that are not stacked.
     """

@@ -107,7 +107,7 @@ class Sweep:
     """Designs kept at once: what an interruption can lose. Each chunk is a file of every
     variable. Without it 1024, on a GPU 65 536."""
     engine: Literal["lanes", "loop", "vmap", "gpu"] | None = None
-    """What computes the designs. Without it "gpu" where CuPy finds one and a chunk has 32 768
+    """What computes the designs. Without it "gpu" where CuPy finds one and a chunk has 16 384
     designs or more, and "lanes" elsewhere."""
     rtol: float = 1e-9
     """Tolerance of a step, in clearances and m/s."""
