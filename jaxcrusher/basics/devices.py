@@ -1,8 +1,8 @@
 """The devices that computations run on: the processor's, unless the user names others.
 
 One orbit takes 2.5 times as long on an H100 as on a core beside it, and four times as long to
-compile, so `jaxcrusher.set_up` prefers the processor. Batches of integrations find their GPU by CuPy, without
-JAX. Nothing here imports either of them before it has to.
+compile, so `jaxcrusher.set_up` prefers the processor. Batches of integrations find their GPU by
+CuPy, without JAX. Nothing here imports either of them before it has to.
 """
 
 import importlib.util
