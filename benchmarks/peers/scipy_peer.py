@@ -1,5 +1,7 @@
 """The crusher by SciPy's DOP853 (or LSODA, Radau), stopped at each corner of the contact's law."""
 
+import time as clock
+
 import numpy as np
 from scipy.integrate import solve_ivp
 
@@ -16,12 +18,20 @@ def integrate(
     method: str = "DOP853",
     rtol: float = 1e-11,
     pause: float = 1e-12,
+    seconds: float = np.inf,
 ) -> np.ndarray:
     """Return states of `motion` at `times` (s, from 0), shape (times, numbers of a state).
 
     The law has a corner where pin and bore touch or part: a step ends there, and the next one
-    starts `pause` seconds later, so that the same crossing is not found again.
+    starts `pause` seconds later, so that the same crossing is not found again. Raises TimeoutError
+    after so many `seconds` of the processor, and RuntimeError where SciPy stops.
     """
+    began = clock.process_time()
+
+    def field(time, y):
+        if clock.process_time() - began > seconds:
+            raise TimeoutError(f"SciPy's {method} has come to {time:.3g} s in {seconds:g} s.")
+        return motion.field(time, y)
 
     def passing(corner: int):
         def event(time, y):
@@ -36,7 +46,7 @@ def integrate(
     while reported < len(times):
         until = times[min(reported + TOGETHER, len(times)) - 1]
         solution = solve_ivp(
-            motion.field,
+            field,
             (now, until),
             y,
             method,

@@ -30,8 +30,8 @@ FREE = ("A", "A, B, C", "B, C")
 # Of a state, in clearances and m/s, as `periodic_orbit` claims, and of the RMS, as a share of it;
 # times what the largest multiplier makes of an error.
 ALLOWED = 1e-6
-NONE = "no orbit, in words"
-VERDICTS = (AGREES, OUTSIDE, NONE, REFUSED, DISAGREES)
+NONE, OPEN = "no orbit, in words", "SciPy takes too long"
+VERDICTS = (AGREES, OUTSIDE, NONE, REFUSED, OPEN, DISAGREES)
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,9 @@ def judged(
         return Row(name, i, NONE if words else DISAGREES, words, spent)
     try:
         state, rms = round_it(orbit)
-    except RuntimeError as error:
-        return Row(name, i, DISAGREES, str(error), spent)
+    except (RuntimeError, TimeoutError) as error:
+        verdict = OPEN if isinstance(error, TimeoutError) else DISAGREES
+        return Row(name, i, verdict, str(error), spent)
     multiplier = float(orbit.largest_multiplier)
     close = max(state, rms) <= ALLOWED * max(1.0, multiplier)
     inside = AGREES if bool(orbit.validity.inside) else OUTSIDE

@@ -12,6 +12,7 @@ from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.orbits.result import PeriodicOrbit
 
 SAMPLES = 1024  # a turn, of the shaking force
+PATIENCE = 300.0  # seconds of the processor that SciPy has
 
 
 def on_orbit(orbit: PeriodicOrbit, peer: AnyLinkage) -> AnyLinkage:
@@ -41,7 +42,7 @@ def by_free_bodies(orbit: PeriodicOrbit, peer: AnyLinkage) -> tuple[float, float
     peer, speed = on_orbit(orbit, peer), float(orbit.scene.drive.speed)
     span = orbit.period * 2 * np.pi / speed
     times = np.linspace(0, span, SAMPLES * orbit.period + 1)
-    states = scipy_peer.integrate(peer, times)
+    states = scipy_peer.integrate(peer, times, seconds=PATIENCE)
     change = abs(peer.relative(states[-1]) - peer.relative(states[0]))
     half, clearances = len(change) // 2, peer.numbers[5][:, 0]
     least = clearances[clearances > 0].min()

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from benchmarks.peers import scipy_peer
 from benchmarks.peers.crusher_bodies import crusher
 from benchmarks.stability import drawn, drawn_run, judgement, mechanisms
 from benchmarks.stability.cases import BASE, bearing_case, described, seat_case
+from benchmarks.stability.drawn_orbits import OPEN
+from benchmarks.stability.drawn_orbits import judged as judged_orbit
 from benchmarks.stability.free_orbits import by_free_bodies
 from benchmarks.stability.inputs import cast
 from benchmarks.stability.judgement import AGREES, DISAGREES
@@ -177,3 +180,10 @@ def test_an_orbit_is_judged_by_free_bodies():
     assert max(by_free_bodies(orbit, bodies)) < 1e-7
     wrong = replace(orbit, section=orbit.section + 1e-4)
     assert by_free_bodies(wrong, bodies)[0] > 1e-6
+
+
+def test_scipy_that_takes_too_long_leaves_an_orbit_open():
+    bodies = crusher(PE250X400)
+    late = lambda _: scipy_peer.integrate(bodies, [0.0, 0.01], seconds=0.0)  # noqa: E731
+    row = judged_orbit("", 0, lambda: jc.ideal_scene(31.0), late)
+    assert row.verdict == OPEN and "in 0 s" in row.remark and np.isnan(row.state)
