@@ -108,7 +108,10 @@ def read_measured(path: Path | str, unit_of: UnitOf, orders: int = 4) -> list[Me
             raise ValueError(f"{path}, line {line}: {error}") from None
     if is_series:
         columns = np.array(series).reshape(-1, len(names)).T
-        return of_series(dict(zip(names, columns, strict=True)), unit_of, orders)
+        try:
+            return of_series(dict(zip(names, columns, strict=True)), unit_of, orders)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
     return found
 
 
@@ -138,14 +141,22 @@ def of_series(
     `columns` are `time` (s), `angle` (rad, of the shaft, which may begin again each turn), and each
     quantity by its name, with another unit than SI in brackets behind it. Each whole turn has
     harmonics of its own, by least squares. The answer is their mean, and its standard deviation
-    that of independent turns. Raises ValueError for fewer than five whole turns.
+    that of independent turns. Raises ValueError for fewer than five whole turns, for times that
+    fall, and for a gap over which turns cannot be counted.
     """
-    angle = np.unwrap(columns["angle"])
+    for name, column in columns.items():
+        require(bool(np.isfinite(column).all()), name, "be finite in each row", "not")
+    time, angle = columns["time"], np.unwrap(columns["angle"])
+    require(bool(np.all(np.diff(time) >= 0)), "time", "not fall from row to row", "out of order")
     # A series that ends with a whole turn may miss it by rounding.
     turn = np.floor((angle - angle[:1]) / (2 * np.pi) + 1e-9).astype(int)
     turns = int(turn.max(initial=0))
     require(turns >= FEWEST_TURNS, "angle", f"go through {FEWEST_TURNS} whole turns", turns)
-    speed, found = float(np.polyfit(columns["time"], angle, 1)[0]), []
+    speed, found = float(np.polyfit(time, angle, 1)[0]), []
+    # A step that `unwrap` reads as a turn less, or several, is so far behind the mean speed.
+    behind = np.abs(np.diff(angle) - speed * np.diff(time)) >= np.pi
+    must = "go on from row to row by less than half a turn"
+    require(not behind.any(), "angle", must, f"with a gap after {time[behind.argmax()]:g} s")
     for name in (name for name in columns if name not in ("time", "angle")):
         quantity, _, unit = (part.strip(" )") for part in name.partition("("))
         size = _size(unit, unit_of(quantity))

@@ -44,7 +44,8 @@ def test_a_table(tmp_path):
         (TABLE.replace("1.31", "fast"), "line 2: could not convert"),
         (TABLE.replace("84, ", ""), "line 2: Argument `row` must have 7 cells, but is 6"),
         (TABLE.replace("frame_velocity_y", "velocity"), "line 2: Argument `velocity` must be a kn"),
-        ("time, angle\n0, 1\n1, 2\n", "`angle` must go through 5 whole turns, but is 0"),
+        ("time, angle\n0, 1\n1, 2\n", "measured.csv: .*`angle` must go through 5 whole turns, but"),
+        ("time, angle\n0, 1\nnan, 2\n", "measured.csv: .*`time` must be finite in each row"),
     ],
 )
 def test_files_that_are_refused(text, words, tmp_path):
@@ -84,6 +85,25 @@ def test_five_turns_are_five_from_whatever_angle(start):
         "frame_velocity_y": np.cos(angle),
     }
     assert of_series(columns, unit_of, 1)[0].amplitude == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("missing", [0.6, 0.98, 3.2])
+def test_a_gap_over_which_turns_cannot_be_counted_is_refused(missing):
+    """It made the speed 30 - 4.8 rad/s; a gap of less than half a turn leaves all as it is."""
+    time = np.linspace(0, 20 * 2 * np.pi / 30, 4001)
+
+    def seen(gap, order=slice(None)):
+        kept = (30 * time < 20) | (30 * time > 20 + 2 * np.pi * gap)
+        at = time[kept][order]
+        angle = 30 * at
+        columns = {"time": at, "angle": angle % (2 * np.pi), "frame_velocity_y": np.cos(angle)}
+        return of_series(columns, unit_of, 1)[0]
+
+    assert seen(0.45).speed == pytest.approx(30, rel=1e-12)
+    with pytest.raises(ValueError, match=r"`angle` must go on .* with a gap after 0.666"):
+        seen(missing)
+    with pytest.raises(ValueError, match="`time` must not fall from row to row"):
+        seen(0.0, [*range(2000), *range(1000, 4000)])
 
 
 def test_a_series_in_a_file(tmp_path):
