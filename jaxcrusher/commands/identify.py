@@ -38,7 +38,7 @@ def run(options: Identify, console: Console) -> int:
         require_continuous("free", name)
     priors = {n: (to_si(n, mean), to_si(n, sigma)) for n, mean, sigma in options.prior}
     quantities = quantities_of(machine.scene)
-    measured = taken(options.measured, quantities.unit, options.orders)
+    measured = taken(options.measured, quantities.unit, options.orders, quantities.phase)
     settings = settings_of(
         "identify",
         machine.values,

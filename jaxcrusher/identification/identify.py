@@ -275,7 +275,8 @@ def identify(
       `jaxcrusher.scenes.described` reads of any file, or a function that makes a scene of the free
       numbers and the `speed`, by keyword.
     - `measured`: CSV files as `jaxcrusher.identification.measurements` has them, or `Measurement`s.
-      Of time series harmonics up to `orders` are taken.
+      Of time series harmonics up to `orders` are taken, by the phase that the drive of `scene`
+      has at the shaft's angles.
     - `free`: names of numbers to be found, which begin at their values in `scene`, or names ->
       values to begin with. Bounds are the limits of their scene files.
     - `priors`: names of free numbers -> mean and standard deviation of what else is known of them.
@@ -296,7 +297,8 @@ def identify(
     require(good, "free", "name numbers but the speed, each once", repr(free))
     values = free if isinstance(free, Mapping) else {name: make.value(name) for name in names}
     problem, begin = _problem(make.without(names), values, priors or {}, nodes)
-    problem = replace(problem, measured=taken(measured, problem.quantities.unit, orders))
+    known = problem.quantities
+    problem = replace(problem, measured=taken(measured, known.unit, orders, known.phase))
     shifts = 2 * qmc.LatinHypercube(len(begin), rng=seed).random(starts - 1) - 1
     low, high = problem.bounds[0] + EDGE, problem.bounds[1] - EDGE
     others = [np.where(low > 0, begin * 2**shift, begin + shift / 2) for shift in shifts]

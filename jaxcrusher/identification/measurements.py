@@ -27,6 +27,8 @@ from jaxcrusher.scenes.scene_file import quantity_in
 
 # Returns the SI unit of a quantity; ValueError for an unknown one.
 UnitOf = Callable[[str], str]
+# Returns the phase of angles of the shaft, which a drive at constant speed turns by the phase.
+PhaseOf = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]]
 # Columns in other units -> their names here, and what one of them is in SI units.
 _COLUMNS = {
     "speed_rpm": ("speed", np.pi / 30),
@@ -81,7 +83,9 @@ class Measurement:
         return not math.isnan(self.phase)
 
 
-def read_measured(path: Path | str, unit_of: UnitOf, orders: int = 4) -> list[Measurement]:
+def read_measured(
+    path: Path | str, unit_of: UnitOf, orders: int = 4, phase_of: PhaseOf = np.asarray
+) -> list[Measurement]:
     """Return what a CSV file holds: a table, or the harmonics of a time series up to `orders`.
 
     Raises ValueError, with the file and the line, for what is neither.
@@ -109,7 +113,7 @@ def read_measured(path: Path | str, unit_of: UnitOf, orders: int = 4) -> list[Me
     if is_series:
         columns = np.array(series).reshape(-1, len(names)).T
         try:
-            return of_series(dict(zip(names, columns, strict=True)), unit_of, orders)
+            return of_series(dict(zip(names, columns, strict=True)), unit_of, orders, phase_of)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
     return found
@@ -134,19 +138,22 @@ def _size(unit: str, wanted: str) -> float:
 
 
 def of_series(
-    columns: Mapping[str, Float[np.ndarray, " n"]], unit_of: UnitOf, orders: int = 4
+    columns: Mapping[str, Float[np.ndarray, " n"]],
+    unit_of: UnitOf,
+    orders: int = 4,
+    phase_of: PhaseOf = np.asarray,
 ) -> list[Measurement]:
     """Return the harmonics of orders 1 to `orders` of a time series, with their scatter.
 
     `columns` are `time` (s), `angle` (rad, of the shaft, which may begin again each turn), and each
     quantity by its name, with another unit than SI in brackets behind it. Each whole turn has
-    harmonics of its own, by least squares. The answer is their mean, and its standard deviation
-    that of independent turns. Raises ValueError for fewer than five whole turns, for times that
-    fall, and for a gap over which turns cannot be counted.
+    harmonics of its own, of the phase, by least squares. The answer is their mean, and its standard
+    deviation that of independent turns. Raises ValueError for fewer than five whole turns, for
+    times that fall, and for a gap over which turns cannot be counted.
     """
     for name, column in columns.items():
         require(bool(np.isfinite(column).all()), name, "be finite in each row", "not")
-    time, angle = columns["time"], np.unwrap(columns["angle"])
+    time, angle = columns["time"], phase_of(np.unwrap(columns["angle"]))
     require(bool(np.all(np.diff(time) >= 0)), "time", "not fall from row to row", "out of order")
     # A series that ends with a whole turn may miss it by rounding.
     turn = np.floor((angle - angle[:1]) / (2 * np.pi) + 1e-9).astype(int)
@@ -181,12 +188,16 @@ def _fit(angle: np.ndarray, values: np.ndarray, orders: int) -> np.ndarray:
 
 
 def taken(
-    measured: Path | str | Iterable[Path | str | Measurement], unit_of: UnitOf, orders: int = 4
+    measured: Path | str | Iterable[Path | str | Measurement],
+    unit_of: UnitOf,
+    orders: int = 4,
+    phase_of: PhaseOf = np.asarray,
 ) -> list[Measurement]:
     """Return measurements, of which files are read."""
     require_whole("orders", orders, 1)
     found: list[Measurement] = []
     for one in [measured] if isinstance(measured, Path | str) else measured:
-        found += [one] if isinstance(one, Measurement) else read_measured(one, unit_of, orders)
+        is_read = not isinstance(one, Measurement)
+        found += read_measured(one, unit_of, orders, phase_of) if is_read else [one]
     require(len(found) > 0, "measured", "hold a measurement", "empty")
     return found

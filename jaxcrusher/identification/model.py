@@ -98,6 +98,13 @@ class Quantities:
 
     observables: Mapping[str, str]
     statistics: Mapping[str, str]
+    angles: Float[np.ndarray, " n"]  # of the shaft, at equal steps of the phase over a turn
+
+    def phase(self, angle: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+        """Return the phase at angles of the shaft: another one where its drive is uneven."""
+        begun = 2 * np.pi * np.floor(angle / (2 * np.pi))
+        turn = np.linspace(0, 2 * np.pi, len(self.angles))
+        return begun + np.interp(angle - begun, self.angles, turn)
 
     def observable(self, quantity: str) -> str:
         """Return the observable of a quantity, such as `ground_force` of `ground_force_y`."""
@@ -128,7 +135,10 @@ def quantities_of(scene: AbstractScene) -> Quantities:
     """Return what a scene shows."""
     observables = {name: scene.observables[name].unit for name in scene.own_observables}
     statistics = {name: scene.statistics[name].unit for name in scene.own_statistics}
-    return Quantities(observables, {**statistics, LEAST_PENETRATION: "1"})
+    drive, angles = scene.drive, np.linspace(0, 2 * np.pi, SAMPLES + 1)
+    if drive.initial() is None:
+        angles = np.asarray(jax.vmap(lambda at: drive.crank(at / drive.speed, None).angle)(angles))
+    return Quantities(observables, {**statistics, LEAST_PENETRATION: "1"}, angles)
 
 
 @eqx.filter_jit
