@@ -148,8 +148,8 @@ def of_series(
     `columns` are `time` (s), `angle` (rad, of the shaft, which may begin again each turn), and each
     quantity by its name, with another unit than SI in brackets behind it. Each whole turn has
     harmonics of its own, of the phase, by least squares. The answer is their mean, and its standard
-    deviation that of independent turns. Raises ValueError for fewer than five whole turns, for
-    times that fall, and for a gap over which turns cannot be counted.
+    deviation that of independent turns, by Student's distribution. Raises ValueError for fewer than
+    five whole turns, for times that fall, and for a gap over which turns cannot be counted.
     """
     for name, column in columns.items():
         require(bool(np.isfinite(column).all()), name, "be finite in each row", "not")
@@ -169,8 +169,9 @@ def of_series(
         size = _size(unit, unit_of(quantity))
         each = [_fit(angle[turn == i], columns[name][turn == i], orders) for i in range(turns)]
         mean = size * np.mean(each, axis=0)
-        # Of the mean, in each of its two parts.
+        # Of the mean, in each of its two parts: Student's, of as many degrees of freedom less two.
         scatter = size * np.sqrt(np.var(each, axis=0, ddof=1) / (2 * turns))
+        scatter = scatter * np.sqrt((turns - 1) / (turns - 2))
         found += [
             Measurement(speed, quantity, k, float(abs(a)), float(s), float(np.angle(a)))
             for k, (a, s) in enumerate(zip(mean, scatter, strict=True), 1)

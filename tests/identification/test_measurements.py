@@ -77,6 +77,17 @@ def test_a_series_has_harmonics_with_their_scatter():
     assert np.abs([off.real, off.imag]).max() < 4 * sigma
 
 
+def test_harmonics_of_five_turns_are_as_far_off_as_they_say():
+    """The mean square in sigmas is 1: that of Student's 8 degrees of freedom alone is 8 / 6."""
+    rng, angle = np.random.default_rng(2), np.arange(501) * 2 * np.pi / 100
+    columns = {"time": angle / 30, "angle": angle}
+    columns |= {f"v{i}": rng.standard_normal(angle.size) for i in range(200)}
+    found = of_series(columns, lambda _: "1", 4)
+    off = [one.amplitude * np.exp(1j * one.phase) / one.sigma for one in found]
+    # Of two parts it scatters by sqrt(2) of itself, and there are 800 pairs: four times that.
+    assert np.mean(np.square([np.real(off), np.imag(off)])) == pytest.approx(1, abs=0.2)
+
+
 @pytest.mark.parametrize("start", [0.0, 1.3, 1.8, 2.3])
 def test_five_turns_are_five_from_whatever_angle(start):
     angle = np.radians((np.degrees(start) + np.linspace(0, 5 * 360, 401)) % 360)
