@@ -36,6 +36,7 @@ _COLUMNS = {
     "angle_deg": ("angle", np.pi / 180),
 }
 _NEEDED = {"speed", "quantity", "order", "amplitude", "sigma"}
+_KNOWN = _NEEDED | {"phase", "unit"}
 # The scatter of harmonics over fewer turns says little.
 FEWEST_TURNS = 5
 RMS, WHOLE = "rms", ""
@@ -100,6 +101,12 @@ def read_measured(
     is_series = {"time", "angle"} <= {*names}
     must = f"have the columns {', '.join(sorted(_NEEDED))}, or time and angle"
     require(is_series or {*names} >= _NEEDED, str(path), must, f"with {', '.join(names)}")
+    # What is not read would be left out in silence, such as the unit of a column `units`.
+    given = [name for name in names if name]
+    once = len({*given}) == len(given) and (is_series or {*given} <= _KNOWN)
+    alone = "time, angle and quantities" if is_series else ", ".join(sorted(_KNOWN))
+    must = f"have no columns but {alone}, each once"
+    require(once, str(path), must, f"with {', '.join(rows[0])}")
     found, series = [], []
     for line, row in enumerate(rows[1:], 2):
         try:

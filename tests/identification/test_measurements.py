@@ -41,6 +41,10 @@ def test_a_table(tmp_path):
     [
         ("", "must have the columns amplitude, order, quantity, sigma, speed, or time and angle"),
         ("speed, quantity\n", "must have the columns"),
+        (TABLE.replace("unit", "units"), "have no columns but amplitude, .*, each once, but is"),
+        (TABLE.replace("phase_deg", "phase_rad"), "each once, but is with speed_rpm, .*phase_rad"),
+        (TABLE.replace("unit", "speed"), "must have no columns but amplitude"),
+        ("time, angle, angle_deg\n", "quantities, each once, but is with time, angle, ang"),
         (TABLE.replace("mm/s", "mm"), "line 2: Argument `unit` must have a unit of the kind m/s"),
         (TABLE.replace("1.31", "fast"), "line 2: could not convert"),
         (TABLE.replace("84, ", ""), "line 2: Argument `row` must have 7 cells, but is 6"),
