@@ -37,6 +37,8 @@ def run(options: Identify, console: Console) -> int:
     for name in (*options.free, *(name for name, _, _ in options.prior)):
         require_continuous("free", name)
     priors = {n: (to_si(n, mean), to_si(n, sigma)) for n, mean, sigma in options.prior}
+    twice = len(priors) < len(options.prior)
+    require(not twice, "prior", "name each number once", "twice of one")
     quantities = quantities_of(machine.scene)
     measured = taken(options.measured, quantities.unit, options.orders, quantities.phase)
     settings = settings_of(

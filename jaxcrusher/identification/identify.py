@@ -332,6 +332,7 @@ def _problem(
     for name, (mean, sigma) in priors.items():
         require(name in names, "priors", f"name free numbers, {', '.join(names)}", name)
         require_positive(f"priors[{name!r}]", sigma, "")
+        require(bool(np.isfinite(mean)), f"priors[{name!r}]", "have a finite mean", mean)
         known[names.index(name)] = mean / sizes[name], sizes[name] / sigma
     # What it shows does not depend on the speed, which a description has.
     scene = make(**values, **({} if make.fixed else {"speed": 30.0}))

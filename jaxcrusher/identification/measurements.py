@@ -70,6 +70,9 @@ class Measurement:
         whole = isinstance(self.order, int) and 0 <= self.order <= 100
         must = 'be a whole number from 0 to 100, "rms", or "" of a statistic'
         require(whole or self.order in (RMS, WHOLE), "order", must, repr(self.order))
+        signed = self.amplitude >= 0 or self.has_phase or self.order in (0, WHOLE)
+        require(signed, "amplitude", "be >= 0 of an RMS or without a phase", self.amplitude)
+        require(not math.isinf(self.phase), "phase", "be finite, or NaN", self.phase)
         phased = self.is_harmonic or not self.has_phase
         require(phased, "phase", "belong to a harmonic", self.phase)
 

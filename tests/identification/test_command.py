@@ -101,6 +101,16 @@ def test_a_mean_and_a_statistic_keep_their_sign():
         (("--measured", "{none}"), "`free` must name numbers to be found, but is missing"),
         (("--measured", "{none}", "--free", "start"), "`start` must be a number's key"),
         (("--measured", "{none}", "--free", "jaw.mass"), "none.csv: cannot be read"),
+        (
+            (
+                "--measured",
+                "{none}",
+                "--free",
+                "jaw.mass",
+                *2 * ("--prior", "jaw.mass", "1 t", "1 t"),
+            ),
+            "`prior` must name each number once",
+        ),
     ],
 )
 def test_refused(line, words, tmp_path):

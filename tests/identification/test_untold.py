@@ -111,6 +111,13 @@ def test_a_wrong_model_is_seen(found):
         ({"order": 1.5}, "`order` must be a whole number from 0 to 100"),
         ({"sigma": 0.0}, "`sigma` must be finite and > 0"),
         ({"order": 0}, "`phase` must belong to a harmonic"),
+        ({"phase": np.inf}, "`phase` must be finite, or NaN, but is inf"),
+        ({"amplitude": -1.0, "phase": np.nan}, "`amplitude` must be >= 0 of an RMS or without"),
+        ({"amplitude": -1.0, "phase": np.nan, "order": "rms"}, "`amplitude` must be >= 0 of an R"),
+        (
+            {"priors": {"jaw.mass": (np.nan, 1.0)}},
+            r"`priors\['jaw.mass'\]` must have a finite mean",
+        ),
     ],
 )
 @pytest.mark.usefixtures("unchecked")
