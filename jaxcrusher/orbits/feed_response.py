@@ -21,6 +21,7 @@ from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.crusher.loads import Multiplied, RoughFeed
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.scene import Scene, crusher_of
+from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.result import PeriodicOrbit, require_one
 from jaxcrusher.periodic.multipliers import of_slopes
@@ -77,7 +78,8 @@ def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
     **Returns:** a `FeedResponse`; NaN where the orbit is not found or not stable. An orbit that
     loses contact under the mean load has none.
 
-    Raises ValueError for a scene without scatter or without a clearance, and for a batch.
+    Raises ValueError for a scene without scatter or without a clearance, for a shaft whose speed is
+    not constant, and for a batch.
     """
     require_own_process()
     require_kind("orbit", orbit, PeriodicOrbit, "jaxcrusher.periodic_orbit(scene)")
@@ -88,6 +90,9 @@ def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
     loose = orbit.eccentricity is not None and not orbit.scene.is_ideal
     require(loose, "orbit", "be of a scene with a clearance joint", "of an ideal one")
     assert isinstance(feed, RoughFeed)
+    # The feed is random over the shaft's angle, and the response to it is that over the phase.
+    even = isinstance(orbit.scene.drive, ConstantSpeed)
+    require(even, "orbit", "be of a shaft at constant speed", "of an uneven one")
     known = primal(feed.bandwidth)
     narrow = known is None or bool(known <= WIDEST)
     require(narrow, "orbit", f"be of a load_bandwidth of {WIDEST:g} at most", known)

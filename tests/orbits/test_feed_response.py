@@ -9,6 +9,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.loads import RoughFeed
+from jaxcrusher.mechanism.drives import UnevenSpeed
 from jaxcrusher.orbits import feed_response, forced
 from jaxcrusher.orbits.feed_response import RESPONSE_NODES, FeedResponse, _Crossing
 from jaxcrusher.periodic.collocation import collocate
@@ -165,6 +166,10 @@ def test_refusals(orbit):
         jc.feed_response(plain)
     with pytest.raises(ValueError, match="must be of a scene with a clearance joint"):
         jc.feed_response(jc.periodic_orbit(jc.build_scene({"joint": "ideal", "load_scatter": 0.1})))
+    # At order 8 a fluctuation of 2 % makes the response to one cosine wrong by 13 %.
+    uneven = dataclasses.replace(orbit.scene, drive=UnevenSpeed(30.0, 0.02))
+    with pytest.raises(ValueError, match="must be of a shaft at constant speed, but is of an unev"):
+        jc.feed_response(dataclasses.replace(orbit, scene=uneven))
     feed = dataclasses.replace(orbit.scene.load, bandwidth=jnp.asarray(41.0))
     wide = dataclasses.replace(orbit.scene, load=feed)
     with pytest.raises(ValueError, match="must be of a load_bandwidth of 40 at most, but is 41"):
