@@ -154,7 +154,7 @@ class Identified:
     fitted: Sequence[complex]  # what the machine shows, A e^(i phi) of a harmonic
     residuals: Float[np.ndarray, " rows"]
     chi_square: float  # with that of priors
-    freedom: int  # residuals and priors less numbers that are not at their limits
+    freedom: int  # residuals and priors less directions of numbers that these fit
     untold: Sequence[Untold]
     starts: Sequence[float]  # chi-squares that starts came to, the least first; infinite: no orbit
     remarks: Sequence[str]
@@ -355,7 +355,9 @@ def _answer(problem: _Problem, u: np.ndarray, starts: np.ndarray) -> Identified:
     least = 1e-12 * strength.max(initial=1.0)
     half = size[:, None] * directions.T / np.maximum(strength, least)
     chi_square = float(residuals @ residuals + np.sum((weight * (u - mean)) ** 2))
-    freedom = len(residuals) + int(np.count_nonzero(weight)) - int(inside.sum())
+    # A direction in which nothing but the hold at its start stops the numbers fits no residual.
+    fitted = int(np.count_nonzero(strength > 1 / HELD))
+    freedom = len(residuals) + int(np.count_nonzero(weight)) - fitted
     return Identified(
         values=dict(zip(problem.size, (u * size).tolist(), strict=True)),
         covariance=np.where(np.outer(inside, inside), half @ half.T, np.nan),
