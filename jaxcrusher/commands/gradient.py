@@ -20,7 +20,7 @@ from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.scenes.echo import per, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, numbers_of
-from jaxcrusher.scenes.scene_file import require_moving
+from jaxcrusher.scenes.scene_file import require_continuous
 
 
 def run(options: Gradient, console: Console) -> int:
@@ -80,7 +80,7 @@ def _check(
     require_choice("metric", metric, tuple(scene.statistics))
     require(len(set(by)) == len(by), "by", "name parameters, each once", " ".join(by))
     for name in by:
-        require_moving("by", name)
+        require_continuous("by", name)
         require(name in numbers, "by", "name numbers that the machine has, such as speed", name)
     for name, least in (("settle", 0), ("turns", 1), ("pairs", 2), ("seed", 0)):
         require_whole(name, getattr(options, name), least)

@@ -25,6 +25,7 @@ from jaxcrusher.identification.model import (
     look,
     maker_of,
     quantities_of,
+    require_continuous,
     residual_rows,
 )
 from jaxcrusher.mechanism.reductions import require_orders
@@ -295,6 +296,7 @@ def identify(
     make, names = maker_of(scene), () if isinstance(free, str) else tuple(free)
     good = 0 < len(names) == len(set(names)) and "speed" not in names
     require(good, "free", "name numbers but the speed, each once", repr(free))
+    require_continuous("free", names)
     values = free if isinstance(free, Mapping) else {name: make.value(name) for name in names}
     problem, begin = _problem(make.without(names), values, priors or {}, nodes)
     known = problem.quantities

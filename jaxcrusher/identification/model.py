@@ -18,6 +18,7 @@ from jaxcrusher.mechanism.scene import AbstractScene, require_maker
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.described import Described
+from jaxcrusher.scenes.parameters import WHOLE as WHOLE_NUMBERS
 from jaxcrusher.scenes.parameters import complete
 
 # A description for `build_scene`, or of a file, or a function that makes a scene of named numbers.
@@ -48,6 +49,12 @@ class Maker:
         require(len(numbers) > 0, name, "have a value, as {name: value}", "a name alone")
         require_known(name, numbers)
         return numbers[name]
+
+
+def require_continuous(argument: str, names: Iterable[str]) -> None:
+    """ValueError for a whole number, by which nothing has slopes."""
+    whole = [name for name in names if name in WHOLE_NUMBERS]
+    require(not whole, argument, "name numbers that may vary continuously", ", ".join(whole))
 
 
 def maker_of(machine: Machine) -> Maker:

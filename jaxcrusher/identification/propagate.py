@@ -10,7 +10,14 @@ import xarray as xr
 
 from jaxcrusher.basics.checks import require, require_names, require_positive
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.identification.model import Machine, What, look, maker_of, quantities_of
+from jaxcrusher.identification.model import (
+    Machine,
+    What,
+    look,
+    maker_of,
+    quantities_of,
+    require_continuous,
+)
 from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.orbits.result import PeriodicOrbit
 
@@ -57,6 +64,7 @@ def propagate(
     require(len(sigmas) > 0, "sigmas", "name a number", "empty")
     require(bool(orbit.success), "orbit", "be one that was found", f"none: {orbit.failure}")
     make, names = maker_of(machine), tuple(sigmas)
+    require_continuous("sigmas", names)
     pairs = [of if isinstance(of, tuple) else (make.value(n), of) for n, of in sigmas.items()]
     first, sizes = np.array(pairs, float).T
     for name, size in zip(names, sizes, strict=True):

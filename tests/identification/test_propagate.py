@@ -130,6 +130,7 @@ def test_an_orbit_that_loses_contact_scatters_as_its_neighbours_say():
     [
         (by_hand.CRUSHER, {}, "`sigmas` must name a number, but is empty"),
         (by_hand.CRUSHER, {"jaw.mass": 0.0}, r"`sigmas\['jaw.mass'\]` must be finite and > 0"),
+        (by_hand.CRUSHER, {"load_seed": 1.0}, "`sigmas` must name numbers that may vary continuo"),
         (jc.paper_scene, {"speed": 1.0}, r"`speed` must have a value, as {name: value}"),
         ({"joint": "ideal", "speed": 31.0}, {"speed": 1.0}, "`machine` must make the scene of the"),
     ],

@@ -106,6 +106,10 @@ def test_a_wrong_model_is_seen(found):
             r"`jaw.mas` must be a known name, but is not \(is 'jaw.mass' meant",
         ),
         ({"free": {"jaw.mass": -1.0}}, r"`free\['jaw.mass'\]` must lie in \[0, inf\]"),
+        (
+            {"free": {"fluctuation_order": 2.0}},
+            "`free` must name numbers that may vary continuously",
+        ),
         ({"measured": []}, "`measured` must hold a measurement"),
         ({"priors": {"jaw.mass": (1.0, 0.0)}}, r"`priors\['jaw.mass'\]` must be finite and > 0"),
         ({"priors": {"shaft.mass": (1.0, 1.0)}}, "`priors` must name free numbers, jaw.mass"),
