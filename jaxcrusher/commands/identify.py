@@ -34,6 +34,7 @@ def run(options: Identify, console: Console) -> int:
     machine = read_machine(options.crusher)
     require(len(options.measured) > 0, "measured", "name a file", "missing")
     require(len(options.free) > 0, "free", "name numbers to be found", "missing")
+    require(0 <= options.noise < np.inf, "noise", "be finite and >= 0", options.noise)
     for name in (*options.free, *(name for name, _, _ in options.prior)):
         require_continuous("free", name)
     priors = {n: (to_si(n, mean), to_si(n, sigma)) for n, mean, sigma in options.prior}

@@ -191,9 +191,11 @@ class Identified:
         They are harmonics with phases up to `orders`, at the speeds measured. `noise` is their
         standard deviation: a share of the largest RMS of what moves of the observable, or SI units
         by the observable's name, others left out. Gains count from what is known now, where each
-        number is known to its own size without any data.
+        number is known to its own size without any data. Raises ValueError for deviations that are
+        not above zero.
         """
         require_orders(orders)
+        require_positive("noise", [*noise.values()] if isinstance(noise, Mapping) else noise, "")
         problem, size = self.problem, np.array([*self.problem.size.values()])
         u = np.array([*self.values.values()]) / size
         known, observable = problem.quantities.observables, problem.quantities.observable

@@ -94,6 +94,10 @@ def test_a_mean_and_a_statistic_keep_their_sign():
     assert amplitudes(found) == [-2.0, 5.0, 5.0, -6.0]
 
 
+KNOWN = ("--measured", "{none}", "--free", "jaw.mass")
+PRIOR = ("--prior", "jaw.mass", "1 t", "1 t")
+
+
 @pytest.mark.parametrize(
     ("line", "words"),
     [
@@ -101,16 +105,8 @@ def test_a_mean_and_a_statistic_keep_their_sign():
         (("--measured", "{none}"), "`free` must name numbers to be found, but is missing"),
         (("--measured", "{none}", "--free", "start"), "`start` must be a number's key"),
         (("--measured", "{none}", "--free", "jaw.mass"), "none.csv: cannot be read"),
-        (
-            (
-                "--measured",
-                "{none}",
-                "--free",
-                "jaw.mass",
-                *2 * ("--prior", "jaw.mass", "1 t", "1 t"),
-            ),
-            "`prior` must name each number once",
-        ),
+        ((*KNOWN, *2 * PRIOR), "`prior` must name each number once"),
+        ((*KNOWN, "--noise", "-0.01"), "`noise` must be finite and >= 0, but is -0.01"),
     ],
 )
 def test_refused(line, words, tmp_path):

@@ -71,6 +71,12 @@ def test_the_further_measurement_that_tells_most(found):
     assert alone < best.standard_deviations["jaw.inertia"] < 2 * alone
 
 
+@pytest.mark.parametrize("noise", [-0.01, np.nan, 0.0, {"ground_moment": -5.0}])
+def test_a_further_measurement_scatters(found, noise):
+    with pytest.raises(ValueError, match=r"^Argument `noise` must be finite and > 0"):
+        found.further(noise=noise)
+
+
 def test_numbers_that_cannot_be_told_take_no_degree_of_freedom(found):
     """Sixteen parts and one product of numbers: chi-squares of draws are 15 in the mean."""
     assert found.freedom == 16 - 1
