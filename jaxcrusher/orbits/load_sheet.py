@@ -19,7 +19,7 @@ from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits import severity
-from jaxcrusher.orbits.natural_modes import natural_modes
+from jaxcrusher.orbits.natural_modes import linearised, natural_modes
 from jaxcrusher.orbits.result import PeriodicOrbit, seen_along
 from jaxcrusher.orbits.run_up import run_up
 
@@ -396,14 +396,21 @@ def _verdicts(scene: AbstractScene, rows: Sequence[Row], site: Site) -> list[Row
 
 def _running_up(turns: Turns, orders: int, site: Site) -> list[Row]:
     """Return what G does on the way up and down, beside the running speed."""
-    part, rows = "run-up and run-down", []
-    exciting = _exciting(turns)
-    force = np.array(
-        [_spectrum(values, orders * turns.length)[0] for _, values in list(exciting.values())[:3]]
-    )[:, turns.length - 1 :: turns.length]
-    moved = turns.values["frame_displacement"]
+    part, rows, scene = "run-up and run-down", [], turns.scene
+    supports, mass = scene.supports, linearised(scene)[0]
+    assert supports is not None
+    moved, turned = turns.values["frame_displacement"], turns.values["frame_rotation"]
+    pushing = [values for _, values in list(_exciting(turns).values())[:3]]
+    force, swing = (
+        np.array([_spectrum(one, orders * turns.length)[0] for one in curves])
+        for curves in (pushing, (moved[..., 0], moved[..., 1], turned))
+    )
+    # The inertia of bodies that move with the frame is in the mass, and not in the force on it.
+    own = np.diag([float(supports.mass), float(supports.mass), float(supports.inertia)])
+    rates = float(scene.drive.speed) / turns.length * np.arange(1, force.shape[1] + 1)
+    force = (force - (mass - own) @ (rates**2 * swing))[:, turns.length - 1 :: turns.length]
     for words, down in (("up", False), ("down", True)):
-        path = run_up(turns.scene, force, site.seconds, down=down)
+        path = run_up(scene, force, site.seconds, down=down)
         for i, axis in enumerate(SIDES):
             own = moved[..., i] - moved[..., i].mean()
             peak, running = 1e6 * np.abs(path[:, i]).max(), 1e6 * np.abs(own).max()

@@ -26,9 +26,10 @@ def run_up(
     **Arguments:**
 
     - `scene`: with a frame on supports.
-    - `force`: complex amplitudes of Fx, Fy (N) and of the moment about G (N m) at the running
-      speed, of the orders 1, 2 and so on: the force is the real part of the sum of
-      `force[:, k - 1] exp(i k theta)`. Forces of inertia fall with the square of the speed.
+    - `force`: complex amplitudes of Fx, Fy (N) and of the moment about G (N m) on a frame that
+      stands still, at the running speed, of the orders 1, 2 and so on: the force is the real part
+      of the sum of `force[:, k - 1] exp(i k theta)`. Forces of inertia fall with the square of
+      the speed.
     - `seconds`: the time of the run, s.
 
     Raises ValueError for a time that is not positive, and as `natural_modes` does.

@@ -230,6 +230,19 @@ def test_a_run_up_ends_in_the_steady_state():
     assert slow.max() > 1.2 * fast.max() > 1.2 * fast[-STEPS:].max()
 
 
+def test_a_run_down_begins_in_the_running_motion():
+    """Below the resonances of a block that weighs no more than the machine on it."""
+    block = {"mass": 600.0, "inertia": 300.0, "x": 0.3, "y": 0.2}
+    block |= {f"{axis}_stiffness": 3e6 for axis in ("horizontal", "vertical")}
+    block |= {f"{axis}_damping": 2e4 for axis in ("horizontal", "vertical")}
+    scene = jc.build_scene({"joint": "ideal"} | {f"foundation.{n}": v for n, v in block.items()})
+    rows = by_name(sheet(jc.periodic_orbit(scene), 3))
+    for axis in ("horizontally", "vertically"):
+        running = rows[f"displacement of G, {axis}", "peak"].value
+        down = rows[f"peak displacement of G on the way down, {axis}", ""].value
+        assert down == pytest.approx(running, rel=0.03)
+
+
 # A machine that weighs nothing on its block.
 BARE = {f"{body}.{n}": 1e-3 for body in ("shaft", "jaw", "toggle") for n in ("mass", "inertia")}
 BARE |= {"joint": "ideal"}
