@@ -24,7 +24,7 @@ from jaxcrusher.files.table import Column, columns_of
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistics import of_whirl
 from jaxcrusher.scenes.echo import said
-from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS
+from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, SITE
 from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import key_of, read_text
 
@@ -162,7 +162,8 @@ def _design(text: str) -> dict[str, Any]:
     for name, _, value in parts:
         key = name.strip()
         require(key not in design, "design", "name a key once", repr(text))
-        require(key not in CHAMBER, "design", "name numbers of the motion", repr(text))
+        idle = key in CHAMBER or key in SITE
+        require(not idle, "design", "name numbers of the motion", repr(text))
         design[key_of(key)] = read_text(key, value.strip())
     return design
 

@@ -372,6 +372,7 @@ def check_description(values: Mapping[str, Any]) -> None:
         if name in FILES or name.startswith(POINTS):
             continue
         require(not name.startswith(OF_LINKAGES), name, "be of a linkage", "of a crusher")
+        require(name != "stroke", name, "be a scene file's, or shaft.eccentricity", "given")
         if name in CHOICES:
             require_choice(name, value, CHOICES[name])
             continue

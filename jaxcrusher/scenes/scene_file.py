@@ -39,6 +39,7 @@ from jaxcrusher.scenes.parameters import (
     NUMBERS,
     OF_LINKAGES,
     POINTS,
+    SITE,
     WHOLE,
     check_number,
 )
@@ -276,6 +277,7 @@ def require_moving(argument: str, name: str) -> None:
     require_parameter(name)
     must = "name numbers of the motion, such as speed, jaw.mass or toggle.length"
     require(name not in CHAMBER, argument, must, f"{name}, the capacity's")
+    require(name not in SITE, argument, must, f"{name}, which a scene file or --set alone may have")
 
 
 def require_continuous(argument: str, name: str) -> None:

@@ -145,6 +145,7 @@ def test_counterweight_is_a_point_mass():
     [
         ({"sped": 30.0}, "`sped` must be a known name, but is not (is 'speed' meant?)"),
         ({"speed": -1.0}, "`speed` must be finite and > 0 rad/s, but is -1.0"),
+        ({"stroke": 8e-3}, "`stroke` must be a scene file's, or shaft.eccentricity, but is given"),
         ({"restitution": 1.5}, "[0.01, 1]"),
         ({"start": "somewhere"}, "'centred', 'contact'"),
         ({"jaw.length": np.array([0.7, np.nan])}, "jaw.length"),

@@ -457,6 +457,8 @@ def test_a_gradient_is_by_the_speed_and_all_clearances(machine, names, tmp_path,
         ("regimes --design clearance=100mm", "`clearance` must be one of a crusher"),
         ("sweep --over chamber.width 0.4 0.6m 3", "`over` must name numbers of the motion"),
         ("gradient --by chamber.width", "`by` must name numbers of the motion"),
+        ("bearing --over stroke 7 8mm 2", "`over` must name numbers of the motion"),
+        ("regimes --design stroke=8mm", "`design` must name numbers of the motion"),
     ],
 )
 def test_mistakes_are_named_before_anything_is_computed(line, words, tmp_path):
