@@ -41,7 +41,7 @@ from jaxcrusher.motion.bearing_sheet import (
     quantities_of,
     shaking_rms,
 )
-from jaxcrusher.motion.turns import Turns, run_turns
+from jaxcrusher.motion.turns import Turns, require_turns, run_turns
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.plausibility import remarks
 
@@ -59,6 +59,7 @@ ADVICE = (
 def run(options: Bearing, console: Console) -> int:
     """Run, print, write; 1 if a run failed. ValueError for bad options."""
     require_positive("seconds", options.seconds, "s")
+    require_turns(options.settle, options.turns)
     values, _ = read_crusher(options.crusher)
     axes = read_axes(options.over) if options.over else {}
     units = units_given(options.crusher, bounds(options.over))

@@ -36,7 +36,7 @@ from jaxcrusher.files.table import digits, with_scatter
 from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.motion.turns import Turns, run_turns
+from jaxcrusher.motion.turns import Turns, require_turns, run_turns
 from jaxcrusher.orbits.load_sheet import (
     MOVING,
     Row,
@@ -74,6 +74,7 @@ def run(options: Foundation, console: Console) -> int:
     require_orders(options.orders)
     require_whole("points", options.points, 2)
     require_positive("seconds", options.seconds, "s")
+    require_turns(options.settle, options.turns)
     found = read_machine(options.crusher)
     values, scene = found.values, found.scene
     site = site_of(values, options)
@@ -131,7 +132,8 @@ def site_of(values: dict[str, Any], options: Foundation) -> Site:
     """Return what the sheet knows besides the motion; ValueError for what is out of range."""
     low, high = options.resonance
     require(0 < low < high, "resonance", "be two numbers, 0 < LOW < HIGH", options.resonance)
-    require(options.dynamic_factor >= 1, "dynamic_factor", "be >= 1", options.dynamic_factor)
+    factor = options.dynamic_factor
+    require(1 <= factor < np.inf, "dynamic_factor", "be >= 1 and finite", factor)
     seconds = quantity_in("s", "run_up", options.run_up)
     require_positive("run_up", seconds, "s")
     power, frame = values.get("motor_power"), values.get("frame_mass")

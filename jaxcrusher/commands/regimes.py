@@ -49,6 +49,8 @@ def run(options: Regimes, console: Console) -> int:
         require_whole(name, getattr(options, name), least)
     require_tolerance(options.rtol)
     scenes = [found.build({**values, **design}) for design in designs]
+    moving = all(scene.has_unknowns for scene in scenes)
+    require(moving, "design", "have clearance to move in", "ideal")
     for design in designs if found.make is None else ():
         remarks({**values, **design})
     settings = _settings(options, values, list(designs[0])) | found.structure

@@ -54,6 +54,12 @@ class Turns:
         return self.pieces == 1
 
 
+def require_turns(settle: int, turns: int) -> None:
+    """Check counts of turns; ValueError for those that are not whole numbers in range."""
+    require_whole("settle", settle, 0)
+    require_whole("turns", turns, 1)
+
+
 def run_turns(
     scene: AbstractScene,
     quantities: Mapping[str, Observable],
@@ -79,8 +85,7 @@ def run_turns(
     Raises ValueError for counts that are not whole numbers in range.
     """
     require_set_up()
-    require_whole("settle", settle, 0)
-    require_whole("turns", turns, 1)
+    require_turns(settle, turns)
     how = resolve(scene, rtol)
     outputs = samples_of(quantities)
     state, done, settled, began = initial_state(scene), 0, 0, None

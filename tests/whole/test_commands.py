@@ -459,6 +459,11 @@ def test_a_gradient_is_by_the_speed_and_all_clearances(machine, names, tmp_path,
         ("gradient --by chamber.width", "`by` must name numbers of the motion"),
         ("bearing --over stroke 7 8mm 2", "`over` must name numbers of the motion"),
         ("regimes --design stroke=8mm", "`design` must name numbers of the motion"),
+        ("regimes --over joint clearance ideal", "`design` must have clearance to move in"),
+        ("gradient transmitted_rms", "`metric` must be one of 'foundation_rms'"),
+        ("bearing --turns 0", "`turns` must be a whole number >= 1, but is 0"),
+        ("foundation --settle -1", "`settle` must be a whole number >= 0, but is -1"),
+        ("foundation --dynamic-factor inf", "`dynamic_factor` must be >= 1 and finite"),
     ],
 )
 def test_mistakes_are_named_before_anything_is_computed(line, words, tmp_path):
