@@ -6,6 +6,7 @@ waited for only if their runs do not keep them above the optimum.
 """
 
 from collections.abc import Mapping
+from decimal import ROUND_CEILING, Context
 
 import numpy as np
 import scipy.spatial
@@ -205,9 +206,9 @@ def optimality_bound(points: Points, cells: Cells, best: Confirmed, within: floa
     hides = float(hidden[np.nanargmin(np.fmin.reduce(orbits, axis=1))])
     curvature = min(of_orbits, hides)
     statement = (
-        f"No other periodic orbit of the box is more than {_about(of_orbits, unit)} below the "
-        f"optimum, of which {_about(curvature, unit)} are what second derivatives can hide: these "
-        f"are assumed to be at most {ROUGHER:g} times those between neighbouring points."
+        f"No other periodic orbit of the box is more than {_at_most(of_orbits, unit)} below the "
+        f"optimum, of which {_at_most(curvature, unit)} are what second derivatives can hide: "
+        f"these are assumed to be at most {ROUGHER:g} times those between neighbouring points."
     )
     if np.isfinite(rougher):
         statement += f" In cells half as large about the optimum they are {rougher:.2g} times."
@@ -227,7 +228,7 @@ def optimality_bound(points: Points, cells: Cells, best: Confirmed, within: floa
             "all points beside it, no stable orbit in contact was found, or a constraint is broken."
         )
     else:
-        statement += f" So the optimum is global within the box to {_about(within, unit)}."
+        statement += f" So the optimum is global within the box to {_at_most(within, unit)}."
     return Bound(within, curvature, unsaid, gain, statement, by_runs)
 
 
@@ -246,6 +247,12 @@ def unbounded(case: Case, mapped: xr.Dataset | None, best: Confirmed) -> Bound |
     )
     gain = float(mapped.objective.where(mapped.counts).min()) - best.objective
     return Bound(None, None, int((~mapped.counts).sum()), gain, statement)
+
+
+def _at_most(value: float, unit: str) -> str:
+    """Return a bound rounded up to two digits, and its unit."""
+    up = Context(prec=2, rounding=ROUND_CEILING)
+    return quantity(float(up.create_decimal(repr(float(value)))), unit)
 
 
 def _about(value: float, unit: str) -> str:

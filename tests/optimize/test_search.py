@@ -26,7 +26,7 @@ from jaxcrusher.mechanism.reductions import chosen
 from optimize import bound, confirm, decay, formatting, landscape, local, smooth, stages, verdicts
 from optimize import orbits as periodic
 from optimize.answer import Check, Coexisting, Confirmed
-from optimize.bound import Points, _about, optimality_bound
+from optimize.bound import Points, _at_most, optimality_bound
 from optimize.cells import ROUGHER, Cells, beside
 from optimize.evaluate import Window, evaluate, judged
 from optimize.objectives import OBJECTIVES, OF_SUPPORTS, plain
@@ -244,7 +244,7 @@ def test_runs_speak_for_points_without_a_stable_orbit(bounded):
     assert ran == [(1, 2)] and not waited and said.within == known.within
     assert "no stable orbit of one turn is known: runs there come to 24000 N" in said.statement
     assert "4 kN above the optimum" in said.statement
-    assert f"global within the box to {_about(said.within, 'N')}" in said.statement
+    assert f"global within the box to {_at_most(said.within, 'N')}" in said.statement
     (point,) = said.by_runs
     assert point.values["speed"] == 40.0 and point.motion == "It is chaotic." and point.place == 27
     # Half a cell away they may be lower, by twice the largest fall about the points beside: then
@@ -257,6 +257,12 @@ def test_runs_speak_for_points_without_a_stable_orbit(bounded):
     assert "4 kN below the optimum: they scatter too much" in low.statement
     assert low.within > 4000.0 and sum(solved) < 100
     assert not re.search(r"[ (]-\d", low.statement)
+
+
+def test_a_bound_is_rounded_up():
+    """To the nearest two digits 0.514 would be 0.51, and 1049 would be 1000."""
+    bounds = {0.0: "0 N", 0.5: "0.5 N", 0.514: "0.52 N", 1049.0: "1.1 kN", 2.3e-13: "2.3e-13 N"}
+    assert {value: _at_most(value, "N") for value in bounds} == bounds
 
 
 def test_nothing_is_said_of_what_breaks_a_constraint(bounded, monkeypatch):
@@ -286,7 +292,7 @@ def test_cells_are_halved_until_the_bound_is_as_asked(bounded, monkeypatch):
     assert 0 < above.curvature == above.within
     fine, _, solved, _ = bounded(0.5)
     assert 0 < fine.within <= 0.5 and 50 < sum(solved) < 300
-    assert f"global within the box to {_about(fine.within, 'N')}" in fine.statement
+    assert f"global within the box to {_at_most(fine.within, 'N')}" in fine.statement
 
     def rough(case, units):
         """A bowl with a ripple that the first points do not see."""
