@@ -7,8 +7,8 @@ from jaxcrusher.basics.checks import require_positive
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.natural_modes import linearised
 
-# Instants a turn at the running speed.
-STEPS = 128
+# Instants a turn at the running speed, and at least so many in each of the highest order.
+STEPS, OF_AN_ORDER = 128, 32
 
 
 def run_up(
@@ -39,7 +39,8 @@ def run_up(
     require_positive("seconds", seconds, "s")
     mass, damping, stiffness = linearised(scene)
     speed = float(scene.drive.speed)
-    count = int(np.ceil(seconds * speed / (2 * np.pi) * STEPS)) + 1
+    steps = max(STEPS, OF_AN_ORDER * force.shape[1])
+    count = int(np.ceil(seconds * speed / (2 * np.pi) * steps)) + 1
     times = np.linspace(0.0, seconds, count)
     share = 1 - times / seconds if down else times / seconds
     # The angle is counted from standstill, so that a run down is a run up in reverse.

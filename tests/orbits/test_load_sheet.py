@@ -230,6 +230,18 @@ def test_a_run_up_ends_in_the_steady_state():
     assert slow.max() > 1.2 * fast.max() > 1.2 * fast[-STEPS:].max()
 
 
+def test_a_run_up_sees_high_orders():
+    """Of 128 instants a turn the order 127 would look like the first, 900 times as wide."""
+    scene = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3, "speed": 31.0})
+    mass, damping, stiffness = linearised(scene)
+    force, rate = np.zeros((3, 127), complex), 127 * 31.0
+    force[0, -1] = 1e3
+    dynamic = stiffness - rate**2 * mass + 1j * rate * damping
+    steady = abs(np.linalg.solve(dynamic, force[:, -1])[0])
+    path = run_up(scene, force, 4.0)[:, 0]
+    assert np.abs(path[-32 * 127 :]).max() == pytest.approx(steady, rel=0.1)
+
+
 def test_a_run_down_begins_in_the_running_motion():
     """Below the resonances of a block that weighs no more than the machine on it."""
     block = {"mass": 600.0, "inertia": 300.0, "x": 0.3, "y": 0.2}
