@@ -214,8 +214,9 @@ class ByAngle(AbstractLoad):
         return JawForce(size * self.direction(jaw), self.along)
 
 
-# Gauss's points over the height of the chamber: the mean of the resultant is right to 1e-4.
-_PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+# Gauss's points over the height of the chamber. Depths stop one after the other while the rest
+# closes: with half as many the peak of |R_O| + |R_C| is off by 2.5 %, with these by 0.1 %.
+_PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 # Corner of the compression ratio where the bed begins to press.
 _CORNER = 1e-5
 # A force (N) that places the resultant in the middle of the chamber where nothing presses.

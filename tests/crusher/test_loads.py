@@ -191,13 +191,28 @@ def test_a_bed_is_pressed_as_the_jaw_moves():
     for i in (56, 59, 62):
         total = quad(pressure, 0.095, 0.695, (i,))[0]
         turned = quad(lambda s, i=i: s * pressure(s, i), 0.095, 0.695)[0]
-        # Eight of Gauss's points, and the least of 4096 instants for the furthest place.
+        # Gauss's points, and the least of 4096 instants for the furthest place.
         assert np.linalg.norm(motion["crushing_load"][i]) == pytest.approx(total, rel=1e-3)
         along = np.linalg.norm(pin[i] - motion["load_position"][i])
         assert along == pytest.approx(turned / total, abs=1e-4)
     assert np.linalg.norm(motion["crushing_load"][24]) == 0
     plain = jax.jit(lambda load: jc.build_scene(values | {"load": load}).load)(1.0)
     assert eqx.tree_equal(plain, scene.load, rtol=1e-12, atol=1e-15)
+
+
+def test_a_bed_has_depths_enough_for_a_peak(monkeypatch):
+    """They stop closing one after the other: the peak lies there, and few depths make steps."""
+    times = np.arange(720) / 720 * 2 * np.pi / 30.0
+
+    def peak():
+        scene = jc.build_scene({"joint": "ideal", "load_law": "chamber"})
+        return jc.simulate(scene, times, outputs=("foundation_force",)).foundation_force.max()
+
+    usual = float(peak())
+    places, weights = np.polynomial.legendre.leggauss(100)
+    monkeypatch.setattr("jaxcrusher.crusher.loads._PLACES", places)
+    monkeypatch.setattr("jaxcrusher.crusher.loads._WEIGHTS", weights)
+    assert usual == pytest.approx(float(peak()), rel=2e-3)
 
 
 @pytest.mark.slow
