@@ -40,8 +40,6 @@ from optimize.throughput import read_bulk_density
 
 # The paper's choice, Section 5.3.
 SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
-# The paper's greatest capacity, to which its floor refers, is that at 25 rad/s.
-GREATEST_AT = 25.0
 # Options that do not decide the answer, or do by what they are read as.
 KEPT_APART = (
     "name",
@@ -314,11 +312,9 @@ def _reference(
 def _floor(options: Options, described: dict[str, Any], free: Bounds) -> float:
     """Return the least capacity, m3/h: the greatest over the factor of affluence.
 
-    The greatest is that at the lowest speed of the box; the paper's, at 25 rad/s.
+    The greatest is that at the lowest speed of the box, which is 25 rad/s in the paper.
     """
     if options.capacity_floor is not None:
         return options.capacity_floor
-    slowest = GREATEST_AT
-    if options.scene is not None:
-        slowest = free.get("speed", (described.get("speed", PE250X400["speed"]),))[0]
+    slowest = free.get("speed", (described.get("speed", PE250X400["speed"]),))[0]
     return float(build_chamber(described).capacity(slowest)) / AFFLUENCE

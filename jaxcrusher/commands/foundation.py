@@ -275,7 +275,7 @@ def _amount(row: Row) -> str:
     before = "" if ideal in ("", value) else f"{ideal} | "
     if row.scatter != "" and float(row.scatter) > 1e-4 * abs(row.value):
         value = with_scatter(_seen(row.value), _seen(float(row.scatter)))
-    phase = "" if isinstance(row.phase, str) else f" at {np.degrees(row.phase):z.0f}°"
+    phase = "" if isinstance(row.phase_rad, str) else f" at {np.degrees(row.phase_rad):z.0f}°"
     return f"{before}{value}{phase if value != '0' else ''}"
 
 

@@ -60,7 +60,7 @@ class Row:
     order: float | str
     value: float
     unit: str
-    phase: float | str = ""  # rad
+    phase_rad: float | str = ""
     remark: str = ""
     scatter: float | str = ""
     ideal: float | str = ""

@@ -650,6 +650,8 @@ def test_capacity_is_the_scene_s(tmp_path):
     assert problem.compared_with == "paper's choice"
     paper = problem.case
     assert paper.capacity_floor == float(chamber.capacity(25.0)) / 1.67
+    faster = resolve(Options(speed=("42", "50rad/s"))).case
+    assert faster.capacity_floor == float(chamber.capacity(42.0)) / 1.67
     ends = np.array([[0.0, 0.0], [1.0, 1.0]])
     assert paper.capacity(ends).tolist() == [float(chamber.capacity(v)) for v in (25.0, 40.0)]
     file = tmp_path / "wide.toml"

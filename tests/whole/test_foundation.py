@@ -43,7 +43,7 @@ def test_files_of_a_sheet(tmp_path):
     expected = found.sel(quantity="left_force_y", order=2)
     # N and kN.
     assert float(second["value"]) == pytest.approx(1e-3 * float(expected.amplitude), rel=1e-9)
-    assert float(second["phase"]) == pytest.approx(float(expected.phase), rel=1e-9)
+    assert float(second["phase_rad"]) == pytest.approx(float(expected.phase_rad), rel=1e-9)
     weight = row("force of both supports, vertically", "static", "static loads")
     assert float(weight["value"]) == pytest.approx(-9.81e-3 * 6641, rel=1e-9)
     velocity = float(row("velocity of G, vertically", "RMS", "motion")["value"])
