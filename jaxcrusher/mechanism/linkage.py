@@ -3,7 +3,7 @@
 import equinox as eqx
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import concrete, require
+from jaxcrusher.basics.checks import concrete, is_concrete, require, require_positive
 from jaxcrusher.basics.plane import Arm, Vector, scalar
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.mechanism.named import Named
@@ -76,8 +76,9 @@ class Linkage(eqx.Module):
     begin; the crank's angle is that of its x axis.
 
     Raises ValueError for a joint or a slide of a body that there is not, for one that no dyad
-    needs, for bodies that are no dyads, for another count of `sides`, and for a link whose two
-    joints are one point.
+    needs, for bodies that are no dyads, for another count of `sides`, for a body that has the
+    frame's name, for a bearing that does not join crank and frame, and (concrete values only) for a
+    link whose two joints are one point and for a mass or an inertia that is not positive.
     """
 
     bodies: Named[Body]
@@ -91,6 +92,12 @@ class Linkage(eqx.Module):
     def __check_init__(self):
         twice = set(self.joints.names) & set(self.slides.names)
         require(not twice, "slides", "have names that no joint has", ", ".join(twice))
+        require(FRAME not in self.bodies, "bodies", f"have other names than {FRAME!r}", repr(FRAME))
+        for name, body in self.bodies.items() if is_concrete(self.bodies) else ():
+            require_positive(f"bodies.{name}.mass", body.mass, "kg")
+            require_positive(f"bodies.{name}.inertia", body.inertia, "kg m2")
+        held = any(n == self.bearing and {self.crank, FRAME} == {*both} for n, *both in self.ends)
+        require(held, "bearing", f"join {self.crank} and {FRAME}", self.bearing)
         known = {FRAME, *self.bodies.names}
         for name, *both in self.ends:
             for body in both:
@@ -110,7 +117,10 @@ class Linkage(eqx.Module):
             if joint != other and joint not in self.slides:
                 arm = self.side_of(joint, body) - self.side_of(other, body)
                 must = f"have its joints {joint} and {other} apart"
-                require(arm.squared() is not None, f"bodies.{body}", must, "with both at one point")
+                squared = arm.squared()
+                known = concrete(0.0 if squared is None else squared)
+                good = known is None or bool((known != 0).all())
+                require(good, f"bodies.{body}", must, "with both at one point")
 
     @property
     def ends(self) -> tuple[tuple[str, str, str], ...]:

@@ -182,3 +182,27 @@ def test_what_is_no_linkage_is_refused_in_one_line(bodies, joints, slides, sides
 def test_a_slide_has_a_direction():
     with pytest.raises(ValueError, match="`along` must be a direction, but is zero"):
         Slide("slider", Vector(0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("bodies", "joints", "bearing", "words"),
+    [
+        ({"rocker": Body(-4.0, 0.1)}, {}, "base", "`bodies.rocker.mass` must be finite and > 0 kg"),
+        ({"rocker": Body(4.0, np.nan)}, {}, "base", "`bodies.rocker.inertia` must be finite"),
+        ({FRAME: BODY}, {}, "base", "`bodies` must have other names than 'frame'"),
+        # A zero that is there, and not only an arm that is not.
+        (
+            {},
+            {"big end": Joint(Point("coupler"), Point("crank", Arm(0.0)))},
+            "base",
+            "`bodies.crank` must have its joints big end and base apart",
+        ),
+        ({}, {"base": None}, "big end", "`bearing` must join crank and frame, but is big end"),
+    ],
+)
+def test_what_cannot_move_as_a_linkage_is_refused(linkages, bodies, joints, bearing, words):
+    """A negative mass would give numbers, a body named as the frame would move the frame."""
+    one = linkages["four-bar"]
+    bodies, joints = {**dict(one.bodies.items()), **bodies}, {**dict(one.joints.items()), **joints}
+    with pytest.raises(ValueError, match=words):
+        Linkage(Named(bodies), Named(joints), "crank", bearing, (1,))
