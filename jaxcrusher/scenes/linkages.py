@@ -64,6 +64,7 @@ from jaxcrusher.scenes.parameters import (
     Parameter,
     check_number,
     complete,
+    within_limits,
 )
 from jaxcrusher.scenes.scene_file import (
     DIAMETERS,
@@ -148,8 +149,12 @@ class Drawing:
     sides: tuple[int, ...]
 
     def __call__(self, **values: Any) -> LinkageScene:
-        """Return the scene of these numbers, which may be traced; raises as `whole` does."""
-        v = self.whole(values)
+        """Return the scene of these numbers, which may be traced.
+
+        A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
+        ValueError as `whole` does, for a known one outside its limits, and for an unknown choice.
+        """
+        v = self._within_limits(self.whole(values))
         bearings = {
             name: _bearing(v, f"joints.{name}.")
             for name, *_ in self.joints
@@ -171,7 +176,8 @@ class Drawing:
         """Return numbers and choices, with the defaults of those that others bring along.
 
         Raises ValueError of one line for a name that the linkage does not have, for one that stands
-        without what it belongs to, and for what is missing of a loose joint or of supports.
+        without what it belongs to, and for what is missing of the drive, of a body, of a spring, of
+        a loose joint or of supports.
         """
         known, v = self._always_known(), dict(values)
         if not v.keys().isdisjoint(("foundation.mass", *_PLACE_OF_FRAME)):
@@ -190,7 +196,29 @@ class Drawing:
         for name in v:
             if name not in known:
                 raise unknown(name, tuple(known))
+        for name in ("speed", *self._of_bodies_and_springs()):
+            require(name in v, name, "be given", "missing")
         return v
+
+    def _within_limits(self, values: dict[str, Any]) -> dict[str, Any]:
+        """Return numbers and choices, each of which is checked as one of a file is."""
+        laws = CHOICES_OF_A_JOINT.items()
+        choices = {f"joints.{joint}.{of}": known for joint, *_ in self.joints for of, known in laws}
+        choices |= _CHOICES
+        for name, value in values.items():
+            if name in choices:
+                require_choice(name, value, choices[name])
+                continue
+            NUMBERS.setdefault(name, _parameter(name))
+            check_number(name, value)
+        return within_limits(values)
+
+    def _of_bodies_and_springs(self) -> list[str]:
+        """Return the names of the numbers that each body and each spring has."""
+        return [
+            *(f"bodies.{name}.{of}" for name in self.bodies for of in _NUMBERS["bodies"]),
+            *(f"springs.{name}.{of}" for name, *_ in self.springs for of in _NUMBERS["springs"]),
+        ]
 
     def _always_known(self) -> list[str]:
         """Return the names that are read whatever joints are loose and the frame stands on."""
@@ -205,8 +233,7 @@ class Drawing:
         ]
         return [
             *(*_TOP, *_PLACE_OF_FRAME, *_CHOICES),
-            *(f"bodies.{name}.{of}" for name in self.bodies for of in _NUMBERS["bodies"]),
-            *(f"springs.{name}.{of}" for name, *_ in self.springs for of in _NUMBERS["springs"]),
+            *self._of_bodies_and_springs(),
             *(f"{pair}.{axis}" for pair in pairs for axis in "xy"),
         ]
 
@@ -239,6 +266,16 @@ class Drawn(NamedTuple):
     drawing: Drawing
     values: dict[str, Any]
     defaults: tuple[str, ...]
+
+
+def _parameter(name: str) -> Parameter:
+    """Return what is known of a number by its name, as of `joints.B.bore.x`."""
+    section, _, rest = name.partition(".")
+    if section not in _NUMBERS:
+        return NUMBERS[name]
+    key = rest.partition(".")[2]
+    pairs = _PAIRS.get(section, {})
+    return _NUMBERS[section].get(key) or pairs.get(key.rpartition(".")[0], _PLACE)
 
 
 def _arm(values: Mapping[str, Any], name: str) -> Arm:

@@ -388,6 +388,29 @@ def test_a_drawing_refuses_what_it_does_not_read(name, words):
         jc.sweep({name: [0.01, 0.02]}, 1, 1, base=values, scene=drawing)
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("joints.B.restitution", 1.5, "joints.B.restitution` must lie in [0.01, 1], but is 1.5"),
+        ("joints.B.friction", -0.1, "joints.B.friction` must lie in [0, 10], but is -0.1"),
+        ("bodies.rod.mass", -1.0, "bodies.rod.mass` must be finite and > 0 kg, but is -1.0"),
+        ("forces.pressure.at.x", 2e3, "forces.pressure.at.x` must lie in [-1000, 1000] m"),
+        ("joints.B.slip", "middle", "joints.B.slip` must be one of 'centre', 'surface', but"),
+        ("bodies.rod.mass", None, "bodies.rod.mass` must be given, but is missing"),
+    ],
+)
+def test_a_drawing_refuses_what_a_file_may_not_have(name, value, words):
+    """A restitution above 1 would put energy in; one that `jax.jit` alone knows becomes NaN."""
+    drawing, values, _ = read_linkage(EXAMPLES / "pump.toml")
+    other = {key: one for key, one in (values | {name: value}).items() if one is not None}
+    with pytest.raises(ValueError, match=re.escape(words)):
+        drawing(**other)
+    if isinstance(value, float):
+        seen = jax.jit(lambda one: drawing(**(values | {name: one})))
+        good = [np.isfinite(leaf).all() for leaf in jax.tree.leaves(seen(value))]
+        assert not all(good)
+
+
 def test_numbers_of_a_joint_are_not_called_those_of_a_jaw():
     _, values, _ = read_linkage(EXAMPLES / "pump.toml")
     numbers = [name for name in values if name.startswith("joints.") and name in NUMBERS]
