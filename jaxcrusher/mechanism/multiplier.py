@@ -163,9 +163,12 @@ class MultiplierFormulation(AbstractFormulation):
         return eqx.tree_at(lambda s: s.position.present[0].angle, state, angle)
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
-        """Return a tolerance of positions of some 1 m against the clearance, above rounding."""
-        clearances = [joint.clearance for joint in scene.joints.values]
-        return jnp.maximum(rtol * functools.reduce(jnp.minimum, clearances), 2e-14)
+        """Return a tolerance of positions of some 1 m against the clearance, above rounding.
+
+        With ideal joints it is one against the throw of the crank.
+        """
+        sizes = [joint.clearance for joint in scene.joints.values] or [scene.throw]
+        return jnp.maximum(rtol * functools.reduce(jnp.minimum, sizes), 2e-14)
 
 
 def _motion(scene: AbstractScene, state: MultiplierState) -> Motion:

@@ -118,6 +118,22 @@ def test_an_ideal_slider_crank_obeys_closed_forms():
     np.testing.assert_allclose(total, np.asarray(motion.ground_force)[:, 1], atol=1e-9)
 
 
+def test_ideal_joints_move_by_multipliers_too():
+    times, outputs = (
+        np.linspace(0.0, 0.1, 5),
+        ("guide_force", "drive_torque", "slider_acceleration"),
+    )
+    one, other = (
+        jc.simulate(linkage(**changed(formulation=way)), times, outputs=outputs)
+        for way in ("multiplier", "eccentricity")
+    )
+    assert bool(one.success)
+    for name in outputs:
+        size = np.abs(other[name]).max()
+        # A tolerance of 1e-11 throws, at 20 rad/s.
+        np.testing.assert_allclose(one[name], other[name], rtol=0, atol=1e-9 * size)
+
+
 def test_a_spring_stores_what_it_takes():
     """Half k s^2 and the preload, and a damper whose loss closes the ledger."""
     spring = {
