@@ -42,6 +42,7 @@ from jaxcrusher.mechanism.scene import (
 from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 from jaxcrusher.mechanism.starts import Centred
 from jaxcrusher.mechanism.supports import AbstractFoundation
+from jaxcrusher.mechanism.topology import FRAME
 
 
 class LinkageScene(AbstractScene):
@@ -51,8 +52,9 @@ class LinkageScene(AbstractScene):
     of the mass centre of each body, there are position, velocity and acceleration.
 
     Raises ValueError (concrete values only) if 64-bit floats are off, for a bearing of a joint that
-    there is not, for a clearance that is not inside (0, R_i), and for a name of a point or slide by
-    which a result would be named that has this name already.
+    there is not, for a clearance that is not inside (0, R_i), for a push or a spring at a body that
+    there is not, for a push of the frame, and for a name of a point or slide by which a result
+    would be named that has this name already.
     """
 
     drawn: Linkage
@@ -75,6 +77,11 @@ class LinkageScene(AbstractScene):
         for name, point in self.points.items():
             require(name not in bodies, "points", "have names that no body has", name)
             require(point.body in bodies, f"points.{name}", "be of a body", f"of {point.body}")
+        must = f"be at bodies that there are: {', '.join(bodies)}"
+        for push in self.pushes:  # one of the frame would be its own reaction
+            require(push.at.body in bodies, "pushes", must, f"at {push.at.body}")
+        for body in (point.body for spring in self.springs for point in spring.ends):
+            require(body in (*bodies, FRAME), "springs", f"{must}, {FRAME}", f"at {body}")
         observables_of(self._parts)
 
     @property

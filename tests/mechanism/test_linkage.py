@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.basics.plane import Arm, Vector, arm_to, minus, plus
+from jaxcrusher.mechanism.acting import Push, Spring
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.motion import Crank, ideal_at_rest, moving
 from jaxcrusher.mechanism.named import Named
@@ -206,3 +207,17 @@ def test_what_cannot_move_as_a_linkage_is_refused(linkages, bodies, joints, bear
     bodies, joints = {**dict(one.bodies.items()), **bodies}, {**dict(one.joints.items()), **joints}
     with pytest.raises(ValueError, match=words):
         Linkage(Named(bodies), Named(joints), "crank", bearing, (1,))
+
+
+@pytest.mark.parametrize(
+    ("forces", "words"),
+    [
+        ({"pushes": (Push(Point(FRAME), Vector(1e3, 0.0)),)}, "`pushes` must be at .* at frame"),
+        ({"pushes": (Push(Point("jaw"), Vector(1e3, 0.0)),)}, "`pushes` must be at .* at jaw"),
+        ({"springs": (Spring((Point(FRAME), Point("jaw")), 1e3, 0.1),)}, "`springs` .* at jaw"),
+    ],
+)
+def test_a_force_at_no_body_is_refused(machine, forces, words):
+    """A push of a frame on supports would turn it, though it is its own reaction."""
+    with pytest.raises(ValueError, match=words):
+        dataclasses.replace(machine("four-bar"), **forces)
