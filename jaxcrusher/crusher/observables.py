@@ -16,11 +16,11 @@ from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
 from jaxcrusher.mechanism.acting import Stretched
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.observables import (
-    FORCE_WIDTH,
     OF_MACHINE,
     OF_SUPPORTS,
     crank_speed,
     force_at,
+    force_width,
     observables_at,
     on_bore,
     on_pin,
@@ -38,13 +38,13 @@ toggle_reaction = OfPart(on_pin, "pivot")
 
 def foundation_force(s: Snapshot, scene: AbstractScene) -> Scalar:
     """|R_O| + |R_C|, N: the only definition of seven that meets the paper's numbers."""
-    at_bearing = norm(bearing_reaction(s, scene), FORCE_WIDTH)
-    return at_bearing + norm(toggle_reaction(s, scene), FORCE_WIDTH)
+    at_bearing = norm(bearing_reaction(s, scene), force_width(s, scene))
+    return at_bearing + norm(toggle_reaction(s, scene), force_width(s, scene))
 
 
 def net_foundation_force(s: Snapshot, scene: AbstractScene) -> Scalar:
     """|R_O + R_C|, N: the length of the resultant on the foundation."""
-    return norm(bearing_reaction(s, scene) + toggle_reaction(s, scene), FORCE_WIDTH)
+    return norm(bearing_reaction(s, scene) + toggle_reaction(s, scene), force_width(s, scene))
 
 
 def load_position(s: Snapshot, scene: AbstractScene) -> Vector:

@@ -14,12 +14,15 @@ from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.observables import OF_MACHINE as SEEN_OF_MACHINE
+from jaxcrusher.mechanism.observables import OF_SUPPORTS as SEEN_OF_SUPPORTS
 from jaxcrusher.mechanism.observables import (
-    FORCE_WIDTH,
+    acceleration_width,
     crank_speed,
     drive_power,
     drive_torque,
     force_at,
+    force_width,
     frame_displacement,
     frame_speed,
     ground_moment,
@@ -27,10 +30,9 @@ from jaxcrusher.mechanism.observables import (
     on_bore,
     shaking_size,
     support_size,
+    torque_width,
     transmitted_size,
 )
-from jaxcrusher.mechanism.observables import OF_MACHINE as SEEN_OF_MACHINE
-from jaxcrusher.mechanism.observables import OF_SUPPORTS as SEEN_OF_SUPPORTS
 from jaxcrusher.mechanism.reductions import (
     Deviation,
     PowerMean,
@@ -160,10 +162,6 @@ def may_rest(scene: AbstractScene) -> bool:
     return rubs and scene.drive.initial() is not None
 
 
-# Smooths the length of an acceleration (m/s2) where it vanishes.
-ACCELERATION_WIDTH = 1e-9
-
-
 class Parts(NamedTuple):
     """What a linkage has by name, and whether it has supports and a crank that may rest."""
 
@@ -199,7 +197,7 @@ def _acceleration(s: Snapshot, scene: Any, name: str) -> Vector:
 
 
 def _acceleration_size(s: Snapshot, scene: Any, name: str) -> Scalar:
-    return norm(_acceleration(s, scene, name), ACCELERATION_WIDTH)
+    return norm(_acceleration(s, scene, name), acceleration_width(scene))
 
 
 def _slide_force(s: Snapshot, scene: Any, slide: str) -> Scalar:
@@ -210,13 +208,13 @@ def _slide_moment(s: Snapshot, scene: Any, slide: str) -> Scalar:
     return s.accelerations.slides.at(slide).moment
 
 
-def _size(number: Scalar) -> Scalar:
+def _size(number: Scalar, width: Scalar) -> Scalar:
     """Return the size of a force or a torque, with a derivative at zero too."""
-    return norm(Vector(number, jnp.zeros(())), FORCE_WIDTH)
+    return norm(Vector(number, jnp.zeros(())), width)
 
 
 def _slide_size(s: Snapshot, scene: Any, slide: str) -> Scalar:
-    return _size(_slide_force(s, scene, slide))
+    return _size(_slide_force(s, scene, slide), force_width(s, scene))
 
 
 @functools.cache
@@ -303,7 +301,7 @@ def _sizes(
 
 
 def _torque_size(s: Snapshot, scene: AbstractScene) -> Scalar:
-    return _size(drive_torque(s, scene))
+    return _size(drive_torque(s, scene), torque_width(s, scene))
 
 
 _OF_DRIVE = _sizes("drive_torque", "N m", "size of the drive torque", _torque_size)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 import jax.numpy as jnp
+from jax.lax import stop_gradient
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector, plus
@@ -12,10 +13,27 @@ from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, OfPart, Snapshot
 from jaxcrusher.mechanism.supports import OnSupports
 
-# Smooths the length of a reaction (N) where it vanishes.
-FORCE_WIDTH = 1e-6
-# Smooths the speed of a frame (m/s) where it stands still.
+# Smooths a length where it vanishes: a share of what a machine's own size and speed make of it, so
+# that numbers of a small machine are right as those of a large one.
+WIDTH = 1e-10
+# The same of the speed of a frame, which stiff supports make small.
 SPEED_WIDTH = 1e-12
+
+
+def acceleration_width(scene: AbstractScene) -> Scalar:
+    """Return the share of the acceleration of the crank's pin, m/s2; it has no slopes."""
+    return stop_gradient(WIDTH * scene.throw * scene.drive.speed**2)
+
+
+def force_width(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the share of the force that gives it to all bodies, N."""
+    masses = [body.mass for body in s.motion.linkage.bodies.values]
+    return stop_gradient(sum(masses[1:], masses[0])) * acceleration_width(scene)
+
+
+def torque_width(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the share of the torque of that force at the crank's pin, N m."""
+    return force_width(s, scene) * stop_gradient(scene.throw)
 
 
 def on_bore(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
@@ -54,7 +72,7 @@ def _momentum_rates(s: Snapshot, scene: AbstractScene) -> list[tuple[str, Vector
 
 def shaking_size(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return the length of the shaking force, N."""
-    return norm(shaking_force(s, scene), FORCE_WIDTH)
+    return norm(shaking_force(s, scene), force_width(s, scene))
 
 
 def ground_force(s: Snapshot, scene: AbstractScene) -> Vector:
@@ -129,7 +147,7 @@ def elastic_energy(s: Snapshot, scene: AbstractScene) -> Scalar:
 
 def force_at(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
     """The length of the force in a joint, N."""
-    return norm(on_bore(s, scene, joint), FORCE_WIDTH)
+    return norm(on_bore(s, scene, joint), force_width(s, scene))
 
 
 def _normal_force(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
@@ -213,17 +231,18 @@ def transmitted_size(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return the length of what moves of the force on the ground, N: all but the weight."""
     _, foundation = _on_supports(s, scene, "transmitted_force")
     weight = Vector(0.0, -foundation.mass * scene.linkage.gravity) + _total_weight(scene)
-    return norm(transmitted_force(s, scene) - weight, FORCE_WIDTH)
+    return norm(transmitted_force(s, scene) - weight, force_width(s, scene))
 
 
 def support_size(s: Snapshot, scene: AbstractScene, side: str) -> Scalar:
     """Return the length of the force of a support, N."""
-    return norm(support_force(s, scene, side), FORCE_WIDTH)
+    return norm(support_force(s, scene, side), force_width(s, scene))
 
 
 def frame_speed(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return the speed of G, m/s."""
-    return norm(frame_velocity(s, scene), SPEED_WIDTH)
+    width = stop_gradient(SPEED_WIDTH * scene.throw * scene.drive.speed)
+    return norm(frame_velocity(s, scene), width)
 
 
 def observables_at(joint: str, prefix: str, place: str) -> dict[str, Observable]:

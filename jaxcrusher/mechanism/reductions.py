@@ -17,8 +17,9 @@ ALL_THE_TIME = 1 - 1e-9
 # Instants a turn at which peaks, contact and the forces of an orbit are looked at: the length of a
 # reaction that passes near zero bends more sharply than the motion does.
 SAMPLES = 1024
-# Smooths a deviation (in the unit of its quantity) where it vanishes.
-DEVIATION_WIDTH = 1e-6
+# Smooths a deviation where it vanishes, as a share of the RMS of its quantity, whatever its unit; a
+# quantity that is zero throughout has slopes too.
+DEVIATION_WIDTH, NOTHING = 1e-8, 1e-30
 
 
 def require_orders(orders: int) -> None:
@@ -79,7 +80,8 @@ class Deviation(AbstractMean):
     def of_means(self, *means: Scalar) -> Scalar:
         """Return the root of the variance."""
         mean, square = means
-        return jnp.sqrt(jnp.maximum(square - mean**2, 0) + DEVIATION_WIDTH**2)
+        least = DEVIATION_WIDTH**2 * square + NOTHING**2
+        return jnp.sqrt(jnp.maximum(square - mean**2, 0) + least)
 
     def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
         """Return the root mean square of the pieces."""

@@ -55,8 +55,14 @@ def test_accelerations_reactions_and_energies(kind):
         assert len(found) == len(one) - 2
         # Rounding of sums of forces; where a pin flies, its bore feels nothing.
         force = 1e-10 * one["foundation_force"]
+        # The data smooth the length of a reaction that vanishes over 1e-6 N.
+        smoothed = {"foundation_force": 1e-6}
         for name, value in found.items():
             size = np.abs(one[name]).max(initial=0.0)
             np.testing.assert_allclose(
-                value, one[name], rtol=0, atol=1e-11 * size + force * (size < 1e-3), err_msg=name
+                value,
+                one[name],
+                rtol=0,
+                atol=1e-11 * size + force * (size < 1e-3) + smoothed.get(name, 0.0),
+                err_msg=name,
             )

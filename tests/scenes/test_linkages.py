@@ -519,6 +519,22 @@ def test_statistics_of_a_linkage_are_those_of_its_motion():
     assert float(kinetic_energy(s, scene)) > 0
 
 
+def test_statistics_of_a_small_machine_are_those_of_a_large_one():
+    """Masses of a thousandth and lengths of a tenth: forces of 1e-4, torques of 1e-5 as much."""
+    drawing, values, _ = read_linkage(EXAMPLES / "slider_crank.toml")
+    values = {name: one for name, one in values.items() if not name.startswith("joints.B.")}
+    values |= {"joints.B.bore.x": 0.12, "speed": 6.0}
+    small = {
+        name: one * {"kg": 1e-3, "m": 0.1, "kg m2": 1e-5}.get(NUMBERS[name].unit, 1.0)
+        for name, one in values.items()
+    }
+    scale = {"shaking_rms": 1e-4, "guide_force_rms": 1e-4, "rod_acceleration_rms": 0.1}
+    scale |= {"shaking_moment_rms": 1e-5, "drive_torque_rms": 1e-5, "drive_torque_peak": 1e-5}
+    one, other = (jc.statistics(drawing(**v), 0, 1, outputs=tuple(scale)) for v in (values, small))
+    for name, factor in scale.items():
+        assert float(other[name]) == pytest.approx(factor * float(one[name]), rel=1e-6), name
+
+
 def test_a_pin_that_impacts_winds_round_its_bore_while_they_touch():
     """By the angle of its eccentricity, which passes the centre at 0.01 clearances once."""
     scene = read_scene(EXAMPLES / "four_bar.toml")
