@@ -8,6 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import Scalar
 
+from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractBearing
@@ -100,14 +101,20 @@ def resting(
 
 
 class Given(AbstractStart):
-    """Any eccentricities and rates, of joints by their names; zero where none is given."""
+    """Any eccentricities and rates, of joints by their names; zero where none is given.
+
+    Raises ValueError for a joint that has no clearance, once it is asked for those of a scene.
+    """
 
     relative: Named[Vector] = eqx.field(converter=_named)  # in clearances
     rate: Named[Vector] = eqx.field(converter=_named, default_factory=Named)  # m/s
 
     def eccentricities(self, scene: AbstractScene) -> tuple[Named[Vector], Named[Vector]]:
         """Return them as given."""
-        still = Vector(0.0, 0.0)
+        loose, still = scene.joints.names, Vector(0.0, 0.0)
+        for name in (*self.relative.names, *self.rate.names):
+            must = f"name joints with clearance: {', '.join(loose)}"
+            require(name in loose, "start", must, name)
         return (
             scene.joints.map(lambda joint, at: joint.clearance * (at or still), self.relative),
             scene.joints.map(lambda _, at: at or still, self.rate),

@@ -41,10 +41,17 @@ def sliding(kind, **values):
 
 
 def placed(scene, *states):
-    """Return the scene with (e in clearances, e' in m/s) of A, B, C, O; the last is of the rest."""
+    """Return the scene with (e in clearances, e' in m/s) of A, B, C, O; the last is of the rest.
+
+    Those of joints without clearance are left out.
+    """
     states = [*states, *states[-1:] * len(JOINTS)]
     places, rates = (
-        {name: Vector(*state[part]) for name, state in zip(JOINTS, states, strict=False)}
+        {
+            name: Vector(*state[part])
+            for name, state in zip(JOINTS, states, strict=False)
+            if name in scene.joints
+        }
         for part in (0, 1)
     )
     return eqx.tree_at(lambda s: s.start, scene, Given(places, rates))

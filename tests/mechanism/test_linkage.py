@@ -12,6 +12,7 @@ from jaxcrusher.mechanism.acting import Push, Spring
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.motion import Crank, ideal_at_rest, moving
 from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.mechanism.topology import FRAME, forest
 
 
@@ -221,3 +222,11 @@ def test_a_force_at_no_body_is_refused(machine, forces, words):
     """A push of a frame on supports would turn it, though it is its own reaction."""
     with pytest.raises(ValueError, match=words):
         dataclasses.replace(machine("four-bar"), **forces)
+
+
+@pytest.mark.parametrize("at", [({"pivt": Vector(1.0, 0.0)},), ({}, {"base": Vector(0.1, 0.0)})])
+def test_a_start_of_a_joint_without_clearance_is_refused(machine, at):
+    """A name that is misspelt would start the pin in the middle."""
+    scene = dataclasses.replace(machine("four-bar", ("pivot",)), start=Given(*at))
+    with pytest.raises(ValueError, match="`start` must name joints with clearance: pivot, but is"):
+        scene.formulation.initial(scene)
