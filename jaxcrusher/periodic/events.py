@@ -148,8 +148,12 @@ def zeros(
     points, values = branch.points, np.array([test(point) for point in branch.points])
     found: dict[int, list[tuple[float, Point | None]]] = {}
     values = np.where(np.abs(values) > NOISE, values, 0.0)
-    for i in np.flatnonzero(values[:-1] * values[1:] < 0).tolist():
-        if i in without:
+    for here, there in itertools.pairwise(np.flatnonzero(values).tolist()):
+        i = (here + there) // 2
+        if values[here] * values[there] > 0 or i in without:
+            continue
+        if there > here + 1:  # a point of the branch is the zero
+            found[i] = [(0.0, points[i])]
             continue
         piece = _Piece(branch, points[i], points[i + 1])
         found[i] = [_located(piece, test, 0.0, 1.0)]

@@ -98,6 +98,19 @@ def test_folds_and_doublings_of_henons_map():
     np.testing.assert_allclose(doubling.parameter, 0.3675, atol=1e-8)
 
 
+@pytest.mark.parametrize("first", [0.25, 0.24])
+def test_a_point_of_the_branch_that_is_an_event(first):
+    """The rest of the logistic map has the multiplier r: it doubles at -1, where a step may end."""
+    rest = of_function(lambda state, number: number * state * (1 - state))
+    stride = Stride(first=first, longest=first, shortest=1e-4)
+    more = dict(scale=1.0, bounds=(-1.6, 0.5), stride=stride)
+    branch = follow(rest, np.zeros(1), -1.5, **more)
+    assert (np.abs(branch.parameter + 1).min() < 1e-12) == (first == 0.25)
+    (doubling,) = special_points(branch)
+    assert doubling.kind == "period doubling"
+    np.testing.assert_allclose(doubling.parameter, -1.0, atol=1e-8)
+
+
 def cycle(number):
     """Of two turns of Henon's map."""
     state = np.zeros(2)
