@@ -110,10 +110,14 @@ class CollocationProblem(AbstractPeriodicProblem):
     def resolved(
         self, u: np.ndarray, finer: bool
     ) -> tuple["CollocationProblem", np.ndarray] | None:
-        """Return twice as many nodes, up to the most that an orbit gets, or half as many."""
+        """Return twice as many nodes, up to the most that an orbit gets, or half as many.
+
+        Of these a turn has an even number.
+        """
         if finer and len(u) >= MOST_NODES * self.period:
             return None
-        return self, np.asarray(resample(jnp.asarray(u), 2 * len(u) if finer else len(u) // 2))
+        count = 2 * len(u) if finer else len(u) // (4 * self.period) * 2 * self.period
+        return self, np.asarray(resample(jnp.asarray(u), count))
 
     def weight(self, size: int) -> float:
         """Return that of a mean square."""

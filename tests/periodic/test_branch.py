@@ -128,3 +128,13 @@ def test_contact_is_watched_at_each_joint():
     # The root is searched for to 1e-12 of a step.
     np.testing.assert_allclose(lost.parameter, 0.5, atol=1e-11)
     np.testing.assert_allclose(lost.point.monitors, [1.0, 0.0], atol=1e-11)
+
+
+@pytest.mark.parametrize("turns", [1, 3])
+def test_coarser_equations_of_an_odd_half(turns):
+    """Half of 386 nodes a turn is no even number, which the equations and the turns ask for."""
+    family = lambda a: System(mathieu, jnp.asarray(2 * np.pi), (a, 0.0))  # noqa: E731
+    problem, nodes = CollocationProblem(family=family).over(turns, np.ones((386, 1)))
+    coarser, nodes = problem.resolved(nodes, False)
+    assert len(nodes) == 192 * turns and coarser.turns(nodes, None) == 1
+    np.testing.assert_allclose(coarser.residual(nodes, 0.5), -0.5, atol=1e-9)
