@@ -169,11 +169,11 @@ class ShootingProblem(AbstractPeriodicProblem):
             moved = self._slices(states + shift, p)[1]
             for k, one in enumerate(moved):
                 by_states[k, i] = grown(after[k + 1] @ one @ before[k])
-        by_p = []
-        for shift in np.diag(DIFFERENCE * np.abs(np.ravel(p))):
+        by_p, sizes = [], _sizes(np.ravel(p))
+        for shift in np.diag(DIFFERENCE * sizes):
             moved = self._slices(states, np.ravel(p) + shift)[1]
             by_p.append(grown(_products(moved)[-1]))
-        return Vanishing(value, (by_states.ravel(), np.array(by_p) / np.abs(np.ravel(p))))
+        return Vanishing(value, (by_states.ravel(), np.array(by_p) / sizes))
 
     def monitored(self, which: int, u: Any, p: Any, seen: Turns) -> Vanishing:
         """Return a monitor, with slopes by one-sided differences."""
@@ -185,7 +185,7 @@ class ShootingProblem(AbstractPeriodicProblem):
             return float(self.flow.monitors(jnp.asarray(numbers), section, self.period)[which])
 
         value = monitor(both)
-        steps = DIFFERENCE * np.concatenate([np.ones(states.shape[1]), np.abs(p)])
+        steps = DIFFERENCE * np.concatenate([np.ones(states.shape[1]), _sizes(p)])
         moved = np.array([monitor(both + shift) for shift in np.diag(steps)])
         by_section, by_p = np.split((moved - value) / steps, [states.shape[1]])
         by_states = np.zeros(states.shape)
@@ -212,6 +212,11 @@ class ShootingProblem(AbstractPeriodicProblem):
     def weight(self, size: int) -> float:
         """Return that of a mean over slices."""
         return 1 / (self.period * self.slices)
+
+
+def _sizes(p: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Return what steps of differences by parameters are shares of; 1 where one is zero."""
+    return np.where(p == 0, 1.0, np.abs(p))
 
 
 def _products(

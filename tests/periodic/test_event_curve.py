@@ -182,3 +182,27 @@ def test_a_bouncing_ball_doubles_its_period():
     _, both = followed(curve, special, 0.5, 0.1, (0.2, 0.9), upwards=True, points=40)
     assert both[-1, 1] > 0.8
     np.testing.assert_allclose(both[:, 0], exact(both[:, 1]), atol=1e-7)
+
+
+def henon(point, states):
+    (state,), (number, share) = states, point
+    ends = np.array([[1 - number * state[0] ** 2 + share * state[1], state[0]]])
+    forcing = np.array([[[-(state[0] ** 2), state[1]], [0.0, 0.0]]])
+    return ends, np.array([[[-2 * number * state[0], share], [1.0, 0.0]]]), forcing
+
+
+@pytest.mark.parametrize(
+    ("kind", "factor", "place"), [("fold", -1, 2), ("period doubling", 3, 2 / 3)]
+)
+def test_a_curve_from_where_a_number_is_zero(kind, factor, place):
+    """Henon's map folds at -(1 - b)^2 / 4 and doubles at 3 (1 - b)^2 / 4, and b may begin at 0."""
+    base = of_map(henon, watches=lambda p, state: p + state, watched=("one", "other"))
+    curve = curve_of(base, kind, (2,), 0.1, (-5.0, 5.0))
+    begin = curve.joined(np.full(2, place), factor / 4)
+    branch = follow(curve, begin, 0.0, scale=0.1, bounds=(-0.1, 0.1), points=30)
+    assert branch.ended == OUTSIDE
+    first = [float(curve.split(one.u, 0.0)[1][0]) for one in branch.points]
+    np.testing.assert_allclose(first, factor / 4 * (1 - branch.parameter) ** 2, atol=1e-12)
+    # Of what is watched too.
+    by_state, by_number = base.monitored(1, np.ones(2), np.array([1.0, 0.0]), None).slopes
+    np.testing.assert_allclose([*by_state, *by_number], [0, 1, 0, 1], atol=1e-9)
