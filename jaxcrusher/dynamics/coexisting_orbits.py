@@ -110,10 +110,7 @@ def coexisting_orbits(
     require_scene(scene)
     require_steady(scene)
     require_untraced("scene", scene, "coexisting_orbits", "jaxcrusher.periodic_orbit")
-    require_whole("starts", starts, 1)
-    require_positive("spread", spread, "clearances")
-    require_whole("turns", turns, 2 * LOOKS * CYCLE)
-    require_whole("seed", seed, 0)
+    _require_asked(starts, spread, turns, seed)
     require(not scene.is_ideal, "scene", "have a joint with clearance", "ideal ones")
     quiet = periodic_orbit(scene, effort="thorough")
     known = _Known(scene, [quiet] if bool(quiet.stable) else [])
@@ -159,6 +156,14 @@ def coexisting_orbits(
         np.where(labels < 0, -1, ranks[labels]),
         {why: count / starts for why, count in reasons.items() if count},
     )
+
+
+def _require_asked(starts: int, spread: float, turns: int, seed: int) -> None:
+    """Refuse numbers of a search that are out of range."""
+    require_whole("starts", starts, 1)
+    require_positive("spread", spread, "clearances")
+    require_whole("turns", turns, 2 * LOOKS * CYCLE)
+    require_whole("seed", seed, 0)
 
 
 def _shifted(
@@ -306,6 +311,7 @@ def basin_map(
     Raises ValueError for bad arguments, and as `jaxcrusher.coexisting_orbits` does.
     """
     require_set_up()
+    _require_asked(starts, spread, turns, seed)
     grid = make_grid(axes, base, scene)
     report = progress or (lambda finished, of: None)
     report(0, grid.size)
