@@ -15,7 +15,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxcrusher.basics.checks import require, require_choice, require_untraced, require_within
+from jaxcrusher.basics.checks import (
+    require,
+    require_choice,
+    require_positive,
+    require_untraced,
+    require_whole,
+    require_within,
+)
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.batch.engines import map_all
@@ -25,6 +32,7 @@ from jaxcrusher.mechanism.reductions import Statistic
 from jaxcrusher.mechanism.scene import AbstractScene, require_maker
 from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.indicators import Lyapunov
+from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.tangents import SLICES, Tangents, chain, changes, combine, tangents
 from jaxcrusher.orbits.result import PeriodicOrbit
@@ -123,12 +131,17 @@ def gradient_report(
     differences of orbits have none.
 
     Raises ValueError for an unknown metric, for no parameters, for a value of 0 without a scale,
-    and for an ideal joint.
+    for an ideal joint, and for a radius, turns, pairs, a seed or a tolerance out of range.
     """
     require_maker(scene)
     good = isinstance(parameters, Mapping) and len(parameters) > 0
     require(good, "parameters", 'name at least one number, as {"speed": 30.0}', repr(parameters))
     require_untraced("parameters", parameters, "gradient_report", "jaxcrusher.statistics")
+    require_positive("radius", radius, "")
+    whole = (("settle_turns", settle_turns, 0), ("turns", turns, 1), ("pairs", pairs, 1))
+    for name, number, least in (*whole, ("seed", seed, 0)):
+        require_whole(name, number, least)
+    require_tolerance(rtol)
     for name, value in parameters.items():
         require_within(f"parameters[{name!r}]", value, -np.inf, np.inf)
     names, numbers = tuple(parameters), np.array([*parameters.values()], dtype=float)

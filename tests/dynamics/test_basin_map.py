@@ -108,9 +108,7 @@ def test_a_stored_map_that_was_stopped_goes_on(tmp_path, monkeypatch):
         jc.basin_map({"speed": [27.0, 30.0]}, store=tmp_path / "map", seed=1, **how)
 
 
-@pytest.mark.parametrize(
-    "asked", [{"starts": -3}, {"spread": 0.0}, {"turns": 95}, {"seed": -1}]
-)
+@pytest.mark.parametrize("asked", [{"starts": -3}, {"spread": 0.0}, {"turns": 95}, {"seed": -1}])
 def test_what_is_out_of_range_is_refused_before_a_store_is_made(asked, tmp_path):
     (name,) = asked
     with pytest.raises(ValueError, match=f"^Argument `{name}` must be "):

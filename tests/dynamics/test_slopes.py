@@ -388,6 +388,33 @@ def test_a_value_of_zero_wants_a_scale():
         )
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"radius": -0.01},  # of which standard errors would be negative
+        {"radius": 0.0},
+        {"radius": np.nan},
+        {"turns": 0},
+        {"settle_turns": -1},
+        {"pairs": 0},
+        {"seed": -1},
+        {"rtol": -1e-9},
+    ],
+)
+def test_what_is_out_of_range_is_refused_at_once(asked):
+    def never(stage):
+        raise AssertionError(stage)
+
+    with pytest.raises(ValueError, match=f"^Argument `{next(iter(asked))}` must be "):
+        gradient_report(
+            lambda speed: jc.paper_scene(speed, 0.05e-3),
+            "foundation_rms",
+            {"speed": 27.0},
+            progress=never,
+            **asked,
+        )
+
+
 def test_unknown_metric():
     with pytest.raises(ValueError, match=r"^Argument `metric` must be one of 'foundation_rms'"):
         gradient_report(lambda speed: jc.ideal_scene(speed), "noise", {"speed": 30.0})
