@@ -27,8 +27,9 @@ def least_penetrations(x: Float[Array, "nodes dims"]) -> Float[Array, " joints"]
         def step(place: Scalar) -> Scalar:
             e, rate, bend = (evaluate(pin, place, order) for order in range(3))
             curve = rate @ rate + e @ bend
-            # A pin at rest is nowhere nearer.
-            return jnp.where(curve > 0, e @ rate / curve, 0.0) / (2 * np.pi)
+            # A pin at rest is nowhere nearer, and has slopes in reverse too.
+            bent = curve > 0
+            return jnp.where(bent, e @ rate, 0.0) / jnp.where(bent, 2 * np.pi * curve, 1.0)
 
         start = jnp.argmin(jnp.sum(grid**2, axis=1)) / len(grid)
         place = jax.lax.fori_loop(0, POLISHED, lambda _, place: place - step(place), start)
