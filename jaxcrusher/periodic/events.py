@@ -147,10 +147,10 @@ def zeros(
     """
     points, values = branch.points, np.array([test(point) for point in branch.points])
     found: dict[int, list[tuple[float, Point | None]]] = {}
-    values = np.where(np.abs(values) > NOISE, values, 0.0)
+    values = np.where(np.abs(values) <= NOISE, 0.0, values)
     for here, there in itertools.pairwise(np.flatnonzero(values).tolist()):
         i = (here + there) // 2
-        if values[here] * values[there] > 0 or i in without:
+        if not values[here] * values[there] < 0 or i in without:
             continue
         if there > here + 1:  # a point of the branch is the zero
             found[i] = [(0.0, points[i])]
