@@ -195,7 +195,8 @@ class Identified:
         not above zero.
         """
         require_orders(orders)
-        require_positive("noise", [*noise.values()] if isinstance(noise, Mapping) else noise, "")
+        given = [*noise.values()] if isinstance(noise, Mapping) else noise
+        require_positive("noise", np.array(given), "")
         problem, size = self.problem, np.array([*self.problem.size.values()])
         u = np.array([*self.values.values()]) / size
         known, observable = problem.quantities.observables, problem.quantities.observable

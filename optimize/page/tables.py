@@ -151,7 +151,7 @@ def _heading(row: Row) -> str:
 
 
 def _carried(row: Row) -> str:
-    phase = "" if isinstance(row.phase, str) else f" at {math.degrees(row.phase):z.0f}°"
+    phase = "" if isinstance(row.phase_rad, str) else f" at {math.degrees(row.phase_rad):z.0f}°"
     remark = f" ({row.remark})" if row.remark else ""
     return f"{formatting.number(row.value)}{phase}{remark}"
 
