@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import ArrayLike, Scalar
 
-from jaxcrusher.basics.checks import concrete, require, require_positive
+from jaxcrusher.basics.checks import concrete, require, require_positive, require_within
 from jaxcrusher.basics.plane import Vector, arm_to, optional_scalar, scalar
 from jaxcrusher.mechanism.equations import MovingFrame, Wrench
 from jaxcrusher.mechanism.linkage import Body
@@ -42,7 +43,7 @@ class OnSupports(AbstractFoundation):
     is a horizontal and a vertical spring and damper, fixed to the frame at (`left`, `base`) and
     (`right`, `base`) and unstrained where the frame stands as drawn. Stiffness and damping are of
     one support. Raises ValueError (concrete values only) for a mass, an inertia or a stiffness that
-    is not positive, and for a left support that is not left of the right one.
+    is not positive, a damping below zero, and a left support that is not left of the right one.
     """
 
     mass: Scalar = eqx.field(converter=scalar)  # M, kg
@@ -64,6 +65,9 @@ class OnSupports(AbstractFoundation):
         require_positive("foundation.inertia", self.inertia, "kg m2")
         for name in ("horizontal_stiffness", "vertical_stiffness"):
             require_positive(f"foundation.{name}", getattr(self, name), "N/m")
+        for name in ("horizontal_damping", "vertical_damping", "rocking_damping"):
+            damping = getattr(self, name)
+            require_within(f"foundation.{name}", 0.0 if damping is None else damping, 0.0, np.inf)
         left, right = concrete(self.left), concrete(self.right)
         if left is not None and right is not None:
             good = bool((left < right).all())

@@ -1,6 +1,7 @@
 """What holds for any linkage: power, momentum, and two formulations that share no equation."""
 
 import itertools
+from dataclasses import replace
 
 import equinox as eqx
 import jax
@@ -225,3 +226,10 @@ def test_pins_in_contact_rest(machine, linkages, name):
     # Eccentricities of 1e-4 m that turn at 20 rad/s and some of their harmonics: 0.04 m/s2 and
     # more. Forces of 600 N on 0.14 kg that nothing carried would leave 4000.
     assert max(map(float, left(scene))) < 0.1
+
+
+@pytest.mark.parametrize("name", ["horizontal_damping", "vertical_damping", "rocking_damping"])
+@pytest.mark.parametrize("damping", [-1.0, np.nan])
+def test_a_damper_takes_energy(name, damping):
+    with pytest.raises(ValueError, match=rf"^Argument `foundation\.{name}` must lie in \[0, inf\]"):
+        replace(SUPPORTS, **{name: damping})
