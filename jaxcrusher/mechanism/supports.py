@@ -43,7 +43,8 @@ class OnSupports(AbstractFoundation):
     is a horizontal and a vertical spring and damper, fixed to the frame at (`left`, `base`) and
     (`right`, `base`) and unstrained where the frame stands as drawn. Stiffness and damping are of
     one support. Raises ValueError (concrete values only) for a mass, an inertia or a stiffness that
-    is not positive, a damping below zero, and a left support that is not left of the right one.
+    is not positive, a damper below zero other than that of rocking, which takes part of the
+    vertical ones back, and a left support that is not left of the right one.
     """
 
     mass: Scalar = eqx.field(converter=scalar)  # M, kg
@@ -65,9 +66,8 @@ class OnSupports(AbstractFoundation):
         require_positive("foundation.inertia", self.inertia, "kg m2")
         for name in ("horizontal_stiffness", "vertical_stiffness"):
             require_positive(f"foundation.{name}", getattr(self, name), "N/m")
-        for name in ("horizontal_damping", "vertical_damping", "rocking_damping"):
-            damping = getattr(self, name)
-            require_within(f"foundation.{name}", 0.0 if damping is None else damping, 0.0, np.inf)
+        for name in ("horizontal_damping", "vertical_damping"):
+            require_within(f"foundation.{name}", getattr(self, name), 0.0, np.inf)
         left, right = concrete(self.left), concrete(self.right)
         if left is not None and right is not None:
             good = bool((left < right).all())

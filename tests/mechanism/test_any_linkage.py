@@ -228,7 +228,7 @@ def test_pins_in_contact_rest(machine, linkages, name):
     assert max(map(float, left(scene))) < 0.1
 
 
-@pytest.mark.parametrize("name", ["horizontal_damping", "vertical_damping", "rocking_damping"])
+@pytest.mark.parametrize("name", ["horizontal_damping", "vertical_damping"])
 @pytest.mark.parametrize("damping", [-1.0, np.nan])
 def test_a_damper_takes_energy(name, damping):
     with pytest.raises(ValueError, match=rf"^Argument `foundation\.{name}` must lie in \[0, inf\]"):
