@@ -66,9 +66,10 @@ def judged(
         return Row(name, i, NONE if words else DISAGREES, words, spent)
     try:
         state, rms = round_it(orbit)
-    except (RuntimeError, TimeoutError) as error:
-        verdict = OPEN if isinstance(error, TimeoutError) else DISAGREES
-        return Row(name, i, verdict, str(error), spent)
+    except TimeoutError as error:
+        return Row(name, i, OPEN, str(error), spent)
+    except RuntimeError as error:
+        return Row(name, i, DISAGREES, str(error), spent)
     multiplier = float(orbit.largest_multiplier)
     close = max(state, rms) <= ALLOWED * max(1.0, multiplier)
     inside = AGREES if bool(orbit.validity.inside) else OUTSIDE

@@ -401,14 +401,15 @@ def _running_up(turns: Turns, orders: int, site: Site) -> list[Row]:
     assert supports is not None
     moved, turned = turns.values["frame_displacement"], turns.values["frame_rotation"]
     pushing = [values for _, values in list(_exciting(turns).values())[:3]]
+    each = slice(turns.length - 1, None, turns.length)  # of the orders of a turn
     force, swing = (
-        np.array([_spectrum(one, orders * turns.length)[0] for one in curves])
+        np.array([_spectrum(one, orders * turns.length)[0][each] for one in curves])
         for curves in (pushing, (moved[..., 0], moved[..., 1], turned))
     )
     # The inertia of bodies that move with the frame is in the mass, and not in the force on it.
-    own = np.diag([float(supports.mass), float(supports.mass), float(supports.inertia)])
-    rates = float(scene.drive.speed) / turns.length * np.arange(1, force.shape[1] + 1)
-    force = (force - (mass - own) @ (rates**2 * swing))[:, turns.length - 1 :: turns.length]
+    carried = mass - np.diag([float(n) for n in (supports.mass, supports.mass, supports.inertia)])
+    rates = float(scene.drive.speed) * np.arange(1, force.shape[1] + 1)
+    force = force - carried @ (rates**2 * swing)
     for words, down in (("up", False), ("down", True)):
         path = run_up(scene, force, site.seconds, down=down)
         for i, axis in enumerate(SIDES):
