@@ -43,7 +43,7 @@ def test_files_of_a_sheet(tmp_path):
     expected = found.sel(quantity="left_force_y", order=2)
     # N and kN.
     assert float(second["value"]) == pytest.approx(1e-3 * float(expected.amplitude), rel=1e-9)
-    assert float(second["phase_rad"]) == pytest.approx(float(expected.phase_rad), rel=1e-9)
+    assert float(second["phase_rad"]) == pytest.approx(float(expected.phase), rel=1e-9)
     weight = row("force of both supports, vertically", "static", "static loads")
     assert float(weight["value"]) == pytest.approx(-9.81e-3 * 6641, rel=1e-9)
     velocity = float(row("velocity of G, vertically", "RMS", "motion")["value"])
@@ -128,8 +128,8 @@ def test_numbers_of_a_page():
         lines = foundation.grids([Row("part", "force", 1.0, value, "kN", **given)])["part"]
         return lines[-1][2]
 
-    assert shown(-0.0, phase=-1e-5) == "0"
-    assert shown(1.0, phase=np.pi / 2, ideal=1.00001) == "1 at 90°"
+    assert shown(-0.0, phase_rad=-1e-5) == "0"
+    assert shown(1.0, phase_rad=np.pi / 2, ideal=1.00001) == "1 at 90°"
     assert shown(1.0, ideal=2.0, scatter=0.0123) == "2 | 1 ± 0.012"
     assert shown(1.0, scatter=1e-6) == "1"
 
