@@ -77,8 +77,8 @@ def _measured(cupy: Any, sides: tuple[int, int]) -> Row:
     """Time sweeps, and the kernels of one by the card's clock."""
     events, warps = [], card._warps
 
-    def clocked(text: str, capability: str) -> Callable[..., None]:
-        kernel = warps(text, capability)
+    def clocked(text: str, device: int) -> Callable[..., None]:
+        kernel = warps(text, device)
 
         def launched(*operands: Any) -> None:
             began, ended = cupy.cuda.Event(), cupy.cuda.Event()

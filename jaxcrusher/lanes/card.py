@@ -1,9 +1,10 @@
 """A GPU of NVIDIA's as a target of lanes: a design in each of its threads, 32 threads to a warp.
 
-LLVM compiles the same functions as for the processor to PTX, NVIDIA's driver that to machine code,
-which is kept on disk. CuPy, which is optional, starts it. However many designs and segments there
-are, a batch is one copy to the card, one kernel and one copy back. All three are asynchronous, in a
-stream of their own: another thread's batch may be prepared or computed in the meantime.
+LLVM compiles the same functions as for the processor to PTX, which is kept on disk; NVIDIA's driver
+makes machine code of it, which it keeps itself. CuPy, which is optional, starts it. However many
+designs and segments there are, a batch is one copy to the card, one kernel and one copy back. All
+three are asynchronous, in a stream of their own: another thread's batch may be prepared or computed
+in the meantime.
 """
 
 import contextlib
@@ -37,7 +38,7 @@ define ptx_kernel void @warps(ptr %tables) {{
   ret void
 }}
 """
-# Warps of a multiprocessor: enough to hide that each waits for its numbers.
+# Warps of a multiprocessor. Sixteen leave a thread 128 registers, and took 1.16 times as long.
 _WARPS_OF_EACH = 8
 # Bytes from one array to the next are a multiple of this, which a warp reads at once.
 _ALIGNED = 128
@@ -69,19 +70,14 @@ def _cupy() -> Any:
 
 
 @cache
-def _warps(text: str, capability: str) -> Any:
-    """Return the kernel of a text for cards of this capability, compiled once for a driver."""
-    cupy = _cupy()
+def _warps(text: str, device: int) -> Any:
+    """Return the kernel of a text on a device, compiled once.
 
-    def compiled() -> bytes:
-        link = cupy.cuda.function.LinkState()
-        link.add_ptr_data(ptx(text), "warps.ptx")
-        return link.complete()
-
-    driver = str(cupy.cuda.runtime.driverGetVersion())
-    key = (text, _ENTRY, _GENERATION, capability, driver, version("llvmlite"))
-    module = cupy.cuda.function.Module()
-    module.load(kept("cubin", compiled, *key))
+    The driver takes the text as a whole. CuPy's linker compiles functions apart, and kernels took
+    1.17 times as long.
+    """
+    module = _cupy().cuda.function.Module()
+    module.load(kept("ptx", lambda: ptx(text), text, _ENTRY, _GENERATION, version("llvmlite")))
     return module.get_function("warps")
 
 
@@ -129,7 +125,7 @@ def _on_warps(kernels: Kernels, shared: Shared) -> Shared:
     cupy = _cupy()
     device = cupy.cuda.Device()
     with _LOCK:
-        warps = _warps(kernels.text, str(device.compute_capability))
+        warps = _warps(kernels.text, device.id)
     most = _WARPS_OF_EACH * device.attributes["MultiProcessorCount"]
     count = min(-(-len(shared.starts) // WARPS.lanes), most)
     with _stream(cupy) as stream:

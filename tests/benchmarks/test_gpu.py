@@ -35,8 +35,6 @@ def test_a_card_fills_the_page(simulated: Card, monkeypatch, tmp_path):  # noqa:
     # Each kernel takes a millisecond.
     simulated.cuda.get_elapsed_time = lambda began, ended: float(ended.at - began.at)
     simulated.cuda.runtime.getDeviceProperties = lambda device: {"name": b"a card"}
-    device = simulated.cuda.Device()
-    device.id = 0
     monkeypatch.setattr(program, "finds_card", lambda: True)
     monkeypatch.setattr(program, "SIDES", ((2, 1),))
     monkeypatch.setattr(program, "ON_CORES", (2, 1))

@@ -32,23 +32,19 @@ class Memory(np.ndarray):
 class Card:
     """CuPy, whose card is the processor, and how often it was used for what.
 
-    It takes the text that PTX is made of, not PTX, and "links" it to machine code.
+    It takes the text that PTX is made of, not PTX, and compiles that for the processor.
     """
 
     def __init__(self):
         self.used = Counter()
-        attributes = {"MultiProcessorCount": 1}
-        device = SimpleNamespace(attributes=attributes, compute_capability="90")
-        self.driver = 13000
-        runtime = SimpleNamespace(driverGetVersion=lambda: self.driver)
-        function = SimpleNamespace(LinkState=self.link, Module=self.module)
+        device = SimpleNamespace(attributes={"MultiProcessorCount": 1}, id=0)
         self.cuda = SimpleNamespace(
             Device=lambda: device,
             Stream=lambda non_blocking: self.stream(),
             alloc=self.alloc,
             alloc_pinned_memory=self.pinned,
-            function=function,
-            runtime=runtime,
+            function=SimpleNamespace(Module=self.module),
+            runtime=SimpleNamespace(),
         )
 
     def pinned(self, size):
@@ -72,11 +68,9 @@ class Card:
         self.used["streams"] += 1
         return _Stream()
 
-    def link(self):
+    def compile(self, text):
         self.used["compiled"] += 1
-        given = []
-        add = lambda data, name: given.append(data)  # noqa: E731
-        return SimpleNamespace(add_ptr_data=add, complete=lambda: given[0])
+        return text.encode()
 
     def module(self):
         return _Module(self)
@@ -123,7 +117,7 @@ def simulated(monkeypatch, tmp_path):
     """The `Card`, with a folder of its own for machine code."""
     found = Card()
     monkeypatch.setitem(sys.modules, "cupy", found)
-    monkeypatch.setattr(card, "ptx", str.encode)
+    monkeypatch.setattr(card, "ptx", found.compile)
     monkeypatch.setattr(card, "_STREAMS", [])
     monkeypatch.setattr(machine, "cache_folder", lambda: tmp_path)
     card._warps.cache_clear()
@@ -225,22 +219,26 @@ def test_a_failure_on_a_real_card_stays_in_its_thread():
         np.testing.assert_allclose(found[name], exact[name], rtol=0, atol=1e-9)
 
 
-def test_machine_code_is_kept_for_a_card_and_its_driver(simulated, tmp_path):
+def test_ptx_is_kept(simulated, monkeypatch, tmp_path):
     def again():
         card._warps.cache_clear()
         map_all(_run, _swings(3), engine=on_gpu)
-        return simulated.used["compiled"], len(list(tmp_path.glob("*.cubin")))
+        return simulated.used["compiled"], len(list(tmp_path.glob("*.ptx")))
 
     assert again() == (1, 1)
     assert again() == (1, 1)  # found in the folder
-    simulated.driver += 10
-    assert again() == (2, 2)
-    simulated.cuda.Device().compute_capability = "100"
-    assert again() == (3, 3)
-    broken = next(tmp_path.glob("*.cubin"))
-    for file in tmp_path.glob("*.cubin"):
+    for file in tmp_path.glob("*.ptx"):
         file.write_bytes(file.read_bytes()[:-1])
-    assert again() == (4, 3) and broken.exists()
+    assert again() == (2, 1)
+    monkeypatch.setattr(card, "_ENTRY", card._ENTRY + "; a thread starts otherwise")
+    assert again() == (3, 2)
+
+
+def test_each_device_has_its_kernel(simulated):
+    for device in (0, 0, 1):
+        simulated.cuda.Device().id = device
+        map_all(_run, _swings(3), engine=on_gpu)
+    assert card._warps.cache_info().currsize == 2 and simulated.used["compiled"] == 1
 
 
 def test_the_text_is_taken_by_the_compiler_of_nvidia(simulated, monkeypatch, tmp_path):
