@@ -8,6 +8,7 @@ import os
 import pathlib
 import shutil
 import tempfile
+import time
 
 import jaxtyping
 import pytest
@@ -62,9 +63,23 @@ os.environ["XLA_FLAGS"] = FLAGS
 # After it: this imports Equinox, which reads then what `set_up` tells it.
 from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, PARAMETERS  # noqa: E402
 
-# Seconds of the processor: 10 on an idle machine, and twice that on a busy one. Where all tests run
-# the machine may be another one, half as fast.
-QUICK = 20
+
+
+def _slowness():
+    """Return how many times as long as usual this machine takes for a loop of Python's."""
+    took = []
+    for _ in range(3):
+        began = time.process_time()
+        for _ in range(1_000_000):
+            pass
+        took.append(time.process_time() - began)
+    return max(1, min(took) / USUAL)
+
+
+# Seconds of the processor: 10 on an idle machine, and twice that on a busy one; on a slower machine
+# as many times more as it takes for a loop that usually takes `USUAL` seconds.
+USUAL = 0.02
+QUICK = 20 * _slowness()
 
 
 def pytest_addoption(parser):
@@ -115,9 +130,8 @@ def pytest_runtest_call(item):
     before = sum(os.times()[:4])  # of this process and of those that it waited for
     result = yield
     spent = sum(os.times()[:4]) - before
-    slowness = 2 if item.config.getoption("all") else 1
-    if spent > slowness * QUICK and item.get_closest_marker("slow") is None:
-        reason = f"{spent:.0f} s of the processor, and a quick test takes {QUICK} s at most"
+    if spent > QUICK and item.get_closest_marker("slow") is None:
+        reason = f"{spent:.0f} s of the processor, and a quick test takes {QUICK:.0f} s at most"
         pytest.fail(f"{reason}: make it cheaper, or mark it `slow`.", pytrace=False)
     return result
 
