@@ -64,7 +64,6 @@ os.environ["XLA_FLAGS"] = FLAGS
 from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, PARAMETERS  # noqa: E402
 
 
-
 def _slowness():
     """Return how many times as long as usual this machine takes for a loop of Python's."""
     took = []
