@@ -41,16 +41,12 @@ def main(only: str = "", html: Path | None = None) -> None:
         export(only, html)
         return
     import nbformat
-    from nbclient import NotebookClient
 
     # Programs draw to files, notebooks into themselves.
     os.environ.pop("MPLBACKEND", None)
     for path in sorted(HERE.glob(f"{only}*.ipynb")):
-        notebook = nbformat.read(path, as_version=4)
-        metadata, before = dict(notebook.metadata), os.times()
-        client = NotebookClient(notebook, timeout=600, record_timing=False)
-        client.resources = {"metadata": {"path": str(HERE)}}
-        client.execute()
+        metadata, before = dict(nbformat.read(path, as_version=4).metadata), os.times()
+        notebook = executed(path)
         for cell in notebook.cells:
             if cell.cell_type == "code":
                 cell.outputs, cell.execution_count = list(kept(cell.outputs)), None
@@ -59,6 +55,18 @@ def main(only: str = "", html: Path | None = None) -> None:
         after = os.times()
         used = sum(after[2:4]) - sum(before[2:4])
         print(f"{path.name}: {used:.0f} s of processor, {path.stat().st_size / 1e3:.0f} kB")
+
+
+def executed(path: Path):
+    """Return a notebook with what its code shows now, in a kernel of its own."""
+    import nbformat
+    from nbclient import NotebookClient
+
+    notebook = nbformat.read(path, as_version=4)
+    client = NotebookClient(notebook, timeout=600, record_timing=False)
+    client.resources = {"metadata": {"path": str(path.parent)}}
+    client.execute()
+    return notebook
 
 
 def export(only: str, folder: Path) -> None:

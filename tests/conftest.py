@@ -46,7 +46,7 @@ jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE
 # compilation is left. Two look at loops and take longest; with all optimisations programs run a
 # fifth faster for them, so users have them. The third moves reshapes that another pass moves back,
 # so that all passes ran 25 times over. The fourth checks XLA's own work. XLA reads the flag as JAX
-# starts. Notebooks and subprocesses run as users have them.
+# starts. Subprocesses run as users have them.
 jc.set_up()
 atexit.register(gc.freeze)  # at the end nobody looks for garbage among all that was traced
 FLAGS = os.environ["XLA_FLAGS"]
@@ -82,21 +82,19 @@ QUICK = 20 * _slowness()
 
 
 def pytest_addoption(parser):
-    parser.addoption("--all", action="store_true", help="run slow tests and notebooks too")
+    parser.addoption("--all", action="store_true", help="run slow tests too")
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave slow tests and notebooks out unless they are named; put the rest in order.
+    """Leave slow tests out unless they are named; put the others of a file first.
 
-    Tests that are compiled with all optimisations come last in their file. Notebooks are spread
-    over the run: side by side they compile the same programs twice.
+    Tests that are compiled with all optimisations come last in their file.
     """
-    named = [arg for arg in config.args if "::" in arg or arg.endswith(".ipynb")]
-    named = {(config.invocation_params.dir / arg.split("::")[0]).resolve() for arg in named}
+    named = [arg.split("::")[0] for arg in config.args if "::" in arg]
+    named = {(config.invocation_params.dir / path).resolve() for path in named}
 
     def left_out(item):
-        slow = item.path.suffix == ".ipynb" or item.get_closest_marker("slow")
-        return slow and item.path not in named
+        return item.get_closest_marker("slow") and item.path not in named
 
     if not config.getoption("all"):
         config.hook.pytest_deselected(items=[item for item in items if left_out(item)])
@@ -105,12 +103,7 @@ def pytest_collection_modifyitems(config, items):
         sorted(group, key=lambda item: item.get_closest_marker("optimised") is not None)
         for _, group in itertools.groupby(items, key=lambda item: item.path)
     ]
-    notebooks = [file for file in files if file[0].path.suffix == ".ipynb"]
-    order = [file for file in files if file[0].path.suffix != ".ipynb"]
-    apart = len(order) // max(len(notebooks), 1)
-    for i, notebook in reversed(list(enumerate(notebooks))):
-        order.insert(i * apart, notebook)
-    items[:] = itertools.chain.from_iterable(order)
+    items[:] = itertools.chain.from_iterable(files)
 
 
 @pytest.hookimpl(wrapper=True)

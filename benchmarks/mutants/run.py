@@ -180,8 +180,7 @@ class Judge:
                 stdout=subprocess.PIPE,
                 text=True,
             )
-        # Pytest's plugin of notebooks takes four seconds to start.
-        words = ["-o", "addopts=", "-p", "no:nbmake"]
+        words = ["-o", "addopts="]
         words += ["-x", "-q", "--tb=no", "-rfE", "--durations=0", "-m", tier, *tests]
         words += [word for name in left_out for word in ("--deselect", name)]
         assert self.process.stdin and self.process.stdout

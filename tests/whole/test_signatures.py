@@ -12,7 +12,7 @@ ROOT = pathlib.Path(__file__).parents[2]
 
 @pytest.mark.slow
 def test_quick_tests_of_these_rooms_pass_with_their_signatures_checked():
-    words = "-m pytest -o addopts= -q --tb=short -p no:nbmake".split()
+    words = "-m pytest -o addopts= -q --tb=short".split()
     rooms = [f"tests/{room}" for room in ("basics", "joint", "mechanism")]
     run = ended(*words, *rooms, cwd=ROOT, env=os.environ | {"JAXCRUSHER_CHECKED": "all"})
     assert run.returncode == 0, run.stdout[-3000:]

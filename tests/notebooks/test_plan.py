@@ -1,4 +1,4 @@
-"""Notebooks teach by one plan, and what they show is current; nbmake runs them."""
+"""Notebooks teach by one plan, and their pictures are of their code."""
 
 import re
 from pathlib import Path

@@ -1,0 +1,42 @@
+"""Notebooks run, and print what is kept in them."""
+
+import re
+
+import pytest
+
+from notebooks.make import executed
+from tests.notebooks.test_plan import FOLDER, NOTEBOOKS, cells
+
+# What these print hangs on no clock and on no chaotic motion.
+SAME_EVERYWHERE = ("01", "02", "05", "07", "08")
+NUMBER = re.compile(r"-?\d+(?:\.(\d+))?(?:e([-+]\d+))?")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_runs_and_prints_what_it_shows(path, monkeypatch, capsys):
+    """In this process: a kernel imports for longer than most compute."""
+    monkeypatch.chdir(FOLDER)
+    names, code = {}, cells(path, "code")
+    for cell in code:
+        exec(compile(cell.source, path.name, "exec"), names)
+    if path.stem.startswith(SAME_EVERYWHERE):
+        printed = capsys.readouterr().out
+        outputs = [output for cell in code for output in cell.outputs]
+        shown = "".join(output.get("text", "") for output in outputs)
+        assert NUMBER.sub("", printed).split() == NUMBER.sub("", shown).split()
+        for now, before in zip(NUMBER.finditer(printed), NUMBER.finditer(shown), strict=True):
+            # Programs that are compiled otherwise round the last digit to either side.
+            last = 10.0 ** (int(before[2] or 0) - len(before[1] or ""))
+            assert abs(float(now[0]) - float(before[0])) <= 1.01 * last, (now[0], before[0])
+
+
+@pytest.mark.slow
+def test_the_shortest_runs_in_a_kernel_and_shows_its_pictures(monkeypatch):
+    monkeypatch.delenv("MPLBACKEND", raising=False)
+    outputs = [
+        output
+        for cell in executed(FOLDER / "03_map_of_regimes.ipynb").cells
+        for output in cell.get("outputs", [])
+    ]
+    assert sum("image/png" in output.get("data", {}) for output in outputs) == 3
