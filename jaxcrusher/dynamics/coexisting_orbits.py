@@ -43,7 +43,7 @@ AS_NARROW, SLACK = 1.25, 1e-4
 WIDE = 0.1
 # An oscillation no wider, in clearances, is shot for at once; others may yet narrow.
 NARROW = 0.01
-# Two orbits whose RMS agrees so well are one.
+# Two orbits whose RMS agrees so well are one, unless they are mirror images.
 SAME = 1e-6
 # Searches that fail, after which no more begins: each costs as much as all the starts.
 MOST_FAILURES = 3
@@ -259,7 +259,10 @@ class _Known:
 def _same(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     leading = one.scene.leading
     apart = abs(float(one[leading]) / float(other[leading]) - 1)
-    return one.period % other.period == 0 and apart < SAME
+    if one.period % other.period or apart >= SAME:
+        return False
+    section = np.tile(section_of(other), (one.period // other.period, 1))
+    return distance(section_of(one), section) < NEAR
 
 
 # What a design holds.

@@ -147,6 +147,19 @@ def test_known_orbits_are_not_shot_for_again(monkeypatch):
     assert known.approached(before, far) is None
 
 
+@pytest.mark.usefixtures("unchecked")  # what stands for orbits is none
+def test_orbits_that_are_mirror_images_are_two(monkeypatch):
+    """All statistics of the two are equal; one orbit of twice the turns is the same."""
+    monkeypatch.setattr(module, "section_of", lambda orbit: orbit.section)
+    here, there = Orbit([[0.5, 0.0], [-0.2, 0.0]]), Orbit([[-0.5, 0.0], [0.2, 0.0]])
+    there.foundation_rms = here.foundation_rms
+    assert not module._same(here, there) and module._same(here, here)
+    again = Orbit([[-0.2, 0.0], [0.5, 0.0]] * 2)
+    again.foundation_rms = here.foundation_rms
+    assert module._same(again, here) and not module._same(again, there)
+    assert not module._same(here, again)
+
+
 @pytest.mark.usefixtures("unchecked")  # what stands for the orbit is none
 def test_starts_whose_runs_fail_come_to_no_orbit(monkeypatch):
     def failing(function, cases, chunk, **_):
