@@ -8,7 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
+from jaxcrusher.basics.checks import (
+    require,
+    require_positive,
+    require_untraced,
+    require_whole,
+    require_within,
+)
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.mechanism.scene import AbstractScene
@@ -60,7 +66,7 @@ def bifurcation_curve(
     require(good, "event", f"be one of {known} that is located", event.kind)
     assert event.point is not None
     for name, one, (low, high) in zip(("event", "second"), at, bounds, strict=True):
-        require(low <= one <= high, name, f"lie in the bounds [{low:g}, {high:g}]", one)
+        require_within(name, one, low, high)
     scales = (abs(at[0]) / 30, abs(at[1]) / 30) if scales is None else scales
     for scale in scales:
         require_positive("scales", scale, "")

@@ -17,6 +17,7 @@ from jaxcrusher.basics.checks import (
     require_positive,
     require_untraced,
     require_whole,
+    require_within,
 )
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.basics.traced import traced
@@ -170,7 +171,7 @@ def orbit_branch(
     require_maker(scene)
     require_untraced("start", (start, bounds), "orbit_branch", "jaxcrusher.periodic_orbit")
     value, (low, high) = start.parameter if isinstance(start, Departure) else start, bounds
-    require(low <= value <= high, "start", f"lie in the bounds [{low:g}, {high:g}]", value)
+    require_within("start", value, low, high)
     scale = abs(value) / 30 if scale is None else scale
     require_positive("scale", scale, "")
     scene = traced(scene, jnp.asarray(value, float))
