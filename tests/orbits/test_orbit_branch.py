@@ -84,11 +84,14 @@ def test_a_branch_is_made_of_orbits():
     assert bool(table.stable.all())
 
 
+def test_a_start_that_is_no_number_is_refused(unchecked):
+    with pytest.raises(ValueError, match="`start` must be a number, but is 'x'"):
+        jc.orbit_branch(scene, "x", (31.0, 32.0))  # pyright: ignore[reportArgumentType]
+
+
 def test_refusals():
     with pytest.raises(ValueError, match=r"`start` must lie in \[31, 32\], but is 30.0"):
         jc.orbit_branch(scene, 30.0, (31.0, 32.0))
-    with pytest.raises(ValueError, match="`start` must be a number, but is 'x'"):
-        jc.orbit_branch(scene, "x", (31.0, 32.0))  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match="`points` must be a whole number"):
         jc.orbit_branch(scene, 30.0, (29.0, 32.0), points=0)
     lost = missing(jc.paper_scene(30.0, 0.1e-3), 2, RESULTS.not_closed)
