@@ -282,7 +282,7 @@ def require_possible(values: Mapping[str, Any], axes: Mapping[str, Sequence[Any]
 # The numbers that differ from machine to machine.
 OF_A_MACHINE = (
     *("bore_radius", "shaft.", "jaw.", "toggle.", "bearing.", "chamber.", "rod."),
-    *("elbow.bore_radius", "pivot.bore_radius", "foundation.", "rollers."),
+    *(*(f"{joint}.bore_radius" for joint in WORN_JOINTS), "foundation.", "rollers."),
 )
 
 

@@ -108,6 +108,7 @@ def test_numbers_that_a_scene_file_leaves_to_the_paper_are_told(capsys):
         ({"foundation.mass": 1e5, "foundation.soil.shear_modulus": 6e7}, 11, "soil.width 2000 mm"),
         ({"contact_law": "rollers"}, 10, "rollers.static_rating 1.12e+06 N"),
         ({"elbow.clearance": 1e-4}, 1, "elbow.bore_radius 40 mm"),
+        ({"shaft_bearing.clearance": 1e-4}, 1, "shaft_bearing.bore_radius 70 mm"),
         ({"rod.stiffness": 1e5, "load_scatter": 0.1}, 6, "rod.jaw_along 650 mm"),
     ):
         tell_borrowed(whole | part, Path("mine.toml"))
