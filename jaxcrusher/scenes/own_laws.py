@@ -115,8 +115,19 @@ def make_known(entries: Iterable[tuple[str, Any]], folder: Path = Path()) -> Non
 
 
 def check_described(values: Mapping[str, Any]) -> None:
-    """Check a description, whose laws may be one's own; raises as `check_description` does."""
+    """Check a description, whose laws may be one's own; raises as `check_description` does.
+
+    Raises ValueError too for a number that two laws of one joint would take.
+    """
     make_known(values.items())
+    taken: dict[str, str] = {}
+    for name, text in values.items():
+        for field in dataclasses.fields(law_class(name, text)) if is_own(name, text) else ():
+            key = f"{OPEN[name][1]}.{field.name}"
+            other = taken.setdefault(key, text)
+            known = PARAMETERS.get(key)
+            clash = other != text and key in values and known is not None and known.limits is _ANY
+            require(not clash, key, "be a number of one law", f"of {other} and of {text}")
     check_description({name: value for name, value in values.items() if not is_own(name, value)})
 
 

@@ -253,6 +253,22 @@ def test_what_is_refused(laws, tmp_path):
         assert "\n" not in str(error.value)
 
 
+def test_a_number_of_two_laws_is_refused():
+    """A width in m/s of friction must not become a corner of the contact, in m."""
+    here = "jaxcrusher.joint"
+    laws = {
+        "contact_law": f"{here}.cylinders:Johnson",
+        "friction_law": f"{here}.friction:Stribeck",
+    }
+    friction = jc.build_scene(laws).joint.friction
+    assert friction is not None and friction.width == 0.01
+    for prefix, section in (("", "contact"), ("elbow.", "elbow")):
+        both = {f"{prefix}{name}": law for name, law in laws.items()}
+        loose = {"elbow.clearance": 1e-4, f"{section}.width": 0.02}
+        with pytest.raises(ValueError, match=f"`{section}.width` must be a number of one law"):
+            jc.build_scene(loose | both)
+
+
 def test_an_elbow_has_a_law_of_its_own(laws, tmp_path):
     read_scene_file(tmp_path / "scene.toml")
     values = {"elbow.contact_law": f"{laws}:KelvinVoigt", "elbow.clearance": 1e-4}
