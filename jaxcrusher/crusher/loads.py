@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics import smooth
-from jaxcrusher.basics.checks import nan_unless
+from jaxcrusher.basics.checks import nan_unless, primal, require
 from jaxcrusher.basics.periodic_spline import PeriodicSeries, PeriodicSpline
 from jaxcrusher.basics.plane import Arm, Vector, direction, optional_scalar, scalar
 from jaxcrusher.crusher.capacity import ANGLES, stationary
@@ -61,8 +61,10 @@ class JawMotion(eqx.Module):
 
     @property
     def away(self) -> Vector:
-        """Return the unit vector across the jaw, away from the fixed jaw."""
-        return self.axis.perp()
+        """Return the unit vector across the jaw, away from the fixed jaw, to the toggle's side."""
+        (side,) = self.motion.linkage.sides
+        left = self.axis.perp()
+        return left if side < 0 else -left
 
     @property
     def spin(self) -> Scalar:
@@ -176,7 +178,8 @@ class HalfSineStroke(AbstractConstantLoad):
 def closing_stroke_of(linkage: Linkage, along: Scalar | float | None) -> tuple[Scalar, Scalar]:
     """Return middle and span (rad) of the angles theta1 over which a point of the jaw closes.
 
-    `along` as in `JawForce`; the joints are ideal. To some 1e-5 rad.
+    `along` as in `JawForce`; the joints are ideal. To some 1e-5 rad. The span of a point that does
+    not close just once in a turn is NaN.
     """
     step = 2 * jnp.pi / _ANGLES
     angles = step * jnp.arange(_ANGLES)
@@ -195,8 +198,9 @@ def closing_stroke_of(linkage: Linkage, along: Scalar | float | None) -> tuple[S
         index = jnp.argmax(at)
         return angles[index] + step * now[index] / (now[index] - then[index])
 
-    begin, end = change((now <= 0) & (then > 0)), change((now > 0) & (then <= 0))
-    span = jnp.mod(end - begin, 2 * jnp.pi)
+    begins = (now <= 0) & (then > 0)
+    begin, end = change(begins), change((now > 0) & (then <= 0))
+    span = nan_unless(jnp.sum(begins) == 1, jnp.mod(end - begin, 2 * jnp.pi))
     return begin + span / 2, span
 
 
@@ -252,7 +256,8 @@ def crushing_bed(
     """Return the bed between the jaws of a machine.
 
     The chamber reaches `height` (m) up from B and is `length` (m) long. The bed is `discharge` (m)
-    wide at B and wider upwards by the tangent of `nip_angle` (rad).
+    wide at B and wider upwards by the tangent of `nip_angle` (rad). Raises ValueError for one that
+    the jaw would press to nothing; one that is only known to `jax.jit` is NaN.
     """
     half = height / 2
     along = machine.jaw.length - half * (1 - _PLACES)
@@ -264,11 +269,19 @@ def crushing_bed(
 
     angles = jnp.linspace(0, 2 * jnp.pi, ANGLES, endpoint=False)
     held = jax.lax.stop_gradient((along, machine, towards))
-    near = angles[jnp.argmin(jax.vmap(lambda angle: reach(angle, *held))(angles), axis=0)]
+    seen = jax.vmap(lambda angle: reach(angle, *held))(angles)
+    near = angles[jnp.argmin(seen, axis=0)]
     furthest = jax.vmap(lambda angle, at: stationary(reach, angle, at, machine, towards))(
         near, along
     )
     at_rest = jax.vmap(reach, (0, 0, None, None))(furthest, along, machine, towards)
+    left = widths - (jnp.max(seen, axis=0) - at_rest)
+    known, opening = primal(left), primal(discharge)
+    if known is None or opening is None:
+        widths = nan_unless(jnp.all(left > 0), widths)
+    else:
+        must = "be wider than the jaw presses the bed at each depth"
+        require(bool(np.all(known > 0)), "chamber.discharge", must, f"{1e3 * opening:g} mm")
     areas = length * half * jnp.asarray(_WEIGHTS)
     return CrushingBed(along, areas, widths, at_rest, towards, modulus, exponent)
 

@@ -8,9 +8,19 @@ import pytest
 from scipy.integrate import quad
 
 import jaxcrusher as jc
+from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher import observables as ob
-from jaxcrusher.crusher.loads import AbstractLoad, JawForce
+from jaxcrusher.crusher.loads import (
+    AbstractLoad,
+    ClosingStroke,
+    JawForce,
+    JawMotion,
+    NormalToJaw,
+)
+from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.mechanism.acting import push_power
+from jaxcrusher.mechanism.motion import Crank, moving
+from jaxcrusher.mechanism.named import Named
 from tests.crusher.kinds import KINDS, at_start, check_laws, sliding
 from tests.pairs import crossed, slow
 
@@ -126,6 +136,59 @@ def test_edges_of_a_closing_load_are_half_sines():
     np.testing.assert_allclose(edged, (1 - np.cos(np.pi * inside)) / 2, atol=0.012)
     with pytest.raises(ValueError, match="come with `load_law=closing_stroke`"):
         jc.build_scene({"load_law": "normal_to_jaw", "load_edge": 0.2})
+
+
+def test_an_edged_load_is_refused_where_its_stroke_has_no_room_for_it():
+    """B of a jaw that stands across its toggle closes twice a turn; a traced edge becomes NaN."""
+    described = {"joint": "ideal", "load_law": "closing_stroke"}
+    twice = described | {"bearing.distance": 0.75, "load_point": 0.695, "load_edge": 0.2}
+    with pytest.raises(ValueError, match="must come with a point of the jaw that closes once"):
+        jc.build_scene(twice)
+
+    def edge(value):
+        short = {"bearing.distance": 0.75, "load_point": 0.65, "load_edge": value}
+        return jc.build_scene(described | short).load.edge
+
+    with pytest.raises(ValueError, match="be at most half of the closing stroke, 72"):
+        edge(1.4)
+    np.testing.assert_array_equal(jax.vmap(edge)(jnp.array([1.2, 1.4])), [1.2, np.nan])
+
+
+def test_a_mirrored_crusher_has_mirrored_loads():
+    """With its elbow to the left of C-A a crusher has its fixed jaw to the left of its jaw."""
+    one = jc.build_scene({"joint": "ideal"}).machine
+
+    def mirrored(vector, x, y):
+        return Vector(x * vector.x, y * vector.y)
+
+    other = Machine(
+        eqx.tree_at(lambda s: s.mass_centre, one.shaft, mirrored(one.shaft.mass_centre, 1, -1)),
+        eqx.tree_at(lambda s: s.mass_centre, one.jaw, mirrored(one.jaw.mass_centre, 1, -1)),
+        one.toggle,
+        mirrored(one.bearing, -1, 1),
+        elbow_side=1,
+    )
+    for angle in (0.3, 5.6):
+        crank, back = Crank(jnp.asarray(angle), 30.0), Crank(jnp.asarray(np.pi - angle), -30.0)
+        for load in (NormalToJaw(8e3, 0.5), ClosingStroke(8e3, 0.5)):
+            here, there = (
+                load.force(JawMotion(moving(machine.linkage, turn, Named(), Named()))).force.array()
+                for machine, turn in ((one, crank), (other, back))
+            )
+            np.testing.assert_allclose(there, here * np.array([-1, 1]), rtol=1e-9, atol=1e-6)
+
+
+def test_a_bed_is_not_pressed_to_nothing():
+    """An opening that the jaw's stroke closes is refused, and NaN where it is traced."""
+    described = {"joint": "ideal", "load_law": "chamber"}
+
+    def narrowest(discharge):
+        return jc.build_scene(described | {"chamber.discharge": discharge}).load.widths[-1]
+
+    with pytest.raises(ValueError, match="presses the bed at each depth, but is 5 mm"):
+        narrowest(0.005)
+    widths = jax.vmap(narrowest)(jnp.array([0.005, 0.01]))
+    np.testing.assert_allclose(widths, [np.nan, 0.01], rtol=0.2)
 
 
 def test_a_curve_acts_at_its_angle():
