@@ -42,7 +42,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxcrusher.basics.checks import concrete, require, require_choice, require_known
+from jaxcrusher.basics.checks import (
+    concrete,
+    nan_unless,
+    require,
+    require_choice,
+    require_known,
+)
 from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction
@@ -300,7 +306,10 @@ def _bearing(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
         return bearing
     speeds = {name: values[f"{prefix}{name}"] for name in ("static_speed", "full_speed")}
     static, full = map(concrete, speeds.values())
-    if static is not None and full is not None:
+    if static is None or full is None:
+        in_order = speeds["static_speed"] < speeds["full_speed"]
+        speeds["static_speed"] = nan_unless(in_order, speeds["static_speed"])
+    else:
         good = bool((static < full).all())
         require(good, f"{prefix}static_speed", f"be less than full_speed {full} m/s", static)
     friction = dataclasses.replace(bearing.friction, **speeds)

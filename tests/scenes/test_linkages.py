@@ -427,6 +427,19 @@ def test_a_drawing_refuses_what_a_file_may_not_have(name, value, words):
         assert not all(good)
 
 
+def test_a_friction_s_traced_speeds_are_in_order():
+    """As known ones are: a ramp that would begin above its end is NaN."""
+    drawing, values, _ = read_linkage(EXAMPLES / "slider_crank.toml")
+    friction = {"joints.B.friction": 0.1, "joints.B.full_speed": 0.2}
+
+    def begin(speed):
+        drawn = drawing(**(values | friction | {"joints.B.static_speed": speed}))
+        return drawn.joints.at("B").friction.static_speed
+
+    begins = jax.vmap(begin)(jnp.array([0.1, 0.2, 0.3]))
+    np.testing.assert_array_equal(begins, [0.1, np.nan, np.nan])
+
+
 def test_numbers_of_a_joint_are_not_called_those_of_a_jaw():
     _, values, _ = read_linkage(EXAMPLES / "pump.toml")
     numbers = [name for name in values if name.startswith("joints.") and name in NUMBERS]
