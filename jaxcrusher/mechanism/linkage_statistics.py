@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Scalar
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
+from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.observables import OF_MACHINE as SEEN_OF_MACHINE
 from jaxcrusher.mechanism.observables import OF_SUPPORTS as SEEN_OF_SUPPORTS
@@ -157,8 +158,11 @@ OF_SHAFT = {
 
 
 def may_rest(scene: AbstractScene) -> bool:
-    """Return whether a free shaft turns under friction, which might hold it at rest."""
-    rubs = any(joint.friction is not None for _, joint in scene.joints.items())
+    """Return whether a free shaft turns under friction, also of rollers, which might hold it."""
+    rubs = any(
+        joint.friction is not None or isinstance(joint, RollerBearing)
+        for joint in scene.joints.values
+    )
     return rubs and scene.drive.initial() is not None
 
 

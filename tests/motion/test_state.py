@@ -122,6 +122,9 @@ def test_friction_that_does_not_hold_a_shaft_at_rest_says_so():
         limits = found.validity
         assert bool(limits.others["shaft"].inside) != stops
         assert any(line.startswith("shaft: comes to rest") for line in limits.remarks()) == stops
+    # The friction of rollers turns round at rest too.
+    rolling = replace(jc.build_scene({"contact_law": "rollers"}), drive=GivenTorque(0.0, 30.0))
+    assert "shaft_speed_least" in rolling.usual_statistics and "shaft" in rolling.limits
     # What cannot rest, or has no friction that would hold it.
     for scene in (quiet(slip="surface"), replace(quiet(friction=0), drive=GivenTorque(0.0, 30.0))):
         assert "shaft_speed_least" not in {*scene.usual_statistics, *scene.own_statistics}
