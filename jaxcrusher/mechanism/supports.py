@@ -170,9 +170,13 @@ def soil_under(
     - `speed`: the circular frequency at which they are counted, rad/s.
     """
     sides = jnp.asarray(length, float), jnp.asarray(width, float)
-    half = jnp.minimum(*sides) / 2  # B
-    shape, deep = jnp.maximum(*sides) / jnp.minimum(*sides), embedment / half  # L / B, D / B
     along = sides[0] >= sides[1]  # the long side lies in the plane
+    # A square has the slopes of one branch: `jnp.maximum` would mix those of both.
+    half, other = (jnp.where(along, *pair) / 2 for pair in (sides[::-1], sides))  # B, L
+    shape, deep = other / half, embedment / half  # L / B, D / B
+    # Roots and powers of zero have infinite slopes, which must not meet those by the sides.
+    longer = jnp.where(along, 1.0, shape - 1)
+    sunk_by = jnp.asarray(embedment, float) ** 0.8 / half**0.8
     poisson, modulus = jnp.asarray(poisson, float), jnp.asarray(shear_modulus, float)
     ratio = jnp.sqrt(2 * (1 - poisson) / jnp.maximum(1 - 2 * poisson, 1e-3))
     ratio = jnp.minimum(ratio, LARGEST_RATIO)  # psi
@@ -181,8 +185,8 @@ def soil_under(
 
     # Static stiffness over G B or G B^3, with the factor of embedment.
     short = 6.8 * shape**0.65 + jnp.where(along, 2.4, 0.8 * shape + 1.6)
-    horizontal = short / (2 - poisson) * (1 + (0.33 + 1.34 / (1 + shape)) * deep**0.8)
-    vertical = (3.1 * shape**0.75 + 1.6) / (1 - poisson) * (1 + 0.25 * (1 + 1 / shape) * deep**0.8)
+    horizontal = short / (2 - poisson) * (1 + (0.33 + 1.34 / (1 + shape)) * sunk_by)
+    vertical = (3.1 * shape**0.75 + 1.6) / (1 - poisson) * (1 + 0.25 * (1 + 1 / shape) * sunk_by)
     power = jnp.where(along, shape**4, shape)
     rocking = jnp.where(along, 3.73 * shape**2.4 + 0.27, 3.2 * shape + 0.8) / (1 - poisson)
     rocking = rocking * (1 + deep + 1.6 / (0.35 + power) * deep**2)
@@ -193,7 +197,7 @@ def soil_under(
     at_rocking = 1 - jnp.where(
         along,
         0.55 * square / (0.6 + 1.4 / shape**3 + square),
-        (0.55 + 0.01 * jnp.sqrt(shape - 1)) * square / (2.4 - 0.4 / shape**3 + square),
+        (0.55 + 0.01 * jnp.sqrt(longer)) * square / (2.4 - 0.4 / shape**3 + square),
     )
 
     # Radiation: areas of base and sides, and their second moments.

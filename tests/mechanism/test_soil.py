@@ -1,5 +1,6 @@
 """Soil under a block beside another program, and its limits."""
 
+import jax
 import numpy as np
 import pytest
 
@@ -60,3 +61,22 @@ def test_refusals():
     for given in ("vertical_stiffness", "horizontal_damping", "rocking_stiffness"):
         with pytest.raises(ValueError, match=f"`foundation.{given}` must not stand beside `found"):
             jc.build_scene({**block, f"foundation.{given}": 1e8})
+
+
+@pytest.mark.parametrize("name", ["length", "width"])
+@pytest.mark.parametrize("jacobian", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize("embedment", [0.0, 0.3])
+def test_slopes_by_the_sides_of_a_square_base(name, jacobian, embedment):
+    """They are those of one side of a kink, and differences where there is none."""
+    soil = {"shear_modulus": 6e7, "density": 1800.0, "poisson": 0.35, "length": 2.0, "width": 2.0}
+
+    def under(side):
+        return soil_under(**(soil | {name: side}), embedment=embedment, speed=30.0)
+
+    step, slopes = 1e-6, jacobian(under)(2.0)
+    for found, below, at, above in zip(
+        slopes, *(under(2.0 + shift) for shift in (-step, 0.0, step)), strict=True
+    ):
+        left, right = sorted([float(at - below) / step, float(above - at) / step])
+        slack = 1e-5 * abs(right)
+        assert left - slack <= float(found) <= right + slack
