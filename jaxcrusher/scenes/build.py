@@ -248,17 +248,17 @@ def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
     if "load_edge" in values:
         require(law == "closing_stroke", "load_edge", "come with `load_law=closing_stroke`", law)
         middle, span = closing_stroke_of(machine.linkage, along)
-        edge_width = values["load_edge"]
-        width, edge = primal(span), primal(edge_width)
+        rise = values["load_edge"]
+        width, edge = primal(span), primal(rise)
         if width is None or edge is None:
-            edge_width = nan_unless(2 * edge_width <= span, edge_width)
+            rise = nan_unless(2 * rise <= span, rise)
         else:
             must = "come with a point of the jaw that closes once in a turn"
             require(not np.isnan(width).any(), "load_edge", must, "with another one")
             must = f"be at most half of the closing stroke, {np.degrees(np.min(width)) / 2:.4g} deg"
             fits = bool(np.all(2 * edge <= width))
             require(fits, "load_edge", must, f"{np.degrees(np.max(edge)):.4g} deg")
-        return HalfSineStroke(values["load"], along, middle, span, edge_width)
+        return HalfSineStroke(values["load"], along, middle, span, rise)
     if law == "none":
         return None
     if is_own("load_law", law):
