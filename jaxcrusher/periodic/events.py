@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float, Scalar
+from jaxtyping import Array, Complex, Float
 from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq, minimize_scalar, newton
 
@@ -42,7 +42,8 @@ STEEP = 0.05
 ON_CIRCLE = 1e-4
 # Points followed back to where a branch of fewer turns was doubled.
 BACK = 12
-# A test function that is no larger vanishes everywhere, as that of pairs does without damping.
+# A test function that is no larger vanishes everywhere, as that of pairs does without damping; of a
+# determinant the least singular value tells, since many multipliers near the circle make it small.
 NOISE = 1e-9
 # Of three points with one sign: the extremum of a parabola through them, as a share of the outer
 # values, above which there is no zero; and how well the extremum is found, as a share of a step.
@@ -80,9 +81,13 @@ def special_points(branch: Branch) -> list[Special]:
     points around it.
     """
     problem, found = branch.problem, []
+    sizes = {
+        kind: lambda point, of=of: _least(np.asarray(of(jnp.asarray(point.monodromy))))
+        for kind, of in SINGULAR_OF.items()
+    }
     for kind, test in tests(branch).items():
         folds = {int(where) for where, _ in found if kind == CROSSING}
-        for where, point in zeros(branch, test, without=folds):
+        for where, point in zeros(branch, test, without=folds, size=sizes.get(kind)):
             turns = problem.period if point is None else point.turns
             if kind == CROSSING and point is not None and abs(point.along[-1]) < STEEP:
                 continue
@@ -109,12 +114,17 @@ def tests(branch: Branch) -> dict[str, Test]:
     }
 
 
-def _shifted(sign: float, matrix: Array) -> Scalar:
-    return jnp.linalg.det(matrix + sign * np.eye(len(matrix)))
+def _least(matrix: np.ndarray) -> float:
+    """Return the least singular value; one state alone has no pairs, and none."""
+    return float(np.min(np.linalg.svd(matrix, compute_uv=False), initial=np.inf))
 
 
-def _of_pairs(matrix: Array) -> Scalar:
-    """Return det(C - I), where C holds all minors of two rows and two columns.
+def _shifted(sign: float, matrix: Array) -> Array:
+    return matrix + sign * np.eye(len(matrix))
+
+
+def _of_pairs(matrix: Array) -> Array:
+    """Return C - I, where C holds all minors of two rows and two columns.
 
     Its eigenvalues are the products of two different ones of the matrix.
     """
@@ -124,10 +134,15 @@ def _of_pairs(matrix: Array) -> Scalar:
     return _shifted(-1.0, minors)
 
 
-ZERO_OF: dict[str, OfMatrix] = {
+# What is singular at an event, and its determinant.
+SINGULAR_OF: dict[str, Callable[[Array], Array]] = {
     CROSSING: jax.jit(lambda matrix: _shifted(-1.0, matrix)),
     DOUBLING: jax.jit(lambda matrix: _shifted(1.0, matrix)),
     PAIR: jax.jit(_of_pairs),
+}
+ZERO_OF: dict[str, OfMatrix] = {
+    kind: jax.jit(lambda matrix, of=of: jnp.linalg.det(of(matrix)))
+    for kind, of in SINGULAR_OF.items()
 }
 
 
@@ -138,16 +153,17 @@ def leaves_circle(values: Complex[np.ndarray, " n"]) -> bool:
 
 
 def zeros(
-    branch: Branch, test: Test, without: Collection[int] = ()
+    branch: Branch, test: Test, without: Collection[int] = (), size: Test | None = None
 ) -> Iterator[tuple[float, Point | None]]:
     """Yield places along a branch, counted in points, where a test function vanishes.
 
     With each comes its point, None where that is not located. Steps `without` zeros that matter are
-    left out.
+    left out. A point is a zero if its `size` is noise; None is the test function's own.
     """
     points, values = branch.points, np.array([test(point) for point in branch.points])
     found: dict[int, list[tuple[float, Point | None]]] = {}
-    values = np.where(np.abs(values) <= NOISE, 0.0, values)
+    sizes = np.abs(values) if size is None else np.array([size(point) for point in points])
+    values = np.where(sizes <= NOISE, 0.0, values)
     for here, there in itertools.pairwise(np.flatnonzero(values).tolist()):
         i = (here + there) // 2
         if not values[here] * values[there] < 0 or i in without:

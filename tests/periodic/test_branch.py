@@ -109,6 +109,20 @@ def test_a_pair_that_leaves_the_unit_circle():
     np.testing.assert_allclose(special[0].parameter, 0.0, atol=1e-10)
 
 
+def test_a_pair_that_leaves_beside_others_that_hardly_die():
+    """Three more swings that lose 1e-4 a turn: determinants are some 1e-12 all along."""
+    squares = jnp.array([1.3, 2.37, 3.61, 4.83]) ** 2
+
+    def swings(time, x, rate, damping):
+        return -squares * x - jnp.append(jnp.full(3, 2e-5), damping) * rate
+
+    family = lambda damping: System(swings, jnp.asarray(2 * np.pi), damping)  # noqa: E731
+    branch = followed(family, np.zeros((16, 4)), (-0.05, 0.05), first=-0.05, longest=0.5, points=30)
+    special = special_points(branch)
+    assert [one.kind for one in special] == ["Neimark-Sacker"]
+    np.testing.assert_allclose(special[0].parameter, 0.0, atol=1e-10)
+
+
 def parting(time, x, rate, place):
     """Two joints that rest; the second comes up to its bore's middle as the number grows."""
     return jnp.array([2.0, 0.0, 1.5 - place, 0.0]) - x
