@@ -44,8 +44,8 @@ BISECTIONS, RANGE = 50, math.log(30.0)
 class FeedResponse(eqx.Module):
     """An orbit under a rough feed: standard deviations by angle, and how often contact is lost.
 
-    Linear in the scatter, but for `expected_rms`. NaN where the orbit is not stable, and where a
-    multiplier is below 1e-9.
+    Linear in the scatter, but for `expected_rms`. NaN where the orbit is not stable or loses
+    contact, and where a multiplier is below 1e-9.
     """
 
     angle: Float[Array, " nodes"]  # the phase, rad, over the period
@@ -147,7 +147,7 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
         jnp.exp(contacts.log_losses(jnp.log(scatter))),
         _losing_scatter(contacts),
     )
-    known = jnp.all(jnp.abs(multipliers) > LEAST)
+    known = jnp.all(jnp.abs(multipliers) > LEAST) & (orbit.least_penetration > 0)
     return nan_unless(orbit.stable & known, found)
 
 
