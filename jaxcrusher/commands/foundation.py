@@ -258,23 +258,28 @@ def draw(
     write_figure(path, fig, dpi=200)
 
 
-def _number(value: float | str) -> str:
-    """Return a number with four digits, and nothing below half of a thousandth."""
+def _number(value: float | str, least: float) -> str:
+    """Return a number with four digits, and zero for one below the least."""
     if isinstance(value, str):
         return value
-    return digits(_seen(value))
+    return digits(_seen(value, least))
 
 
-def _seen(value: float) -> float:
-    return value if abs(value) >= 5e-4 else 0.0
+def _seen(value: float, least: float) -> float:
+    return value if abs(value) >= least else 0.0
 
 
-def _amount(row: Row) -> str:
-    """Return a number with its scatter and phase, and that of ideal joints where it differs."""
-    value, ideal = _number(row.value), _number(row.ideal)
+def _amount(row: Row, largest: float) -> str:
+    """Return a number with its scatter and phase, and that of ideal joints where it differs.
+
+    Nothing is seen below half of a thousandth of the unit, or of the `largest` of a small machine;
+    a millionth of the unit is rounding.
+    """
+    least = 5e-4 * float(np.clip(largest, 1e-6, 1.0))
+    value, ideal = _number(row.value, least), _number(row.ideal, least)
     before = "" if ideal in ("", value) else f"{ideal} | "
     if row.scatter != "" and float(row.scatter) > 1e-4 * abs(row.value):
-        value = with_scatter(_seen(row.value), _seen(float(row.scatter)))
+        value = with_scatter(_seen(row.value, least), _seen(float(row.scatter), least))
     phase = "" if isinstance(row.phase_rad, str) else f" at {np.degrees(row.phase_rad):z.0f}°"
     return f"{before}{value}{phase if value != '0' else ''}"
 
@@ -292,9 +297,11 @@ def grids(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:
         lines = [("", "unit", *named, "")] if any(named) else []
         for name in dict.fromkeys(row.name for row in inside):
             own = {row.order: row for row in inside if row.name == name}
-            amounts = [_amount(own[order]) if order in own else "" for order in orders]
+            unit = next(iter(own.values())).unit
+            largest = max(abs(row.value) for row in inside if row.unit == unit)
+            amounts = [_amount(own[order], largest) if order in own else "" for order in orders]
             remarks = "; ".join(row.remark for row in own.values() if row.remark)
-            lines.append((name, next(iter(own.values())).unit, *amounts, remarks))
+            lines.append((name, unit, *amounts, remarks))
         found[part] = lines
     return found
 

@@ -134,6 +134,19 @@ def test_numbers_of_a_page():
     assert shown(1.0, scatter=1e-6) == "1"
 
 
+def test_a_small_machine_has_numbers_too():
+    """A damper of 400 N s/m, and beside a large force one of 0.3 N, which says nothing there."""
+    rows = [
+        Row("part", name, "", value, unit)
+        for name, value, unit in (
+            *(("damper", 4e-4, "MN s/m"), ("large", 20.0, "kN"), ("small", 3e-4, "kN")),
+            ("rounding", 1e-16, "kN m"),
+        )
+    ]
+    lines = {line[0]: line[2] for line in foundation.grids(rows)["part"]}
+    assert lines == {"damper": "0.0004", "large": "20", "small": "0", "rounding": "0"}
+
+
 def test_speeds_whose_harmonics_meet_a_natural_frequency_are_marked(monkeypatch, tmp_path):
     kept = []
     monkeypatch.setattr(foundation, "write_figure", lambda path, figure, **_: kept.append(figure))
