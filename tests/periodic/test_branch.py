@@ -9,7 +9,7 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 from jaxcrusher.orbits.penetrations import least_penetrations
-from jaxcrusher.periodic.branch import HAPPENED, follow
+from jaxcrusher.periodic.branch import HAPPENED, LOOP, follow
 from jaxcrusher.periodic.collocation import collocate
 from jaxcrusher.periodic.collocation_problem import CollocationProblem
 from jaxcrusher.periodic.events import sharp_points, sharpened, special_points
@@ -121,6 +121,20 @@ def test_a_pair_that_leaves_beside_others_that_hardly_die():
     special = special_points(branch)
     assert [one.kind for one in special] == ["Neimark-Sacker"]
     np.testing.assert_allclose(special[0].parameter, 0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("begin", [-0.01, 0.01, 0.05])
+def test_a_closed_branch_has_its_events_wherever_it_begins(begin):
+    """A circle of points of rest has two folds, one of them beside where the branch begins."""
+    circle = lambda time, x, rate, p: x**2 + p**2 - 1 - rate  # noqa: E731
+    problem = CollocationProblem(family=lambda p: System(circle, jnp.asarray(1.0), p))
+    rest, place = np.full((4, 1), -np.sin(begin)), np.cos(begin)
+    more = dict(scale=1.0, bounds=(-2, 2), upwards=begin < 0)
+    branch = follow(problem, rest, place, **more)
+    assert branch.ended == LOOP
+    special = special_points(branch)
+    assert [one.kind for one in special] == ["fold"] * 2
+    np.testing.assert_allclose(sorted(one.parameter for one in special), [-1, 1], atol=1e-10)
 
 
 def parting(time, x, rate, place):
