@@ -90,6 +90,7 @@ def run_turns(
     outputs = samples_of(quantities)
     state, done, settled, began = initial_state(scene), 0, 0, None
     kept: list[dict[str, np.ndarray]] = []
+    before: dict[str, np.ndarray] = {}  # the last instant of settling
     while CHUNK * len(kept) < turns:
         spent = 0.0 if began is None else (time.monotonic() - began) / seconds
         if len(kept) >= 2 and spent > 1:
@@ -104,13 +105,23 @@ def run_turns(
         # The first chunk is compiled, which does not count.
         began = time.monotonic() if began is None else began
         done += CHUNK
+        seen = {name: np.asarray(one) for name, one in values.items()}
         if settles:
-            settled = done
+            settled, before = done, {name: one[-1:, -1] for name, one in seen.items()}
         else:
-            kept.append({name: np.asarray(one) for name, one in values.items()})
-    # The last instant of a turn stands for its first.
-    joined = {n: np.roll(np.concatenate([one[n] for one in kept]), 1, axis=1) for n in quantities}
-    return Turns(scene, 1, joined, settled)
+            kept.append(seen)
+    joined = {n: np.concatenate([one[n] for one in kept]) for n in quantities}
+    return Turns(scene, 1, {n: _begun(one, before.get(n)) for n, one in joined.items()}, settled)
+
+
+def _begun(ends: np.ndarray, before: np.ndarray | None) -> np.ndarray:
+    """Return samples from the first instant of each turn on, which ends the turn before.
+
+    Without one `before` the first turn's end stands for its beginning.
+    """
+    first = ends[:1, -1] if before is None else before
+    joined = np.concatenate([first, ends.reshape(-1, *ends.shape[2:])[:-1]])
+    return joined.reshape(ends.shape)
 
 
 @eqx.filter_jit

@@ -5,6 +5,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.motion.bearing_sheet import bearing_sheet, bearings_of, quantities_of, shaking_rms
+from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.turns import Turns, run_turns
 
 
@@ -31,6 +32,18 @@ def test_numbers_are_the_statistics_of_the_same_turns():
     assert shaking_rms(run)[0] == pytest.approx(float(exact["shaking_rms"]), rel=1e-4)
     assert found["contact_lost"] == (0, 0) and found["impacts"] == (0, 0)
     assert found["equivalent_load"][0] > found["mean_load"][0] > 0
+
+
+def test_the_first_instant_of_a_turn_is_the_end_of_the_turn_before():
+    """From the centred start, whose turns differ."""
+    scene = jc.paper_scene(30.0, 0.06e-3)
+    quantities = {"depth": scene.observables["penetration_ratio"]}
+    states = np.asarray(poincare_section(scene, 0, 10).states)
+    ends = np.hypot(states[:, 0], states[:, 1]) - 1
+    whole = run_turns(scene, quantities, settle=0, turns=10).values["depth"]
+    np.testing.assert_allclose(whole[1:, 0], ends[:-1], rtol=0, atol=1e-6)
+    later = run_turns(scene, quantities, settle=5, turns=5).values["depth"]
+    np.testing.assert_array_equal(later, whole[5:])
 
 
 def test_impacts_are_counted_by_hand(scene):
