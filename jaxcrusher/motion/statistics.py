@@ -109,7 +109,8 @@ class Statistics(eqx.Module, AbstractOverTurns):
         length = self.turns // batches
         used = self.by_turn[rms][..., : batches * length] ** 2
         means = jnp.mean(used.reshape(*used.shape[:-1], batches, length), axis=-1)
-        scatter = jnp.std(means, axis=-1, ddof=1) / math.sqrt(batches)
+        # Turns that fill no batch are in the RMS too.
+        scatter = jnp.std(means, axis=-1, ddof=1) * math.sqrt(length / self.turns)
         return scatter / (2 * value)
 
 

@@ -62,6 +62,18 @@ def test_the_error_of_the_rms_is_that_of_each_motion_of_a_batch():
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
+@pytest.mark.usefixtures("unchecked")  # statistics of a batch
+def test_the_error_of_the_rms_counts_the_turns_that_fill_no_batch():
+    """Of 19 independent turns, of which ten are batches, each of a standard deviation of 1 N."""
+    draws = 100 + np.random.default_rng(3).normal(size=(1000, 19))
+    rms = np.sqrt(np.mean(draws**2, axis=1))
+    known = {"foundation_rms": jnp.asarray(rms)}, {"foundation_rms": jnp.asarray(draws)}
+    errors = Statistics(19, None, *known, jnp.zeros(4)).foundation_rms_error
+    # 1000 draws of nine degrees of freedom know it to 1 %, and the scatter of the RMS to 2 %.
+    assert np.sqrt(np.mean(errors**2)) == pytest.approx(1 / np.sqrt(19), rel=0.05)
+    assert rms.std() == pytest.approx(1 / np.sqrt(19), rel=0.08)
+
+
 @pytest.mark.usefixtures("unchecked")  # statistics without an end
 @pytest.mark.parametrize(
     ("winding", "touching", "whirls"), [(-70.7, 1, True), (70.9, 1, True), (70.9, 0.9, False)]
