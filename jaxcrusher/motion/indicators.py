@@ -91,7 +91,9 @@ def lyapunov_spectrum(
     means = growth[len(growth) - batches * length :].reshape(batches, length, -1).mean(axis=1)
     scatter = means.std(axis=0, ddof=1) if batches > 1 else np.full(growth.shape[1], np.inf)
     order = np.argsort(-growth.mean(axis=0), kind="stable")
-    return Lyapunov(growth.mean(axis=0)[order], scatter[order] / np.sqrt(batches))
+    # Periods that fill no batch are in the mean too.
+    errors = scatter[order] * np.sqrt(length / len(growth))
+    return Lyapunov(growth.mean(axis=0)[order], errors)
 
 
 def detect_period(
@@ -104,14 +106,16 @@ def detect_period(
     """The least k <= `longest` with x(i + k) = x(i), or None.
 
     Equal means within `tolerance` of a coordinate's range, or `noise` in its own unit: what the
-    integration leaves on a fixed point. At least three periods are asked for.
+    integration leaves on a fixed point. At least three periods are asked for, over which no point
+    drifts by more than twice that.
     """
     x = np.asarray(points, dtype=float)
     if not np.isfinite(x).all():
         return None
     allowed = tolerance * np.ptp(x, axis=0) + noise
     for k in range(1, min(longest, len(x) // 3) + 1):
-        if (np.abs(x[k:] - x[:-k]) <= allowed).all():
+        drifts = [np.ptp(x[i::k], axis=0) > 2 * allowed for i in range(k)]
+        if (np.abs(x[k:] - x[:-k]) <= allowed).all() and not np.any(drifts):
             return k
     return None
 

@@ -32,6 +32,27 @@ def test_three_standard_errors_make_an_exponent_positive(exponent, positive):
     assert found.positive is positive
 
 
+def test_the_error_of_an_exponent_counts_the_periods_that_fill_no_batch():
+    """Of 40 turns 36 are looked at, of which 20 are batches; their growth scatters by 1."""
+    growth = np.random.default_rng(4).normal(size=(300, 40, 1, 1))
+    found = [lyapunov_spectrum(np.exp(one)) for one in growth]
+    error = np.sqrt(np.mean([one.errors[0] ** 2 for one in found]))
+    assert error == pytest.approx(1 / 6, rel=0.05)
+    assert np.std([one.exponents[0] for one in found]) == pytest.approx(1 / 6, rel=0.12)
+
+
+def test_what_drifts_slowly_has_no_period():
+    """A swing that turns by 0.01 rad a turn, and one that dies in a thousand turns."""
+    angle = 0.01 * np.arange(1000)
+    swing = 0.01 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    dying = 0.1 * np.exp(-np.arange(200) / 1000)[:, None]
+    # What bifurcation allows.
+    assert detect_period(swing, noise=2e-4) is None and detect_period(dying, noise=2e-4) is None
+    jitter = np.random.default_rng(5).uniform(-1e-4, 1e-4, (1000, 2))
+    both = [0.1, 0.2] * 500 + jitter.T
+    assert detect_period(both.T, noise=2e-4) == 2
+
+
 def test_henon():
     _, jacobians = iterate(henon, [0.1, 0.1], 20_000)
     found = lyapunov_spectrum(jacobians)
