@@ -37,11 +37,6 @@ class Orbit:
         """Whether disturbances of it die."""
         return bool(self.solution.stable)
 
-    @property
-    def error(self) -> float:
-        """Return the estimated error of the objective, in its unit."""
-        return float(self.solution.error) * abs(self.objective)
-
 
 @dataclass(frozen=True)
 class Coexisting:

@@ -15,6 +15,7 @@ from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.statistics import limits_of
+from optimize import orbits
 from optimize.answer import Confirmed, Crushing, Orbit, Runs
 from optimize.case import Case
 from optimize.counts import broken
@@ -81,7 +82,8 @@ def confirmed(
         settles = orbit is not None and orbit.stable and _in_contact(by_run)
         runs[start] = Runs(*numbers, validity, state, by_run, settles)
         if orbit is not None and settles:
-            judged.append((orbit.objective, orbit.error))
+            error = orbits.error(case, orbit.solution, orbit.objective)
+            judged.append((orbit.objective, error))
         else:
             judged.append(numbers)
     worse = int(np.argmax([mean for mean, _ in judged]))

@@ -163,6 +163,13 @@ def coexisting(case: Case, values: dict[str, float]) -> tuple[Coexisting, ...]:
     )
 
 
+def error(case: Case, solution: PeriodicOrbit, objective: float) -> float:
+    """Return the estimated error of an objective: that of a difference is that of its parts."""
+    outputs, unit = case.objective.outputs, case.objective.unit
+    parts = [solution[name] for name in outputs if case.scene.statistics[name].unit == unit]
+    return float(solution.error) * max(map(abs, (objective, *map(float, parts))))
+
+
 def worse(one: float, other: float) -> bool:
     """Tell whether an objective exceeds another by more than two solutions of one orbit differ."""
     return one - other > SAME * abs(other)

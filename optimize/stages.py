@@ -293,18 +293,20 @@ def with_coexisting_orbits(
             lambda: orbits.coexisting(case, other.values),
             lambda: with_decay(case, designs),
         )
-    return by_worst_orbit(one, of_one), by_worst_orbit(other, of_other)
+    return by_worst_orbit(case, one, of_one), by_worst_orbit(case, other, of_other)
 
 
-def by_worst_orbit(design: Confirmed, found: tuple[Coexisting, ...]) -> Confirmed:
+def by_worst_orbit(case: Case, design: Confirmed, found: tuple[Coexisting, ...]) -> Confirmed:
     """Return a design with the orbits that random starts come to, judged by the worst."""
     design = replace(design, coexisting=found)
-    worst = max(found, key=lambda one: one.objective, default=None)
+    known = (one for one in found if not np.isnan(one.objective))
+    worst = max(known, key=lambda one: one.objective, default=None)
     # An objective of NaN, of a design that does not count, stays.
     if worst is None or not orbits.worse(worst.objective, design.objective):
         return design
     forces = {name: float(worst.solution[name]) for name in design.forces}
-    return replace(design, objective=worst.objective, forces=forces)
+    half_width = orbits.error(case, worst.solution, worst.objective)
+    return replace(design, objective=worst.objective, half_width=half_width, forces=forces)
 
 
 def with_regimes(
