@@ -259,10 +259,11 @@ class _Known:
 def _same(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
     leading = one.scene.leading
     apart = abs(float(one[leading]) / float(other[leading]) - 1)
-    if one.period % other.period or apart >= SAME:
+    short, long = sorted((one, other), key=lambda orbit: orbit.period)
+    if long.period % short.period or apart >= SAME:
         return False
-    section = np.tile(section_of(other), (one.period // other.period, 1))
-    return distance(section_of(one), section) < NEAR
+    section = np.tile(section_of(short), (long.period // short.period, 1))
+    return distance(section_of(long), section) < NEAR
 
 
 # What a design holds.

@@ -147,17 +147,27 @@ def test_known_orbits_are_not_shot_for_again(monkeypatch):
     assert known.approached(before, far) is None
 
 
+@pytest.mark.usefixtures("unchecked")  # what stands for scene and orbits is none
+def test_an_orbit_is_one_whichever_of_its_turns_it_was_shot_over(monkeypatch):
+    """An orbit of one turn that a swing in step with every other turn was shot for, first."""
+    twice, once = Orbit([[0.1, 0.0], [0.1, 0.0]]), Orbit([[0.1, 0.0]])
+    once.foundation_rms = twice.foundation_rms
+    monkeypatch.setattr(module, "shoot", lambda scene, guess, period: once)
+    monkeypatch.setattr(module, "section_of", lambda orbit: orbit.section)
+    known = module._Known(None, [twice])
+    assert known.about(oscillation_about(once.section, 1e-4), 0.1) == 0
+    assert len(known.orbits) == 1
+
+
 @pytest.mark.usefixtures("unchecked")  # what stands for orbits is none
 def test_orbits_that_are_mirror_images_are_two(monkeypatch):
-    """All statistics of the two are equal; one orbit of twice the turns is the same."""
+    """All statistics of the two are equal."""
     monkeypatch.setattr(module, "section_of", lambda orbit: orbit.section)
     here, there = Orbit([[0.5, 0.0], [-0.2, 0.0]]), Orbit([[-0.5, 0.0], [0.2, 0.0]])
-    there.foundation_rms = here.foundation_rms
-    assert not module._same(here, there) and module._same(here, here)
     again = Orbit([[-0.2, 0.0], [0.5, 0.0]] * 2)
-    again.foundation_rms = here.foundation_rms
-    assert module._same(again, here) and not module._same(again, there)
-    assert not module._same(here, again)
+    there.foundation_rms = again.foundation_rms = here.foundation_rms
+    assert module._same(here, again) and module._same(again, here)
+    assert not module._same(here, there) and not module._same(again, there)
 
 
 @pytest.mark.usefixtures("unchecked")  # what stands for the orbit is none
