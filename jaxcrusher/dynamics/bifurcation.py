@@ -115,8 +115,9 @@ def _row(found: Section, rtol: float) -> dict[str, np.ndarray]:
     if whirl or not success:
         states[:], rms[:] = np.nan, np.nan
     else:
-        period = detect_period(states, noise=NOISE * rtol)
-        settled = period is not None or not spread_trend(states)[1]
+        noise = NOISE * rtol
+        period = detect_period(states, noise=noise)
+        settled = period is not None or not spread_trend(states, noise=noise)[1]
     row = dict(zip(COORDINATES, states.T, strict=False)) | {"foundation_rms": rms}
     flags = zip(FLAGS, (success, whirl, settled, period or 0), strict=True)
     return row | {key: np.asarray(flag) for key, flag in flags}

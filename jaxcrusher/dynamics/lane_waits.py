@@ -27,6 +27,7 @@ from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.statistics import Statistics, of_whirl, statistics, statistics_problem
 from jaxcrusher.orbits.shot import STEPS
 from jaxcrusher.orbits.transient import (
+    REPEATED,
     TURNS,
     WAIT_RTOL,
     Round,
@@ -171,7 +172,8 @@ class LaneWaits:
         if period is not None:
             return f"period {period}"
         zero_one = zero_one_test(widest(points)) if len(points) >= ENOUGH else None
-        return verdict(None, False, zero_one, trending=spread_trend(points)[1], neutral=True)
+        trending = spread_trend(points, noise=REPEATED)[1]
+        return verdict(None, False, zero_one, trending=trending, neutral=True)
 
     def _shorter(self, case: int, last: Round) -> int | None:
         """Return the turns of a stable orbit that a motion swings about."""

@@ -125,7 +125,7 @@ def classify(
     exponents = lyapunov_spectrum(along.jacobians, slices=SLICES)
     zero_one = zero_one_test(widest(points)) if len(points) >= TESTED else None
     period = detect_period(points, noise=NOISE * rtol)
-    trend, significant = spread_trend(points)
+    trend, significant = spread_trend(points, noise=NOISE * rtol)
     largest, error = exponents.exponents[0], exponents.errors[0]
     evidence = [
         f"largest exponent {largest:.3g} ± {error:.2g} a turn",

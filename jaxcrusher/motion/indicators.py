@@ -125,14 +125,17 @@ def widest(points: Float[np.ndarray, "n dims"]) -> Float[np.ndarray, " n"]:
     return points[:, int(np.argmax(np.ptp(points, axis=0)))]
 
 
-def spread_trend(points: np.ndarray, batches: int = 10) -> tuple[float, bool]:
+def spread_trend(
+    points: np.ndarray, batches: int = 10, *, noise: float = 0.0
+) -> tuple[float, bool]:
     """The change of the points' spread over the window as a share of it, and if it is no accident.
 
     The spread of a batch is the root mean square distance from its mean, each coordinate in
-    units of its range; the change is that of a straight line through the batches' logarithms.
+    units of its range, but for those within `noise`, which hold no motion; the change is that of
+    a straight line through the batches' logarithms.
     """
     span = np.ptp(points, axis=0)
-    scaled = points / np.where(span > 0, span, 1)
+    scaled = points / np.where(span > noise, span, np.inf)
     length = len(points) // batches
     parts = scaled[: batches * length].reshape(batches, length, -1)
     spread = np.sqrt(np.sum(parts.var(axis=1), axis=1))

@@ -160,3 +160,7 @@ def test_trend_of_a_decaying_swing():
     # The batches span nine tenths of the window; 1000 random points know it to a few percent.
     assert significant and share == pytest.approx(np.exp(-1) - 1, abs=0.1)
     assert spread_trend(np.ones((100, 2))) == (0.0, False)
+    # Four coordinates that hold nothing but what the integration leaves change nothing.
+    decaying, noise = steady * np.exp(-np.arange(1000) / 1000)[:, None], rng.uniform(size=(1000, 4))
+    both = np.hstack([decaying, 1e-9 * noise])
+    assert spread_trend(both, noise=2e-5) == spread_trend(decaying)
