@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxcrusher.basics.checks import require
 from jaxcrusher.batch.points import Grid
 from jaxcrusher.files.durable import broken, checksum, lock, named, replace
 from jaxcrusher.files.journal import Journal
@@ -41,6 +42,11 @@ class Layout:
     columns: Mapping[str, Column]
     chunk: tuple[int, ...]
     further: Mapping[str, np.ndarray | int] = field(default_factory=dict)
+
+    def __post_init__(self):
+        own = {*self.columns, *(dim for column in self.columns.values() for dim in column.dims)}
+        for name in self.grid.axes:
+            require(name not in own, "axes", "name none of the results' own columns and dims", name)
 
     @property
     def chunks(self) -> tuple[int, ...]:

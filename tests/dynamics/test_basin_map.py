@@ -114,3 +114,9 @@ def test_what_is_out_of_range_is_refused_before_a_store_is_made(asked, tmp_path)
     with pytest.raises(ValueError, match=f"^Argument `{name}` must be "):
         jc.basin_map({"speed": [27.0]}, store=tmp_path / "map", **asked)
     assert not (tmp_path / "map").exists()
+
+
+def test_an_axis_is_named_like_no_dimension_of_the_results():
+    """The starts of the axis would be taken for the random ones, where these are two as well."""
+    with pytest.raises(ValueError, match=r"`axes` must name none of the results' own .* is start"):
+        jc.basin_map({"start": ["contact", "centred"]}, starts=2)
