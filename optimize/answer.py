@@ -118,6 +118,12 @@ class Confirmed:
         return self.objective == self.objective
 
     @property
+    def averaged(self) -> bool:
+        """Whether the objective is a mean of long runs, and not that of an orbit."""
+        by_orbit = any(one.objective == self.objective for one in self.coexisting)
+        return not (by_orbit or self.transient[self.worse_start].settles)
+
+    @property
     def settles(self) -> bool:
         """Whether it comes to its periodic orbit from every start."""
         return all(runs.settles for runs in self.transient.values())

@@ -104,7 +104,10 @@ def measured(apart: Float[np.ndarray, "turns half"], floor: float) -> Decay:
     fall = -(turns @ logarithms) / (turns @ turns)
     left = logarithms - logarithms.mean() + fall * turns
     error = np.sqrt((left @ left / (PARTS - 2) + PHASE**2) / (turns @ turns))
-    return Decay(float(swings[0]), float(swings[-1]), float(fall), float(error), floor)
+    # The logarithm falls by more in a turn than the share that decays.
+    stays = np.exp(-fall)
+    rate, error = -np.expm1(-fall), stays * error
+    return Decay(float(swings[0]), float(swings[-1]), float(rate), float(error), floor)
 
 
 def _oscillations(apart: Float[np.ndarray, "turns half"]) -> Float[np.ndarray, " parts"]:

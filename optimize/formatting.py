@@ -46,12 +46,16 @@ def turns(design: Confirmed) -> str:
 
 
 def coexisting(design: Confirmed) -> str:
-    """Return to which orbits random starts come."""
+    """Return to which orbits random starts come, and how many to none."""
     found = [
         f"{one.share:.0%} of random starts come to {number(one.objective)}"
         + (f" over {one.solution.period} turns" if one.solution.period > 1 else "")
         for one in design.coexisting
     ]
+    left = 1 - sum(one.share for one in design.coexisting)
+    # Shares are of a few starts.
+    if found and left > 1e-6:
+        found.append(f"{left:.0%} to no motion that repeats")
     return ", ".join(found)
 
 
@@ -100,7 +104,7 @@ def answer(found: Answer) -> str:
     text = f"the best is {place}, " if against else f"Run it at {place}: "
     unit = found.objective.unit
     text += f"{name_of(found.objective.meaning)} {quantity(best.objective, unit)}"
-    if not best.settles:
+    if best.averaged:
         text += " as the mean of long runs"
     if other.counts and other.objective > best.objective > 0:
         less = 100 * (1 - best.objective / other.objective)

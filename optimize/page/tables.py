@@ -293,14 +293,15 @@ def _motion(runs: Runs, design: Confirmed, start: str) -> Iterable[str]:
     if not runs.settles or orbit is None:
         regime = design.regime.get(start)
         return (regime.name if regime else "not known", *[""] * 5)
-    in_the_end = rate(orbit)
-    by_multiplier = f"{100 * in_the_end:.2g}"
+    by_multiplier = f"{100 * rate(orbit):.2g}"
     if swing is None:
         return ("towards the orbit, in contact", "", "", "", by_multiplier, "")
     if swing.last < resolved(swing):
         size = f"below {resolved(swing):.1g}"
-        return ("on the orbit, in contact", size, "", "", by_multiplier, "0")
-    turns = max(0.0, math.log(swing.last / GONE) / in_the_end)
+        # A coarser integration does not tell when.
+        gone = "0" if resolved(swing) <= GONE else ""
+        return ("on the orbit, in contact", size, "", "", by_multiplier, gone)
+    turns = max(0.0, math.log(swing.last / GONE) * float(orbit.solution.settling_turns))
     return (
         "towards the orbit, in contact",
         f"{swing.last:.2g}",

@@ -422,13 +422,40 @@ def test_page_of_a_decaying_oscillation(tmp_path):
     loud = Coexisting(0.2, solution_by_hand(period=2), 2e4)
     optimum = replace(found.optimum, orbit=orbit, transient=runs, coexisting=(loud,))
     text = write_page(tmp_path, replace(found, optimum=optimum), None, None, ()).read_text()
-    # ln(0.05 / 0.001) / 2e-4 turns.
+    # ln(0.05 / 0.001) over 2e-4, the fall of the logarithm in a turn, turns.
     row = ["towards the orbit, in contact", "0.05", "0.03", "0.002", "0.02", "20000"]
     assert cells(text, "optimum, centred start") == row
     row = ["on the orbit, in contact", "below 0.0001", "", "", "0.02", "0"]
     assert cells(text, "optimum, contact start") == row
     (row,) = re.findall(r">20%</td>(.*?)</tr>", text)
     assert re.findall(r">([^<]+)</td>", row) == ["2", "20000"]
+
+
+def test_turns_until_an_oscillation_is_gone():
+    """ln 50 / ln 2 turns where half is left each; nothing where it cannot be seen that small."""
+    found, orbit = hand_made_answer(), orbit_by_hand(0.5, 18243.4)
+    decays = {"centred": Decay(0.1, 0.05, 0.5, 1e-5, 1e-6), "contact": Decay(*[5e-3] * 4, 1e-3)}
+    runs = {
+        name: replace(one, settles=True, decay=decays[name])
+        for name, one in found.optimum.transient.items()
+    }
+    optimum = replace(found.optimum, orbit=orbit, transient=runs)
+    one, two, *_ = tables.motions(replace(found, optimum=optimum)).rows
+    assert one[-1] == "6" and two[2:] == ("below 0.01", "", "", "50", "")
+
+
+def test_only_a_mean_is_called_the_mean_of_long_runs():
+    """The objective may be of the worse start's orbit, or of one that random starts come to."""
+    found = hand_made_answer()
+    runs = found.optimum.transient
+    settled = runs | {"centred": replace(runs["centred"], settles=True)}
+    loud = Coexisting(0.2, solution_by_hand(), 18250.1)
+    for changed in ({"transient": settled}, {"coexisting": (loud,)}):
+        text = formatting.answer(replace(found, optimum=replace(found.optimum, **changed)))
+        assert "18.25 kN" in text and "mean of long runs" not in text
+    other = replace(loud, objective=18000.0)
+    text = formatting.answer(replace(found, optimum=replace(found.optimum, coexisting=(other,))))
+    assert "18.25 kN as the mean of long runs" in text
 
 
 def test_the_first_sentence_recommends_only_what_nothing_speaks_against():
