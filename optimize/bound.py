@@ -6,11 +6,11 @@ waited for only if their runs do not keep them above the optimum.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from decimal import ROUND_CEILING, Context
 
 import numpy as np
 import scipy.spatial
-import xarray as xr
 from jaxtyping import Float, Int
 
 from jaxcrusher.dynamics.many_orbits import alone
@@ -20,7 +20,7 @@ from optimize.cells import ROUGHER, Cells, beside
 from optimize.confirm import Repeats, interval, long_runs
 from optimize.evaluate import NOWHERE, Rows, Tracking
 from optimize.forces import quantity
-from optimize.landscape import GRID_DIMENSIONS
+from optimize.landscape import GRID_DIMENSIONS, Maps, counting
 from optimize.orbits import solve, widths
 
 # Orbits that are solved for besides the map's at most, and how many a halved cell takes, about.
@@ -149,14 +149,22 @@ def _motion(said: Mapping[str, object]) -> str:
     return f"{why} The motion from rest: {said['motion']}, with an RMS of {rms}."
 
 
-def refined(
-    points: Points, cells: Cells, best: Confirmed, within: float
-) -> tuple[Cells, Int[np.ndarray, "cells corners"], float]:
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Cells of the box after their refinement."""
+
+    points: Points
+    cells: Cells
+    at: Int[np.ndarray, "cells corners"]  # numbers of the points at corners
+    # Second derivatives about the optimum, as a multiple of those measured in the cells before;
+    # infinite if too many orbits were needed.
+    rougher: float
+
+
+def refined(points: Points, cells: Cells, best: Confirmed, within: float) -> Refined:
     """Halve cells that may hold an objective more than `within` below the best.
 
     Those about it are then halved until second derivatives are no larger than they were assumed.
-    Returns cells and the points at their corners, and how large these derivatives are there, as a
-    multiple of those measured in the cells before; infinite if too many orbits were needed.
     """
     place, floor = points.case.design.unit(best.values), best.objective - within
     assumed = np.zeros(0)
@@ -180,7 +188,7 @@ def refined(
             chosen = (lowest < best.objective) | cells.hold(place)
         room = (MOST - len(points) + points.begun) // OF_A_CELL
         if room < 1 or (confirms and rougher <= ROUGHER):
-            return cells, at, rougher
+            return Refined(points, cells, at, rougher)
         order = np.argsort(np.where(chosen, lowest, np.inf), kind="stable")
         chosen[order[room:]] = False
         # Of cells half as large, in the same second derivatives.
@@ -188,10 +196,14 @@ def refined(
         cells = cells.halved(chosen)
 
 
-def optimality_bound(points: Points, cells: Cells, best: Confirmed, within: float) -> Bound:
-    """Bound the objective between points by the values and slopes there."""
-    cells, at, rougher = refined(points, cells, best, within)
-    orbits, motions, hidden = points.lowest(cells, at)
+def optimality_bound(found: Refined, best: Confirmed) -> Bound:
+    """Bound the objective between points by the values and slopes there.
+
+    The best may be judged by another motion than when cells were refined: the bound is of what it
+    is judged by now.
+    """
+    points, at, rougher = found.points, found.at, found.rougher
+    orbits, motions, hidden = points.lowest(found.cells, at)
     unit, count = points.case.objective.unit, len(points)
     gain = float(np.nanmin(points.values[points.least == np.inf])) - best.objective
     unsaid = len(np.unique(at[np.isnan(motions)]))
@@ -232,12 +244,24 @@ def optimality_bound(points: Points, cells: Cells, best: Confirmed, within: floa
     return Bound(within, curvature, unsaid, gain, statement, by_runs)
 
 
-def unbounded(case: Case, mapped: xr.Dataset | None, best: Confirmed) -> Bound | None:
+def unbounded(case: Case, maps: Maps, best: Confirmed) -> Bound | None:
     """Return what stands for a bound where none can be computed, or None."""
-    if mapped is None or not best.settles or not mapped.counts.any():
+    mapped = maps.orbits
+    if mapped is None or not mapped.counts.any():
         unsaid = 0 if mapped is None else int((~mapped.counts).sum())
         statement = "The best of what was tried: no periodic orbits could be mapped."
         return Bound(None, None, unsaid, 0.0, statement)
+    if not best.settles:
+        statement = (
+            "The best of what was tried: it does not come to its periodic orbit from every start, "
+            "and nothing is said of what lies between."
+        )
+        # Beside the points that descents may begin at.
+        begun = counting(maps.landscape, maps.cells, maps.points)
+        values = mapped.objective.where(mapped.counts).to_numpy().ravel()[begun]
+        least = np.fmin.reduce(values, initial=np.inf)
+        gain = float(least) - best.objective if np.isfinite(least) else 0.0
+        return Bound(None, None, int((~mapped.counts).sum()), gain, statement)
     if len(case.design.names) <= GRID_DIMENSIONS:
         return None
     statement = (

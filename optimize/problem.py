@@ -54,6 +54,11 @@ KEPT_APART = (
 )
 
 
+# What describes sliding steel, which a roller bearing is not, and the laws without a `load`.
+OF_SLIDING = ("friction", "slip", "restitution", "young", "poisson", "impact_velocity")
+WITHOUT_LOAD = ("none", "by_angle", "chamber")
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """A search, as its options were read once: a scene file that changes later does not matter."""
@@ -164,6 +169,7 @@ def _crusher(options: Options) -> Searched:
     """Return the crusher that is searched, and its box."""
     described = _description(options)
     free, written = _bounds(options, described), written_bounds(options)
+    _require_felt(options, described, {*written})
     design = _design(options, described, free)
     reference, compared_with = _reference(options, described, free)
     # Sets lie about the machine's own numbers, other ranges anywhere.
@@ -227,6 +233,19 @@ def _require_used(options: Options) -> None:
         value = getattr(options, name)
         given = value != getattr(Options, name)
         require(not (idle and given), name, must, value)
+
+
+def _require_felt(options: Options, described: dict[str, Any], free: set[str]) -> None:
+    """ValueError for an option, or a number of its own line `--design`, that no law uses."""
+    law = {name: described.get(name, PE250X400[name]) for name in ("contact_law", "load_law")}
+    idle = {}
+    if law["contact_law"] == "rollers":
+        idle |= dict.fromkeys(OF_SLIDING, "contact_law=rollers")
+    if law["load_law"] in WITHOUT_LOAD:
+        idle["load"] = f"load_law={law['load_law']}"
+    for name, why in idle.items():
+        given = name in free or getattr(options, name, None) is not None
+        require(not given, name, f"not be given with `{why}`, which does not use it", "given")
 
 
 def _require_not_set(options: Options) -> None:

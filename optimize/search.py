@@ -101,12 +101,12 @@ def _searched(
         return
     yield {"optimum": best}
     known = best, part["seed_choice"]
-    bound, designs = run_concurrently(
+    refined, designs = run_concurrently(
         work.stop,
-        lambda: stages.bounded(problem, work, maps, known[0]),
+        lambda: stages.refine_map(problem, work, maps, known[0]),
         lambda: stages.with_coexisting_orbits(problem, work, known),
     )
-    yield {"bound": bound}
+    yield {"optimum": designs[0], "bound": stages.bounded(problem, maps, refined, designs[0])}
     (best, reference), slopes = stages.with_regimes(problem, work, designs)
     active, free_slopes = active_constraints(problem.case, best)
     yield {

@@ -24,7 +24,7 @@ from jaxcrusher.orbits.load_sheet import Row, Site, sheet
 from jaxcrusher.scenes.scene_file import points_of
 from optimize import landscape, local, orbits, smooth
 from optimize.answer import Bound, Coexisting, Confirmed, Front, Orbit, Refinement
-from optimize.bound import MOST, Points, optimality_bound, unbounded
+from optimize.bound import MOST, Points, Refined, optimality_bound, refined, unbounded
 from optimize.case import Case
 from optimize.cells import Cells
 from optimize.concurrent import Stopped, run_concurrently
@@ -263,17 +263,28 @@ def _repeats(problem: Problem) -> tuple[Repeats, Repeats]:
     return Repeats(effort.runs, short, effort.seed), Repeats(effort.runs, long, effort.seed)
 
 
-def bounded(problem: Problem, work: Work, maps: Maps, best: Confirmed) -> Bound:
-    """Return how far below the optimum the box may hold another design, from a refined map."""
+def refine_map(problem: Problem, work: Work, maps: Maps, best: Confirmed) -> Refined | None:
+    """Refine the map of orbits until it bounds the box; None where nothing can be bounded."""
     case, effort, mapped = problem.case, problem.effort, maps.orbits
-    if found := unbounded(case, mapped, best):
-        return found
+    if unbounded(case, maps, best):
+        return None
     assert mapped is not None
     with work.stage("bound", MOST) as tracking:
         rows = landscape.rows_of(mapped, len(maps.points))
         points = Points(case, maps.points, rows, _repeats(problem), tracking)
         within = WITHIN * abs(best.objective) if effort.within is None else effort.within
-        return optimality_bound(points, Cells.of_grid(mapped.counts.shape), best, within)
+        return refined(points, Cells.of_grid(mapped.counts.shape), best, within)
+
+
+def bounded(problem: Problem, maps: Maps, found: Refined | None, best: Confirmed) -> Bound:
+    """Return how far below the optimum the box may hold another design, from a refined map.
+
+    The optimum is the one that is reported: a worse orbit may have raised its objective.
+    """
+    if none := unbounded(problem.case, maps, best):
+        return none
+    assert found is not None
+    return optimality_bound(found, best)
 
 
 def with_coexisting_orbits(

@@ -91,14 +91,15 @@ def _limits(best: Confirmed, case: Case) -> tuple[Check, ...]:
         of_runs = [float(runs.by_run[limit.statistic].mean()) for runs in best.transient.values()]
         values, slack = of_runs, OF_RUN
         if best.orbit is not None and best.settles:
-            values = [float(best.orbit.solution[limit.statistic])]
-            values += [float(one.solution[limit.statistic]) for one in best.coexisting]
-            slack = OF_ORBIT
-        highest = max(values)
+            values, slack = [float(best.orbit.solution[limit.statistic])], OF_ORBIT
+        others = [float(one.solution[limit.statistic]) for one in best.coexisting]
+        highest = float(np.max([*values, *others]))
+        kept = [value <= limit.most * (1 + slack) for value in values]
+        kept += [value <= limit.most * (1 + OF_ORBIT) for value in others]
         found.append(
             Check(
                 f"{limit.statistic} at most its limit",
-                highest <= limit.most * (1 + slack),
+                all(kept),
                 f"{highest:.6g} <= {limit.most:.6g} {limit.unit}",
             )
         )
@@ -118,12 +119,12 @@ def _ideal(best: Confirmed, case: Case) -> tuple[Check, ...]:
     """Check a crusher's force against that with an ideal joint, of which clearance takes little."""
     if case.chamber is None:
         return ()
-    least = min(float(runs.by_run["foundation_rms"].min()) for runs in best.transient.values())
-    below = _below_ideal(case, best)
+    of_runs = (float(runs.by_run["foundation_rms"].min()) for runs in best.transient.values())
+    least, below = min(best.forces["foundation_rms"], *of_runs), _below_ideal(case, best)
     return (
         Check(
             "not below the ideal joint",
-            min(least, best.forces["foundation_rms"]) >= best.ideal_rms * (1 - below),
+            least >= best.ideal_rms * (1 - below),
             f"RMS {least:.0f} N >= {best.ideal_rms:.0f} N less {100 * below:.2g} %",
         ),
     )
@@ -212,7 +213,12 @@ def _motion(answer: Answer, best: Confirmed, case: Case) -> tuple[Check, ...]:
         f"largest multiplier {float(orbit.solution.largest_multiplier):.6f} < 1, and in contact "
         f"all the time of all long runs: {contact}",
     )
-    worst = [one for one in best.coexisting if worse(one.objective, orbit.objective)]
+    # What has no number of the objective is no design to choose.
+    worst = [
+        one
+        for one in best.coexisting
+        if np.isnan(one.objective) or worse(one.objective, orbit.objective)
+    ]
     alone = Check(
         "no random start comes to a worse motion",
         not worst,
@@ -285,7 +291,7 @@ def remark(best: Confirmed | None, problem: Problem) -> str:
     if speeds is None:
         return "The RMS of the foundation force at a fixed speed."
     if best.values["speed"] > speeds[0] * 1.001:
-        return "The least RMS lies inside the range of speeds."
+        return "The least RMS lies above the lowest speed allowed."
     return (
         "The least RMS lies at the lowest speed allowed, because the force rises with the speed. "
         "The clearance matters only through the motion that it allows. The paper rules out low "

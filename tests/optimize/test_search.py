@@ -6,13 +6,14 @@ import re
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Literal, get_args, get_origin, get_type_hints
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
 from rich.console import Console
+from rich.progress import Progress as Bars
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import Engine
@@ -23,12 +24,24 @@ from jaxcrusher.crusher.statistics_table import STATISTIC, usual_with
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
 from jaxcrusher.mechanism.reductions import chosen
-from optimize import bound, confirm, decay, formatting, landscape, local, smooth, stages, verdicts
+from optimize import (
+    bound,
+    confirm,
+    decay,
+    formatting,
+    landscape,
+    local,
+    search,
+    smooth,
+    stages,
+    verdicts,
+)
 from optimize import orbits as periodic
 from optimize.answer import Check, Coexisting, Confirmed
-from optimize.bound import Points, _at_most, optimality_bound
+from optimize.bound import Points, _at_most, optimality_bound, refined, unbounded
 from optimize.cells import ROUGHER, Cells, beside
 from optimize.evaluate import Window, evaluate, judged
+from optimize.limits import Limit
 from optimize.objectives import OBJECTIVES, OF_SUPPORTS, plain
 from optimize.options import Options
 from optimize.pareto import nondominated
@@ -229,7 +242,8 @@ def bounded(monkeypatch):
         monkeypatch.setattr(bound, "long_runs", runs)
         monkeypatch.setattr(bound, "solve", solve)
         points = Points(case, units, function(case, units) | changed, repeats)
-        return optimality_bound(points, Cells.of_grid((7, 4)), best, within), ran, solved, waited
+        found = refined(points, Cells.of_grid((7, 4)), best, within)
+        return optimality_bound(found, best), ran, solved, waited
 
     return bounded
 
@@ -257,6 +271,63 @@ def test_runs_speak_for_points_without_a_stable_orbit(bounded):
     assert "4 kN below the optimum: they scatter too much" in low.statement
     assert low.within > 4000.0 and sum(solved) < 100
     assert not re.search(r"[ (]-\d", low.statement)
+
+
+def map_of_the_bowl(case) -> landscape.Maps:
+    """Return 7 by 4 points of the bowl, all of which count, as do two cells of the landscape."""
+    units = landscape.points(case.design, (7, 4), 0, 0)
+    dims = ("speed", "clearance")
+    orbits = xr.Dataset(
+        {
+            name: ((*dims, "parameter")[: 1 + column.ndim], column.reshape(7, 4, *column.shape[1:]))
+            for name, column in bowl(case, units).items()
+        }
+    )
+    begun = xr.Dataset({"counts": (("start", "cell"), np.ones((2, 2), bool))})
+    return landscape.Maps(np.array([[0.0, 0.0], [1.0, 1.0]]), begun, xr.Dataset(), units, orbits)
+
+
+def test_the_bound_is_of_the_optimum_that_is_reported(monkeypatch, tmp_path):
+    """Of one that random starts bring to an orbit of 700 N more than its own."""
+    problem = resolve(Options(**SMALL))
+    rows = rows_of_three_runs() | {"objective": np.full((2, 3), 2e4)}
+    best = confirm.confirmed(problem.case, CENTRE, rows, orbit_by_hand(objective=2e4))
+    maps = map_of_the_bowl(problem.case)
+    loud = Coexisting(0.5, solution_by_hand(), 20700.0)
+    for module, name, found in (
+        (bound, "solve", bowl),
+        (periodic, "coexisting", lambda *_: (loud,)),
+        (stages, "refine", lambda *_: (None, {})),
+        (stages, "confirm", lambda *_: (best, {"seed_choice": best})),
+        (stages, "with_decay", lambda case, designs: list(designs)),
+        (stages, "with_regimes", lambda problem, work, designs: (designs, None)),
+        (stages, "load_sheets", lambda *_: {}),
+        (stages, "trade", lambda *_: ()),
+        (search, "active_constraints", lambda *_: ((), {})),
+    ):
+        monkeypatch.setattr(module, name, found)
+    parts = {}
+    work = stages.Work(tmp_path, Bars(disable=True), None)  # pyright: ignore
+    for part in search._searched(problem, work, maps, None):
+        parts |= part
+    assert parts["optimum"].objective == 20700.0
+    assert parts["bound"].gain == pytest.approx(-700, abs=0.1)
+    assert 700 <= parts["bound"].within < 701
+    assert "global within the box to 710 N" in parts["bound"].statement
+
+
+def test_an_optimum_that_does_not_settle_is_held_against_the_map():
+    """Its mean lies 500 N above the bowl's least, which is 6 N below that of the map."""
+    case = resolve(Options(**SMALL)).case
+    best: Any = SimpleNamespace(settles=False, objective=20500.0, half_width=1.0)
+    maps = map_of_the_bowl(case)
+    found = unbounded(case, maps, best)
+    lowest = float(maps.counting_orbits.objective.min())
+    assert found.within is None and found.gain == lowest - 20500 < -400
+    assert "could be mapped" not in found.statement
+    # A cell where a start whirls holds no design that could have been chosen.
+    maps.landscape.counts[:] = False
+    assert unbounded(case, maps, best).gain == 0.0
 
 
 def test_a_bound_is_rounded_up():
@@ -430,6 +501,42 @@ def test_the_worst_orbit_brings_its_own_error_and_one_without_a_number_hides_non
         judged_by = stages.by_worst_orbit(case, one, found)
         assert judged_by.objective == 9.0 and judged_by.half_width == pytest.approx(9e-9)
     assert stages.by_worst_orbit(case, one, (nothing,)).half_width == one.half_width > 1
+
+
+def test_motions_of_random_starts_that_have_no_number_or_break_a_limit_fail_a_check():
+    case = replace(resolve(Options()).case, limits=(Limit("foundation_peak", 8.0, "N"),))
+    loose, quiet = solution_by_hand(), solution_by_hand(foundation_peak=7.0)
+    best = confirm.confirmed(case, np.zeros(2), rows_of_three_runs(), orbit_by_hand())
+    answer: Any = SimpleNamespace(free_slopes={"speed": float("nan")})
+
+    def of_starts(*found):
+        *_, one, _ = verdicts._motion(answer, replace(best, coexisting=found), case)
+        return one
+
+    # Under a rough feed, an orbit that loses contact has no number.
+    assert of_starts(Coexisting(1.0, quiet, 7.0)).passed
+    lost = of_starts(Coexisting(0.5, quiet, 7.0), Coexisting(0.25, quiet, float("nan")))
+    assert not lost.passed and lost.detail.endswith(", 25% to no motion that repeats")
+    # Runs that do not settle have 1 N, and half of the random starts come to 9 N.
+    best = confirm.confirmed(case, np.zeros(2), rows_of_three_runs(), no_orbit())
+    assert verdicts._limits(best, case)[0].passed
+    (one,) = verdicts._limits(replace(best, coexisting=(Coexisting(0.5, loose, 2.0),)), case)
+    assert not one.passed and one.detail == "9 <= 8 N"
+
+
+def test_what_is_said_of_the_force_is_true_of_it():
+    """An orbit is below the ideal joint where runs are above; a speed is the highest there is."""
+    problem = resolve(Options())
+    runs = SimpleNamespace(by_run={"foundation_rms": np.array([18250.0])})
+    best: Any = SimpleNamespace(
+        transient={"centred": runs},
+        forces={"foundation_rms": 18000.0},
+        ideal_rms=18240.0,
+        values={"speed": 40.0, "clearance": 3e-5},
+    )
+    (one,) = verdicts._ideal(best, problem.case)
+    assert not one.passed and one.detail.startswith("RMS 18000 N >= 18240 N")
+    assert verdicts.remark(best, problem) == "The least RMS lies above the lowest speed allowed."
 
 
 def test_a_difference_of_forces_is_as_uncertain_as_the_force():
@@ -880,6 +987,8 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"samples": 64}, "samples"),
         ({"friction": 0.05, "design": (("friction", "0", "0.1"),)}, "friction"),
         ({"slip": "surface", "friction": 0.0}, "slip"),
+        ({"friction": 0.1, "overrides": (("contact_law", "rollers"),)}, "friction"),
+        ({"load_law": "none", "design": (("load", "1", "9 kN"),)}, "load"),
         ({"overrides": (("speed", "30rad/s"),)}, "set"),
         ({"overrides": (("diametral_clearance", "0.1mm"),)}, "set"),
         ({"friction": 0.0, "overrides": (("friction", "0.3"),)}, "set"),
