@@ -82,11 +82,12 @@ def unmeasurable(swing: Decay, says: float) -> str:
     """Say why a decay cannot be held against the rate that the multiplier `says`, or nothing.
 
     A swing that the integration's own error keeps alive says nothing of a rate. Nor does a
-    measurement that tells that rate from none by less than `ERRORS` standard errors.
+    measurement that tells that rate from none by less than `ERRORS` standard errors, unless it is
+    slower than both by more, as that of a swing that grows.
     """
     if swing.last < resolved(swing):
         return f"a swing of {swing.last:.1g} clearances, of which {resolved(swing):.1g} are needed"
-    if ERRORS * swing.error >= says:
+    if ERRORS * swing.error >= says and swing.rate >= says - ERRORS * swing.error:
         return f"a rate of {swing.rate:.2g}, standard error {swing.error:.1g}"
     return ""
 

@@ -6,6 +6,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from jaxcrusher.joint.validity import Validity
 from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Active, Answer, Confirmed, Runs
@@ -151,11 +152,16 @@ def limits(design: Confirmed) -> str:
     """Say what of a design's runs is outside the contact model."""
     if found := outside(design):
         return "OUTSIDE the contact model: " + "; ".join(found)
-    limits = [runs.validity for runs in design.transient.values()]
+    contacts = [
+        one
+        for runs in design.transient.values()
+        for one in (runs.validity, *runs.validity.others.values())
+        if isinstance(one, Validity)
+    ]
     return (
         "inside the contact model (half-width "
-        f"{max(np.asarray(one.half_width_ratio) for one in limits):.2f} bore radii, approach "
-        f"{max(np.asarray(one.impact_speed_ratio) for one in limits):.2f} of the elastic limit)"
+        f"{max(np.asarray(one.half_width_ratio) for one in contacts):.2f} bore radii, approach "
+        f"{max(np.asarray(one.impact_speed_ratio) for one in contacts):.2f} of the elastic limit)"
     )
 
 

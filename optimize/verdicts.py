@@ -44,15 +44,11 @@ def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
     if best is None or other is None:
         return (Check("a design may be chosen", False, answer.empty),)
     unit, units = case.objective.unit, answer.box.units
-    inside = [
-        low * (1 - 1e-12) <= best.values[name] <= high * (1 + 1e-12)
-        for name, (low, high) in case.design.bounds.items()
-    ]
     there = f"{number(other.objective)} {unit}" if other.counts else "nothing that counts"
     return (
         Check(
             "inside the box",
-            all(inside),
+            _inside(best, case),
             ", ".join(
                 f"{name} {shown(name, best.values[name], units):.6g} in "
                 f"{shown(name, low, units):.6g} to {shown(name, high, units):.6g} "
@@ -82,6 +78,15 @@ def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
         ),
         _slopes(answer, best, case),
     )
+
+
+def _inside(best: Confirmed, case: Case) -> bool:
+    """Tell whether all free numbers are inside their bounds, of either sign, but for rounding."""
+    inside = []
+    for name, (low, high) in case.design.bounds.items():
+        slack = 1e-12 * max(abs(low), abs(high))
+        inside.append(low - slack <= best.values[name] <= high + slack)
+    return all(inside)
 
 
 def _limits(best: Confirmed, case: Case) -> tuple[Check, ...]:

@@ -88,6 +88,8 @@ NOISE = Decay(first=1e-4, last=1e-4, rate=-0.00035, error=0.001, floor=9e-5)
         # A swing far above the integration's error that stays is evidence against the multiplier.
         (Decay(0.05, 0.05, 0.0, 1e-5, 1e-6), False, "contact start 0 ± 1e-05"),
         (Decay(0.05, 0.001, 0.0098, 1e-4, 1e-6), True, "contact start 0.0098"),
+        # So is one that grew a hundredfold, though by no steady rate.
+        (Decay(0.001, 0.1, -0.015, 0.004, 1e-6), False, "contact start -0.015 ± 0.004"),
     ],
 )
 def test_a_swing_that_cannot_be_measured_fails_no_check(swing, good, detail):

@@ -444,6 +444,17 @@ def test_turns_until_an_oscillation_is_gone():
     assert one[-1] == "6" and two[2:] == ("below 0.01", "", "", "50", "")
 
 
+def test_the_limits_told_are_those_of_the_tightest_joint():
+    """Of a linkage that has no main joint, and of a pivot beside one."""
+    found = hand_made_answer()
+    none = Validity(*map(jnp.asarray, (0.0, 0.0)), clearance_ratio=jnp.asarray(0.0))
+    pivot = Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9, 0.001)))
+    both = replace(none, others={"pivot": pivot})
+    runs = {n: replace(one, validity=both) for n, one in found.optimum.transient.items()}
+    text = formatting.limits(replace(found.optimum, transient=runs))
+    assert "half-width 0.30 bore radii, approach 0.10 of the elastic limit" in text
+
+
 def test_only_a_mean_is_called_the_mean_of_long_runs():
     """The objective may be of the worse start's orbit, or of one that random starts come to."""
     found = hand_made_answer()

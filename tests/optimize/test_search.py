@@ -539,6 +539,15 @@ def test_what_is_said_of_the_force_is_true_of_it():
     assert verdicts.remark(best, problem) == "The least RMS lies above the lowest speed allowed."
 
 
+@pytest.mark.parametrize("low, high", [(-14.0, 14.0), (-14.0, -2.0), (2.0, 14.0)])
+def test_an_end_of_the_box_is_inside_it(low, high):
+    name = "counterweight.moment_along"
+    case: Any = SimpleNamespace(design=SimpleNamespace(bounds={name: (low, high)}))
+    for value, inside in ((low, True), (high, True), (low - 1e-6, False), (high + 1e-6, False)):
+        best: Any = SimpleNamespace(values={name: value})
+        assert verdicts._inside(best, case) == inside
+
+
 def test_a_difference_of_forces_is_as_uncertain_as_the_force():
     """An excess of 0.5 N of an RMS of 8 N, which is known to 1e-9 of itself."""
     case = resolve(Options(objective="excess")).case
