@@ -182,6 +182,8 @@ def _beside_map(answer: Answer, unit: str) -> str:
     """Say by how much the optimum lies below, or above, the best point of the map."""
     if answer.bound is None:
         return "the map has no bound"
+    if not answer.stable_orbits:
+        return "the map has no stable orbit to compare the optimum with"
     gain, least = answer.bound.gain, answer.optimum and abs(answer.optimum.objective)
     where = "below" if gain >= 0 else "above"
     return (

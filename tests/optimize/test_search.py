@@ -548,6 +548,13 @@ def test_an_end_of_the_box_is_inside_it(low, high):
         assert verdicts._inside(best, case) == inside
 
 
+@pytest.mark.parametrize("stable", [None, 0])
+def test_an_optimum_is_not_compared_with_a_map_that_has_no_orbit(stable):
+    bound, optimum = SimpleNamespace(gain=0.0), SimpleNamespace(objective=2e4)
+    answer: Any = SimpleNamespace(bound=bound, stable_orbits=stable, optimum=optimum)
+    assert "no stable orbit to compare" in verdicts._beside_map(answer, "N")
+
+
 def test_a_difference_of_forces_is_as_uncertain_as_the_force():
     """An excess of 0.5 N of an RMS of 8 N, which is known to 1e-9 of itself."""
     case = resolve(Options(objective="excess")).case
