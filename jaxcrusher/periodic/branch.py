@@ -132,8 +132,9 @@ def follow(
         back = found[0].place - there.place
         near = np.sqrt(inner(problem, back, back)) < length
         if near and len(found) > CLOSED and inner(problem, found[0].along, there.along) > 0:
-            if inner(problem, back, there.along) > 0:  # an event may lie on what is left
-                found.append(found[0])
+            if not inner(problem, back, there.along) > 0:  # past it, where events are known
+                found.pop()
+            found.append(found[0])  # an event may lie on what is left
             return Branch(problem, scale, found, LOOP)
         here = there
         length = min(length * (GROWTH if here.corrections <= EASY else 1.0), stride.longest)

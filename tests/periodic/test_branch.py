@@ -15,6 +15,7 @@ from jaxcrusher.periodic.collocation_problem import CollocationProblem
 from jaxcrusher.periodic.events import sharp_points, sharpened, special_points
 from jaxcrusher.periodic.problem import Stride
 from jaxcrusher.periodic.system import System
+from tests.periodic.maps import of_map
 from tests.periodic.systems import duffing, mathieu
 
 PHASES = 2 * np.pi * np.arange(48)[:, None] / 48
@@ -135,6 +136,22 @@ def test_a_closed_branch_has_its_events_wherever_it_begins(begin):
     special = special_points(branch)
     assert [one.kind for one in special] == ["fold"] * 2
     np.testing.assert_allclose(sorted(one.parameter for one in special), [-1, 1], atol=1e-10)
+
+
+def test_a_closed_branch_has_its_events_once():
+    """Its last step leads past where it begins, and past the fold that lies just behind."""
+
+    def circle(point, states):
+        (((x,),), (p,)) = states, point
+        ends = np.array([[x + 0.3 * (x**2 + p**2 - 1)]])
+        return ends, np.array([[[1 + 0.6 * x]]]), np.array([[[0.6 * p]]])
+
+    stride = Stride(first=0.0338, longest=2.0, shortest=1e-6)
+    rest, place, more = [np.sin(0.05)], np.cos(0.05), dict(scale=1.0, bounds=(-2, 2), stride=stride)
+    branch = follow(of_map(circle), rest, place, **more)
+    assert branch.ended == LOOP and branch.points[-1] is branch.points[0]
+    parameters = [one.parameter for one in special_points(branch)]
+    np.testing.assert_allclose(parameters, [1, -1], atol=1e-10)
 
 
 def parting(time, x, rate, place):
