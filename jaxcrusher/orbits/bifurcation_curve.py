@@ -19,8 +19,9 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.orbit_branch import Event, OrbitBranch, tabulated, with_orbits
+from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.scene_problems import lost, problem_of
-from jaxcrusher.periodic.branch import Branch, follow
+from jaxcrusher.periodic.branch import LOOP, Branch, follow
 from jaxcrusher.periodic.collocation_problem import CollocationProblem
 from jaxcrusher.periodic.event_curve import EventCurve, curve_of, cusps
 from jaxcrusher.periodic.events import DOUBLING, FOLD, PAIR, as_on
@@ -54,6 +55,7 @@ def bifurcation_curve(
     **Returns:** an `OrbitBranch`, whose `table` has the columns `parameter` (the first) and
     `second` beside those of `orbit_branch`. Its events are the cusps of a curve of folds, whose
     `parameter` is the second one's value. `ended` says why it ends, first downwards, then upwards.
+    A closed curve is followed once.
 
     Raises ValueError for arguments out of range, and for an event that is not followed.
     """
@@ -76,20 +78,20 @@ def bifurcation_curve(
     u = as_on(event.branch, event.point.u)
     base = problem_of(pair, jnp.asarray(at, float), event.point.turns, nodal)
     curve = curve_of(base, event.kind, u.shape, scales[0], bounds[0])
-    ways = []
-    for upwards in (False, True):
-        start = curve.joined(u, at[0])
-        way = follow(
-            curve, start, second, scale=scales[1], bounds=bounds[1], upwards=upwards, points=points
-        )
-        ways.append(with_orbits(way))
-    (down, before), (up, after) = ways
+
+    def way(upwards: bool) -> tuple[Branch, tuple[PeriodicOrbit, ...]]:
+        start, more = curve.joined(u, at[0]), {"scale": scales[1], "bounds": bounds[1]}
+        return with_orbits(follow(curve, start, second, upwards=upwards, points=points, **more))
+
+    down, before = way(False)
     require(bool(before), "event", "lie on a curve over both parameters", "on none")
-    backwards = [replace(point, along=-point.along) for point in down.points[:0:-1]]
-    joined = replace(up, points=[*backwards, *up.points])
+    backwards = [replace(point, along=-point.along) for point in down.points[::-1]]
+    joined, orbits, ended = replace(down, points=backwards), before[::-1], down.ended
+    if ended != LOOP:  # a closed curve is the same one the other way
+        up, after = way(True)
+        joined = replace(up, points=[*backwards[:-1], *up.points])
+        orbits, ended = (*before[:0:-1], *after), f"{down.ended} {up.ended}"
     special = cusps(joined) if event.kind == FOLD else []
-    ended = f"{down.ended} {up.ended}"
-    orbits = (*before[:0:-1], *after)
     table = tabulated(orbits, {"parameter": _first_of(joined), "second": joined.parameter})
     events = tuple(Event(one.kind, one.parameter, one.error, joined, one.point) for one in special)
     return OrbitBranch(table, orbits, events, ended, (joined,))

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.orbits import bifurcation_curve
 from jaxcrusher.orbits.orbit_branch import Event
 from jaxcrusher.orbits.scene_problems import problem_of
 from jaxcrusher.orbits.shot import closed, least_penetrations_from
-from jaxcrusher.periodic.branch import follow
+from jaxcrusher.periodic.branch import LOOP, follow
 from jaxcrusher.periodic.events import special_points
+from tests.periodic.maps import of_map
 
 # Wide enough for a few steps.
 BOUNDS = ((37.0, 38.5), (0.1e-3, 0.12e-3))
@@ -98,6 +100,36 @@ def test_lost_contact_is_followed_by_shooting():
             found = closed(side, orbit.section, 1)
             depths.append(float(least_penetrations_from(side, found.state, 1)[0]))
         assert depths[0] < -1e-6 and depths[1] > 1e-6
+
+
+@pytest.mark.usefixtures("unchecked")  # numbers in place of orbits
+def test_a_closed_curve_is_followed_once(monkeypatch):
+    """The folds of a sphere of orbits, x^2 + p^2 + q^2 = 1, are a circle."""
+
+    def sphere(point, states):
+        ((x,),) = states
+        numbers = np.append(point, 0.6)[:2]
+        ends = np.array([[x + 0.3 * (x**2 + numbers @ numbers - 1)]])
+        return ends, np.array([[[1 + 0.6 * x]]]), 0.6 * numbers[None, None, : point.size]
+
+    problem = of_map(sphere)
+    branch = follow(problem, [0.6], np.sqrt(0.28), scale=1.0, bounds=(0.0, 2.0))
+    (fold,) = special_points(branch)
+    monkeypatch.setattr(bifurcation_curve, "problem_of", lambda *_: problem)
+    monkeypatch.setattr(
+        bifurcation_curve, "with_orbits", lambda way: (way, tuple(one.value for one in way.points))
+    )
+    monkeypatch.setattr(bifurcation_curve, "tabulated", lambda _, both: both)
+    event = Event(fold.kind, fold.parameter, 0.0, branch, fold.point)
+    made = lambda *_: scene(jnp.asarray(38.0), jnp.asarray(1e-4))  # noqa: E731
+    curve = jc.bifurcation_curve(made, event, 0.6, ((-2, 2), (-2, 2)), scales=(1.0, 1.0))
+    first, second = curve.table["parameter"], curve.table["second"]
+    np.testing.assert_allclose(first**2 + second**2, 1.0, atol=1e-9)
+    # All the way round, as the second parameter grows at first where it ends.
+    turned = np.unwrap(np.arctan2(second, first))
+    np.testing.assert_allclose(turned[-1] - turned[0], 2 * np.pi, atol=1e-9)
+    np.testing.assert_allclose(curve.orbits, second)
+    assert curve.ended == LOOP and curve.events == ()
 
 
 @pytest.mark.usefixtures("unchecked")  # objects in place of a branch and a point
