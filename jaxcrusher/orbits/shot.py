@@ -22,7 +22,7 @@ from jaxcrusher.orbits.penetrations import least_penetrations
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from jaxcrusher.orbits.section_map import along, chained
 from jaxcrusher.periodic import newton
-from jaxcrusher.periodic.multipliers import difference, eigenvalues
+from jaxcrusher.periodic.multipliers import difference, eigenvalues, spread
 from jaxcrusher.periodic.shooting_problem import CLOSURE, COARSER
 
 # The most of Newton's steps, at either tolerance of the integration.
@@ -42,7 +42,7 @@ class Closed(eqx.Module):
 
     state: Float[Array, " dims"]
     matrix: Float[Array, "dims dims"]  # what a period makes of a disturbance
-    matrix_error: Scalar  # estimated, as `difference` measures it
+    error: Scalar  # of matrix and multipliers, estimated as that of `Multipliers`
     steps: Int[Array, ""]
     result: newton.RESULTS
 
@@ -92,19 +92,23 @@ def _closed(
     state, roots = jax.lax.scan(closer, guess, rounds)
     coarse, fine = roots.jacobian[-2:] + eye
     last = jax.tree.map(lambda leaf: leaf[-3], roots.result)
-    return Closed(state, fine, difference(coarse, fine), jnp.sum(roots.steps), last)
+    # Of multipliers that all but meet, the error is the root of that of the matrix.
+    good = jnp.all(jnp.isfinite(roots.jacobian[-2:]))
+    apart = spread(eigenvalues(coarse, good), eigenvalues(fine, good))
+    error = jnp.maximum(difference(coarse, fine), apart)
+    return Closed(state, fine, error, jnp.sum(roots.steps), last)
 
 
 def integrated_multipliers(
     scene: AbstractScene, state: Float[Array, " dims"], period: int
 ) -> tuple[Complex[Array, " dims"], Scalar]:
-    """Return the multipliers of the orbit through a section point, and the error of their matrix.
+    """Return the multipliers of the orbit through a section point, and their error.
 
     The tangents are integrated beside the motion; NaN, and infinite, where that fails.
     """
     # By the program that closes orbits.
     found = _closed(scene, state, jnp.asarray(period), jnp.array(SKIPPED + MATRICES))
-    matrix, error = found.matrix, found.matrix_error
+    matrix, error = found.matrix, found.error
     values = eigenvalues(matrix, jnp.all(jnp.isfinite(matrix)))
     return values, jnp.where(jnp.isnan(error), jnp.inf, error)
 
@@ -144,7 +148,7 @@ def _described(
         error=jax.lax.stop_gradient(jnp.abs(apart)),
         least_penetration=jnp.min(least_penetrations(path)),
         multipliers=eigenvalues(found.matrix, good),
-        multipliers_error=found.matrix_error,
+        multipliers_error=found.error,
         way=WAYS.shooting,
         steps=found.steps,
     )
@@ -154,7 +158,7 @@ def shoot(scene: AbstractScene, guess: Float[ArrayLike, " dims"], period: int) -
     """Return the orbit of `scene` through a section point near `guess`.
 
     Its `error` is what a tolerance 100 times as large makes of the RMS, that of its multipliers
-    what it makes of their matrix.
+    what it makes of them or of their matrix.
     """
     if not can_be_shot(scene, guess):
         return missing(scene, period, RESULTS.not_closed)

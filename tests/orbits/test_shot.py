@@ -8,7 +8,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.motion.section import Slices
-from jaxcrusher.orbits import section_map
+from jaxcrusher.orbits import section_map, shot
 from jaxcrusher.orbits.scene_problems import SceneFlow
 from jaxcrusher.orbits.section_map import along, passed
 from jaxcrusher.orbits.shot import closed
@@ -70,6 +70,21 @@ def test_what_is_seen_along_an_orbit_has_second_derivatives(monkeypatch):
     for of in (lambda function: function, jax.grad, jax.hessian):
         # Rounding, and what the contraction leaves.
         np.testing.assert_allclose(of(seen)(0.8), of(expected)(0.8), rtol=1e-12)
+
+
+def test_the_error_of_multipliers_that_all_but_meet(monkeypatch):
+    """A matrix that tolerances move by themselves: its double multiplier moves by their roots."""
+
+    def sloped_turn(build, point, x, rtol, *_):
+        one = jnp.stack([jnp.array([0.5, 1.0]), jnp.stack([rtol, jnp.asarray(0.5)])])
+        none = jnp.zeros((1, 2, 0))
+        return one @ x, Slices(one[None], none, {}, {}, {}), None
+
+    monkeypatch.setattr(shot, "sloped_turn", sloped_turn)
+    values, error = shot.integrated_multipliers(closing(CLOSING), jnp.zeros(2), 1)
+    missed = np.max(np.abs(np.asarray(values) - 0.5))
+    np.testing.assert_allclose(missed, np.sqrt(shot.ORBIT_RTOL), rtol=1e-6)
+    assert missed < error < 20 * missed
 
 
 @pytest.mark.slow
