@@ -251,7 +251,8 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
         summary = nan_unless(able == success, _evaluate(args, times, y, problem))
         return summary, Outcome(able, times[-1, -1], jnp.array(0))
     if integrator.value is not None:
-        return integrator.value(args, times, y, problem, method)
+        # It looks at the state alone.
+        return integrator.value(args, times, nan_unless(able == success, y), problem, method)
 
     def segment(carry, saves):
         start, y, before = carry

@@ -183,6 +183,22 @@ def test_a_failure_stays_in_its_lane():
     _equal(_taken((found, ends), well), _taken(in_lanes(function, swings), well))
 
 
+def _bent(time, y, swing):
+    """A field that chooses by a number, and does not read it otherwise."""
+    return _field(time, y, Swing(swing.stiffness, jnp.where(swing.blow > 1, 1.0, 0.0), 1.5))
+
+
+def test_a_number_that_is_not_finite_fails_whatever_it_does():
+    """NaN stands for a number outside of its limits, and one that is only compared hides it."""
+    swings = _swings(4)
+    odd = Swing(swings.stiffness, np.array([0.0, np.nan, 0.0, np.inf]), swings.exponent)
+    function = eqx.Partial(_run, problem=Problem(_initial, _bent, _observe, _summarise))
+    (found, ends), (_, expected) = in_lanes(function, odd), _in_turn(function, odd)
+    np.testing.assert_array_equal(expected.success, [True, False, True, False])
+    _equal((ends.success, ends.reached), (expected.success, expected.reached))
+    np.testing.assert_array_equal(np.isnan(found["mean"]).all(axis=1), ~np.asarray(ends.success))
+
+
 def _each(result):
     return [jax.tree.map(lambda leaf, k=i: jnp.asarray(leaf[k]), result) for i in range(4 * LANES)]
 
