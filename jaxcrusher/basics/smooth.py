@@ -25,8 +25,8 @@ def positive_part(x: Values, width: Number) -> Values:
 def positive_power(x: Values, width: Number, exponent: Number) -> Values:
     """`positive_part(x, width)**exponent`, with all its derivatives zero where x < -width."""
     base = positive_part(x, width)
-    inside = base > 0
-    return jnp.where(inside, jnp.where(inside, base, 1) ** exponent, 0)
+    outside = base <= 0  # NaN is not, and remains
+    return jnp.where(outside, 0, jnp.where(outside, 1, base) ** exponent)
 
 
 def positive_power_integral(x: Values, width: Number, exponent: Number) -> Values:

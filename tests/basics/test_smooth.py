@@ -49,3 +49,10 @@ def test_norm_at_zero():
     assert float(value) == 1e-9 and float(slope.x) == 0 and float(slope.y) == 0
     # width^2 / (2 |v|) = 1e-16 of 5
     assert float(smooth.norm(Vector(3.0, -4.0), 1e-9)) == pytest.approx(5, rel=1e-15)
+
+
+def test_what_is_not_a_number_remains_so():
+    """A force of zero would stand for a penetration or a width outside of its limits."""
+    for function in (smooth.positive_power, smooth.positive_power_integral):
+        for x, width, exponent in ((np.nan, 0.1, 1.5), (0.3, np.nan, 1.5), (0.3, 0.1, np.nan)):
+            assert np.isnan(function(jnp.asarray(x), jnp.asarray(width), exponent))
