@@ -29,7 +29,7 @@ def run_up(
     - `force`: complex amplitudes of Fx, Fy (N) and of the moment about G (N m) on a frame that
       stands still, at the running speed, of the orders 1, 2 and so on: the force is the real part
       of the sum of `force[:, k - 1] exp(i k theta)`. Forces of inertia fall with the square of
-      the speed.
+      the speed, and the moment of the weights that move does not.
     - `seconds`: the time of the run, s.
 
     Raises ValueError for a time that is not positive, and as `natural_modes` does.
@@ -47,13 +47,17 @@ def run_up(
     angle = np.abs(share) ** 2 * speed * seconds / 2 * (-1 if down else 1)
     orders = np.arange(1, force.shape[1] + 1)
     turning = np.exp(1j * orders[:, None] * angle)
-    applied = share**2 * np.real(force @ turning)
+    weights = np.zeros_like(force)
+    weights[2] = moment_of_weights(scene, force[0])
+    # At each instant as at a constant speed.
+    applied = np.real(share**2 * ((force - weights) @ turning) + weights @ turning)
     flexible = np.linalg.inv(mass)
     system = np.block([[np.zeros((3, 3)), np.eye(3)], [-flexible @ stiffness, -flexible @ damping]])
     pushed = np.vstack([np.zeros((3, 3)), flexible])
-    start = np.zeros(6)
+    # It begins at rest under the weights, or in the steady state of the running speed.
+    start = np.concatenate([np.linalg.solve(stiffness, applied[:, 0]), np.zeros(3)])
     if down:
-        # It begins in the steady state of the running speed.
+        start = np.zeros(6)
         for order, amplitude in zip(orders, force.T, strict=True):
             rate = order * speed
             dynamic = stiffness - rate**2 * mass + 1j * rate * damping
@@ -62,3 +66,15 @@ def run_up(
     shown = np.eye(3, 6), np.zeros((3, 3))
     _, seen, _ = scipy.signal.lsim((system, pushed, *shown), applied.T, times, X0=start)
     return seen
+
+
+def moment_of_weights(
+    scene: AbstractScene, sideways: Complex[np.ndarray, " orders"]
+) -> Complex[np.ndarray, " orders"]:
+    """Return the moment (N m) of the bodies' weights on a frame that stands still.
+
+    `sideways` are the amplitudes of the force Fx on it, of the orders 1, 2 and so on: the inertia
+    of bodies that swing sideways, whose weights swing with them.
+    """
+    rates = float(scene.drive.speed) * np.arange(1, len(sideways) + 1)
+    return -float(scene.linkage.gravity) * sideways / rates**2

@@ -21,7 +21,7 @@ from jaxcrusher.orbits.load_sheet import (
     sheet,
 )
 from jaxcrusher.orbits.natural_modes import linearised
-from jaxcrusher.orbits.run_up import STEPS, run_up
+from jaxcrusher.orbits.run_up import STEPS, moment_of_weights, run_up
 from jaxcrusher.orbits.severity import ZONES, outside_scope, support_kind, zone
 from jaxcrusher.scenes.described import read_scene
 
@@ -203,9 +203,13 @@ def test_a_run_ends_with_its_time():
 def test_a_run_up_ends_in_the_steady_state():
     """Slow enough, block and force are steady at its end, and a run-down begins there."""
     scene = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3, "speed": 31.0})
-    force = np.array([[3e3, 300.0], [-2e3j, 0], [500.0, 100j]])
+    force = np.array([[3e3, 300.0], [-2e3j, 0], [-900.0, 100j]])
     mass, damping, stiffness = linearised(scene)
     angles = 2 * np.pi * np.arange(STEPS) / STEPS
+
+    # Weights swing sideways with what pushes there, 31 rad/s times an order: they do not fall.
+    weights = np.zeros_like(force)
+    weights[2] = -9.81 * force[0] / (31.0 * np.arange(1, 3)) ** 2
 
     def steady(share):
         """Peaks at a share of the speed, where forces of inertia are the square of it."""
@@ -213,7 +217,8 @@ def test_a_run_up_ends_in_the_steady_state():
         for order in (1, 2):
             rate = 31.0 * share * order
             dynamic = stiffness - rate**2 * mass + 1j * rate * damping
-            moved = np.linalg.solve(dynamic, share**2 * force[:, order - 1])
+            pushed = share**2 * (force - weights) + weights
+            moved = np.linalg.solve(dynamic, pushed[:, order - 1])
             path += np.real(np.exp(1j * order * angles)[:, None] * moved)
         return np.abs(path).max(axis=0)
 
@@ -228,6 +233,22 @@ def test_a_run_up_ends_in_the_steady_state():
     soft = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3, **low})
     fast, slow = (np.abs(run_up(soft, force, seconds)[:, 0]) for seconds in (2.0, 40.0))
     assert slow.max() > 1.2 * fast.max() > 1.2 * fast[-STEPS:].max()
+
+
+def test_the_moment_of_weights_is_the_same_at_any_speed():
+    """What is left of the moment about G falls with the square of the speed, here to a 25th."""
+    angles, found = 2 * np.pi * np.arange(SAMPLES) / SAMPLES, []
+    for speed in (30.0, 6.0):
+        scene = jc.build_scene({"joint": "ideal", "speed": speed, "foundation.x": 0.3})
+        seen = jc.periodic_orbit(scene).motion(angles, ("ground_force", "ground_moment"))
+        sideways, moment = (
+            2 * np.fft.rfft(one)[1:4] / SAMPLES
+            for one in (seen["ground_force"][:, 0], seen["ground_moment"])
+        )
+        found.append((moment, moment_of_weights(scene, sideways)))
+    (fast, weights), (slow, same) = found
+    np.testing.assert_allclose(same, weights, rtol=1e-6)
+    np.testing.assert_allclose((fast - weights) / 25 + weights, slow, rtol=1e-6)
 
 
 def test_a_run_up_sees_high_orders():
