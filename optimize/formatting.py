@@ -160,7 +160,7 @@ def limits(design: Confirmed) -> str:
     ]
     return (
         "inside the contact model (half-width "
-        f"{max(np.asarray(one.half_width_ratio) for one in contacts):.2f} bore radii, approach "
+        f"{max(np.asarray(one.half_width_ratio) for one in contacts):.2f} radii, approach "
         f"{max(np.asarray(one.impact_speed_ratio) for one in contacts):.2f} of the elastic limit)"
     )
 

@@ -42,7 +42,7 @@ def with_scatter(value: float, scatter: float) -> str:
 COLUMNS = {
     # of a motion that was integrated
     "foundation_rms_error": Column("N", "standard error of the RMS"),
-    "half_width_ratio": Column("1", "Hertz's half-width / bore radius"),
+    "half_width_ratio": Column("1", "Hertz's half-width / radius of bore or roller"),
     "impact_speed_ratio": Column("1", "fastest approach / elastic limit"),
     "delivered_restitution": Column("1", "restitution of the fastest impact"),
     "inside_model": Column("1", "narrow clearance, Hertzian contact, elastic impacts", bool),

@@ -23,8 +23,8 @@ from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.joint.normal import AbstractHysteresis, AbstractImpactVelocity
 
-# The logarithmic laws go on along their tangent beyond ln(4 c / x) = 4, where the contact is 0.54
-# bore radii wide and so outside of Hertz's theory.
+# The logarithmic laws go on along their tangent beyond ln(4 c / x) = 4, where the contact's
+# half-width is 0.54 bore radii and so outside of Hertz's theory.
 _LAST = 4.0
 # Below this penetration (m) they are proportional to it.
 _LEAST = 1e-14

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Scalar
 
 from jaxcrusher.joint.clearance import AbstractBearing
 
-# At this half-width over bore radius the parabola that Hertz puts for the bore's circle is 7 %
+# At this half-width over the radius the parabola that Hertz puts for the bore's circle is 7 %
 # off at the edge of the contact.
 WIDEST_CONTACT = 0.5
 # 1e-5 sqrt(E / rho) of steel, m/s: faster impacts are not elastic (Johnson; Lankarani and
@@ -143,7 +143,7 @@ class Validity(eqx.Module):
             lines.append(f"clearance {float(self.clearance_ratio):.2g} of the bore radius")
         if self.half_width_ratio is not None and not bool(self.hertzian):
             lines.append(
-                f"contact {float(self.half_width_ratio):.2f} bore radii wide: not Hertzian"
+                f"contact of half-width {float(self.half_width_ratio):.2f} radii: not Hertzian"
             )
         if self.impact_speed_ratio is not None and not bool(self.elastic):
             ratio = float(self.impact_speed_ratio)

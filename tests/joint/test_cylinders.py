@@ -85,7 +85,7 @@ def test_the_corner_too_is_the_slope_of_the_energy(kind):
 
 
 def test_what_is_not_hertzian_is_seen():
-    """Where the tangent begins, the contact is 2 sqrt(x / c) = 0.54 bore radii wide."""
+    """Where the tangent begins, the half-width is 2 sqrt(x / c) = 0.54 bore radii."""
     law = made(Esdu)
     depth = 4 * C * np.exp(-4) * 5
     width = law.half_width(jnp.asarray(depth), jnp.asarray(0.13**2 / C))

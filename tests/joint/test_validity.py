@@ -33,6 +33,15 @@ def test_rollers_have_no_restitution():
     assert found.remarks() == ["approaches at 19.6 times the elastic limit"]
 
 
+def test_the_width_that_is_said_is_half_of_the_contact_s():
+    """Hertz's half-width sqrt(R delta) of 0.6 bore radii: the contact itself is 1.2 wide."""
+    joint = jc.paper_scene(30.0, 0.06e-3).joint
+    bore, pin = 0.13, 0.13 - 0.06e-3
+    depth = (0.6 * bore) ** 2 * (bore - pin) / (bore * pin)
+    found = validity(joint, jnp.array(depth / 0.06e-3), jnp.array(0.001))
+    assert found.remarks() == ["contact of half-width 0.60 radii: not Hertzian"]
+
+
 @pytest.mark.parametrize(
     ("of", "beyond"),
     [

@@ -264,7 +264,7 @@ def test_page_shows_what_it_knows_and_what_it_does_not(page):
     assert "21806, 21792, 21800, 21798, 21801, no value" in text
     assert cells(text, "optimum, centred start")[0] == "periodic"
     assert cells(text, "optimum, contact start")[0] == "not known"
-    assert "contact 1.80 bore radii wide: not Hertzian" in text
+    assert "contact of half-width 1.80 radii: not Hertzian" in text
     # Units that differ from those of result.json: 51000 N/m are 51 N/mm.
     assert cells(text, "clearance, N per mm")[0] == "51"
     assert cells(text, "clearance, mm") == ["0.03", "0.06"]
@@ -475,7 +475,7 @@ def test_the_first_sentence_recommends_only_what_nothing_speaks_against():
     text = formatting.answer(found)
     assert text.startswith(failed) and "18.25 kN as the mean of long runs" in text
     assert "because the check failed: “both starts agree”" in text
-    assert "because of centred start, contact 1.80 bore radii wide: not Hertzian" in text
+    assert "because of centred start, contact of half-width 1.80 radii: not Hertzian" in text
     passed = replace(found, checks=found.checks[:1])
     assert formatting.answer(passed).startswith("Outside the contact model: the best is 25 rad/s")
     validity = Validity(*map(jnp.asarray, (0.3, 0.1, 0.9, 0.9, 0.001)))

@@ -158,7 +158,7 @@ def test_the_closing_screen(finished):
     optimum = replace(answer.optimum, transient=transient)
     text = printed(replace(answer, optimum=optimum), 200)
     assert text.startswith("Outside the contact model: the best is 25 rad/s")
-    assert "because of centred start, contact 1.80 bore radii wide: not Hertzian" in text
+    assert "because of centred start, contact of half-width 1.80 radii: not Hertzian" in text
     # 80 columns and 40 lines hold it, with every digit.
     text = printed(answer)
     assert "18243.41" in text and "19102.32" in text and "…" not in text
