@@ -410,6 +410,8 @@ def _running_up(turns: Turns, orders: int, site: Site) -> list[Row]:
     carried = mass - np.diag([float(n) for n in (supports.mass, supports.mass, supports.inertia)])
     rates = float(scene.drive.speed) * np.arange(1, force.shape[1] + 1)
     force = force - carried @ (rates**2 * swing)
+    # So is the moment of weights that lean with it in the stiffness.
+    force[2] += float(scene.linkage.gravity) * carried[0, 2] * swing[2]
     for words, down in (("up", False), ("down", True)):
         path = run_up(scene, force, site.seconds, down=down)
         for i, axis in enumerate(SIDES):

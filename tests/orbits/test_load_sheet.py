@@ -276,6 +276,18 @@ def test_a_run_down_begins_in_the_running_motion():
         assert down == pytest.approx(running, rel=0.03)
 
 
+def test_a_run_down_counts_the_leaning_weight_once():
+    """Just below a resonance in rocking on soft supports, where a moment of weights is felt."""
+    block = {"mass": 600.0, "inertia": 300.0, "x": 0.3, "y": 0.2, "base": 0.0}
+    block |= {"left": -0.1, "right": 0.7, "horizontal_stiffness": 3e5, "vertical_stiffness": 1e5}
+    block |= {f"{axis}_damping": 600.0 for axis in ("horizontal", "vertical")}
+    scene = {"joint": "ideal", "speed": 6.5} | {f"foundation.{n}": v for n, v in block.items()}
+    rows = by_name(sheet(jc.periodic_orbit(jc.build_scene(scene)), 3))
+    running = rows["displacement of G, horizontally", "peak"].value
+    down = rows["peak displacement of G on the way down, horizontally", ""].value
+    assert down == pytest.approx(running, rel=0.02)
+
+
 # A machine that weighs nothing on its block.
 BARE = {f"{body}.{n}": 1e-3 for body in ("shaft", "jaw", "toggle") for n in ("mass", "inertia")}
 BARE |= {"joint": "ideal"}
