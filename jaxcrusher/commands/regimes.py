@@ -24,6 +24,7 @@ from jaxcrusher.files.table import Column, columns_of
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistics import of_whirl
 from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, SITE
 from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import key_of, read_text
@@ -57,7 +58,15 @@ def run(options: Regimes, console: Console) -> int:
     folder = results_folder(options.results.folder)
     keep_beside(folder / "regimes.json", settings, "regimes.nc")
     kept = earlier(folder / "regimes.json", settings, "name")
-    done = kept["rows"] if kept else []
+    # Laws and files of one's own that have changed since make other designs of the same names.
+    now = [(design, with_digests(design)) for design in designs]
+    done = [
+        row
+        for row in (kept["rows"] if kept else [])
+        if all(
+            row["design"] != design or row.get("described", design) == told for design, told in now
+        )
+    ]
     attributes = provenance("Regimes of a machine's motion", scene=values)
     asked = []
     with progress(console) as bars:
@@ -142,6 +151,7 @@ def _row(
     exponents, summary = verdict.exponents, verdict.statistics
     row: dict[str, Any] = {
         "design": design,
+        "described": with_digests(design),
         "regime": verdict.name,
         "verdict": str(verdict),
         "period": verdict.period,

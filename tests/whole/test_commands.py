@@ -321,6 +321,18 @@ def test_regimes_are_kept_one_by_one(tmp_path, verdicts):
     assert len(rows) == len(verdicts) - 6 > 0
 
 
+def test_regimes_of_a_file_that_changed_are_found_anew(tmp_path, verdicts):
+    curve = tmp_path / "load.csv"
+    line = ("regimes", "--out", tmp_path, "--set", "load_law", "by_angle")
+    line = (*line, "--set", "load_curve", curve, "--design", f"load_curve={curve}")
+    for most in (4, 5):
+        curve.write_text(f"angle_deg, force_kN\n0, 2\n120, {most}\n240, 3\n")
+        assert "done before" not in run(*line)[1]
+    assert len(verdicts) == 2 and "done before" in run(*line)[1]
+    rows = json.loads((tmp_path / "regimes" / "regimes.json").read_text())["rows"]
+    assert [row["design"] for row in rows] == [{"load_curve": str(curve)}]
+
+
 def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch):
     """`jaxcrusher.gradient_report` is tested elsewhere: here, what goes in and what is written."""
     asked, count = {}, []
