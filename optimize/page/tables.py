@@ -37,7 +37,7 @@ OF_A_CRUSHER = (
     "crushing load. The ground feels the shaking force: the load closes inside the machine.",
 )
 LIMITS = (
-    f"Hertz's contact needs a half-width of at most {WIDEST_CONTACT:g} bore radii, a bearing a "
+    f"Hertz's contact needs a half-width of at most {WIDEST_CONTACT:g} radii, a bearing a "
     f"clearance of at most {WIDEST_CLEARANCE:g} of them; impacts above "
     f"{ELASTIC_IMPACT_SPEED:g} m/s are not elastic. Motions beyond any are marked.",
     "A friction whirl penetrates by the order of the clearance: its numbers are outside the "

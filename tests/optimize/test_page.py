@@ -452,7 +452,7 @@ def test_the_limits_told_are_those_of_the_tightest_joint():
     both = replace(none, others={"pivot": pivot})
     runs = {n: replace(one, validity=both) for n, one in found.optimum.transient.items()}
     text = formatting.limits(replace(found.optimum, transient=runs))
-    assert "half-width 0.30 bore radii, approach 0.10 of the elastic limit" in text
+    assert "half-width 0.30 radii, approach 0.10 of the elastic limit" in text
 
 
 def test_only_a_mean_is_called_the_mean_of_long_runs():
