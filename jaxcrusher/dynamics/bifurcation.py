@@ -5,6 +5,7 @@ from typing import Literal
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Array, ArrayLike
@@ -86,7 +87,7 @@ def bifurcation(
     run = eqx.Partial(_run, settle=settle_turns, turns=turns, rtol=rtol)
     count, rows = len(scenes), [{}] * len(numbers)
     if direction == "cold":
-        found = run_all(run, stack(scenes), progress=progress)
+        found = jax.tree.map(jnp.asarray, run_all(run, stack(scenes), progress=progress))
         rows = [_row(jax.tree.map(lambda leaf, i=i: leaf[i], found), rtol) for i in range(count)]
     else:
         order = range(count) if direction == "up" else range(count - 1, -1, -1)
