@@ -107,14 +107,14 @@ def detect_period(
 
     Equal means within `tolerance` of a coordinate's range, or `noise` in its own unit: what the
     integration leaves on a fixed point. At least three periods are asked for, over which no point
-    drifts by more than twice that.
+    drifts by more than ten times that: so small a swing repeats if it turns by 0.2 rad or more.
     """
     x = np.asarray(points, dtype=float)
     if not np.isfinite(x).all():
         return None
     allowed = tolerance * np.ptp(x, axis=0) + noise
     for k in range(1, min(longest, len(x) // 3) + 1):
-        drifts = [np.ptp(x[i::k], axis=0) > 2 * allowed for i in range(k)]
+        drifts = [np.ptp(x[i::k], axis=0) > 10 * allowed for i in range(k)]
         if (np.abs(x[k:] - x[:-k]) <= allowed).all() and not np.any(drifts):
             return k
     return None
