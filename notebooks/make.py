@@ -45,8 +45,9 @@ def main(only: str = "", html: Path | None = None) -> None:
     # Programs draw to files, notebooks into themselves.
     os.environ.pop("MPLBACKEND", None)
     for path in sorted(HERE.glob(f"{only}*.ipynb")):
-        metadata, before = dict(nbformat.read(path, as_version=4).metadata), os.times()
-        notebook = executed(path)
+        notebook = nbformat.read(path, as_version=4)
+        metadata, before = dict(notebook.metadata), os.times()
+        execute(notebook)
         for cell in notebook.cells:
             if cell.cell_type == "code":
                 cell.outputs, cell.execution_count = list(kept(cell.outputs)), None
@@ -57,16 +58,13 @@ def main(only: str = "", html: Path | None = None) -> None:
         print(f"{path.name}: {used:.0f} s of processor, {path.stat().st_size / 1e3:.0f} kB")
 
 
-def executed(path: Path):
-    """Return a notebook with what its code shows now, in a kernel of its own."""
-    import nbformat
+def execute(notebook) -> None:
+    """Put in what a notebook's code shows now, in a kernel of its own."""
     from nbclient import NotebookClient
 
-    notebook = nbformat.read(path, as_version=4)
     client = NotebookClient(notebook, timeout=600, record_timing=False)
-    client.resources = {"metadata": {"path": str(path.parent)}}
+    client.resources = {"metadata": {"path": str(HERE)}}
     client.execute()
-    return notebook
 
 
 def export(only: str, folder: Path) -> None:

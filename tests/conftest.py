@@ -86,10 +86,7 @@ def pytest_addoption(parser):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave slow tests out unless they are named; put the others of a file first.
-
-    Tests that are compiled with all optimisations come last in their file.
-    """
+    """Leave slow tests out unless they are named; put `optimised` ones last in their file."""
     named = [arg.split("::")[0] for arg in config.args if "::" in arg]
     named = {(config.invocation_params.dir / path).resolve() for path in named}
 

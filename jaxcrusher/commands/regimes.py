@@ -59,19 +59,15 @@ def run(options: Regimes, console: Console) -> int:
     keep_beside(folder / "regimes.json", settings, "regimes.nc")
     kept = earlier(folder / "regimes.json", settings, "name")
     # Laws and files of one's own that have changed since make other designs of the same names.
-    now = [(design, with_digests(design)) for design in designs]
-    done = [
-        row
-        for row in (kept["rows"] if kept else [])
-        if all(
-            row["design"] != design or row.get("described", design) == told for design, told in now
-        )
-    ]
+    told, done = [with_digests(design) for design in designs], kept["rows"] if kept else []
+    for design, now in zip(designs, told, strict=True):
+        same = (row["design"] != design or row.get("described", design) == now for row in done)
+        done = list(itertools.compress(done, same))
     attributes = provenance("Regimes of a machine's motion", scene=values)
     asked = []
     with progress(console) as bars:
         bar = bars.add_task("designs", total=len(designs))
-        for design, scene in zip(designs, scenes, strict=True):
+        for design, now, scene in zip(designs, told, scenes, strict=True):
             row = next((row for row in done if row["design"] == design), None)
             remark = " (done before)" if row else ""
             if row is None:
@@ -83,7 +79,7 @@ def run(options: Regimes, console: Console) -> int:
                     rtol=options.rtol,
                     tangent_turns=options.tangent_turns,
                 )
-                row = _row(design, verdict, outputs, time.perf_counter() - began)
+                row = _row(design, now, verdict, outputs, time.perf_counter() - began)
                 done.append(row)
                 content = {**attributes, "settings": settings, "rows": done}
                 write_json(folder / "regimes.json", content)
@@ -146,12 +142,16 @@ def dataset(
 
 
 def _row(
-    design: dict[str, Any], verdict: Regime, outputs: tuple[str, ...], seconds: float
+    design: dict[str, Any],
+    described: dict[str, Any],
+    verdict: Regime,
+    outputs: tuple[str, ...],
+    seconds: float,
 ) -> dict[str, Any]:
     exponents, summary = verdict.exponents, verdict.statistics
     row: dict[str, Any] = {
         "design": design,
-        "described": with_digests(design),
+        "described": described,
         "regime": verdict.name,
         "verdict": str(verdict),
         "period": verdict.period,

@@ -114,9 +114,10 @@ def detect_period(
         return None
     allowed = tolerance * np.ptp(x, axis=0) + noise
     for k in range(1, min(longest, len(x) // 3) + 1):
-        drifts = [np.ptp(x[i::k], axis=0) > 10 * allowed for i in range(k)]
-        if (np.abs(x[k:] - x[:-k]) <= allowed).all() and not np.any(drifts):
-            return k
+        if (np.abs(x[k:] - x[:-k]) <= allowed).all():
+            drifts = [np.ptp(x[i::k], axis=0) > 10 * allowed for i in range(k)]
+            if not np.any(drifts):
+                return k
     return None
 
 
