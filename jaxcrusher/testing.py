@@ -131,15 +131,15 @@ def _check_bearing(bearing: AbstractBearing) -> None:
         moment = first + second - e.cross(touch.force)
         return jnp.stack([touch.normal_loss, taken - touch.normal_loss - friction, moment, size])
 
-    for place in itertools.product(PLACES, SPEEDS, SPINS):
-        at, where = (
-            tuple(map(jnp.asarray, itertools.chain(*place))),
-            f"e / c, its rate, spins {place}",
-        )
-        lost, power, moment, size = np.asarray(balance(*at))
+    places = list(itertools.product(PLACES, SPEEDS, SPINS))
+    at = jnp.asarray(places).reshape(len(places), 6).T
+    slopes = jax.vmap(jax.jacobian(balance, argnums=tuple(range(6))))(*at)
+    finite = np.isfinite(slopes).all((0, 2))
+    for place, found, sloped in zip(places, jax.vmap(balance)(*at), finite, strict=True):
+        where = f"e / c, its rate, spins {place}"
+        lost, power, moment, size = np.asarray(found)
         _must(np.isfinite([lost, power, moment]).all(), "have finite values", where)
-        slopes = np.asarray(jax.jacobian(balance, argnums=tuple(range(6)))(*at))
-        _must(np.isfinite(slopes).all(), "have finite slopes", where)
+        _must(sloped, "have finite slopes", where)
         small = ROUNDING * (1 + size)
         corner = CORNER_FORCE * np.hypot(*place[1])
         _must(lost >= -small - corner, "take power by its damping", where)

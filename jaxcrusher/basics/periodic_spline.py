@@ -11,11 +11,12 @@ import numpy as np
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.plane import scalar
+from jaxcrusher.basics.record import Record
 
 TURN = 2 * np.pi
 
 
-class PeriodicSpline(eqx.Module):
+class PeriodicSpline(Record):
     """A twice differentiable function of period 2 pi, with slopes by all that it goes through."""
 
     origin: Scalar = eqx.field(converter=scalar)  # the first angle, rad
@@ -65,7 +66,7 @@ def spline_through(angles: Float[Array, " n"], values: Float[Array, " n"]) -> Pe
     )
 
 
-class PeriodicSeries(eqx.Module):
+class PeriodicSeries(Record):
     """A Fourier series of period 2 pi."""
 
     cosines: Float[Array, " orders"]  # from order 0

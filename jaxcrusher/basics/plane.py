@@ -12,6 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Scalar
 
+from jaxcrusher.basics.record import Record
+
 
 def scalar(value) -> Scalar:
     """The value as a scalar array of the default floating-point type."""
@@ -25,7 +27,7 @@ def optional_scalar(value) -> Scalar | None:
     return None if value is None else scalar(value)
 
 
-class Vector(eqx.Module):
+class Vector(Record):
     """A vector of the plane, x to the right and y up.
 
     Two scalars and not an array of shape (2,): XLA fuses scalar arithmetic into one
@@ -100,7 +102,7 @@ def or_zero(vector: Vector | None) -> Vector:
     return Vector(0.0, 0.0) if vector is None else vector
 
 
-class Arm(eqx.Module):
+class Arm(Record):
     """A point of a body in the body's axes, from its origin; None is zero, and is never traced."""
 
     x: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m

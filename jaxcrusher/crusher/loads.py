@@ -26,6 +26,7 @@ from jaxcrusher.basics import smooth
 from jaxcrusher.basics.checks import nan_unless, primal, require
 from jaxcrusher.basics.periodic_spline import PeriodicSeries, PeriodicSpline
 from jaxcrusher.basics.plane import Arm, Vector, direction, optional_scalar, scalar
+from jaxcrusher.basics.record import Record
 from jaxcrusher.crusher.capacity import ANGLES, stationary
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.mechanism.linkage import Linkage, Point
@@ -35,7 +36,7 @@ from jaxcrusher.mechanism.motion import Motion, ideal_at_rest
 _ANGLES = 720
 
 
-class JawMotion(eqx.Module):
+class JawMotion(Record):
     """What a load sees of an instant, in the frame's axes; only what it asks for is computed.
 
     A point of the jaw is so many metres from A towards B, and None is its mass centre S2.
@@ -88,7 +89,7 @@ class JawMotion(eqx.Module):
         return self.motion.velocity(self.point(along))
 
 
-class JawForce(eqx.Module):
+class JawForce(Record):
     """A force on the jaw, and how far from A towards B its line meets the jaw's axis."""
 
     force: Vector  # N

@@ -10,6 +10,7 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import concrete, require, require_positive
 from jaxcrusher.basics.plane import Arm, Vector, arm_to, scalar
+from jaxcrusher.basics.record import Record
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME
@@ -21,7 +22,7 @@ LETTERS = {"main": "A", "elbow": "B", "pivot": "C", "shaft_bearing": "O"}
 JOINTS = tuple(LETTERS)
 
 
-class Shaft(eqx.Module):
+class Shaft(Record):
     """The eccentric shaft, turning about O.
 
     `mass_centre` is S1 relative to O in the shaft's axes: x along O-A, y 90 deg ahead.
@@ -33,7 +34,7 @@ class Shaft(eqx.Module):
     mass_centre: Vector  # m
 
 
-class Jaw(eqx.Module):
+class Jaw(Record):
     """The moving jaw from B to A.
 
     `mass_centre` is S2 relative to A in the jaw's axes: x along B-A, y 90 deg ahead.
@@ -45,7 +46,7 @@ class Jaw(eqx.Module):
     mass_centre: Vector  # m
 
 
-class Toggle(eqx.Module):
+class Toggle(Record):
     """The toggle (elbow) plate from C to B; its mass centre S3 lies in its middle."""
 
     mass: Scalar = eqx.field(converter=scalar)  # m3, kg
@@ -53,7 +54,7 @@ class Toggle(eqx.Module):
     length: Scalar = eqx.field(converter=scalar)  # l3, m
 
 
-class Machine(eqx.Module):
+class Machine(Record):
     """A single-toggle jaw crusher: three bodies on a frame.
 
     Raises ValueError (concrete values only) for a mass, inertia or length that is not

@@ -12,11 +12,12 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import AbstractNormalForce
 
 
-class Contact(eqx.Module):
+class Contact(Record):
     """The state of the contact and what it does to the two bodies.
 
     Both forces act at one point, the bore's surface at R_i n from the bearing's centre, so

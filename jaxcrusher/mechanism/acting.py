@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector, optional_scalar, scalar, total
+from jaxcrusher.basics.record import Record
 from jaxcrusher.basics.smooth import norm, positive_part, positive_power_integral
 from jaxcrusher.mechanism.equations import Wrench, wrench_at
 from jaxcrusher.mechanism.linkage import Point, require_direction
@@ -61,7 +62,7 @@ class PushByAngle(AbstractPush):
         return self.size(motion.crank.angle) * (self.along / norm(self.along, 0.0))
 
 
-class Spring(eqx.Module):
+class Spring(Record):
     """A spring with a damper beside it, between two points of bodies or of the frame.
 
     It pulls its ends together by preload + stiffness (L - L0) + damping L', and pushes them apart
@@ -86,7 +87,7 @@ class Spring(eqx.Module):
         return Stretched(self, axis, length - self.length, rate)
 
 
-class Stretched(eqx.Module):
+class Stretched(Record):
     """A spring as it is stretched at an instant."""
 
     spring: Spring
@@ -132,7 +133,7 @@ class Stretched(eqx.Module):
         return (self.pull - self._kept(self._elastic)) * self.rate
 
 
-class Acting(eqx.Module):
+class Acting(Record):
     """What pushes and springs do: their `wrenches` on bodies, and on a frame that can move."""
 
     wrenches: tuple[Wrench, ...]

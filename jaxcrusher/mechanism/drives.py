@@ -16,10 +16,11 @@ from jaxcrusher.basics.checks import (
     require_positive,
 )
 from jaxcrusher.basics.plane import scalar
+from jaxcrusher.basics.record import Record
 from jaxcrusher.mechanism.motion import Crank
 
 
-class CrankState(eqx.Module):
+class CrankState(Record):
     """A free crank: its angle (rad) and its speed over the drive's nominal speed."""
 
     angle: Scalar

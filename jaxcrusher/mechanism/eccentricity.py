@@ -5,10 +5,10 @@ constraints, no drift, and no penetration is a difference of two large numbers. 
 frame on supports add their own states; with ideal joints there may be none at all.
 """
 
-import equinox as eqx
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
 from jaxcrusher.mechanism.drives import CrankState
 from jaxcrusher.mechanism.equations import solve
@@ -20,7 +20,7 @@ from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
 
 
-class JointState(eqx.Module):
+class JointState(Record):
     """State of one joint, scaled to order one so that one tolerance fits all entries."""
 
     relative_eccentricity: Vector  # e / c
@@ -28,7 +28,7 @@ class JointState(eqx.Module):
     impact_velocity: Scalar | None  # the normal law's memory, m/s
 
 
-class EccentricityState(eqx.Module):
+class EccentricityState(Record):
     """State of the joints with clearance, of a free crank, and of a frame on supports."""
 
     joints: Named[JointState]

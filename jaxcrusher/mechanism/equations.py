@@ -25,6 +25,7 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.linear import solve_symmetric
 from jaxcrusher.basics.plane import Arm, Vector, arm_to, minus, or_zero, plus, total
+from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.clearance import Contact
 from jaxcrusher.mechanism.linkage import Body, Joint, Point
 from jaxcrusher.mechanism.motion import Motion
@@ -35,7 +36,7 @@ from jaxcrusher.mechanism.topology import FRAME, Tree, forest
 Sums = dict[str, tuple[Vector | None, Scalar | None]]
 
 
-class Wrench(eqx.Module):
+class Wrench(Record):
     """A force on a body, or on the frame, and a moment about its mass centre; None: none."""
 
     body: str = eqx.field(static=True)
@@ -43,21 +44,21 @@ class Wrench(eqx.Module):
     moment: Scalar | None = None  # N m
 
 
-class MovingFrame(eqx.Module):
+class MovingFrame(Record):
     """A frame on supports, as the equations see it."""
 
     body: Body  # from the origin of its axes
     spin: Scalar  # rad/s
 
 
-class Guiding(eqx.Module):
+class Guiding(Record):
     """What a slider does to its slide, in the frame."""
 
     force: Scalar  # to the left of the slide's direction, N
     moment: Scalar  # about the slider's origin, N m
 
 
-class Accelerations(eqx.Module):
+class Accelerations(Record):
     """What a motion does next, in the frame's axes, and what holds it together."""
 
     spin_ups: Named[Scalar]  # of bodies and of a frame on supports, past the ground, rad/s2

@@ -1,12 +1,12 @@
 """The state of a frame on supports: its units, where it starts, and how it changes."""
 
-import equinox as eqx
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.linear import solve_symmetric
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.record import Record
 from jaxcrusher.mechanism.equations import Accelerations
 from jaxcrusher.mechanism.motion import Crank, moving
 from jaxcrusher.mechanism.named import Named
@@ -18,7 +18,7 @@ from jaxcrusher.mechanism.topology import FRAME
 LEAST = 1e-6
 
 
-class FrameState(eqx.Module):
+class FrameState(Record):
     """State of a frame on supports, scaled to order one by `FrameUnits`."""
 
     displacement: Vector  # of G from where all weight would push it straight down
@@ -27,7 +27,7 @@ class FrameState(eqx.Module):
     spin: Scalar  # at the radius of gyration, m/s
 
 
-class FrameUnits(eqx.Module):
+class FrameUnits(Record):
     """Units of the coordinates of a frame: what its state is counted in."""
 
     x: Scalar  # m

@@ -1,16 +1,19 @@
 """A planar linkage as it is drawn: bodies, what holds them together, and the crank."""
 
+import functools
+
 import equinox as eqx
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import concrete, is_concrete, require, require_positive
 from jaxcrusher.basics.plane import Arm, Vector, scalar
+from jaxcrusher.basics.record import Record
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.topology import FRAME, Dyad, dyads_of
+from jaxcrusher.mechanism.topology import FRAME, Dyad, Ends, dyads_of
 
 
-class Body(eqx.Module):
+class Body(Record):
     """A rigid body: its mass, its inertia about its mass centre, and where that is."""
 
     mass: Scalar = eqx.field(converter=scalar)  # kg
@@ -18,14 +21,14 @@ class Body(eqx.Module):
     mass_centre: Arm = Arm()  # from the body's origin, m
 
 
-class Point(eqx.Module):
+class Point(Record):
     """A point that is fixed to a body, or to the frame."""
 
     body: str = eqx.field(static=True)
     arm: Arm = Arm()
 
 
-class Joint(eqx.Module):
+class Joint(Record):
     """A revolute joint: the centre of a bore in one body, that of a pin on another one."""
 
     bore: Point
@@ -39,7 +42,7 @@ def require_direction(along: Vector) -> None:
     require(good, "along", "be a direction", "zero")
 
 
-class Slide(eqx.Module):
+class Slide(Record):
     """A slide in the frame: its body moves along a line, and does not turn.
 
     The body's origin moves on the line through a point of the frame, and its axes stay those of the
@@ -64,7 +67,7 @@ class Slide(eqx.Module):
         return Joint(Point(FRAME, self.through), Point(self.body))
 
 
-class Linkage(eqx.Module):
+class Linkage(Record):
     """Bodies, joints and slides on a frame.
 
     The `crank` turns in the frame about the joint `bearing`; all other bodies are dyads: pairs that
@@ -92,38 +95,27 @@ class Linkage(eqx.Module):
     def __check_init__(self):
         twice = set(self.joints.names) & set(self.slides.names)
         require(not twice, "slides", "have names that no joint has", ", ".join(twice))
-        require(FRAME not in self.bodies, "bodies", f"have other names than {FRAME!r}", repr(FRAME))
+        names = self.ends, self.slides.names, self.bodies.names, self.crank
+        _require_held(*names, self.bearing, self.sides)
         for name, body in self.bodies.items() if is_concrete(self.bodies) else ():
             require_positive(f"bodies.{name}.mass", body.mass, "kg")
             require_positive(f"bodies.{name}.inertia", body.inertia, "kg m2")
-        held = any(n == self.bearing and {self.crank, FRAME} == {*both} for n, *both in self.ends)
-        require(held, "bearing", f"join {self.crank} and {FRAME}", self.bearing)
-        known = {FRAME, *self.bodies.names}
-        for name, *both in self.ends:
-            for body in both:
-                must = f"join bodies that there are: {', '.join(sorted(known))}"
-                require(body in known, name, must, f"at {body}")
-        used = {self.bearing}.union(*(dyad.held_by for dyad in self.dyads))
-        more = [name for name, *_ in self.ends if name not in used]
-        must = "be the crank's bearing and three of each dyad"
-        require(not more, "joints", must, f"also {', '.join(more)}")
-        require(len(self.sides) == len(self.dyads), "sides", "hold one of each dyad", self.sides)
-        good = all(side in (-1, 1) for side in self.sides)
-        require(good, "sides", "hold 1 or -1 of each dyad", self.sides)
         links = [(d.first, d.first_joint, d.meeting) for d in self.dyads]
         links += [(d.second, d.second_joint, d.meeting) for d in self.dyads]
         links += [(self.crank, n, self.bearing) for n, *both in self.ends if self.crank in both]
         for body, joint, other in links:
-            if joint != other and joint not in self.slides:
-                arm = self.side_of(joint, body) - self.side_of(other, body)
-                must = f"have its joints {joint} and {other} apart"
-                squared = arm.squared()
+            if joint == other or joint in self.slides:
+                continue
+            arms = self.side_of(joint, body), self.side_of(other, body)
+            if is_concrete(arms):
+                squared = (arms[0] - arms[1]).squared()
                 known = concrete(0.0 if squared is None else squared)
                 good = known is None or bool((known != 0).all())
+                must = f"have its joints {joint} and {other} apart"
                 require(good, f"bodies.{body}", must, "with both at one point")
 
     @property
-    def ends(self) -> tuple[tuple[str, str, str], ...]:
+    def ends(self) -> Ends:
         """Return name, bore's body and pin's body of each joint, and of each slide the same."""
         every = [*self.joints.items(), *((name, one.ends) for name, one in self.slides.items())]
         return tuple((name, one.bore.body, one.pin.body) for name, one in every)
@@ -149,3 +141,31 @@ class Linkage(eqx.Module):
     def body(self, name: str) -> Body:
         """Return a body, which there is."""
         return self.bodies.at(name)
+
+
+@functools.cache
+def _require_held(
+    ends: Ends,
+    slides: tuple[str, ...],
+    bodies: tuple[str, ...],
+    crank: str,
+    bearing: str,
+    sides: tuple[int, ...],
+) -> None:
+    """Raise ValueError unless all bodies are held, and each dyad has a side."""
+    require(FRAME not in bodies, "bodies", f"have other names than {FRAME!r}", repr(FRAME))
+    held = any(n == bearing and {crank, FRAME} == {*both} for n, *both in ends)
+    require(held, "bearing", f"join {crank} and {FRAME}", bearing)
+    known = {FRAME, *bodies}
+    for name, *both in ends:
+        for body in both:
+            must = f"join bodies that there are: {', '.join(sorted(known))}"
+            require(body in known, name, must, f"at {body}")
+    dyads = dyads_of(ends, slides, bodies, crank)
+    used = {bearing}.union(*(dyad.held_by for dyad in dyads))
+    more = [name for name, *_ in ends if name not in used]
+    must = "be the crank's bearing and three of each dyad"
+    require(not more, "joints", must, f"also {', '.join(more)}")
+    require(len(sides) == len(dyads), "sides", "hold one of each dyad", sides)
+    good = all(side in (-1, 1) for side in sides)
+    require(good, "sides", "hold 1 or -1 of each dyad", sides)

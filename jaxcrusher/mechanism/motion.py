@@ -5,17 +5,17 @@ or of a circle and a line, their spins by the lever formula: no trigonometry, an
 dyad.
 """
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Arm, Vector, direction, minus, or_zero, plus
+from jaxcrusher.basics.record import Record
 from jaxcrusher.mechanism.linkage import Linkage, Point
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME, Dyad
 
 
-class Crank(eqx.Module):
+class Crank(Record):
     """The crank: its angle since time zero (rad), speed (rad/s) and acceleration (rad/s2)."""
 
     angle: Scalar
@@ -23,7 +23,7 @@ class Crank(eqx.Module):
     acceleration: Scalar | None = None  # None: zero, or not known yet
 
 
-class Pose(eqx.Module):
+class Pose(Record):
     """A body: the unit vector of its x axis, its spin, and where one of its points is."""
 
     axis: Vector
@@ -43,7 +43,7 @@ class Pose(eqx.Module):
         return plus(self.rate, None if still else self.spin * apart.perp())
 
 
-class Motion(eqx.Module):
+class Motion(Record):
     """A linkage in motion; what it says of the frame's points is that they rest."""
 
     linkage: Linkage

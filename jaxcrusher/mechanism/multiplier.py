@@ -14,6 +14,7 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.linear import SparseRow, solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, or_zero, plus, scalar
+from jaxcrusher.basics.record import Record
 from jaxcrusher.mechanism.drives import from_nearest_turn
 from jaxcrusher.mechanism.equations import (
     Accelerations,
@@ -37,7 +38,7 @@ from jaxcrusher.mechanism.topology import FRAME
 CONTACT_TIME = 1e-4  # s
 
 
-class Placement(eqx.Module):
+class Placement(Record):
     """Mass centre (m) and angle (rad) of a body, past the frame, or a time derivative of them."""
 
     centre: Vector
@@ -47,7 +48,7 @@ class Placement(eqx.Module):
         return Placement(self.centre * factor, self.angle * factor)
 
 
-class MultiplierState(eqx.Module):
+class MultiplierState(Record):
     """q (m, rad), and q' in units per CONTACT_TIME."""
 
     position: Named[Placement]
@@ -198,7 +199,7 @@ def _apart(motion: Motion, joint: Joint) -> tuple[Vector, Vector]:
     )
 
 
-class _Gap(eqx.Module):
+class _Gap(Record):
     """Pin less bore of a joint: its second derivative is rows . q'' + rest."""
 
     e: Vector  # m

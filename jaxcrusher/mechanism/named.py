@@ -5,6 +5,8 @@ from typing import Any, Generic, TypeVar
 
 import equinox as eqx
 
+from jaxcrusher.basics.record import Record
+
 T = TypeVar("T")
 
 
@@ -13,7 +15,7 @@ def before(joint: str) -> str:
     return "" if joint == "main" else f"{joint}_"
 
 
-class Named(eqx.Module, Generic[T]):
+class Named(Record, Generic[T]):
     """One of a kind at each of some names, in an order that stays; None at every other name."""
 
     names: tuple[str, ...] = eqx.field(static=True)

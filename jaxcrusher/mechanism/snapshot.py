@@ -4,17 +4,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import equinox as eqx
 from jaxtyping import Array, Scalar
 
 from jaxcrusher.basics.plane import Vector, direction
+from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.clearance import Contact
 from jaxcrusher.mechanism.equations import Accelerations
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
 
 
-class FrameMotion(eqx.Module):
+class FrameMotion(Record):
     """A frame on supports: motion of its mass centre in the ground's axes, and of its angle."""
 
     displacement: Vector  # from where it is drawn, m
@@ -29,7 +29,7 @@ def frame_at(displacement: Vector, rotation: Scalar, velocity: Vector, spin: Sca
     return FrameMotion(displacement, rotation, direction(rotation), velocity, spin)
 
 
-class Snapshot(eqx.Module):
+class Snapshot(Record):
     """One instant, relative to the frame and in its axes, but for `frame` itself."""
 
     motion: Motion

@@ -149,7 +149,6 @@ AGREE |= {
 
 @pytest.mark.parametrize("kind", ["A", "rollers", "ABCO", *slow("centre", *LOOSE[1:])])
 def test_formulations_agree_at_an_instant(kind):
-    @eqx.filter_jit
     def observe(scene):
         s = at_start(scene)
         names = [name for name in scene.own_observables if name != "constraint_residual"]

@@ -121,7 +121,6 @@ def test_power_and_formulations(machine, linkages, name, loose, drive, frame):
     scene = scene_of(machine, linkages, name, loose, drive, frame)
     other = eqx.tree_at(lambda s: s.formulation, scene, MultiplierFormulation())
 
-    @jax.jit
     def seen(scene):
         time, state = jnp.zeros(()), moved(scene.formulation.initial(scene))
         s = scene.formulation.snapshot(time, state, scene)
@@ -218,7 +217,6 @@ def test_pins_in_contact_rest(machine, linkages, name):
         is_leaf=lambda x: x is None,
     )
 
-    @jax.jit
     def left(scene):
         s = scene.formulation.snapshot(jnp.zeros(()), scene.formulation.initial(scene), scene)
         return [jnp.hypot(e.x, e.y) for e in s.accelerations.eccentricities.values]

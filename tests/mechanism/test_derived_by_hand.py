@@ -8,7 +8,6 @@ import json
 from pathlib import Path
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -38,7 +37,6 @@ def test_accelerations_reactions_and_energies(kind):
         scene = eqx.tree_at(lambda s: s.drive, scene, GivenTorque(150.0, 30.0))
     start, unravel = ravel_pytree(scene.formulation.initial(scene))
 
-    @jax.jit
     def seen(time, numbers):
         state = unravel(numbers)
         s = scene.formulation.snapshot(time, state, scene)

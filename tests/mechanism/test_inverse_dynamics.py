@@ -54,7 +54,6 @@ def test_the_ideal_slider_crank_is_that_of_inverse_dynamics(machine, time):
     drive = UnevenSpeed(5000 * np.pi / 30, 0.2, 2.0, 0.5)
     scene = machine("slider-crank", (), drive)
 
-    @eqx.filter_jit
     def seen(time):
         return scene.formulation.snapshot(time, scene.formulation.initial(scene), scene)
 
@@ -74,7 +73,6 @@ def test_multipliers_bring_a_slider_back_to_its_line(machine):
         lambda s: s.formulation, machine("slider-crank"), MultiplierFormulation(30.0, 20.0)
     )
 
-    @eqx.filter_jit
     def seen():
         state = eqx.tree_at(
             lambda s: (s.position["slider"].angle, s.velocity["slider"].angle),
