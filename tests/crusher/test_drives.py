@@ -80,14 +80,14 @@ def test_an_uneven_speed_has_an_orbit_with_slopes():
     """Its slope by the fluctuation is that of differences; at none it is the even speed's orbit."""
 
     def rms(share):
-        return jc.periodic_orbit(driven("A", UnevenSpeed(30.0, share))).foundation_rms
+        return jc.periodic_orbit(driven("ideal", UnevenSpeed(30.0, share))).foundation_rms
 
     at = jnp.asarray(0.02)
     slope, step = float(jax.grad(rms)(at)), 1e-4
     differences = (float(rms(at + step)) - float(rms(at - step))) / (2 * step)
     # Truncation of the differences, and orbits to 1e-9 of their RMS over a step of 1e-4.
     assert slope == pytest.approx(differences, rel=1e-4) and abs(slope) > 100
-    even = jc.periodic_orbit(jc.build_scene(KINDS["A"])).foundation_rms
+    even = jc.periodic_orbit(jc.build_scene(KINDS["ideal"])).foundation_rms
     assert float(rms(jnp.asarray(0.0))) == pytest.approx(float(even), rel=1e-9)
 
 
