@@ -11,7 +11,8 @@ from jaxcrusher.crusher.machine import LETTERS
 from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.orbits.result import PeriodicOrbit
 
-SAMPLES = 1024  # a turn, of the shaking force
+# A turn, of the shaking force: its RMS is known to 1e-7 where pins bounce, and by 1024 to 5e-4.
+SAMPLES = 16384
 PATIENCE = 300.0  # seconds of the processor that SciPy has
 
 
