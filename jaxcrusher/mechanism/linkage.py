@@ -96,16 +96,11 @@ class Linkage(Record):
         twice = set(self.joints.names) & set(self.slides.names)
         require(not twice, "slides", "have names that no joint has", ", ".join(twice))
         names = self.ends, self.slides.names, self.bodies.names, self.crank
-        _require_held(*names, self.bearing, self.sides)
+        links = _links_of(*names, self.bearing, self.sides)
         for name, body in self.bodies.items() if is_concrete(self.bodies) else ():
             require_positive(f"bodies.{name}.mass", body.mass, "kg")
             require_positive(f"bodies.{name}.inertia", body.inertia, "kg m2")
-        links = [(d.first, d.first_joint, d.meeting) for d in self.dyads]
-        links += [(d.second, d.second_joint, d.meeting) for d in self.dyads]
-        links += [(self.crank, n, self.bearing) for n, *both in self.ends if self.crank in both]
         for body, joint, other in links:
-            if joint == other or joint in self.slides:
-                continue
             arms = self.side_of(joint, body), self.side_of(other, body)
             if is_concrete(arms):
                 squared = (arms[0] - arms[1]).squared()
@@ -144,15 +139,18 @@ class Linkage(Record):
 
 
 @functools.cache
-def _require_held(
+def _links_of(
     ends: Ends,
     slides: tuple[str, ...],
     bodies: tuple[str, ...],
     crank: str,
     bearing: str,
     sides: tuple[int, ...],
-) -> None:
-    """Raise ValueError unless all bodies are held, and each dyad has a side."""
+) -> tuple[tuple[str, str, str], ...]:
+    """Return bodies that are links, each with two of its joints, which must be apart.
+
+    Raises ValueError unless all bodies are held, and each dyad has a side.
+    """
     require(FRAME not in bodies, "bodies", f"have other names than {FRAME!r}", repr(FRAME))
     held = any(n == bearing and {crank, FRAME} == {*both} for n, *both in ends)
     require(held, "bearing", f"join {crank} and {FRAME}", bearing)
@@ -169,3 +167,7 @@ def _require_held(
     require(len(sides) == len(dyads), "sides", "hold one of each dyad", sides)
     good = all(side in (-1, 1) for side in sides)
     require(good, "sides", "hold 1 or -1 of each dyad", sides)
+    links = [(d.first, d.first_joint, d.meeting) for d in dyads]
+    links += [(d.second, d.second_joint, d.meeting) for d in dyads]
+    links += [(crank, name, bearing) for name, *both in ends if crank in both]
+    return tuple(one for one in links if one[1] != one[2] and one[1] not in slides)

@@ -54,10 +54,8 @@ def test_the_ideal_slider_crank_is_that_of_inverse_dynamics(machine, time):
     drive = UnevenSpeed(5000 * np.pi / 30, 0.2, 2.0, 0.5)
     scene = machine("slider-crank", (), drive)
 
-    def seen(time):
-        return scene.formulation.snapshot(time, scene.formulation.initial(scene), scene)
-
-    s = seen(jax.numpy.asarray(time))
+    state = scene.formulation.initial(scene)
+    s = scene.formulation.snapshot(jax.numpy.asarray(time), state, scene)
     crank, guide = s.motion.crank, s.accelerations.slides["guide"]
     second = s.accelerations.centres["slider"].dot(scene.linkage.slide("guide").direction)
     found = second, guide.force, guide.moment, s.accelerations.torque
@@ -73,15 +71,12 @@ def test_multipliers_bring_a_slider_back_to_its_line(machine):
         lambda s: s.formulation, machine("slider-crank"), MultiplierFormulation(30.0, 20.0)
     )
 
-    def seen():
-        state = eqx.tree_at(
-            lambda s: (s.position["slider"].angle, s.velocity["slider"].angle),
-            scene.formulation.initial(scene),
-            (jax.numpy.asarray(2e-3), jax.numpy.asarray(0.3 * CONTACT_TIME)),
-        )
-        return scene.formulation.snapshot(jax.numpy.zeros(()), state, scene)
-
-    s = seen()
+    state = eqx.tree_at(
+        lambda s: (s.position["slider"].angle, s.velocity["slider"].angle),
+        scene.formulation.initial(scene),
+        (jax.numpy.asarray(2e-3), jax.numpy.asarray(0.3 * CONTACT_TIME)),
+    )
+    s = scene.formulation.snapshot(jax.numpy.zeros(()), state, scene)
     spin_up, centre = s.accelerations.spin_ups["slider"], s.accelerations.centres["slider"]
     # Rounding of the 1e5 rad/s2 that moments of 10 N m would give 1e-4 kg m2, and of the solve.
     assert float(spin_up) == pytest.approx(-60 * 0.3 - 400 * 2e-3, abs=1e-9)
