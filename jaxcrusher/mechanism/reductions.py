@@ -160,7 +160,7 @@ def top(samples: Float[Array, " n"]) -> Scalar:
 
 
 def share_above_zero(samples: Float[Array, " n"]) -> Scalar:
-    """NaN where a sample is; `jnp.heaviside` of JAX 0.10.0 would return a number there."""
+    """NaN where a sample is, in which a comparison sees a number below zero."""
     return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, samples > 0))
 
 
