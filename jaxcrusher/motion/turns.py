@@ -9,6 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array
 
 from jaxcrusher.basics.checks import require_whole
@@ -17,7 +18,7 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.mechanism.reductions import Chosen, samples_of
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Observable
-from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
+from jaxcrusher.motion.flow import Flow, initial_state, unflattened
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.statistics import instants, statistics_problem
 
@@ -133,4 +134,6 @@ def _chunk(
     times = 2 * jnp.pi * (jnp.arange(CHUNK)[:, None] + instants(outputs))
     problem = statistics_problem(outputs)
     (states, values), outcome = integrate(flow, times, problem=problem, method=method)
-    return flat(jax.tree.map(lambda leaf: leaf[-1], states), scene), values, outcome
+    # The phase goes on, and with it the crank's angle: it is not counted from the nearest turn.
+    end, _ = ravel_pytree(jax.tree.map(lambda leaf: leaf[-1], states))
+    return end.astype(float), values, outcome

@@ -46,6 +46,15 @@ def test_the_first_instant_of_a_turn_is_the_end_of_the_turn_before():
     np.testing.assert_array_equal(later, whole[5:])
 
 
+def test_a_crank_that_is_held_by_a_multiplier_is_not_turned_back():
+    """After five turns its drive is 10 pi on, and an angle that began again would be drawn there."""
+    scene = jc.paper_scene(30.0, 0.06e-3, start="contact", formulation="multiplier")
+    quantities = {"shaft_speed": scene.observables["shaft_speed"]}
+    speed = run_turns(scene, quantities, settle=5, turns=5, rtol=1e-6).values["shaft_speed"]
+    # The multiplier holds the speed; it came to 261 rad/s.
+    np.testing.assert_allclose(speed, 30.0, rtol=1e-3)
+
+
 def test_impacts_are_counted_by_hand(scene):
     """Two turns of eight instants: two impacts in the first, one over the end of it."""
     depth = np.array([[-1, 1, 1, -1, 1, 1, -1, -1], [1, 1, 1, 1, 1, 1, 1, 1.0]])
