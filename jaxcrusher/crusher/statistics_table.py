@@ -76,11 +76,11 @@ _FURTHER |= OF_SUPPORTS | _OF_ROD | OF_SHAFT | _OF_MAIN | _OF_ROLLERS
 _OF_OTHERS = [of_joint for joint in JOINTS[1:] for of_joint in _BY_JOINT[joint]]
 
 # Name -> unit, meaning, quantity and reduction of what `statistics` computes when asked, the first
-# of them without being asked. Those of elbow and pivot have these names before theirs.
+# of them without being asked. Those of another joint have its name before theirs.
 STATISTIC = functools.reduce(operator.or_, _OF_OTHERS, _BY_DEFAULT | _FURTHER)
-# What `statistics` computes without being asked, with the same of a loose elbow and pivot.
+# What `statistics` computes without being asked, with the same of other loose joints.
 STATISTICS = tuple(_BY_DEFAULT)
-# What it computes when asked, with the same of elbow and pivot.
+# What it computes when asked, with the same of other joints.
 FURTHER_STATISTICS = tuple(_FURTHER)
 
 # Joint -> what `statistics` computes of it without being asked.

@@ -2,7 +2,7 @@
 
 
 class StatisticNames:
-    """The names of the statistics in `jaxcrusher.motion.statistics_table.STATISTIC`."""
+    """The names of the statistics in `jaxcrusher.crusher.statistics_table.STATISTIC`."""
 
 
 class ObservableNames:

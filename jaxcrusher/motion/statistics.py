@@ -81,13 +81,13 @@ class Statistics(eqx.Module, AbstractOverTurns):
         """Whether the motion is a friction whirl: a pin rolls round its bore.
 
         It rolls against its body's turning in the bore, so backwards at a crusher's main joint.
-        Its penetrations, of the order of the clearance, are outside Hertz's theory. Where there is
-        a main joint its pin tells: those of elbow and pivot go round only while it whirls
-        (docs/stability_seats.md).
+        Its penetrations, of the order of the clearance, are outside Hertz's theory. Any pin tells
+        whose winding was asked for. Those of elbow and pivot go round only while A's does
+        (docs/stability_seats.md), and that of the shaft's bearing also alone.
         """
-        names = [n for n, _ in self.known if n.endswith("winding")] if self.known else ["winding"]
-        rolling = jnp.asarray(False)
-        for name in ["winding"] if "winding" in names else names:
+        rolling = jnp.zeros_like(self.success)
+        asked = [name for name in self.values if name.endswith("winding")]
+        for name in asked or [name for name, _ in self.known if name.endswith("winding")]:
             at = name.removesuffix("winding")
             kept = self[f"{at}contact_fraction"] > WHIRL_CONTACT
             rolling = rolling | (kept & (abs(self[f"{at}winding"]) > WHIRL_WINDING))
@@ -130,9 +130,9 @@ def statistics(
 
     - `scene`: what to simulate; its numbers may be traced.
     - `settle_turns`, `turns`: whole numbers, >= 0 and >= 1.
-    - `outputs`: any of `jaxcrusher.STATISTICS` and `FURTHER_STATISTICS`, the same of a loose elbow
-      and pivot with `elbow_` and `pivot_` before the name, and whatever was added to `STATISTIC`;
-      the rest is neither computed nor traced. None is `STATISTICS`, of each joint that is loose,
+    - `outputs`: any of `jaxcrusher.STATISTICS` and `FURTHER_STATISTICS`, the same of another
+      loose joint with `elbow_`, `pivot_` or `shaft_bearing_` before the name, and whatever was added
+      to `STATISTIC`; the rest is neither computed nor traced. None is `STATISTICS`, of each joint that is loose,
       and whatever was added.
     - `state`: to start from, shape (dims,), as `Statistics.state` and `Section.state` have it, in
       place of the scene's start.
@@ -212,8 +212,12 @@ def limits_of(scene: AbstractScene, values: Mapping[str, Scalar]) -> Validity:
 
 
 def of_whirl(scene: AbstractScene) -> tuple[str, ...]:
-    """Return the leading statistic of a scene, and what tells a whirl of it."""
-    names = ("main",) if "contact_fraction" in scene.statistics else scene.joints.names
+    """Return the leading statistic of a scene, and what tells a whirl of it: of ideal joints none.
+
+    An ideal crusher has statistics of its main joint all the same.
+    """
+    main = ("main",) if "contact_fraction" in scene.statistics else ()
+    names = scene.joints.names or main
     return scene.leading, *(before(n) + of for n in names for of in ("contact_fraction", "winding"))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.basics.integrate import RESULTS, Outcome
 from jaxcrusher.crusher.statistics_table import FURTHER_STATISTICS, STATISTIC
 from jaxcrusher.mechanism.reductions import (
     AbstractMean,
@@ -81,7 +82,12 @@ def test_the_error_of_the_rms_counts_the_turns_that_fill_no_batch():
 def test_a_pin_whirls_either_way_round(winding, touching, whirls):
     """The crank of a pump of 3000 rpm whirls as a pin at -70.7, and round the rod's pin at 70.9."""
     seen = {"winding": jnp.array(winding), "contact_fraction": jnp.array(touching)}
-    assert bool(Statistics(3, None, seen, {}, jnp.zeros(4)).whirl) == whirls
+    ended = Outcome(RESULTS.successful, jnp.asarray(1.0), jnp.asarray(1))
+    for at in ("", "shaft_bearing_"):
+        # Beside a pin that does not whirl.
+        quiet = {"elbow_winding": jnp.array(1.0), "elbow_contact_fraction": jnp.array(1.0)}
+        of_one = quiet | {f"{at}{name}": value for name, value in seen.items()}
+        assert bool(Statistics(3, ended, of_one, {}, jnp.zeros(4)).whirl) == whirls
 
 
 @pytest.mark.usefixtures("unchecked")  # statistics of a batch
@@ -91,15 +97,18 @@ def test_one_turn_tells_no_error_and_a_failure_has_none():
     np.testing.assert_array_equal(found.standard_error("shaking_rms"), [np.inf, np.inf, np.nan])
 
 
-def test_a_whirl_is_told_by_the_main_joint_where_it_has_statistics():
+def test_a_whirl_is_told_by_each_loose_joint():
     path = Path(__file__).parents[2] / "examples" / "pump.toml"
     text = path.read_text().replace('kind = "linkage"', "")
     for name, at in (("A", "B_"), ("B", "")):  # ideal, and loose
         scene = jc.linkage(**tomllib.loads(text.replace(f"[joints.{name}]", "[joints.main]")))
         assert of_whirl(scene) == ("shaking_rms", f"{at}contact_fraction", f"{at}winding")
-    # A crusher's has them although it is ideal.
-    scene = jc.build_scene({"joint": "ideal", "elbow.clearance": 3e-5})
-    assert of_whirl(scene) == ("foundation_rms", "contact_fraction", "winding")
+    loose = jc.build_scene({"clearance": 6e-5, "shaft_bearing.clearance": 6e-5})
+    assert of_whirl(loose)[2::2] == ("winding", "shaft_bearing_winding")
+    # A crusher's main joint has them although it is ideal.
+    ideal = jc.build_scene({"joint": "ideal"})
+    assert of_whirl(ideal) == ("foundation_rms", "contact_fraction", "winding")
+    assert not bool(jc.statistics(ideal, 0, 1, outputs=of_whirl(ideal)).whirl)
 
 
 @pytest.mark.slow
