@@ -8,7 +8,7 @@ from jaxcrusher.basics.checks import require, require_choice, require_within
 from jaxcrusher.crusher.capacity import AFFLUENCE
 from jaxcrusher.mechanism.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
-from jaxcrusher.scenes.described import kind_of
+from jaxcrusher.scenes.described import given_by, kind_of
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, in_words, readable
@@ -20,8 +20,6 @@ from jaxcrusher.scenes.plausibility import (
 )
 from jaxcrusher.scenes.scene_file import (
     key_of,
-    read_overrides,
-    read_scene_file,
     read_text,
     scene_of,
 )
@@ -280,10 +278,9 @@ def _design(options: Options, described: dict[str, Any], free: Bounds) -> Design
 
 def _description(options: Options) -> dict[str, Any]:
     """The crusher's other numbers and choices: the scene file's, then the options'."""
-    values: dict[str, Any] = {} if options.scene is None else dict(read_scene_file(options.scene))
     choices = (("slip", options.slip), ("load_law", options.load_law))
     given = [(name, choice) for name, choice in choices if choice is not None]
-    values |= read_overrides((*options.overrides, *given))
+    values: dict[str, Any] = given_by(options.scene, (*options.overrides, *given))
     if options.friction is not None:
         values["friction"] = options.friction
     if options.impact_velocity == "tracked":

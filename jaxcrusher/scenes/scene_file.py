@@ -77,6 +77,13 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
     not TOML, a key that is unknown, a wrong type or unit, a missing unit, a number outside its
     limits, and an unknown choice. Whether the values make a crusher together, `build_scene` says.
     """
+    values = read_values(path)
+    with naming(Path(path), values):
+        return by_stroke(values)
+
+
+def read_values(path: Path | str) -> dict[str, float | str]:
+    """Return what `read_scene_file` does, with a stroke as it is written: links may change yet."""
     path = Path(path)
     values: dict[str, float | str] = {}
     written: dict[str, str] = {}  # key -> its name in the file
@@ -93,7 +100,6 @@ def read_scene_file(path: Path | str) -> dict[str, float | str]:
                 raise ValueError(f"Argument `{key}` must be given once, but is given twice.")
             written[key] = name
             values[key] = read_value(name, value, path.parent)
-        values = by_stroke(values)
     except ValueError as error:
         raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
     return values

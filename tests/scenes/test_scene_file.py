@@ -116,6 +116,12 @@ def test_a_stroke_becomes_an_eccentricity(tmp_path):
     mine = write(tmp_path, {"shaft.eccentricity": '"20 mm"'})
     given = given_by(mine, (("stroke", "7.4491617 mm"),))
     assert given == {"shaft.eccentricity": pytest.approx(0.01, rel=1e-7)}
+    # The file's holds by whatever links, and gives way to an eccentricity.
+    mine = write(tmp_path, {"stroke": '"10 mm"'})
+    given = given_by(mine, (("toggle.length", "250 mm"),))
+    assert float(capacity.stroke(build_machine(given))) == pytest.approx(0.01, rel=1e-9)
+    throw = {"shaft.eccentricity": 0.012}
+    assert given_by(mine, (("shaft.eccentricity", "12 mm"),)) == pytest.approx(throw)
 
 
 def test_the_stroke_s_ratio_is_that_of_places():
