@@ -5,9 +5,12 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Scalar
 
+from jaxcrusher.basics.checks import is_concrete, require
 from jaxcrusher.basics.plane import Vector, optional_scalar, scalar, total
 from jaxcrusher.basics.record import Record
 from jaxcrusher.basics.smooth import norm, positive_part, positive_power_integral
@@ -44,6 +47,11 @@ class Push(AbstractPush):
         return self.given
 
 
+def _as_module(size: Callable[[Scalar], Scalar]) -> Callable[[Scalar], Scalar]:
+    """Return what JAX takes as an argument; a plain function has no numbers of its own."""
+    return size if isinstance(size, eqx.Module) else jax.tree_util.Partial(size)
+
+
 class PushByAngle(AbstractPush):
     """A force along a direction that stays, by the angle of the crank.
 
@@ -52,10 +60,23 @@ class PushByAngle(AbstractPush):
 
     at: Point
     along: Vector  # of any length
-    size: Callable[[Scalar], Scalar]  # N, by the angle in rad
+    size: Callable[[Scalar], Scalar] = eqx.field(converter=_as_module)  # N, by the angle in rad
 
     def __check_init__(self):
         require_direction(self.along)
+
+    def require_period(self) -> None:
+        """Check that the force repeats with the crank's turn; ValueError (known numbers only)."""
+        if not is_concrete(self.size):
+            return
+        with jax.ensure_compile_time_eval():
+            angles = jnp.array([1.0, 2.5, 4.0])
+            now, later = (
+                np.array([self.size(one) for one in angles + turn]) for turn in (0.0, 2 * np.pi)
+            )
+        # Curves between their points are known to rounding.
+        repeats = np.allclose(now, later, rtol=0, atol=1e-6 * np.abs(now).max())
+        require(repeats, "size", "repeat with each turn of the crank", "another one a turn later")
 
     def force(self, motion: Motion) -> Vector:
         """Return the force at the crank's angle."""

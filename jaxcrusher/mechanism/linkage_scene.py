@@ -15,6 +15,7 @@ from jaxcrusher.joint.validity import Turning
 from jaxcrusher.mechanism.acting import (
     AbstractPush,
     Acting,
+    PushByAngle,
     Spring,
     acting,
     push_power,
@@ -157,7 +158,10 @@ class LinkageScene(AbstractScene):
         return {"crank": (Turning, ("crank_speed_least",))} if may_rest(self) else {}
 
     def steady(self) -> "LinkageScene":
-        """Return the scene: its forces repeat with the crank's turn."""
+        """Return the scene: its forces repeat with the crank's turn, or ValueError is raised."""
+        for push in self.pushes:
+            if isinstance(push, PushByAngle):
+                push.require_period()
         return self
 
     def ideal(self) -> "LinkageScene":

@@ -564,28 +564,48 @@ def _numbers(given: Any) -> np.ndarray:
         raise ValueError("Argument `load_curve` must be pairs [rad, N], but is not.") from None
 
 
+# Least sine of the angle between two links, or between a link and the perpendicular of its slide. A
+# linkage that passes a dead point comes as close to zero within half a degree of its crank.
+LEAST_LEVER = 0.02
+
+
 @eqx.filter_jit
-def _open_at(linkage: Linkage, angles: Any) -> list[Any]:
-    """Return of each dyad whether it is open at angles of the crank."""
+def _levers(linkage: Linkage, angles: Any) -> list[Any]:
+    """Return that sine of each dyad at angles of the crank: zero at a dead point, NaN where open."""
 
     def one(angle: Any) -> list[Any]:
-        motion = ideal_at_rest(linkage, angle)
-        return [~jnp.isfinite(motion.axis(dyad.first).x) for dyad in linkage.dyads]
+        motion, found = ideal_at_rest(linkage, angle), []
+        for dyad in linkage.dyads:
+
+            def at(joint: str, body: str) -> Vector:
+                return motion.position(Point(body, linkage.side_of(joint, body)))
+
+            meeting = at(dyad.meeting, dyad.first)
+            u = meeting - at(dyad.first_joint, dyad.first)
+            if dyad.second_joint in linkage.slides:
+                v = linkage.slide(dyad.second_joint).direction.perp()
+            else:
+                v = at(dyad.second_joint, dyad.second) - meeting
+            found.append(jnp.abs(u.cross(v)) / jnp.sqrt(u.dot(u) * v.dot(v)))
+        return found
 
     return jax.vmap(one)(angles)
 
 
 def require_closing(scene: LinkageScene) -> None:
-    """Raise ValueError for known numbers by which a dyad is open at some degree of a turn."""
+    """Raise ValueError for known numbers by which a dyad is open, or dead, at some degree."""
     linkage = scene.linkage
     if any(concrete(leaf) is None for leaf in jax.tree.leaves(linkage)):
         return
-    opened = _open_at(linkage, jnp.radians(jnp.arange(360.0)))
-    for dyad, at in zip(linkage.dyads, opened, strict=True):
-        degrees = np.flatnonzero(np.asarray(at))
-        told = f"open at a crank angle of {degrees[:1].tolist()[0]} deg" if degrees.size else ""
+    levers = _levers(linkage, jnp.radians(jnp.arange(360.0)))
+    for dyad, lever in zip(linkage.dyads, map(np.asarray, levers), strict=True):
         must = f"let {dyad.first} and {dyad.second} meet at every angle of the crank"
-        require(not degrees.size, "bodies", must, told)
+        for bad, told in (
+            (np.isnan(lever), "open"),
+            (lever < LEAST_LEVER, "at a dead point, from which they may go on either way,"),
+        ):
+            for degree in np.flatnonzero(bad)[:1]:
+                require(False, "bodies", must, f"{told} at a crank angle of {degree} deg")
 
 
 def _number(name: str, value: Any) -> float:

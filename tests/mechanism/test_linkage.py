@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.basics.plane import Arm, Vector, arm_to, minus, plus
-from jaxcrusher.mechanism.acting import Push, Spring
+from jaxcrusher.mechanism.acting import Push, PushByAngle, Spring
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.motion import Crank, ideal_at_rest, moving
 from jaxcrusher.mechanism.named import Named
@@ -222,6 +222,24 @@ def test_a_force_at_no_body_is_refused(machine, forces, words):
     """A push of a frame on supports would turn it, though it is its own reaction."""
     with pytest.raises(ValueError, match=words):
         dataclasses.replace(machine("four-bar"), **forces)
+
+
+def test_a_force_by_angle_is_any_function_and_one_of_two_turns_has_no_steady_state(machine):
+    """The gas force of a four-stroke engine; it passed for one that repeats with each turn."""
+    plain = machine("slider-crank")
+    pull = plain.pushes[0]
+    for order in (1.0, 0.5):
+        size = lambda angle, order=order: 300 * (1 + jnp.cos(order * angle))  # noqa: E731
+        push = PushByAngle(pull.at, Vector(3.0, 4.0), size)
+        scene = dataclasses.replace(plain, pushes=(push,))
+        motion = ideal_at_rest(scene.linkage, 2.0)
+        given = jax.jit(lambda scene, motion: scene.pushes[0].force(motion).array())(scene, motion)
+        np.testing.assert_allclose(given, float(size(2.0)) * np.array([0.6, 0.8]), rtol=1e-14)
+        if order == 1:
+            assert scene.steady() is scene
+            continue
+        with pytest.raises(ValueError, match="`size` must repeat with each turn of the crank"):
+            scene.steady()
 
 
 @pytest.mark.parametrize("at", [({"pivt": Vector(1.0, 0.0)},), ({}, {"base": Vector(0.1, 0.0)})])

@@ -187,6 +187,10 @@ REFUSED = {
         {"joints": {"A": {"bore": ["rod", 0, 0], "pin": ["crank", 0.13, 0]}}},
         "let rod and slider meet at every angle of the crank, but is open at a crank angle of 6",
     ),
+    "links that pass a dead point": (
+        {"joints": {"A": {"bore": ["rod", 0, 0], "pin": ["crank", 0.11999, 0]}}},
+        "every angle of the crank, but is at a dead point, from which they may go on either way, at",
+    ),
     "bodies that are no dyads": (
         {"bodies": {"link": {"mass": 1.0, "inertia": 1.0}}},
         "bodies` must form dyads",
