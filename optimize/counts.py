@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from jaxcrusher.orbits.result import PeriodicOrbit
 from optimize.case import Case
 from optimize.limits import OF_ORBIT, OF_RUN, Found
 
@@ -16,19 +17,26 @@ def broken(case: Case, found: Found, share: float) -> dict[str, np.ndarray]:
     """
     lost = {}
     if case.inside_model:
-        lost["leave the contact model"] = ~_logical(found["inside_model"])
+        of_orbit = isinstance(found, PeriodicOrbit)
+        inside = found.validity.inside if of_orbit else found["inside_model"]
+        lost["leave the contact model"] = ~_logical(inside)
     for limit in case.limits:
         beyond = f"have a {limit.statistic} above {limit.most:.4g} {limit.unit}"
         lost[beyond] = ~limit.kept(found, share)
     return lost
 
 
-def of_runs(case: Case, found: Found, capacity: Float[np.ndarray, " designs"]) -> np.ndarray:
-    """Whether the motion of each start succeeded, without whirl, within the constraints.
+def end_well(found: Found) -> np.ndarray:
+    """Whether each motion succeeded, without whirl.
 
     A whirl's numbers are outside the contact theory, whatever the objective says of it.
     """
-    good = _logical(found["success"]) & ~_logical(found["whirl"]) & case.reaches(capacity)
+    return _logical(found["success"]) & ~_logical(found["whirl"])
+
+
+def of_runs(case: Case, found: Found, capacity: Float[np.ndarray, " designs"]) -> np.ndarray:
+    """Whether the motion of each start ended well, within the constraints."""
+    good = end_well(found) & case.reaches(capacity)
     for where in broken(case, found, OF_RUN).values():
         good = good & ~where
     return good

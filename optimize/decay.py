@@ -32,12 +32,15 @@ GONE = 1e-3
 
 
 def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
-    """Return the designs with the decay of the runs that come to their orbits."""
+    """Return the designs with the decay of the runs that come to their orbits of one turn.
+
+    Which turn of a longer orbit a run comes to is not known.
+    """
     dying = [
         (i, start)
         for i, design in enumerate(designs)
         for start, runs in design.transient.items()
-        if runs.settles
+        if runs.settles and _orbit(design).solution.period == 1
     ]
     if not dying:
         return list(designs)
@@ -70,7 +73,7 @@ def _orbit(design: Confirmed) -> Orbit:
 
 def rate(orbit: Orbit) -> float:
     """Return the share of an oscillation that decays in a turn, by the largest multiplier."""
-    return 1 - float(orbit.solution.largest_multiplier)
+    return 1 - float(orbit.solution.largest_multiplier) ** (1 / orbit.solution.period)
 
 
 def resolved(swing: Decay) -> float:

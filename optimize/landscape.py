@@ -12,6 +12,7 @@ from jaxcrusher.files import table
 from jaxcrusher.files.table import Column
 from jaxcrusher.scenes.parameters import NUMBERS
 from optimize.case import Case
+from optimize.counts import end_well
 from optimize.design import Design
 from optimize.evaluate import STARTS, Rows, judged
 
@@ -120,9 +121,12 @@ def counting(
     units: Float[np.ndarray, "cells n"],
     points: Float[np.ndarray, "points n"],
 ) -> np.ndarray:
-    """Whether both starts count in the cell of the landscape nearest to each of `points`."""
-    counts = landscape.counts.all("start").to_numpy().ravel()
-    return counts[scipy.spatial.KDTree(units).query(points)[1]]
+    """Whether both starts end well in the cell of the landscape nearest to each of `points`.
+
+    Constraints are asked of their orbits, not of what starts do on the way there.
+    """
+    well = end_well(landscape).all(axis=0).ravel()
+    return well[scipy.spatial.KDTree(units).query(points)[1]]
 
 
 def best_points(values: np.ndarray, units: np.ndarray, count: int) -> np.ndarray:

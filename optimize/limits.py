@@ -10,7 +10,7 @@ import xarray as xr
 from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.scenes.scene_file import quantity_in
+from jaxcrusher.scenes.scene_file import typed_in
 
 # Statistics by name, of any shape.
 Found = Mapping[str, Any] | xr.Dataset | PeriodicOrbit
@@ -44,7 +44,7 @@ def read_limits(written: Iterable[tuple[str, str]], scene: AbstractScene) -> tup
         require_known(name, scene.own_statistics)
         unit = scene.statistics[name].unit
         require(name not in found, "limit", "name every statistic once", name)
-        most = quantity_in(unit, name, text)
-        require(most > 0, f"limit of {name}", "be > 0", text)
+        most = typed_in(unit, name, text)
+        require(0 < most < np.inf, f"limit of {name}", "be finite and > 0", text)
         found[name] = Limit(name, most, unit)
     return tuple(found.values())

@@ -127,7 +127,8 @@ def widths(case: Case) -> Float[np.ndarray, " n"]:
 def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     """Return the orbit of one point, with as many nodes as it takes, closed by integration.
 
-    Its slopes stand beside central differences of orbits. None where there is no orbit to solve
+    Its slopes stand beside central differences of orbits, and are NaN where these are of another
+    motion than the one that the crusher comes to from rest. None where there is no orbit to solve
     for.
     """
     if unsolvable(case):
@@ -141,10 +142,12 @@ def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     above, below = np.split(rows["objective"][1:], 2)
     slopes, names = rows["slope"][0], case.design.names
     apart = np.abs((above - below) / (2 * BESIDE * widths(case)) - slopes)
-    value = case.objective.formula(solution, scene, case.chamber_of(described))
+    value = float(case.objective.formula(solution, scene, case.chamber_of(described)))
+    if not abs(rows["objective"][0] - value) <= SAME * abs(value):
+        slopes, apart = np.full((2, len(unit)), np.nan)
     return Orbit(
         solution,
-        float(value) if bool(solution.success) else float("nan"),
+        value if bool(solution.success) else float("nan"),
         dict(zip(names, slopes.tolist(), strict=True)),
         dict(zip(names, apart.tolist(), strict=True)),
     )

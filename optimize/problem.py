@@ -6,6 +6,7 @@ from typing import Any
 
 from jaxcrusher.basics.checks import require, require_choice, require_within
 from jaxcrusher.crusher.capacity import AFFLUENCE
+from jaxcrusher.files.journal import digest_of
 from jaxcrusher.mechanism.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.described import given_by, kind_of
@@ -111,7 +112,9 @@ def resolve(options: Options) -> Problem:
     texts = (*options.overrides, *((name, high) for name, _, high in ranges(options)))
     units = units_of_file(options.scene) | units_of(texts)
     kept = {key: value for key, value in asdict(options).items() if key not in KEPT_APART}
-    kept["objective"] = name
+    formula = case.objective.formula
+    own = not formula.__module__.startswith("optimize.")
+    kept["objective"] = f"{name} {digest_of(formula)}" if own else name
     kept |= {} if design.kept_stroke is None else {"stroke": design.kept_stroke.target}
     limits = {limit.statistic: limit.most for limit in case.limits}
     return Problem(

@@ -1,6 +1,7 @@
 """The whole search, from the options to what it leaves behind."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -34,7 +35,7 @@ def run(options: Options, console: Console) -> Answer:
     problem = resolve(options)
     tell(problem, options.scene)
     folder = begin(problem.folder, problem.settings, *WRITTEN)
-    journal = Journal(folder / CHUNKS)
+    journal = Journal(folder / CHUNKS, Path(__file__).parent)
     parts, maps, status = _known(problem), None, "interrupted"
     with progress(console) as bars:
         work = stages.Work(folder, bars, journal)

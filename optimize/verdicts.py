@@ -28,7 +28,10 @@ ALIKE = 0.01
 APART = 0.02
 # What a bearing's clearance takes off the RMS of a quiet motion at most.
 BELOW_IDEAL = 0.003
-NO_SLOPES = "slopes are not known: at the optimum or beside it no orbit was solved for"
+NO_SLOPES = (
+    "slopes are not known: at the optimum or beside it no orbit was solved for, or that of another "
+    "motion"
+)
 
 
 def judged(answer: Answer, problem: Problem, maps: Maps) -> dict[str, Any]:
@@ -90,8 +93,12 @@ def _inside(best: Confirmed, case: Case) -> bool:
 
 
 def _limits(best: Confirmed, case: Case) -> tuple[Check, ...]:
-    """Check each limit on all motions that the optimum comes to."""
+    """Check each limit on all motions that the optimum comes to; those beside it by their model."""
     found = []
+    if case.inside_model and best.coexisting:
+        inside = [bool(one.solution.validity.inside) for one in best.coexisting]
+        told = f"{sum(inside)} of {len(inside)}"
+        found.append(Check("orbits of random starts are inside the model", all(inside), told))
     for limit in case.limits:
         of_runs = [float(runs.by_run[limit.statistic].mean()) for runs in best.transient.values()]
         values, slack = of_runs, OF_RUN

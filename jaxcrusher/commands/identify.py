@@ -22,7 +22,8 @@ from jaxcrusher.identification.identify import Identified, identify
 from jaxcrusher.identification.measurements import taken
 from jaxcrusher.identification.model import quantities_of
 from jaxcrusher.scenes.echo import unit_of as shown_in
-from jaxcrusher.scenes.scene_file import require_continuous, to_si
+from jaxcrusher.scenes.parameters import NUMBERS
+from jaxcrusher.scenes.scene_file import require_continuous, typed_in
 
 FILES = ("identified.json", "identified.png")
 FURTHER = 3  # further measurements that are printed
@@ -35,9 +36,11 @@ def run(options: Identify, console: Console) -> int:
     require(len(options.measured) > 0, "measured", "name a file", "missing")
     require(len(options.free) > 0, "free", "name numbers to be found", "missing")
     require(0 <= options.noise < np.inf, "noise", "be finite and >= 0", options.noise)
-    for name in (*options.free, *(name for name, _, _ in options.prior)):
-        require_continuous("free", name)
-    priors = {n: (to_si(n, mean), to_si(n, sigma)) for n, mean, sigma in options.prior}
+    for argument, names in (("free", options.free), ("prior", [one for one, *_ in options.prior])):
+        for name in names:
+            require_continuous(argument, name)
+    typed = lambda name, text: typed_in(NUMBERS[name].unit, name, text)  # noqa: E731
+    priors = {n: (typed(n, mean), typed(n, sigma)) for n, mean, sigma in options.prior}
     twice = len(priors) < len(options.prior)
     require(not twice, "prior", "name each number once", "twice of one")
     quantities = quantities_of(machine.scene)

@@ -1,6 +1,8 @@
 """Results of finished chunks of work, so that a run that was killed goes on where it was."""
 
 import hashlib
+import inspect
+import marshal
 import re
 import shutil
 import sys
@@ -8,6 +10,7 @@ import zipfile
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
+from types import FunctionType
 from typing import Any
 
 import equinox as eqx
@@ -23,11 +26,12 @@ class Journal:
     """A folder with the arrays of each finished chunk, found again by what went into it.
 
     The name of a chunk's file is the digest of its input, of the function that computes it, of the
-    sources of this package, and of the versions of the others. Other chunks never meet.
+    sources of this package and of `sources`, the folder of one that computes with it, and of the
+    versions of the others. Other chunks never meet.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, sources: Path | None = None) -> None:
+        self._folder, self._sources = folder, sources
 
     def kept(self, function: str, inputs: Iterable[Any], compute: Callable[[], Arrays]) -> Arrays:
         """Return the arrays of a chunk, computed now unless an earlier run has finished it.
@@ -35,7 +39,7 @@ class Journal:
         `function` tells what is computed of the inputs, as `text_of` does. A file that cannot be
         read is made anew.
         """
-        digest = hashlib.sha256(f"{function}\n{_programs()}".encode())
+        digest = hashlib.sha256(f"{function}\n{_programs(self._sources)}".encode())
         for value in inputs:
             array = np.ascontiguousarray(value)
             digest.update(f"{array.dtype} {array.shape}\n".encode() + array.tobytes())
@@ -56,11 +60,38 @@ class Journal:
 def text_of(value: Any) -> str:
     """Return an object as text, with the values of its arrays.
 
-    Addresses are left out, as they differ from process to process.
+    Addresses are left out, as they differ from process to process. Functions of one's own come with
+    digests of their code and of what they close over.
     """
+    return _text(value, {})
+
+
+def digest_of(value: Any) -> str:
+    """Return a digest of the text of an object."""
+    return hashlib.sha256(text_of(value).encode()).hexdigest()[:16]
+
+
+def _text(value: Any, codes: dict[FunctionType, str]) -> str:
+    def look(node: Any) -> bool:
+        function = inspect.unwrap(node) if callable(node) else node  # of `jax.jit` too
+        if isinstance(function, FunctionType) and function not in codes:
+            codes[function] = ""  # it may close over itself
+            codes[function] = _code(function, codes)
+        return False
+
     with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
-        text = eqx.tree_pformat(value, short_arrays=False, width=10**6)
-    return re.sub(" at 0x[0-9a-f]+", "", text)
+        text = eqx.tree_pformat(value, short_arrays=False, width=10**6, truncate_leaf=look)
+    return " ".join([re.sub(" at 0x[0-9a-f]+", "", text), *filter(None, codes.values())])
+
+
+def _code(function: FunctionType, codes: dict[FunctionType, str]) -> str:
+    if (function.__module__ or "").startswith("jaxcrusher."):
+        return ""  # whose sources are told
+    # Of version 2 the bytes do not depend on what else refers to the constants.
+    digest = hashlib.sha256(marshal.dumps(function.__code__, 2))
+    closed = [cell.cell_contents for cell in function.__closure__ or ()]
+    digest.update(_text((closed, function.__defaults__, function.__kwdefaults__), codes).encode())
+    return digest.hexdigest()[:16]
 
 
 def _read(path: Path) -> Arrays | None:
@@ -73,10 +104,10 @@ def _read(path: Path) -> Arrays | None:
 
 
 @cache
-def _programs() -> str:
+def _programs(further: Path | None) -> str:
     """Return what decides the bits of a result besides its input."""
-    package = Path(__file__).parents[1]
     sources = hashlib.sha256()
-    for path in sorted(package.rglob("*.py")):
-        sources.update(path.read_bytes())
+    for package in (Path(__file__).parents[1], *([] if further is None else [further])):
+        for path in sorted(package.rglob("*.py")):
+            sources.update(path.read_bytes())
     return f"{environment()} {sources.hexdigest()}"

@@ -318,6 +318,16 @@ def point_of(name: str, value: Any) -> tuple[float, float]:
     return x, y
 
 
+def typed_in(unit: str, name: str, text: str) -> float:
+    """Return what `quantity_in` does of a command line, where a number without a unit has no quotes.
+
+    Raises ValueError as that does.
+    """
+    if unit == "1" and re.fullmatch(_NUMBER, text.strip()):
+        return float(text)
+    return quantity_in(unit, name, text)
+
+
 def quantity_in(unit: str, name: str, text: str) -> float:
     """A quantity such as "0.06 mm" in an SI unit; `name` is what messages call it.
 

@@ -2,8 +2,10 @@
 
 import functools
 
+import jax
 import numpy as np
 
+import jaxcrusher as jc
 from jaxcrusher.files.journal import Journal, text_of
 
 
@@ -15,6 +17,24 @@ def test_text_holds_every_value_and_no_address():
     assert text_of({"x": numbers}) == text_of({"x": numbers.copy()}) != text_of({"x": changed})
     added = [text_of(functools.partial(lambda x, y: x + y, 1.0)) for _ in range(2)]
     assert added[0] == added[1] != text_of(functools.partial(lambda x, y: x + y, 2.0))
+
+
+def test_text_holds_the_code_of_functions_and_what_they_close_over():
+    """A formula that was mended under its name was answered by what the first one gave."""
+
+    def texts(power, step=1):
+        def loop(x):
+            return x if x > 9 else loop(x + step)  # closes over itself
+
+        inner = lambda x: loop(x) ** power  # noqa: E731
+        return [text_of({"f": one}) for one in (inner, jax.jit(inner), functools.partial(inner))]
+
+    assert texts(2) == texts(2) and len(set(texts(2))) == 3
+    for others in (texts(3), texts(2, step=2)):
+        assert not set(texts(2)) & set(others)
+    assert text_of(lambda x: x + 1) != text_of(lambda x: x - 1)
+    # The package's own come with its sources.
+    assert "at 0x" not in text_of(jc.statistics) and len(text_of(jc.statistics)) < 40
 
 
 def test_what_is_kept_is_not_computed_again(tmp_path):

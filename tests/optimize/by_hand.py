@@ -62,6 +62,7 @@ def rows_of_three_runs():
     }
     return rows | {
         "state": np.zeros((2, 3, 4)),
+        "whirl": np.zeros((2, 3), dtype=bool),
         "objective": np.array([[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]),
         "counts": np.ones((2, 3), dtype=bool),
     }

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ from scipy.stats import linregress
 import jaxcrusher as jc
 from jaxcrusher.orbits.transient import section_points
 from optimize import decay, verdicts
-from optimize.answer import Decay
+from optimize.answer import Decay, Orbit
 from optimize.decay import PARTS, PHASE, TURNS, measured, unmeasurable
 
 ANGLE = 1.04  # of the crusher's swing in a turn
@@ -34,6 +34,11 @@ def test_decay_of_a_swing(rate):
     assert found.error < 0.01 / TURNS * 3
     assert found.first == pytest.approx(0.05 * np.sqrt(1.09 / 2 / 2) * np.exp(-30 * rate), rel=0.02)
     assert found.last < found.first
+
+
+def test_the_multiplier_of_two_turns_is_told_by_the_turn():
+    orbit = SimpleNamespace(solution=SimpleNamespace(largest_multiplier=0.81, period=2))
+    assert decay.rate(cast(Orbit, orbit)) == pytest.approx(0.1)
 
 
 def test_the_rate_is_the_share_that_decays():
@@ -94,7 +99,7 @@ NOISE = Decay(first=1e-4, last=1e-4, rate=-0.00035, error=0.001, floor=9e-5)
 )
 def test_a_swing_that_cannot_be_measured_fails_no_check(swing, good, detail):
     best: Any = SimpleNamespace(transient={"contact": SimpleNamespace(decay=swing)})
-    orbit: Any = SimpleNamespace(solution=SimpleNamespace(largest_multiplier=1 - SAYS))
+    orbit: Any = SimpleNamespace(solution=SimpleNamespace(largest_multiplier=1 - SAYS, period=1))
     (check,) = verdicts._decaying(best, orbit)
     assert check.passed == good and detail in check.detail
     assert bool(unmeasurable(swing, SAYS)) == ("not measurable" in check.detail)

@@ -24,6 +24,9 @@ def test_limits_are_read_in_their_units():
         Limit("frame_displacement_peak", 0.2e-3, "m"),
         Limit("transmitted_rms", 3000.0, "N"),
     )
+    # Without a unit there is none to write.
+    (share,) = read_limits((("contact_fraction", "0.9"),), scene)
+    assert share == Limit("contact_fraction", 0.9, "1")
 
 
 @pytest.mark.parametrize(
@@ -31,7 +34,7 @@ def test_limits_are_read_in_their_units():
     [
         ((("frame_displacment_peak", "1 mm"),), "is 'frame_displacement_peak' meant"),
         ((("shaking_rms", "1 mm"),), "must have a unit of the kind N, but has 'mm'"),
-        ((("shaking_rms", "0 N"),), "`limit of shaking_rms` must be > 0, but is 0 N"),
+        ((("shaking_rms", "0 N"),), "`limit of shaking_rms` must be finite and > 0, but is 0 N"),
         ((("shaking_rms", "1 N"), ("shaking_rms", "2 N")), "must name every statistic once"),
     ],
 )

@@ -22,7 +22,7 @@ from jaxcrusher.commands.options import Sweep
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.statistics_table import STATISTIC, usual_with
 from jaxcrusher.files.journal import Journal, text_of
-from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED
+from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, Validity
 from jaxcrusher.mechanism.reductions import chosen
 from optimize import (
     bound,
@@ -487,9 +487,39 @@ def test_a_design_is_judged_by_what_its_worse_start_comes_to():
         assert one.worse_start == "centred" and one.objective == 2.0
         assert one.forces["shaking_rms"] == 1.0
         assert one.half_width == one.transient["centred"].objective_half_width > 1
-    # A single run that does not count, of either start, leaves no number to choose by.
+    # A single run that does not count leaves no number to choose by, unless all of its start come
+    # to the orbit: on the way there a peak is higher than any later one.
     rows["counts"][1, 2] = False
+    assert confirm.confirmed(case, np.zeros(2), rows, orbit).counts
+    assert not confirm.confirmed(case, np.zeros(2), rows, no_orbit()).counts
+    rows["whirl"][1, 2] = True
     assert not confirm.confirmed(case, np.zeros(2), rows, orbit).counts
+
+
+def test_an_orbit_outside_the_model_does_not_count_if_asked():
+    """It is asked for its own verdict; rows of runs have a column."""
+    case = replace(resolve(Options()).case, inside_model=True)
+    for ratio, counts in ((0.9, True), (1.1, False)):  # of an elastic impact
+        validity, orbit = Validity(*jnp.array([0.1, ratio, 0.9, 0.9, 1e-3])), orbit_by_hand()
+        orbit = replace(orbit, solution=replace(orbit.solution, validity=validity))
+        one = confirm.confirmed(case, np.zeros(2), rows_of_three_runs(), orbit)
+        assert one.settles and one.counts == counts
+        beside = replace(one, coexisting=(Coexisting(0.5, orbit.solution, 7.0),))
+        (check,) = verdicts._limits(beside, case)
+        assert check.passed == counts and check.detail == f"{int(counts)} of 1"
+
+
+def test_slopes_of_another_motion_than_the_one_from_rest_are_not_told(monkeypatch):
+    """At 38.24 rad/s, with the slip of the surfaces, their sign was the wrong one."""
+    case, solution = resolve(Options()).case, solution_by_hand(foundation_rms=8.0)
+    monkeypatch.setattr(periodic.jc, "periodic_orbit", lambda *_, **__: solution)
+    for objective, known in ((8.0, True), (7.95, False), (np.nan, False)):
+        rows = {"objective": np.full(5, objective), "slope": np.ones((5, 2))}
+        monkeypatch.setattr(periodic, "solve", lambda *_, rows=rows, **__: rows)
+        found = periodic.orbit_of(case, np.array([0.5, 0.5]))
+        assert found.objective == 8.0
+        for slopes in (found.slopes, found.slopes_apart):
+            assert np.isfinite(list(slopes.values())).tolist() == [known, known]
 
 
 def test_the_worst_orbit_brings_its_own_error_and_one_without_a_number_hides_none():
@@ -826,9 +856,12 @@ def test_a_key_of_the_scene_file_may_be_set(tmp_path):
 def test_points_near_a_bad_start_do_not_count():
     case = resolve(Options()).case
     units = landscape.points(case.design, (2, 2), 2, 0)
-    counts = np.array([[[True, True], [True, True]], [[True, False], [True, True]]])
-    data = xr.Dataset({"counts": (("start", "speed", "clearance"), counts)})
+    good = np.array([[[True, True], [True, True]], [[True, False], [True, True]]])
+    dims, lost = ("start", "speed", "clearance"), np.zeros(good.shape, bool)
+    data = xr.Dataset({"success": (dims, good), "whirl": (dims, lost), "counts": (dims, lost)})
     points = np.array([[0.1, 0.2], [0.4, 0.6], [0.6, 0.6]])
+    assert landscape.counting(data, units, points).tolist() == [True, False, True]
+    data = xr.Dataset({"success": (dims, ~lost), "whirl": (dims, ~good)})
     assert landscape.counting(data, units, points).tolist() == [True, False, True]
 
 
