@@ -36,7 +36,9 @@ def active_constraints(case: Case, best: Confirmed) -> tuple[tuple[Active, ...],
         normals = np.stack([normal for _, _, normal, _ in standing], axis=1)
         sizes = np.linalg.norm(normals[free], axis=0)
         sizes = np.where(sizes > 0, sizes, np.inf)
-        multipliers = scipy.optimize.nnls(normals[free] / sizes, slopes[free])[0] / sizes
+        multipliers = np.zeros(len(standing))
+        if free.any():  # of no rows SciPy returns whatever its memory holds
+            multipliers = scipy.optimize.nnls(normals[free] / sizes, slopes[free])[0] / sizes
         slopes = slopes - normals @ multipliers
         found += [
             Active(name, end, float(multiplier), unit)

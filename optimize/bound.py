@@ -217,10 +217,13 @@ def optimality_bound(found: Refined, best: Confirmed) -> Bound:
     # Of a cell whose corners lie above the optimum they hide more than it may hold below it.
     hides = float(hidden[np.nanargmin(np.fmin.reduce(orbits, axis=1))])
     curvature = min(of_orbits, hides)
+    case = points.case
+    keeps = " that keeps the constraints" * bool(case.limits or case.inside_model)
     statement = (
-        f"No other periodic orbit of the box is more than {_at_most(of_orbits, unit)} below the "
-        f"optimum, of which {_at_most(curvature, unit)} are what second derivatives can hide: "
-        f"these are assumed to be at most {ROUGHER:g} times those between neighbouring points."
+        f"No other periodic orbit of the box{keeps} is more than {_at_most(of_orbits, unit)} "
+        f"below the optimum, of which {_at_most(curvature, unit)} are what second derivatives can "
+        f"hide: these are assumed to be at most {ROUGHER:g} times those between neighbouring "
+        "points."
     )
     if np.isfinite(rougher):
         statement += f" In cells half as large about the optimum they are {rougher:.2g} times."

@@ -1,5 +1,6 @@
 """The problem that the options of the search describe: what is free, and what is compared."""
 
+import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -197,14 +198,15 @@ def _check_numbers(options: Options) -> None:
         ("seed", options.seed, 0),
     ):
         require(value >= least, name, f"be >= {least}", value)
+    balanced = options.samples & (options.samples - 1) == 0
+    require(balanced, "samples", "be a power of two, as Sobol's sequence asks", options.samples)
     if options.within is not None:
         require(options.within > 0, "within", "be > 0", options.within)
     if options.friction is not None:
         require_within("friction", options.friction, 0, 10)
     if options.capacity_floor is not None:
-        require(
-            options.capacity_floor >= 0, "capacity_floor", "be >= 0 m3/h", options.capacity_floor
-        )
+        finite = 0 <= options.capacity_floor < math.inf
+        require(finite, "capacity_floor", "be finite and >= 0 m3/h", options.capacity_floor)
 
 
 def _require_used(options: Options) -> None:
@@ -238,15 +240,27 @@ def _require_used(options: Options) -> None:
 
 def _require_felt(options: Options, described: dict[str, Any], free: set[str]) -> None:
     """ValueError for an option, or a number of its own line `--design`, that no law uses."""
-    law = {name: described.get(name, PE250X400[name]) for name in ("contact_law", "load_law")}
-    idle = {}
+    idle = _idle(described)
+    if described.get("friction") == 0 and "friction" not in free:
+        idle["slip"] = "friction=0"
+    for name, why in idle.items():
+        # The option chooses the law too.
+        option = None if why == "impact_law=tracked" else getattr(options, name, None)
+        given = name in free or option is not None
+        require(not given, name, f"not be given with `{why}`, which does not use it", "given")
+
+
+def _idle(described: dict[str, Any]) -> dict[str, str]:
+    """Return numbers that no law of a description uses, and because of which choice."""
+    names = "contact_law", "load_law", "impact_law"
+    law, idle = {name: described.get(name, PE250X400[name]) for name in names}, {}
+    if law["impact_law"] == "tracked":
+        idle["impact_velocity"] = "impact_law=tracked"
     if law["contact_law"] == "rollers":
         idle |= dict.fromkeys(OF_SLIDING, "contact_law=rollers")
     if law["load_law"] in WITHOUT_LOAD:
         idle["load"] = f"load_law={law['load_law']}"
-    for name, why in idle.items():
-        given = name in free or getattr(options, name, None) is not None
-        require(not given, name, f"not be given with `{why}`, which does not use it", "given")
+    return idle
 
 
 def _require_not_set(options: Options) -> None:
@@ -257,17 +271,24 @@ def _require_not_set(options: Options) -> None:
     taken = {key_of(name) for name, _, _ in ranges(options)}
     given = ("slip", "friction", "load_law", "impact_velocity")
     taken |= {name for name in given if getattr(options, name) is not None}
+    taken |= {"impact_law"} if options.impact_velocity is not None else set()
     for name, _ in options.overrides:
         repeated = key_of(name) in taken
         require(not repeated, "set", "not repeat what another option gives", name)
+        must = "give the counterweight by mass and angle: its moment can only be free"
+        require(key_of(name) not in CounterweightMoment.inputs, "set", must, name)
 
 
 def _bounds(options: Options, described: dict[str, Any]) -> Bounds:
-    """Return the free parameters with their bounds; single ones go before those of sets."""
+    """Return the free parameters with their bounds; single ones go before those of sets.
+
+    Of sets those are left out that no law uses.
+    """
     found: Bounds = {}
     for word in sets(options):
         found |= set_bounds(word, {**PE250X400, **described})
-    return found | written_bounds(options)
+    idle = _idle(described)
+    return {name: one for name, one in found.items() if name not in idle} | written_bounds(options)
 
 
 def _design(options: Options, described: dict[str, Any], free: Bounds) -> Design:

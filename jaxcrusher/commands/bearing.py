@@ -80,17 +80,20 @@ def run(options: Bearing, console: Console) -> int:
                 found.append(run_turns(scene, quantities_of(scene), seconds=seconds, **how))
         return found
 
-    def failed(runs: list[Turns]) -> bool:
-        """Tell whether one of some runs failed, and print why."""
-        why = next((one.failure for one in runs if one.failure), "")
-        if why:
-            console.print(f"FAILED: {why}", style="red")
-        return bool(why)
+    def ended(runs: list[Turns], words: list[str]) -> list[int]:
+        """Return which of some runs came to their end, and print why others did not."""
+        for run, title in zip(runs, words, strict=True):
+            if run.failure:
+                console.print(f"FAILED{', ' * bool(title)}{title}: {run.failure}", style="red")
+        return [i for i, run in enumerate(runs) if not run.failure]
 
     titles = [", ".join(f"{n} {said(n, one[n], units)}" for n in one) for one in designs]
     found = seen(scenes, titles)
-    if failed(found):
+    good = ended(found, titles)
+    if not good:
         return 1
+    status = int(len(good) < len(found))
+    designs, titles, found = ([every[i] for i in good] for every in (designs, titles, found))
     kept = dataset(titles, found, values)
     write_dataset(folder / "bearing.csv", kept)
     for joint in kept.bearing.values:
@@ -101,18 +104,19 @@ def run(options: Bearing, console: Console) -> int:
     )
     for line in (*verdicts(kept), *clearances(found, titles)):
         console.print(line)
-    status = 0
     if (lost := float(kept.impacts.sel(bearing="main")[0])) and np.isfinite(lost):
         variants, refused = variants_of({**values, **designs[0]}, units)
         for line in refused:
             console.print(line)
         if variants:
-            runs = seen([*variants.values()], [*variants])
-            beside = dataset([*kept.design.values[:1], *variants], [found[0], *runs], values)
+            runs, words = seen([*variants.values()], [*variants]), [*variants]
+            whole = ended(runs, words)
+            words, runs = ([every[i] for i in whole] for every in (words, runs))
+            beside = dataset([titles[0], *words], [found[0], *runs], values)
             rests = ["peak_load", "impacts", "impact_speed", "contact_lost"]
-            title = "bearing A: impacts rest on what is assumed"
+            title = f"bearing A{', ' * bool(titles[0])}{titles[0]}: impacts rest on what is assumed"
             console.print(shown(beside.sel(bearing="main", drop=True), title, rests))
-            status = int(failed(runs))
+            status = max(status, int(len(whole) < len(variants)))
     console.print(listed(folder, ["bearing.csv"]))
     return status
 

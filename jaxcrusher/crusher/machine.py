@@ -8,7 +8,7 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import concrete, require, require_positive
+from jaxcrusher.basics.checks import primal, require, require_positive
 from jaxcrusher.basics.plane import Arm, Vector, arm_to, scalar
 from jaxcrusher.basics.record import Record
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point
@@ -105,7 +105,7 @@ class Machine(Record):
         one line (a dead point) where it reaches l2 + l3 or |l2 - l3|.
         """
         links = (self.bearing.x, self.bearing.y, self.shaft.eccentricity, self.jaw.length)
-        known = [concrete(v) for v in (*links, self.toggle.length, clearance)]
+        known = [primal(v) for v in (*links, self.toggle.length, clearance)]
         if any(value is None for value in known):
             return
         x, y, l1, l2, l3, c = (np.asarray(value, dtype=float) for value in known)

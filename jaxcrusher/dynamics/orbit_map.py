@@ -84,6 +84,7 @@ def orbit_map(
     levels = (NODES, 2 * NODES) if nodes is None else (nodes,)
     grid, slopes = make_grid(axes, base, scene), tuple(slopes)
     require_names("slopes", slopes, tuple(grid.numbers_described))
+    require(len(set(slopes)) == len(slopes), "slopes", "name every number once", slopes)
     groups = list(grid.alike())
     first = [grid.scene(designs[0]) for _, designs in groups]
     metric = first[0].leading if metric is None else metric

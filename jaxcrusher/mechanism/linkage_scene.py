@@ -155,7 +155,7 @@ class LinkageScene(AbstractScene):
     @property
     def limits(self) -> Mapping[str, tuple[Callable[..., Any], tuple[str, ...]]]:
         """Return the limit of a free crank under friction."""
-        return {"crank": (Turning, ("crank_speed_least",))} if may_rest(self) else {}
+        return {"free crank": (Turning, ("crank_speed_least",))} if may_rest(self) else {}
 
     def steady(self) -> "LinkageScene":
         """Return the scene: its forces repeat with the crank's turn, or ValueError is raised."""

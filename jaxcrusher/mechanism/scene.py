@@ -11,7 +11,7 @@ from jaxtyping import PyTree, Scalar
 # Its integrator is made with the first scene, before a program of it is traced.
 import jaxcrusher.basics.loops  # noqa: F401
 from jaxcrusher.basics.checks import (
-    concrete,
+    primal,
     require,
     require_double,
     require_kind,
@@ -196,7 +196,7 @@ def require_maker(scene: Callable[..., AbstractScene]) -> None:
 def require_clearance(clearance, bore_radius, prefix: str = "") -> None:
     """Check 0 < clearance < bore radius (m) of the joint whose parameters have a `prefix`."""
     require_positive(f"{prefix}clearance", clearance, "m")
-    known, bore = concrete(clearance), concrete(bore_radius)
+    known, bore = primal(clearance), primal(bore_radius)
     if known is not None and bore is not None:
         limit = f"be smaller than the bore radius {bore.min():g} m"
         require(bool((known < bore).all()), f"{prefix}clearance", limit, clearance)

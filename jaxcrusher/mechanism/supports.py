@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Scalar
 
-from jaxcrusher.basics.checks import concrete, require, require_positive, require_within
+from jaxcrusher.basics.checks import primal, require, require_positive, require_within
 from jaxcrusher.basics.plane import Vector, arm_to, optional_scalar, scalar
 from jaxcrusher.mechanism.equations import MovingFrame, Wrench
 from jaxcrusher.mechanism.linkage import Body
@@ -68,7 +68,7 @@ class OnSupports(AbstractFoundation):
             require_positive(f"foundation.{name}", getattr(self, name), "N/m")
         for name in ("horizontal_damping", "vertical_damping"):
             require_within(f"foundation.{name}", getattr(self, name), 0.0, np.inf)
-        left, right = concrete(self.left), concrete(self.right)
+        left, right = primal(self.left), primal(self.right)
         if left is not None and right is not None:
             good = bool((left < right).all())
             require(good, "foundation.left", f"be less than foundation.right {right} m", left)

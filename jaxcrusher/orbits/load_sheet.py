@@ -387,9 +387,15 @@ def _verdicts(scene: AbstractScene, rows: Sequence[Row], site: Site) -> list[Row
     if outside := severity.outside_scope(running, site.power):
         return [Row(part, "overall zone", "", 60 * running, "rpm", remark=outside), *found]
     zones = [row for row in rows if row.remark.startswith("zone ")]
-    worst = max(zones, key=lambda row: (row.remark[5], row.value))
+    machines = severity.group(site.power)
+
+    def bad(row: Row) -> tuple[str, float]:
+        _, grade, kind, _ = row.remark.replace(",", "").split()
+        return grade, severity.share(kind, row.name.split()[0], row.value, machines)
+
+    worst = max(zones, key=bad)
     assumed = "" if site.power else ", assumed: motor_power is not given"
-    group = severity.GROUPS[severity.group(site.power)] + assumed
+    group = severity.GROUPS[machines] + assumed
     said = f"{worst.remark}; decided by the {worst.order} {worst.name} ({group})"
     return [Row(part, "overall zone", "", worst.value, worst.unit, remark=said), *found]
 

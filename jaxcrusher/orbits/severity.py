@@ -62,6 +62,12 @@ def zone(kind: str, quantity: str, value: float, machines: int = 2) -> str:
     return "ABCD"[int(np.searchsorted(kinds[kind][quantity], value))]
 
 
+def share(kind: str, quantity: str, value: float, machines: int = 2) -> float:
+    """Return an RMS as a share of its zone's upper limit; of the lower one in zone D."""
+    limits = ZONES[machines][kind][quantity]
+    return value / limits[min(int(np.searchsorted(limits, value)), len(limits) - 1)]
+
+
 def support_kind(modes: xr.Dataset, running: float, arm: np.ndarray, axis: str) -> str:
     """Say whether the standard calls the supports rigid or flexible in a direction, "x" or "y".
 

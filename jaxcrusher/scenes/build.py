@@ -187,7 +187,12 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
     if width is not None and discharge is not None and not np.all(width > discharge):
         largest = readable("chamber.discharge", float(np.max(2 * discharge - width)))
         must = f"be wider than the jaw's stroke at its lower end, {largest}"
-        require(False, "chamber.discharge", must, readable("chamber.discharge", float(discharge)))
+        require(
+            False,
+            "chamber.discharge",
+            must,
+            readable("chamber.discharge", float(np.max(discharge))),
+        )
     if width is None or discharge is None:
         double_width = nan_unless(double_width > v["chamber.discharge"], double_width)
     return CrushingChamber(
@@ -260,6 +265,7 @@ def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
             require(fits, "load_edge", must, f"{np.degrees(np.max(edge)):.4g} deg")
         return HalfSineStroke(values["load"], along, middle, span, rise)
     if law == "none":
+        require(along is None, "load_point", "not come with `load_law=none`", "given")
         return None
     if is_own("load_law", law):
         own = built("load_law", law, values, magnitude=values["load"], along=along)
@@ -415,7 +421,7 @@ def _roller_bearing(values: Mapping[str, Any], norm_width: Any) -> RollerBearing
     if wheels is not None and pitch is not None:
         must = "be smaller than the pitch diameter"
         fits = bool(np.all(wheels < pitch))
-        require(fits, "rollers.diameter", must, readable("rollers.diameter", v["diameter"]))
+        require(fits, "rollers.diameter", must, readable("rollers.diameter", float(np.max(wheels))))
     rollers = Rollers(
         clearance=values["clearance"],
         count=many * v["count"],

@@ -571,7 +571,7 @@ LEAST_LEVER = 0.02
 
 @eqx.filter_jit
 def _levers(linkage: Linkage, angles: Any) -> list[Any]:
-    """Return that sine of each dyad at angles of the crank: zero at a dead point, NaN where open."""
+    """Return that sine of each dyad at angles of the crank; it is NaN where a dyad is open."""
 
     def one(angle: Any) -> list[Any]:
         motion, found = ideal_at_rest(linkage, angle), []

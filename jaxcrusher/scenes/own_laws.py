@@ -101,7 +101,7 @@ def _make_known(name: str, field: dataclasses.Field, text: str) -> None:
     own = known is None or known.limits is _ANY
     if not own:
         return  # one of the joint's own numbers, such as elbow.restitution
-    scale = None if default else 1.0
+    scale = 1.0 if not default or np.isnan(default) else None
     PARAMETERS[name] = Parameter(float(default), unit, meaning, _ANY, scale)
     NUMBERS[name] = PARAMETERS[name]
 

@@ -319,7 +319,7 @@ def point_of(name: str, value: Any) -> tuple[float, float]:
 
 
 def typed_in(unit: str, name: str, text: str) -> float:
-    """Return what `quantity_in` does of a command line, where a number without a unit has no quotes.
+    """Return what `quantity_in` does, of a command line: there a number of no unit has no quotes.
 
     Raises ValueError as that does.
     """

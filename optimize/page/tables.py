@@ -84,7 +84,7 @@ def answer(found: Answer) -> Table:
         f"periodic orbit, {unit}",
         *(f"{start} start after {found.settle_turns} turns, {unit}" for start in design.transient),
         *(f"{meaning}, N" for meaning in others.values()),
-        "ideal joints' RMS, N",
+        f"ideal joints' {others.get(next(iter(design.forces)), 'RMS')}, N",
         *_crushing(found, next(iter(found.designs)), design),
         "turns to 1/e",
     )

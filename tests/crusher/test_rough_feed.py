@@ -102,6 +102,8 @@ def test_without_scatter_nothing_of_it_is_there():
     )
     with pytest.raises(ValueError, match="`load_scatter` must not come with `load_law=none`"):
         jc.build_scene({"load_scatter": 0.1, "load_law": "none"})
+    with pytest.raises(ValueError, match="`load_point` must not come with `load_law=none`"):
+        jc.build_scene({"load_point": 0.1, "load_law": "none"})
     with pytest.raises(ValueError, match="`load_bandwidth` must come with `load_scatter`"):
         jc.build_scene({"load_bandwidth": 3.0})
 

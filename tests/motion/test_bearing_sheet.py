@@ -47,7 +47,7 @@ def test_the_first_instant_of_a_turn_is_the_end_of_the_turn_before():
 
 
 def test_a_crank_that_is_held_by_a_multiplier_is_not_turned_back():
-    """After five turns its drive is 10 pi on, and an angle that began again would be drawn there."""
+    """After five turns its drive is 10 pi on, and would draw an angle there that began again."""
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact", formulation="multiplier")
     quantities = {"shaft_speed": scene.observables["shaft_speed"]}
     speed = run_turns(scene, quantities, settle=5, turns=5, rtol=1e-6).values["shaft_speed"]

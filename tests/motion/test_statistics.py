@@ -12,6 +12,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.integrate import RESULTS, Outcome
 from jaxcrusher.crusher.statistics_table import FURTHER_STATISTICS, STATISTIC
+from jaxcrusher.mechanism.linkage_statistics import OF_SUPPORTS
 from jaxcrusher.mechanism.reductions import (
     AbstractMean,
     PowerMean,
@@ -88,6 +89,15 @@ def test_a_pin_whirls_either_way_round(winding, touching, whirls):
         quiet = {"elbow_winding": jnp.array(1.0), "elbow_contact_fraction": jnp.array(1.0)}
         of_one = quiet | {f"{at}{name}": value for name, value in seen.items()}
         assert bool(Statistics(3, ended, of_one, {}, jnp.zeros(4)).whirl) == whirls
+
+
+def test_the_largest_excursion_is_from_the_mean_place_in_both_directions():
+    """On an ellipse of 3 and 1 mm about another place than the drawn one, and on it upright."""
+    angle = np.linspace(0, 2 * np.pi, 1024, endpoint=False)
+    lying = np.stack([3 * np.cos(angle) + 7, np.sin(angle) - 5], axis=1)
+    for samples in (lying, lying[:, ::-1]):
+        found = OF_SUPPORTS["frame_displacement_peak"].reduction.of_samples(jnp.asarray(samples))
+        assert float(found) == pytest.approx(3.0, rel=1e-5)  # of 1024 samples
 
 
 @pytest.mark.usefixtures("unchecked")  # statistics of a batch

@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import math
 import re
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -1036,6 +1037,18 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"samples": 64}, "samples"),
         ({"friction": 0.05, "design": (("friction", "0", "0.1"),)}, "friction"),
         ({"slip": "surface", "friction": 0.0}, "slip"),
+        ({"slip": "surface", "overrides": (("friction", "0"),)}, "slip"),
+        (
+            {
+                "design": (("impact_velocity", "0.1", "1 m/s"),),
+                "overrides": (("impact_law", "tracked"),),
+            },
+            "impact_velocity",
+        ),
+        ({"impact_velocity": "1m/s", "overrides": (("impact_law", "tracked"),)}, "set"),
+        ({"overrides": (("counterweight.moment_along", "5 kg m"),)}, "set"),
+        ({"samples": 300, "design": THREE}, "samples"),
+        ({"capacity_floor": math.inf}, "capacity_floor"),
         ({"friction": 0.1, "overrides": (("contact_law", "rollers"),)}, "friction"),
         ({"load_law": "none", "design": (("load", "1", "9 kN"),)}, "load"),
         ({"overrides": (("speed", "30rad/s"),)}, "set"),

@@ -13,7 +13,9 @@ from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.supports import soil_under
 from jaxcrusher.motion.turns import Turns, run_turns
 from jaxcrusher.orbits.load_sheet import (
+    Row,
     Site,
+    _verdicts,
     beside,
     joint_states,
     orbit_turns,
@@ -22,7 +24,7 @@ from jaxcrusher.orbits.load_sheet import (
 )
 from jaxcrusher.orbits.natural_modes import linearised
 from jaxcrusher.orbits.run_up import STEPS, moment_of_weights, run_up
-from jaxcrusher.orbits.severity import ZONES, outside_scope, support_kind, zone
+from jaxcrusher.orbits.severity import ZONES, outside_scope, share, support_kind, zone
 from jaxcrusher.scenes.described import read_scene
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -441,6 +443,19 @@ def test_zones_are_those_of_the_standard(group, kind, quantity, edges):
         assert zone(kind, quantity, 0.999 * edge, group) == below
         assert zone(kind, quantity, 1.001 * edge, group) == above
     assert ZONES[group].keys() == {"rigid", "flexible"}
+
+
+def test_what_decides_a_zone_is_nearest_to_its_end():
+    """4.49 of 4.5 mm/s, and not 46 of 71 um, which is the larger number."""
+    scene = jc.build_scene({"foundation.mass": 6e3, "joint": "ideal"})
+    kind = "zone B, flexible support"
+    rows = [
+        Row("motion", "displacement of G, vertically", "RMS", 46.0, "um", remark=kind),
+        Row("motion", "velocity of G, vertically", "RMS", 4.49, "mm/s", remark=kind),
+    ]
+    worst, _ = _verdicts(scene, rows, Site())
+    assert "decided by the RMS velocity of G, vertically" in worst.remark
+    assert share("rigid", "velocity", 9.0) == 2.0 and share("rigid", "velocity", 0.7) == 0.5
 
 
 @pytest.mark.parametrize("value", [np.nan, -1.0, np.inf])

@@ -189,7 +189,7 @@ REFUSED = {
     ),
     "links that pass a dead point": (
         {"joints": {"A": {"bore": ["rod", 0, 0], "pin": ["crank", 0.11999, 0]}}},
-        "every angle of the crank, but is at a dead point, from which they may go on either way, at",
+        "every angle of the crank, but is at a dead point, from which they may go on either way",
     ),
     "bodies that are no dyads": (
         {"bodies": {"link": {"mass": 1.0, "inertia": 1.0}}},

@@ -13,7 +13,7 @@ from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.machine import with_counterweight
 from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
-from jaxcrusher.scenes.build import build_machine
+from jaxcrusher.scenes.build import build_chamber, build_machine
 from jaxcrusher.scenes.parameters import (
     CHOICES,
     PARAMETERS,
@@ -205,3 +205,27 @@ def test_friction_of_zero_is_left_out_unless_traced():
     assert scene.joint is not None and scene.joint.friction is None
     traced = jax.vmap(lambda f: jc.build_scene({"friction": f}))(jnp.array([0.0, 0.1]))
     assert traced.joint is not None and traced.joint.friction is not None
+
+
+@pytest.mark.parametrize("wrap", [jax.grad, lambda function: function])
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"clearance": 0.2}, "be smaller than the bore radius"),
+        ({"contact_law": "rollers", "rollers.diameter": 0.5}, "smaller than the pitch diameter"),
+        ({"foundation.mass": 6e3, "foundation.left": 2.0}, "be less than foundation.right"),
+        ({"toggle.length": 0.05}, "let the links close in every turn"),
+        ({"chamber.discharge": 5e-3}, "be wider than the jaw's stroke"),
+    ],
+)
+def test_what_cannot_be_is_refused_under_a_derivative_too(values, words, wrap):
+    """It gave numbers there, or the traceback of a message that could not be written."""
+    name, value = list(values.items())[-1]
+
+    def built(number):
+        described = {**values, name: number}
+        made = build_chamber(described) if "chamber" in name else jc.build_scene(described)
+        return sum(jax.tree.leaves(made))
+
+    with pytest.raises(ValueError, match=words):
+        wrap(built)(value)

@@ -100,7 +100,23 @@ def test_a_variant_that_fails_is_told(said, monkeypatch):
 
     monkeypatch.setattr(bearing, "run_turns", failing)
     text = said(("load_edge", "20 deg"), status=1)
-    assert "FAILED: it stopped" in text and text.endswith("bearing.csv")
+    assert "FAILED, load_edge 10 deg: it stopped" in text and text.endswith("bearing.csv")
+
+
+def test_a_design_that_fails_is_told_and_the_others_are_kept(said, monkeypatch, tmp_path):
+    first, runs = bearing.run_turns, []
+
+    def failing(*asked, **how):
+        runs.append(first(*asked, **how))
+        return runs[-1] if len(runs) > 1 else Turns(runs[-1].scene, 1, {}, failure="it stopped")
+
+    monkeypatch.setattr(bearing, "run_turns", failing)
+    text = said(over=(("load_edge", "10", "20 deg", "2"),), status=1)
+    assert "FAILED, load_edge 10 deg: it stopped" in text and text.endswith("bearing.csv")
+    # What rests on assumptions is of the first that is left.
+    assert "bearing A, load_edge 20 deg: impacts rest on" in text and "load_edge 40 deg" in text
+    (table,) = tmp_path.rglob("bearing.csv")
+    assert "load_edge 20 deg" in table.read_text() and "10 deg" not in table.read_text()
 
 
 def test_what_cannot_be_is_left_out(said):
