@@ -19,6 +19,7 @@ from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.pictures.plots import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber
+from jaxcrusher.scenes.described import kind_of
 from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_unusual
 from jaxcrusher.scenes.scene_file import read_scene_file, scene_of
@@ -73,6 +74,8 @@ def run(
     # All files are read before anything is compiled.
     described = []
     for path in files:
+        crushes = kind_of(path) == "crusher"
+        require(crushes, "scenes", "be files of crushers, which alone are compared", path)
         given = read_scene_file(path)
         values = complete(given)
         described.append((values, scene_of(values, path, given), len(borrowed(given))))

@@ -45,7 +45,7 @@ def test_a_front_joins_two_minima():
 
 
 def test_a_point_that_another_one_beats_is_none_of_a_front():
-    """Where each descent may take one step only, some of nine points are beaten in both."""
+    """Where each descent may take two steps only, some of nine points are beaten in both."""
 
     def valley(x):
         off = x[1] - x[0] ** 2
@@ -53,7 +53,7 @@ def test_a_point_that_another_one_beats_is_none_of_a_front():
         return float((x[0] - 0.2) ** 2 + 100 * off**2), np.array(slope)
 
     def short(function, start, *spares):
-        return descend(function, start, UPPER, 1, spares).path[-1]
+        return descend(function, start, UPPER, 2, spares).path[-1]
 
     other = bowl(0.9, 0.1)
     points = front(valley, other, np.array([0.2, 0.041]), np.array([0.8, 0.2]), short)

@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+from pathlib import Path
 from dataclasses import replace
 
 import pytest
@@ -102,6 +103,9 @@ def test_capacity_in_tonnes():
     assert rows["capacityt/h"] == "12 t/h" and rows["radial clearanceone"] == "none"
 
 
+PUMP = Path(__file__).parents[2] / "examples" / "pump.toml"
+
+
 @pytest.mark.parametrize(
     ("names", "density", "told"),
     [
@@ -109,6 +113,7 @@ def test_capacity_in_tonnes():
         (("a/x.toml", "b/x.toml"), None, "`scenes` must have names of their own"),
         (("a/x.toml",), "1.6", "`bulk_density` must be a quoted quantity"),
         (("a/x.toml",), "0 t/m3", "`bulk_density` must be > 0"),
+        ((PUMP,), None, "`scenes` must be files of crushers, which alone are compared, but is"),
     ],
 )
 def test_bad_requests(tmp_path, names, density, told):
