@@ -3,8 +3,8 @@
 import csv
 import io
 import math
-from pathlib import Path
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from rich.console import Console
