@@ -275,7 +275,7 @@ def test_runs_speak_for_points_without_a_stable_orbit(bounded):
 
 
 def map_of_the_bowl(case) -> landscape.Maps:
-    """Return 7 by 4 points of the bowl, all of which count, as do two cells of the landscape."""
+    """Return 7 by 4 points of the bowl, all of which count; two cells of the landscape end well."""
     units = landscape.points(case.design, (7, 4), 0, 0)
     dims = ("speed", "clearance")
     orbits = xr.Dataset(
@@ -284,7 +284,8 @@ def map_of_the_bowl(case) -> landscape.Maps:
             for name, column in bowl(case, units).items()
         }
     )
-    begun = xr.Dataset({"counts": (("start", "cell"), np.ones((2, 2), bool))})
+    success, cells = np.ones((2, 2), bool), ("start", "cell")
+    begun = xr.Dataset({"success": (cells, success), "whirl": (cells, ~success)})
     return landscape.Maps(np.array([[0.0, 0.0], [1.0, 1.0]]), begun, xr.Dataset(), units, orbits)
 
 
@@ -327,7 +328,7 @@ def test_an_optimum_that_does_not_settle_is_held_against_the_map():
     assert found.within is None and found.gain == lowest - 20500 < -400
     assert "could be mapped" not in found.statement
     # A cell where a start whirls holds no design that could have been chosen.
-    maps.landscape.counts[:] = False
+    maps.landscape.whirl[:] = True
     assert unbounded(case, maps, best).gain == 0.0
 
 
