@@ -93,7 +93,8 @@ def run(options: Bearing, console: Console) -> int:
     if not good:
         return 1
     status = int(len(good) < len(found))
-    designs, titles, found = ([every[i] for i in good] for every in (designs, titles, found))
+    designs, titles = [designs[i] for i in good], [titles[i] for i in good]
+    found = [found[i] for i in good]
     kept = dataset(titles, found, values)
     write_dataset(folder / "bearing.csv", kept)
     for joint in kept.bearing.values:
@@ -111,8 +112,8 @@ def run(options: Bearing, console: Console) -> int:
         if variants:
             runs, words = seen([*variants.values()], [*variants]), [*variants]
             whole = ended(runs, words)
-            words, runs = ([every[i] for i in whole] for every in (words, runs))
-            beside = dataset([titles[0], *words], [found[0], *runs], values)
+            of_whole = [found[0], *(runs[i] for i in whole)]
+            beside = dataset([titles[0], *(words[i] for i in whole)], of_whole, values)
             rests = ["peak_load", "impacts", "impact_speed", "contact_lost"]
             title = f"bearing A{', ' * bool(titles[0])}{titles[0]}: impacts rest on what is assumed"
             console.print(shown(beside.sel(bearing="main", drop=True), title, rests))

@@ -49,7 +49,7 @@ class Push(AbstractPush):
 
 def _as_module(size: Callable[[Scalar], Scalar]) -> Callable[[Scalar], Scalar]:
     """Return what JAX takes as an argument; a plain function has no numbers of its own."""
-    return size if isinstance(size, eqx.Module) else jax.tree_util.Partial(size)
+    return size if isinstance(size, eqx.Module) else jax.tree_util.Partial(size)  # pyright: ignore
 
 
 class PushByAngle(AbstractPush):
