@@ -17,7 +17,7 @@ import equinox as eqx
 import numpy as np
 
 from jaxcrusher.files.durable import writing
-from jaxcrusher.files.provenance import environment
+from jaxcrusher.files.provenance import PACKAGES, environment
 
 Arrays = dict[str, np.ndarray]
 
@@ -85,8 +85,8 @@ def _text(value: Any, codes: dict[FunctionType, str]) -> str:
 
 
 def _code(function: FunctionType, codes: dict[FunctionType, str]) -> str:
-    if (function.__module__ or "").startswith("jaxcrusher."):
-        return ""  # whose sources are told
+    if (function.__module__ or "").partition(".")[0] in ("jaxcrusher", *PACKAGES):
+        return ""  # sources or versions tell it
     # Of version 2 the bytes do not depend on what else refers to the constants.
     digest = hashlib.sha256(marshal.dumps(function.__code__, 2))
     closed = [cell.cell_contents for cell in function.__closure__ or ()]
