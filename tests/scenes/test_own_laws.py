@@ -10,6 +10,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.joint.friction import SurfaceSlip
 from jaxcrusher.scenes.own_laws import with_digests
+from jaxcrusher.scenes.parameters import NUMBERS
 from jaxcrusher.scenes.scene_file import read_overrides, read_scene_file
 
 SOURCE = '''
@@ -131,6 +132,8 @@ def test_a_scene_file_names_laws_and_their_numbers(laws, tmp_path):
     assert float(scene.joint.normal.width) == float(plain.width)
     motion = jc.simulate(scene, [0.0], outputs=("crushing_load",))
     assert np.linalg.norm(motion.crushing_load[0]) == pytest.approx(9e3)
+    # Without a default a step of one is taken, of what may be zero.
+    assert np.isnan(NUMBERS["contact.spring"].default) and NUMBERS["contact.spring"].scale == 1.0
     # A command line changes a number, in its unit.
     assert read_overrides([("contact.damping", "30 kN s/m")]) == {"contact.damping": 3e4}
     with pytest.raises(ValueError, match=r"`contact\.spring` must have a unit of the kind N/m"):
