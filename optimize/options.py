@@ -23,7 +23,7 @@ class Effort:
     grid: tuple[int, int] = (16, 10)
     """Points of the landscape, where both starts are run, along the first and the second one."""
     samples: int = 256
-    """Points of map and landscape of more than two parameters, a Sobol sequence."""
+    """Points of map and landscape of more than two parameters, a Sobol sequence: a power of two."""
     settle: int = 40
     """Turns of the shaft before statistics start."""
     turns: int = 40
