@@ -11,8 +11,8 @@ import pytest
 import jaxcrusher as jc
 from tests.benchmarks import step_programs as programs
 
-# A guard of speed needs a machine that does little else.
-pytestmark = pytest.mark.slow
+# A guard of speed needs a machine that does little else, and programs as users have them.
+pytestmark = [pytest.mark.slow, pytest.mark.optimised]
 
 TURNS = 2
 
