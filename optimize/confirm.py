@@ -91,12 +91,12 @@ def confirmed(
     worst = runs[STARTS[worse]]
     forces = {name: float(worst.by_run[name].mean()) for name in case.forces}
     # On its way to an orbit that keeps the constraints a run may break them.
+    keeps = orbit is not None and not any(broken(case, orbit.solution, OF_ORBIT).values())
     counts = bool(case.reaches(case.capacity(unit)))
     for start, of_start, well in zip(STARTS, rows["counts"], end_well(rows), strict=True):
-        counts &= bool((well if runs[start].settles else of_start).all())
+        counts &= bool((well & keeps if runs[start].settles else of_start).all())
     if orbit is not None and worst.settles:
         forces = {name: float(orbit.solution[name]) for name in case.forces}
-        counts &= not np.any(list(broken(case, orbit.solution, OF_ORBIT).values()))
     return Confirmed(
         values,
         objective if counts else float("nan"),

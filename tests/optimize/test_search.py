@@ -509,6 +509,12 @@ def test_an_orbit_outside_the_model_does_not_count_if_asked():
         beside = replace(one, coexisting=(Coexisting(0.5, orbit.solution, 7.0),))
         (check,) = verdicts._limits(beside, case)
         assert check.passed == counts and check.detail == f"{int(counts)} of 1"
+        # Nor where the other start, which does not settle, is the worse one.
+        rows = rows_of_three_runs()
+        rows["contact_fraction"][0, 1], rows["objective"][0] = 0.999, 9.0
+        one = confirm.confirmed(case, np.zeros(2), rows, orbit)
+        assert one.worse_start == "centred" and not one.transient["centred"].settles
+        assert one.counts == counts
 
 
 def test_slopes_of_another_motion_than_the_one_from_rest_are_not_told(monkeypatch):
