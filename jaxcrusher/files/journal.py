@@ -26,11 +26,11 @@ class Journal:
     """A folder with the arrays of each finished chunk, found again by what went into it.
 
     The name of a chunk's file is the digest of its input, of the function that computes it, of the
-    sources of this package and of `sources`, the folder of one that computes with it, and of the
-    versions of the others. Other chunks never meet.
+    sources of this package and below the folders `sources`, and of the versions of other packages.
+    Other chunks never meet.
     """
 
-    def __init__(self, folder: Path, sources: Path | None = None) -> None:
+    def __init__(self, folder: Path, *sources: Path) -> None:
         self._folder, self._sources = folder, sources
 
     def kept(self, function: str, inputs: Iterable[Any], compute: Callable[[], Arrays]) -> Arrays:
@@ -39,7 +39,7 @@ class Journal:
         `function` tells what is computed of the inputs, as `text_of` does. A file that cannot be
         read is made anew.
         """
-        digest = hashlib.sha256(f"{function}\n{_programs(self._sources)}".encode())
+        digest = hashlib.sha256(f"{function}\n{_programs(*self._sources)}".encode())
         for value in inputs:
             array = np.ascontiguousarray(value)
             digest.update(f"{array.dtype} {array.shape}\n".encode() + array.tobytes())
@@ -104,10 +104,10 @@ def _read(path: Path) -> Arrays | None:
 
 
 @cache
-def _programs(further: Path | None) -> str:
+def _programs(*further: Path) -> str:
     """Return what decides the bits of a result besides its input."""
     sources = hashlib.sha256()
-    for package in (Path(__file__).parents[1], *([] if further is None else [further])):
+    for package in (Path(__file__).parents[1], *further):
         for path in sorted(package.rglob("*.py")):
             sources.update(path.read_bytes())
     return f"{environment()} {sources.hexdigest()}"

@@ -13,7 +13,7 @@ from jaxcrusher.scenes.scene_file import (
     naming,
     read_entries,
     read_overrides,
-    read_values,
+    read_scene_file,
     scene_of,
 )
 
@@ -70,19 +70,10 @@ def described(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> D
 
 
 def given_by(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> dict[str, Any]:
-    """Return the values that a crusher's scene file and what overrides it give.
-
-    The file's stroke is that of the links as they are overridden, unless a stroke or an
-    eccentricity is.
-    """
-    given = {} if path is None else read_values(path)
-    over = read_overrides(overrides)
-    throws = {"stroke", "shaft.eccentricity"}
-    if throws & over.keys():
-        given = {name: value for name, value in given.items() if name not in throws}
-    values = given | over
-    with naming(path, values):
-        return by_stroke(values)
+    """Return the values that a crusher's scene file and what overrides it give."""
+    if path is None:
+        return by_stroke(read_overrides(overrides))
+    return read_scene_file(path, overrides)
 
 
 def read_scene(path: Path | str) -> AbstractScene:

@@ -604,8 +604,8 @@ def require_closing(scene: LinkageScene) -> None:
             (np.isnan(lever), "open"),
             (lever < LEAST_LEVER, "at a dead point, from which they may go on either way,"),
         ):
-            for degree in np.flatnonzero(bad)[:1]:
-                require(False, "bodies", must, f"{told} at a crank angle of {degree} deg")
+            value = f"{told} at a crank angle of {np.argmax(bad)} deg"
+            require(not bad.any(), "bodies", must, value)
 
 
 def _number(name: str, value: Any) -> float:

@@ -70,21 +70,30 @@ def _tables(keys: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name.partition(".")[0] for name in keys if "." in name))
 
 
-def read_scene_file(path: Path | str) -> dict[str, float | str]:
+def read_scene_file(
+    path: Path | str, overrides: Iterable[tuple[str, str]] = ()
+) -> dict[str, float | str]:
     """The values for `jaxcrusher.build_scene` in a TOML file, numbers in SI units.
+
+    `overrides` as of `--set` stand in place of the file's. Its stroke is that of the links with
+    them, unless a stroke or an eccentricity is among them.
 
     Raises ValueError of one line, with the file and the key, for a file that cannot be read or is
     not TOML, a key that is unknown, a wrong type or unit, a missing unit, a number outside its
     limits, and an unknown choice. Whether the values make a crusher together, `build_scene` says.
     """
-    values = read_values(path)
-    with naming(Path(path), values):
+    path = Path(path)
+    given = _written_in(path)
+    over = read_overrides(overrides)
+    throws = {"stroke", "shaft.eccentricity"}
+    if throws & over.keys():
+        given = {name: value for name, value in given.items() if name not in throws}
+    values = given | over
+    with naming(path, values):
         return by_stroke(values)
 
 
-def read_values(path: Path | str) -> dict[str, float | str]:
-    """Return what `read_scene_file` does, with a stroke as it is written: links may change yet."""
-    path = Path(path)
+def _written_in(path: Path) -> dict[str, float | str]:
     values: dict[str, float | str] = {}
     written: dict[str, str] = {}  # key -> its name in the file
     entries = read_entries(path)
