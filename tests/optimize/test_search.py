@@ -1055,7 +1055,10 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"impact_velocity": "1m/s", "overrides": (("impact_law", "tracked"),)}, "set"),
         ({"overrides": (("counterweight.moment_along", "5 kg m"),)}, "set"),
         ({"samples": 300, "design": THREE}, "samples"),
-        ({"capacity_floor": math.inf}, "capacity_floor"),
+        (
+            {"capacity_floor": math.inf, "design": (("toggle.length", "0.29", "0.31 m"),)},
+            "capacity_floor",
+        ),
         ({"friction": 0.1, "overrides": (("contact_law", "rollers"),)}, "friction"),
         ({"load_law": "none", "design": (("load", "1", "9 kN"),)}, "load"),
         ({"overrides": (("speed", "30rad/s"),)}, "set"),
