@@ -943,6 +943,13 @@ def test_free_parameters_by_name():
     assert float(scene.machine.shaft.mass) == pytest.approx(145.0)
 
 
+def test_wear_is_searched_where_friction_may_vanish():
+    """A bound of zero is no machine without friction."""
+    free = (("friction", "0", "0.2"),)
+    case = resolve(Options(objective="wear", slip="surface", design=free)).case
+    assert case.design.bounds == {"friction": (0.0, 0.2)}
+
+
 @pytest.mark.slow
 def test_the_rms_expected_under_a_rough_feed():
     """Of an orbit that bears the feed; not of one that does not, nor of an integrated motion."""
