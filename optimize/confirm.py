@@ -18,7 +18,7 @@ from jaxcrusher.motion.statistics import limits_of
 from optimize import orbits
 from optimize.answer import Confirmed, Crushing, Orbit, Runs
 from optimize.case import Case
-from optimize.counts import broken, end_well
+from optimize.counts import end_well, keeps
 from optimize.evaluate import NOWHERE, STARTS, Rows, Tracking, Window, evaluate
 from optimize.limits import OF_ORBIT
 
@@ -91,10 +91,10 @@ def confirmed(
     worst = runs[STARTS[worse]]
     forces = {name: float(worst.by_run[name].mean()) for name in case.forces}
     # On its way to an orbit that keeps the constraints a run may break them.
-    keeps = orbit is not None and not any(broken(case, orbit.solution, OF_ORBIT).values())
+    kept = orbit is not None and bool(keeps(case, orbit.solution, OF_ORBIT))
     counts = bool(case.reaches(case.capacity(unit)))
     for start, of_start, well in zip(STARTS, rows["counts"], end_well(rows), strict=True):
-        counts &= bool((well & keeps if runs[start].settles else of_start).all())
+        counts &= bool((well & kept if runs[start].settles else of_start).all())
     if orbit is not None and worst.settles:
         forces = {name: float(orbit.solution[name]) for name in case.forces}
     return Confirmed(

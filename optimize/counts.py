@@ -26,6 +26,11 @@ def broken(case: Case, found: Found, share: float) -> dict[str, np.ndarray]:
     return lost
 
 
+def keeps(case: Case, found: Found, share: float) -> np.ndarray:
+    """Whether motions break none of the constraints on them, as `broken` tells."""
+    return ~np.any(list(broken(case, found, share).values()), axis=0)
+
+
 def end_well(found: Found) -> np.ndarray:
     """Whether each motion succeeded, without whirl.
 
@@ -36,18 +41,13 @@ def end_well(found: Found) -> np.ndarray:
 
 def of_runs(case: Case, found: Found, capacity: Float[np.ndarray, " designs"]) -> np.ndarray:
     """Whether the motion of each start ended well, within the constraints."""
-    good = end_well(found) & case.reaches(capacity)
-    for where in broken(case, found, OF_RUN).values():
-        good = good & ~where
-    return good
+    return end_well(found) & case.reaches(capacity) & keeps(case, found, OF_RUN)
 
 
 def of_orbits(case: Case, found: Found, capacity: Float[np.ndarray, " designs"]) -> np.ndarray:
     """Whether each orbit is stable, has a number of the objective, and keeps the constraints."""
-    good = _logical(found["stable"]) & np.isfinite(found["objective"]) & case.reaches(capacity)
-    for where in broken(case, found, OF_ORBIT).values():
-        good = good & ~where
-    return good
+    good = _logical(found["stable"]) & np.isfinite(found["objective"])
+    return good & case.reaches(capacity) & keeps(case, found, OF_ORBIT)
 
 
 def solved(case: Case, found: Found) -> np.ndarray:
