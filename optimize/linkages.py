@@ -1,7 +1,5 @@
 """The search over a linkage that is no crusher: a file of `kind = "linkage"`, and its numbers."""
 
-from dataclasses import fields
-
 from jaxcrusher.basics.checks import require
 from jaxcrusher.mechanism.scene import require_clearance
 from jaxcrusher.scenes.described import described
@@ -28,11 +26,10 @@ def linkage(options: Options) -> Searched:
     It is compared with the file's own numbers. Raises ValueError of one line for options of a
     crusher, no line `--design`, a number that the file does not have, and ideal joints.
     """
-    usual = {field.name: field.default for field in fields(Options)}
     for name in _OF_A_CRUSHER:
         value = getattr(options, name)
         must = "not be given with a linkage, whose numbers --set and --design name"
-        require(value == usual[name], name, must, value)
+        require(value == getattr(Options, name), name, must, value)
     must = "free a number of a linkage, as in --design joints.B.clearance 0.05mm 0.5mm"
     require(len(options.design) > 0, "design", must, "missing")
     require(not sets(options), "design", "be NAME LOW HIGH: sets are a crusher's", sets(options))

@@ -20,11 +20,7 @@ from jaxcrusher.scenes.plausibility import (
     tell_defaults,
     tell_unusual,
 )
-from jaxcrusher.scenes.scene_file import (
-    key_of,
-    read_text,
-    scene_of,
-)
+from jaxcrusher.scenes.scene_file import key_of, read_text, scene_of
 from optimize.answer import Box, Sought
 from optimize.case import Case
 from optimize.completions import CounterweightMoment, EqualStroke
@@ -52,8 +48,6 @@ KEPT_APART = (
     "limit",
     "bulk_density",
 )
-
-
 # What describes sliding steel, which a roller bearing is not, and the laws without a `load`.
 OF_SLIDING = ("friction", "slip", "restitution", "young", "poisson", "impact_velocity")
 WITHOUT_LOAD = ("none", "by_angle", "chamber")
@@ -218,14 +212,11 @@ def _require_used(options: Options) -> None:
     for word in words:
         require_choice("design", word, SETS)
     many = bool(words) or len(names) > GRID_DIMENSIONS
+    line = "be a line --design {} LOW HIGH beside other ones"
     grid = "not be given with more than two parameters, which --samples spreads"
     for name, idle, must in (
-        ("speed", bool(options.design), "be a line --design speed LOW HIGH beside other ones"),
-        (
-            "clearance",
-            bool(options.design),
-            "be a line --design clearance LOW HIGH beside other ones",
-        ),
+        ("speed", bool(options.design), line.format("speed")),
+        ("clearance", bool(options.design), line.format("clearance")),
         ("cells", many, grid),
         ("grid", many, grid),
         ("within", many, "not be given with more than two parameters, of which nothing is bounded"),
