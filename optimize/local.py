@@ -125,23 +125,22 @@ def descend_by_fits(
     here = sample(centre)
     path = [(centre, here)]
     for _ in range(rounds):
-        if radius < LAST_RADIUS or not np.isfinite(here).all():
-            path.append((centre, here))
-            continue
-        trial = _downhill(objective, centre, radius, pairs, rng)
-        if trial is not None:
-            there = sample(trial)
-            gain = here - there
-            error = gain.std(ddof=1) / np.sqrt(pairs)
-            if np.isfinite(gain).all() and gain.mean() > SIGNIFICANT * error:
+        if radius >= LAST_RADIUS and np.isfinite(here).all():
+            trial = _downhill(objective, centre, radius, pairs, rng)
+            if trial is not None and _gains(here - (there := sample(trial))):
                 centre, here = trial, there
-                path.append((centre, here))
-                continue
-        radius /= 2
+            else:
+                radius /= 2
         path.append((centre, here))
     centres = np.stack([point for point, _ in path])
     values = np.stack([value for _, value in path])
     return centres, values.mean(axis=1), values.std(axis=1, ddof=1) / np.sqrt(pairs)
+
+
+def _gains(gain: Float[np.ndarray, " pairs"]) -> bool:
+    """Tell whether paired differences are numbers, and their mean is significantly above zero."""
+    error = gain.std(ddof=1) / np.sqrt(len(gain))
+    return bool(np.isfinite(gain).all() and gain.mean() > SIGNIFICANT * error)
 
 
 def _downhill(
