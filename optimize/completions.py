@@ -19,6 +19,8 @@ from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, Parameter
 
 # Newton steps on the eccentricity, to which the stroke is nearly proportional.
 STEPS = 5
+# Least and greatest eccentricity that are looked at, as multiples of the machine's own.
+MULTIPLES = 0.4, 4.0
 
 
 @dataclass(frozen=True)
@@ -71,16 +73,14 @@ class EqualStroke:
     """
 
     target: float
-    limits: tuple[float, float] = (0.004, 0.04)
+    limits: tuple[float, float]
     outputs: ClassVar[tuple[str, ...]] = ("shaft.eccentricity",)
 
     @classmethod
-    def of(
-        cls, values: Mapping[str, Any], multiples: tuple[float, float] = (0.4, 4.0)
-    ) -> "EqualStroke":
-        """With the stroke of a description; limits are multiples of its eccentricity."""
+    def of(cls, values: Mapping[str, Any]) -> "EqualStroke":
+        """With the stroke of a description; limits are `MULTIPLES` of its eccentricity."""
         machine = build_machine(values)
-        low, high = (float(machine.shaft.eccentricity) * multiple for multiple in multiples)
+        low, high = (float(machine.shaft.eccentricity) * multiple for multiple in MULTIPLES)
         return cls(float(jax.jit(stroke)(machine)), (low, high))
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -74,7 +74,7 @@ def test_eccentricity_has_the_right_second_derivatives(design, solved):
 
 
 def test_a_stroke_out_of_reach_is_not_a_number():
-    flat = Design({"jaw.length": (0.66, 0.73)}, {}, EqualStroke(0.2))
+    flat = Design({"jaw.length": (0.66, 0.73)}, {}, EqualStroke(0.2, (0.004, 0.04)))
     assert np.isnan(flat.description(np.array([0.5]))["shaft.eccentricity"])
     with pytest.raises(ValueError, match=r"^Argument `shaft\.eccentricity` must be finite"):
         flat.scene(np.array([0.5]))
