@@ -47,7 +47,7 @@ def points(design: Design, grid: tuple[int, int], samples: int, seed: int) -> np
     if count > GRID_DIMENSIONS:
         from scipy.stats import qmc  # takes a second to import
 
-        return qmc.Sobol(count, rng=seed).random_base2(max(samples - 1, 1).bit_length())
+        return qmc.Sobol(count, rng=seed).random(samples)
     axes = [np.linspace(0, 1, cells) for cells in grid[:count]]
     return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=-1)
 
