@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import chunk_of, run_all, stack
-from jaxcrusher.files.table import Column
+from jaxcrusher.files.table import Column, dataset
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import Trajectory, leading_force
@@ -74,21 +74,16 @@ def cell_motions(
     at_once = chunk_of(len(states), usual=CHUNK)
     found = run_all(function, batch, at_once, progress=tracking.progress, journal=tracking.journal)
     steps = int(found.pop("steps").sum())
-    *dims, _ = landscape.state.dims
+    *dims, _ = map(str, landscape.state.dims)
     *shape, _ = landscape.state.shape
-    along = {name: (*dims, "instant") for name in KEPT} | {"ideal_force": (*dims[1:], "instant")}
-    columns = KEPT | {"ideal_force": Column("N", "the same force with ideal joints")}
-    found = {name: column.reshape(*shape, -1) for name, column in found.items()}
-    found["ideal_force"] = np.asarray(_ideal_force(points, angles, case)).reshape(*shape[1:], -1)
+    columns = {name: column._replace(dims=(*dims, "instant")) for name, column in KEPT.items()}
+    ideal = Column("N", "the same force with ideal joints", dims=(*dims[1:], "instant"))
+    columns["ideal_force"] = ideal
+    values = {name: column.reshape(*shape, -1) for name, column in found.items()}
+    values["ideal_force"] = np.asarray(_ideal_force(points, angles, case)).reshape(*shape[1:], -1)
+    values = {name: column.astype(np.float32) for name, column in values.items()}
     coordinates = {name: landscape[name] for name in ("start", *case.design.names)}
-    motions = xr.Dataset(
-        {
-            name: (along[name], found[name].astype(np.float32), columns[name].labels)
-            for name in columns
-        },
-        coordinates | {"turn": ("instant", turn)},
-    )
-    return motions, steps
+    return dataset((), values, columns, coordinates | {"turn": ("instant", turn)}), steps
 
 
 def design_motions(

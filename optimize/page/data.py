@@ -85,17 +85,15 @@ def _parameters(
     """Name, meaning, unit of each parameter, and its number in every cell."""
     if dims == ("sample",):
         names = [str(name) for name, values in landscape.coords.items() if values.dims == dims]
-        numbers = [landscape[name].to_numpy() for name in names]
     else:
         names = list(dims)
-        axes = np.meshgrid(*(landscape[name].to_numpy() for name in names), indexing="ij")
-        numbers = [axis.ravel() for axis in axes]
+    numbers = xr.broadcast(*(landscape[name] for name in names))
     return [
         {
             "name": name,
             "label": in_words(name),
             "unit": unit_of(name, units)[0],
-            "values": shown(name, values.astype(float), units).tolist(),
+            "values": shown(name, values.to_numpy().ravel().astype(float), units).tolist(),
         }
         for name, values in zip(names, numbers, strict=True)
     ]
