@@ -3,7 +3,7 @@
 import math
 import numbers
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import rich.table
@@ -20,6 +20,14 @@ class Table:
     rows: Sequence[Sequence[object]]
     caption: str = ""
     about: str = ""
+
+    @classmethod
+    def of(
+        cls, rows: Sequence[Mapping[str, object]], *, caption: str = "", about: str = ""
+    ) -> "Table":
+        """Return the table of rows with the same headings; without rows it has none."""
+        headings = tuple(rows[0]) if rows else ()
+        return cls(headings, [tuple(row.values()) for row in rows], caption, about)
 
     @property
     def turned(self) -> "Table":

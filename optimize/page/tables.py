@@ -1,7 +1,7 @@
 """The tables of the report's page: headings in words with units, and rows."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from jaxcrusher.crusher.capacity import CAUTION
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
@@ -11,7 +11,7 @@ from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, in_words, readable
 from jaxcrusher.scenes.plausibility import borrowed
 from optimize import formatting
-from optimize.answer import Answer, Confirmed, Refinement, Runs
+from optimize.answer import Answer, Confirmed, Runs
 from optimize.decay import GONE, rate, resolved
 from optimize.forces import besides, name_of
 from optimize.formatting import shown
@@ -61,36 +61,22 @@ def caution(found: Answer) -> str:
 def answer(found: Answer) -> Table:
     """Return the designs, a row each, for the page; turned, for the screen."""
     objective, unit = found.objective, found.objective.unit
-    design = next(iter(found.designs.values()))
-    others = besides(design.forces, objective.meaning)
-    rows = [
-        (
-            title,
-            *_chosen(found, design),
-            *_following(found, design).values(),
-            formatting.orbit(design),
-            *(formatting.interval(runs) for runs in design.transient.values()),
-            *(design.forces[name] for name in others),
-            formatting.number(design.ideal_rms),
-            *_crushing(found, title, design).values(),
-            formatting.turns(design),
-        )
-        for title, design in found.designs.items()
-    ]
-    headings = (
-        "design",
-        *_parameters(found),
-        *_following(found, design),
-        f"periodic orbit, {unit}",
-        *(f"{start} start after {found.settle_turns} turns, {unit}" for start in design.transient),
-        *(f"{meaning}, N" for meaning in others.values()),
-        f"ideal joints' {others.get(next(iter(design.forces)), 'RMS')}, N",
-        *_crushing(found, next(iter(found.designs)), design),
-        "turns to 1/e",
-    )
+    rows = []
+    for title, design in found.designs.items():
+        others = besides(design.forces, objective.meaning)
+        of_ideal = others.get(next(iter(design.forces)), "RMS")
+        row: dict[str, object] = {"design": title, **_chosen(found, design.values)}
+        row |= _following(found, design) | {f"periodic orbit, {unit}": formatting.orbit(design)}
+        for start, runs in design.transient.items():
+            heading = f"{start} start after {found.settle_turns} turns, {unit}"
+            row[heading] = formatting.interval(runs)
+        row |= {f"{meaning}, N": design.forces[name] for name, meaning in others.items()}
+        row[f"ideal joints' {of_ideal}, N"] = formatting.number(design.ideal_rms)
+        row |= _crushing(found, title, design)
+        rows.append(row | {"turns to 1/e": formatting.turns(design)})
     name = name_of(objective.meaning)
     caption = objective.meaning if name == objective.meaning else f"{name}: {objective.meaning}"
-    return Table(headings, rows, caption=f"{caption}, {unit}")
+    return Table.of(rows, caption=f"{caption}, {unit}")
 
 
 def _crushing(found: Answer, title: str, design: Confirmed) -> dict[str, str]:
@@ -108,10 +94,10 @@ def _crushing(found: Answer, title: str, design: Confirmed) -> dict[str, str]:
 
 def _following(found: Answer, design: Confirmed) -> dict[str, str]:
     """Return the numbers of a design that follow from the free ones, by heading."""
+    units = found.box.units
     return {
-        f"{in_words(name)} that follows, {unit}": f"{shown(name, value, found.box.units):.5g}"
+        f"{in_words(name)} that follows, {unit_of(name, units)[0]}": _number(name, value, units)
         for name, value in design.follows.items()
-        for unit, _ in [unit_of(name, found.box.units)]
     }
 
 
@@ -167,32 +153,34 @@ def slopes(found: Answer) -> Table | None:
     best, report, unit = found.optimum, found.gradient_report, found.objective.unit
     if best is not None and best.orbit is not None and best.settles:
         orbit = best.orbit
-        rows = [
-            (_per(found, name, unit), slope * factor, _two(orbit.slopes_apart[name] * factor))
-            for name, slope in orbit.slopes.items()
-            for _, factor in [unit_of(name, found.box.units)]
-        ]
+        rows = []
+        for name, slope in orbit.slopes.items():
+            factor = unit_of(name, found.box.units)[1]
+            row = {
+                "by": _per(found, name, unit),
+                "slope": slope * factor,
+                "differences off by": _two(orbit.slopes_apart[name] * factor),
+            }
+            rows.append(row)
         about = "The slopes on the periodic orbit are exact. Differences of orbits check them."
-        return Table(("by", "slope", "differences off by"), rows, about=about)
+        return Table.of(rows, about=about)
     if report is None:
         return None
     unit, meaning = found.columns[report.metric]
-    rows = [
-        (
-            _per(found, slope.parameter, unit),
-            slope.value * factor,
-            _two(slope.standard_error * factor),
-            slope.estimator,
-            slope.verdict,
-            "; ".join(slope.reasons),
-        )
-        for slope in report.slopes.values()
-        for _, factor in [unit_of(slope.parameter, found.box.units)]
-    ]
-    headings = ("by", "slope", "standard error", "estimator", "verdict", "why")
-    return Table(
-        headings, rows, about=f"Slopes of the {meaning}, start in contact, {report.regime}."
-    )
+    rows = []
+    for slope in report.slopes.values():
+        factor = unit_of(slope.parameter, found.box.units)[1]
+        row = {
+            "by": _per(found, slope.parameter, unit),
+            "slope": slope.value * factor,
+            "standard error": _two(slope.standard_error * factor),
+            "estimator": slope.estimator,
+            "verdict": slope.verdict,
+            "why": "; ".join(slope.reasons),
+        }
+        rows.append(row)
+    about = f"Slopes of the {meaning}, start in contact, {report.regime}."
+    return Table.of(rows, about=about)
 
 
 def fronts(found: Answer) -> list[Table]:
@@ -203,70 +191,46 @@ def fronts(found: Answer) -> list[Table]:
         if len(front.objective) == 1:
             continue
         others = besides(front.forces, told, front.meaning)
-        headings = (
-            f"{in_words(front.of)}, {front.unit}",
-            f"objective, {unit}",
-            *(f"{meaning}, N" for meaning in others.values()),
-            *_parameters(found),
-        )
-        columns = (
-            [f"{other:.5g}" for other in front.other],
-            front.objective.tolist(),
-            *(front.forces[name].tolist() for name in others),
-            *(
-                [f"{number:.5g}" for number in shown(name, numbers, found.box.units)]
-                for name, numbers in front.values.items()
-            ),
-        )
-        rows = list(zip(*columns, strict=True))
-        tables.append(Table(headings, rows, caption=f"{told} against {in_words(front.of)}"))
+        rows = [
+            {
+                f"{in_words(front.of)}, {front.unit}": f"{front.other[i]:.5g}",
+                f"objective, {unit}": float(front.objective[i]),
+                **{f"{others[name]}, N": float(front.forces[name][i]) for name in others},
+                **_chosen(found, {name: column[i] for name, column in front.values.items()}),
+            }
+            for i in range(len(front.objective))
+        ]
+        tables.append(Table.of(rows, caption=f"{told} against {in_words(front.of)}"))
     return tables
 
 
 def candidates(found: Answer) -> Table:
     """Return the ends of the descents, confirmed."""
-    unit = found.objective.unit
-    names = found.candidates[0].forces if found.candidates else ()
-    others = besides(names, found.objective.meaning)
-    headings = (
-        "",
-        *_parameters(found),
-        f"objective, {unit}",
-        f"±, {unit}",
-        *(f"{meaning}, N" for meaning in others.values()),
-        "worse start",
-    )
-    rows = [
-        (
-            i + 1,
-            *_chosen(found, one),
-            one.objective,
-            _two(one.half_width),
-            *(one.forces[name] for name in others),
-            one.worse_start,
-        )
-        for i, one in enumerate(found.candidates)
-    ]
-    return Table(headings, rows)
+    unit, rows = found.objective.unit, []
+    for i, one in enumerate(found.candidates):
+        others = besides(one.forces, found.objective.meaning)
+        row = {
+            "": i + 1,
+            **_chosen(found, one.values),
+            f"objective, {unit}": one.objective,
+            f"±, {unit}": _two(one.half_width),
+            **{f"{meaning}, N": one.forces[name] for name, meaning in others.items()},
+            "worse start": one.worse_start,
+        }
+        rows.append(row)
+    return Table.of(rows)
 
 
 def descents(found: Answer) -> Table:
     """Return both ends of each local search."""
-    unit = found.objective.unit
-    ends = [f"{name} {end}" for end in ("first", "last") for name in _parameters(found)]
-    headings = ("", "by", "evaluations", *ends, f"first, {unit}", f"last, {unit}")
-    rows = [(i + 1, *_descent(found, one)) for i, one in enumerate(found.refinement)]
-    return Table(headings, rows)
-
-
-def _descent(found: Answer, one: Refinement) -> Iterable[object]:
-    path = one.path.items()
-    ends = (
-        f"{shown(name, float(points[end]), found.box.units):.5g}"
-        for end in (0, -1)
-        for name, points in path
-    )
-    return (DESCENTS.get(one.by, one.by), one.evaluations, *ends, one.first, one.last)
+    unit, rows = found.objective.unit, []
+    for i, one in enumerate(found.refinement):
+        row = {"": i + 1, "by": DESCENTS.get(one.by, one.by), "evaluations": one.evaluations}
+        for end, at in (("first", 0), ("last", -1)):
+            point = _chosen(found, {name: points[at] for name, points in one.path.items()})
+            row |= {f"{heading} {end}": value for heading, value in point.items()}
+        rows.append(row | {f"first, {unit}": one.first, f"last, {unit}": one.last})
+    return Table.of(rows)
 
 
 def motions(found: Answer) -> Table:
@@ -342,10 +306,9 @@ def runs(found: Answer, design: Confirmed) -> Table:
 
 def box(found: Answer) -> Table:
     """Return the box that was searched."""
-    rows = [
-        (name, *(f"{shown(key, value, found.box.units):.5g}" for value in ends))
-        for name, (key, ends) in zip(_parameters(found), found.box.bounds.items(), strict=True)
-    ]
+    bounds = found.box.bounds.items()
+    ends = [_chosen(found, {name: pair[end] for name, pair in bounds}) for end in (0, 1)]
+    rows = [(heading, lowest, ends[1][heading]) for heading, lowest in ends[0].items()]
     if found.box.derived_speed is not None:
         unit, one = unit_of("speed", found.box.units)
         low, high = (speed / one for speed in found.box.derived_speed)
@@ -394,21 +357,23 @@ def versions(found: Answer) -> Table:
     return Table(("", "version"), list(found.versions.items()))
 
 
-def _chosen(found: Answer, design: Confirmed) -> Iterable[str]:
-    units = found.box.units
-    return (f"{shown(name, value, units):.5g}" for name, value in design.values.items())
+def _chosen(found: Answer, values: Mapping[str, float]) -> dict[str, str]:
+    """Return values of the free parameters as text, by heading."""
+    units, chosen = found.box.units, {}
+    for name, value in values.items():
+        heading = f"{in_words(name)}, {unit_of(name, units)[0]}".rstrip(", ")
+        chosen[heading] = _number(name, value, units)
+    return chosen
+
+
+def _number(name: str, value: float, units: Mapping[str, str]) -> str:
+    """Return a parameter as text, in the unit that it was given in."""
+    return f"{shown(name, value, units):.5g}"
 
 
 def _two(error: float) -> str:
     """Return an uncertainty with two digits."""
     return f"{float(f'{error:.2g}'):g}" if math.isfinite(error) else as_text(error)
-
-
-def _parameters(found: Answer) -> list[str]:
-    units = found.box.units
-    return [
-        f"{in_words(name)}, {unit_of(name, units)[0]}".rstrip(", ") for name in found.box.bounds
-    ]
 
 
 def _per(found: Answer, name: str, unit: str) -> str:
