@@ -96,10 +96,8 @@ def run(
 
 def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -> Machine:
     """Return the numbers of a crusher on its stable orbit, or over `turns` turns after `settle`."""
-    chamber, rubs = (
-        build_chamber(values),
-        scene.joint is not None and scene.joint.friction is not None,
-    )
+    chamber = build_chamber(values)
+    rubs = scene.joint is not None and scene.joint.friction is not None
     names = [name for name in COMPARED if name != "wear" or rubs]
     result, motion = None, "periodic orbit"
     if scene.steady() is not scene:

@@ -158,9 +158,8 @@ def _below_ideal(case: Case, best: Confirmed) -> float:
 
 def _slopes(answer: Answer, best: Confirmed, case: Case) -> Check:
     """Check the slopes at the optimum against differences of orbits."""
-    name, report, orbit = "the slopes at the optimum may be believed", answer.gradient_report, None
-    if best.settles:
-        orbit = best.orbit
+    name, report = "the slopes at the optimum may be believed", answer.gradient_report
+    orbit = best.orbit if best.settles else None
     if report is not None:
         verdicts = [f"by {name}: {slope.verdict}" for name, slope in report.slopes.items()]
         return Check(name, report.usable, ", ".join(verdicts) + "; rule: each ok")
