@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -24,7 +25,8 @@ from optimize.landscape import Maps, worst
 from optimize.motions import design_motions
 from optimize.pareto import nondominated
 
-OPTIMUM, COMPARED = ("*", "C3", 13), ("D", "C1", 8)
+OPTIMUM = {"marker": "*", "color": "C3", "markersize": 13, "linestyle": ""}
+COMPARED = {"marker": "D", "color": "C1", "markersize": 8, "linestyle": ""}
 
 
 def draw_all(
@@ -121,41 +123,30 @@ def draw_starts(folder: Path, answer: Answer, data: xr.Dataset) -> None:
 
 def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool = False) -> None:
     """Mark descents, optimum and the design to compare with, and add them to the legend."""
-    handles, labels = [], []
     legend = ax.get_legend()
-    if legend is not None:
-        handles = [handle for handle in legend.legend_handles if handle is not None]
-        labels = [text.get_text() for text in legend.get_texts()]
+    handles: list[Any] = [] if legend is None else list(legend.legend_handles)
     if open_cells:
-        handles.append(Patch(facecolor="0.6", edgecolor="w"))
-        labels.append("no stable periodic orbit found")
+        label = "no stable periodic orbit found"
+        handles.append(Patch(facecolor="0.6", edgecolor="w", label=label))
     names, units = plots.axes_of(answer.box.bounds), answer.box.units
     for i, descent in enumerate(answer.refinement if descents else ()):
         path = (shown(name, np.asarray(descent.path[name]), units) for name in names)
-        (line,) = ax.plot(*path, "w.-", linewidth=0.8, markersize=2)
-        if i == 0:
-            handles, labels = [*handles, line], [*labels, "descents"]
+        lines = ax.plot(*path, "w.-", linewidth=0.8, markersize=2, label="descents")
+        handles += lines if i == 0 else []
     for title, design in answer.designs.items():
-        marker, colour, size = OPTIMUM if title == "optimum" else COMPARED
-        (mark,) = ax.plot(
+        handles += ax.plot(
             *(shown(name, design.values[name], units) for name in names),
-            marker,
-            color=colour,
-            markersize=size,
+            **_marker(title),
             markeredgecolor="w",
-            linestyle="",
             clip_on=False,
+            label=title,
         )
-        handles, labels = [*handles, mark], [*labels, title]
-    ax.legend(
-        handles,
-        labels,
-        loc="lower center",
-        bbox_to_anchor=(0.5, 1.0),
-        ncols=3,
-        facecolor="0.8",
-        fontsize=9,
-    )
+    place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3}
+    ax.legend(handles=handles, facecolor="0.8", fontsize=9, **place)
+
+
+def _marker(title: str) -> dict[str, Any]:
+    return OPTIMUM if title == "optimum" else COMPARED
 
 
 def draw_capacity(folder: Path, chamber: CrushingChamber, box: Box) -> None:
@@ -217,19 +208,15 @@ def draw_pareto(
             ax.set_ylabel(heading)
         for title, design in answer.designs.items():
             least, highest = _numbers(design, statistic, transient)
-            marker, colour, size = OPTIMUM if title == "optimum" else COMPARED
             crushing = design.crushing
             values = [highest / 1e3] if crushing is None else [crushing.capacity, highest / 1e3]
             for ax, value in zip(axes, values, strict=True):
                 ax.plot(
                     least / kilo,
                     value,
-                    marker,
-                    color=colour,
-                    markersize=size,
+                    **_marker(title),
                     markeredgecolor="k",
                     markeredgewidth=0.6,
-                    linestyle="",
                     label=title,
                     zorder=3,
                 )

@@ -511,7 +511,7 @@ def test_landscape_of_numbers_of_ones_own(tmp_path):
     for _, fig in drawn:
         ax = fig.axes[0]
         assert (ax.get_xlabel(), ax.get_ylabel()) == ("driving speed (rpm)", "friction")
-        star = next(line for line in ax.lines if line.get_marker() == figures.OPTIMUM[0])
+        star = next(line for line in ax.lines if line.get_marker() == figures.OPTIMUM["marker"])
         speed, friction = found.optimum.values["speed"], found.optimum.values["friction"]
         np.testing.assert_allclose(star.get_xydata(), [[speed * 30 / np.pi, friction]])
 
