@@ -21,7 +21,7 @@ from optimize.case import Case
 from optimize.evaluate import NOWHERE, Rows, Tracking, started
 from optimize.landscape import GRID_DIMENSIONS, labelled
 
-# What a map keeps of an orbit besides the statistics.
+# What a map and result.json keep of an orbit besides its statistics.
 KEPT = ("error", "largest_multiplier", "settling_turns", "least_penetration")
 # Designs solved between two reports of progress. Descents run the same program.
 CHUNK = 32

@@ -206,7 +206,7 @@ def _check_numbers(options: Options) -> None:
 
 def _require_used(options: Options) -> None:
     """ValueError for an option that another one makes idle, or a line `--design` of no kind."""
-    names = [key_of(name) for name, _, _ in ranges(options)] if options.design else []
+    names = [key_of(name) for name, _, _ in ranges(options)]
     require(len(set(names)) == len(names), "design", "name every parameter once", names)
     words = sets(options)
     for word in words:

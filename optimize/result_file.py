@@ -6,14 +6,7 @@ from typing import Any
 
 from jaxcrusher.orbits.result import PeriodicOrbit
 from optimize.answer import Answer, Confirmed
-
-# What the file holds of a periodic orbit besides its forces, RMS and peak.
-_NUMBERS = (
-    "error",
-    "largest_multiplier",
-    "settling_turns",
-    "least_penetration",
-)
+from optimize.orbits import KEPT
 
 
 def content(answer: Answer) -> dict[str, Any]:
@@ -38,10 +31,10 @@ def _plain(value: Any) -> Any:
 
 
 def _orbit(orbit: PeriodicOrbit) -> dict[str, Any]:
-    """Return the numbers of an orbit without its path."""
+    """Return the numbers of an orbit without its path: forces, RMS and peak, and `KEPT` ones."""
     forces = dict.fromkeys((orbit.scene.leading, "shaking_rms"))
     forces |= {name.replace("rms", "peak"): None for name in forces}
-    numbers = {name: float(getattr(orbit, name)) for name in (*forces, *_NUMBERS)}
+    numbers = {name: float(getattr(orbit, name)) for name in (*forces, *KEPT)}
     parts = [[float(m.real), float(m.imag)] for m in orbit.multipliers]
     start = orbit.eccentricity
     return {
