@@ -30,15 +30,11 @@ Progress = Callable[[int, int], None]
 Rows = dict[str, np.ndarray]
 
 
-def _untold(done: int, of: int) -> None:
-    """Tell nobody."""
-
-
 @dataclass(frozen=True)
 class Tracking:
     """Where a computation tells how much is done of how much, and keeps its finished chunks."""
 
-    progress: Progress = _untold
+    progress: Progress = lambda done, of: None  # told to nobody
     journal: Journal | None = None
 
 

@@ -59,11 +59,10 @@ def fronts(
             small = number if sign > 0 else smooth.negative(number)
             points = front(value, small, least, best, down)
             rows = [[f(point)[0] for point in points] for f in (value, number)]
-        values = {key: np.asarray(column) for key, column in case.design.values(points).items()}
         objective, other = map(np.array, rows)
         solved = periodic.solve(case, points)
         forces = {force: solved[force] for force in case.forces}
-        found.append(Front(*of, objective, other, values, forces))
+        found.append(Front(*of, objective, other, case.design.values(points), forces))
     return tuple(found)
 
 

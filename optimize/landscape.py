@@ -75,7 +75,7 @@ def labelled(
 
     `first` is a dim before the points', with its labels.
     """
-    values = {name: np.asarray(numbers) for name, numbers in design.values(units).items()}
+    values = design.values(units)
     labels = {
         name: {"units": NUMBERS[name].unit, "long_name": NUMBERS[name].meaning}
         for name in design.names

@@ -190,7 +190,7 @@ def _by_gradients(case: Case, start: np.ndarray, steps: int) -> tuple[np.ndarray
     slopes = descent.gradient / orbits.widths(case)
     return descent.path[-1], Refinement(
         "gradient",
-        _path(case, descent.path),
+        case.design.values(descent.path),
         descent.first,
         descent.last,
         descent.evaluations,
@@ -204,11 +204,8 @@ def _by_fits(problem: Problem, start: np.ndarray, work: Work) -> tuple[np.ndarra
     path, means, _ = local.descend_by_fits(objective, start, seed=effort.seed)
     work.steps["refinement"] = work.steps.get("refinement", 0) + objective.steps
     ends = float(means[0]), float(means[-1])
-    return path[-1], Refinement("fits", _path(case, path), *ends, objective.evaluations, {})
-
-
-def _path(case: Case, units: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: np.asarray(values) for name, values in case.design.values(units).items()}
+    points = case.design.values(path)
+    return path[-1], Refinement("fits", points, *ends, objective.evaluations, {})
 
 
 class _NoisyObjective:

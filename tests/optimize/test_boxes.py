@@ -91,7 +91,7 @@ def test_a_box_without_an_orbit(tmp_path, monkeypatch):
         "_by_fits",
         lambda problem, start, work: (
             start,
-            stages.Refinement("fits", stages._path(problem.case, start[None]), 1.0, 1.0, 1, {}),
+            stages.Refinement("fits", problem.case.design.values(start[None]), 1.0, 1.0, 1, {}),
         ),
     )
     answer, page, _ = searched(tmp_path, monkeypatch)
