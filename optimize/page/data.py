@@ -127,12 +127,10 @@ def _pack_motions(motions: xr.Dataset, dims: tuple[str, ...]) -> dict | None:
     if kept is None:
         return None
     turns = [float(f"{turn:.5g}") for turn in kept.turn.to_numpy()]
-    packed: dict = {"turn": turns}
-    names = {"x": "eccentricity_x", "y": "eccentricity_y", "force": "force"}
-    for short, name in names.items():
-        packed[short] = _small(kept[name].transpose("start", *dims, "instant").to_numpy())
-    packed["ideal"] = _small(kept.ideal_force.transpose(*dims, "instant").to_numpy())
-    return packed
+    names = {"x": "eccentricity_x", "y": "eccentricity_y", "force": "force", "ideal": "ideal_force"}
+    # The ideal joints' force is of no start.
+    kept = kept.transpose("start", *dims, "instant")
+    return {"turn": turns} | {short: _small(kept[name].to_numpy()) for short, name in names.items()}
 
 
 def _thinned(motions: xr.Dataset) -> xr.Dataset | None:
