@@ -113,11 +113,8 @@ def _flat(settings: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 def _short(value: Any, other: Any) -> str:
     """Return a value as text, a number with the digits that tell it from the `other` one."""
-    if isinstance(value, float) and not (isinstance(other, float) and _alike(value, other)):
-        return f"{value:.6g}"
+    rounded = f"{value:.6g}" if isinstance(value, float) else ""
+    if rounded and not (isinstance(other, float) and rounded == f"{other:.6g}"):
+        return rounded
     text = "none" if value is None else json.dumps(value)
     return text if len(text) <= 60 else f"{text[:28]} ... {text[-28:]}"
-
-
-def _alike(one: float, other: float) -> bool:
-    return f"{one:.6g}" == f"{other:.6g}"
