@@ -14,7 +14,7 @@ from optimize.confirm import least_contact
 from optimize.forces import quantity
 from optimize.formatting import active, coexisting, number, shown
 from optimize.landscape import Maps
-from optimize.limits import OF_ORBIT, OF_RUN
+from optimize.limits import OF_ORBIT, OF_RUN, Found
 from optimize.orbits import worse
 from optimize.problem import Problem
 from optimize.stages import CONFIRM_RTOL, LONGER
@@ -94,28 +94,24 @@ def _inside(best: Confirmed, case: Case) -> bool:
 
 def _limits(best: Confirmed, case: Case) -> tuple[Check, ...]:
     """Check each limit on all motions that the optimum comes to; those beside it by their model."""
-    found = []
+    checked = []
     if case.inside_model and best.coexisting:
         inside = [bool(one.solution.validity.inside) for one in best.coexisting]
         told = f"{sum(inside)} of {len(inside)}"
-        found.append(Check("orbits of random starts are inside the model", all(inside), told))
+        checked.append(Check("orbits of random starts are inside the model", all(inside), told))
     for limit in case.limits:
-        of_runs = [float(runs.by_run[limit.statistic].mean()) for runs in best.transient.values()]
-        values, slack = of_runs, OF_RUN
+        name = limit.statistic
+        motions: list[tuple[Found, float]] = [(one.solution, OF_ORBIT) for one in best.coexisting]
         if best.orbit is not None and best.settles:
-            values, slack = [float(best.orbit.solution[limit.statistic])], OF_ORBIT
-        others = [float(one.solution[limit.statistic]) for one in best.coexisting]
-        highest = float(np.max([*values, *others]))
-        kept = [value <= limit.most * (1 + slack) for value in values]
-        kept += [value <= limit.most * (1 + OF_ORBIT) for value in others]
-        found.append(
-            Check(
-                f"{limit.statistic} at most its limit",
-                all(kept),
-                f"{highest:.6g} <= {limit.most:.6g} {limit.unit}",
-            )
-        )
-    return tuple(found)
+            motions.append((best.orbit.solution, OF_ORBIT))
+        else:
+            means = [{name: runs.by_run[name].mean()} for runs in best.transient.values()]
+            motions += [(mean, OF_RUN) for mean in means]
+        kept = all(limit.kept(found, share) for found, share in motions)
+        highest = float(np.max([np.asarray(found[name]) for found, _ in motions]))
+        told = f"{highest:.6g} <= {limit.most:.6g} {limit.unit}"
+        checked.append(Check(f"{name} at most its limit", kept, told))
+    return tuple(checked)
 
 
 def _capacity(best: Confirmed, case: Case) -> tuple[Check, ...]:
