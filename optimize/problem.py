@@ -59,16 +59,13 @@ class Problem:
 
     folder: Path
     settings: dict[str, Any]  # everything that decides the answer
-    described: dict[str, Any]  # the machine's numbers and choices that were given
+    searched: Searched
     case: Case
     sought: Sought
     box: Box
-    reference: dict[str, float]  # the free parameters of the design to compare with
-    compared_with: str
     of_the_paper: bool  # its machine, and its objective
     bulk_density: float | None  # kg/m3, of the crushed rock
     effort: Effort
-    defaults: tuple[str, ...] = ()  # names that the file of a linkage leaves open
 
 
 def resolve(options: Options) -> Problem:
@@ -122,26 +119,24 @@ def resolve(options: Options) -> Problem:
             "scene": with_digests(described),
             **({} if design.make is None else {"drawing": repr(design.make)}),
         },
-        described,
+        searched,
         case,
         Sought(name, case.objective.unit, case.objective.meaning),
         Box(free, case.capacity_floor, speeds, units, case.limits),
-        searched.reference,
-        searched.compared_with,
         name == "rms" and options.scene is None,
         bulk_density,
         options,
-        searched.defaults,
     )
 
 
 def tell(problem: Problem, path: Path | None) -> None:
     """Print on standard error what is unusual in a machine, and what its file leaves open."""
-    if problem.case.chamber is None:
-        tell_defaults(path, problem.described, problem.defaults)
+    searched = problem.searched
+    if searched.chamber is None:
+        tell_defaults(path, searched.described, searched.defaults)
         return
-    tell_unusual(problem.described)
-    tell_borrowed({**problem.described, **problem.reference}, path)
+    tell_unusual(searched.described)
+    tell_borrowed({**searched.described, **searched.reference}, path)
 
 
 def _objective(name: str, searched: Searched) -> Objective:

@@ -80,7 +80,7 @@ def _known(problem: Problem) -> stages.Part:
         "fixed": dict(problem.case.design.fixed),
         "columns": {name: one[:2] for name, one in problem.case.columns.items()},
         "settle_turns": stages.LONGER * problem.effort.settle,
-        "compared_with": problem.compared_with,
+        "compared_with": problem.searched.compared_with,
         "bulk_density": problem.bulk_density,
         "seed": problem.effort.seed,
     }
@@ -117,7 +117,7 @@ def _searched(
         "active": active,
         "free_slopes": free_slopes,
         "load_sheets": stages.load_sheets(
-            problem.described, {"optimum": best, problem.compared_with: reference}
+            problem.searched.described, {"optimum": best, problem.searched.compared_with: reference}
         ),
     }
     yield {"fronts": stages.trade(problem, work, best, maps)}

@@ -92,7 +92,7 @@ def map_box(problem: Problem, work: Work) -> tuple[Maps, Orbit | None]:
         landscape.points(design, grid, effort.samples, effort.seed)
         for grid in (effort.grid, effort.cells)
     )
-    reference = design.unit(problem.reference)
+    reference = design.unit(problem.searched.reference)
 
     def explore() -> tuple[xr.Dataset, xr.Dataset]:
         found = _explore(problem, work, cells)
@@ -233,7 +233,7 @@ def confirm(
     counts, with `candidates`, `seed_choice`, and why there is no best one.
     """
     case, (_, repeats) = problem.case, _repeats(problem)
-    points = np.concatenate([candidates, case.design.unit(problem.reference)[None]])
+    points = np.concatenate([candidates, case.design.unit(problem.searched.reference)[None]])
     total = len(landscape.STARTS) * len(points) * repeats.runs
     with work.stage("confirmation", total) as tracking:
         runs, found = run_concurrently(

@@ -134,6 +134,6 @@ def test_a_joint_that_is_ideal_in_the_paper_is_compared_with_its_default():
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
     options = Options(design=free)
     problem = resolve(options)
-    assert problem.reference == {"speed": 39.0, "pivot.clearance": 0.06e-3}
+    assert problem.searched.reference == {"speed": 39.0, "pivot.clearance": 0.06e-3}
     title = "paper's choice with clearance 0.06 mm and pivot clearance 0.06 mm"
-    assert problem.compared_with == title
+    assert problem.searched.compared_with == title

@@ -35,8 +35,13 @@ def shaking(speed: float) -> float:
 
 def test_what_is_free_is_named_by_the_file():
     problem = resolve(PUMP)
-    assert problem.sought.name == "shaking_rms" and problem.compared_with == "scene file's choice"
-    assert problem.reference == pytest.approx({"joints.B.clearance": 5e-5, "speed": 30 * np.pi})
+    assert (
+        problem.sought.name == "shaking_rms"
+        and problem.searched.compared_with == "scene file's choice"
+    )
+    assert problem.searched.reference == pytest.approx(
+        {"joints.B.clearance": 5e-5, "speed": 30 * np.pi}
+    )
     assert problem.box.units == {"joints.B.clearance": "mm", "speed": "rpm"} | problem.box.units
     case = problem.case
     assert case.chamber is None and case.forces == ("shaking_rms",)

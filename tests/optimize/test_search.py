@@ -820,14 +820,14 @@ def test_what_is_not_the_paper_s_choice_is_told():
         (choice, ""),
     ):
         problem = resolve(Options(design=free, overrides=given))
-        assert problem.compared_with == f"paper's choice{others}"
+        assert problem.searched.compared_with == f"paper's choice{others}"
 
 
 def test_capacity_is_the_scene_s(tmp_path):
     """Floor and capacities of a chamber twice as wide; the paper's to the last bit; free links."""
     problem, chamber = resolve(Options()), CrushingChamber()
-    assert problem.reference == {"speed": 39.0, "clearance": 3e-5}
-    assert problem.compared_with == "paper's choice"
+    assert problem.searched.reference == {"speed": 39.0, "clearance": 3e-5}
+    assert problem.searched.compared_with == "paper's choice"
     paper = problem.case
     assert paper.capacity_floor == float(chamber.capacity(25.0)) / 1.67
     faster = resolve(Options(speed=("42", "50rad/s"))).case

@@ -50,7 +50,7 @@ def test_the_machine_has_twelve_numbers_more(balance):
     problem = resolve(Options(design=(("machine",),)))
     few, many = balance.case.design, problem.case.design
     assert len(few.names) == 9 and len(many.names) == 21 and {*few.names} < {*many.names}
-    point = many.unit(problem.reference)
+    point = many.unit(problem.searched.reference)
     assert ((point > 0) & (point < 1)).all()
     heavy = many.description(np.where(np.array(many.names) == "load", 1.0, point))
     assert float(heavy["load"]) == pytest.approx(1.1 * 8800)
@@ -90,7 +90,7 @@ def test_a_set_lies_about_the_machine_of_a_scene_file(tmp_path):
     changed = (("clearance", "0.08 mm"), ("jaw.length", "0.7 m"))
     problem = resolve(Options(design=(("balance",),), scene=path, overrides=changed))
     made = problem.case.design
-    described = made.description(made.unit(problem.reference))
+    described = made.description(made.unit(problem.searched.reference))
     assert made.fixed["clearance"] == 0.08e-3
     assert made.bounds["jaw.mass_centre_distance"] == pytest.approx((0.315, 0.385), rel=1e-12)
     assert made.bounds["jaw.length"] == pytest.approx((0.665, 0.735), rel=1e-12)
