@@ -98,16 +98,16 @@ class Designs(NamedTuple):
 
 
 class Control(NamedTuple):
-    """Diffrax's PI controller, and the limits of steps."""
+    """The limits of steps, and diffrax's PI controller: the `limits` that all threads read."""
 
+    first: float  # step
+    smallest: float  # step
+    steps: float  # in a segment
     this: float  # exponent of one over this error
     last: float  # exponent of one over the last error
     safety: float
     least: float  # factor of a rejected step
     most: float  # factor of a step that was kept
-    smallest: float  # step
-    first: float  # step
-    steps: float  # in a segment
 
 
 class Lanes(NamedTuple):
@@ -129,7 +129,7 @@ class Shared(NamedTuple):
     times: Any
     floors: Any
     schedule: Any
-    limits: Any  # first step, smallest step, steps in a segment, and what the controller has
+    limits: Any  # a `Control`
     counts: Any  # of designs and segments
     # See `WRITTEN`.
     found: Any  # (designs, segments, numbers): their summaries
@@ -162,8 +162,3 @@ def lane_shapes(at: Layout) -> Lanes:
     samples = (lanes, at.sampled * at.series * lanes)
     pages = (1 if at.sampled else lanes, at.page * lanes)
     return Lanes((at.end, lanes), (WHOLES, lanes), samples, pages)
-
-
-def limits_of(control: Control) -> np.ndarray:
-    """Return the `limits` that all threads read."""
-    return np.array([control.first, control.smallest, control.steps, *control[:CONTROLS]])

@@ -29,7 +29,6 @@ from jaxcrusher.lanes.layout import (
     Lanes,
     Shared,
     lane_shapes,
-    limits_of,
     table,
 )
 from jaxcrusher.lanes.stepper import Kernels
@@ -152,7 +151,7 @@ def run(
     found = np.empty((count, segments, kernels.at.found))
     next_design, stop = np.zeros(1, np.int64), np.zeros(1, np.int64)
     counts = np.array([count, segments])
-    shared = Shared._make((*designs, limits_of(control), counts, found, *ends, next_design, stop))
+    shared = Shared._make((*designs, np.array(control), counts, found, *ends, next_design, stop))
     done = target.advance(kernels, shared)
     found = _apart(done.found, shapes, kernels.over)
     return [*found, done.result, done.reached, done.steps]

@@ -182,13 +182,14 @@ def _control(method: Any, norm: Callable) -> tuple[Control, tuple[Array, Array]]
         raise Unsupported(f"the solver `{type(solver).__name__}`")
     order = solver.order(diffrax.ODETerm(lambda t, y, args: y))
     assert order is not None
-    numbers = ((pid.pcoeff + pid.icoeff) / order, -pid.pcoeff / order, pid.safety, pid.factormin)
     smallest = 0.0 if pid.dtmin is None else pid.dtmin
-    rest = (pid.factormax, smallest, max(method.dt0, smallest), method.max_steps)
-    if any(isinstance(value, Tracer) for value in (*numbers, *rest)):
+    limits = (max(method.dt0, smallest), smallest, method.max_steps)
+    exponents = ((pid.pcoeff + pid.icoeff) / order, -pid.pcoeff / order)
+    numbers = (*limits, *exponents, pid.safety, pid.factormin, pid.factormax)
+    if any(isinstance(value, Tracer) for value in numbers):
         raise Unsupported("a step-size controller whose coefficients are traced")
     tolerances = (jnp.asarray(pid.atol, float), jnp.asarray(pid.rtol, float))
-    return Control(*map(float, (*numbers, *rest))), tolerances
+    return Control(*map(float, numbers)), tolerances
 
 
 @cache
