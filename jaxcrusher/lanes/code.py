@@ -12,6 +12,7 @@ from jaxcrusher.lanes.expression import (
     FAST,
     INTEGER,
     POINTER,
+    TRUTH,
     Expression,
     declared,
     kind_of,
@@ -111,7 +112,7 @@ class Code:
 
     def any(self, truths: Expression) -> Expression:
         """Say whether one of a vector is true."""
-        kind = ir.FunctionType(ir.IntType(1), [truths.value.type])
+        kind = ir.FunctionType(TRUTH, [truths.value.type])
         name = f"llvm.vector.reduce.or.v{self.shape.width}i1"
         function = declared(self.function.module, name, kind)
         return Expression(self, self.builder.call(function, [truths.value]))
@@ -122,11 +123,9 @@ class Code:
         width, builder = self.shape.width, self.builder
         mask = builder.bitcast(truths.value, ir.IntType(width))
         left = self.variable(Expression(self, builder.zext(mask, INTEGER)))
-        kind = ir.FunctionType(INTEGER, [INTEGER, ir.IntType(1)])
-        zeros_behind = declared(self.function.module, "llvm.cttz.i64", kind)
         with self.repeat(lambda: left[0] > 0):
-            place = builder.call(zeros_behind, [left[0].value, ir.Constant(ir.IntType(1), 1)])
-            yield Expression(self, place)
+            zeros_behind = builder.cttz(left[0].value, ir.Constant(TRUTH, 1))
+            yield Expression(self, zeros_behind)
             left[0] = left[0] & (left[0] - 1)
 
     def when(self, truth: Expression) -> AbstractContextManager:

@@ -305,7 +305,9 @@ def arc_tangent(x):
     return where(x < 0.0, -value, value)
 
 
-def _angle(y, x):
+@exactly(np.arctan2)
+def angle(y, x):
+    """Return the angle of (x, y), between -pi and pi."""
     over, under = abs(y), abs(x)
     # Of two zeros, and of two infinities.
     zeros, corner = (over == 0.0) & (under == 0.0), (over == math.inf) & (under == math.inf)
@@ -315,13 +317,7 @@ def _angle(y, x):
     return where((x == x) & (y == y), value, math.nan)
 
 
-@exactly(np.arctan2)
-def angle(y, x):
-    """Return the angle of (x, y), between -pi and pi."""
-    return _angle(y, x)
-
-
 @exactly(np.arcsin)
 def arc_sine(x):
     """Return arcsin x; NaN beyond 1."""
-    return _angle(x, sqrt((1.0 - x) * (1.0 + x)))
+    return angle(x, sqrt((1.0 - x) * (1.0 + x)))
