@@ -39,6 +39,7 @@ from jaxcrusher.lanes.primitives import (
     constant,
     elementwise,
     folded,
+    larger,
     of_arrays,
     parts,
     type_of,
@@ -320,17 +321,10 @@ class _Writer:
     def _place_of_largest(self, cell: Series) -> Expression:
         """Find the first place of the largest, or of a NaN."""
 
-        def better(one: Sequence, other: Sequence) -> list:
-            (best, at), (value, place) = one, other
-            larger = (value > best) | ((value != value) & (best == best))
-            equal = (value == best) | ((value != value) & (best != best))
-            take = larger | (equal & (place < at))
-            return [where(take, value, best), where(take, place, at)]
-
         def part(read: Read, first: Expression) -> list:
             return [self._existing(cell.at(read), first, -inf), self._code.positions(first)]
 
-        return whole_of(self._together([-inf, inf], part, better)[1])
+        return whole_of(self._together([-inf, inf], part, larger)[1])
 
     def _existing(self, value: Any, first: Expression, otherwise: Any) -> Expression:
         """Replace what stands behind the last instant, where these do not fill a vector."""

@@ -259,14 +259,18 @@ STRUCTURAL: dict[str, Operation] = {
 }
 
 
+def larger(one: Sequence, other: Sequence) -> list:
+    """Choose the larger of two values with their places, or a NaN; of equal ones the first."""
+    (best, at), (value, place) = one, other
+    better = (value > best) | ((value != value) & (best == best))
+    equal = (value == best) | ((value != value) & (best != best))
+    take = better | (equal & (place < at))
+    return [where(take, value, best), where(take, place, at)]
+
+
 def _place_of_largest(*cells: Any) -> Any:
     """Find the first place of the largest, or of a NaN."""
-    largest, place = cells[0], np.int64(0)
-    for i, cell in enumerate(cells[1:], 1):
-        better = (cell > largest) | ((cell != cell) & (largest == largest))
-        place = where(better, np.int64(i), place)
-        largest = where(better, cell, largest)
-    return place
+    return reduce(larger, [(cell, np.int64(i)) for i, cell in enumerate(cells)])[1]
 
 
 # Primitives of axes of which each is a function of the elements along them.
