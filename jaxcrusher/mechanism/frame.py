@@ -79,7 +79,7 @@ def _weight(scene: AbstractScene) -> Scalar:
     """Return the weight of frame and bodies, N."""
     foundation, linkage = scene.supports, scene.linkage
     assert foundation is not None
-    return linkage.gravity * sum((body.mass for body in linkage.bodies.values), foundation.mass)
+    return linkage.gravity * (foundation.mass + linkage.mass)
 
 
 def initial_frame(scene: AbstractScene) -> FrameState | None:

@@ -1,6 +1,7 @@
 """A planar linkage as it is drawn: bodies, what holds them together, and the crank."""
 
 import functools
+import operator
 
 import equinox as eqx
 from jaxtyping import Scalar
@@ -114,6 +115,11 @@ class Linkage(Record):
         """Return name, bore's body and pin's body of each joint, and of each slide the same."""
         every = [*self.joints.items(), *((name, one.ends) for name, one in self.slides.items())]
         return tuple((name, one.bore.body, one.pin.body) for name, one in every)
+
+    @property
+    def mass(self) -> Scalar:
+        """Return the mass of all bodies, kg."""
+        return functools.reduce(operator.add, (body.mass for body in self.bodies.values))
 
     @property
     def dyads(self) -> tuple[Dyad, ...]:

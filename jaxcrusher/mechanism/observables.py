@@ -27,8 +27,7 @@ def acceleration_width(scene: AbstractScene) -> Scalar:
 
 def force_width(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return the share of the force that gives it to all bodies, N."""
-    masses = [body.mass for body in s.motion.linkage.bodies.values]
-    return stop_gradient(sum(masses[1:], masses[0])) * acceleration_width(scene)
+    return stop_gradient(s.motion.linkage.mass) * acceleration_width(scene)
 
 
 def torque_width(s: Snapshot, scene: AbstractScene) -> Scalar:
@@ -44,13 +43,6 @@ def on_bore(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
 def on_pin(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
     """Return the force on the pin of a joint, N."""
     return -on_bore(s, scene, joint)
-
-
-def _total_weight(scene: AbstractScene) -> Vector:
-    """Return the weight of the bodies, N."""
-    linkage = scene.linkage
-    masses = [body.mass for body in linkage.bodies.values]
-    return Vector(0.0, -sum(masses[1:], masses[0]) * linkage.gravity)
 
 
 def shaking_force(s: Snapshot, scene: AbstractScene) -> Vector:
@@ -81,7 +73,8 @@ def ground_force(s: Snapshot, scene: AbstractScene) -> Vector:
     A clamped frame passes it to the ground. Of a crusher it equals -(R_O + R_C) less the load on
     the jaw, whose reaction the fixed jaw carries.
     """
-    return shaking_force(s, scene) + _total_weight(scene)
+    weight = Vector(0.0, -scene.linkage.mass * scene.linkage.gravity)
+    return shaking_force(s, scene) + weight
 
 
 def ground_moment(s: Snapshot, scene: AbstractScene) -> Scalar:
@@ -230,7 +223,7 @@ def frame_rotation(s: Snapshot, scene: AbstractScene) -> Scalar:
 def transmitted_size(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return the length of what moves of the force on the ground, N: all but the weight."""
     _, foundation = _on_supports(s, scene, "transmitted_force")
-    weight = Vector(0.0, -foundation.mass * scene.linkage.gravity) + _total_weight(scene)
+    weight = Vector(0.0, -(foundation.mass + scene.linkage.mass) * scene.linkage.gravity)
     return norm(transmitted_force(s, scene) - weight, force_width(s, scene))
 
 
