@@ -195,15 +195,11 @@ def acting(
 
 def push_power(s: Snapshot, scene: Any) -> Scalar:
     """Return the power of the pushes, W."""
-    power = jnp.zeros_like(s.motion.crank.speed)
-    for point, force in s.applied.pushes:
-        power = power + force.dot(s.motion.velocity(point))
-    return power
+    powers = (force.dot(s.motion.velocity(point)) for point, force in s.applied.pushes)
+    return sum(powers, jnp.zeros_like(s.motion.crank.speed))
 
 
 def spring_loss(s: Snapshot, scene: Any) -> Scalar:
     """Return the power that the dampers of springs take, W."""
-    loss = jnp.zeros_like(s.motion.crank.speed)
-    for spring in s.applied.springs:
-        loss = loss + spring.loss
-    return loss
+    losses = (spring.loss for spring in s.applied.springs)
+    return sum(losses, jnp.zeros_like(s.motion.crank.speed))

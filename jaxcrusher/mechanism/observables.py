@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.plane import Vector, plus
+from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
 from jaxcrusher.mechanism.scene import AbstractScene
@@ -124,8 +124,8 @@ def _over_joints(
     part: Callable[[AbstractBearing, Contact], Scalar | None], s: Snapshot, scene: AbstractScene
 ) -> Scalar:
     """The sum of a number of each contact; zero where there is none."""
-    known: list[Scalar] = list(scene.joints.map(part, s.contacts).values)
-    return sum(known[1:], known[0]) if known else jnp.zeros_like(s.motion.crank.speed)
+    known = scene.joints.map(part, s.contacts).values
+    return sum(known, jnp.zeros_like(s.motion.crank.speed))
 
 
 def elastic_energy(s: Snapshot, scene: AbstractScene) -> Scalar:
@@ -155,8 +155,7 @@ def _friction_force(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
 
 
 def _eccentricity(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
-    eccentricity = s.motion.eccentricities[joint]
-    return Vector(0.0, 0.0) if eccentricity is None else eccentricity
+    return or_zero(s.motion.eccentricities[joint])
 
 
 def _penetration_ratio(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
