@@ -107,16 +107,15 @@ class OnSupports(AbstractFoundation):
 
     def elastic_energy(self, frame: FrameMotion) -> Scalar:
         """Return the energy in the springs, J."""
-        squares = [(moved.x**2, moved.y**2) for moved, _ in self.stretches(frame)]
-        (x, y), (also_x, also_y) = squares
-        horizontal, vertical = self.horizontal_stiffness, self.vertical_stiffness
-        return 0.5 * (horizontal * (x + also_x) + vertical * (y + also_y))
+        (left, _), (right, _) = self.stretches(frame)
+        stored = self.horizontal_stiffness * (left.x**2 + right.x**2)
+        return 0.5 * (stored + self.vertical_stiffness * (left.y**2 + right.y**2))
 
     def loss(self, frame: FrameMotion) -> Scalar:
         """Return the power that the dampers take, W."""
-        squares = [(rate.x**2, rate.y**2) for _, rate in self.stretches(frame)]
-        (x, y), (also_x, also_y) = squares
-        lost = self.horizontal_damping * (x + also_x) + self.vertical_damping * (y + also_y)
+        (_, left), (_, right) = self.stretches(frame)
+        lost = self.horizontal_damping * (left.x**2 + right.x**2)
+        lost = lost + self.vertical_damping * (left.y**2 + right.y**2)
         turned = self.rocking_damping
         return lost if turned is None else lost + turned * frame.spin**2
 
