@@ -206,18 +206,16 @@ def contacts_of(scene: AbstractScene, motion: Motion, memories: Named[Scalar]) -
     """Return the contacts of the joints with clearance; `memories` are those of normal laws."""
     found = {}
     for name, one in scene.joints.items():
-        found[name] = _contact(one, motion, name, memories[name])
+        joint = motion.linkage.joint(name)
+        bore, pin = motion.spin(joint.bore.body), motion.spin(joint.pin.body)
+        found[name] = one.contact(
+            motion.eccentricities.at(name),
+            motion.rates.at(name),
+            0.0 if bore is None else bore,
+            0.0 if pin is None else pin,
+            memories[name],
+        )
     return Named(found)
-
-
-def _contact(one: AbstractBearing, motion: Motion, name: str, memory: Scalar | None) -> Contact:
-    joint = motion.linkage.joint(name)
-    e, rate = motion.eccentricities.at(name), motion.rates.at(name)
-    bore, pin = motion.spin(joint.bore.body), motion.spin(joint.pin.body)
-    still = 0.0
-    return one.contact(
-        e, rate, still if bore is None else bore, still if pin is None else pin, memory
-    )
 
 
 def wrenches_of(
