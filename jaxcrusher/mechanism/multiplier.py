@@ -6,6 +6,7 @@ stabilisation. It shares neither trees nor dyads with the eccentricities, and so
 independent check. (13) of the paper lacks the drive's row; (19) omits the moments of a contact.
 """
 
+import dataclasses
 import functools
 
 import equinox as eqx
@@ -99,7 +100,8 @@ class MultiplierFormulation(AbstractFormulation):
         for name, gap in gaps.items():
             if name not in scene.joints:
                 rows += gap.rows
-                kept += zip(*(_parts(part) for part in (gap.e, gap.rate, gap.rest)), strict=True)
+                kept.append((gap.e.x, gap.rate.x, gap.rest.x))
+                kept.append((gap.e.y, gap.rate.y, gap.rest.y))
         for slide in linkage.slides.values:
             for row, off in bodies.held_by(slide):
                 rows.append(row)
@@ -182,13 +184,8 @@ def _motion(scene: AbstractScene, state: MultiplierState) -> Motion:
     turning = Crank(state.position.at(linkage.crank).angle, poses[linkage.crank].spin)
     motion = Motion(linkage, turning, Named(poses), Named(), Named())
     gaps = {name: _apart(motion, linkage.joint(name)) for name in scene.joints.names}
-    return Motion(
-        linkage,
-        turning,
-        Named(poses),
-        Named({name: e for name, (e, _) in gaps.items()}),
-        Named({name: rate for name, (_, rate) in gaps.items()}),
-    )
+    e, rates = ({name: gap[part] for name, gap in gaps.items()} for part in (0, 1))
+    return dataclasses.replace(motion, eccentricities=Named(e), rates=Named(rates))
 
 
 def _apart(motion: Motion, joint: Joint) -> tuple[Vector, Vector]:
@@ -292,7 +289,3 @@ def _off(scene: AbstractScene, time: Scalar, motion: Motion) -> tuple[Scalar, Sc
     wanted, crank = scene.drive.crank(time, None), motion.crank
     asked = jnp.zeros_like(time) if wanted.acceleration is None else -wanted.acceleration
     return crank.angle - wanted.angle, crank.speed - wanted.speed, asked
-
-
-def _parts(vector: Vector) -> tuple[Scalar, Scalar]:
-    return vector.x, vector.y
