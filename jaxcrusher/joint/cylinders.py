@@ -14,14 +14,13 @@ All hold while the contact is narrow against the bore, Liu's by finite elements 
 import abc
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import scalar
-from jaxcrusher.joint.normal import AbstractHysteresis, AbstractImpactVelocity
+from jaxcrusher.joint.normal import AbstractHysteresis, AbstractImpactVelocity, inverse
 
 # The logarithmic laws go on along their tangent beyond ln(4 c / x) = 4, where the contact's
 # half-width is 0.54 bore radii and so outside of Hertz's theory.
@@ -153,12 +152,8 @@ class Liu(AbstractCylinders):
         return (algebraic + 3 * c**2 / 4 * jnp.arcsinh(root / jnp.sqrt(c))) / np.sqrt(8)
 
     def depth(self, x: Scalar) -> Scalar:
-        """Return the penetration (m) under a load x (m, > 0), by Newton for the logarithms."""
-        deep = 2 * x
-        for _ in range(6):
-            found, slope = jax.jvp(self.load, (deep,), (jnp.ones_like(deep),))
-            deep = deep * (x / found) ** (found / (deep * slope))
-        return deep
+        """Return the penetration (m) under a load x (m, > 0)."""
+        return inverse(self.load, x, 2 * x)
 
     def _power(self, depth: Scalar, exponent: float) -> Scalar:
         inside = depth > 0

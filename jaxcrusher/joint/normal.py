@@ -1,8 +1,10 @@
 """Normal contact laws of the clearance joint: elastic force with hysteresis damping."""
 
 import abc
+from collections.abc import Callable
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
@@ -18,6 +20,14 @@ _REBOUND = np.array([-40 / 189, 104 / 405, -44 / 135, 4 / 9, -2 / 3, 1])
 HERTZ = 1.5
 # Where a force that has no corner of its own counts as touching, m.
 TOUCH = 1e-8
+
+
+def inverse(function: Callable[[Scalar], Scalar], value: Scalar, guess: Scalar) -> Scalar:
+    """Return where a function near a power is `value` (> 0), by Newton for the logarithms."""
+    for _ in range(6):
+        found, slope = jax.jvp(function, (guess,), (jnp.ones_like(guess),))
+        guess = guess * (value / found) ** (found / (guess * slope))
+    return guess
 
 
 def cylinder_stiffness(bore_radius, clearance, young=207e9, poisson=0.29) -> Scalar:

@@ -13,7 +13,6 @@ rounding.
 """
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
@@ -27,6 +26,7 @@ from jaxcrusher.joint.normal import (
     AbstractImpactVelocity,
     AbstractNormalForce,
     ConstantImpactVelocity,
+    inverse,
 )
 
 # Palmgren's line contact: Q is as its penetration to this power.
@@ -143,15 +143,10 @@ class Rollers(AbstractNormalForce):
     def penetration_under(self, force: Scalar) -> Scalar:
         """The penetration (m) at which the elastic part is `force` (N, > 0) at rest.
 
-        By Newton's method for the logarithms, between which the slope falls from 29/18 to 10/9.
+        The elastic part is a power between 29/18 and 10/9.
         """
-        deep = (force / (self.count * self.roller_stiffness())) ** (1 / EXPONENT)
-        for _ in range(6):
-            found, slope = jax.value_and_grad(lambda d: self._sjovall(d, d ** (EXPONENT + 0.5)))(
-                deep
-            )
-            deep = deep * (force / found) ** (found / (deep * slope))
-        return deep
+        guess = (force / (self.count * self.roller_stiffness())) ** (1 / EXPONENT)
+        return inverse(lambda deep: self._sjovall(deep, deep ** (EXPONENT + 0.5)), force, guess)
 
 
 class RollerBearing(AbstractBearing):
