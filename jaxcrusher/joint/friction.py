@@ -12,6 +12,8 @@ from jaxtyping import Scalar
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import scalar
 
+_SPEED = {"unit": "m/s"}
+
 
 class AbstractSlip(eqx.Module):
     """Which speed a friction law sees."""
@@ -86,9 +88,7 @@ class Threlfall(AbstractFriction):
 
     slip: AbstractSlip
     coefficient: Scalar = eqx.field(converter=scalar, default=0.1)  # c_f
-    full_speed: Scalar = eqx.field(  # v1, m/s
-        converter=scalar, default=1.0, metadata={"unit": "m/s"}
-    )
+    full_speed: Scalar = eqx.field(converter=scalar, default=1.0, metadata=_SPEED)  # v1
 
     def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:
         """F_t, N: odd in the slip speed."""
@@ -111,9 +111,7 @@ class BengisuAkay(AbstractFriction):
     slip: AbstractSlip
     coefficient: Scalar = eqx.field(converter=scalar, default=0.1)  # c_f
     static_ratio: Scalar = eqx.field(converter=scalar, default=1.5)  # r, >= 1
-    static_speed: Scalar = eqx.field(  # v0, m/s
-        converter=scalar, default=0.1, metadata={"unit": "m/s"}
-    )
+    static_speed: Scalar = eqx.field(converter=scalar, default=0.1, metadata=_SPEED)  # v0
     decay: Scalar = eqx.field(converter=scalar, default=10.0, metadata={"unit": "s/m"})  # xi
 
     def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:
@@ -137,10 +135,8 @@ class Stribeck(AbstractFriction):
     slip: AbstractSlip
     coefficient: Scalar = eqx.field(converter=scalar, default=0.1)  # c_f
     static_ratio: Scalar = eqx.field(converter=scalar, default=1.5)  # r, >= 1
-    stribeck_speed: Scalar = eqx.field(  # v_s, m/s
-        converter=scalar, default=0.3, metadata={"unit": "m/s"}
-    )
-    width: Scalar = eqx.field(converter=scalar, default=0.01, metadata={"unit": "m/s"})  # v_t
+    stribeck_speed: Scalar = eqx.field(converter=scalar, default=0.3, metadata=_SPEED)  # v_s
+    width: Scalar = eqx.field(converter=scalar, default=0.01, metadata=_SPEED)  # v_t
 
     def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:
         """F_t, N: odd in the slip speed."""
