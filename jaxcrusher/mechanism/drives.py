@@ -26,10 +26,6 @@ class CrankState(Record):
     angle: Scalar
     relative_speed: Scalar
 
-    def unwound(self) -> "CrankState":
-        """Return the state with the angle counted from the nearest whole turn."""
-        return CrankState(from_nearest_turn(self.angle), self.relative_speed)
-
 
 def from_nearest_turn(angle: Scalar) -> Scalar:
     """Return the same angle (rad), between -pi and pi."""

@@ -5,12 +5,13 @@ constraints, no drift, and no penetration is a difference of two large numbers. 
 frame on supports add their own states; with ideal joints there may be none at all.
 """
 
+import equinox as eqx
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
-from jaxcrusher.mechanism.drives import CrankState
+from jaxcrusher.mechanism.drives import CrankState, from_nearest_turn
 from jaxcrusher.mechanism.equations import solve
 from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
 from jaxcrusher.mechanism.motion import moving
@@ -34,11 +35,6 @@ class EccentricityState(Record):
     joints: Named[JointState]
     crank: CrankState | None = None
     frame: FrameState | None = None
-
-    def unwound(self) -> "EccentricityState":
-        """Return the state with the angle of a free crank counted from the nearest whole turn."""
-        crank = None if self.crank is None else self.crank.unwound()
-        return EccentricityState(self.joints, crank, self.frame)
 
 
 class EccentricityFormulation(AbstractFormulation):
@@ -80,7 +76,10 @@ class EccentricityFormulation(AbstractFormulation):
 
     def unwound(self, state: EccentricityState) -> EccentricityState:
         """Return the state with a free crank's angle unwound; nothing else of it is an angle."""
-        return state.unwound()
+        if state.crank is None:
+            return state
+        angle = from_nearest_turn(state.crank.angle)
+        return eqx.tree_at(lambda s: s.crank.angle, state, angle)
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Return the same: the state is e / c itself, and all else is of order one."""
