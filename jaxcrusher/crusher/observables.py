@@ -14,7 +14,6 @@ from jaxcrusher.crusher.machine import JOINTS, LETTERS
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
 from jaxcrusher.mechanism.acting import Stretched
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.observables import (
     OF_MACHINE,
     OF_SUPPORTS,
@@ -97,7 +96,7 @@ def _crushing_load(s: Snapshot, scene: AbstractScene) -> Vector:
     return s.applied.pushes[0][1] if s.applied.pushes else Vector(0.0, 0.0)
 
 
-_AT = {joint: observables_at(joint, before(joint), LETTERS[joint]) for joint in JOINTS}
+_AT = {joint: observables_at(joint, place) for joint, place in LETTERS.items()}
 OF_ROD = {"rod_tension": Observable(rod_tension, "N", "tension of the rod")}
 
 # Name -> function, unit and meaning of what can be observed of an instant.

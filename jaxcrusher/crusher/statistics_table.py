@@ -29,11 +29,8 @@ from jaxcrusher.mechanism.reductions import Lasting, PowerMean, Statistic
 
 # Of each joint, what is computed without being asked, and what when asked.
 _BY_JOINT = {
-    joint: (
-        always_at(joint, before(joint), LETTERS[joint], OBSERVABLES),
-        further_at(joint, before(joint), LETTERS[joint]),
-    )
-    for joint in JOINTS
+    joint: (always_at(joint, place, OBSERVABLES), further_at(joint, place))
+    for joint, place in LETTERS.items()
 }
 _BY_DEFAULT = {
     "foundation_rms": Statistic("N", "RMS of |R_O| + |R_C|", foundation_force, PowerMean(2)),

@@ -87,8 +87,9 @@ _EXCURSION = Sampled(_largest_excursion, jnp.max)
 _CONTACT = Sampled(share_above_zero, jnp.mean)
 
 
-def always_at(joint: str, prefix: str, place: str, seen: Mapping[str, Observable]) -> Statistics:
+def always_at(joint: str, place: str, seen: Mapping[str, Observable]) -> Statistics:
     """Return the statistics of a joint that are computed without being asked for."""
+    prefix = before(joint)
     depth, rate = seen[f"{prefix}penetration_ratio"], seen[f"{prefix}penetration_rate"]
     winding = OfPart(_winding, joint)
     return {
@@ -102,9 +103,9 @@ def always_at(joint: str, prefix: str, place: str, seen: Mapping[str, Observable
     }
 
 
-def further_at(joint: str, prefix: str, place: str) -> Statistics:
+def further_at(joint: str, place: str) -> Statistics:
     """Return the statistics of a joint that are computed if they are asked for."""
-    force, wear = OfPart(force_at, joint), OfPart(_sliding_power, joint)
+    prefix, force, wear = before(joint), OfPart(force_at, joint), OfPart(_sliding_power, joint)
     return {
         f"{prefix}joint_peak": Statistic("N", f"largest force at {place}", force, PEAK),
         f"{prefix}sliding_power": Statistic(
@@ -229,7 +230,7 @@ def observables_of(parts: Parts) -> dict[str, Observable]:
     """
     of_joints: dict[str, Observable] = {}
     for joint in parts.loose:
-        of_joints |= observables_at(joint, before(joint), joint)
+        of_joints |= observables_at(joint, joint)
     for joint in parts.joints:
         of_joints[f"{joint}_reaction"] = _seen(on_bore, joint, "N", f"force on the bore of {joint}")
     found: dict[str, Observable] = {}
@@ -266,7 +267,7 @@ def _seen(function: Any, part: str, unit: str, meaning: str) -> Observable:
 def _usual(parts: Parts) -> dict[str, Statistic]:
     seen, found = observables_of(parts), {"shaking_rms": OF_MACHINE["shaking_rms"]}
     for joint in parts.loose:
-        found |= always_at(joint, before(joint), joint, seen)
+        found |= always_at(joint, joint, seen)
     return found | ({"crank_speed_least": _SPEED_LEAST} if parts.rests else {})
 
 
@@ -279,11 +280,9 @@ def usual_of(parts: Parts) -> tuple[str, ...]:
 def statistics_of(parts: Parts) -> dict[str, Statistic]:
     """Return the statistics of a linkage."""
     found = _usual(parts) | OF_MACHINE | _OF_DRIVE
-    for joint in parts.loose:
-        wear = further_at(joint, before(joint), joint)
-        found |= {name: one for name, one in wear.items() if not name.endswith("joint_peak")}
-        if joint not in parts.rubbing:
-            del found[f"{before(joint)}sliding_power"]
+    for joint in parts.rubbing:
+        name = f"{before(joint)}sliding_power"
+        found[name] = further_at(joint, joint)[name]
     for joint in parts.joints:
         found |= _sizes(f"{joint}_force", "N", f"force in {joint}", OfPart(force_at, joint))
     for slide in parts.slides:

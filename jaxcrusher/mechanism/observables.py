@@ -9,6 +9,7 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, OfPart, Snapshot
 from jaxcrusher.mechanism.supports import OnSupports
@@ -237,10 +238,10 @@ def frame_speed(s: Snapshot, scene: AbstractScene) -> Scalar:
     return norm(frame_velocity(s, scene), width)
 
 
-def observables_at(joint: str, prefix: str, place: str) -> dict[str, Observable]:
-    """Return the observables of a joint, with a prefix before their names."""
+def observables_at(joint: str, place: str) -> dict[str, Observable]:
+    """Return the observables of a joint, with its prefix before their names."""
     return {
-        prefix + name: Observable(OfPart(function, joint), unit, f"{meaning} at {place}")
+        before(joint) + name: Observable(OfPart(function, joint), unit, f"{meaning} at {place}")
         for name, function, unit, meaning in (
             ("normal_force", _normal_force, "N", "normal force"),
             ("friction_force", _friction_force, "N", "friction force"),
