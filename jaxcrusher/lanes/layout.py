@@ -58,11 +58,6 @@ class Layout(NamedTuple):
     summary: int
     page: int  # its end
 
-    @property
-    def looked(self) -> int:
-        """Return how many numbers a lane keeps of each instant."""
-        return self.sampled or self.observed
-
 
 def layout(
     shape: Shape,

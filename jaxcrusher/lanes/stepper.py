@@ -349,7 +349,7 @@ class _Loop:
     def _observe(self, first: Expression) -> None:
         """Observe the instants that lanes have passed in their steps, from the first one on."""
         code, at, (memory, whole, samples, pages) = self._code, self._at, self._lanes
-        kept = samples if at.sampled else pages
+        kept, numbers = (samples, at.sampled) if at.sampled else (pages, at.observed)
 
         def due() -> Expression:
             keep, at, end = (memory.vector(i, first) for i in (row.KEEP, row.DUE, row.NEXT))
@@ -360,7 +360,7 @@ class _Loop:
             with code.each_true(due()) as place:
                 lane = first + place
                 instant = whole[row.INSTANT, lane]
-                with code.each(0, at.looked) as i:
+                with code.each(0, numbers) as i:
                     there = i * (at.series * at.shape.lanes) + instant
                     kept[lane, there] = memory[i + at.seen, lane]
                 whole[row.INSTANT, lane] = instant + 1
