@@ -77,7 +77,7 @@ class JawMotion(Record):
     def point(self, along: Scalar | float | None = None) -> Point:
         """Return a point of the jaw."""
         if along is None:
-            return Point("jaw", self.motion.linkage.body("jaw").mass_centre)
+            return self.motion.linkage.centre("jaw")
         return Point("jaw", Arm(-along))
 
     def position(self, along: Scalar | float | None = None) -> Vector:

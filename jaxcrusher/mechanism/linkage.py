@@ -143,6 +143,10 @@ class Linkage(Record):
         """Return a body, which there is."""
         return self.bodies.at(name)
 
+    def centre(self, body: str) -> Point:
+        """Return the mass centre of a body."""
+        return Point(body, self.body(body).mass_centre)
+
 
 @functools.cache
 def _links_of(

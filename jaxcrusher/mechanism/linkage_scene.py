@@ -109,8 +109,7 @@ class LinkageScene(AbstractScene):
 
     def point(self, name: str) -> Point:
         """Return a point by its name, or the mass centre of the body of that name."""
-        found = self.points[name]
-        return found or Point(name, self.linkage.body(name).mass_centre)
+        return self.points[name] or self.linkage.centre(name)
 
     def applied(self, motion: Motion) -> Acting:
         """Return what pushes and springs do to bodies, and by their reactions to the frame."""

@@ -66,14 +66,11 @@ class Motion(Record):
 
     def centre(self, body: str) -> Vector:
         """Return the mass centre of a body, m."""
-        return or_zero(self.pose(body).position(self._mass_centre(body)))
+        return self.position(self.linkage.centre(body))
 
     def centre_velocity(self, body: str) -> Vector:
         """Return the velocity of the mass centre of a body, m/s."""
-        return or_zero(self.pose(body).velocity(self._mass_centre(body)))
-
-    def _mass_centre(self, body: str) -> Arm:
-        return self.linkage.body(body).mass_centre
+        return self.velocity(self.linkage.centre(body))
 
     def position(self, point: Point) -> Vector:
         """Return where a point is, m."""

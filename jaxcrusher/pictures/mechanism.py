@@ -275,7 +275,7 @@ def _crusher(scene: Scene) -> _Look:
         _Part("shaft", [(0.0, 0.0), (throw + r, 0.0)], {**line, "edgecolor": "0.4"}),
     ]
     named = {LETTERS[name]: joint.pin for name, joint in linkage.joints.items()}
-    named["$S_2$"] = Point("jaw", linkage.body("jaw").mass_centre)
+    named["$S_2$"] = linkage.centre("jaw")
     offsets = {"O": (-18, -4), "A": (7, 4), "B": (9, -14), "C": (5, 9), "$S_2$": (8, -4)}
     styles = {name: {"marker": "o", "markersize": 6} for name in named}
     styles |= {"$S_2$": {"marker": "P", "markersize": 7}}
