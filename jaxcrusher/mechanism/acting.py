@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import is_concrete, require
-from jaxcrusher.basics.plane import Vector, optional_scalar, scalar, total
+from jaxcrusher.basics.plane import Vector, optional_scalar, scalar
 from jaxcrusher.basics.record import Record
 from jaxcrusher.basics.smooth import norm, positive_part, positive_power_integral
 from jaxcrusher.mechanism.equations import Wrench, wrench_at
@@ -160,10 +160,6 @@ class Acting(Record):
     wrenches: tuple[Wrench, ...]
     pushes: tuple[tuple[Point, Vector], ...]
     springs: tuple[Stretched, ...]
-
-    def elastic_energy(self) -> Scalar | None:
-        """Return what the springs have stored, J; None without one."""
-        return total([one.energy for one in self.springs])
 
 
 def acting(

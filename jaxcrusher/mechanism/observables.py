@@ -132,8 +132,7 @@ def _over_joints(
 def elastic_energy(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Stored in the contacts, in springs at the bodies and in those of the supports, J."""
     stored = _over_joints(AbstractBearing.elastic_energy, s, scene)
-    applied = s.applied.elastic_energy()
-    stored = stored if applied is None else stored + applied
+    stored = sum((spring.energy for spring in s.applied.springs), stored)
     if s.frame is None or scene.supports is None:
         return stored
     return stored + scene.supports.elastic_energy(s.frame)
