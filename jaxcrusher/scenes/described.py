@@ -45,7 +45,7 @@ def kind_of(path: Path | None) -> str:
     Raises ValueError for another one.
     """
     kind = dict(() if path is None else read_entries(path)).get("kind", KINDS[0])
-    with naming(path, KINDS):
+    with naming(path):
         require_choice("kind", kind, KINDS)
     return kind
 

@@ -33,7 +33,6 @@ import dataclasses
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -76,6 +75,7 @@ from jaxcrusher.scenes.scene_file import (
     DIAMETERS,
     flattened,
     key_of,
+    naming,
     read_entries,
     read_value,
     unknown,
@@ -639,11 +639,5 @@ def read_linkage(path: Path | str) -> Drawn:
     """
     path = Path(path)
     entries = read_entries(path)
-    try:
-        return drawn(entries, partial(_of_file, folder=path.parent), path.parent)
-    except ValueError as error:
-        raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
-
-
-def _of_file(name: str, value: Any, folder: Path) -> float:
-    return float(read_value(name, value, folder))
+    with naming(path):
+        return drawn(entries, lambda name, value: float(read_value(name, value)), path.parent)

@@ -97,7 +97,7 @@ def _written_in(path: Path) -> dict[str, float | str]:
     values: dict[str, float | str] = {}
     written: dict[str, str] = {}  # key -> its name in the file
     entries = read_entries(path)
-    try:
+    with naming(path):
         make_known(entries, path.parent)
         for name, value in entries:
             if (name, value) == ("kind", "crusher"):
@@ -109,8 +109,6 @@ def _written_in(path: Path) -> dict[str, float | str]:
                 raise ValueError(f"Argument `{key}` must be given once, but is given twice.")
             written[key] = name
             values[key] = read_value(name, value, path.parent)
-    except ValueError as error:
-        raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
     return values
 
 
@@ -128,10 +126,8 @@ def read_entries(path: Path) -> list[tuple[str, Any]]:
         raise ValueError(f"{path}: must be UTF-8 text, but {error.reason}.") from None
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: is not TOML: {_slip(text, str(error))}.") from None
-    try:
+    with naming(path):
         return list(flattened(entries))
-    except ValueError as error:
-        raise ValueError(f"{path}: {str(error).removeprefix('Argument ')}") from None
 
 
 def _decoded(content: bytes) -> str:
@@ -445,10 +441,11 @@ def scene_of(values: Mapping[str, Any], path: Path | None, given: Iterable[str] 
 
 
 @contextmanager
-def naming(path: Path | None, given: Iterable[str]) -> Iterator[None]:
+def naming(path: Path | None, given: Iterable[str] = NUMBERS) -> Iterator[None]:
     """Let refusals begin with the file that a description is from.
 
     They name those of their numbers that are not among the `given` ones, and so the PE250x400's.
+    Without `given` all numbers are.
     """
     try:
         yield
