@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxcrusher.scenes.parameters import DRAWN_IN, NUMBERS, readable
-from jaxcrusher.scenes.scene_file import key_of, read_entries, to_si, written_unit
+from jaxcrusher.scenes.scene_file import key_of, quantity_in, read_entries, written_unit
 
 
 def units_of(written: Iterable[tuple[str, Any]]) -> dict[str, str]:
@@ -28,9 +28,9 @@ def unit_of(name: str, units: Mapping[str, str]) -> tuple[str, float]:
     """The unit that a number is shown in, "" for none, and what one of it is in SI units."""
     if name not in NUMBERS or NUMBERS[name].unit == "1":
         return "", 1.0
-    _, drawn = DRAWN_IN.get(NUMBERS[name].unit, (1.0, NUMBERS[name].unit))
-    unit = units.get(name) or drawn
-    return unit, to_si(name, f"1 {unit}")
+    si = NUMBERS[name].unit
+    unit = units.get(name) or DRAWN_IN.get(si, (1.0, si))[1]
+    return unit, quantity_in(si, name, f"1 {unit}")
 
 
 def per(what: str, unit: str) -> str:

@@ -198,7 +198,7 @@ def read_value(name: str, value: Any, folder: Path = Path()) -> float | str:
     if isinstance(value, str):
         if re.search(_TYPOGRAPHIC, value):
             raise ValueError(f"Argument `{name}` must have no typographic quotes, but is {value}.")
-        number = to_si(name, value)
+        number = quantity_in(parameter.unit, name, value)
     elif isinstance(value, int | float) and not isinstance(value, bool):
         number = float(str(value))  # infinite if a whole number is too large for a float
         if parameter.unit != "1" and value != 0:
@@ -239,9 +239,8 @@ def read_range(name: str, low: str, high: str) -> tuple[float, float]:
     Those of a diameter are halved. Raises ValueError as `read_scene_file` does, and for a choice.
     """
     require_parameter(key_of(name))
-    unit = _QUANTITY.fullmatch(high)
-    if unit is not None and re.fullmatch(_NUMBER, low.strip()):
-        low = f"{low} {unit[2]}"
+    if re.fullmatch(_NUMBER, low.strip()):
+        low = f"{low} {written_unit(high)}"
     return float(read_text(name, low)), float(read_text(name, high))
 
 
@@ -295,14 +294,6 @@ def require_continuous(argument: str, name: str) -> None:
     """ValueError, of the `argument`, for a name that is no number that motions have slopes by."""
     require_moving(argument, name)
     require(name not in WHOLE, argument, "name a number that may vary continuously", name)
-
-
-def to_si(name: str, text: str) -> float:
-    """A quantity such as "0.06 mm" in the SI unit of the parameter `name`.
-
-    Raises ValueError as `quantity_in` does.
-    """
-    return quantity_in(NUMBERS[name].unit, name, text)
 
 
 def points_of(values: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
