@@ -36,7 +36,6 @@ from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import (
-    AbstractNormalForce,
     ConstantImpactVelocity,
     TrackedImpactVelocity,
     cylinder_stiffness,
@@ -174,27 +173,22 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
     """
     require_own_process()
     v = within_limits({**PE250X400, **PAPER_CHAMBER, **values})
-    for name in CHAMBER:
-        check_number(name, v[name])
+    for number in CHAMBER:
+        check_number(number, v[number])
     paper = CrushingChamber()
-    double_width = paper.double_width + 2 * (
-        v["chamber.discharge"] - PAPER_CHAMBER["chamber.discharge"]
-    )
-    if any(_differs(v[name], PE250X400[name]) for name in LINKS):
+    name = "chamber.discharge"
+    double_width = paper.double_width + 2 * (v[name] - PAPER_CHAMBER[name])
+    if any(_differs(v[link], PE250X400[link]) for link in LINKS):
         travel = jax.jit(stroke)
         double_width = double_width - (travel(build_machine(v)) - travel(build_machine({})))
-    width, discharge = primal(double_width), primal(v["chamber.discharge"])
-    if width is not None and discharge is not None and not np.all(width > discharge):
-        largest = readable("chamber.discharge", float(np.max(2 * discharge - width)))
-        must = f"be wider than the jaw's stroke at its lower end, {largest}"
-        require(
-            False,
-            "chamber.discharge",
-            must,
-            readable("chamber.discharge", float(np.max(discharge))),
-        )
+    width, discharge = primal(double_width), primal(v[name])
     if width is None or discharge is None:
-        double_width = nan_unless(double_width > v["chamber.discharge"], double_width)
+        double_width = nan_unless(double_width > v[name], double_width)
+    else:
+        largest = readable(name, float(np.max(2 * discharge - width)))
+        must = f"be wider than the jaw's stroke at its lower end, {largest}"
+        given = readable(name, float(np.max(discharge)))
+        require(bool(np.all(width > discharge)), name, must, given)
     return CrushingChamber(
         v["chamber.width"], v["chamber.height"], v["chamber.loosening"], double_width, v["gravity"]
     )
@@ -268,9 +262,7 @@ def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
         require(along is None, "load_point", "not come with `load_law=none`", "given")
         return None
     if is_own("load_law", law):
-        own = built("load_law", law, values, magnitude=values["load"], along=along)
-        assert isinstance(own, AbstractLoad)
-        return own
+        return built("load_law", law, values, magnitude=values["load"], along=along)
     if law == "chamber":
         require(along is None, "load_point", "not come with `load_law=chamber`", "given")
         v = {**PAPER_CHAMBER, **values}
@@ -331,14 +323,8 @@ def _on_soil(soil: Mapping[str, Any], speed: Any) -> dict[str, Any]:
     if modulus is None:
         modulus = soil["density"] * soil["shear_wave_speed"] ** 2
     names = "density", "poisson", "length", "width", "embedment"
-    density, poisson, length, width, embedment = (soil[name] for name in names)
-    under = soil_under(modulus, density, poisson, length, width, embedment, speed)._asdict()
-    halved = (
-        "horizontal_stiffness",
-        "vertical_stiffness",
-        "horizontal_damping",
-        "vertical_damping",
-    )
+    under = soil_under(modulus, *(soil[name] for name in names), speed)._asdict()
+    halved = (name for name in under if name.startswith(("horizontal", "vertical")))
     return under | {name: under[name] / 2 for name in halved}
 
 
@@ -365,15 +351,13 @@ def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
         "coefficient": values[f"{prefix}friction"],
     }
     law = values[name]
-    own = is_own(name, law)
-    friction = built(name, law, values, **known) if own else LAWS["friction_law"][law](**known)
-    assert isinstance(friction, AbstractFriction)
-    return friction
+    if is_own(name, law):
+        return built(name, law, values, **known)
+    return LAWS["friction_law"][law](**known)
 
 
 def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     """Return the joint whose names have the prefix."""
-    every = values
     v = _of(values, prefix)
     require_clearance(v["clearance"], v["bore_radius"], prefix)
     name, law = f"{prefix}contact_law", v["contact_law"]
@@ -393,13 +377,12 @@ def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     place = {"bore_radius": v["bore_radius"], "clearance": v["clearance"]}
     if is_own(name, law):
         modulus = v["young"] / (2 * (1 - v["poisson"] ** 2))
-        normal = built(name, law, every, modulus=modulus, norm_width=norm_width, **place, **known)
+        normal = built(name, law, values, modulus=modulus, norm_width=norm_width, **place, **known)
         if isinstance(normal, AbstractBearing):
             return normal
     else:
         normal = LAWS["contact_law"][law](**known)
-    assert isinstance(normal, AbstractNormalForce)
-    friction = _friction(every, prefix) if _differs(v["friction"], 0) else None
+    friction = _friction(values, prefix) if _differs(v["friction"], 0) else None
     return ClearanceJoint(**place, normal=normal, friction=friction, norm_width=norm_width)
 
 

@@ -98,12 +98,10 @@ def _make_known(name: str, field: dataclasses.Field, text: str) -> None:
     meaning = field.metadata.get("meaning", f"{field.name} of {text}")
     default = field.default if isinstance(field.default, int | float) else np.nan
     known = PARAMETERS.get(name)
-    own = known is None or known.limits is _ANY
-    if not own:
+    if known is not None and known.limits is not _ANY:
         return  # one of the joint's own numbers, such as elbow.restitution
     scale = 1.0 if not default or np.isnan(default) else None
-    PARAMETERS[name] = Parameter(float(default), unit, meaning, _ANY, scale)
-    NUMBERS[name] = PARAMETERS[name]
+    PARAMETERS[name] = NUMBERS[name] = Parameter(float(default), unit, meaning, _ANY, scale)
 
 
 def make_known(entries: Iterable[tuple[str, Any]], folder: Path = Path()) -> None:
@@ -131,7 +129,7 @@ def check_described(values: Mapping[str, Any]) -> None:
     check_description({name: value for name, value in values.items() if not is_own(name, value)})
 
 
-def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> eqx.Module:
+def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> Any:
     """Return the law, of the description's numbers and of what the joint knows.
 
     Raises ValueError for a field that has neither a number nor a default.
