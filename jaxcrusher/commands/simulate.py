@@ -1,7 +1,7 @@
 """`python -m jaxcrusher simulate`: one crusher's motion, as a file and a picture."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -30,7 +30,6 @@ from jaxcrusher.motion.simulation import Trajectory, leading_force
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.pictures import plots
 from jaxcrusher.scenes.echo import said
-from jaxcrusher.scenes.parameters import loose_besides
 
 # Simulated unless told otherwise, and, of these, drawn: the last ones.
 TURNS, DRAWN = 10.0, 2
@@ -90,8 +89,10 @@ def run(options: Simulate, console: Console) -> int:
     if failure:
         console.print(f"FAILED: {failure}", style="red")
     else:
-        told = closing if found.make is None else closing_of_linkage
-        console.print(told(motion, summary, settle, values))
+        if found.make is None:
+            console.print(closing(motion, summary, settle, scene.joints.names))
+        else:
+            console.print(closing_of_linkage(motion, summary, settle))
         if summary is not None and (advice := scattered(summary)):
             console.print(advice)
     console.print(listed(folder, written))
@@ -182,9 +183,7 @@ def _plus_minus(summary: Statistics, rms: str) -> str:
     return f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
 
 
-def closing_of_linkage(
-    motion: Trajectory, summary: Statistics | None, settle: int, values: dict[str, Any]
-) -> str:
+def closing_of_linkage(motion: Trajectory, summary: Statistics | None, settle: int) -> str:
     """Return what a linkage does on average, its whirl and what is outside the model."""
     if summary is None:
         shaking = float(np.sqrt(np.mean(np.sum(motion.shaking_force**2, axis=1))))
@@ -201,10 +200,9 @@ def closing_of_linkage(
 
 
 def closing(
-    motion: Trajectory, summary: Statistics | None, settle: int, values: dict[str, Any]
+    motion: Trajectory, summary: Statistics | None, settle: int, loose: Sequence[str]
 ) -> str:
     """RMS of both forces, peak, contact, whirl and what is outside the model, on one line."""
-    loose = [*(["main"] if values["joint"] != "ideal" else []), *loose_besides(values)]
 
     def contact(share: Callable[[str], Any]) -> list[str]:
         """Say the share of time in contact of each loose joint; `share` is by its prefix."""

@@ -321,11 +321,6 @@ PE250X400 = {name: value for name, value in _DEFAULTS.items() if not openers(nam
 PAPER_CHAMBER = {name: parameter.default for name, parameter in CHAMBER.items()}
 
 
-def loose_besides(names: Iterable[str]) -> tuple[str, ...]:
-    """The joints that a description with these names makes loose besides the main bearing."""
-    return tuple(joint for joint in WORN_JOINTS if f"{joint}.clearance" in set(names))
-
-
 def _replaced(names: Iterable[str]) -> set[str]:
     """Return the springs and dampers in whose place a description with these names has soil."""
     if not any(name in _SOIL for name in names):
