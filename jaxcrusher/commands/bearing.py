@@ -60,7 +60,7 @@ def run(options: Bearing, console: Console) -> int:
     """Run, print, write; 1 if a run failed. ValueError for bad options."""
     require_positive("seconds", options.seconds, "s")
     require_turns(options.settle, options.turns)
-    values, _ = read_crusher(options.crusher)
+    values = read_crusher(options.crusher)
     axes = read_axes(options.over) if options.over else {}
     units = units_given(options.crusher, bounds(options.over))
     designs = [dict(zip(axes, point, strict=True)) for point in itertools.product(*axes.values())]

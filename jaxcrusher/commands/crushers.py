@@ -9,7 +9,7 @@ import xarray as xr
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
-from jaxcrusher.crusher.scene import Scene, crusher_of
+from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.scenes.build import build_chamber
@@ -18,12 +18,7 @@ from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import CHOICES
 from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_defaults, tell_unusual
-from jaxcrusher.scenes.scene_file import (
-    key_of,
-    naming,
-    read_range,
-    require_moving,
-)
+from jaxcrusher.scenes.scene_file import key_of, naming, read_range, require_moving
 
 
 def read_machine(crusher: Crusher) -> Described:
@@ -44,13 +39,14 @@ def read_machine(crusher: Crusher) -> Described:
     return found
 
 
-def read_crusher(crusher: Crusher) -> tuple[dict[str, Any], Scene]:
-    """Return every name of a crusher with its value, and the scene that they make.
+def read_crusher(crusher: Crusher) -> dict[str, Any]:
+    """Return every name of a crusher with its value.
 
     Raises ValueError as `read_machine` does, and for another linkage.
     """
     found = read_machine(crusher)
-    return found.values, crusher_of(found.scene)
+    crusher_of(found.scene)
+    return found.values
 
 
 def borrowed_by(crusher: Crusher) -> list[str]:
@@ -108,14 +104,10 @@ def read_axes(over: Ranges) -> dict[str, list]:
             continue
         require_moving("over", key)
         require(len(rest) == 3, "over", f"be {name} LOW HIGH COUNT", " ".join([name, *rest]))
-        low, high = read_range(name, rest[0], rest[1])
-        count = rest[2]
-        require(
-            count.isdecimal() and int(count) >= 2,
-            "over",
-            f"have a whole COUNT >= 2 for {name}",
-            count,
-        )
-        require(low < high, "over", f"have LOW < HIGH for {name}", f"{rest[0]} {rest[1]}")
+        lowest, highest, count = rest
+        low, high = read_range(name, lowest, highest)
+        good = count.isdecimal() and int(count) >= 2
+        require(good, "over", f"have a whole COUNT >= 2 for {name}", count)
+        require(low < high, "over", f"have LOW < HIGH for {name}", f"{lowest} {highest}")
         axes[key] = np.linspace(low, high, int(count)).tolist()
     return axes

@@ -19,12 +19,7 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
-from jaxcrusher.commands.crushers import (
-    borrowed_by,
-    read_machine,
-    settings_of,
-    units_given,
-)
+from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of, units_given
 from jaxcrusher.commands.options import Crusher, Foundation
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
 from jaxcrusher.crusher.scene import Scene
@@ -60,8 +55,6 @@ FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")
 # Statistic -> its name in the picture; of a clamped frame the first alone.
 CURVES = {"shaking_rms": "shaking force", "transmitted_rms": "force on the ground"}
 PAGE = Path(__file__).with_name("load_sheet.html")
-# Parts that stand in the file alone.
-LONG = (MOVING,)
 SIGNS = (
     "Forces are those on the ground: x to the right, y up, moments counterclockwise. Harmonics are "
     "A cos(k theta + phi) of the shaft angle theta at mean speed, 0 where the eccentric is at +x."
@@ -290,7 +283,8 @@ def grids(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:
     A line is a quantity, with a column for each of its orders, and remarks in the last one.
     """
     found = {}
-    for part in dict.fromkeys(row.part for row in rows if row.part not in LONG):
+    # What moves is long, and stands in the file alone.
+    for part in dict.fromkeys(row.part for row in rows if row.part != MOVING):
         inside = [row for row in rows if row.part == part]
         orders = list(dict.fromkeys(row.order for row in inside))
         named = [order if isinstance(order, str) else f"order {order:g}" for order in orders]

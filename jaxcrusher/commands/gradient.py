@@ -32,11 +32,8 @@ def run(options: Gradient, console: Console) -> int:
     _check(options, found.scene, metric, by, numbers)
     names = "settle", "turns", "radius", "pairs", "seed", "rtol"
     asked = {"metric": metric, "by": by} | {name: getattr(options, name) for name in names}
-    values, unit, given = (
-        found.values,
-        found.scene.statistics[metric].unit,
-        units_given(options.crusher),
-    )
+    values, unit = found.values, found.scene.statistics[metric].unit
+    given = units_given(options.crusher)
     units = {name: unit_of(name, given)[0] for name in by}
     settings = settings_of("gradient", values, **asked, units=units, **found.structure)
     path = options.results.folder / "gradient.json"

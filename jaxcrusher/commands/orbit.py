@@ -88,10 +88,8 @@ def run(options: Orbit, console: Console) -> int:
     draw(orbit, folder / "orbit.png")
     for line in summary(orbit):
         console.print(line)
-    units, marked = (
-        units_given(options.crusher),
-        borrowed_by(options.crusher) if found.make is None else [],
-    )
+    units = units_given(options.crusher)
+    marked = borrowed_by(options.crusher) if found.make is None else []
     console.print(table(orbit, slopes, values, units, marked), soft_wrap=False)
     for line in notes(values, units, marked, slopes):
         console.print(line)
@@ -154,10 +152,10 @@ def summary(orbit: PeriodicOrbit) -> list[str]:
             f"mean {float(orbit.foundation_mean):.4f} N, peak {float(orbit.foundation_peak):.4f} N"
         )
         error = ""
-    lines += [
+    lines.append(
         f"shaking force: RMS {float(orbit.shaking_rms):.4f} N, peak "
-        f"{float(orbit.shaking_peak):.4f} N {error}".rstrip(),
-    ]
+        f"{float(orbit.shaking_peak):.4f} N {error}".rstrip()
+    )
     if orbit.scene.steady() is not orbit.scene:
         lines.append(ROUGH)
     if orbit.eccentricity is None:

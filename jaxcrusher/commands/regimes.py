@@ -105,13 +105,9 @@ def read_designs(options: Regimes) -> list[dict[str, Any]]:
     if not options.design:
         return [{}]
     designs = [_design(text) for text in options.design]
+    must = f"name {', '.join(designs[0])} as the first one does"
     for design in designs:
-        require(
-            list(design) == list(designs[0]),
-            "design",
-            f"name {', '.join(designs[0])} as the first one does",
-            ", ".join(design),
-        )
+        require(list(design) == list(designs[0]), "design", must, ", ".join(design))
     return designs
 
 

@@ -12,13 +12,7 @@ from rich.console import Console
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.batch.sweep import sweep
-from jaxcrusher.commands.crushers import (
-    bounds,
-    read_axes,
-    read_machine,
-    units_given,
-    write_dataset,
-)
+from jaxcrusher.commands.crushers import bounds, read_axes, read_machine, units_given, write_dataset
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_figure

@@ -4,12 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-from matplotlib.animation import (
-    AbstractMovieWriter,
-    FFMpegWriter,
-    HTMLWriter,
-    PillowWriter,
-)
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, HTMLWriter, PillowWriter
 
 from jaxcrusher.basics.checks import require, require_choice, require_whole
 from jaxcrusher.crusher.scene import Scene
