@@ -91,9 +91,8 @@ def require_double(name: str, tree: PyTree) -> None:
 
 def require_untraced(name: str, tree: PyTree, function: str, instead: str) -> None:
     """Numbers that are known: what steers a search or a loop of Python's cannot be traced."""
-    traced = not is_concrete(tree)
     must = f"hold known numbers (jax.grad, jit and vmap go through {instead}, not {function})"
-    require(not traced, name, must, "traced")
+    require(is_concrete(tree), name, must, "traced")
 
 
 def require_positive(name: str, value: ArrayLike, unit: str) -> None:

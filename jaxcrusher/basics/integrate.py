@@ -125,7 +125,7 @@ def error_norm(error: PyTree) -> Scalar:
     return NARROWER * largest if second else largest
 
 
-def pi_controller(tolerance: Scalar | float, smallest: float = 1e-14) -> diffrax.PIDController:
+def pi_controller(tolerance: Scalar | float) -> diffrax.PIDController:
     """Return a PI controller with equal relative and absolute tolerance, and a smallest step."""
     return diffrax.PIDController(
         rtol=tolerance,
@@ -133,7 +133,7 @@ def pi_controller(tolerance: Scalar | float, smallest: float = 1e-14) -> diffrax
         pcoeff=0.4,
         icoeff=0.3,
         norm=error_norm,
-        dtmin=smallest,
+        dtmin=1e-14,
         force_dtmin=False,
     )
 
@@ -172,14 +172,9 @@ def _integrate_jvp(primals, tangents, *, problem: Problem, method: Integration):
             "Argument `times` must not be differentiated, but is traced by a derivative; "
             "the rate of an output is an output of its own."
         )
-    perturbed = eqx.filter(
-        args,
-        jax.tree.map(lambda leaf: leaf is not None, args_dot, is_leaf=lambda leaf: leaf is None),
-    )
+    moves = jax.tree.map(lambda dot: dot is not None, args_dot, is_leaf=lambda dot: dot is None)
+    perturbed, fixed = eqx.partition(args, moves)
     values, unravel = ravel_pytree(perturbed)
-    fixed = eqx.filter(
-        args, jax.tree.map(lambda leaf: leaf is None, args_dot, is_leaf=lambda leaf: leaf is None)
-    )
     # Tangents by relative changes of a number: of the same units and size as the state. They are
     # units, and cancel: a second derivative has none by them.
     scales = jax.lax.stop_gradient(jnp.where(values == 0, 1.0, jnp.abs(values)))
@@ -269,10 +264,7 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
                 y,
                 args,
                 saveat=diffrax.SaveAt(
-                    subs=[
-                        diffrax.SubSaveAt(t1=True),
-                        diffrax.SubSaveAt(ts=saves),
-                    ]
+                    subs=[diffrax.SubSaveAt(t1=True), diffrax.SubSaveAt(ts=saves)]
                 ),
                 stepsize_controller=method.stepsize_controller,
                 max_steps=method.max_steps,

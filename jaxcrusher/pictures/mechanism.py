@@ -136,10 +136,7 @@ class Drawing:
         good = len(shown) > 0 and all(-count <= i < count for i in shown)
         require(good, "instant", f"be the index of one of {count} times", shown)
         angles = _angles(scene, trajectory)
-        if isinstance(scene, Scene):
-            look = _crusher(scene)
-        else:
-            look = _linkage(scene, angles, trajectory)
+        look = _crusher(scene) if isinstance(scene, Scene) else _linkage(scene, angles, trajectory)
         self._frame(scene.linkage, look)
         self.parts = []
         for body, corners, style in look.parts:
