@@ -255,9 +255,8 @@ class Drawing:
         for name, body in self.slides:
             at = f"slides.{name}"
             slides[name] = Slide(body, _vector(v, f"{at}.along"), _arm(v, f"{at}.through"))
-        bearing = self.bearing
         gravity = v.get("gravity", PARAMETERS["gravity"].default)
-        parts = Named(bodies), Named(joints), self.crank, bearing, self.sides, gravity
+        parts = Named(bodies), Named(joints), self.crank, self.bearing, self.sides, gravity
         return Linkage(*parts, slides=Named(slides))
 
     @property
@@ -361,17 +360,17 @@ class _Reading:
         for name in self.left:
             require_known(name, ("kind", "crank", *_TOP, *_CHOICES, *_SUPPORTS))
 
-    def keep(self, name: str, value: Any, parameter: Parameter) -> None:
+    def keep(self, name: str, value: Any) -> None:
         """Keep a number, whose name is known from now on."""
-        NUMBERS[name] = parameter
+        NUMBERS[name] = _parameter(name)
         self.values[name] = self.number(self.written.get(name, name), value)
 
-    def pair(self, name: str, given: Any, parameter: Parameter) -> None:
+    def pair(self, name: str, given: Any) -> None:
         """Keep the two numbers of a point or a vector but for zeros."""
         good = isinstance(given, list | tuple) and len(given) == 2
-        require(good, name, f"be a pair [x, y] in {parameter.unit}", repr(given))
+        require(good, name, f"be a pair [x, y] in {_parameter(f'{name}.x').unit}", repr(given))
         for axis, one in zip("xy", given, strict=True):
-            self.keep(f"{name}.{axis}", one, parameter)
+            self.keep(f"{name}.{axis}", one)
             if self.values[f"{name}.{axis}"] == 0:
                 del self.values[f"{name}.{axis}"]
 
@@ -382,8 +381,15 @@ class _Reading:
         assert given is not None
         body, *pair = given
         self.body(name, body)
-        self.pair(name, pair, _PLACE)
+        self.pair(name, pair)
         return body
+
+    def ends(self, section: str, item: str) -> tuple[str, str]:
+        """Keep the two points of a joint or a spring, and return their bodies."""
+        at, keys = f"{section}.{item}", self.sections[section][item]
+        one, other = (self.point(f"{at}.{end}", keys.pop(end, None)) for end in _POINTS[section])
+        require(one != other, at, "join two bodies", f"of {one} alone")
+        return one, other
 
     def body(self, name: str, body: Any) -> str:
         """Return a body's name, if there is such a body."""
@@ -401,7 +407,7 @@ class _Reading:
                 self.defaults += [name] if section == "joints" else []
                 continue
             require(given is not None, name, f"be given in {parameter.unit}", "missing")
-            self.keep(name, given, parameter)
+            self.keep(name, given)
 
     def ended(self) -> None:
         """Check that all has been used: a radius of a joint without clearance would be in vain."""
@@ -429,18 +435,16 @@ def _joints(reading: _Reading) -> tuple[tuple[str, str, str], ...]:
     """Read joints, and the numbers and laws of loose ones."""
     found = []
     for item, keys in reading.sections["joints"].items():
-        at = f"joints.{item}"
-        ends = [reading.point(f"{at}.{end}", keys.pop(end, None)) for end in _POINTS["joints"]]
-        require(ends[0] != ends[1], at, "join two bodies", f"of {ends[0]} alone")
-        found.append((item, *ends))
+        found.append((item, *reading.ends("joints", item)))
         if "clearance" not in keys:
             continue
         defaults = {name: _NUMBERS["joints"][name].default for name in _BORROWED}
         reading.numbers("joints", item, defaults)
-        for name, laws in CHOICES_OF_A_JOINT.items():
-            CHOICES[f"{at}.{name}"] = laws  # known from now on, as numbers are
-            reading.values[f"{at}.{name}"] = law = keys.pop(name, laws[0])
-            require_choice(f"{at}.{name}", law, laws)
+        for key, laws in CHOICES_OF_A_JOINT.items():
+            name = f"joints.{item}.{key}"
+            CHOICES[name] = laws  # known from now on, as numbers are
+            reading.values[name] = law = keys.pop(key, laws[0])
+            require_choice(name, law, laws)
     return tuple(found)
 
 
@@ -463,7 +467,7 @@ def drawn(
     require(crank in bodies, "crank", must, crank)
     for item, keys in reading.sections["bodies"].items():
         reading.numbers("bodies", item, {})
-        reading.pair(f"bodies.{item}.mass_centre", keys.pop("mass_centre", [0, 0]), _PLACE)
+        reading.pair(f"bodies.{item}.mass_centre", keys.pop("mass_centre", [0, 0]))
     joints = _joints(reading)
     held = any({crank, FRAME} == {bore, pin} for _, bore, pin in joints)
     require(held, "crank", "have a joint to the frame", f"{crank!r} without one")
@@ -471,25 +475,22 @@ def drawn(
     for item, keys in reading.sections["slides"].items():
         at = f"slides.{item}"
         slides.append((item, reading.body(f"{at}.body", keys.pop("body", None))))
-        reading.pair(f"{at}.along", keys.pop("along", None), _DIRECTION)
-        reading.pair(f"{at}.through", keys.pop("through", [0, 0]), _PLACE)
+        reading.pair(f"{at}.along", keys.pop("along", None))
+        reading.pair(f"{at}.through", keys.pop("through", [0, 0]))
     for item, keys in reading.sections["forces"].items():
         at, curve = f"forces.{item}", None
         body = reading.body(f"{at}.body", keys.pop("body", None))
         require(body != FRAME, f"{at}.body", "be a body that moves", repr(FRAME))
-        reading.pair(f"{at}.at", keys.pop("at", [0, 0]), _PLACE)
+        reading.pair(f"{at}.at", keys.pop("at", [0, 0]))
         if "curve" in keys:
             curve = _curve(at, keys.pop("curve"), folder)
-            reading.pair(f"{at}.along", keys.pop("along", None), _DIRECTION)
+            reading.pair(f"{at}.along", keys.pop("along", None))
         else:
-            reading.pair(f"{at}.force", keys.pop("force", None), _FORCE)
+            reading.pair(f"{at}.force", keys.pop("force", None))
         forces.append((item, body, curve))
-    for item, keys in reading.sections["springs"].items():
-        at = f"springs.{item}"
-        ends = [reading.point(f"{at}.{end}", keys.pop(end, None)) for end in _POINTS["springs"]]
+    for item in reading.sections["springs"]:
+        springs.append((item, *reading.ends("springs", item)))
         reading.numbers("springs", item, {"damping": 0.0, "preload": 0.0})
-        require(ends[0] != ends[1], at, "join two bodies", f"of {ends[0]} alone")
-        springs.append((item, *ends))
     points = [
         (item, reading.point(f"points.{item}", keys.pop("", None)))
         for item, keys in reading.sections["points"].items()
