@@ -1,7 +1,7 @@
 """`python -m jaxcrusher bearing`: what the bearings of a crusher stand, side by side."""
 
 import itertools
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -71,51 +71,44 @@ def run(options: Bearing, console: Console) -> int:
     settings = settings_of("bearing", values, over=axes, **numbers)
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
-    def seen(scenes: list[Scene], words: list[str]) -> list[Turns]:
+    def ended(cases: Sequence[tuple[str, Scene]]) -> list[tuple[str, Turns]]:
+        """Run crushers; return those that come to their end, and print why others do not."""
         how = {"settle": options.settle, "turns": options.turns}
-        found = []
-        for scene, title in zip(scenes, words, strict=True):
+        runs = []
+        for title, scene in cases:
             with stages(console, title or "turns"):
-                seconds = options.seconds / (2 * len(scenes))
-                found.append(run_turns(scene, quantities_of(scene), seconds=seconds, **how))
-        return found
-
-    def ended(runs: list[Turns], words: list[str]) -> list[int]:
-        """Return which of some runs came to their end, and print why others did not."""
-        for run, title in zip(runs, words, strict=True):
+                seconds = options.seconds / (2 * len(cases))
+                runs.append((title, run_turns(scene, quantities_of(scene), seconds=seconds, **how)))
+        for title, run in runs:
             if run.failure:
                 console.print(f"FAILED{', ' * bool(title)}{title}: {run.failure}", style="red")
-        return [i for i, run in enumerate(runs) if not run.failure]
+        return [(title, run) for title, run in runs if not run.failure]
 
     titles = [", ".join(f"{n} {said(n, one[n], units)}" for n in one) for one in designs]
-    found = seen(scenes, titles)
-    good = ended(found, titles)
-    if not good:
+    found = ended(list(zip(titles, scenes, strict=True)))
+    if not found:
         return 1
-    status = int(len(good) < len(found))
-    designs, titles = [designs[i] for i in good], [titles[i] for i in good]
-    found = [found[i] for i in good]
-    kept = dataset(titles, found, values)
+    status = int(len(found) < len(scenes))
+    kept = dataset(found, values)
     write_dataset(folder / "bearing.csv", kept)
     for joint in kept.bearing.values:
         console.print(shown(kept.sel(bearing=joint, drop=True), f"bearing {LETTERS[joint]}"))
-    turns = ", ".join(f"{one.pieces} after {one.settled}" for one in found)
+    turns = ", ".join(f"{one.pieces} after {one.settled}" for _, one in found)
     console.print(
         f"Turns: {turns}. ± is the standard error, of a peak the turns' scatter. {ADVICE}"
     )
-    for line in (*verdicts(kept), *clearances(found, titles)):
+    for line in (*verdicts(kept), *clearances(found)):
         console.print(line)
     if (lost := float(kept.impacts.sel(bearing="main")[0])) and np.isfinite(lost):
-        variants, refused = variants_of({**values, **designs[0]}, units)
+        first, _ = found[0]
+        variants, refused = variants_of({**values, **designs[titles.index(first)]}, units)
         for line in refused:
             console.print(line)
         if variants:
-            runs, words = seen([*variants.values()], [*variants]), [*variants]
-            whole = ended(runs, words)
-            of_whole = [found[0], *(runs[i] for i in whole)]
-            beside = dataset([titles[0], *(words[i] for i in whole)], of_whole, values)
+            whole = ended(list(variants.items()))
+            beside = dataset([found[0], *whole], values)
             rests = ["peak_load", "impacts", "impact_speed", "contact_lost"]
-            title = f"bearing A{', ' * bool(titles[0])}{titles[0]}: impacts rest on what is assumed"
+            title = f"bearing A{', ' * bool(first)}{first}: impacts rest on what is assumed"
             console.print(shown(beside.sel(bearing="main", drop=True), title, rests))
             status = max(status, int(len(whole) < len(variants)))
     console.print(listed(folder, ["bearing.csv"]))
@@ -157,10 +150,10 @@ def variants_of(
     return scenes, refused
 
 
-def clearances(found: list[Turns], titles: list[str]) -> list[str]:
+def clearances(found: list[tuple[str, Turns]]) -> list[str]:
     """Say of which class the clearance of rollers is."""
     lines = []
-    for one, title in zip(found, titles, strict=True):
+    for title, one in found:
         bearing = one.scene.joints["main"]
         if isinstance(bearing, RollerBearing):
             try:
@@ -175,9 +168,9 @@ def clearances(found: list[Turns], titles: list[str]) -> list[str]:
     return [*dict.fromkeys(lines), *([f"Classes of {SOURCE_OF_CLASSES}."] if lines else [])]
 
 
-def dataset(titles: list[str], found: list[Turns], values: dict[str, Any]) -> xr.Dataset:
+def dataset(found: list[tuple[str, Turns]], values: dict[str, Any]) -> xr.Dataset:
     """Return the numbers of each design and bearing."""
-    sheets = [bearing_sheet(one) for one in found]
+    sheets = [bearing_sheet(one) for _, one in found]
     joints = list(sheets[0])
     arrays = {}
     for name in NUMBERS:
@@ -185,7 +178,7 @@ def dataset(titles: list[str], found: list[Turns], values: dict[str, Any]) -> xr
             [[sheet[joint].get(name, (np.nan, np.nan)) for joint in joints] for sheet in sheets]
         )
         arrays |= {name: both[..., 0], f"{name}_scatter": both[..., 1]}
-    ground = np.array([shaking_rms(one) for one in found])
+    ground = np.array([shaking_rms(one) for _, one in found])
     arrays |= {
         name: np.repeat(ground[:, i : i + 1], len(joints), axis=1)
         for i, name in enumerate(("shaking_rms", "shaking_rms_scatter"))
@@ -194,7 +187,7 @@ def dataset(titles: list[str], found: list[Turns], values: dict[str, Any]) -> xr
         ("design", "bearing"),
         arrays,
         COLUMNS,
-        {"design": titles, "bearing": joints},
+        {"design": [title for title, _ in found], "bearing": joints},
         provenance("Bearings of a jaw crusher", scene=values),
     )
 

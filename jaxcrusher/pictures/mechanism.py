@@ -356,8 +356,6 @@ class _Magnified:
 
 
 def _round_down(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above the value."""
-    if not value > 0:
-        return 1.0
+    """The largest of 1, 2, 5 times a power of ten that is not above the value, > 0."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(power * max(step for step in (1, 2, 5) if step * power <= value))

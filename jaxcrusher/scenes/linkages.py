@@ -43,6 +43,7 @@ import numpy as np
 
 from jaxcrusher.basics.checks import (
     concrete,
+    is_concrete,
     nan_unless,
     require,
     require_choice,
@@ -596,7 +597,7 @@ def _levers(linkage: Linkage, angles: Any) -> list[Any]:
 def require_closing(scene: LinkageScene) -> None:
     """Raise ValueError for known numbers by which a dyad is open, or dead, at some degree."""
     linkage = scene.linkage
-    if any(concrete(leaf) is None for leaf in jax.tree.leaves(linkage)):
+    if not is_concrete(linkage):
         return
     levers = _levers(linkage, jnp.radians(jnp.arange(360.0)))
     for dyad, lever in zip(linkage.dyads, map(np.asarray, levers), strict=True):
