@@ -198,8 +198,5 @@ def _imports(path: Path, root: Path) -> list[Path]:
 
 
 def _digest(paths: Iterable[Path]) -> str:
-    content = hashlib.sha256()
-    for path in paths:
-        if path.is_file():
-            content.update(path.read_bytes())
-    return content.hexdigest()[:16]
+    content = b"".join(path.read_bytes() for path in paths if path.is_file())
+    return hashlib.sha256(content).hexdigest()[:16]
