@@ -42,7 +42,7 @@ from jaxcrusher.motion.bearing_sheet import (
     shaking_rms,
 )
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
-from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.plausibility import remarks
 
 # Unit -> that of the screen, and how many of it the first is.
@@ -84,7 +84,7 @@ def run(options: Bearing, console: Console) -> int:
                 console.print(f"FAILED{', ' * bool(title)}{title}: {run.failure}", style="red")
         return [(title, run) for title, run in runs if not run.failure]
 
-    titles = [", ".join(f"{n} {said(n, one[n], units)}" for n in one) for one in designs]
+    titles = [all_said(design, units) for design in designs]
     found = ended(list(zip(titles, scenes, strict=True)))
     if not found:
         return 1
@@ -142,7 +142,7 @@ def variants_of(
     for name, factor in itertools.product(ASSUMED, (0.5, 2.0)):
         if base.get(name):
             value = factor * base[name]
-            title = f"{name} {said(name, value, units)}"
+            title = all_said({name: value}, units)
             try:
                 scenes[title] = jc.build_scene({**base, name: value})
             except ValueError as error:

@@ -46,7 +46,7 @@ from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.described import Described
-from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.parameters import NUMBERS
 from jaxcrusher.scenes.scene_file import points_of, quantity_in, read_range
 
@@ -141,8 +141,7 @@ def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str
         name += f" with {', '.join(f'{key} {value}' for key, value in crusher.overrides)}"
 
     def told(*keys: str) -> str:
-        there = [key for key in keys if key in values]
-        return ", ".join(f"{key} {said(key, values[key], units)}" for key in there)
+        return all_said({key: values[key] for key in keys if key in values}, units)
 
     parts = [key for key in NUMBERS if key.startswith(("foundation.", "rollers."))]
     assumed = [key for key in (*parts, "load_law", "contact_law") if key not in given]

@@ -23,7 +23,7 @@ from jaxcrusher.files.resume import earlier, keep_beside
 from jaxcrusher.files.table import Column, columns_of
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistics import of_whirl
-from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, SITE
 from jaxcrusher.scenes.plausibility import remarks
@@ -85,7 +85,8 @@ def run(options: Regimes, console: Console) -> int:
                 write_json(folder / "regimes.json", content)
                 write_netcdf(folder / "regimes.nc", dataset(done, columns, settings, attributes))
             asked.append(row)
-            bars.console.print(escape(f"{_name(design, units)}: {row['verdict']}{remark}"))
+            title = all_said(design, units) or "the crusher"
+            bars.console.print(escape(f"{title}: {row['verdict']}{remark}"))
             bars.advance(bar)
     failed = sum(row["regime"] == "failed" for row in asked)
     remark = f", {failed} failed" if failed else ""
@@ -181,9 +182,3 @@ def _units(options: Regimes) -> dict[str, str]:
     parts = [part.partition("=") for text in options.design for part in text.split(",")]
     designs = [(name.strip(), value) for name, _, value in parts]
     return units_given(options.crusher, (*bounds(options.over), *designs))
-
-
-def _name(design: dict[str, Any], units: dict[str, str]) -> str:
-    """A design in words."""
-    words = [f"{name} {said(name, value, units)}" for name, value in design.items()]
-    return ", ".join(words) or "the crusher"

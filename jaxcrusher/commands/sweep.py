@@ -18,7 +18,7 @@ from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.files.table import digits
 from jaxcrusher.pictures.plots import plot_sweep
-from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, POINTS, SITE
 from jaxcrusher.scenes.plausibility import require_possible
 
@@ -107,7 +107,6 @@ def closing(grid: xr.Dataset, leading: str, units: dict[str, str]) -> str:
     if not bool(good.notnull().any()):
         return counts
     best = good.isel(good.argmin(...))  # pyright: ignore
-    axes = map(str, grid.sizes)
-    design = ", ".join(f"{name} {said(name, best.coords[name].item(), units)}" for name in axes)
+    design = all_said({str(name): best.coords[name].item() for name in grid.sizes}, units)
     what = {"foundation_rms": "RMS force on the foundation"}.get(leading, "RMS shaking force")
     return f"{counts}; least {what} {digits(best.item())} N at {design}"

@@ -47,3 +47,8 @@ def said(name: str, value: float | str, units: Mapping[str, str]) -> str:
     unit, size = unit_of(name, units)
     text = f"{value / size:.6g} {unit}"
     return f"{text} ({value:.4g} rad/s)" if NUMBERS[name].unit == "rad/s" else text
+
+
+def all_said(values: Mapping[str, float | str], units: Mapping[str, str]) -> str:
+    """Return names with their values, each as `said`."""
+    return ", ".join(f"{name} {said(name, value, units)}" for name, value in values.items())
