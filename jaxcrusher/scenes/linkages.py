@@ -86,7 +86,7 @@ _ANYWHERE = (-1e3, 1e3)
 _PLACE = Parameter(0.0, "m", "of a point in its body's axes", _ANYWHERE, 1.0)
 _DIRECTION = Parameter(0.0, "1", "of a direction", (-1e6, 1e6), 1.0)
 _FORCE = Parameter(0.0, "N", "of a force in the frame's axes", (-1e12, 1e12), 1e3)
-# Section -> its numbers, then its pairs of numbers; what has no default in `_DEFAULTS` is needed.
+# Section -> its numbers, then its pairs of numbers; those not `_WITH_DEFAULT` are needed.
 _NUMBERS = {
     "bodies": {
         "mass": Parameter(1.0, "kg", "of the body"),
@@ -121,6 +121,8 @@ _TOP = ("speed", "speed_fluctuation", "fluctuation_order", "fluctuation_phase", 
 _UNEVEN = _TOP[1:4]
 # What a loose joint takes from the paper's joint.
 _BORROWED = tuple(n for n in _NUMBERS["joints"] if n not in ("clearance", "bore_radius"))
+# Numbers whose default counts where they are not given.
+_WITH_DEFAULT = (*_BORROWED, "damping", "preload")
 # Numbers and choices that come with a joint's clearance.
 _OF_LOOSE = ("bore_radius", *_BORROWED, *CHOICES_OF_A_JOINT)
 _SECTIONS = (*_NUMBERS, "foundation", "assembly")
@@ -352,8 +354,8 @@ class _Reading:
             require(radius not in table, name, f"not stand beside {radius} or its double", "given")
             table[radius] = value
             self.written[f"{section}.{item}.{radius}"] = name
-        for section, items in self.sections.items():
-            for item, keys in items.items() if section in _NUMBERS else ():
+        for section in _NUMBERS:
+            for item, keys in self.sections[section].items():
                 must = "be named by letters, digits and _, as results and MATLAB's variables are"
                 require(bool(_NAME.fullmatch(item)), f"{section}.{item}", must, repr(item))
                 for key in keys:
@@ -399,12 +401,12 @@ class _Reading:
         require(body in known, name, must, "missing" if body is None else repr(body))
         return str(body)
 
-    def numbers(self, section: str, item: str, defaults: Mapping[str, float]) -> None:
+    def numbers(self, section: str, item: str) -> None:
         """Keep the numbers of an item; one without a default must be there."""
         for key, parameter in _NUMBERS[section].items():
             name, given = f"{section}.{item}.{key}", self.sections[section][item].pop(key, None)
-            if given is None and key in defaults:
-                NUMBERS[name], self.values[name] = parameter, defaults[key]
+            if given is None and key in _WITH_DEFAULT:
+                NUMBERS[name], self.values[name] = parameter, parameter.default
                 self.defaults += [name] if section == "joints" else []
                 continue
             require(given is not None, name, f"be given in {parameter.unit}", "missing")
@@ -412,8 +414,8 @@ class _Reading:
 
     def ended(self) -> None:
         """Check that all has been used: a radius of a joint without clearance would be in vain."""
-        for section, items in self.sections.items():
-            for item, keys in items.items() if section in _NUMBERS else ():
+        for section in _NUMBERS:
+            for item, keys in self.sections[section].items():
                 for key in keys:
                     must = "come with what it belongs to, as a clearance or a curve"
                     require(False, f"{section}.{item}.{key}", must, "alone")
@@ -439,8 +441,7 @@ def _joints(reading: _Reading) -> tuple[tuple[str, str, str], ...]:
         found.append((item, *reading.ends("joints", item)))
         if "clearance" not in keys:
             continue
-        defaults = {name: _NUMBERS["joints"][name].default for name in _BORROWED}
-        reading.numbers("joints", item, defaults)
+        reading.numbers("joints", item)
         for key, laws in CHOICES_OF_A_JOINT.items():
             name = f"joints.{item}.{key}"
             CHOICES[name] = laws  # known from now on, as numbers are
@@ -467,7 +468,7 @@ def drawn(
     must = f"name the body that the drive turns: {', '.join(bodies)}"
     require(crank in bodies, "crank", must, crank)
     for item, keys in reading.sections["bodies"].items():
-        reading.numbers("bodies", item, {})
+        reading.numbers("bodies", item)
         reading.pair(f"bodies.{item}.mass_centre", keys.pop("mass_centre", [0, 0]))
     joints = _joints(reading)
     held = any({crank, FRAME} == {bore, pin} for _, bore, pin in joints)
@@ -491,7 +492,7 @@ def drawn(
         forces.append((item, body, curve))
     for item in reading.sections["springs"]:
         springs.append((item, *reading.ends("springs", item)))
-        reading.numbers("springs", item, {"damping": 0.0, "preload": 0.0})
+        reading.numbers("springs", item)
     points = [
         (item, reading.point(f"points.{item}", keys.pop("", None)))
         for item, keys in reading.sections["points"].items()
