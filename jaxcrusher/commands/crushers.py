@@ -13,7 +13,7 @@ from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.scenes.build import build_chamber
-from jaxcrusher.scenes.described import Described, described, given_by
+from jaxcrusher.scenes.described import Described, described
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import CHOICES
@@ -35,7 +35,7 @@ def read_machine(crusher: Crusher) -> Described:
     with naming(crusher.scene, found.given):
         build_chamber(found.values)
         tell_unusual(found.values)
-    tell_borrowed({name: found.values[name] for name in found.given}, crusher.scene)
+    tell_borrowed(found.given, crusher.scene)
     return found
 
 
@@ -49,9 +49,9 @@ def read_crusher(crusher: Crusher) -> dict[str, Any]:
     return found.values
 
 
-def borrowed_by(crusher: Crusher) -> list[str]:
-    """Return which numbers of a machine its scene file leaves to the PE250x400; none without."""
-    return [] if crusher.scene is None else borrowed(given_by(crusher.scene, crusher.overrides))
+def borrowed_by(crusher: Crusher, found: Described) -> list[str]:
+    """Return which numbers of a crusher its scene file leaves to the PE250x400; none without."""
+    return [] if crusher.scene is None or found.make is not None else borrowed(found.given)
 
 
 def units_given(crusher: Crusher, written: Iterable[tuple[str, str]] = ()) -> dict[str, str]:

@@ -168,7 +168,7 @@ def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str
         "assumed": assumed or "nothing",
     }
     if isinstance(scene, Scene):
-        head["from the PE250x400"] = ", ".join(borrowed_by(crusher)) or "nothing"
+        head["from the PE250x400"] = ", ".join(borrowed_by(crusher, found)) or "nothing"
     if turns is not None and turns.failure:
         head["loose joints"] = f"the run failed: {turns.failure}"
     elif turns is not None:

@@ -89,7 +89,7 @@ def run(options: Orbit, console: Console) -> int:
     for line in summary(orbit):
         console.print(line)
     units = units_given(options.crusher)
-    marked = borrowed_by(options.crusher) if found.make is None else []
+    marked = borrowed_by(options.crusher, found)
     console.print(table(orbit, slopes, values, units, marked), soft_wrap=False)
     for line in notes(values, units, marked, slopes):
         console.print(line)

@@ -26,7 +26,7 @@ class Described(NamedTuple):
     values: dict[str, Any]
     scene: AbstractScene
     make: Callable[..., AbstractScene] | None  # None: `jaxcrusher.build_scene`
-    given: tuple[str, ...]  # names that were written
+    given: dict[str, Any]  # those of the values that were written
     defaults: tuple[str, ...] = ()  # of a linkage, names that were not
 
     @property
@@ -63,10 +63,10 @@ def described(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> D
         left = tuple(name for name in defaults if name not in changed)
         scene = drawing(**values)
         require_closing(scene)
-        return Described(values, scene, drawing, tuple(values), left)
+        return Described(values, scene, drawing, values, left)
     given = given_by(path, overrides)
     values = complete(given)
-    return Described(values, scene_of(values, path, given), None, tuple(given))
+    return Described(values, scene_of(values, path, given), None, given)
 
 
 def given_by(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> dict[str, Any]:

@@ -32,6 +32,7 @@ from jaxcrusher.files.resume import begin
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.scenes.described import described
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import complete
 
@@ -688,7 +689,8 @@ def test_orbit_solves_for_the_periodic_orbit(tmp_path):
 
 def test_slopes_of_an_orbit_are_shown_where_a_force_feels_them(tmp_path):
     # Numbers that a scene file leaves out are marked.
-    marked = orbit.borrowed_by(Crusher(scene_file(tmp_path), (("load", "9 kN"),)))
+    crusher = Crusher(scene_file(tmp_path), (("load", "9 kN"),))
+    marked = orbit.borrowed_by(crusher, described(crusher.scene, crusher.overrides))
     assert "jaw.mass" in marked and not {"load", "toggle.mass", "speed"} & set(marked)
     found = {"foundation_rms": 1e4}
     values = {name: value for name, value in jc.PE250X400.items() if name in jc.PARAMETERS}
