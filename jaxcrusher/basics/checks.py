@@ -1,6 +1,6 @@
 """Checks of arguments, on the values that are known; values known only to `jax.jit` pass."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 
 import jax
@@ -97,32 +97,29 @@ def require_untraced(name: str, tree: PyTree, function: str, instead: str) -> No
 
 def require_positive(name: str, value: ArrayLike, unit: str) -> None:
     """Every entry a number, finite and > 0."""
-    known = _known_numbers(name, value)
-    if known is not None:
-        good = bool(np.all(np.isfinite(known) & (known > 0)))
-        require(good, name, f"be finite and > 0 {unit}".rstrip(), _shown(value, known))
+    must = f"be finite and > 0 {unit}".rstrip()
+    _require_each(name, value, lambda known: np.isfinite(known) & (known > 0), must)
 
 
 def require_within(name: str, value: ArrayLike, low: float, high: float, unit: str = "") -> None:
     """Every entry a number in [low, high]."""
-    known = _known_numbers(name, value)
-    if known is not None:
-        good = bool(np.all((known >= low) & (known <= high)))
-        require(good, name, f"lie in [{low:g}, {high:g}] {unit}".rstrip(), _shown(value, known))
+    must = f"lie in [{low:g}, {high:g}] {unit}".rstrip()
+    _require_each(name, value, lambda known: (known >= low) & (known <= high), must)
 
 
-def _shown(value: ArrayLike, known: np.ndarray) -> object:
-    """The value as it was given, or the number inside a tracer."""
-    return known if concrete(value) is None else value
-
-
-def _known_numbers(name: str, value: ArrayLike) -> np.ndarray | None:
-    """`primal`, refused where it is none of numbers."""
+def _require_each(
+    name: str, value: ArrayLike, good: Callable[[np.ndarray], np.ndarray], must: str
+) -> None:
+    """Refuse entries that are known, and are no numbers or not `good`."""
     known = primal(value)
-    good = known is None or np.issubdtype(known.dtype, np.number) or known.dtype == bool
+    if known is None:
+        return
+    numbers = np.issubdtype(known.dtype, np.number) or known.dtype == bool
     # Half a millisecond, so only where it is told.
-    require(good, name, "be a number", "" if good else repr(value))
-    return known
+    require(numbers, name, "be a number", "" if numbers else repr(value))
+    # As they were given, or the numbers inside a tracer.
+    shown = known if concrete(value) is None else value
+    require(bool(np.all(good(known))), name, must, shown)
 
 
 def require_whole(name: str, value: object, least: int) -> None:
