@@ -323,7 +323,7 @@ def _on_soil(soil: Mapping[str, Any], speed: Any) -> dict[str, Any]:
     if modulus is None:
         modulus = soil["density"] * soil["shear_wave_speed"] ** 2
     names = "density", "poisson", "length", "width", "embedment"
-    under = soil_under(modulus, *(soil[name] for name in names), speed)._asdict()
+    under = soil_under(modulus, *(soil[name] for name in names), speed=speed)._asdict()
     halved = (name for name in under if name.startswith(("horizontal", "vertical")))
     return under | {name: under[name] / 2 for name in halved}
 
