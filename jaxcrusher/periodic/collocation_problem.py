@@ -55,15 +55,11 @@ class CollocationProblem(AbstractPeriodicProblem):
     stride: ClassVar[Stride] = Stride(first=0.01, longest=0.1, shortest=1e-8)
     ends: ClassVar[bool] = True
 
-    def residual(self, u: Float[Array, "nodes dims"], p: Parameters) -> Float[Array, "nodes dims"]:
-        """Return by what the nodes' acceleration exceeds x''."""
-        return self.family(p).residual(u)
-
     def linearised(self, u: Float[Array, "nodes dims"], p: Parameters) -> Linearised:
         """Return the residual with its derivatives by u and by p."""
         left, matrix = self.family(p).linearised(u)
         # Of few numbers: forward each costs a residual more.
-        columns = jax.jacfwd(lambda p: self.residual(u, p))(p)
+        columns = jax.jacfwd(lambda p: self.family(p).residual(u))(p)
         return Linearised(left, matrix.reshape(u.size, u.size), columns)
 
     def vanishing(self, of: OfMatrix, u: Array, p: Array, seen: Any) -> Vanishing:

@@ -60,12 +60,11 @@ class EventCurve(AbstractPeriodicProblem):
         size = int(np.prod(self.shape))
         return self.scale * np.sqrt(self.base.weight(size))
 
-    def residual(self, u: Array, p: Any) -> Array:
-        """Return that of the orbit's equations and, last, what vanishes at the event."""
-        return jnp.asarray(self.linearised(u, p).residual)
-
     def linearised(self, u: Any, p: Any) -> Linearised:
-        """Return the residual with its derivatives by u and by p."""
+        """Return the residual with its derivatives by u and by p.
+
+        It is that of the orbit's equations and, last, what vanishes at the event.
+        """
         x, both = self.split(u, p)
         at = self.base.linearised(x, both)
         value, (by_x, by_both) = self._event(x, both, at.seen)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Scalar
+from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.periodic.newton import HostRoot
 
@@ -63,10 +63,6 @@ class AbstractPeriodicProblem(eqx.Module):
     watched: eqx.AbstractVar[tuple[str, ...]]  # what happens where each monitor vanishes
     stride: eqx.AbstractClassVar[Stride]
     ends: eqx.AbstractClassVar[bool]  # whether a branch ends there
-
-    @abstractmethod
-    def residual(self, u: Array, p: Any) -> Array:
-        """Return what the equations leave, of the shape of u."""
 
     @abstractmethod
     def linearised(self, u: Array, p: Any) -> Linearised:
@@ -126,25 +122,12 @@ class Bordered(eqx.Module):
     scale: Array
     shape: tuple[int, ...] = eqx.field(static=True)
 
-    def split(self, both: Any) -> tuple[Any, Any]:
-        """Return u and p."""
-        return both[:-1].reshape(self.shape), self.scale * both[-1]
-
-    def residual(self, both: Array) -> Array:
-        """Return that of the equations and, last, the way from the plane."""
-        left = self.problem.residual(*self.split(both))
-        return jnp.append(left.ravel(), self._normal() @ (both - self.guess))
-
-    def linearised(self, both: ArrayLike) -> tuple[Array, Array, Any]:
+    def linearised(self, both: Array | np.ndarray) -> tuple[Array, Array, Any]:
         """Return the residual, its Jacobian, and what else the evaluation told."""
-        at = self.problem.linearised(*self.split(both))
-        normal = self._normal()
+        at = self.problem.linearised(both[:-1].reshape(self.shape), self.scale * both[-1])
+        size = len(self.across) - 1
+        normal = self.across * np.append(np.full(size, self.problem.weight(size)), 1.0)
         left = jnp.append(at.residual.ravel(), normal @ (both - self.guess))
         column = self.scale * at.by_parameter.reshape(-1, 1)
         rows = jnp.concatenate([at.by_unknowns, column], axis=1)
         return left, jnp.concatenate([rows, normal[None]]), at.seen
-
-    def _normal(self) -> Array:
-        """Return the last row of the Jacobian: the normal, weighted."""
-        weight = self.problem.weight(len(self.across) - 1)
-        return self.across * np.append(np.full(len(self.across) - 1, weight), 1.0)

@@ -111,12 +111,11 @@ class ShootingProblem(AbstractPeriodicProblem):
                 states[(k + 1) % self.slices] = ends[k]
         return np.concatenate(found)
 
-    def residual(self, u: Float[Array, " n"], p: Any) -> Array:
-        """Return how far each slice leads from where the next one begins."""
-        return jnp.asarray(self.linearised(u, p).residual)
-
     def linearised(self, u: Float[ArrayLike, " n"], p: Any) -> Linearised:
-        """Return the residual with its derivatives by u and by p, and the turns."""
+        """Return the residual with its derivatives by u and by p, and the turns.
+
+        It is how far each slice leads from where the next one begins.
+        """
         states = self.states(u)
         count, dims = states.shape
         ends, jacobians, forcing = self._slices(states, p)

@@ -182,4 +182,4 @@ def test_coarser_equations_of_an_odd_half(turns):
     problem, nodes = CollocationProblem(family=family).over(turns, np.ones((386, 1)))
     coarser, nodes = problem.resolved(nodes, False)
     assert len(nodes) == 192 * turns and coarser.turns(nodes, None) == 1
-    np.testing.assert_allclose(coarser.residual(nodes, 0.5), -0.5, atol=1e-9)
+    np.testing.assert_allclose(coarser.linearised(nodes, 0.5).residual, -0.5, atol=1e-9)
