@@ -221,7 +221,7 @@ class LaneWaits:
         """
         known = which.tolist()
         found = self._run(eqx.Partial(_one_period, period=period), states, known)
-        orbits, loose = found["orbit"], len(list(self._scenes[known[0]].joints.items()))
+        orbits, loose = found["orbit"], len(self._scenes[known[0]].joints)
         pins = orbits[..., : 2 * loose].reshape(*orbits.shape[:2], loose, 2)
         kept = np.all(np.linalg.norm(pins, axis=3) > 1, axis=(1, 2)) & found["success"]
         return np.where(found["success"][:, None, None], orbits, np.nan), kept

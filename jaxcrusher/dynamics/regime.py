@@ -155,7 +155,7 @@ def _orbit_in_contact(scene: AbstractScene, record: Section) -> PeriodicOrbit | 
     """The stable motion of one turn that the record swings about without leaving contact."""
     kept = all(
         bool(jnp.all(record.values[f"{before(joint)}contact_fraction"] >= ALL_THE_TIME))
-        for joint, _ in scene.joints.items()
+        for joint in scene.joints.names
     )
     if not kept or scene.is_ideal or refusal(scene):
         return None
@@ -167,14 +167,14 @@ def _orbit_in_contact(scene: AbstractScene, record: Section) -> PeriodicOrbit | 
 
 
 def _record(scene: AbstractScene, settle_turns: int, turns: int, rtol: float) -> Section:
-    """Section points with the `OUTPUTS` of each turn; a whirl or a failure ends it early.
+    """Section points, and what tells contact and a whirl; a whirl or a failure ends it early.
 
     Turn by turn: one program serves any number of them.
     """
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, LEAST_TURNS)
     state, steps, seen = initial_state(scene), 0, []
-    contact = (f"{before(joint)}contact_fraction" for joint, _ in scene.joints.items())
+    contact = (f"{before(joint)}contact_fraction" for joint in scene.joints.names)
     outputs = tuple(dict.fromkeys((*of_whirl(scene), *contact)))
     for i in range(settle_turns + turns):
         turn = poincare_section(scene, 0, 1, state=state, outputs=outputs, rtol=rtol)

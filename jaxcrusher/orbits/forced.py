@@ -37,21 +37,25 @@ def refusal(scene: AbstractScene) -> str:
         return "be written by eccentricity, but is written by multipliers"
     if scene.drive.initial() is not None:
         return "turn at a given speed, but its shaft is free: it repeats at a speed not given"
-    memories = [joint.normal.impact_velocity.initial() for _, joint in scene.joints.items()]
-    if all(memory is None for memory in memories):
-        return ""
-    return "have a constant impact velocity, but tracks it: in contact any value repeats itself"
+    if tracks(scene):
+        return "have a constant impact velocity, but tracks it: in contact any value repeats itself"
+    return ""
+
+
+def tracks(scene: AbstractScene) -> bool:
+    """Tell whether a joint of the scene tracks its impact velocity."""
+    laws = (joint.normal.impact_velocity for joint in scene.joints.values)
+    return any(law.initial() is not None for law in laws)
 
 
 def unknowns(scene: AbstractScene) -> int:
     """Count the unknowns of an orbit: two a joint with clearance, three a frame on supports."""
-    return 2 * len(list(scene.joints.items())) + (0 if scene.supports is None else 3)
+    return 2 * len(scene.joints) + (0 if scene.supports is None else 3)
 
 
 def pairs(x: Float[Array, " dims *nodes"], scene: AbstractScene) -> Named[Vector]:
     """Give two of the numbers to each joint with clearance."""
-    names = [name for name, _ in scene.joints.items()]
-    return Named({n: Vector(x[2 * i], x[2 * i + 1]) for i, n in enumerate(names)})
+    return Named({n: Vector(x[2 * i], x[2 * i + 1]) for i, n in enumerate(scene.joints.names)})
 
 
 def numbers(e: Named[Vector], frame: tuple[Array, ...] = ()) -> Float[Array, " dims *nodes"]:

@@ -23,20 +23,13 @@ from jaxcrusher.orbits.transient import PIECE, TURNS, WAIT_RTOL, piece
 KEPT = 12
 
 
-def tracks(scene: AbstractScene) -> bool:
-    """Tell whether a joint of the scene tracks its impact velocity."""
-    laws = [joint.normal.impact_velocity for _, joint in scene.joints.items()]
-    return any(law.initial() is not None for law in laws)
-
-
 def settled_velocities(scene: AbstractScene, spent: Spent) -> dict[str, Array] | None:
     """Return what the impact velocity of each joint comes to from the scene's start, in m/s.
 
     None where contact is not kept within an effort: each impact then sets another velocity.
     Concrete values only.
     """
-    joints = dict(scene.joints.items())
-    outputs = tuple(f"{before(name)}contact_fraction" for name in joints)
+    outputs = tuple(f"{before(name)}contact_fraction" for name in scene.joints.names)
     state = initial_state(scene)
     for _ in range(spent.bounds.turns // TURNS):
         for _ in range(TURNS // PIECE):
@@ -54,7 +47,7 @@ def settled_velocities(scene: AbstractScene, spent: Spent) -> dict[str, Array] |
             assert at is not None
             return {
                 name: joint.normal.impact_velocity.value(at.joints[name].impact_velocity)
-                for name, joint in joints.items()
+                for name, joint in scene.joints.items()
             }
     return None
 

@@ -21,7 +21,7 @@ from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.mechanism.starts import Centred
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.effort import Spent
-from jaxcrusher.orbits.impact_velocities import held, settled_velocities, tracks
+from jaxcrusher.orbits.impact_velocities import held, settled_velocities
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, finished, missing
 from jaxcrusher.orbits.solving import kinematic, solved, solved_as_needed, with_statistics
 from jaxcrusher.orbits.tries import OrbitSearch, searched, shot_for, shot_once
@@ -92,7 +92,7 @@ def periodic_orbit(
         require(nodes % 2 == 0, "nodes", "be even", nodes)
     # Shooting that is asked for is not bounded, and nodes that are given wait for nothing.
     velocities, spent = None, Spent(effort if method is None else "thorough")
-    if tracks(scene) and all(primal(leaf) is not None for leaf in jax.tree.leaves(scene)):
+    if forced.tracks(scene) and all(primal(leaf) is not None for leaf in jax.tree.leaves(scene)):
         velocities = settled_velocities(jax.lax.stop_gradient(scene.steady()), spent)
         if velocities is None:
             none = missing(scene, turns, RESULTS.impacts)

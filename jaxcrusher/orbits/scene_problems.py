@@ -62,7 +62,7 @@ def problem_of(
 
     It is by collocation if `nodal`, otherwise by shooting.
     """
-    watched = tuple(lost(joint) for joint, _ in scene(value).joints.items())
+    watched = tuple(map(lost, scene(value).joints.names))
     if not nodal:
         flow = SceneFlow(eqx.Partial(_made, scene=scene, shape=value.shape))
         return ShootingProblem(flow=flow, period=period, slices=SLICES, watched=watched)

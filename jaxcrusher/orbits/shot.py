@@ -176,7 +176,7 @@ def least_penetrations_from(
 
 def _samples(scene: AbstractScene) -> Chosen:
     """Return what tells the unknowns of an orbit at 1024 instants a turn, as statistics do."""
-    names = [before(joint) + "eccentricity" for joint, _ in scene.joints.items()]
+    names = [before(joint) + "eccentricity" for joint in scene.joints.names]
     if scene.supports is not None:
         names += ["frame_displacement", "frame_rotation"]
     return samples_of({f"path of {name}": scene.observables[name] for name in names})

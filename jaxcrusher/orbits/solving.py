@@ -315,7 +315,7 @@ def _statistics(
 
     values = {name: reduce(name) for name in statistics}
     error = jnp.abs(reduce(scene.leading, 2) / values[scene.leading] - 1)
-    names = [f"{before(joint)}penetration_ratio" for joint, _ in scene.joints.items()]
+    names = [f"{before(joint)}penetration_ratio" for joint in scene.joints.names]
     depths = [jnp.min(_finer(samples[statistics[name].quantity])) for name in names]
     least = jnp.min(jnp.stack(depths)) if depths else jnp.zeros(())
     return values, jax.lax.stop_gradient(error), least
