@@ -15,18 +15,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxcrusher.basics.integrate import integrate
 from jaxcrusher.batch.engines import Engine, run_all
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.motion.flow import Flow, flat, unflattened
 from jaxcrusher.motion.indicators import CHAOS, ENOUGH, spread_trend, verdict, widest, zero_one_test
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import fine
-from jaxcrusher.motion.statistics import Statistics, of_whirl, statistics, statistics_problem
+from jaxcrusher.motion.statistics import Statistics, by_turns, of_whirl, statistics
 from jaxcrusher.orbits.shot import STEPS
 from jaxcrusher.orbits.transient import (
+    APART,
     REPEATED,
     TURNS,
     WAIT_RTOL,
@@ -43,9 +42,8 @@ FINE = 1e-10
 # Steps of these differences: a share of the spread of section points, and the shortest one. A
 # spread as wide as the motion is deep bends the map by 1e-4 over the first.
 SHARE, SHORTEST = 0.01, 1e-6
-# How far apart two motions begin whose distance tells chaos, in clearances and m/s, and the turns
-# over which it is followed.
-APART, GROWN = 1e-5, 24
+# Turns over which the distance of two motions is followed, which tells chaos.
+GROWN = 24
 
 
 # Numbers that are free, and all others, of stacked cases.
@@ -134,9 +132,31 @@ class LaneWaits:
         return failed | self._whirls(known) | (self._growth(known) > CHAOS)
 
     def near(self, which: Int[np.ndarray, " some"], period: int) -> Points:
-        """Return the section points near the means of some cases that repeat after a period."""
-        means, spreads = self.means(which, period)
-        return self._closed(which.tolist(), means, np.maximum(SHARE * spreads, SHORTEST), period)
+        """Return the section points near the means of some cases that repeat after a period.
+
+        Newton's method solves for them; its slopes are central differences.
+        """
+        point, spreads = self.means(which, period)
+        steps, (count, dims) = np.maximum(SHARE * spreads, SHORTEST), point.shape
+        moduli, closed = np.full(count, np.nan), np.zeros(count, bool)
+        eye = np.eye(dims)
+        shifts = np.concatenate([np.zeros((1, dims)), eye, -eye])
+        for _ in range(STEPS):
+            going = np.flatnonzero(~closed & np.isfinite(point).all(axis=1))
+            if not len(going):
+                break
+            begun = point[going] + shifts[:, None] * steps[going]
+            cases = len(shifts) * which[going].tolist()
+            ends = self._turns(begun.reshape(-1, dims), cases, period)
+            at, above, below = np.split(ends.reshape(begun.shape), [1, 1 + dims])
+            matrix = np.moveaxis((above - below) / (2 * steps[going].T[..., None]), 0, -1)
+            known = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
+            matrix = np.where(known[:, None, None], matrix, 0.0)
+            step = np.linalg.solve(eye - matrix, (at[0] - point[going])[..., None])[..., 0]
+            point[going] = np.where(known[:, None], point[going] + step, np.nan)
+            moduli[going] = np.max(np.abs(np.linalg.eigvals(matrix)), axis=1)
+            closed[going] = known & (np.max(np.abs(step), axis=1) < CLOSURE)
+        return Points(point, moduli, closed)
 
     def _growth(self, which: list[int]) -> Float[np.ndarray, " some"]:
         """Return the logarithm of what a disturbance of some cases grows by in a turn."""
@@ -184,30 +204,6 @@ class LaneWaits:
                     return period
         return None
 
-    def _closed(
-        self, which: list[int], start: np.ndarray, steps: np.ndarray, period: int
-    ) -> Points:
-        """Solve for section points by Newton's method, whose slopes are central differences."""
-        (count, dims), point, eye = start.shape, start.copy(), np.eye(start.shape[1])
-        moduli, closed = np.full(count, np.nan), np.zeros(count, bool)
-        shifts = np.concatenate([np.zeros((1, dims)), eye, -eye])
-        for _ in range(STEPS):
-            going = np.flatnonzero(~closed & np.isfinite(point).all(axis=1))
-            if not len(going):
-                break
-            begun = point[going] + shifts[:, None] * steps[going]
-            cases = len(shifts) * [which[i] for i in going]
-            ends = self._turns(begun.reshape(-1, dims), cases, period)
-            at, above, below = np.split(ends.reshape(begun.shape), [1, 1 + dims])
-            matrix = np.moveaxis((above - below) / (2 * steps[going].T[..., None]), 0, -1)
-            known = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
-            matrix = np.where(known[:, None, None], matrix, 0.0)
-            step = np.linalg.solve(eye - matrix, (at[0] - point[going])[..., None])[..., 0]
-            point[going] = np.where(known[:, None], point[going] + step, np.nan)
-            moduli[going] = np.max(np.abs(np.linalg.eigvals(matrix)), axis=1)
-            closed[going] = known & (np.max(np.abs(step), axis=1) < CLOSURE)
-        return Points(point, moduli, closed)
-
     def _turns(self, states: np.ndarray, which: list[int], turns: int) -> np.ndarray:
         """Return where some turns lead from section points of cases, exactly."""
         return self._run(eqx.Partial(_after, turns=turns), states, which)["state"]
@@ -245,15 +241,10 @@ class LaneWaits:
 
 
 def _on(case: SceneAt) -> dict[str, Array]:
-    """Return the section points of the next turns, and what tells their RMS and a whirl."""
+    """Return the section points of the next turns, and what tells their RMS."""
     state, scene = case
-    flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, WAIT_RTOL)
-    angles = 2 * np.pi * np.arange(1, TURNS + 1)[:, None]
-    problem = statistics_problem(scene.entries((scene.leading,)))
-    (states, by_turn), outcome = integrate(
-        flow, jnp.asarray(angles), problem=problem, method=method
-    )
-    points = jax.vmap(lambda one: flat(one, scene))(states)
+    outputs, method = scene.entries((scene.leading,)), resolve(scene, WAIT_RTOL)
+    points, by_turn, outcome = by_turns(scene, state, TURNS, outputs, method)
     return {"states": points, "success": outcome.success, **by_turn}
 
 

@@ -20,11 +20,11 @@ from jaxcrusher.basics import integrate as integration
 from jaxcrusher.basics.integrate import Outcome, integrate
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.starts import InContact
-from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
+from jaxcrusher.motion.flow import Flow, initial_state, unflattened
 from jaxcrusher.motion.indicators import CHAOS, detect_period
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistics import of_whirl, statistics_problem
+from jaxcrusher.motion.statistics import by_turns, of_whirl, statistics_problem
 from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.forced import coordinates
 from jaxcrusher.orbits.result import RESULTS, words
@@ -63,20 +63,9 @@ def section_points(
 
     One integration: in lanes designs do not wait for each other at each turn's end.
     """
-    states, outcome = _states(case, 2 * np.pi * np.arange(1, turns + 1), rtol)
-    return states, outcome.success
-
-
-def _states(
-    case: SceneAt, phases: Float[np.ndarray, " n"], rtol: float
-) -> tuple[Float[Array, "n dims"], Outcome]:
-    """Return states at phases after a section point, and how the run ended."""
     state, scene = case
-    flow, method = Flow(scene, unflattened(state, scene)), resolve(scene, rtol)
-    (states, _), outcome = integrate(
-        flow, jnp.asarray(phases)[:, None], problem=statistics_problem(()), method=method
-    )
-    return jax.vmap(lambda one: flat(one, scene))(states), outcome
+    states, _, outcome = by_turns(scene, state, turns, (), resolve(scene, rtol))
+    return states, outcome.success
 
 
 def resting_start(scene: AbstractScene) -> SceneAt:
@@ -99,6 +88,7 @@ def section_mean(
     return mean, jnp.sqrt(jnp.mean((states - mean) ** 2)), success
 
 
+@eqx.filter_jit
 def one_period(
     case: SceneAt, *, period: int
 ) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
@@ -106,16 +96,15 @@ def one_period(
 
     With it comes whether the integration succeeded.
     """
-    steps = 2 * np.pi * np.arange(1, ANGLES * period) / ANGLES
-    states, outcome = _states(case, steps, WAIT_RTOL)
-    states, scene = jnp.concatenate([case[0][None], states]), case[1]
-    return jax.vmap(lambda one: _coordinates(one, scene))(states), outcome.success
-
-
-def _coordinates(section: Float[Array, " dims"], scene: AbstractScene) -> Float[Array, " half"]:
-    state = unflattened(section, scene)
+    begun, scene = case
+    state = unflattened(begun, scene)
     assert state is not None
-    return coordinates(state)
+    phases = jnp.asarray(2 * np.pi * np.arange(1, ANGLES * period)[:, None] / ANGLES)
+    (states, _), outcome = integrate(
+        Flow(scene, state), phases, problem=statistics_problem(()), method=resolve(scene, WAIT_RTOL)
+    )
+    path = jax.vmap(coordinates)(states)
+    return jnp.concatenate([coordinates(state)[None], path]), outcome.success
 
 
 def places(
@@ -134,10 +123,9 @@ def allowed(spread: float) -> float:
 @eqx.filter_jit
 def piece(case: SceneAt) -> tuple[Float[Array, "turns dims"], Outcome]:
     """Return the section points of the next `PIECE` turns from a state, and how they ended."""
-    return _states(case, 2 * np.pi * np.arange(1, PIECE + 1), WAIT_RTOL)
-
-
-one_period = eqx.filter_jit(one_period)
+    state, scene = case
+    states, _, outcome = by_turns(scene, state, PIECE, (), resolve(scene, WAIT_RTOL))
+    return states, outcome
 
 
 @dataclass(frozen=True)
