@@ -5,9 +5,9 @@ none at a point: its tangent grows without bound, and a slope exists only at a f
 linear fit over pairs of runs.
 """
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -34,7 +34,7 @@ from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.tangents import SLICES, Tangents, chain, changes, combine, tangents
+from jaxcrusher.motion.tangents import SLICES, Tangents, changes, combine, tangents
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.slopes import OrbitSlopes, orbit_beside, orbit_slopes
@@ -185,7 +185,6 @@ def gradient_report(
     chaotic = kind.exponents.positive
     estimates: dict[str, tuple[np.ndarray, np.ndarray]] = {"tangent": _tangent(along[0], statistic)}
     freedom: dict[str, float] = {"tangent": PARTS - 1}
-    evidence: dict[str, Any] = {"freedom": freedom}
     fits: list[Fit] = []
     value = eqx.Partial(
         _metric, build=build, metric=metric, settle_turns=settle_turns, turns=turns, rtol=rtol
@@ -198,14 +197,20 @@ def gradient_report(
         estimates[name] = fits[-1].slopes, fits[-1].errors
         freedom[name] = fits[-1].freedom
     grown = _growth_over(TANGENT_TURNS, kind)[0] if chaotic else _growth(along[0])
-    evidence["growth"] = grown
-    evidence["unsettled"] = UNSETTLED.get(kind.name, "")
     slopes = {}
     for i, name in enumerate(names):
         single = {key: (float(a[i]), float(b[i])) for key, (a, b) in estimates.items()}
-        evidence["share"] = float(fits[0].shares[i])
-        evidence["drift"] = float(fits[0].drifts[i]), float(fits[0].drift_errors[i])
-        slopes[name] = judge(name, single, chaotic, radii[i], **evidence)
+        slopes[name] = judge(
+            name,
+            single,
+            chaotic,
+            radii[i],
+            growth=grown,
+            freedom=freedom,
+            share=float(fits[0].shares[i]),
+            drift=(float(fits[0].drifts[i]), float(fits[0].drift_errors[i])),
+            unsettled=UNSETTLED.get(kind.name, ""),
+        )
     return GradientReport(metric, kind, horizon, _growth_over(horizon, kind), slopes)
 
 
@@ -257,7 +262,7 @@ def _scale(name: str, value: float) -> float:
 
 def _growth(along: Tangents) -> float:
     """The logarithm of the spectral radius of all slices together: no unit, no norm enters it."""
-    matrix, _ = chain(along)
+    matrix = functools.reduce(lambda before, jacobian: jacobian @ before, along.jacobians)
     return float(np.log(np.max(np.abs(np.linalg.eigvals(matrix)))))
 
 

@@ -35,7 +35,6 @@ class Tangents(eqx.Module):
     NaN from a failure on.
     """
 
-    state: Float[np.ndarray, " dims"]  # at the end
     jacobians: Float[np.ndarray, "slices dims dims"]  # dx_after / dx_before
     forcing: Float[np.ndarray, "slices dims n"]  # dx_after / dp
     values: PyTree[Float[np.ndarray, "slices ..."]]  # m, as `of_slices` takes it
@@ -67,7 +66,6 @@ def tangents(
         outcome = first_failure(outcome, after)
     along = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
     return Tangents(
-        np.asarray(state),
         along.jacobians,
         along.forcing,
         along.values[metric],
@@ -106,14 +104,6 @@ def slices_apart(
         return end, found.jacobians, found.forcing
 
     return jax.lax.map(one, (states, span * jnp.arange(len(states))))
-
-
-def chain(parts: Tangents) -> tuple[np.ndarray, np.ndarray]:
-    """Derivatives of the state at the end by that at the beginning, and by the parameters."""
-    matrix, forcing = np.eye(parts.jacobians.shape[1]), np.zeros(parts.forcing.shape[1:])
-    for jacobian, shift in zip(parts.jacobians, parts.forcing, strict=True):
-        matrix, forcing = jacobian @ matrix, jacobian @ forcing + shift
-    return matrix, forcing
 
 
 def changes(
