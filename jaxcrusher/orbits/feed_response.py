@@ -128,8 +128,7 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
     bent = jnp.einsum("icab,iab->ic", motion.bend, unit) / 2
     size = count * dims
     matrix = system.jacobian(*about.slopes).reshape(size, size)
-    shift = jnp.linalg.solve(matrix, -bent.ravel())
-    shift = shift.reshape(count, dims)
+    shift = jnp.linalg.solve(matrix, -bent.ravel()).reshape(count, dims)
     first = system.matrices(count)[0]
     shifts = jnp.concatenate([shift, first @ shift, jnp.zeros((count, 1))], axis=1)
     shifted = jnp.sum(force.slope * shifts, axis=1)
@@ -159,14 +158,9 @@ class Linearised(eqx.Module):
     motion: _Seen  # x''
     force: _Seen  # on the foundation
     depth: _Seen  # elastic force of each joint
+    slopes: tuple[Array, ...]  # df/dx and df/dx' at the nodes
     multipliers: Array
     modes: Modes
-
-    @property
-    def slopes(self) -> tuple[Array, Array]:
-        """Return df/dx and df/dx' at the nodes."""
-        dims = self.motion.value.shape[1]
-        return self.motion.slope[:, :, :dims], self.motion.slope[:, :, dims:-1]
 
 
 def linearised(orbit: PeriodicOrbit) -> Linearised:
@@ -178,11 +172,10 @@ def linearised(orbit: PeriodicOrbit) -> Linearised:
     angle, place, rate = system.at(x, count)
     states = jnp.concatenate([place, rate, jnp.zeros((count, 1))], axis=1)
     motion, force, depth = _seen_along(system, angle, states)
-    by_x, by_rate = jnp.split(motion.slope[:, :, :-1], 2, axis=2)
-    slopes = by_x, by_rate
+    slopes = tuple(jnp.split(motion.slope[:, :, :-1], 2, axis=2))
     multipliers = of_slopes(slopes, system.period).values  # the orbit's, with slopes
     free = modes(slopes, motion.slope[:, :, -1], system.period, multipliers)
-    return Linearised(system, angle, motion, force, depth, multipliers, free)
+    return Linearised(system, angle, motion, force, depth, slopes, multipliers, free)
 
 
 def _seen_along(
@@ -257,8 +250,8 @@ def _crossing(depth: _Seen, first: Array, unit: Array, dims: int) -> _Crossing:
     """Return what Rice's formula takes; the elastic force depends on x alone."""
     by_x = depth.slope[:, :, :dims]
     turning = jnp.einsum("ij,jca->ica", first, by_x)
-    along = jnp.concatenate([turning, by_x], axis=2)
-    force, rate = jnp.zeros_like(along).at[:, :, :dims].set(by_x), along
+    rate = jnp.concatenate([turning, by_x], axis=2)
+    force = jnp.zeros_like(rate).at[:, :, :dims].set(by_x)
     of = unit[:, : 2 * dims, : 2 * dims]
 
     def product(one: Array, other: Array) -> Array:
