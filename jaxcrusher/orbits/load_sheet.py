@@ -256,16 +256,14 @@ def _peaks(turns: Turns, curves: Curves) -> list[Row]:
     return rows
 
 
-def _of_pieces(
-    turns: Turns, part: str, name: str, what: str, pieces: np.ndarray, unit: str, remark: str = ""
-) -> Row:
+def _of_pieces(turns: Turns, part: str, name: str, what: str, pieces: np.ndarray, unit: str) -> Row:
     """Return the row of a number of each piece: its extreme, or the root of its mean square."""
     over = {"greatest": np.max, "peak": np.max, "least": np.min}
     value = float(over.get(what, lambda each: np.sqrt(np.mean(each**2)))(pieces))
     # Of a mean it is the standard error, of an extreme that of the turns' own.
     share = 1.0 if what in over else len(pieces) ** -0.5
     scatter = "" if turns.repeats else share * float(np.std(pieces, ddof=1))
-    return Row(part, name, what, value, unit, remark=remark, scatter=scatter)
+    return Row(part, name, what, value, unit, scatter=scatter)
 
 
 def _ground(scene: AbstractScene) -> list[Row]:
@@ -352,16 +350,14 @@ def _motion(turns: Turns, moved: Moved, modes: xr.Dataset, site: Site) -> list[R
     outside, machines = severity.outside_scope(running, site.power), severity.group(site.power)
     rows = []
     for place, (arm, path, velocity) in moved.items():
-        for quantity, values, unit in (
-            ("displacement", path, "um"),
-            ("velocity", velocity, "mm/s"),
+        for quantity, values, observed in (
+            ("displacement", path, "m"),
+            ("velocity", velocity, "m/s"),
         ):
+            unit, factor = TRADE[observed]
             for i, axis in enumerate(SIDES):
-                one = {"um": 1e6, "mm/s": 1e3}[unit] * values[..., i]
-                name, kind = (
-                    f"{quantity} of {place}, {SIDES[axis]}",
-                    severity.support_kind(modes, running, arm, axis),
-                )
+                one, name = factor * values[..., i], f"{quantity} of {place}, {SIDES[axis]}"
+                kind = severity.support_kind(modes, running, arm, axis)
                 rms, peaks = np.sqrt(np.mean(one**2, axis=1)), np.abs(one).max(axis=1)
                 row = _of_pieces(turns, part, name, "RMS", rms, unit)
                 grade = severity.zone(kind, quantity, row.value, machines)

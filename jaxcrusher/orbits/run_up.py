@@ -44,7 +44,7 @@ def run_up(
     times = np.linspace(0.0, seconds, count)
     share = 1 - times / seconds if down else times / seconds
     # The angle is counted from standstill, so that a run down is a run up in reverse.
-    angle = np.abs(share) ** 2 * speed * seconds / 2 * (-1 if down else 1)
+    angle = share**2 * speed * seconds / 2 * (-1 if down else 1)
     orders = np.arange(1, force.shape[1] + 1)
     turning = np.exp(1j * orders[:, None] * angle)
     weights = np.zeros_like(force)
