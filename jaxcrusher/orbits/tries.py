@@ -82,10 +82,6 @@ class Try(NamedTuple):
     sloped: PeriodicOrbit
     orbit: PeriodicOrbit
 
-    def found(self, way: WAYS) -> "Try":
-        """Say by which way a guess came about."""
-        return self.replaced(way=way)
-
     def replaced(self, **fields: Any) -> "Try":
         """Return both with other values of some fields."""
         return Try(*(dataclasses.replace(orbit, **fields) for orbit in self))
@@ -198,7 +194,7 @@ class OrbitSearch(NamedTuple):
         shot = self.by_shooting(start, turns)
         if not bool(shot.orbit.least_penetration > 0):
             return [shot]
-        return [self.by_nodes(shot.orbit.eccentricity, turns, 2 * NODES).found(way), shot]
+        return [self.by_nodes(shot.orbit.eccentricity, turns, 2 * NODES).replaced(way=way), shot]
 
 
 def searched(search: OrbitSearch, nodes: int | None) -> PeriodicOrbit:
@@ -284,7 +280,7 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
         for turns, mean in () if rest.chaotic else rest.means(search.period):
             seen, success = one_period((mean, wait.scene), period=turns)
             if bool(success):
-                yield search.by_nodes(seen, turns).found(WAYS.waiting)
+                yield search.by_nodes(seen, turns).replaced(way=WAYS.waiting)
             yield from shots(mean, turns)
 
     def more() -> Iterator[Try]:
