@@ -122,12 +122,11 @@ class Grid:
 
     def settings(self) -> dict[str, Any]:
         """Return what decides which designs these are, as JSON keeps it."""
-        kept = {
+        kept: dict[str, Any] = {
             "order of axes": list(self.axes),
-            "axes": {name: list(values) for name, values in self.axes.items()},
-            "base": self.base,
+            "axes": with_digests({name: list(values) for name, values in self.axes.items()}),
+            "base": with_digests(self.base),
         }
-        kept |= {"axes": with_digests(kept["axes"]), "base": with_digests(self.base)}
         if self.function is not None:
             name = getattr(self.function, "__qualname__", type(self.function).__qualname__)
             kept["scene"] = f"{name} {self._digest()}"
@@ -180,13 +179,12 @@ def make_grid(
     good = isinstance(axes, Mapping) and len(axes) > 0
     require(good, "axes", 'map names to values, as {"speed": [30.0, 32.0]}', repr(axes))
     base = {} if base is None else base
-    if function is None and isinstance(base, Mapping):
-        make_known([*base.items(), *axes.items()])
     mapping, given = isinstance(base, Mapping), f"a {type(base).__name__}"
     require(mapping, "base", 'map names to values, as {"start": "contact"}', given)
     good = function is None or callable(function)
     require(good, "scene", "be a function that makes a scene", repr(function))
     if function is None:
+        make_known([*base.items(), *axes.items()])
         for name in (*axes, *base):
             require_known(name, (*PARAMETERS, *CHAMBER, *CHOICES, *FILES))
 

@@ -273,16 +273,13 @@ def row_of(
     """Return the values of one design; an ideal joint is inside the limits of contact."""
     limits = {"main": result.validity, **result.validity.others}
     row = {name: result[name] for name in statistics}
-    row |= {f"{leading}_error": result.standard_error(leading)}
-    row |= {"whirl": result.whirl, "success": result.success}
-    row |= {
-        before(joint) + name: _number(getattr(limits[joint], name))
-        for joint in joints
-        for name in _LIMITS
+    for joint, name in itertools.product(joints, _LIMITS):
+        value = getattr(limits[joint], name)
+        row[before(joint) + name] = jnp.full((), jnp.nan) if value is None else value
+    return row | {
+        f"{leading}_error": result.standard_error(leading),
+        "whirl": result.whirl,
+        "success": result.success,
+        "inside_model": result.validity.inside,
+        "reached": result.outcome.reached,
     }
-    return row | {"inside_model": result.validity.inside, "reached": result.outcome.reached}
-
-
-def _number(value: jax.Array | None) -> jax.Array:
-    """Return what a column holds: NaN of what is not known."""
-    return jnp.full((), jnp.nan) if value is None else value
