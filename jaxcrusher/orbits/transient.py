@@ -171,7 +171,7 @@ class Wait:
         self._own, self.spent = scene, spent
         self._ended: Array | None = None  # the state after all turns so far
         self._last: Round | None = None
-        self._chaotic, self._failure = False, None
+        self._failure: RESULTS | None = None
 
     # Most orbits need no wait.
     @functools.cached_property
@@ -212,10 +212,11 @@ class Wait:
             if len(seen) and (turn & (turn + 1) == 0 or ends):  # a power of two, or the last
                 # Before what would be in vain, and at the end for its name.
                 looks = turn in (0, 1, last) or ends
-                self._chaotic = looks and self._growth(begun, seen[-PIECE:]) > CHAOS
-                self._last = Round(seen[len(seen) // 2 :], self._chaotic)
+                chaotic = looks and self._growth(begun, seen[-PIECE:]) > CHAOS
+                self._last = Round(seen[len(seen) // 2 :], chaotic)
                 yield self._last
-            if ends or (self._chaotic and turn > 0):
+                ends |= chaotic and turn > 0
+            if ends:
                 return
 
     def told(self) -> str:
@@ -233,9 +234,7 @@ class Wait:
             return otherwise
         if Round(self._last.states[-TURNS // 2 :]).repeats_after() is not None:
             return RESULTS.repeats
-        if self._chaotic:
-            return RESULTS.chaotic
-        return RESULTS.aperiodic
+        return RESULTS.chaotic if self._last.chaotic else RESULTS.aperiodic
 
     def _whirls(self) -> bool:
         """Tell whether the next two turns whirl; of what fails or is too long a failure is kept."""

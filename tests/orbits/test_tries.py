@@ -366,7 +366,7 @@ def test_a_motion_that_repeats_is_told_from_chaos(monkeypatch):
     assert wait.regime(RESULTS.not_closed) == RESULTS.repeats
     wait._last = Round(np.random.default_rng(0).uniform(size=(240, 4)))
     assert wait.regime(RESULTS.not_closed) == RESULTS.aperiodic
-    wait._chaotic = True
+    wait._last = Round(wait._last.states, chaotic=True)
     assert wait.regime(RESULTS.not_closed) == RESULTS.chaotic
     monkeypatch.setattr(wait, "_whirls", lambda: True)
     assert wait.regime(RESULTS.not_closed) == RESULTS.whirl
