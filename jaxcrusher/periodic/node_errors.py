@@ -98,14 +98,11 @@ def node_errors(
         share = jnp.linalg.solve(products[1:, 1:], products[1:, 0])
         across = jnp.append(1.0, -share)
         motions, changes = across @ motions, across @ changes
-    else:
-        motions, changes = motions[:, 0], changes[0]
-    to_place, to_rate = jnp.split(motions, 2, axis=1)
-    exact, besides = system, jnp.zeros(())
-    if family is not None:
         exact = family.system(family.numbers + changes.reshape(family.numbers.shape))
-        besides = jnp.mean(squares(exact, at, quantity)[0])
-        besides -= jnp.mean(found)
+        besides = jnp.mean(squares(exact, at, quantity)[0]) - jnp.mean(found)
+    else:
+        motions, exact, besides = motions[:, 0], system, jnp.zeros(())
+    to_place, to_rate = jnp.split(motions, 2, axis=1)
     moved = exact.slopes(times, place + to_place, rate + to_rate)[0]
     matrices = matrix, fundamental(moved, system.period, steps)[1]
     one, other = (eigenvalues(m, jnp.all(jnp.isfinite(m))) for m in matrices)
