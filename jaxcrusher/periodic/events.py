@@ -212,6 +212,7 @@ class _Piece:
         ends = [size * one.along / inner(problem, one.along, self._across) for one in (here, there)]
         self._curve = CubicHermiteSpline([0, 1], [here.place, there.place], ends)
         self._known = {0.0: here, 1.0: there}
+        self.tolerance = problem.stride.located  # a share, to which a place is located
 
     def at(self, share: float) -> Point:
         """Return the point at a share of the way."""
@@ -223,11 +224,6 @@ class _Piece:
                 raise _Lost
             self._known[share] = found
         return self._known[share]
-
-    @property
-    def tolerance(self) -> float:
-        """Return to what share a place is located."""
-        return self._branch.problem.stride.located
 
 
 def _located(piece: _Piece, test: Test, low: float, high: float) -> tuple[float, Point | None]:
@@ -241,26 +237,25 @@ def _located(piece: _Piece, test: Test, low: float, high: float) -> tuple[float,
 
 
 class _Past(Exception):
-    """A place past a zero is found."""
+    """A place past a zero is found, which is the argument."""
 
 
 def _past(piece: _Piece, test: Test) -> float | None:
     """Return a place where a test function has not the sign of the ends; None if there is none."""
-    sign, seen = np.sign(test(piece.at(0.0))), []
+    sign = np.sign(test(piece.at(0.0)))
 
     def size(share: float) -> float:
         value = sign * test(piece.at(float(share)))
         if value < 0:
-            seen.append(float(share))
-            raise _Past
+            raise _Past(float(share))
         return value
 
     try:
         minimize_scalar(size, bounds=(0.0, 1.0), method="bounded", options={"xatol": EXTREMUM})
-    except _Past:
-        return seen[0]
+    except _Past as found:
+        return found.args[0]
     except _Lost:
-        return None
+        pass
     return None
 
 
