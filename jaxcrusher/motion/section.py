@@ -110,8 +110,7 @@ class Sloped(eqx.Module):
 
         (state, outcome), slices = jax.lax.scan(one, (state, fine()), span * jnp.arange(count))
         scene = self.build(self.point)
-        _, unravel = ravel_pytree(unflattened(state, scene))
-        return flat(unravel(state), scene), slices, outcome
+        return flat(unflattened(state, scene), scene), slices, outcome
 
     def slice(
         self, state: Float[Array, " dims"], phase: Scalar, span: float

@@ -72,8 +72,7 @@ def bifurcation_curve(
     scales = (abs(at[0]) / 30, abs(at[1]) / 30) if scales is None else scales
     for scale in scales:
         require_positive("scales", scale, "")
-    pair = eqx.Partial(_of_pair, scene=scene)
-    pair = traced(pair, jnp.asarray(at, float))
+    pair = traced(eqx.Partial(_of_pair, scene=scene), jnp.asarray(at, float))
     nodal = isinstance(event.branch.problem, CollocationProblem)
     u = as_on(event.branch, event.point.u)
     base = problem_of(pair, jnp.asarray(at, float), event.point.turns, nodal)

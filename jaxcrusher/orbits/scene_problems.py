@@ -80,9 +80,7 @@ def orbit_of(branch: Branch, point: Point) -> PeriodicOrbit:
         (u, p), scales = problem.split(u, p), jnp.stack([problem.scale, scales])
         problem = problem.base
     if isinstance(problem, CollocationProblem):
-        scene = problem.family(p).args
-        outputs = scene.entries()
-        return _by_nodes(problem, u, p, scales, outputs)
+        return _by_nodes(problem, u, p, scales, problem.family(p).args.entries())
     assert isinstance(problem, ShootingProblem)
     assert isinstance(problem.flow, SceneFlow)
     return _by_slices(problem.flow.build(p.reshape(-1)), problem, u, point.seen)

@@ -79,15 +79,12 @@ def _along_jvp(
     primals: tuple, tangents: tuple, *, period: int, rtol: float, outputs: Chosen
 ) -> tuple[Passed, Passed]:
     (scene, state), (change, _) = primals, tangents
-
-    def part(moving: bool) -> Any:
-        chosen = lambda leaf: (leaf is not None) == moving  # noqa: E731
-        return eqx.filter(scene, jax.tree.map(chosen, change, is_leaf=lambda leaf: leaf is None))
-
-    point, unravel = ravel_pytree(part(True))
+    moves = jax.tree.map(lambda leaf: leaf is not None, change, is_leaf=lambda leaf: leaf is None)
+    moving, fixed = eqx.partition(scene, moves)
+    point, unravel = ravel_pytree(moving)
     # It has slopes of its own, by which second derivatives are right.
     state, _ = _along(scene, state, period=period, rtol=rtol, outputs=())
-    build, parts, x = eqx.Partial(_combined, unravel=unravel, fixed=part(False)), [], state
+    build, parts, x = eqx.Partial(_combined, unravel=unravel, fixed=fixed), [], state
     for _ in range(period):
         x, slices, _ = sloped_turn(build, point, x, jnp.asarray(rtol), outputs)
         parts.append(slices)
