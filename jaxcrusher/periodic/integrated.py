@@ -30,11 +30,24 @@ class IntegratedSystem(AbstractFlow):
     family: Callable[[Float[Array, " n"]], System]
     watch: Watch = eqx.field(static=True, default=nothing)
 
+    @eqx.filter_jit
     def slices(
         self, p: Float[Array, " n"], states: Float[Array, "slices twodims"], rtol: Scalar
     ) -> tuple[Array, Array, Array]:
         """Return where each slice of a turn leads from its own state, by that and by p."""
-        return _slices(self, p, states, rtol)
+        count, dims = states.shape
+
+        def one(begin: tuple[Scalar, Array]) -> tuple[Array, Array]:
+            place, state = begin
+
+            def after(both: Array) -> tuple[Array, Array]:
+                end = _passed(self.family(both[dims:]), both[:dims], (place, count), 1, rtol)[1]
+                return end, end
+
+            return jax.jacfwd(after, has_aux=True)(jnp.concatenate([state, p]))
+
+        derivatives, ends = jax.lax.map(one, (jnp.arange(count) / count, states))
+        return ends, derivatives[:, :, :dims], derivatives[:, :, dims:]
 
     def monitors(
         self, p: Float[Array, " n"], state: Float[np.ndarray, " twodims"], turns: int
@@ -45,25 +58,6 @@ class IntegratedSystem(AbstractFlow):
             seen, at = _turn(self, p, at)
             path.append(seen)
         return np.asarray(self.watch(jnp.concatenate(path)))
-
-
-@eqx.filter_jit
-def _slices(
-    flow: IntegratedSystem, p: Array, states: Array, rtol: Scalar
-) -> tuple[Array, Array, Array]:
-    count, dims = states.shape
-
-    def one(begin: tuple[Scalar, Array]) -> tuple[Array, Array]:
-        place, state = begin
-
-        def after(both: Array) -> tuple[Array, Array]:
-            end = _passed(flow.family(both[dims:]), both[:dims], (place, count), 1, rtol)[1]
-            return end, end
-
-        return jax.jacfwd(after, has_aux=True)(jnp.concatenate([state, p]))
-
-    derivatives, ends = jax.lax.map(one, (jnp.arange(count) / count, states))
-    return ends, derivatives[:, :, :dims], derivatives[:, :, dims:]
 
 
 @eqx.filter_jit
