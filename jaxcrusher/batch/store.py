@@ -167,18 +167,14 @@ class ChunkStore:
                 self._check_settings(settings)
                 self.done = self._verified()
             except BaseException:
-                self.close()
+                os.close(self._lock)
                 raise
-
-    def close(self) -> None:
-        """Give the lock back."""
-        os.close(self._lock)
 
     def __enter__(self) -> "ChunkStore":
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.close()
+        os.close(self._lock)
 
     def write(self, number: int, values: dict[str, np.ndarray], record: dict[str, Any]) -> None:
         """Write a chunk and then its marker; an OSError names the chunk."""
