@@ -266,7 +266,7 @@ def on_gpu(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
 
 
 def _by_lanes(function: Callable[[Any], PyTree], scenes: PyTree, target: Target) -> PyTree:
-    recording = recorded(function)
+    recording = eqx.Partial(recorded, function=function)
     try:
         run = program(recording, scenes, target)
     except NoIntegration:

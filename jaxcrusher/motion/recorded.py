@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any
 
 import diffrax
-import equinox as eqx
 import jax
 from jaxtyping import Array, PyTree
 
@@ -22,12 +21,8 @@ from jaxcrusher.lanes.record import record as record_integration
 from jaxcrusher.lanes.verify import Unsupported
 
 
-def recorded(function: Callable[[Any], PyTree]) -> Callable[[Any], PyTree]:
-    """Return a function whose integrations are recorded when it is traced."""
-    return eqx.Partial(_recorded, function=function)
-
-
-def _recorded(scene: Any, function: Callable[[Any], PyTree]) -> PyTree:
+def recorded(scene: Any, function: Callable[[Any], PyTree]) -> PyTree:
+    """Return `function` of a scene, whose integrations are recorded while this is traced."""
     with integrator(record):
         return function(scene)
 

@@ -59,7 +59,6 @@ def periodic_orbit(
       section point, shape (states,); None is the mean of turns that are waited for.
     - `method`: "shooting" solves for the section point by the integrator alone, which an impact
       does not disturb, also under `jax.jit`. None is by nodes, and further ways as told above.
-
     - `effort`: "quick" takes 96 nodes alone, waits for 480 turns at most and does not shoot.
       "usual" tries all ways, cheap ones first, and ends after four million steps of the integrator
       (`jaxcrusher.orbits.effort`): an answer takes seconds, besides compilation, also where
