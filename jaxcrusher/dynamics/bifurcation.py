@@ -10,12 +10,7 @@ import numpy as np
 import xarray as xr
 from jaxtyping import Array, ArrayLike
 
-from jaxcrusher.basics.checks import (
-    require,
-    require_choice,
-    require_untraced,
-    require_whole,
-)
+from jaxcrusher.basics.checks import require, require_choice, require_untraced, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.crusher.scene import crusher_of

@@ -19,12 +19,7 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all
 from jaxcrusher.batch.points import make_grid
 from jaxcrusher.batch.store import Layout, opened
-from jaxcrusher.dynamics.oscillation import (
-    Oscillation,
-    distance,
-    oscillation_about,
-    section_of,
-)
+from jaxcrusher.dynamics.oscillation import Oscillation, distance, oscillation_about, section_of
 from jaxcrusher.files.table import COLUMNS, digits
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene, require_steady

@@ -142,11 +142,7 @@ def _metric(
 
 
 def _solved(
-    grid: Grid,
-    designs: list[int],
-    problem: Problem,
-    slopes: tuple[str, ...],
-    **how: Any,
+    grid: Grid, designs: list[int], problem: Problem, slopes: tuple[str, ...], **how: Any
 ) -> Rows:
     """Solve for the orbits of designs of the same choices, with settings of `solve_orbits`."""
     numbers, place = grid.numbers(designs), {design: i for i, design in enumerate(designs)}

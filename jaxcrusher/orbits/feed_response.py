@@ -10,13 +10,7 @@ import numpy as np
 from jax.scipy.stats import norm as gauss
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.basics.checks import (
-    nan_unless,
-    primal,
-    require,
-    require_kind,
-    require_own_process,
-)
+from jaxcrusher.basics.checks import nan_unless, primal, require, require_kind, require_own_process
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.crusher.loads import Multiplied, RoughFeed
 from jaxcrusher.crusher.observables import foundation_force

@@ -14,11 +14,7 @@ from jaxtyping import Array, Float, Scalar
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.joint.clearance import AbstractBearing
-from jaxcrusher.mechanism.eccentricity import (
-    EccentricityFormulation,
-    EccentricityState,
-    JointState,
-)
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation, EccentricityState, JointState
 from jaxcrusher.mechanism.frame import FrameState, frame_units, initial_frame
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractScene
