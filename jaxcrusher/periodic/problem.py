@@ -122,7 +122,7 @@ class Bordered(eqx.Module):
     scale: Array
     shape: tuple[int, ...] = eqx.field(static=True)
 
-    def linearised(self, both: Array | np.ndarray) -> tuple[Array, Array, Any]:
+    def linearised(self, both: Any) -> tuple[Array, Array, Any]:
         """Return the residual, its Jacobian, and what else the evaluation told."""
         at = self.problem.linearised(both[:-1].reshape(self.shape), self.scale * both[-1])
         size = len(self.across) - 1
