@@ -152,7 +152,7 @@ class Linearised(eqx.Module):
     motion: _Seen  # x''
     force: _Seen  # on the foundation
     depth: _Seen  # elastic force of each joint
-    slopes: tuple[Array, ...]  # df/dx and df/dx' at the nodes
+    slopes: tuple[Array, Array]  # df/dx and df/dx' at the nodes
     multipliers: Array
     modes: Modes
 
@@ -166,7 +166,8 @@ def linearised(orbit: PeriodicOrbit) -> Linearised:
     angle, place, rate = system.at(x, count)
     states = jnp.concatenate([place, rate, jnp.zeros((count, 1))], axis=1)
     motion, force, depth = _seen_along(system, angle, states)
-    slopes = tuple(jnp.split(motion.slope[:, :, :-1], 2, axis=2))
+    by_x, by_rate = jnp.split(motion.slope[:, :, :-1], 2, axis=2)
+    slopes = by_x, by_rate
     multipliers = of_slopes(slopes, system.period).values  # the orbit's, with slopes
     free = modes(slopes, motion.slope[:, :, -1], system.period, multipliers)
     return Linearised(system, angle, motion, force, depth, slopes, multipliers, free)
