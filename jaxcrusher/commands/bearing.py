@@ -16,7 +16,6 @@ from jaxcrusher.commands.crushers import (
     read_axes,
     read_crusher,
     settings_of,
-    units_given,
     write_dataset,
 )
 from jaxcrusher.commands.options import Bearing
@@ -42,7 +41,7 @@ from jaxcrusher.motion.bearing_sheet import (
     shaking_rms,
 )
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
-from jaxcrusher.scenes.echo import all_said
+from jaxcrusher.scenes.echo import all_said, units_of
 from jaxcrusher.scenes.plausibility import remarks
 
 # Unit -> that of the screen, and how many of it the first is.
@@ -60,9 +59,9 @@ def run(options: Bearing, console: Console) -> int:
     """Run, print, write; 1 if a run failed. ValueError for bad options."""
     require_positive("seconds", options.seconds, "s")
     require_turns(options.settle, options.turns)
-    values = read_crusher(options.crusher)
+    machine = read_crusher(options.crusher)
     axes = read_axes(options.over) if options.over else {}
-    units = units_given(options.crusher, bounds(options.over))
+    values, units = machine.values, machine.units | units_of(bounds(options.over))
     designs = [dict(zip(axes, point, strict=True)) for point in itertools.product(*axes.values())]
     for design in designs:
         remarks({**values, **design})

@@ -1,6 +1,5 @@
 """The crushers and grids that a command line names, in SI units, and what results are kept by."""
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.described import Described, described
-from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import CHOICES
 from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_defaults, tell_unusual
@@ -39,24 +37,16 @@ def read_machine(crusher: Crusher) -> Described:
     return found
 
 
-def read_crusher(crusher: Crusher) -> dict[str, Any]:
-    """Return every name of a crusher with its value.
-
-    Raises ValueError as `read_machine` does, and for another linkage.
-    """
+def read_crusher(crusher: Crusher) -> Described:
+    """Return what is described; ValueError as `read_machine` says, and for another linkage."""
     found = read_machine(crusher)
     crusher_of(found.scene)
-    return found.values
+    return found
 
 
 def borrowed_by(crusher: Crusher, found: Described) -> list[str]:
     """Return which numbers of a crusher its scene file leaves to the PE250x400; none without."""
     return [] if crusher.scene is None or found.make is not None else borrowed(found.given)
-
-
-def units_given(crusher: Crusher, written: Iterable[tuple[str, str]] = ()) -> dict[str, str]:
-    """The units that a crusher's numbers, and further ones, are written in; the last one counts."""
-    return units_of_file(crusher.scene) | units_of((*crusher.overrides, *written))
 
 
 def settings_of(command: str, values: dict[str, Any], **numbers: Any) -> dict[str, Any]:

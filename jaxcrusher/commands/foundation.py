@@ -19,7 +19,7 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
-from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of, units_given
+from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of
 from jaxcrusher.commands.options import Crusher, Foundation
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
 from jaxcrusher.crusher.scene import Scene
@@ -135,7 +135,7 @@ def site_of(values: dict[str, Any], options: Foundation) -> Site:
 
 def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str, str]:
     """Return what the sheet is of: machine, joints, loads, masses, and what was assumed."""
-    units, values, scene, given = units_given(crusher), found.values, found.scene, found.given
+    units, values, scene, given = found.units, found.values, found.scene, found.given
     name = "PE250x400" if crusher.scene is None else crusher.scene.stem
     if crusher.overrides:
         name += f" with {', '.join(f'{key} {value}' for key, value in crusher.overrides)}"

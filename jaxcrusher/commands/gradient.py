@@ -9,7 +9,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.commands.crushers import read_moving, settings_of, units_given
+from jaxcrusher.commands.crushers import read_moving, settings_of
 from jaxcrusher.commands.options import Gradient
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.dynamics.slopes import GradientReport
@@ -33,8 +33,7 @@ def run(options: Gradient, console: Console) -> int:
     names = "settle", "turns", "radius", "pairs", "seed", "rtol"
     asked = {"metric": metric, "by": by} | {name: getattr(options, name) for name in names}
     values, unit = found.values, found.scene.statistics[metric].unit
-    given = units_given(options.crusher)
-    units = {name: unit_of(name, given)[0] for name in by}
+    units = {name: unit_of(name, found.units)[0] for name in by}
     settings = settings_of("gradient", values, **asked, units=units, **found.structure)
     path = options.results.folder / "gradient.json"
     keep_beside(options.results.folder / SETTINGS, settings, path.name)
@@ -60,7 +59,7 @@ def run(options: Gradient, console: Console) -> int:
             progress=lambda stage: status.update(f"{stage} (with compilation up to a minute)"),
         )
     told = ", ".join(f"by {name} {per(unit, of)}" for name, of in units.items())
-    kept = content(report, unit) | {"told": f"{shown(report, given)}\nunits: {told}"}
+    kept = content(report, unit) | {"told": f"{shown(report, found.units)}\nunits: {told}"}
     write_json(path, provenance("Slopes", scene=values) | kept)
     return _tell(kept, str(path), console)
 

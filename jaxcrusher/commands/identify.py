@@ -12,7 +12,7 @@ from rich.console import Console
 from scipy.stats import chi2
 
 from jaxcrusher.basics.checks import require
-from jaxcrusher.commands.crushers import read_machine, settings_of, units_given
+from jaxcrusher.commands.crushers import read_machine, settings_of
 from jaxcrusher.commands.options import Identify
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
@@ -55,8 +55,7 @@ def run(options: Identify, console: Console) -> int:
     folder = begin_beside(options.results.folder, settings, *FILES)
     with stages(console, "solving (the first time a minute, most of it compilation)"):
         found = identify(machine, measured, options.free, priors=priors, starts=options.starts)
-    units = units_given(options.crusher)
-    console.print("\n".join(found.lines(units)), markup=False)
+    console.print("\n".join(found.lines(machine.units)), markup=False)
     further = []
     if options.noise:
         with stages(console, "looking for what tells most"):
@@ -77,7 +76,7 @@ def run(options: Identify, console: Console) -> int:
         | {"untold": [asdict(one) for one in found.untold], "remarks": found.remarks}
         | {"further": [asdict(one) for one in further]},
     )
-    draw(found, units, folder / "identified.png")
+    draw(found, machine.units, folder / "identified.png")
     console.print(listed(folder, FILES))
     return 0
 

@@ -19,7 +19,6 @@ from jaxcrusher.commands.crushers import (
     borrowed_by,
     read_machine,
     settings_of,
-    units_given,
     write_dataset,
 )
 from jaxcrusher.commands.options import Orbit
@@ -88,8 +87,7 @@ def run(options: Orbit, console: Console) -> int:
     draw(orbit, folder / "orbit.png")
     for line in summary(orbit):
         console.print(line)
-    units = units_given(options.crusher)
-    marked = borrowed_by(options.crusher, found)
+    units, marked = found.units, borrowed_by(options.crusher, found)
     console.print(table(orbit, slopes, values, units, marked), soft_wrap=False)
     for line in notes(values, units, marked, slopes):
         console.print(line)

@@ -12,7 +12,7 @@ from rich.markup import escape
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
-from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, settings_of, units_given
+from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, settings_of
 from jaxcrusher.commands.options import Regimes
 from jaxcrusher.dynamics.regime import LEAST_TURNS, Regime
 from jaxcrusher.files import table
@@ -23,7 +23,7 @@ from jaxcrusher.files.resume import earlier, keep_beside
 from jaxcrusher.files.table import Column, columns_of
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistics import of_whirl
-from jaxcrusher.scenes.echo import all_said
+from jaxcrusher.scenes.echo import all_said, units_of
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, SITE
 from jaxcrusher.scenes.plausibility import remarks
@@ -45,7 +45,7 @@ def run(options: Regimes, console: Console) -> int:
     found, designs = read_moving(options.crusher), read_designs(options)
     values, outputs = found.values, of_whirl(found.scene)
     columns = COLUMNS | columns_of(found.scene.statistics, outputs)
-    units = _units(options)
+    units = found.units | _units(options)
     for name, least in (("settle", 0), ("turns", LEAST_TURNS), ("tangent_turns", 1)):
         require_whole(name, getattr(options, name), least)
     require_tolerance(options.rtol)
@@ -181,4 +181,4 @@ def _units(options: Regimes) -> dict[str, str]:
     """Return the units in which the designs were given."""
     parts = [part.partition("=") for text in options.design for part in text.split(",")]
     designs = [(name.strip(), value) for name, _, value in parts]
-    return units_given(options.crusher, (*bounds(options.over), *designs))
+    return units_of((*bounds(options.over), *designs))

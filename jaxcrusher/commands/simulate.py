@@ -15,7 +15,7 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.commands.crushers import read_machine, settings_of, units_given, write_dataset
+from jaxcrusher.commands.crushers import read_machine, settings_of, write_dataset
 from jaxcrusher.commands.options import Simulate
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.progress import progress
@@ -77,9 +77,7 @@ def run(options: Simulate, console: Console) -> int:
             write_dataset(folder / name, kept)
         bars.update(bar, completed=1, description="figure")
         drawn = times >= (0 if motion.failure else times[-1] - DRAWN * turn)
-        write_figure(
-            folder / "motion.png", draw(motion, scene, drawn, units_given(options.crusher))
-        )
+        write_figure(folder / "motion.png", draw(motion, scene, drawn, found.units))
         bars.update(bar, completed=2, description="statistics")
         summary = None
         if bool(motion.success) and whole >= 1:

@@ -12,13 +12,13 @@ from rich.console import Console
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.batch.sweep import sweep
-from jaxcrusher.commands.crushers import bounds, read_axes, read_machine, units_given, write_dataset
+from jaxcrusher.commands.crushers import bounds, read_axes, read_machine, write_dataset
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.files.table import digits
 from jaxcrusher.pictures.plots import plot_sweep
-from jaxcrusher.scenes.echo import all_said
+from jaxcrusher.scenes.echo import all_said, units_of
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, POINTS, SITE
 from jaxcrusher.scenes.plausibility import require_possible
 
@@ -60,7 +60,7 @@ def run(options: Sweep, console: Console) -> int:
     written = [folder / "sweep.zarr", *(folder / name for name, wanted in asked.items() if wanted)]
     for path in written[1:]:
         write_dataset(path, grid.load())
-    units = units_given(options.crusher, bounds(options.over))
+    units = found.units | units_of(bounds(options.over))
     if len(axes) == 2 and not set(axes) & set(CHOICES):
         written.append(folder / "sweep.png")
         fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")

@@ -1,12 +1,13 @@
 """The scene that a file describes, a crusher's or that of any linkage."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from jaxcrusher.basics.checks import require_choice
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.scenes.build import build_scene, by_stroke
+from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.linkages import read_linkage, require_closing
 from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.scenes.scene_file import (
@@ -27,6 +28,7 @@ class Described(NamedTuple):
     scene: AbstractScene
     make: Callable[..., AbstractScene] | None  # None: `jaxcrusher.build_scene`
     given: dict[str, Any]  # those of the values that were written
+    units: dict[str, str]  # that they were written in
     defaults: tuple[str, ...] = ()  # of a linkage, names that were not
 
     @property
@@ -50,7 +52,7 @@ def kind_of(path: Path | None) -> str:
     return kind
 
 
-def described(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> Described:
+def described(path: Path | None, overrides: Sequence[tuple[str, str]] = ()) -> Described:
     """Return the scene of a file and of what overrides it; None is the paper's crusher.
 
     Raises ValueError of one line for what cannot be read or built.
@@ -63,13 +65,17 @@ def described(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> D
         left = tuple(name for name in defaults if name not in changed)
         scene = drawing(**values)
         require_closing(scene)
-        return Described(values, scene, drawing, values, left)
+        return Described(values, scene, drawing, values, _units(path, overrides), left)
     given = given_by(path, overrides)
     values = complete(given)
-    return Described(values, scene_of(values, path, given), None, given)
+    return Described(values, scene_of(values, path, given), None, given, _units(path, overrides))
 
 
-def given_by(path: Path | None, overrides: Iterable[tuple[str, str]] = ()) -> dict[str, Any]:
+def _units(path: Path | None, overrides: Sequence[tuple[str, str]]) -> dict[str, str]:
+    return units_of_file(path) | units_of(overrides)
+
+
+def given_by(path: Path | None, overrides: Sequence[tuple[str, str]] = ()) -> dict[str, Any]:
     """Return the values that a crusher's scene file and what overrides it give."""
     if path is None:
         return by_stroke(read_overrides(overrides))

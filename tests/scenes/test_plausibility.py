@@ -84,7 +84,7 @@ def test_what_cannot_be_is_refused(values, name):
 
 def test_a_command_tells_what_an_example_on_rollers_leaves(capsys):
     path = Path(__file__).parents[2] / "examples" / "pe900x1200.toml"
-    values = read_crusher(Crusher(scene=path))
+    values = read_crusher(Crusher(scene=path)).values
     assert values["contact_law"] == "rollers"
     assert "pe900x1200.toml leaves 2 numbers to the PE250x400" in capsys.readouterr().err
 

@@ -277,6 +277,25 @@ def test_a_sweep_with_a_failed_design_is_written_and_ends_with_1(tmp_path, monke
     assert run(*line)[0] == 0
 
 
+def test_a_scene_file_may_go_while_a_sweep_computes(tmp_path, monkeypatch):
+    """It is read once: what took hours is told in the units that the file had."""
+    file = tmp_path / "mine.toml"
+    file.write_text('speed = "250 rpm"\nload_law = "normal_to_jaw"\n')
+    told = {"foundation_rms": [1e4, 2e4], "success": [True, True]}
+    told |= {"whirl": [False, False], "inside_model": [True, True]}
+    speeds = {"speed": [25.0, 30.0]}
+
+    def computed(*_, **__):
+        file.unlink()
+        return xr.Dataset({name: ("speed", values) for name, values in told.items()}, speeds)
+
+    monkeypatch.setattr(sweep, "sweep", computed)
+    monkeypatch.setattr(sweep, "plot_sweep", lambda *_, **__: None)
+    line = ("sweep", "--over", "speed", "25", "30rad/s", 2, "--scene", file, "--out", tmp_path)
+    status, text = run(*line)
+    assert status == 0 and "least RMS force on the foundation 10000 N" in text
+
+
 @pytest.fixture
 def verdicts(monkeypatch):
     """In place of `jaxcrusher.regime`, whose work is tested elsewhere: the speeds it is asked."""
