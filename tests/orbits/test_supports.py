@@ -1,6 +1,5 @@
 """Periodic orbits of a frame on supports: closed form, limits, long integrations, slopes."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -188,51 +187,6 @@ def test_power_over_a_period():
     ideal, sliding = works
     assert float(ideal.support_loss[1]) > 0.1 and abs(float(ideal.load_work[1])) > 10
     assert float(sliding.friction_loss[1]) > 10
-
-
-@pytest.mark.slow
-def test_slopes():
-    """By numbers of frame, springs and machine, against central differences of orbits."""
-    given = {**BLOCK, "load_law": "normal_to_jaw", **springs(4e7, 6e4)}
-    names = (
-        "speed",
-        "gravity",
-        "counterweight.mass",
-        "foundation.mass",
-        "foundation.x",
-        "foundation.base",
-        "foundation.left",
-        "foundation.horizontal_stiffness",
-        "foundation.vertical_damping",
-    )
-    given |= {"speed": 30.0, "gravity": 9.81, "counterweight.mass": 10.0}
-    given |= {"foundation.base": -0.6, "foundation.left": -0.7}
-    at = np.array([given[name] for name in names])
-
-    def value(shares):
-        values = given | {name: shares[i] * at[i] for i, name in enumerate(names)}
-        orbit = jc.periodic_orbit(jc.build_scene(values), nodes=96)
-        return jnp.stack([orbit.transmitted_rms, orbit.frame_velocity_rms * 1e5])
-
-    # One program gives values and slopes both ways: it compiles for longer than it computes.
-    @jax.jit
-    def with_slopes(shares):
-        found, along = jax.linearize(value, shares)
-        back = jax.linear_transpose(along, shares)
-        return found, jax.vmap(along, out_axes=1)(jnp.eye(len(shares))), back(jnp.eye(2)[0])[0]
-
-    one = jnp.ones(len(names))
-    _, forward, reverse = with_slopes(one)
-    np.testing.assert_allclose(reverse, forward[0], rtol=1e-8, atol=1e-6)
-    step = 1e-4
-    for i, shift in enumerate(step * np.eye(len(names))):
-        above, *_ = with_slopes(one + shift)
-        below, *_ = with_slopes(one - shift)
-        differences = (above - below) / (2 * step)
-        # Errors of differences: a third derivative over 1e-8, and rounding of 1e-11 over 1e-4.
-        np.testing.assert_allclose(
-            forward[:, i], differences, rtol=1e-5, atol=1e-3, err_msg=names[i]
-        )
 
 
 @pytest.mark.slow
