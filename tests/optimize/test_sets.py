@@ -32,7 +32,7 @@ def balance():
 def test_slopes_of_all_nine_numbers(balance):
     case, step = balance.case, 0.01
     point = np.array([0.3, 0.6, 0.7, 0.3, 0.4, 0.6, 0.5, 0.4, 0.6])
-    first, beside = case.design.unit(balance.reference), step * np.eye(9)
+    first, beside = case.design.unit(balance.searched.reference), step * np.eye(9)
     rows = orbits.solve(case, np.concatenate([[first, point], point + beside, point - beside]))
     # Printed for the ideal joint by two independent programs as 19 099 N; clearance adds 0.02 %.
     assert rows["objective"][0] == pytest.approx(19_099, rel=5e-4)
