@@ -70,8 +70,8 @@ def run(options: Bearing, console: Console) -> int:
     settings = settings_of("bearing", values, over=axes, **numbers)
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
-    def ended(cases: Sequence[tuple[str, Scene]]) -> list[tuple[str, Turns]]:
-        """Run crushers; return those that come to their end, and print why others do not."""
+    def ended(cases: Sequence[tuple[str, Scene]]) -> dict[int, tuple[str, Turns]]:
+        """Run crushers; say why some fail, and return the others by their place."""
         how = {"settle": options.settle, "turns": options.turns}
         runs = []
         for title, scene in cases:
@@ -81,12 +81,13 @@ def run(options: Bearing, console: Console) -> int:
         for title, run in runs:
             if run.failure:
                 console.print(f"FAILED{', ' * bool(title)}{title}: {run.failure}", style="red")
-        return [(title, run) for title, run in runs if not run.failure]
+        return {i: runs[i] for i in range(len(runs)) if not runs[i][1].failure}
 
     titles = [all_said(design, units) for design in designs]
-    found = ended(list(zip(titles, scenes, strict=True)))
-    if not found:
+    by_place = ended(list(zip(titles, scenes, strict=True)))
+    if not by_place:
         return 1
+    found = list(by_place.values())
     status = int(len(found) < len(scenes))
     kept = dataset(found, values)
     write_dataset(folder / "bearing.csv", kept)
@@ -99,13 +100,13 @@ def run(options: Bearing, console: Console) -> int:
     for line in (*verdicts(kept), *clearances(found)):
         console.print(line)
     if (lost := float(kept.impacts.sel(bearing="main")[0])) and np.isfinite(lost):
-        first, _ = found[0]
-        variants, refused = variants_of({**values, **designs[titles.index(first)]}, units)
+        place, (first, _) = next(iter(by_place.items()))
+        variants, refused = variants_of({**values, **designs[place]}, units)
         for line in refused:
             console.print(line)
         if variants:
             whole = ended(list(variants.items()))
-            beside = dataset([found[0], *whole], values)
+            beside = dataset([found[0], *whole.values()], values)
             rests = ["peak_load", "impacts", "impact_speed", "contact_lost"]
             title = f"bearing A{', ' * bool(first)}{first}: impacts rest on what is assumed"
             console.print(shown(beside.sel(bearing="main", drop=True), title, rests))
