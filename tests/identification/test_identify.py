@@ -104,24 +104,25 @@ def test_means_rms_values_and_statistics_tell_as_well():
 
 
 def coverage(name, draws):
-    """How many draws have the truth in their ellipse of 95 %, and their mean chi-square.
+    """How many draws have the truth in their ellipse of 95 %, and in each of their intervals.
 
     They begin near the truth; that others come to the same is for exact data.
     """
     machine, exact, free = MACHINES[name]
     right, names = truth(name, free), [*free]
     free = dict(zip(names, 1.02 * right, strict=True))
-    inside, sums = 0, []
+    inside, within, sums = 0, np.zeros(len(free)), []
     for seed in range(draws):
         data = noisy(exact, np.random.default_rng(seed))
         found = identify({**machine, **free}, data, names, starts=1, nodes=NODES)
         off = np.array([*found.values.values()]) - right
         inside += off @ np.linalg.solve(found.covariance, off) <= chi2.ppf(0.95, len(off))
+        within += np.abs(off) <= 1.96 * np.sqrt(np.diag(found.covariance))
         sums.append(found.chi_square)
         # The sum of squares is least: at the start its slopes are some 1e4.
         residuals, slopes = found.problem.at(np.array([*found.values.values()]) / [*free.values()])
         assert np.abs(slopes.T @ residuals).max() < 5e-3
-    return inside, np.mean(sums), found.freedom
+    return inside, within, np.mean(sums), found.freedom
 
 
 @pytest.mark.parametrize("phases", [True, False])
@@ -133,8 +134,17 @@ def test_errors_that_are_not_linear_are_said(phases):
 
 
 def test_few_draws_are_covered():
-    inside, mean, freedom = coverage("crusher", 12)
+    inside, _, mean, freedom = coverage("crusher", 12)
     # Of 12 draws at 95 % fewer than 9 are inside in one case of 500.
     assert inside >= 9
     # Means of 12 chi-squares scatter by sqrt(2 n / 12): four times that.
     assert mean == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom / 12))
+
+
+@pytest.mark.slow
+def test_coverage_of_many_draws():
+    inside, within, mean, freedom = coverage("crusher", 100)
+    # 95 of 100, and three standard deviations of a count: sqrt(100 * 0.95 * 0.05) = 2.2.
+    for count in (inside, *within):
+        assert abs(count - 95) <= 6
+    assert mean == pytest.approx(freedom, abs=4 * np.sqrt(2 * freedom / 100))
