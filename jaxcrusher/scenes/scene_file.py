@@ -343,12 +343,12 @@ def quantity_in(unit: str, name: str, text: str) -> float:
         written = "rpm"
     registry = _registry()
     try:
-        wanted = _parse_unit(unit)
+        wanted = parse_unit(unit)
     except (pint.UndefinedUnitError, ValueError):
         must = 'be of a law that gives its field a known unit, such as "N/m^1.5"'
         require(False, name, must, f"in {unit!r}")
     try:
-        given = _parse_unit(written)
+        given = parse_unit(written)
         number = registry.Quantity(Decimal(match[1]), given)
         # Compared by base units, because pint takes rad/s for 1/s.
         base, wanted_base = (registry.get_base_units(each)[1] for each in (given, wanted))
@@ -383,7 +383,8 @@ def _registry() -> Any:
     return registry
 
 
-def _parse_unit(text: str) -> pint.Unit:
+def parse_unit(text: str) -> pint.Unit:
+    """Return the unit of a text such as "kg m2"; "1" is that of a number without one."""
     if text == "1":
         return _registry().dimensionless
     if not _UNIT.fullmatch(text):

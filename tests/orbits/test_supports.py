@@ -1,4 +1,4 @@
-"""Periodic orbits of a frame on supports: closed form, limits, long integrations, slopes."""
+"""Periodic orbits of a frame on supports: closed form, limits, long integrations."""
 
 import jax.numpy as jnp
 import numpy as np
