@@ -26,6 +26,8 @@ def documented(tmp_path_factory) -> set[str]:
     assert done.returncode == 0, done.stderr
     formulas = (site / "model.html").read_text()
     assert formulas.count("<math") > 50 and "arithmatex" not in formulas
+    # A table that follows a line of text stays text.
+    assert [page.name for page in site.rglob("*.html") if "|---" in page.read_text()] == []
     # Sphinx's format: four lines of header, then a name and its place a line.
     inventory = zlib.decompress((site / "objects.inv").read_bytes().split(b"\n", 4)[4]).decode()
     return {line.split()[0] for line in inventory.splitlines()}
