@@ -1,6 +1,7 @@
 """A process set up before its first computation; which tests run, and what they compile."""
 
 import atexit
+import ctypes
 import gc
 import itertools
 import mmap
@@ -134,9 +135,12 @@ def forget_programs():
     """Keep compiled programs for the files that follow, as long as there is memory for them."""
     yield
     memory = pathlib.Path("/proc/self/statm")
-    if not memory.exists() or int(memory.read_text().split()[1]) * mmap.PAGESIZE > ENOUGH:
+    known = memory.exists()
+    if not known or int(memory.read_text().split()[1]) * mmap.PAGESIZE > ENOUGH:
         jax.clear_caches()
         gc.collect()
+        if known:  # glibc keeps what is freed: memory would seem full after each file that follows
+            getattr(ctypes.CDLL(None), "malloc_trim", lambda _: None)(0)
 
 
 @pytest.fixture(autouse=True)
