@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxcrusher.batch.engines import run_all, stack
-from jaxcrusher.orbits.transient import places, section_points
+from jaxcrusher.orbits.oscillation import places
+from jaxcrusher.orbits.transient import section_points
 from optimize.answer import Confirmed, Decay, Orbit
 from optimize.case import Case
 from optimize.evaluate import started

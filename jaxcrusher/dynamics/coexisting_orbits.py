@@ -19,15 +19,21 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all
 from jaxcrusher.batch.points import make_grid
 from jaxcrusher.batch.store import Layout, opened
-from jaxcrusher.dynamics.oscillation import Oscillation, distance, oscillation_about, section_of
 from jaxcrusher.files.table import COLUMNS, digits
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene, require_steady
 from jaxcrusher.motion.flow import initial_state
+from jaxcrusher.orbits.oscillation import (
+    NEAR,
+    Oscillation,
+    distance,
+    oscillation_about,
+    section_of,
+)
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
-from jaxcrusher.orbits.transient import NEAR, WAIT_RTOL, section_points
+from jaxcrusher.orbits.transient import WAIT_RTOL, section_points
 
 # A run is looked at so many times; the orbits searched for, and a multiple of all their periods.
 LOOKS, PERIODS, CYCLE = 4, (1, 2, 3, 4), 12

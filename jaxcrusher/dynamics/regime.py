@@ -9,7 +9,6 @@ from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_untraced, require_whole
 from jaxcrusher.basics.integrate import Outcome
-from jaxcrusher.dynamics.oscillation import distance, oscillation_about, section_of
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
@@ -28,6 +27,7 @@ from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.statistics import Statistics, of_whirl
 from jaxcrusher.motion.tangents import SLICES, Tangents
 from jaxcrusher.orbits.forced import refusal
+from jaxcrusher.orbits.oscillation import oscillation_about, section_of
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES
@@ -111,6 +111,20 @@ def classify(
     their Jacobians; it is not called for a whirl or a failure.
     """
     record = _record(scene, settle_turns, turns, rtol)
+    return judged(record, rtol, further, lambda: _orbit_in_contact(scene, record))
+
+
+def judged(
+    record: Section,
+    rtol: float,
+    further: Callable[[Array], Section | Tangents],
+    in_contact: Callable[[], PeriodicOrbit | None],
+) -> Regime:
+    """Return the regime of section points, from what the indicators say of them.
+
+    `in_contact` finds the orbit that they swing about without leaving contact; it is not called
+    for a whirl, a failure or chaos.
+    """
     points, summary = np.asarray(record.states), record.statistics
     if not bool(summary.success):
         return Regime("failed", (summary.failure,), statistics=summary)
@@ -138,7 +152,7 @@ def classify(
     # Without that test a growth that a swing may have too is none.
     grows = exponents.positive and (zero_one is not None or largest > CHAOS)
     name = verdict(period, grows, zero_one, trending=significant, neutral=exponents.neutral)
-    orbit = None if name == "chaotic" else _orbit_in_contact(scene, record)
+    orbit = None if name == "chaotic" else in_contact()
     if orbit is not None:
         # Of neither a torus nor a limit does it tell that a window sees no change in.
         name = "periodic" if name == "periodic" else "not settled"
@@ -163,7 +177,7 @@ def _orbit_in_contact(scene: AbstractScene, record: Section) -> PeriodicOrbit | 
     if not bool(orbit.stable):
         return None
     swing = oscillation_about(np.asarray(record.states), 1, len(scene.joints))
-    return orbit if distance(section_of(orbit), swing.middle) < swing.allowed else None
+    return orbit if swing.is_about(section_of(orbit)) else None
 
 
 def _record(scene: AbstractScene, settle_turns: int, turns: int, rtol: float) -> Section:

@@ -46,10 +46,6 @@ REPEATED = 1e-4
 # How far a disturbance is from a motion, in clearances and m/s, at first and when it has grown.
 APART, FAR = 1e-5, 0.1
 
-# An orbit is the mean of a swing if it is no further from it, as a share of its spread and in
-# clearances.
-ABOUT, NEAR = 0.25, 1e-3
-
 _LOG = logging.getLogger(__name__)
 
 # A section point, and the scene that moves from it.
@@ -107,19 +103,6 @@ def one_period(
     return jnp.concatenate([coordinates(state)[None], path]), outcome.success
 
 
-def places(
-    states: Float[np.ndarray, "*turns dims"], joints: int
-) -> Float[np.ndarray, "*turns half"]:
-    """Return the eccentricities of section points, which begin with four numbers a loose joint."""
-    of_joints = states[..., : 4 * joints].reshape(*states.shape[:-1], joints, 4)
-    return of_joints[..., :2].reshape(*states.shape[:-1], 2 * joints)
-
-
-def allowed(spread: float) -> float:
-    """Return how far an orbit may be from the mean of a swing about it, both in clearances."""
-    return max(ABOUT * spread, NEAR)
-
-
 @eqx.filter_jit
 def piece(case: SceneAt) -> tuple[Float[Array, "turns dims"], Outcome]:
     """Return the section points of the next `PIECE` turns from a state, and how they ended."""
@@ -147,14 +130,6 @@ class Round:
         for turns in periods:
             yield turns, jnp.asarray(self.states[turns - 1 :: turns].mean(axis=0))
 
-    def swings_about(self, section: Array, joints: int) -> bool:
-        """Tell whether the pins of so many loose joints swing about an orbit's section point."""
-        pins = places(self.states, joints)
-        middle = pins.mean(axis=0)
-        spread = float(np.sqrt(np.mean((pins - middle) ** 2)))
-        apart = middle - places(np.asarray(section), joints)
-        return float(np.sqrt(np.mean(apart**2))) < allowed(spread)
-
     def repeats_after(self) -> int | None:
         """Return the least number of turns, up to `LONGEST`, after which the points repeat."""
         return detect_period(self.states, longest=LONGEST, tolerance=0.0, noise=REPEATED)
@@ -164,34 +139,60 @@ class Round:
         return float(np.sqrt(np.mean((parts - parts.mean(axis=0)) ** 2)))
 
 
-class Wait:
-    """A motion from the pins at rest, waited for within an effort, as far as it is asked for."""
+class FromRest:
+    """The motion of a scene from its pins at rest, in pieces of whole turns."""
 
-    def __init__(self, scene: AbstractScene, spent: Spent) -> None:
-        self._own, self.spent = scene, spent
+    def __init__(self, scene: AbstractScene) -> None:
+        self._own = scene
+
+    # Most orbits need no wait.
+    @functools.cached_property
+    def _begun(self) -> SceneAt:
+        return resting_start(self._own)
+
+    @property
+    def start(self) -> Array:
+        """Return the state with its pins at rest."""
+        return self._begun[0]
+
+    def piece(self, state: Array) -> tuple[Float[Array, "turns dims"], Outcome]:
+        """Return the section points of the next `PIECE` turns from a state, and how they ended."""
+        return piece((state, self._begun[1]))
+
+    def whirls(self, state: Array, most: int | None) -> tuple[bool, Outcome]:
+        """Return whether the next two turns whirl, in `most` steps, and how they ended."""
+        scene = self._begun[1]
+        outputs, method = of_whirl(scene), Method(max_steps=most)
+        seen = poincare_section(
+            scene, 0, 2, state=state, outputs=outputs, rtol=WAIT_RTOL, method=method
+        )
+        return bool(seen.statistics.whirl), seen.outcome
+
+    def one_period(
+        self, state: Array, turns: int
+    ) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
+        """Return e / c over so many turns from a section point, as `one_period` does."""
+        return one_period((state, self._begun[1]), period=turns)
+
+
+class Wait:
+    """A motion that is waited for within an effort, as far as it is asked for."""
+
+    def __init__(self, motion: FromRest, spent: Spent) -> None:
+        self.motion, self.spent = motion, spent
         self._ended: Array | None = None  # the state after all turns so far
         self._last: Round | None = None
         self._failure: RESULTS | None = None
 
-    # Most orbits need no wait.
-    @functools.cached_property
-    def _start(self) -> SceneAt:
-        return resting_start(self._own)
-
-    @property
-    def scene(self) -> AbstractScene:
-        """Return the scene that is waited for, with its pins at rest."""
-        return self._start[1]
-
     @property
     def _state(self) -> Array:
-        return self._start[0] if self._ended is None else self._ended
+        return self.motion.start if self._ended is None else self._ended
 
     def rounds(self) -> Iterator[Round]:
         """Yield the last half of more and more turns.
 
         They end where the motion fails or whirls, after the second round where it is chaotic, and
-        with what there is where the steps of the effort are spent.
+        with what there is where the effort has no steps for a piece and a look at what grows.
         """
         seen = np.zeros((0, len(self._state)))
         last = self.spent.bounds.turns // TURNS - 1
@@ -199,20 +200,20 @@ class Wait:
             if self._whirls() or self._failure is not None:
                 return
             _LOG.info("waiting: turns %d to %d from rest", turn * TURNS + 1, (turn + 1) * TURNS)
-            while len(seen) < (turn + 1) * TURNS and self.spent.affords(PIECE):
+            while len(seen) < (turn + 1) * TURNS and self.spent.affords(2 * PIECE):
                 begun = self._state
-                states, outcome = piece((begun, self.scene))
+                states, outcome = self.motion.piece(begun)
                 if not bool(outcome.success):
                     self._failure = RESULTS.not_integrated
                     return
                 self.spent.integrated(outcome, PIECE)
                 self.spent.turns += PIECE
                 seen, self._ended = np.concatenate([seen, states]), states[-1]
-            ends = not self.spent.affords(PIECE)
+            ends = not self.spent.affords(2 * PIECE)
             if len(seen) and (turn & (turn + 1) == 0 or ends):  # a power of two, or the last
                 # Before what would be in vain, and at the end for its name.
                 looks = turn in (0, 1, last) or ends
-                chaotic = looks and self._growth(begun, seen[-PIECE:]) > CHAOS
+                chaotic = looks and self.growth(begun, seen[-PIECE:]) > CHAOS
                 self._last = Round(seen[len(seen) // 2 :], chaotic)
                 yield self._last
                 ends |= chaotic and turn > 0
@@ -236,28 +237,26 @@ class Wait:
             return RESULTS.repeats
         return RESULTS.chaotic if self._last.chaotic else RESULTS.aperiodic
 
-    def _whirls(self) -> bool:
-        """Tell whether the next two turns whirl; of what fails or is too long a failure is kept."""
-        bounds, outputs = self.spent.bounds, of_whirl(self.scene)
-        # More steps a turn leave no piece of turns within the bound.
-        method = Method(max_steps=int(bounds.steps / PIECE) if bounds.bounded else None)
-        seen = poincare_section(
-            self.scene, 0, 2, state=self._state, outputs=outputs, rtol=WAIT_RTOL, method=method
-        )
-        self.spent.integrated(seen.outcome, 2)
-        if not bool(seen.success):
-            long = bool(seen.outcome.result == integration.RESULTS.max_steps_reached)
-            self._failure = RESULTS.too_long if long else RESULTS.not_integrated
-            return False
-        return bool(seen.statistics.whirl)
-
-    def _growth(self, begun: Array, states: Float[np.ndarray, "turns dims"]) -> float:
+    def growth(self, begun: Array, states: Float[np.ndarray, "turns dims"]) -> float:
         """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980).
 
         It is that of a motion beside the one whose section points are `states`, begun together.
         """
-        beside, outcome = piece((begun + APART / np.sqrt(begun.size), self.scene))
+        beside, outcome = self.motion.piece(begun + APART / np.sqrt(begun.size))
         self.spent.integrated(outcome, PIECE)
         apart = np.linalg.norm(beside - states, axis=1)
         turns = np.append(np.flatnonzero(apart > FAR), PIECE - 1)[0] + 1
         return float(np.log(apart[turns - 1] / APART) / turns)
+
+    def _whirls(self) -> bool:
+        """Tell whether the next two turns whirl; of what fails or is too long a failure is kept."""
+        bounds = self.spent.bounds
+        # More steps a turn leave no piece of turns within the bound.
+        most = int(bounds.steps / PIECE) if bounds.bounded else None
+        whirls, outcome = self.motion.whirls(self._state, most)
+        self.spent.integrated(outcome, 2)
+        if not bool(outcome.success):
+            long = bool(outcome.result == integration.RESULTS.max_steps_reached)
+            self._failure = RESULTS.too_long if long else RESULTS.not_integrated
+            return False
+        return whirls

@@ -14,6 +14,7 @@ before the third, which it leaves out where the motion from rest is chaotic.
 """
 
 import dataclasses
+import itertools
 import logging
 from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
@@ -27,6 +28,7 @@ from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.forced import unknowns
+from jaxcrusher.orbits.oscillation import NEAR, oscillation_about, places
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import (
     ORBIT_RTOL,
@@ -46,11 +48,9 @@ from jaxcrusher.orbits.solving import (
 )
 from jaxcrusher.orbits.transient import (
     LONGEST,
-    NEAR,
+    FromRest,
     Round,
     Wait,
-    one_period,
-    places,
     resting_start,
     section_mean,
 )
@@ -113,23 +113,27 @@ class OrbitSearch(NamedTuple):
         while True:
             self.spent.nodes.add(count)
             _LOG.info("Newton's method for a period of %d, %d nodes a turn", turns, count)
-            found, factors = solved(
-                self.still, self._start(guess, count * turns), turns, count * turns
-            )
-            way = found.way if way is None else way
-            found = dataclasses.replace(_resolved(self.still, found, turns), way=way)
-            sloped = with_statistics(self.scene, found, factors, turns)
-            orbit = without_slopes(sloped)
-            if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
-                orbit = with_statistics(self.still, found, factors, turns)
+            one, found = self.by_so_many(guess, turns, count)
+            way, orbit = found.way if way is None else way, one.orbit
             enough = count >= most or not self._wants_nodes(orbit)
             if enough and (not bool(orbit.success) or self._is_closed(orbit, found.closure)):
                 break
             if count >= most:
-                orbit = dataclasses.replace(orbit, result=RESULTS.not_closed)
+                one = one._replace(orbit=dataclasses.replace(orbit, result=RESULTS.not_closed))
                 break
             guess, count = orbit.eccentricity, 2 * count
-        return self.with_multipliers(Try(sloped, orbit), found)
+        return self.with_multipliers(one.replaced(way=way), found)
+
+    def by_so_many(self, guess: Array | None, turns: int, count: int) -> tuple[Try, Nodes]:
+        """Return the orbit with `count` nodes a turn, and what Newton's method came to."""
+        start = self._start(guess, count * turns)
+        found, factors = solved(self.still, start, turns, count * turns)
+        found = _resolved(self.still, found, turns)
+        sloped = with_statistics(self.scene, found, factors, turns)
+        orbit = without_slopes(sloped)
+        if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
+            orbit = with_statistics(self.still, found, factors, turns)
+        return Try(sloped, orbit), found
 
     def _start(self, guess: Array | None, nodes: int) -> Array:
         """Return a guess with so many nodes, NaN for none: one program serves both."""
@@ -196,6 +200,33 @@ class OrbitSearch(NamedTuple):
             return [shot]
         return [self.by_nodes(shot.orbit.eccentricity, turns, 2 * NODES).replaced(way=way), shot]
 
+    def doubled(self, orbit: PeriodicOrbit) -> Iterator[Try]:
+        """Yield shots from beside an unstable orbit until one leads to an orbit of twice its turns.
+
+        They start where the disturbance that changes sides leads.
+        """
+        turns, start = 2 * orbit.period, orbit.section
+        if turns > LONGEST or not self.can_shoot(start, turns):
+            return
+        found = closed(self.still, start, orbit.period)
+        if not bool(found.result == newton.RESULTS.successful):
+            return
+        values, vectors = np.linalg.eig(np.asarray(found.matrix))
+        way = np.real(vectors[:, np.argmin(np.where(np.imag(values), np.inf, np.real(values)))])
+        way /= np.max(np.abs(places(way, len(self.still.joints))))
+        for distance in BESIDE:
+            if not self.can_shoot(start, turns):
+                return
+            shots = self.by_shots(start + distance * way, turns, WAYS.doubling)
+            yield from shots
+            reached = shots[-1].orbit
+            if bool(reached.success) and not _is_near(reached.section, start):
+                return
+
+    def wait(self) -> Wait:
+        """Return the wait for the motion from rest, which has not begun."""
+        return Wait(FromRest(self.still), self.spent)
+
 
 def searched(search: OrbitSearch, nodes: int | None) -> PeriodicOrbit:
     """Return the stable orbit of a scene, with so many nodes a turn, or by all tries.
@@ -204,9 +235,9 @@ def searched(search: OrbitSearch, nodes: int | None) -> PeriodicOrbit:
     is none, why.
     """
     if nodes is not None:
-        return _best([search.by_nodes(search.guess, search.turns, nodes, nodes)])
-    wait = Wait(search.still, search.spent)
-    return _best(_with_doubled(search, _tries(search, wait)), wait)
+        return first_stable([search.by_nodes(search.guess, search.turns, nodes, nodes)])
+    wait = search.wait()
+    return first_stable(with_doubled(search, _tries(search, wait)), wait)
 
 
 def shot_for(search: OrbitSearch) -> PeriodicOrbit:
@@ -214,8 +245,8 @@ def shot_for(search: OrbitSearch) -> PeriodicOrbit:
 
     From the section point of a guess, and then from the means of turns that are waited for.
     """
-    wait = Wait(search.still, search.spent)
-    return _best(_shots(search, wait), wait)
+    wait = search.wait()
+    return first_stable(_shots(search, wait), wait)
 
 
 def shot_once(
@@ -230,7 +261,7 @@ def shot_once(
     return described(scene, closed(still, section, turns), turns)
 
 
-def _best(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbit:
+def first_stable(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbit:
     """Return the first stable orbit, or else the first."""
     found: list[Try] = []
     try:
@@ -278,7 +309,7 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
     def waited(rest: Round) -> Iterator[Try]:
         """Yield what the means of turns lead to; those of chaos lead nowhere that is stable."""
         for turns, mean in () if rest.chaotic else rest.means(search.period):
-            seen, success = one_period((mean, wait.scene), period=turns)
+            seen, success = wait.motion.one_period(mean, turns)
             if bool(success):
                 yield search.by_nodes(seen, turns).replaced(way=WAYS.waiting)
             yield from shots(mean, turns)
@@ -293,9 +324,10 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
 
     first, rounds = search.by_nodes(search.guess, turns), wait.rounds()
     if turns == 1 and bool(first.orbit.stable) and bool(first.orbit.way == WAYS.damping):
-        rest = next(rounds, None)
-        if rest is not None and not rest.swings_about(first.orbit.section, len(scene.joints)):
-            yield from waited(rest)
+        section = places(np.asarray(first.orbit.section)[None], len(scene.joints))
+        for rest in itertools.islice(rounds, 1):
+            if not oscillation_about(rest.states, 1, len(scene.joints)).is_about(section):
+                yield from waited(rest)
     yield first
     if search.section is not None:
         yield from shots(search.section)
@@ -310,7 +342,7 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
             yield from late  # once
 
 
-def _with_doubled(search: OrbitSearch, tries: Iterable[Try]) -> Iterator[Try]:
+def with_doubled(search: OrbitSearch, tries: Iterable[Try]) -> Iterator[Try]:
     """Yield tries, and behind an unstable orbit whose period has doubled those of twice its turns.
 
     A call that asks for a period has none of these.
@@ -324,31 +356,7 @@ def _with_doubled(search: OrbitSearch, tries: Iterable[Try]) -> Iterator[Try]:
         if any(_is_near(orbit.section, at) for at in left):
             continue
         left.append(orbit.section)
-        yield from _with_doubled(search, _doubled(search, orbit))
-
-
-def _doubled(search: OrbitSearch, orbit: PeriodicOrbit) -> Iterator[Try]:
-    """Yield shots from beside an unstable orbit until one leads to an orbit of twice its turns.
-
-    They start where the disturbance that changes sides leads.
-    """
-    turns, start = 2 * orbit.period, orbit.section
-    if turns > LONGEST or not search.can_shoot(start, turns):
-        return
-    found = closed(search.still, start, orbit.period)
-    if not bool(found.result == newton.RESULTS.successful):
-        return
-    values, vectors = np.linalg.eig(np.asarray(found.matrix))
-    way = np.real(vectors[:, np.argmin(np.where(np.imag(values), np.inf, np.real(values)))])
-    way /= np.max(np.abs(places(way, len(search.still.joints))))
-    for distance in BESIDE:
-        if not search.can_shoot(start, turns):
-            return
-        shots = search.by_shots(start + distance * way, turns, WAYS.doubling)
-        yield from shots
-        reached = shots[-1].orbit
-        if bool(reached.success) and not _is_near(reached.section, start):
-            return
+        yield from with_doubled(search, search.doubled(orbit))
 
 
 def _has_doubled(orbit: PeriodicOrbit) -> bool:

@@ -7,8 +7,8 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.dynamics import coexisting_orbits as module
+from jaxcrusher.orbits.oscillation import places
 from jaxcrusher.orbits.shot import shoot
-from jaxcrusher.orbits.transient import places
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,8 @@ def test_what_a_motion_swings_about():
 class Orbit:
     """As much of one as the bookkeeping asks for."""
 
-    scene = SimpleNamespace(leading="foundation_rms")
+    alone = SimpleNamespace(unwound=lambda state: state)
+    scene = SimpleNamespace(leading="foundation_rms", joints=["shaft"], formulation=alone)
 
     def __getitem__(self, name):
         return getattr(self, name)
@@ -110,6 +111,10 @@ class Orbit:
     def __init__(self, section, stable=True, least=0.02):
         self.section, self.stable, self.least_penetration = np.asarray(section), stable, least
         self.period, self.foundation_rms = len(section), 1.0 + np.sum(section)
+
+    def state(self, angle):
+        """At the beginning of a turn it is at rest."""
+        return np.append(self.section[round(angle / 2 / np.pi)], [0.0, 0.0])
 
 
 @pytest.mark.usefixtures("unchecked")  # what stands for scene and orbits is none
@@ -122,7 +127,6 @@ def test_known_orbits_are_not_shot_for_again(monkeypatch):
         return Orbit(two, stable=len(shots) > 2)
 
     monkeypatch.setattr(module, "shoot", shoot)
-    monkeypatch.setattr(module, "section_of", lambda orbit: orbit.section)
     known = module._Known(None, [Orbit(one)])
     wide = oscillation_about(one, 0.05)
     assert known.about(wide, 0.1) == 0 and not known.held(0, wide)
@@ -158,16 +162,14 @@ def test_an_orbit_is_one_whichever_of_its_turns_it_was_shot_over(monkeypatch):
     twice, once = Orbit([[0.1, 0.0], [0.1, 0.0]]), Orbit([[0.1, 0.0]])
     once.foundation_rms = twice.foundation_rms
     monkeypatch.setattr(module, "shoot", lambda scene, guess, period: once)
-    monkeypatch.setattr(module, "section_of", lambda orbit: orbit.section)
     known = module._Known(None, [twice])
     assert known.about(oscillation_about(once.section, 1e-4), 0.1) == 0
     assert len(known.orbits) == 1
 
 
 @pytest.mark.usefixtures("unchecked")  # what stands for orbits is none
-def test_orbits_that_are_mirror_images_are_two(monkeypatch):
+def test_orbits_that_are_mirror_images_are_two():
     """All statistics of the two are equal."""
-    monkeypatch.setattr(module, "section_of", lambda orbit: orbit.section)
     here, there = Orbit([[0.5, 0.0], [-0.2, 0.0]]), Orbit([[-0.5, 0.0], [0.2, 0.0]])
     again = Orbit([[-0.2, 0.0], [0.5, 0.0]] * 2)
     there.foundation_rms = again.foundation_rms = here.foundation_rms

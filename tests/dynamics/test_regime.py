@@ -47,17 +47,15 @@ def test_swing_that_hardly_decays_has_not_settled():
 
 @pytest.mark.usefixtures("unchecked")  # stand-ins for sections
 @pytest.mark.parametrize(("growth", "name"), [(0.1, "undecided"), (2.0, "chaotic")])
-def test_few_points_have_no_zero_one_test(growth, name, monkeypatch):
+def test_few_points_have_no_zero_one_test(growth, name):
     """Of twenty points of a torus it is 1, as of chaos; a swing may grow by 0.1 a turn for long."""
     angle = 2.4 * np.arange(20)
     points = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     summary = SimpleNamespace(success=True, whirl=False, state=points[-1])
     record = SimpleNamespace(states=points, statistics=summary)
-    monkeypatch.setattr(module, "_record", lambda *_: record)
-    monkeypatch.setattr(module, "_orbit_in_contact", lambda *_: None)
     grown = np.exp(growth / SLICES + 1e-3 * np.random.default_rng(0).normal(size=20 * SLICES))
     along = SimpleNamespace(jacobians=grown[:, None, None] * np.diag([1.0, 0.5]))
-    found = module.classify(None, 0, 20, 1e-10, lambda _: along)
+    found = module.judged(record, 1e-10, lambda _: along, lambda: None)
     assert found.name == name and found.zero_one is None
     assert "no 0-1 test of fewer than 200 points" in str(found)
 

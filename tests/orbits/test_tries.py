@@ -15,8 +15,16 @@ from jaxcrusher.orbits import forced, transient, tries
 from jaxcrusher.orbits.effort import EFFORTS, Spent
 from jaxcrusher.orbits.result import RESULTS, WAYS, missing
 from jaxcrusher.orbits.solving import solved
-from jaxcrusher.orbits.transient import Round, Wait, resting_start
-from jaxcrusher.orbits.tries import MOST_STEPS, UNSURE, OrbitSearch, Try, searched
+from jaxcrusher.orbits.transient import FromRest, Round, Wait, resting_start
+from jaxcrusher.orbits.tries import (
+    MOST_STEPS,
+    UNSURE,
+    OrbitSearch,
+    Try,
+    first_stable,
+    searched,
+    with_doubled,
+)
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import multipliers
 
@@ -102,7 +110,7 @@ def test_a_guess_is_not_left_for_the_pins_at_rest_under_jit():
     assert orbit.success and orbit.found.endswith("by a damping lowered to none")
 
 
-def test_the_first_stable_orbit_is_the_answer(monkeypatch):
+def test_the_first_stable_orbit_is_the_answer():
     """An unstable orbit that is found first is kept for the case that no try finds another."""
     scene = jc.paper_scene(27.0, 0.05e-3)
     stable = jc.periodic_orbit(scene, nodes=96)
@@ -111,16 +119,14 @@ def test_the_first_stable_orbit_is_the_answer(monkeypatch):
     made = {"stable": stable, "unstable": unstable, "none": none}
 
     def answer(*names):
-        tried = [Try(made[name], made[name]) for name in names]
-        monkeypatch.setattr(tries, "_tries", lambda *_: iter(tried))
-        return searched(OrbitSearch(scene, scene, None, None, None, Spent("usual")), None)
+        return first_stable(Try(made[name], made[name]) for name in names)
 
     assert answer("none", "unstable", "stable", "none").way == WAYS.rest
     assert answer("none", "unstable", "none").way == WAYS.guess
     assert not answer("none", "none").success
 
 
-def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles(monkeypatch):
+def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles():
     """A call that asks for a period, and an orbit that does not double, are left as they are."""
     scene = jc.paper_scene(27.0, 0.05e-3)
     stable, beside = jc.periodic_orbit(scene, nodes=96), []
@@ -128,12 +134,14 @@ def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles(monkeypa
     twice = dataclasses.replace(stable, way=WAYS.doubling)
 
     def answer(orbit, found, period=None):
+        class Search(OrbitSearch):
+            def doubled(self, orbit):
+                beside.append(orbit)
+                yield Try(found, found)
+
         beside.clear()
-        monkeypatch.setattr(tries, "_tries", lambda *_: iter([Try(orbit, orbit)] * 2))
-        shots = lambda _, one: beside.append(one) or iter([Try(found, found)])  # noqa: E731
-        monkeypatch.setattr(tries, "_doubled", shots)
-        search = OrbitSearch(scene, scene, None, None, period, Spent("thorough"))
-        return searched(search, None), len(beside)
+        search = Search(scene, scene, None, None, period, Spent("thorough"))
+        return first_stable(with_doubled(search, [Try(orbit, orbit)] * 2)), len(beside)
 
     orbit, count = answer(doubles, twice)
     assert orbit.way == WAYS.doubling and count == 1
@@ -180,25 +188,39 @@ def test_an_unstable_orbit_says_how_disturbances_grow():
     assert dataclasses.replace(orbit, result=RESULTS.whirl).instability == ""
 
 
-def swinging(monkeypatch, effort, steps=0, growth=0.1):
-    """Return a wait whose motion swings without end, `steps` of the integrator a turn."""
-    states = jnp.asarray(np.random.default_rng(0).uniform(size=(transient.PIECE, 4)))
-    ended = Outcome(fine().result, jnp.zeros(()), jnp.array(transient.PIECE * steps))
-    monkeypatch.setattr(transient, "piece", lambda case: (states, ended))
-    wait = Wait(jc.paper_scene(27.0, 0.05e-3), Spent(effort))
-    monkeypatch.setattr(wait, "_whirls", lambda: False)
-    monkeypatch.setattr(wait, "_growth", lambda *_: growth)
-    return wait
+class Swinging(FromRest):
+    """Turns at random, again and again; a motion beside goes off as exp(growth * turns)."""
+
+    def __init__(self, growth, steps=0, whirling=False):
+        """Take what disturbances grow by, steps of the integrator a turn, and whether it whirls."""
+        self.growth, self.steps, self.whirling = growth, steps, whirling
+        self.states = np.random.default_rng(0).uniform(size=(transient.PIECE, 4))
+
+    @property
+    def start(self):
+        return jnp.asarray(self.states[-1])
+
+    def piece(self, state):
+        grown = np.exp(self.growth * np.arange(1, transient.PIECE + 1))[:, None]
+        states = self.states + np.clip((state - self.states[-1]) * grown, -0.5, 0.5)
+        return jnp.asarray(states), self._ended(transient.PIECE)
+
+    def whirls(self, state, most):
+        return self.whirling, self._ended(0)
+
+    def one_period(self, state, turns):
+        return jnp.full((96, 2), 0.5), jnp.array(True)
+
+    def _ended(self, turns):
+        return Outcome(fine().result, jnp.zeros(()), jnp.array(turns * self.steps))
 
 
 @pytest.mark.parametrize(
     ("growth", "effort", "rounds"), [(0.1, "usual", 4), (2.0, "usual", 2), (0.1, "quick", 2)]
 )
-def test_a_swing_that_may_settle_is_waited_for_and_chaos_is_not(
-    monkeypatch, growth, effort, rounds
-):
+def test_a_swing_that_may_settle_is_waited_for_and_chaos_is_not(growth, effort, rounds):
     """At (38.687 rad/s, 0.10569 mm) disturbances grow by 0.07 a turn before the motion settles."""
-    wait = swinging(monkeypatch, effort, growth=growth)
+    wait = Wait(Swinging(growth), Spent(effort))
     seen = list(wait.rounds())
     assert len(seen) == rounds and [one.chaotic for one in seen] == [growth > 1] * rounds
     assert wait.spent.turns == len(seen[-1].states) * 2 == 120 * 2**rounds
@@ -206,22 +228,22 @@ def test_a_swing_that_may_settle_is_waited_for_and_chaos_is_not(
     assert wait.regime(RESULTS.not_closed) == name
 
 
-def test_a_wait_ends_where_its_steps_are_spent(monkeypatch):
-    """10 000 steps a turn: 96 turns are the most whole pieces of a million steps."""
-    wait = swinging(monkeypatch, "quick", steps=10_000)
+def test_a_wait_ends_where_its_steps_are_spent():
+    """10 000 steps a turn: 72 turns, and 24 beside them, are all pieces of a million steps."""
+    wait = Wait(Swinging(0.1, steps=10_000), Spent("quick"))
     (last,) = wait.rounds()
-    assert wait.spent.turns == 96 and len(last.states) == 48
-    assert wait.spent.steps <= EFFORTS["quick"].steps < wait.spent.steps + 240_000
+    assert wait.spent.turns == 72 and len(last.states) == 36
+    assert wait.spent.steps == 960_000 <= EFFORTS["quick"].steps
     said = wait.told()
     assert said.startswith("The motion from rest does not repeat within the wait")
-    assert "Tried: a wait of 96 turns." in said and 'effort="thorough"' in said
-    endless = swinging(monkeypatch, "thorough", steps=10_000)
+    assert "Tried: a wait of 72 turns." in said and 'effort="thorough"' in said
+    endless = Wait(Swinging(0.1, steps=10_000), Spent("thorough"))
     assert len(list(endless.rounds())) == 4 and endless.spent.turns == 1920
 
 
 def test_turns_of_more_steps_than_the_effort_has_are_not_waited_for():
     """Each turn of the paper's crusher takes some 600 steps."""
-    wait = Wait(jc.paper_scene(27.0, 0.05e-3), Spent("quick"))
+    wait = Wait(FromRest(jc.paper_scene(27.0, 0.05e-3)), Spent("quick"))
     wait.spent.bounds = wait.spent.bounds._replace(steps=200 * transient.PIECE)
     assert not list(wait.rounds()) and wait.spent.turns == 0
     assert wait.regime(RESULTS.not_closed) == RESULTS.too_long
@@ -253,54 +275,59 @@ def test_tangents_beyond_the_effort_are_not_integrated(monkeypatch, steps, integ
     assert 600 * turns < search.spent.steps < 2000 * turns
 
 
-def test_an_interrupted_search_says_what_it_knows(monkeypatch):
-    scene = jc.paper_scene(27.0, 0.05e-3)
+def test_an_interrupted_search_says_what_it_knows():
+    spent = Spent("usual")
+    spent.nodes.add(96)
 
-    def stopped(*_):
+    def stopped():
         raise KeyboardInterrupt
         yield
 
-    monkeypatch.setattr(tries, "_tries", stopped)
-    search = OrbitSearch(scene, scene, None, None, None, Spent("usual"))
-    search.spent.nodes.add(96)
     with pytest.raises(KeyboardInterrupt, match=r"no orbit yet\. Tried: 96 nodes a turn\."):
-        searched(search, None)
+        first_stable(stopped(), Wait(Swinging(0.1), spent))
 
 
 @pytest.mark.parametrize(("rate", "grows"), [(1.7, True), (0.05, False), (-0.5, False)])
-def test_growth_is_that_of_a_motion_beside(monkeypatch, rate, grows):
+def test_growth_is_that_of_a_motion_beside(rate, grows):
     """It is taken before the two motions are as far apart as they come."""
-    turns = np.arange(1, transient.PIECE + 1)
-    apart = np.minimum(transient.APART * np.exp(rate * turns), 0.5)[:, None] / 2 * np.ones(4)
-    ended = Outcome(fine().result, jnp.zeros(()), jnp.array(100))
-    monkeypatch.setattr(transient, "piece", lambda case: (apart, ended))
-    wait = Wait(jc.paper_scene(27.0, 0.05e-3), Spent("usual"))
-    growth = wait._growth(jnp.zeros(4), np.zeros_like(apart))
-    assert growth == pytest.approx(rate, rel=1e-12)  # rounding of the exponential
-    assert (growth > CHAOS) == grows and wait.spent.steps == 100
+    motion = Swinging(rate, steps=4)
+    wait = Wait(motion, Spent("usual"))
+    growth = wait.growth(motion.start, motion.states)
+    # A distance of 1e-5 is the difference of two numbers of 1, and grows by up to 1e-5 as it dies.
+    assert growth == pytest.approx(rate, rel=1e-6)
+    assert (growth > CHAOS) == grows and wait.spent.steps == 4 * transient.PIECE
 
 
-def test_each_effort_takes_its_tries_in_its_order(monkeypatch):
+def test_each_effort_takes_its_tries_in_its_order():
     """None of the tries leads anywhere."""
     scene, asked = jc.paper_scene(27.0, 0.05e-3), []
     orbit = missing(scene, 1, RESULTS.unresolved)
-    none, seen = Try(orbit, orbit), jnp.full((96, 2), 0.5)
+    none = Try(orbit, orbit)
     Found = dataclasses.make_dataclass("Found", ["way", "closure"])
 
-    def solved(scene, guess, turns, nodes):
-        asked.append(("rest" if np.isnan(guess).all() else "guess", nodes))
-        return Found(WAYS.rest, jnp.array(0.0)), None
+    class Still(Wait):
+        def rounds(self):
+            return iter(2 * [Round(np.zeros((120, 4)))])
 
-    monkeypatch.setattr(tries, "solved", solved)
-    monkeypatch.setattr(tries, "_resolved", lambda scene, found, turns: found)
-    monkeypatch.setattr(tries, "with_statistics", lambda *_: orbit)
-    monkeypatch.setattr(tries, "one_period", lambda *_, **__: (seen, jnp.array(True)))
-    monkeypatch.setattr(OrbitSearch, "with_multipliers", lambda *_: none)
-    shot = lambda self, start, turns: asked.append(("shot", turns)) or none  # noqa: E731
-    monkeypatch.setattr(OrbitSearch, "by_shooting", shot)
-    still = np.zeros((120, 4))
-    monkeypatch.setattr(Wait, "rounds", lambda self: iter(2 * [Round(still)]))
-    monkeypatch.setattr(Wait, "regime", lambda self, otherwise: RESULTS.aperiodic)
+        def regime(self, otherwise):
+            return RESULTS.aperiodic
+
+    class Search(OrbitSearch):
+        def by_so_many(self, guess, turns, count):
+            rest = guess is None or np.isnan(guess).all()
+            asked.append(("rest" if rest else "guess", count))
+            return none, Found(WAYS.rest, jnp.array(0.0))
+
+        def with_multipliers(self, found, nodes):
+            return none
+
+        def by_shooting(self, start, turns):
+            asked.append(("shot", turns))
+            return none
+
+        def wait(self):
+            return Still(Swinging(0.1), self.spent)
+
     rest, guess, shot = ("rest", 96), ("guess", 96), ("shot", 1)
     finer = [("rest", 192), ("rest", 384)]  # the orbit found first is NaN
     waited, brief = [guess, *finer, shot], [guess, shot]
@@ -311,8 +338,7 @@ def test_each_effort_takes_its_tries_in_its_order(monkeypatch):
     }
     for effort, tried in asks.items():
         asked.clear()
-        search = OrbitSearch(scene, scene, None, None, None, Spent(effort))
-        answer = searched(search, None)
+        answer = searched(Search(scene, scene, None, None, None, Spent(effort)), None)
         assert not answer.success and asked == tried
         counts = " and ".join(sorted({str(count) for _, count in tried} - {"1"}, key=int))
         assert f"Tried: {counts} nodes a turn" in answer.failure
@@ -358,9 +384,9 @@ def test_what_the_motion_does_beside_an_unstable_orbit_is_named():
     assert not orbit.success and orbit.failure.startswith(chaos)
 
 
-def test_a_motion_that_repeats_is_told_from_chaos(monkeypatch):
-    wait = Wait(jc.paper_scene(27.0, 0.05e-3), Spent("usual"))
-    monkeypatch.setattr(wait, "_whirls", lambda: False)
+def test_a_motion_that_repeats_is_told_from_chaos():
+    motion = Swinging(0.1)
+    wait = Wait(motion, Spent("usual"))
     assert wait.regime(RESULTS.not_closed) == RESULTS.not_closed
     wait._last = Round(np.tile([[0.1] * 4, [0.2] * 4], (120, 1)))
     assert wait.regime(RESULTS.not_closed) == RESULTS.repeats
@@ -368,5 +394,5 @@ def test_a_motion_that_repeats_is_told_from_chaos(monkeypatch):
     assert wait.regime(RESULTS.not_closed) == RESULTS.aperiodic
     wait._last = Round(wait._last.states, chaotic=True)
     assert wait.regime(RESULTS.not_closed) == RESULTS.chaotic
-    monkeypatch.setattr(wait, "_whirls", lambda: True)
+    motion.whirling = True
     assert wait.regime(RESULTS.not_closed) == RESULTS.whirl

@@ -7,7 +7,10 @@ from jaxtyping import Float
 
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.orbits.transient import allowed, places
+
+# An orbit is the mean of a swing if it is no further from it, as a share of its spread and in
+# clearances.
+ABOUT, NEAR = 0.25, 1e-3
 
 
 class Oscillation(NamedTuple):
@@ -20,7 +23,19 @@ class Oscillation(NamedTuple):
     @property
     def allowed(self) -> float:
         """Return how far the orbit of this oscillation may be from its centre, in clearances."""
-        return allowed(self.spread)
+        return max(ABOUT * self.spread, NEAR)
+
+    def is_about(self, section: Float[np.ndarray, "p half"]) -> bool:
+        """Tell whether the pins oscillate about an orbit's section points."""
+        return distance(section, self.middle) < self.allowed
+
+
+def places(
+    states: Float[np.ndarray, "*turns dims"], joints: int
+) -> Float[np.ndarray, "*turns half"]:
+    """Return the eccentricities of section points, which begin with four numbers a loose joint."""
+    of_joints = states[..., : 4 * joints].reshape(*states.shape[:-1], joints, 4)
+    return of_joints[..., :2].reshape(*states.shape[:-1], 2 * joints)
 
 
 def oscillation_about(
