@@ -93,6 +93,9 @@ def test_what_a_motion_swings_about():
         np.testing.assert_allclose(swing.centre[:, :2], section, atol=0.05 / 20)
         # A circle of radius r is r / sqrt(2) wide in each direction.
         np.testing.assert_allclose(swing.spread, 0.05 / np.sqrt(2), rtol=0.01)
+        # An orbit that far off is none that it swings about: a quarter of the spread is allowed.
+        assert swing.is_about(section) and swing.is_about(section[::-1])
+        assert not swing.is_about(section + 0.02)
     # Locked to the turn five to twelve: it repeats, but after no less than twelve.
     assert len(oscillation_about(one, 0.05, 5 / 12).centre) == module.CYCLE
     repeated = oscillation_about(one, 0.05, 1 / 3)

@@ -126,6 +126,33 @@ def test_the_first_stable_orbit_is_the_answer():
     assert not answer("none", "none").success
 
 
+@pytest.mark.usefixtures("unchecked")  # an error alone in place of what Newton's method found
+def test_nodes_are_doubled_until_the_orbit_is_closed():
+    """The last ones say so where it is not; how it was found is what the first nodes say."""
+    scene, asked = jc.paper_scene(27.0, 0.05e-3), []
+    stable = jc.periodic_orbit(scene, nodes=96)
+    beside = dataclasses.replace(stable, section=stable.section + 0.1)
+    Found = dataclasses.make_dataclass("Found", ["way", "closure"])
+
+    def answer(*closures):
+        class Search(OrbitSearch):
+            def by_so_many(self, guess, turns, count):
+                way, closure = WAYS.guess if asked else WAYS.damping, closures[len(asked)]
+                asked.append(count)
+                return Try(beside, beside), Found(way, jnp.array(closure))
+
+            def with_multipliers(self, found, nodes):
+                return found
+
+        asked.clear()
+        return Search(scene, scene, None, None, None, Spent("usual")).by_nodes(None, 1).orbit
+
+    orbit = answer(1e-3, 0.0)
+    assert asked == [96, 192] and orbit.success and orbit.way == WAYS.damping
+    orbit = answer(1e-3, 1e-3, 1e-3)
+    assert asked == [96, 192, 384] and orbit.result == RESULTS.not_closed
+
+
 def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles():
     """A call that asks for a period, and an orbit that does not double, are left as they are."""
     scene = jc.paper_scene(27.0, 0.05e-3)
