@@ -77,7 +77,7 @@ def run(options: Orbit, console: Console) -> int:
         console.print(REMEDY)
         return 1
     with stages(console, "differentiating"):
-        slopes = _slopes(lambda n: solve(n, **orbit.alike), numbers, metrics)
+        slopes = slopes_of(lambda n: solve(n, **orbit.alike), numbers, metrics)
     slopes = {metric: felt(of, float(orbit[metric]), values) for metric, of in slopes.items()}
     path = folder / "orbit.json"
     write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
@@ -95,7 +95,7 @@ def run(options: Orbit, console: Console) -> int:
     return 0
 
 
-def _slopes(
+def slopes_of(
     solve: Callable[[dict[str, Any]], PeriodicOrbit],
     numbers: dict[str, Any],
     names: tuple[str, ...],

@@ -42,6 +42,13 @@ def test_every_joint_closes_and_every_body_keeps_its_size(linkages, name):
             assert motion.axis(slide.body).array().tolist() == [1, 0]
 
 
+def test_a_point_of_the_frame_stands_where_the_numbers_given_put_it(linkages):
+    """A number that is not given is zero."""
+    motion = ideal_at_rest(linkages["four-bar"], 0.4)
+    for arm, place in ((Arm(0.3), [0.3, 0.0]), (Arm(y=0.2), [0.0, 0.2]), (Arm(), [0.0, 0.0])):
+        assert motion.position(Point(FRAME, arm)).array().tolist() == place
+
+
 def test_a_four_bar_is_where_freudenstein_s_equation_has_it(linkages):
     """K1 cos(out) - K2 cos(in) + K3 = cos(in - out), of angles against the line of the frame."""
     linkage = linkages["four-bar"]

@@ -654,6 +654,17 @@ def test_a_picture_of_ideal_joints_has_no_empty_place(monkeypatch, tmp_path):
 SOLVED = ("orbit", "--set", "speed", "27rad/s", "--set", "clearance", "5e-5 m")
 
 
+def test_slopes_of_a_statistic_are_its_own():
+    """Each statistic is pulled back alone, from one orbit."""
+
+    def solve(numbers):
+        return {"foundation_rms": 3 * numbers["a"] + numbers["b"], "shaking_rms": 5 * numbers["b"]}
+
+    found = orbit.slopes_of(solve, {"a": 1.0, "b": 2.0}, ("foundation_rms", "shaking_rms"))
+    assert found["foundation_rms"] == {"a": 3.0, "b": 1.0}
+    assert found["shaking_rms"] == {"a": 0.0, "b": 5.0}
+
+
 def orbit_solved(out: Path) -> tuple[str, dict]:
     """What the command prints and keeps."""
     status, text = run(*SOLVED, "--out", out)
@@ -669,10 +680,12 @@ def test_orbit_writes_what_it_found(tmp_path, monkeypatch):
     def ones(solve, numbers, metrics):
         return {metric: dict.fromkeys(numbers, 1.0) for metric in metrics}
 
-    monkeypatch.setattr(orbit, "_slopes", ones)
-    _, kept = orbit_solved(tmp_path)
+    monkeypatch.setattr(orbit, "slopes_of", ones)
+    text, kept = orbit_solved(tmp_path)
     assert kept["slopes_of_foundation_rms"]["speed"] == 1.0
-    assert {file.name for file in (tmp_path / "orbit").iterdir()} > {"orbit.png", "orbit.csv"}
+    names = ("orbit.json", "orbit.csv", "orbit.png")
+    assert {file.name for file in (tmp_path / "orbit").iterdir()} >= {*names}
+    assert text.split()[-3:] == ", ".join(str(tmp_path / "orbit" / name) for name in names).split()
     # By phase, which is not the angle of an uneven shaft.
     assert orbit.history(jc.periodic_orbit(jc.ideal_scene(30.0))).angle.long_name.endswith("speed")
 
