@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.basics.plane import Vector, direction, optional_scalar, scalar
+from jaxcrusher.basics.plane import Vector, direction, minus, optional_scalar, plus, scalar
 
 ONE, OTHER = 3.0 - 4.0j, -0.5 + 2.0j
 TURN = 0.6 + 0.8j  # of length one
@@ -45,3 +45,10 @@ def test_products_are_parts_of_the_complex_one():
 def test_scalars_are_floats():
     assert scalar(1).dtype == jnp.float64 and optional_scalar(2) == 2.0
     assert optional_scalar(None) is None
+
+
+@pytest.mark.parametrize(("one", "other"), [(3.0, 5.0), (None, 5.0), (3.0, None)])
+def test_nothing_is_zero_in_sums_and_differences(one, other):
+    assert plus(one, other) == (one or 0.0) + (other or 0.0)
+    assert minus(one, other) == (one or 0.0) - (other or 0.0)
+    assert plus(None, None) is None and minus(None, None) is None
