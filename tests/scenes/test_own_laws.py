@@ -256,6 +256,13 @@ def test_what_is_refused(laws, tmp_path):
         assert "\n" not in str(error.value)
 
 
+def test_a_law_of_cylinders_has_the_modulus_of_two_alike_bodies():
+    """1 / E* is the sum of (1 - nu^2) / E of pin and bore (Hertz)."""
+    law = "jaxcrusher.joint.cylinders:Johnson"
+    normal = jc.build_scene({"contact_law": law, "young": 200e9, "poisson": 0.3}).joint.normal
+    assert 1 / float(normal.modulus) == pytest.approx(2 * 0.91 / 200e9, rel=1e-14)  # rounding
+
+
 def test_a_number_of_two_laws_is_refused():
     """A width in m/s of friction must not become a corner of the contact, in m."""
     here = "jaxcrusher.joint"
