@@ -212,13 +212,12 @@ class _Known:
 
     def about(self, one: Oscillation, widest: float) -> int | None:
         """Return the orbit that a motion oscillates about; up to a spread it is solved for."""
-        allowed = one.allowed
         away = [distance(section, one.middle) for section in self._sections]
-        if away and min(away) < allowed:
+        if away and min(away) < one.allowed:
             return int(np.argmin(away))
         if len(one.centre) > PERIODS[-1] or one.spread > widest:
             return None
-        again = any(distance(tried, one.middle) < allowed for tried in self._failures)
+        again = any(one.is_about(tried) for tried in self._failures)
         if again or len(self._failures) >= MOST_FAILURES:
             return None
         # Where the section bends, another turn's mean may lead there.

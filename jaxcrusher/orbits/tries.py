@@ -114,7 +114,8 @@ class OrbitSearch(NamedTuple):
             self.spent.nodes.add(count)
             _LOG.info("Newton's method for a period of %d, %d nodes a turn", turns, count)
             one, found = self.by_so_many(guess, turns, count)
-            way, orbit = found.way if way is None else way, one.orbit
+            way = found.way if way is None else way
+            orbit = one.orbit
             enough = count >= most or not self._wants_nodes(orbit)
             if enough and (not bool(orbit.success) or self._is_closed(orbit, found.closure)):
                 break

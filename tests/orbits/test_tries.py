@@ -126,7 +126,6 @@ def test_the_first_stable_orbit_is_the_answer():
     assert not answer("none", "none").success
 
 
-@pytest.mark.usefixtures("unchecked")  # an error alone in place of what Newton's method found
 def test_nodes_are_doubled_until_the_orbit_is_closed():
     """The last ones say so where it is not; how it was found is what the first nodes say."""
     scene, asked = jc.paper_scene(27.0, 0.05e-3), []
