@@ -12,8 +12,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import nan_unless
 from jaxcrusher.crusher.loads import RoughFeed
 from jaxcrusher.crusher.statistics_table import STATISTIC
-from jaxcrusher.mechanism.linkage_statistics import PEAK
-from jaxcrusher.mechanism.reductions import PowerMean, Statistic
+from jaxcrusher.mechanism.reductions import PEAK, PowerMean, Statistic
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.feed_response import TURNS
 from jaxcrusher.orbits.result import PeriodicOrbit

@@ -20,6 +20,15 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree, Scalar
 
 from jaxcrusher.basics.checks import all_finite, nan_unless
+from jaxcrusher.basics.following import (
+    Followed,
+    Following,
+    FollowingSolver,
+    Instant,
+    begun,
+    rates,
+    state_alone,
+)
 from jaxcrusher.basics.last_step import floats_counted_at_once
 from jaxcrusher.basics.loops import integrator
 
@@ -54,7 +63,8 @@ class Problem(eqx.Module):
     """The functions of an integration; `args` is what they depend on.
 
     The independent variable is the caller's. `observe` is evaluated at every saved time, and
-    `summarise` reduces the stacked observations of one segment with what is carried at its end.
+    `summarise` reduces the stacked observations of one segment with what is carried at its end, and
+    with what a `following` has kept there, which begins anew in every segment.
     """
 
     # Diffrax and derivatives call these about ten times; jitted they are traced once.
@@ -62,7 +72,8 @@ class Problem(eqx.Module):
     # time, state, args -> Carried, or what is observed
     field: Callable[[Any, Any, PyTree], Any] = eqx.field(converter=jax.jit)
     observe: Callable[[Any, Any, PyTree], PyTree] = eqx.field(converter=jax.jit)
-    summarise: Callable[[PyTree, Any], PyTree]  # observations, Carried
+    summarise: Callable[[PyTree, Any, PyTree], PyTree]  # observations, Carried, what is kept
+    following: Following | None = None
 
 
 class Integration(eqx.Module):
@@ -120,6 +131,7 @@ def error_norm(error: PyTree) -> Scalar:
     With sensitivities the largest over the state and each of its tangents, so that asking
     for derivatives never loosens the control of the motion itself.
     """
+    error = error.state if isinstance(error, Followed) else error
     largest = _largest(error, 0)
     second = isinstance(error, Sensitive) and isinstance(error.state, Sensitive)
     return NARROWER * largest if second else largest
@@ -216,17 +228,40 @@ def _with_tangents(problem: Problem, unravel: Callable) -> Problem:
     def observe(time, y, args):
         return along_each(lambda s, a: problem.observe(time, s, a), args, (y.state, y.tangents))
 
-    def summarise(observed, end):
-        primal = (observed[0], end.state)
+    def with_tangents(function, values, tangents):
+        """A function of values and its derivatives along stacked tangents of these."""
+        pushed = jax.vmap(lambda *dots: jax.jvp(function, values, dots)[1])
+        return function(*values), pushed(*tangents)
+
+    def summarise(observed, end, kept):
         # Observations are stacked over the saved times first, then over the tangents.
         by_tangent = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 1, 0), observed[1])
-        summary = problem.summarise(*primal)
-        derivative = jax.vmap(lambda *dot: jax.jvp(problem.summarise, primal, dot)[1])(
-            by_tangent, end.tangents
-        )
-        return summary, derivative
+        kept = Sensitive(None, None) if kept is None else kept
+        values = observed[0], end.state, kept.state
+        return with_tangents(problem.summarise, values, (by_tangent, end.tangents, kept.tangents))
 
-    return Problem(initial, field, observe, summarise)
+    following = problem.following
+    if following is None:
+        return Problem(initial, field, observe, summarise)
+
+    def begin(args):
+        return Sensitive(*along_each(following.begin, args))
+
+    def watch(time, y, args):
+        look = following.watch
+        return Sensitive(*along_each(lambda s, a: look(time, s, a), args, (y.state, y.tangents)))
+
+    def follow(kept, *instants):
+        # Of the state's own steps the times have no tangents.
+        def at_times(kept, *seen):
+            known = (Instant(one.time, now) for one, now in zip(instants, seen, strict=True))
+            return following.follow(kept, *known)
+
+        values = kept.state, *(one.seen.state for one in instants)
+        tangents = kept.tangents, *(one.seen.tangents for one in instants)
+        return Sensitive(*with_tangents(at_times, values, tangents))
+
+    return Problem(initial, field, observe, summarise, Following(begin, watch, follow))
 
 
 def _restarted(y: Carried | Sensitive) -> Carried | Sensitive:
@@ -248,23 +283,31 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
     if integrator.value is not None:
         # It looks at the state alone.
         return integrator.value(args, times, nan_unless(able == success, y), problem, method)
+    following, solver, field = problem.following, method.solver, problem.field
+    if following is not None:
+        solver = FollowingSolver(solver, following)
+        field = functools.partial(rates, field=field)
 
     def segment(carry, saves):
         start, y, before = carry
         # After a failure the remaining segments have no length, and their numbers are NaN.
         dead = before.result != success
         saves = jnp.where(dead, start, saves)
+        y = y if following is None else begun(following, start, y, args)
         with floats_counted_at_once():
             solution = diffrax.diffeqsolve(
-                diffrax.ODETerm(problem.field),
-                method.solver,
+                diffrax.ODETerm(field),
+                solver,
                 start,
                 saves[-1],
                 method.dt0,
                 y,
                 args,
                 saveat=diffrax.SaveAt(
-                    subs=[diffrax.SubSaveAt(t1=True), diffrax.SubSaveAt(ts=saves)]
+                    subs=[
+                        diffrax.SubSaveAt(t1=True),
+                        diffrax.SubSaveAt(ts=saves, fn=state_alone),
+                    ]
                 ),
                 stepsize_controller=method.stepsize_controller,
                 max_steps=method.max_steps,
@@ -272,7 +315,9 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
                 throw=False,
             )
         assert solution.ts is not None and solution.ys is not None
-        y = jax.tree.map(lambda leaf: leaf[0], solution.ys[0])
+        y, kept = jax.tree.map(lambda leaf: leaf[0], solution.ys[0]), None
+        if isinstance(y, Followed):
+            y, kept = y.state, y.kept
         result = RESULTS.promote(solution.result)
         result = RESULTS.where((result == success) & ~all_finite(y), RESULTS.not_finite, result)
         result = RESULTS.where(dead, before.result, result)
@@ -285,7 +330,7 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
             lambda at: problem.observe(at[0], at[1], args), (saves, solution.ys[1])
         )
         observed = nan_unless(~dead & jnp.isfinite(solution.ts[1]), observed)
-        summary = problem.summarise(observed, nan_unless(after.success, y))
+        summary = problem.summarise(observed, *nan_unless(after.success, (y, kept)))
         return (saves[-1], _restarted(y), after), summary
 
     carry = (start, y, Outcome(able, start, jnp.array(0)))
@@ -296,5 +341,5 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
 def _evaluate(args, times, y: PyTree, problem: Problem) -> PyTree:
     """The summaries of a scene that has nothing to integrate."""
     observed = jax.vmap(jax.vmap(lambda time: problem.observe(time, y, args)))(times)
-    summarise = jax.vmap(lambda segment: problem.summarise(segment, y), axis_size=len(times))
+    summarise = jax.vmap(lambda segment: problem.summarise(segment, y, None), axis_size=len(times))
     return summarise(observed)

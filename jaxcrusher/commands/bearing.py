@@ -37,7 +37,7 @@ from jaxcrusher.motion.bearing_sheet import (
     NUMBERS,
     SHAKING,
     bearing_sheet,
-    quantities_of,
+    outputs_of,
     shaking_rms,
 )
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
@@ -77,7 +77,7 @@ def run(options: Bearing, console: Console) -> int:
         for title, scene in cases:
             with stages(console, title or "turns"):
                 seconds = options.seconds / (2 * len(cases))
-                runs.append((title, run_turns(scene, quantities_of(scene), seconds=seconds, **how)))
+                runs.append((title, run_turns(scene, outputs_of(scene), seconds=seconds, **how)))
         for title, run in runs:
             if run.failure:
                 console.print(f"FAILED{', ' * bool(title)}{title}: {run.failure}", style="red")

@@ -29,7 +29,7 @@ from jaxcrusher.files.results import listed, write_figure, write_json, write_tab
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import digits, with_scatter
 from jaxcrusher.mechanism.linkage_scene import LinkageScene
-from jaxcrusher.mechanism.reductions import require_orders
+from jaxcrusher.mechanism.reductions import require_orders, samples_of
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
 from jaxcrusher.orbits.load_sheet import (
@@ -87,7 +87,7 @@ def run(options: Foundation, console: Console) -> int:
         with stages(console, "loose joints"):
             turns = run_turns(
                 scene,
-                quantities_of(scene),
+                samples_of(quantities_of(scene)),
                 settle=options.settle,
                 turns=options.turns,
                 seconds=options.seconds,

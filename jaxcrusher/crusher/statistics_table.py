@@ -15,17 +15,14 @@ from jaxcrusher.crusher.observables import (
     stiffness_now,
 )
 from jaxcrusher.mechanism.linkage_statistics import (
-    LARGEST,
-    LEAST,
     OF_MACHINE,
     OF_SHAFT,
     OF_SUPPORTS,
-    PEAK,
     always_at,
     further_at,
 )
 from jaxcrusher.mechanism.named import before
-from jaxcrusher.mechanism.reductions import Lasting, PowerMean, Statistic
+from jaxcrusher.mechanism.reductions import LARGEST, LEAST, PEAK, Lasting, PowerMean, Statistic
 
 # Of each joint, what is computed without being asked, and what when asked.
 _BY_JOINT = {

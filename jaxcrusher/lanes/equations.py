@@ -197,8 +197,8 @@ def write_summary(
 ) -> tuple[Code, list[bool]]:
     """Write the function `summarise` of the first row of a page.
 
-    It takes arrays over instants, of the shapes `seen`, and states. The flags say of each result
-    whether it is an array over the instants, which stand in its last axis.
+    It takes arrays over instants, of the shapes `seen`, states and what is kept. The flags say of
+    each result whether it is an array over the instants, which stand in its last axis.
     """
     code = Code(module, "summarise", rows=1, flags=AS_WRITTEN)
     operands, count = [], 0
@@ -207,7 +207,7 @@ def write_summary(
         operands.append(Over(np.array([*cells, None], object)[:-1].reshape(shape)))
         count += len(cells)
     (page,) = code.rows
-    for i in range(at.states):
+    for i in range(at.states + at.tallies):
         operands.append(np.array(code.alike(code.memory[page + (at.last + i), 0]), object))
     writer, place = _Writer(code, at), 0
     results = function.walk(operands, writer.primitive)

@@ -44,17 +44,24 @@ class Layout(NamedTuple):
     observed: int
     instants: int  # of a segment
     found: int  # numbers of a segment's summary
+    followed: int  # numbers that are seen at the ends of steps
+    tallies: int  # that are kept of them
     # Rows of the memory, behind the clock.
     y: int
     trial: int
     k: int  # rates of the stages
     given: int  # numbers of the design
     seen: int  # a sample, or what is observed
+    ahead: int  # what is followed, where rates were computed last
+    now: int  # the same at the start of the step
+    before: int  # time, and the same, at the start of the step before
+    tally: int  # what is kept of it
     kept: int  # what is computed once a design
     end: int
-    # Rows of a page: what was observed at a segment's instants, states at its end, its summary.
+    # Rows of a page: what was observed at a segment's instants, states and what is kept at its end,
+    # its summary.
     series: int  # of everything that is observed, one more than it fills
-    last: int  # the first of the states, a row for each
+    last: int  # the first of the states, a row for each, and what is kept behind them
     summary: int
     page: int  # its end
 
@@ -68,16 +75,20 @@ def layout(
     observed: int,
     instants: int,
     found: int,
+    followed: int = 0,
+    tallies: int = 0,
 ) -> Layout:
-    """Put one after the other; nothing is kept yet."""
-    lengths = (states, states, STAGES * states, numbers, sampled or observed, 0)
+    """Put one after the other; of the design nothing is kept yet."""
+    lengths = (states, states, STAGES * states, numbers, sampled or observed)
+    lengths += (followed, followed, 1 + followed, tallies, 0)
     rows = (CLOCK + sum(lengths[:i]) for i in range(len(lengths) + 1))
     # Rows a power of 2 apart would all meet in one set of the processor's cache.
     series = -(-instants // shape.lanes) + 1
     last = observed * series
     # Behind the summary is room for what a whole vector writes.
-    page = (series, last, last + states, last + states + -(-found // shape.lanes) + 1)
-    counts = (motion, states, numbers, sampled, observed, instants, found)
+    summary = last + states + tallies
+    page = (series, last, summary, summary + -(-found // shape.lanes) + 1)
+    counts = (motion, states, numbers, sampled, observed, instants, found, followed, tallies)
     return Layout._make((shape, *counts, *rows, *page))
 
 

@@ -18,10 +18,11 @@ from jax.core import ShapedArray, Tracer
 from jax.extend.core import Jaxpr, JaxprEqn, Primitive
 from jaxtyping import Array, PyTree
 
+from jaxcrusher.basics.following import Instant
 from jaxcrusher.lanes.code import CORES, Shape
 from jaxcrusher.lanes.layout import STAGES, Control
 from jaxcrusher.lanes.primitives import REAL
-from jaxcrusher.lanes.stepper import Equations, Kernels, Tableau, kernels
+from jaxcrusher.lanes.stepper import Equations, Followed, Kernels, Tableau, kernels
 from jaxcrusher.lanes.verify import Unsupported, verified
 
 # For XLA: there is little to compute.
@@ -74,12 +75,13 @@ def record(
     """Put an integration into the program that is being traced, as one equation.
 
     `problem` has the functions `field` and `observe` of time, state and `args`, and `summarise` of
-    what is observed, stacked over the instants of a segment, and of the state at its end. `times`
-    has the shape (segments, instants). The first `motion` leaves of the state count for the error;
-    the others are totals, which restart from zero in every segment. `method` has diffrax's
-    `solver` and `stepsize_controller`, and `adjoint`, `dt0` and `max_steps`. `norm` is the norm of
-    errors that lanes compute: the root mean square over the motion, or over all if there is none.
-    Returns the summaries, and the code (see `layout`), time and number of steps at the end. Raises
+    what is observed, stacked over the instants of a segment, of the state at its end, and of the
+    numbers that its `following` keeps, if it has one (see `basics.following`). `times` has the
+    shape (segments, instants). The first `motion` leaves of the state count for the error; the
+    others are totals, which restart from zero in every segment. `method` has diffrax's `solver` and
+    `stepsize_controller`, and `adjoint`, `dt0` and `max_steps`. `norm` is the norm of errors that
+    lanes compute: the root mean square over the motion, or over all if there is none. Returns the
+    summaries, and the code (see `layout`), time and number of steps at the end. Raises
     `Unsupported` for what lanes cannot do.
     """
     control, tolerances = _control(method, norm)
@@ -107,23 +109,36 @@ def record(
 
         return jax.make_jaxpr(flat, return_shape=True)(*types)
 
-    field, _ = of_scalars(problem.field)
+    followed, kept_tree = Followed(), jax.tree.structure(None)
+    if problem.following is None:
+        field, _ = of_scalars(problem.field)
+    else:
+        field, (_, instant) = of_scalars(
+            lambda *at: (problem.field(*at), problem.following.watch(*at))
+        )
+        begin, kept_tree = jax.tree.flatten(problem.following.begin(args))
+        followed = _followed(problem.following.follow, begin, kept_tree, instant)
     observe, seen = of_scalars(problem.observe)
     parts, seen_tree = jax.tree.flatten(seen)
     segments, instants = times.shape
 
     def of_segment(*numbers):
         stacked = jax.tree.unflatten(seen_tree, numbers[: len(parts)])
-        return problem.summarise(stacked, jax.tree.unflatten(state_tree, numbers[len(parts) :]))
+        last = numbers[len(parts) :]
+        kept = jax.tree.unflatten(kept_tree, last[count:])
+        return problem.summarise(stacked, jax.tree.unflatten(state_tree, last[:count]), kept)
 
     stacked = [jax.ShapeDtypeStruct((instants, *part.shape), float) for part in parts]
-    summarise, found = jax.make_jaxpr(of_segment, return_shape=True)(*stacked, *states)
+    summarise, found = jax.make_jaxpr(of_segment, return_shape=True)(
+        *stacked, *states, *followed.begin
+    )
     equations = Equations(
-        verified(field, shapes=[()] * count),
+        verified(field, shapes=[()] * (count + followed.seen)),
         verified(observe),
         verified(summarise, len(parts), instants),
         instants,
         motion,
+        followed,
     )
     leaves, tree = jax.tree.flatten(found)
     integer = jnp.zeros((), int).dtype
@@ -134,6 +149,25 @@ def record(
         times, *tolerances, *map(jnp.asarray, states + numbers), what=what
     )
     return jax.tree.unflatten(tree, found), (code, reached, steps)
+
+
+def _followed(
+    follow: Callable, begin: Sequence[float], kept_tree: Any, instant: PyTree
+) -> Followed:
+    """Return what is followed, of which is kept at the `begin`; an `instant` shows what is seen."""
+    shapes, seen_tree = jax.tree.flatten(instant)
+    count, length = len(begin), 1 + len(shapes)
+
+    def flat(*numbers):
+        kept, rest = jax.tree.unflatten(kept_tree, numbers[:count]), numbers[count:]
+        instants = (rest[i : i + length] for i in range(0, 3 * length, length))
+        return follow(
+            kept, *(Instant(time, jax.tree.unflatten(seen_tree, seen)) for time, *seen in instants)
+        )
+
+    numbers = [jax.ShapeDtypeStruct((), float)] * (count + 3 * length)
+    function = verified(jax.make_jaxpr(flat)(*numbers), shapes=[()] * count)
+    return Followed(len(shapes), tuple(map(float, begin)), function)
 
 
 def _joined(entries: Sequence[Array], shapes: list[tuple[int, ...]]) -> list[Array]:

@@ -37,19 +37,30 @@ from jaxcrusher.lanes.verify import Verified
 HUGE, TINY = 1e300, 1e-300
 
 
+class Followed(NamedTuple):
+    """What is followed from step to step: it is seen where rates are known, and kept."""
+
+    seen: int = 0  # numbers, behind the rates
+    begin: tuple[float, ...] = ()  # what is kept before the first step
+    # Of what is kept, and of time and what is seen before a step, at its start and at its end.
+    follow: Verified | None = None
+
+
 class Equations(NamedTuple):
     """Functions of scalars: time, states (of the motion, then totals), numbers of the design."""
 
-    field: Verified
+    field: Verified  # rates, and what is followed
     observe: Verified
-    summarise: Verified  # of what is observed, stacked over the instants, and states
+    # Of what is observed, stacked over the instants, of states, and of what is kept.
+    summarise: Verified
     instants: int
     motion: int  # states that count for the error
+    followed: Followed = Followed()
 
     @property
     def states(self) -> int:
         """Count the states."""
-        return len(self.field.results)
+        return len(self.field.results) - self.followed.seen
 
     @property
     def sampled(self) -> list[int]:
@@ -82,18 +93,18 @@ class Kernels(NamedTuple):
 
 def kernels(equations: Equations, table: Tableau, shape: Shape = CORES) -> Kernels:
     """Write the functions of a batch."""
-    field, observe, summarise, instants, motion = equations
+    field, observe, summarise, instants, motion, followed = equations
     types = list(map(type_of, field.operands[1 + equations.states :]))
     observed, found = (sum(map(prod, function.shapes)) for function in (observe, summarise))
     sampled = equations.sampled if shape.width > 1 else []
     counts = len(types), len(sampled), observed, instants, found
-    at = layout(shape, motion, equations.states, *counts)
+    at = layout(shape, motion, equations.states, *counts, followed.seen, len(followed.begin))
     module = Module(shape)
     prepare, rates = Code(module, "prepare"), Code(module, "field", rows=3)
     look = Code(module, "look")
     emitter = Emitter(prepare, at.kept)
     numbers = [emitter.given(at.given + i, type_) for i, type_ in enumerate(types)]
-    _write_field(rates, field, emitter, numbers)
+    _write_field(rates, field, emitter, numbers, at)
     seen, see = _at_instant(look, equations.states, table, at), None
     if sampled:
         see = Code(module, "see", flags=())
@@ -106,19 +117,26 @@ def kernels(equations: Equations, table: Tableau, shape: Shape = CORES) -> Kerne
     summary, over = write_summary(module, summarise, observe.shapes, at)
     begin = _write_begin(Code(module, "begin"), prepare, rates, at)
     step = _write_step(Code(module, "step"), rates, equations.coupled, table, at)
+    follow = None
+    if followed.follow is not None:
+        follow = _write_following(Code(module, "follow"), followed.follow, emitter, at)
     accept = _write_acceptance(Code(module, "accept"), at)
-    functions = _Functions(begin, step, look, accept, see, summary)
-    _Loop(Code(module, "advance", flags=()), at, functions).write()
+    functions = _Functions(begin, step, look, follow, accept, see, summary)
+    _Loop(Code(module, "advance", flags=()), at, functions, followed.begin).write()
     return Kernels(str(module), at, over)
 
 
-def _write_field(code: Code, field: Verified, emitter: Emitter, numbers: list[Atom]) -> None:
-    """Write the rates of the rows of a time and of states."""
+def _write_field(
+    code: Code, field: Verified, emitter: Emitter, numbers: list[Atom], at: Layout
+) -> None:
+    """Write the rates of the rows of a time and of states, and what is followed there."""
     time, y, rate = code.rows
-    states = [Atom(code.read(y + i)) for i in range(len(field.results))]
+    states = [Atom(code.read(y + i)) for i in range(at.states)]
     results = emitter.body(code, field, [Atom(code.read(time)), *states, *numbers])
-    for i, result in enumerate(results):
+    for i, result in enumerate(results[: at.states]):
         code.write(result, rate + i)
+    for i, result in enumerate(results[at.states :]):
+        code.write(result, at.ahead + i)
     code.end()
 
 
@@ -177,6 +195,8 @@ def _write_begin(code: Code, prepare: Code, field: Code, at: Layout) -> Code:
     for i in range(at.states):
         rate = where(fresh, code.read(at.trial + i), code.read(at.k + i))
         code.write(rate, at.k + i)
+    for i in range(at.followed):
+        code.write(where(fresh, code.read(at.ahead + i), code.read(at.now + i)), at.now + i)
     return code.end()
 
 
@@ -234,6 +254,29 @@ def _judge(code: Code, mean: Expression) -> None:
     code.write(where(keep, code.vector(1.0), 0.0), row.KEEP)
 
 
+def _write_following(code: Code, follow: Verified, emitter: Emitter, at: Layout) -> Code:
+    """Write what lanes keep of a step that is kept, and what they see from now on."""
+    keep = code.read(row.KEEP) > 0
+    now, ahead, before = (
+        [code.read(first + i) for i in range(at.followed)]
+        for first in (at.now, at.ahead, at.before + 1)
+    )
+    kept = [code.read(at.tally + i) for i in range(at.tallies)]
+    times = [code.read(i) for i in (at.before, row.TIME, row.NEXT)]
+    instants = zip(times, (before, now, ahead), strict=True)
+    operands = [*kept, *(number for time, seen in instants for number in (time, *seen))]
+    found = emitter.body(code, follow, list(map(Atom, operands)))
+
+    def moved_on(first: int, new: Sequence[Any], old: Sequence[Any]) -> None:
+        for i, (one, other) in enumerate(zip(new, old, strict=True)):
+            code.write(where(keep, one, other), first + i)
+
+    moved_on(at.tally, found, kept)
+    moved_on(at.before, [times[1], *now], [times[0], *before])
+    moved_on(at.now, ahead, now)
+    return code.end()
+
+
 def _write_acceptance(code: Code, at: Layout) -> Code:
     """Move on the lanes that keep their step, and say which are to be looked at."""
     keep, last = code.read(row.KEEP) > 0, at.k + (STAGES - 1) * at.states
@@ -272,6 +315,7 @@ class _Functions(NamedTuple):
     begin: Code
     step: Code
     look: Code
+    follow: Code | None
     accept: Code
     see: Code | None
     summarise: Code
@@ -283,8 +327,10 @@ class _Loop:
     It goes on until nothing is left, or `stop` is set.
     """
 
-    def __init__(self, code: Code, at: Layout, functions: _Functions) -> None:
-        self._code, self._at, self._functions = code, at, functions
+    def __init__(
+        self, code: Code, at: Layout, functions: _Functions, begin: tuple[float, ...]
+    ) -> None:
+        self._code, self._at, self._functions, self._begin = code, at, functions, begin
         counts = _array(code, "counts")
         self._designs, self._segments = counts[0], counts[1]
         lengths: dict[str, tuple[Any, ...]] = {
@@ -309,6 +355,8 @@ class _Loop:
                 self._run(self._functions.step)
                 with code.each_vector() as first:
                     self._observe(first)
+                if self._functions.follow is not None:
+                    self._run(self._functions.follow)
                 self._run(self._functions.accept)
             with code.each_lane() as lane, code.when(self._lanes.memory[row.LOOK, lane] > 0):
                 self._end_segment(lane)
@@ -402,9 +450,10 @@ class _Loop:
         lanes, page = at.shape.lanes, self._page(lane)
         if self._functions.see is not None:
             code.run(self._functions.see, first=lane)
-        for i in range(at.states):
-            state = where(success, memory[at.y + i, lane], math.nan)
-            pages[page, (at.last + i) * lanes] = state
+        ends = (*range(at.y, at.trial), *range(at.tally, at.kept))
+        for i, number in enumerate(ends):
+            end = where(success, memory[number, lane], math.nan)
+            pages[page, (at.last + i) * lanes] = end
         with code.when(~success), code.each(0, at.observed) as i:
             with code.each(whole[row.INSTANT, lane], at.instants) as instant:
                 pages[page, i * (at.series * lanes) + instant] = math.nan
@@ -436,6 +485,10 @@ class _Loop:
         whole[row.FIRST, lane] = first
         for i in range(at.y + at.motion, at.trial):
             memory[i, lane] = 0.0
+        for i, number in enumerate(self._begin, at.tally):
+            memory[i, lane] = number
+        # There is no step before.
+        memory[at.before, lane] = memory[row.TIME, lane]
         end = shared.times[first + (at.instants - 1)]
         after = memory[row.TIME, lane] + shared.limits[0]
         memory[row.NEXT, lane] = where(after < end, after, end)

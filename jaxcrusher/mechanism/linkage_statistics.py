@@ -35,11 +35,14 @@ from jaxcrusher.mechanism.observables import (
     transmitted_size,
 )
 from jaxcrusher.mechanism.reductions import (
+    LARGEST,
+    LEAST,
+    PEAK,
     Deviation,
     PowerMean,
     Sampled,
+    ShareAboveZero,
     Statistic,
-    share_above_zero,
     top,
 )
 from jaxcrusher.mechanism.scene import AbstractScene
@@ -81,10 +84,9 @@ def _place_of_frame(s: Snapshot, scene: AbstractScene) -> Float[Array, "2"]:
     return frame_displacement(s, scene).array()
 
 
-PEAK, LARGEST = Sampled(top, jnp.max), Sampled(jnp.max, jnp.max)
-LEAST = Sampled(jnp.min, jnp.min)
+# A place is smooth where forces are impacts, and 1024 instants a turn resolve it.
 _EXCURSION = Sampled(_largest_excursion, jnp.max)
-_CONTACT = Sampled(share_above_zero, jnp.mean)
+_CONTACT = ShareAboveZero()
 
 
 def always_at(joint: str, place: str, seen: Mapping[str, Observable]) -> Statistics:

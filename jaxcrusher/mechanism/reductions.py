@@ -1,6 +1,8 @@
 """Statistics: a quantity of the instants of a motion, reduced over time to one number."""
 
 import abc
+import functools
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,12 +12,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require, require_whole
+from jaxcrusher.basics.following import Instant
 from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 
 # A share of the time in contact that is all of it: a mean over many steps, with their rounding.
 ALL_THE_TIME = 1 - 1e-9
-# Instants a turn at which peaks, contact and the forces of an orbit are looked at: the length of a
-# reaction that passes near zero bends more sharply than the motion does.
+# Instants a turn at which the forces of an orbit are looked at, and those of a run that is drawn:
+# the length of a reaction that passes near zero bends more sharply than the motion does.
 SAMPLES = 1024
 # Smooths a deviation where it vanishes, as a share of the RMS of its quantity, whatever its unit; a
 # quantity that is zero throughout has slopes too.
@@ -108,24 +111,192 @@ class Lasting(AbstractMean):
 
 @dataclass(frozen=True)
 class Sampled:
-    """Seen at `SAMPLES` instants a turn; how samples, and then n equal pieces, reduce to one."""
+    """Seen at `SAMPLES` instants a turn; how samples, and then n equal pieces, reduce to one.
+
+    It misses what lasts less than an instant, such as the peak of a hard impact: an
+    `AbstractFollowed` does not.
+    """
 
     of_samples: Callable[[Float[Array, "n ..."]], Scalar]
     of_pieces: Callable[[Float[Array, " n"]], Scalar]
 
 
+class AbstractFollowed(abc.ABC):
+    """A number of a scalar that is followed from step to step of the integration.
+
+    The steps resolve each impact, however hard: the integrator makes them as short as the motion
+    asks for. The numbers that are kept are begun anew in each piece of a motion.
+    """
+
+    @abc.abstractmethod
+    def begin(self) -> tuple[float, ...]:
+        """Return what is kept before the first step."""
+
+    @abc.abstractmethod
+    def follow(
+        self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
+    ) -> tuple[Scalar, ...]:
+        """Return what is kept after a step from `start` to `end`.
+
+        The step before it began at `before`; the first one has none, and `before` is its `start`.
+        """
+
+    @abc.abstractmethod
+    def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
+        """Return the number from what is kept after a piece that lasts a `span`, in rad."""
+
+    @abc.abstractmethod
+    def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
+        """Return the number of a turn from equal steps that resolve it."""
+
+    @abc.abstractmethod
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the number over n equal pieces of a motion, of any length, from that of each."""
+
+
+# Less than all that is seen, and yet a number of which there are differences.
+NOTHING_YET = -1e300
+
+
+@dataclass(frozen=True)
+class Largest(AbstractFollowed):
+    """The largest value, as the top of a parabola through the ends of three steps.
+
+    Slopes are those of the motion at that instant.
+    """
+
+    lowest: float = -math.inf  # of a size it is zero
+
+    def begin(self) -> tuple[float, ...]:
+        """Return a value below all others."""
+        return (NOTHING_YET,)
+
+    def follow(
+        self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
+    ) -> tuple[Scalar, ...]:
+        """Return the larger one of what is kept and of what this step has seen."""
+        seen = (start.seen, end.seen, summit(before, start, end))
+        return (functools.reduce(jnp.maximum, seen, kept[0]),)
+
+    def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
+        """Return the largest one."""
+        return kept[0]
+
+    def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
+        """Return the top of the parabola through the largest sample and its neighbours."""
+        return top(samples)
+
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the largest one."""
+        return jnp.max(values)
+
+
+@dataclass(frozen=True)
+class Least(AbstractFollowed):
+    """The least value: the opposite of the largest one of the opposite."""
+
+    def begin(self) -> tuple[float, ...]:
+        """Return what `Largest` keeps, of the opposite."""
+        return LARGEST.begin()
+
+    def follow(
+        self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
+    ) -> tuple[Scalar, ...]:
+        """Return what `Largest` keeps, of the opposite."""
+        opposite = (Instant(one.time, -one.seen) for one in (before, start, end))
+        return LARGEST.follow(kept, *opposite)
+
+    def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
+        """Return the least one."""
+        return -kept[0]
+
+    def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
+        """Return the bottom of the parabola through the least sample and its neighbours."""
+        return -top(-samples)
+
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the least one."""
+        return jnp.min(values)
+
+
+@dataclass(frozen=True)
+class ShareAboveZero(AbstractFollowed):
+    """The share of the time in which a quantity is above zero; it passes zero in straight lines."""
+
+    def begin(self) -> tuple[float, ...]:
+        """Return no time."""
+        return (0.0,)
+
+    def follow(
+        self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
+    ) -> tuple[Scalar, ...]:
+        """Add the time of this step in which the line between its ends is above zero."""
+        above = jnp.maximum(start.seen, 0.0) + jnp.maximum(end.seen, 0.0)
+        size = jnp.abs(start.seen) + jnp.abs(end.seen)
+        share = above / jnp.where(size == 0, 1.0, size)
+        return (kept[0] + (end.time - start.time) * share,)
+
+    def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
+        """Return the share of the span; a sum over many steps passes no whole by its rounding."""
+        return jnp.minimum(kept[0] / span, 1.0)
+
+    def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
+        """Return the share of the samples; NaN where one is, which compares as one below zero."""
+        return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, samples > 0))
+
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the mean."""
+        return jnp.mean(values)
+
+
+@dataclass(frozen=True)
+class RisesAboveZero(AbstractFollowed):
+    """How often a turn a quantity comes from zero or below to above."""
+
+    def begin(self) -> tuple[float, ...]:
+        """Return none."""
+        return (0.0,)
+
+    def follow(
+        self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
+    ) -> tuple[Scalar, ...]:
+        """Count this step if it begins at zero or below and ends above."""
+        return (kept[0] + jnp.where((start.seen <= 0) & (end.seen > 0), 1.0, 0.0),)
+
+    def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
+        """Return the count over the turns, or over the part of a turn, of a span (rad)."""
+        return kept[0] / (span / (2 * math.pi))
+
+    def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
+        """Count in samples that repeat."""
+        rises = (jnp.roll(samples, 1) <= 0) & (samples > 0)
+        return jnp.sum(jnp.where(rises, 1.0, 0.0))
+
+    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
+        """Return the mean."""
+        return jnp.mean(values)
+
+
+LARGEST, PEAK, LEAST = Largest(), Largest(lowest=0.0), Least()
+
+
 def of_slices(
-    how: AbstractMean | Sampled, kept: PyTree[Float[Array, "slices ..."]], turns: int
+    how: AbstractMean | AbstractFollowed | Sampled,
+    kept: PyTree[Float[Array, "slices ..."]],
+    turns: int,
 ) -> Scalar:
     """Return the number over whole turns from what each of their equal slices keeps of it.
 
-    That are the means of the integrands, or all samples: what a slice makes of its own mean is not
-    what its turn makes of it. A slice may be an instant, of which there are the integrands.
+    That are the means of the integrands, the slice's number of what is followed, or all samples:
+    what a slice makes of its own mean is not what its turn makes of it. A slice may be an instant,
+    of which there are the integrands.
     """
 
     def of_turn(slices: PyTree[Float[Array, "slices ..."]]) -> Scalar:
         if isinstance(how, AbstractMean):
             return how.of_means(*map(jnp.mean, slices))
+        if isinstance(how, AbstractFollowed):
+            return how.of_pieces(slices)
         return how.of_samples(slices.reshape(-1, *slices.shape[2:]))
 
     if turns == 1:  # a root of its own square has no slope at zero
@@ -138,14 +309,29 @@ def of_slices(
 class Statistic:
     """A number of a motion: a quantity of its instants, reduced over time.
 
-    Integrated means have slopes by any parameter; of a sampled peak the instant stays. Every orbit
+    Integrated means have slopes by any parameter; of a peak the instant stays. Every orbit
     has all statistics, so `quantity` must have a value at an ideal joint too.
     """
 
     unit: str
     meaning: str
     quantity: Callable[[Snapshot, Any], Array]
-    reduction: AbstractMean | Sampled
+    reduction: AbstractMean | AbstractFollowed | Sampled
+
+
+def summit(before: Instant, start: Instant, end: Instant) -> Scalar:
+    """Return the top of the parabola through three values, if the middle one is the largest.
+
+    Otherwise, and where `before` is `start`, that is the middle value.
+    """
+    first, second = start.time - before.time, end.time - start.time
+    ended = first > 0
+    rise = (start.seen - before.seen) / jnp.where(ended, first, 1.0)
+    fall = (end.seen - start.seen) / jnp.where(second > 0, second, 1.0)
+    is_top = ended & (rise >= 0) & (fall <= 0) & (rise > fall)
+    bend = jnp.where(is_top, (rise - fall) / (first + second), 1.0)
+    slope = (rise * second + fall * first) / jnp.where(is_top, first + second, 1.0)
+    return start.seen + jnp.where(is_top, slope**2 / (4 * bend), 0.0)
 
 
 def top(samples: Float[Array, " n"]) -> Scalar:
@@ -157,11 +343,6 @@ def top(samples: Float[Array, " n"]) -> Scalar:
     shift = jnp.where(concave, -slope / jnp.where(concave, bend, 1), 0)
     vertex = middle + shift * (slope + shift * bend / 2)
     return jnp.where(jnp.abs(shift) <= 1, vertex, jnp.max(samples))
-
-
-def share_above_zero(samples: Float[Array, " n"]) -> Scalar:
-    """NaN where a sample is, in which a comparison sees a number below zero."""
-    return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, samples > 0))
 
 
 # What a program computes: it is compiled for the entries, since a name may get another one.

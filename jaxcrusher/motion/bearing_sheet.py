@@ -9,8 +9,16 @@ from jaxcrusher.files.table import Column
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.observables import force_at
+from jaxcrusher.mechanism.reductions import (
+    LARGEST,
+    Chosen,
+    PowerMean,
+    RisesAboveZero,
+    ShareAboveZero,
+    Statistic,
+)
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.mechanism.snapshot import Observable, OfPart, Snapshot
+from jaxcrusher.mechanism.snapshot import OfPart, Snapshot
 from jaxcrusher.motion.turns import Turns
 
 # Numbers of a bearing. Behind each stands its scatter: of a mean its standard error, of a peak the
@@ -47,19 +55,48 @@ def _friction(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
     return jnp.zeros_like(s.motion.crank.speed) if loss is None else loss
 
 
-def quantities_of(scene: AbstractScene) -> dict[str, Observable]:
-    """Return what the sheet looks at along a motion."""
-    found = {name: OBSERVABLES[name] for name in ("shaking_force", "shaft_speed")}
+def _wearing(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+    """Return load^(10/3) times the shaft's speed: ISO 281 averages over revolutions.
+
+    Uneven speed does not spread these evenly over time.
+    """
+    return force_at(s, scene, joint) ** LIFE_EXPONENT * _speed(s, scene)
+
+
+def _speed(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the shaft's speed, whichever way it turns, rad/s."""
+    return jnp.abs(s.motion.crank.speed)
+
+
+def outputs_of(scene: AbstractScene) -> Chosen:
+    """Return what the sheet asks of each turn of a motion: of a joint, of the shaft, of all."""
+    found = {
+        "shaking_rms": scene.statistics["shaking_rms"],
+        "speed": Statistic("rad/s", "mean speed of the shaft", _speed, PowerMean()),
+    }
     for joint in bearings_of(scene):
-        found[f"{joint} load"] = Observable(OfPart(force_at, joint), "N", "load")
-        if scene.joints[joint] is None:
-            continue
-        for name in ("penetration_ratio", "penetration_rate"):
-            found[f"{joint} {name}"] = OBSERVABLES[before(joint) + name]
-        found[f"{joint} friction"] = Observable(OfPart(_friction, joint), "W", "friction")
+        load, wearing = OfPart(force_at, joint), OfPart(_wearing, joint)
+        of_joint = {
+            "load": Statistic("N", "mean load", load, PowerMean()),
+            "wear": Statistic("N^(10/3) rad/s", "what wears the rings", wearing, PowerMean()),
+            "peak": Statistic("N", "peak load", load, LARGEST),
+        }
+        if scene.joints[joint] is not None:
+            depth, rate = (
+                OBSERVABLES[before(joint) + name]
+                for name in ("penetration_ratio", "penetration_rate")
+            )
+            friction = OfPart(_friction, joint)
+            of_joint |= {
+                "contact": Statistic("1", "share of time in contact", depth, ShareAboveZero()),
+                "impacts": Statistic("1", "impacts", depth, RisesAboveZero()),
+                "approach": Statistic("m/s", "fastest approach", rate, LARGEST),
+                "friction": Statistic("W", "power of friction", friction, PowerMean()),
+            }
+        found |= {f"{joint} {name}": statistic for name, statistic in of_joint.items()}
     if isinstance(scene.joints["main"], RollerBearing):
-        found["main pressure"] = Observable(roller_pressure, "Pa", "pressure")
-    return found
+        found["main pressure"] = Statistic("Pa", "pressure", roller_pressure, LARGEST)
+    return tuple(found.items())
 
 
 def _mean(pieces: np.ndarray) -> tuple[float, float]:
@@ -73,50 +110,48 @@ def _peak(pieces: np.ndarray) -> tuple[float, float]:
 def bearing_sheet(turns: Turns) -> dict[str, dict[str, tuple[float, float]]]:
     """Return the numbers of each bearing of a run, by joint and name, each with its scatter.
 
-    Impacts are counted at 1024 instants a turn: shorter rebounds are missed. Of a bearing of
-    several side by side, life, safety and pressure are those of one of them.
+    The `turns` hold the `outputs_of` their scene. Of a bearing of several side by side, life,
+    safety and pressure are those of one of them.
     """
     return {joint: _of_joint(turns, joint) for joint in bearings_of(turns.scene)}
 
 
 def shaking_rms(turns: Turns) -> tuple[float, float]:
     """Return the RMS of the shaking force, N, with its standard error."""
-    square, error = _mean(np.mean(np.sum(turns.values["shaking_force"] ** 2, axis=-1), axis=1))
+    square, error = _mean(turns.values["shaking_rms"] ** 2)
     return square**0.5, error / (2 * square**0.5)
 
 
 def _of_joint(turns: Turns, joint: str) -> dict[str, tuple[float, float]]:
-    load, speed = turns.values[f"{joint} load"], np.abs(turns.values["shaft_speed"])
-    # ISO 281 averages over revolutions, which uneven speed does not spread evenly over time.
-    worn, error = _mean(np.mean(load**LIFE_EXPONENT * speed, axis=1) / speed.mean())
+    def of(name: str) -> np.ndarray:
+        return turns.values[f"{joint} {name}"]
+
+    speed = float(turns.values["speed"].mean())
+    worn, error = _mean(of("wear") / speed)
     equivalent = worn ** (1 / LIFE_EXPONENT)
-    peaks = load.max(axis=1)
     found = {
-        "mean_load": _mean(load.mean(axis=1)),
+        "mean_load": _mean(of("load")),
         "equivalent_load": (equivalent, equivalent / LIFE_EXPONENT * error / worn),
-        "peak_load": _peak(peaks),
+        "peak_load": _peak(of("peak")),
     }
     bearing = turns.scene.joints[joint]
     if isinstance(bearing, RollerBearing):
         many = float(bearing.bearings)
-        hours = RATED_TURNS / (float(speed.mean()) / (2 * np.pi) * HOUR)
+        hours = RATED_TURNS / (speed / (2 * np.pi) * HOUR)
         life = hours * (float(bearing.dynamic_rating) * many) ** LIFE_EXPONENT / worn
-        safety = float(bearing.static_rating) * many / peaks
+        safety = float(bearing.static_rating) * many / of("peak")
         found |= {
             "life": (life, life * error / worn),
             "static_safety": (float(safety.min()), float(np.std(safety, ddof=1))),
-            "pressure": _peak(turns.values["main pressure"].max(axis=1)),
+            "pressure": _peak(of("pressure")),
         }
     if bearing is not None:
-        touching = turns.values[f"{joint} penetration_ratio"] > 0
-        # In time, over the ends of turns: the first instant has none before it.
-        joined, rate = touching.ravel(), turns.values[f"{joint} penetration_rate"].ravel()
-        begins = np.concatenate([[False], joined[1:] & ~joined[:-1]])
-        speeds = np.where(begins, np.maximum(rate, np.roll(rate, 1)), 0.0).reshape(touching.shape)
+        # What a pin approaches its bore by while it stays in contact is no impact.
+        speeds = np.where(of("impacts") > 0, of("approach"), 0.0)
         found |= {
-            "contact_lost": _mean(1 - touching.mean(axis=1)),
-            "impacts": _mean(begins.reshape(touching.shape).sum(axis=1)),
-            "impact_speed": _peak(speeds.max(axis=1)),
-            "friction_power": _mean(turns.values[f"{joint} friction"].mean(axis=1)),
+            "contact_lost": _mean(1 - of("contact")),
+            "impacts": _mean(of("impacts")),
+            "impact_speed": _peak(speeds),
+            "friction_power": _mean(of("friction")),
         }
     return found

@@ -21,7 +21,6 @@ from jaxcrusher.motion.statistics import (
     AbstractOverTurns,
     Statistics,
     by_turns,
-    instants,
     statistics_problem,
 )
 
@@ -68,9 +67,8 @@ def advance(
 
     Differentiable by the scene and the state.
     """
-    share = span / (2 * math.pi)
-    times = 2 * math.pi * instants(outputs, share)[None]
-    problem = statistics_problem(outputs, share)
+    problem, shares = statistics_problem(flow, outputs, span / (2 * math.pi))
+    times = 2 * math.pi * shares[None]
     (states, values), outcome = integrate(flow, times, problem=problem, method=method)
     return *jax.tree.map(lambda leaf: leaf[0], (states, values)), outcome
 

@@ -219,7 +219,7 @@ def _problem(outputs: tuple[str, ...]) -> Problem:
 
         return {name: seen(name) for name in outputs}
 
-    return Problem(initial, field, observe, lambda observed, end: observed)
+    return Problem(initial, field, observe, lambda observed, end, kept: observed)
 
 
 def leading_force(scene: AbstractScene) -> str:

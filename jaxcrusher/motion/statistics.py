@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import nan_unless, require_names, require_whole
+from jaxcrusher.basics.following import Following, Instant
 from jaxcrusher.basics.integrate import (
     Carried,
     Integration,
@@ -23,7 +24,13 @@ from jaxcrusher.basics.integrate import (
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.joint.validity import Validity, validity
 from jaxcrusher.mechanism.named import before
-from jaxcrusher.mechanism.reductions import SAMPLES, AbstractMean, Chosen, Sampled
+from jaxcrusher.mechanism.reductions import (
+    SAMPLES,
+    AbstractFollowed,
+    AbstractMean,
+    Chosen,
+    Sampled,
+)
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import Flow, by_phase, flat, unflattened
@@ -139,8 +146,9 @@ def statistics(
     - `rtol`, `method`: as in `jaxcrusher.simulate`, with time in radians of phase and
       steps counted per turn.
 
-    **Returns:** a `Statistics`. RMS and means are integrated with the motion; the rest is
-    seen at 1024 instants a turn, the peak as the top of a parabola through three of them.
+    **Returns:** a `Statistics`. RMS and means are integrated with the motion; peaks, shares of the
+    time and counts are followed from step to step of the integrator, a peak as the top of the
+    parabola through the ends of three steps. What is `Sampled` is seen at 1024 instants a turn.
 
     Raises ValueError for counts that are not whole numbers in range, unknown outputs, a state of
     another shape, and a sliding power asked of a scene without friction.
@@ -177,8 +185,9 @@ def by_turns(
     scene: AbstractScene, state: ArrayLike | None, turns: int, outputs: Chosen, method: Integration
 ) -> tuple[Float[Array, "turns dims"], dict[str, Float[Array, " turns"]], Outcome]:
     """Return the section points at the ends of turns, statistics of each turn, and the outcome."""
-    flow, problem = Flow(scene, unflattened(state, scene)), statistics_problem(outputs)
-    times = 2 * jnp.pi * (jnp.arange(turns)[:, None] + instants(outputs))
+    flow = Flow(scene, unflattened(state, scene))
+    problem, shares = statistics_problem(flow, outputs)
+    times = 2 * jnp.pi * (jnp.arange(turns)[:, None] + shares)
     (states, values), outcome = integrate(flow, times, problem=problem, method=method)
     # Of an ideal joint a state has no numbers, and the turns alone say how many there are.
     points = jax.vmap(lambda state, _: flat(state, scene))(states, jnp.arange(turns))
@@ -221,29 +230,42 @@ def of_whirl(scene: AbstractScene) -> tuple[str, ...]:
     return scene.leading, *(before(n) + of for n in names for of in ("contact_fraction", "winding"))
 
 
-def instants(outputs: Chosen, share: float = 1.0) -> Float[Array, " n"]:
-    """The shares of a turn (or of a share of it) at which these statistics look, and its end."""
-    seen = any(isinstance(one.reduction, Sampled) for _, one in outputs)
-    count = max(round(share * SAMPLES), 3) if seen else 1
-    return share * jnp.arange(1, count + 1) / count
+def statistics_problem(
+    flow: Flow, outputs: Chosen, share: float | None = None
+) -> tuple[Problem, Float[Array, " n"]]:
+    """Return the problem of a turn with its statistics, or of a share of a turn, and its instants.
+
+    These are the shares of a turn at which samples are seen, and the end. Totals and samples are by
+    phase, in radians. Of a share come the means, the samples and the numbers that are followed,
+    which `jaxcrusher.mechanism.reductions.of_slices` puts together.
+    """
+    # A motion without a state has no impacts, and nothing that chooses steps for it.
+    moves = bool(jax.tree.leaves(jax.eval_shape(flow.initial)))
+    kinds = (AbstractFollowed, Sampled) if not moves else Sampled
+    seen = any(isinstance(one.reduction, kinds) for _, one in outputs)
+    span = 1.0 if share is None else share
+    count = max(round(span * SAMPLES), 3) if seen else 1
+    return _problem(outputs, share, moves), span * jnp.arange(1, count + 1) / count
 
 
 @functools.cache  # so that programs of other counts share its trace
-def statistics_problem(outputs: Chosen, share: float | None = None) -> Problem:
-    """Return the problem of a `Flow` over a turn with its statistics, or over a share of a turn.
-
-    Totals and samples by phase, in radians. Of a share come the means and the samples, which
-    `jaxcrusher.mechanism.reductions.of_slices` puts together.
-    """
+def _problem(outputs: Chosen, share: float | None, moves: bool) -> Problem:
     looks = {name: one.quantity for name, one in outputs}
-    means = {n: one.reduction for n, one in outputs if isinstance(one.reduction, AbstractMean)}
-    samples = {n: one.reduction for n, one in outputs if isinstance(one.reduction, Sampled)}
+    reductions = {name: one.reduction for name, one in outputs}
+    means = {n: how for n, how in reductions.items() if isinstance(how, AbstractMean)}
+    others = {n: how for n, how in reductions.items() if not isinstance(how, AbstractMean)}
+    followed = {n: how for n, how in others.items() if moves and isinstance(how, AbstractFollowed)}
+    samples = {n: how for n, how in others.items() if n not in followed}
 
     def quantities(names: Iterable[str], snapshot: Snapshot, flow: Flow) -> dict[str, Array]:
         """Return the quantity of each statistic; one that several share is computed once."""
         once = dict.fromkeys(looks[name] for name in names)
         found = {quantity: quantity(snapshot, flow.scene) for quantity in once}
         return {name: found[looks[name]] for name in names}
+
+    def seen_at(names: Iterable[str], phase: Scalar, y: Carried, flow: Flow) -> dict[str, Array]:
+        _, snapshot = by_phase(flow.phase + phase, y.motion, flow.scene)
+        return quantities(names, snapshot, flow)
 
     def initial(flow: Flow) -> Carried:
         totals = {name: mean.integrands(jnp.zeros(())) for name, mean in means.items()}
@@ -255,15 +277,31 @@ def statistics_problem(outputs: Chosen, share: float | None = None) -> Problem:
         rates = {name: mean.integrands(now[name]) for name, mean in means.items()}
         return Carried(rate, jax.tree.map(lambda one: one / (2 * jnp.pi), rates))
 
-    def observe(phase: Scalar, y: Carried, flow: Flow) -> dict[str, Array]:
-        _, snapshot = by_phase(flow.phase + phase, y.motion, flow.scene)
-        return quantities(samples, snapshot, flow)
+    def follow(kept: dict[str, PyTree], *instants: Instant) -> dict[str, PyTree]:
+        def one(name: str) -> PyTree:
+            return followed[name].follow(
+                kept[name], *(Instant(at.time, at.seen[name]) for at in instants)
+            )
 
-    def summarise(seen: dict[str, Array], end: Carried) -> tuple[PyTree, dict[str, PyTree]]:
+        return {name: one(name) for name in followed}
+
+    def summarise(
+        seen: dict[str, Array], end: Carried, kept: dict[str, PyTree] | None
+    ) -> tuple[PyTree, dict[str, PyTree]]:
+        span = 2 * jnp.pi * (1.0 if share is None else share)
+        values = {} if kept is None else {n: followed[n].of_kept(kept[n], span) for n in followed}
         if share is not None:
-            return end.motion, jax.tree.map(lambda total: total / share, end.totals) | seen
-        values = {name: mean.of_means(*end.totals[name]) for name, mean in means.items()}
+            return end.motion, jax.tree.map(lambda total: total / share, end.totals) | seen | values
+        values |= {name: mean.of_means(*end.totals[name]) for name, mean in means.items()}
         values |= {name: how.of_samples(seen[name]) for name, how in samples.items()}
         return end.motion, values
 
-    return Problem(initial, field, observe, summarise)
+    following = None
+    if followed:
+        following = Following(
+            lambda flow: {name: how.begin() for name, how in followed.items()},
+            functools.partial(seen_at, tuple(followed)),
+            follow,
+        )
+    observe = functools.partial(seen_at, tuple(samples))
+    return Problem(initial, field, observe, summarise, following)

@@ -1,4 +1,4 @@
-"""A motion turn by turn: what is seen at equal steps of the phase, of a run in bounded time."""
+"""A motion turn by turn: statistics of each turn, and what is seen in it, in bounded time."""
 
 import logging
 import time
@@ -15,12 +15,11 @@ from jaxtyping import Array
 from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.basics.integrate import Integration, Outcome, failure_text, integrate
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.mechanism.reductions import Chosen, samples_of
+from jaxcrusher.mechanism.reductions import Chosen
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.flow import Flow, initial_state, unflattened
 from jaxcrusher.motion.method import resolve
-from jaxcrusher.motion.statistics import instants, statistics_problem
+from jaxcrusher.motion.statistics import statistics_problem
 
 # Turns that are integrated at once, and of which progress is told.
 CHUNK = 5
@@ -32,9 +31,10 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Turns:
-    """Quantities of a motion, by name: shape (pieces, samples) or (pieces, samples, 2).
+    """Statistics of the pieces of a motion and quantities in them, by name.
 
-    A piece is `length` turns in equal steps of the phase, from phase zero on. A run has a piece
+    A statistic has the shape (pieces,), and what is seen at equal steps of the phase, from phase
+    zero on, (pieces, samples) or (pieces, samples, 2). A piece is `length` turns. A run has a piece
     for each turn, and an orbit one piece, which repeats.
     """
 
@@ -63,14 +63,14 @@ def require_turns(settle: int, turns: int) -> None:
 
 def run_turns(
     scene: AbstractScene,
-    quantities: Mapping[str, Observable],
+    outputs: Chosen,
     *,
     settle: int = 20,
     turns: int = 40,
     seconds: float = 40.0,
     rtol: float = 1e-9,
 ) -> Turns:
-    """Integrate a motion from its start and return what is seen of its turns.
+    """Integrate a motion from its start and return the statistics of its turns.
 
     It tells its progress to the logger. Settling ends after a third of the `seconds`, and the run
     with them, but not before 10 turns are seen: `Turns` says how many turns there were.
@@ -78,7 +78,8 @@ def run_turns(
     **Arguments:**
 
     - `scene`: what to simulate, with concrete values.
-    - `quantities`: what to look at, by name, 1024 times a turn.
+    - `outputs`: names and statistics; those of `jaxcrusher.mechanism.reductions.samples_of` are
+      what is seen 1024 times a turn.
     - `settle`, `turns`: turns before those that are kept, and those; in steps of five.
     - `seconds`: of the wall's clock, from the first five turns on.
     - `rtol`: as in `jaxcrusher.statistics`.
@@ -88,7 +89,6 @@ def run_turns(
     require_set_up()
     require_turns(settle, turns)
     how = resolve(scene, rtol)
-    outputs = samples_of(quantities)
     state, done, settled, began = initial_state(scene), 0, 0, None
     kept: list[dict[str, np.ndarray]] = []
     before: dict[str, np.ndarray] = {}  # the last instant of settling
@@ -108,11 +108,12 @@ def run_turns(
         done += CHUNK
         seen = {name: np.asarray(one) for name, one in values.items()}
         if settles:
-            settled, before = done, {name: one[-1:, -1] for name, one in seen.items()}
+            settled, before = done, {n: one[-1:, -1] for n, one in seen.items() if one.ndim > 1}
         else:
             kept.append(seen)
-    joined = {n: np.concatenate([one[n] for one in kept]) for n in quantities}
-    return Turns(scene, 1, {n: _begun(one, before.get(n)) for n, one in joined.items()}, settled)
+    joined = {name: np.concatenate([one[name] for one in kept]) for name in kept[0]}
+    series = {n: _begun(one, before.get(n)) for n, one in joined.items() if one.ndim > 1}
+    return Turns(scene, 1, joined | series, settled)
 
 
 def _begun(ends: np.ndarray, before: np.ndarray | None) -> np.ndarray:
@@ -129,10 +130,10 @@ def _begun(ends: np.ndarray, before: np.ndarray | None) -> np.ndarray:
 def _chunk(
     scene: AbstractScene, state: Array, phase: Array, outputs: Chosen, method: Integration
 ) -> tuple[Array, dict[str, Array], Outcome]:
-    """Return the state after a chunk of turns, and samples of each quantity by turn."""
+    """Return the state after a chunk of turns, and the outputs by turn."""
     flow = Flow(scene, unflattened(state, scene), phase)
-    times = 2 * jnp.pi * (jnp.arange(CHUNK)[:, None] + instants(outputs))
-    problem = statistics_problem(outputs)
+    problem, shares = statistics_problem(flow, outputs)
+    times = 2 * jnp.pi * (jnp.arange(CHUNK)[:, None] + shares)
     (states, values), outcome = integrate(flow, times, problem=problem, method=method)
     # The phase goes on, and with it the crank's angle: it is not counted from the nearest turn.
     end, _ = ravel_pytree(jax.tree.map(lambda leaf: leaf[-1], states))

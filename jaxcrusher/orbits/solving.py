@@ -308,10 +308,10 @@ def _statistics(
 
     def reduce(name: str, step: int = 1) -> Scalar:
         how, q = statistics[name].reduction, samples[statistics[name].quantity][::step]
-        by_turn = turns, -1, *q.shape[1:]
-        is_mean = isinstance(how, AbstractMean)
-        kept = how.integrands(q) if is_mean else jnp.reshape(_finer(q), by_turn)
-        return of_slices(how, kept, turns)
+        if isinstance(how, AbstractMean):
+            return of_slices(how, how.integrands(q), turns)
+        by_turn = jnp.reshape(_finer(q), (turns, -1, *q.shape[1:]))
+        return how.of_pieces(jax.vmap(how.of_samples)(by_turn))
 
     values = {name: reduce(name) for name in statistics}
     error = jnp.abs(reduce(scene.leading, 2) / values[scene.leading] - 1)

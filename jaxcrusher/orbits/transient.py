@@ -96,9 +96,9 @@ def one_period(
     state = unflattened(begun, scene)
     assert state is not None
     phases = jnp.asarray(2 * np.pi * np.arange(1, ANGLES * period)[:, None] / ANGLES)
-    (states, _), outcome = integrate(
-        Flow(scene, state), phases, problem=statistics_problem(()), method=resolve(scene, WAIT_RTOL)
-    )
+    flow, method = Flow(scene, state), resolve(scene, WAIT_RTOL)
+    problem, _ = statistics_problem(flow, ())
+    (states, _), outcome = integrate(flow, phases, problem=problem, method=method)
     path = jax.vmap(coordinates)(states)
     return jnp.concatenate([coordinates(state)[None], path]), outcome.success
 

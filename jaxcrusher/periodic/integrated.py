@@ -107,7 +107,7 @@ def _observe(share: Scalar, carried: Carried, args: PyTree) -> Array:
     return jnp.split(carried.motion, 2)[0]
 
 
-def _summarise(seen: Array, carried: Carried) -> tuple[Array, Array]:
+def _summarise(seen: Array, carried: Carried, kept: None) -> tuple[Array, Array]:
     return seen, carried.motion
 
 

@@ -65,7 +65,7 @@ problem = Problem(
     lambda start: Carried(start, {"sum": jnp.zeros(())}),
     lambda time, y, start: Carried(-y.motion, {"sum": y.motion}),
     lambda time, y, start: y.motion,
-    lambda seen, end: seen[-1],
+    lambda seen, end, kept: seen[-1],
 )
 method = Integration(diffrax.Tsit5(), pi_controller(1e-9), 1000, 1e-3, None)
 def end(start):

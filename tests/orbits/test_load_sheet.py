@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 import jaxcrusher as jc
-from jaxcrusher.mechanism.reductions import SAMPLES
+from jaxcrusher.mechanism.reductions import SAMPLES, samples_of
 from jaxcrusher.mechanism.supports import soil_under
 from jaxcrusher.motion.turns import Turns, run_turns
 from jaxcrusher.orbits.load_sheet import (
@@ -164,7 +164,7 @@ def test_a_run_stands_beside_ideal_joints():
     # Its orbit impacts and is stable: the largest multiplier is 0.64.
     numbers = {"speed": 34.23, "clearance": 0.0645e-3}
     scene = jc.build_scene({"load_law": "closing_stroke", "start": "contact", **numbers})
-    turns = run_turns(scene, quantities_of(scene), settle=5, turns=10, rtol=1e-7)
+    turns = run_turns(scene, samples_of(quantities_of(scene)), settle=5, turns=10, rtol=1e-7)
     assert turns.settled == 5 and turns.pieces == 10 and not turns.failure
     force = 1e-3 * turns.values["ground_force"][..., 1]
     each = 2 / SAMPLES * force @ np.exp(-2j * np.pi * 3 / SAMPLES * np.arange(SAMPLES))
@@ -189,7 +189,7 @@ def test_a_run_stands_beside_ideal_joints():
 def test_a_run_of_ideal_joints_is_their_orbit():
     """At the same angles: the first instant of a turn has the shaft at zero."""
     scene = jc.ideal_scene(30.0)
-    run = run_turns(scene, quantities_of(scene), settle=0, turns=10)
+    run = run_turns(scene, samples_of(quantities_of(scene)), settle=0, turns=10)
     exact = orbit_turns(jc.periodic_orbit(scene)).values["ground_force"]
     for turn in run.values["ground_force"]:
         # Angles that are counted on through turns, with their rounding.
@@ -198,7 +198,7 @@ def test_a_run_of_ideal_joints_is_their_orbit():
 
 def test_a_run_ends_with_its_time():
     scene = jc.paper_scene(30.0, 0.06e-3)
-    turns = run_turns(scene, quantities_of(scene), settle=50, turns=100, seconds=1e-3)
+    turns = run_turns(scene, samples_of(quantities_of(scene)), settle=50, turns=100, seconds=1e-3)
     assert turns.settled < 50 and turns.pieces == 10
 
 

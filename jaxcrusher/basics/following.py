@@ -1,0 +1,123 @@
+"""Quantities that are followed from step to step of an integration, such as a peak.
+
+A hard impact lasts less than any grid of instants that a turn can afford, but always several steps
+of the integrator. What is followed has no part in the motion, nor in the control of its error.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree, Scalar
+
+
+class Instant(NamedTuple):
+    """What is seen at a time."""
+
+    time: Scalar
+    seen: PyTree[Array]
+
+
+class Following(eqx.Module):
+    """The functions that follow a motion, whose numbers are `args`."""
+
+    # What is kept before the first step: args -> kept; plain numbers, unless they have tangents.
+    begin: Callable[[PyTree], PyTree]
+    # Looks at an instant: time, state, args -> seen. It is jitted, so that it is traced once.
+    watch: Callable[[Any, Any, PyTree], PyTree] = eqx.field(converter=jax.jit)
+    # Takes account of a step: kept, the instants at the start of the step before it, at its own
+    # start and at its end -> kept. Before the first step is none, and its own start stands for it.
+    follow: Callable[[PyTree, Instant, Instant, Instant], PyTree]
+
+
+class Followed(eqx.Module):
+    """A state of an integration, what is kept, and the last two instants."""
+
+    state: Any
+    kept: PyTree[Array]
+    before: Instant
+    now: Instant
+
+
+def begun(following: Following, time: Scalar, state: Any, args: PyTree) -> Followed:
+    """Return a motion that is followed from a state on."""
+    now = Instant(time, following.watch(time, state, args))
+    return Followed(state, jax.tree.map(jnp.asarray, following.begin(args)), now, now)
+
+
+def rates(time: Any, y: Any, args: PyTree, field: Callable[[Any, Any, PyTree], Any]) -> Any:
+    """Return the rates of a motion, also of one that is followed: diffrax asks for their shapes."""
+    if not isinstance(y, Followed):
+        return field(time, y, args)
+    still = jax.tree.map(jnp.zeros_like, y)
+    return dataclasses.replace(still, state=field(time, y.state, args))
+
+
+def state_alone(time: Scalar, y: Any, args: PyTree) -> Any:
+    """Return the state of a motion, also of one that is followed: what diffrax is to save."""
+    return y.state if isinstance(y, Followed) else y
+
+
+class FollowingSolver(diffrax.AbstractWrappedSolver):
+    """Takes the steps of a solver, and follows what is seen at their ends; a state is `Followed`.
+
+    Between the ends of a step there is the solver's own state alone.
+    """
+
+    solver: diffrax.AbstractSolver
+    following: Following
+
+    @property
+    def term_structure(self):
+        """Return that of the solver."""
+        return self.solver.term_structure
+
+    @property
+    def interpolation_cls(self):  # pyright: ignore
+        """Return that of the solver."""
+        return self.solver.interpolation_cls
+
+    @property
+    def term_compatible_contr_kwargs(self):
+        """Return those of the solver."""
+        return self.solver.term_compatible_contr_kwargs
+
+    @property
+    def scan_kind(self):
+        """Return that of the solver, which `diffrax.ForwardMode` replaces."""
+        return self.solver.scan_kind  # pyright: ignore
+
+    def order(self, terms):
+        """Return that of the solver."""
+        return self.solver.order(terms)
+
+    def strong_order(self, terms):
+        """Return that of the solver."""
+        return self.solver.strong_order(terms)
+
+    def error_order(self, terms):
+        """Return that of the solver."""
+        return self.solver.error_order(terms)
+
+    def init(self, terms, t0, t1, y0, args):
+        """Return what the solver keeps."""
+        return self.solver.init(terms, t0, t1, y0.state, args)
+
+    def func(self, terms, t0, y0, args):
+        """Return the rates of the state."""
+        return self.solver.func(terms, t0, y0.state, args)
+
+    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+        """Take a step, and account for it."""
+        state, error, dense, solver_state, result = self.solver.step(
+            terms, t0, t1, y0.state, args, solver_state, made_jump
+        )
+        end = Instant(jnp.asarray(t1), self.following.watch(t1, state, args))
+        kept = self.following.follow(y0.kept, y0.before, y0.now, end)
+        y1 = Followed(state, kept, y0.now, end)
+        none = jax.tree.map(jnp.zeros_like, y1)
+        return y1, Followed(error, none.kept, none.before, none.now), dense, solver_state, result
