@@ -70,8 +70,9 @@ class AbstractBearing(eqx.Module):
 
     def memory_rate(self, contact: Contact, memory: Scalar | None) -> Scalar | None:
         """The time derivative of the impact velocity's memory."""
-        in_contact = self.normal.in_contact(contact.penetration)
-        return self.normal.impact_velocity.rate(memory, in_contact, contact.penetration_rate)
+        depth, approach = contact.penetration, contact.penetration_rate
+        in_contact = self.normal.in_contact(depth)
+        return self.normal.impact_velocity.rate(memory, in_contact, depth, approach)
 
     def elastic_energy(self, contact: Contact) -> Scalar:
         """Energy stored in the contact, J."""

@@ -160,11 +160,45 @@ def test_width_goes_to_zero(law):
 
 
 def test_tracked_velocity_follows_in_flight_and_rests_in_contact():
-    law = TrackedImpactVelocity(floor=0.02)
+    law = TrackedImpactVelocity(floor=0.02, lag=0.5, least_gap=1e-6)
     flight, contact = jnp.array(0.0), jnp.array(1.0)
     assert float(law.value(jnp.array(0.001))) == 0.02
-    assert float(law.rate(jnp.array(0.1), flight, jnp.array(0.3))) == pytest.approx(2e3, rel=1e-12)
-    assert float(law.rate(jnp.array(0.1), contact, jnp.array(0.3))) == 0
-    assert float(law.rate(jnp.array(0.1), flight, jnp.array(-0.3))) == pytest.approx(
-        -1e3, rel=1e-12
+
+    def rate(in_contact, gap, approach):
+        return float(law.rate(jnp.array(0.1), in_contact, jnp.array(-gap), jnp.array(approach)))
+
+    # 0.2 m/s less than the approach, at 0.3 m/s over half of 9 um and the least gap.
+    assert rate(flight, 9e-6, 0.3) == pytest.approx(0.2 * 0.3 / (0.5 * 1e-5), rel=1e-12)
+    assert rate(contact, -9e-6, 0.3) == 0
+    assert rate(flight, 9e-6, -0.3) == 0  # they part
+
+
+@pytest.mark.parametrize(
+    ("gap", "speed", "acceleration", "before"),
+    [
+        (0.5e-3, 1.0, 2e4, 0.0),
+        (6e-5, 0.01, 10.0, 0.0),
+        (0.5e-3, 4.0, -5e3, 0.0),
+        (1e-4, 1e-3, 1e5, 5.0),
+    ],
+)
+def test_tracked_velocity_is_that_of_the_touch_down(gap, speed, acceleration, before):
+    """Over gaps that close under constant accelerations, in closed form up to the corner."""
+    law = TrackedImpactVelocity()
+
+    def field(time, y):
+        approach = jnp.asarray(speed + acceleration * time)
+        memory = law.rate(jnp.asarray(y[1]), jnp.array(0.0), jnp.asarray(-y[0]), approach)
+        return [-float(approach), float(memory)]
+
+    def touch(time, y):
+        return y[0]
+
+    touch.terminal = True
+    end = solve_ivp(
+        field, (0, 1), [gap, before], "LSODA", events=touch, rtol=1e-9, atol=[1e-15, 1e-12]
     )
+    exact = np.sqrt(speed**2 + 2 * acceleration * gap)
+    # What the speed gains over the lag of the least gap, once and a half, and the steps' tolerance.
+    lag = 0.25 * 1e-8 * abs(acceleration) / exact**2
+    assert end.y[1, -1] == pytest.approx(exact, rel=1.5 * lag + 1e-6)
