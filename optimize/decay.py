@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxcrusher.batch.engines import run_all, stack
-from jaxcrusher.orbits.oscillation import places
+from jaxcrusher.motion.flow import pins_of
+from jaxcrusher.orbits.oscillation import section_of
 from jaxcrusher.orbits.transient import section_points
 from optimize.answer import Confirmed, Decay, Orbit
 from optimize.case import Case
@@ -58,9 +59,7 @@ def with_decay(case: Case, designs: Sequence[Confirmed]) -> list[Confirmed]:
         if good.all():
             runs = found[i].transient[start]
             solution = _orbit(found[i]).solution
-            joints = len(solution.scene.joints)
-            section = places(np.asarray(solution.section), joints)
-            apart, left = places(states, joints) - section
+            apart, left = states[..., pins_of(solution.scene)] - section_of(solution)[0]
             decay = measured(apart, float(_oscillations(left).max()))
             transient = found[i].transient | {start: replace(runs, decay=decay)}
             found[i] = replace(found[i], transient=transient)

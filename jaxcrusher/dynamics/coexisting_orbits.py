@@ -22,7 +22,7 @@ from jaxcrusher.batch.store import Layout, opened
 from jaxcrusher.files.table import COLUMNS, digits
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene, require_steady
-from jaxcrusher.motion.flow import initial_state
+from jaxcrusher.motion.flow import initial_state, pins_of
 from jaxcrusher.orbits.oscillation import (
     NEAR,
     Oscillation,
@@ -117,7 +117,8 @@ def coexisting_orbits(
     known = _Known(scene, [quiet] if bool(quiet.stable) else [])
     length = -(-turns // LOOKS)
     advance = eqx.Partial(section_points, turns=length, rtol=WAIT_RTOL)
-    begun, going = _shifted(scene, starts, spread, seed), list(range(starts))
+    pins = pins_of(scene)
+    begun, going = _shifted(scene, pins, starts, spread, seed), list(range(starts))
     state, labels = begun.copy(), np.full(starts, -1)
     looks: list[dict[int, _Oscillations]] = []
     failed = 0
@@ -129,7 +130,7 @@ def coexisting_orbits(
         state[going] = states[:, -1]
         failed += int(np.sum(~success))
         ended = zip(going, states, success, strict=True)
-        seen = {n: _oscillations(s, len(scene.joints)) for n, s, good in ended if good}
+        seen = {n: _oscillations(s, pins) for n, s, good in ended if good}
         looks.append(seen)
         # The narrowest first: it leads to an orbit best.
         going = []
@@ -168,18 +169,25 @@ def _require_asked(starts: int, spread: float, turns: int, seed: int) -> None:
 
 
 def _shifted(
-    scene: AbstractScene, starts: int, spread: float, seed: int
+    scene: AbstractScene,
+    pins: Int[np.ndarray, " half"],
+    starts: int,
+    spread: float,
+    seed: int,
 ) -> Float[np.ndarray, "starts dims"]:
-    """Return section points about the scene's start, evenly over a disc at each joint."""
+    """Return section points about the scene's start, evenly over a disc at each joint.
+
+    All but the numbers `pins` of a point stays, such as rates, memories and a frame.
+    """
     random, start = np.random.default_rng(seed), np.asarray(initial_state(scene))
     count = len(scene.joints), starts
     radii, angles = spread * np.sqrt(random.uniform(size=count)), random.uniform(size=count)
     offsets = radii * np.exp(2j * np.pi * angles)
-    still = np.zeros(count)
-    shift = np.stack([offsets.real, offsets.imag, still, still], axis=2)
-    shift = shift.transpose(1, 0, 2).reshape(starts, -1)
-    # What stands behind the joints' states, such as a frame's, stays.
-    return start + np.pad(shift, ((0, 0), (0, start.size - shift.shape[1])))
+    begun = np.tile(start, (starts, 1))
+    begun[:, pins] += (
+        np.stack([offsets.real, offsets.imag], axis=2).transpose(1, 0, 2).reshape(starts, -1)
+    )
+    return begun
 
 
 def _repeated(scene: AbstractScene, count: int) -> AbstractScene:
@@ -190,10 +198,12 @@ def _repeated(scene: AbstractScene, count: int) -> AbstractScene:
 _Oscillations = dict[int, Oscillation]
 
 
-def _oscillations(states: Float[np.ndarray, "turns dims"], joints: int) -> _Oscillations:
+def _oscillations(
+    states: Float[np.ndarray, "turns dims"], pins: Int[np.ndarray, " half"]
+) -> _Oscillations:
     """Return the oscillations about orbits of each of `PERIODS`, and of `CYCLE` turns."""
     whole = states[len(states) % CYCLE :]
-    return {period: oscillation_about(whole, period, joints) for period in (*PERIODS, CYCLE)}
+    return {period: oscillation_about(whole, period, pins) for period in (*PERIODS, CYCLE)}
 
 
 def _shortest(oscillations: _Oscillations) -> Oscillation:

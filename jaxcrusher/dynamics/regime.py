@@ -12,7 +12,7 @@ from jaxcrusher.basics.integrate import Outcome
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
-from jaxcrusher.motion.flow import initial_state
+from jaxcrusher.motion.flow import initial_state, pins_of
 from jaxcrusher.motion.indicators import (
     CHAOS,
     Lyapunov,
@@ -176,7 +176,7 @@ def _orbit_in_contact(scene: AbstractScene, record: Section) -> PeriodicOrbit | 
     orbit = periodic_orbit(scene, nodes=NODES)
     if not bool(orbit.stable):
         return None
-    swing = oscillation_about(np.asarray(record.states), 1, len(scene.joints))
+    swing = oscillation_about(np.asarray(record.states), 1, pins_of(scene))
     return orbit if swing.is_about(section_of(orbit)) else None
 
 

@@ -28,8 +28,9 @@ from jaxcrusher.motion.statistics import (
 class Section(eqx.Module, AbstractOverTurns):
     """States at the end of each turn, where the shaft is again at angle zero.
 
-    With the default formulation a state is (e_x / c, e_y / c, e_x', e_y') in 1 and m/s, and
-    after them the memory of a tracked impact velocity. A frame on supports has six numbers more, in
+    With the default formulation a state has of each loose joint in turn (e_x / c, e_y / c, e_x',
+    e_y') in 1 and m/s, and behind them the memory of a tracked impact velocity, m/s, if the joint
+    has one. Behind all joints stand those of a free shaft, and the six of a frame on supports, in
     the units of `jaxcrusher.mechanism.frame.FrameUnits`. NaN from a failure on.
     """
 

@@ -3,9 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from jaxcrusher.motion.flow import flat
 from jaxcrusher.orbits.result import PeriodicOrbit
 
 # An orbit is the mean of a swing if it is no further from it, as a share of its spread and in
@@ -30,31 +29,25 @@ class Oscillation(NamedTuple):
         return distance(section, self.middle) < self.allowed
 
 
-def places(
-    states: Float[np.ndarray, "*turns dims"], joints: int
-) -> Float[np.ndarray, "*turns half"]:
-    """Return the eccentricities of section points, which begin with four numbers a loose joint."""
-    of_joints = states[..., : 4 * joints].reshape(*states.shape[:-1], joints, 4)
-    return of_joints[..., :2].reshape(*states.shape[:-1], 2 * joints)
-
-
 def oscillation_about(
-    states: Float[np.ndarray, "turns dims"], period: int, joints: int
+    states: Float[np.ndarray, "turns dims"], period: int, pins: Int[np.ndarray, " half"]
 ) -> Oscillation:
     """Return the oscillation of whole multiples of `period` turns about an orbit of that period.
 
-    The pins of the loose `joints` are looked at, and no frame that stands on springs.
+    The numbers `pins` of a state are looked at (see `jaxcrusher.motion.flow.pins_of`), and no frame
+    that stands on springs.
     """
     parts = states.reshape(-1, period, states.shape[1])
     centre = parts.mean(axis=0)
-    apart = places(parts - centre, joints)
-    return Oscillation(centre, places(centre, joints), float(np.sqrt(np.mean(apart**2))))
+    apart = (parts - centre)[..., pins]
+    return Oscillation(centre, centre[..., pins], float(np.sqrt(np.mean(apart**2))))
 
 
 def section_of(orbit: PeriodicOrbit) -> Float[np.ndarray, "period half"]:
     """Return the positions of the pins at the beginning of each turn, in clearances."""
-    turns = [flat(orbit.state(2 * np.pi * turn), orbit.scene) for turn in range(orbit.period)]
-    return places(np.array(turns), len(orbit.scene.joints))
+    turns = [orbit.state(2 * np.pi * turn).joints.values for turn in range(orbit.period)]
+    places = [[joint.relative_eccentricity.array() for joint in joints] for joints in turns]
+    return np.reshape(places, (orbit.period, -1))
 
 
 def distance(section: Float[np.ndarray, "p half"], middle: Float[np.ndarray, "n half"]) -> float:

@@ -25,10 +25,11 @@ from jaxtyping import Array, Scalar
 
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.motion.flow import pins_of
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.forced import unknowns
-from jaxcrusher.orbits.oscillation import NEAR, oscillation_about, places
+from jaxcrusher.orbits.oscillation import NEAR, oscillation_about
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import (
     ORBIT_RTOL,
@@ -214,7 +215,7 @@ class OrbitSearch(NamedTuple):
             return
         values, vectors = np.linalg.eig(np.asarray(found.matrix))
         way = np.real(vectors[:, np.argmin(np.where(np.imag(values), np.inf, np.real(values)))])
-        way /= np.max(np.abs(places(way, len(self.still.joints))))
+        way /= np.max(np.abs(way[pins_of(self.still)]))
         for distance in BESIDE:
             if not self.can_shoot(start, turns):
                 return
@@ -325,9 +326,10 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
 
     first, rounds = search.by_nodes(search.guess, turns), wait.rounds()
     if turns == 1 and bool(first.orbit.stable) and bool(first.orbit.way == WAYS.damping):
-        section = places(np.asarray(first.orbit.section)[None], len(scene.joints))
+        pins = pins_of(scene)
+        section = np.asarray(first.orbit.section)[None, pins]
         for rest in itertools.islice(rounds, 1):
-            if not oscillation_about(rest.states, 1, len(scene.joints)).is_about(section):
+            if not oscillation_about(rest.states, 1, pins).is_about(section):
                 yield from waited(rest)
     yield first
     if search.section is not None:

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.basics.plane import Vector
 from jaxcrusher.dynamics import coexisting_orbits as module
-from jaxcrusher.orbits.oscillation import places
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.motion.flow import initial_state, pins_of
 from jaxcrusher.orbits.shot import shoot
 
 
@@ -73,6 +75,10 @@ def test_shooting_from_nowhere_says_so():
     assert np.isnan(lost.foundation_rms) and np.isnan(lost.multipliers).all()
 
 
+# Of a state of one joint.
+PINS = np.array([0, 1])
+
+
 def swinging(section, width, pace=3**0.5, turns=250):
     """Section points that go round those of an orbit."""
     phase = 2 * np.pi * pace * np.arange(turns)
@@ -81,7 +87,7 @@ def swinging(section, width, pace=3**0.5, turns=250):
 
 
 def oscillation_about(*arguments):
-    return module._shortest(module._oscillations(swinging(*arguments), 1))
+    return module._shortest(module._oscillations(swinging(*arguments), PINS))
 
 
 def test_what_a_motion_swings_about():
@@ -105,8 +111,7 @@ def test_what_a_motion_swings_about():
 class Orbit:
     """As much of one as the bookkeeping asks for."""
 
-    alone = SimpleNamespace(unwound=lambda state: state)
-    scene = SimpleNamespace(leading="foundation_rms", joints=["shaft"], formulation=alone)
+    scene = SimpleNamespace(leading="foundation_rms")
 
     def __getitem__(self, name):
         return getattr(self, name)
@@ -116,8 +121,9 @@ class Orbit:
         self.period, self.foundation_rms = len(section), 1.0 + np.sum(section)
 
     def state(self, angle):
-        """At the beginning of a turn it is at rest."""
-        return np.append(self.section[round(angle / 2 / np.pi)], [0.0, 0.0])
+        """Of one joint, at the beginning of a turn."""
+        at = Vector(*self.section[round(angle / 2 / np.pi)])
+        return SimpleNamespace(joints=Named({"main": SimpleNamespace(relative_eccentricity=at)}))
 
 
 @pytest.mark.usefixtures("unchecked")  # what stands for scene and orbits is none
@@ -151,11 +157,11 @@ def test_known_orbits_are_not_shot_for_again(monkeypatch):
     # is in step with the shaft for a while; not what swings on.
     for pace in (np.sqrt(3), 1 / 3):
         before, now = (
-            module._oscillations(swinging(one, width, pace), 1) for width in (0.06, 0.05)
+            module._oscillations(swinging(one, width, pace), PINS) for width in (0.06, 0.05)
         )
         assert known.approached(before, now) == 0
         assert known.approached(now, now) is None
-    far = module._oscillations(swinging([[0.6, 0.4]], 0.05), 1)
+    far = module._oscillations(swinging([[0.6, 0.4]], 0.05), PINS)
     assert known.approached(before, far) is None
 
 
@@ -222,5 +228,41 @@ def test_a_frame_on_springs_is_no_joint():
     (orbit,) = found.orbits
     # Four numbers of the joint, and six of the frame, of which none is a place of a pin.
     assert orbit.section.shape == (10,)
-    assert places(np.arange(20.0).reshape(2, 10), 1).tolist() == [[0.0, 1.0], [10.0, 11.0]]
-    assert places(np.arange(14.0), 2).tolist() == [0.0, 1.0, 4.0, 5.0]
+    assert pins_of(scene).tolist() == [0, 1]
+
+
+SEATS = {"elbow.clearance": 6e-5, "load_law": "normal_to_jaw", "restitution": 0.7}
+
+
+@pytest.mark.parametrize(
+    ("choices", "pins"),
+    [
+        ({}, [0, 1, 4, 5]),
+        ({"impact_law": "tracked"}, [0, 1, 5, 6]),
+        ({"elbow.impact_law": "tracked"}, [0, 1, 4, 5]),
+        ({"impact_law": "tracked", "foundation.mass": 6e3}, [0, 1, 5, 6]),
+    ],
+)
+def test_a_shift_of_pins_moves_no_memory(choices, pins):
+    """States hold the joints one after the other, each with its memory behind its rates."""
+    scene = jc.build_scene(SEATS | choices)
+    start = np.asarray(initial_state(scene))
+    begun = module._shifted(scene, pins_of(scene), 40, 0.3, 0)
+    assert pins_of(scene).tolist() == pins
+    moved = np.abs(begun - start).max(axis=0) > 0
+    assert np.flatnonzero(moved).tolist() == pins
+    # Up to 0.3 clearances in any direction, evenly over the disc.
+    radii = np.linalg.norm((begun - start)[:, pins].reshape(40, 2, 2), axis=2)
+    assert radii.max() < 0.3 and radii.mean() == pytest.approx(0.2, rel=0.1)
+
+
+@pytest.mark.slow
+def test_motions_with_memories_come_to_the_orbit_of_those_without():
+    """Their pins stay in contact, where a memory rests and changes the orbit by nothing."""
+    for law in ("tracked", "constant"):
+        laws = {"impact_law": law, "elbow.impact_law": law, "elbow.restitution": 0.7}
+        scene = jc.build_scene(SEATS | laws)
+        found = jc.coexisting_orbits(scene, starts=6, spread=0.05, turns=400)
+        assert found.shares == (1.0,)
+        # Their damping differs: a thousandth of the force, and out of phase with it.
+        assert float(found.orbits[0].foundation_rms) == pytest.approx(15834.85, rel=1e-6)
