@@ -75,7 +75,7 @@ class Case:
     def columns(self) -> dict[str, Column]:
         """The columns of what is told of a motion that was integrated."""
         scene, of = self.scene, self.objective
-        found = columns_of_row(limited_joints(scene), scene.entries(self.told), scene.leading)
+        found = columns_of_row(limited_joints(scene), scene.entries(self.told))
         found |= columns_of(scene.statistics, of.outputs)
         found["objective"] = Column(of.unit, of.meaning)
         meaning = "may be chosen: succeeded, no whirl, inside the constraints"

@@ -125,4 +125,4 @@ def _row(batch: tuple[AbstractScene, Array], case: Case, window: Window) -> dict
     chamber = case.chamber_of(case.design.description(unit))
     objective = case.objective.formula(result, scene, chamber)
     further = {"objective": objective, "steps": result.outcome.steps, "state": result.state}
-    return row_of(result, case.told, limited_joints(scene), scene.leading) | further
+    return row_of(result, case.told, limited_joints(scene)) | further

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     import distributed
 
 # What a motion has besides its statistics, and what each loose joint has of it.
-_MOTION = ("whirl", "success", "inside_model", "reached")
+_MOTION = ("settled", "whirl", "success", "inside_model", "reached")
 _LIMITS = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
 
 
@@ -91,7 +91,15 @@ def sweep(
     - `scheduler`: None for this machine; else a `distributed.Client` or a scheduler's address.
 
     **Returns:** an `xarray.Dataset` with a dimension for each axis, opened from the store if there
-    is one. A failed design has `success` False and NaN; it does not stop the others.
+    is one. A failed design has `success` False and NaN; it does not stop the others. Each statistic
+    has an `_error`, and `settled` says whether the turns are those of a motion that has settled
+    (see `jaxcrusher.motion.statistics.Statistics`). Where designs have not, the attribute `remark`
+    says how many.
+
+    Motions begin with the scene's start. The usual one is the paper's, "centred": it begins with
+    impacts, as after a standstill, which leave a swing of the pin for thousands of turns.
+    `base={"start": "contact"}` begins close to the quiet motion that a design settles on, and
+    `jaxcrusher.orbit_map` solves for it.
 
     Raises ValueError for bad arguments and for a store with other settings, naming what differs;
     RuntimeError for a store in use, for corrupt chunks and for workers that fail; OSError for what
@@ -123,7 +131,7 @@ class Window:
         absent = {*scene.statistics}.difference(scene.own_statistics)
         own = tuple((name, one) for name, one in self.statistics if name not in absent)
         found = over_turns(scene, None, self.settle_turns, self.turns, own, method)
-        return row_of(found, [name for name, _ in own], limited_joints(scene), scene.leading)
+        return row_of(found, [name for name, _ in own], limited_joints(scene))
 
     def settings(self) -> dict[str, Any]:
         """Return what decides the values, as JSON keeps it."""
@@ -197,7 +205,20 @@ class Ensemble:
                     kept.write(number, values, record)
                     finished += layout.size(number)
                     report(finished, layout.grid.size)
-            return kept.dataset()
+            return remarked(kept.dataset())
+
+
+def remarked(found: xr.Dataset) -> xr.Dataset:
+    """Return the table of a sweep with a remark on the designs that have not settled, if any."""
+    unsettled = int((found.success & ~found.settled).sum())
+    if not unsettled:
+        return found
+    remark = (
+        f"{unsettled} of {found.success.size} designs have not settled within their turns: see "
+        "their errors. The start `contact` begins near the motion that a design settles on, and "
+        "`orbit_map` solves for it."
+    )
+    return found.assign_attrs(remark=remark)
 
 
 def _seen(
@@ -242,7 +263,7 @@ def plan(
     for name in outputs:
         require(name in entries, "outputs", "name statistics that these designs have", name)
     window = Window(settle_turns, turns, float(rtol), tuple(entries.items()))
-    columns = columns_of_row(tuple(joints), window.statistics, scenes[0].leading)
+    columns = columns_of_row(tuple(joints), window.statistics)
     layout = Layout(grid, columns, chunk_shape(grid, designs))
     return Ensemble(layout, window, engine)
 
@@ -253,12 +274,13 @@ def limited_joints(scene: AbstractScene) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*main, *scene.joints.names)))
 
 
-def columns_of_row(
-    joints: Sequence[str], statistics: Chosen, leading: str = "foundation_rms"
-) -> dict[str, Column]:
+def columns_of_row(joints: Sequence[str], statistics: Chosen) -> dict[str, Column]:
     """Return the columns of `row_of`."""
     found = columns_of(dict(statistics), (name for name, _ in statistics))
-    found[f"{leading}_error"] = Column(found[leading].unit, "standard error of the RMS")
+    found |= {
+        f"{name}_error": Column(one.unit, f"error of the {one.meaning}")
+        for name, one in found.items()
+    }
     for joint in joints:
         at = f", {joint}" if before(joint) else ""
         for name in _LIMITS:
@@ -268,7 +290,7 @@ def columns_of_row(
 
 
 def row_of(
-    result: Statistics, statistics: Iterable[str], joints: Iterable[str], leading: str
+    result: Statistics, statistics: Sequence[str], joints: Iterable[str]
 ) -> dict[str, jax.Array]:
     """Return the values of one design; an ideal joint is inside the limits of contact."""
     limits = {"main": result.validity, **result.validity.others}
@@ -276,10 +298,15 @@ def row_of(
     for joint, name in itertools.product(joints, _LIMITS):
         value = getattr(limits[joint], name)
         row[before(joint) + name] = jnp.full((), jnp.nan) if value is None else value
-    return row | {
-        f"{leading}_error": result.standard_error(leading),
-        "whirl": result.whirl,
-        "success": result.success,
-        "inside_model": result.validity.inside,
-        "reached": result.outcome.reached,
-    }
+    errors = {f"{name}_error": result.error(name) for name in statistics}
+    return (
+        row
+        | errors
+        | {
+            "settled": result.settled,
+            "whirl": result.whirl,
+            "success": result.success,
+            "inside_model": result.validity.inside,
+            "reached": result.outcome.reached,
+        }
+    )

@@ -166,8 +166,16 @@ def draw(
 def scattered(summary: Statistics) -> str:
     """Advise what to do about an average that still changes, or return nothing."""
     leading = "foundation_rms" if "foundation_rms" in summary.values else "shaking_rms"
-    share = float(summary.standard_error(leading)) / float(summary[leading])
-    if not SCATTERED < share < math.inf or bool(summary.whirl):
+    error = float(summary.error(leading))
+    if bool(summary.whirl) or not math.isfinite(error):
+        return ""
+    if not bool(summary.settled):
+        return (
+            "The motion has not settled: the ± counts what is left of its start. python -m "
+            "jaxcrusher orbit solves for the motion that it settles on."
+        )
+    share = error / float(summary[leading])
+    if share <= SCATTERED:
         return ""
     return (
         f"The average still scatters by {share:.0%}: more --turns make it narrower. Where the pin "
@@ -176,8 +184,8 @@ def scattered(summary: Statistics) -> str:
 
 
 def _plus_minus(summary: Statistics, rms: str) -> str:
-    """Return the standard error of an RMS in two digits; nothing where one turn tells none."""
-    error = float(summary.standard_error(rms))
+    """Return the error of an RMS in two digits; nothing where one turn tells none."""
+    error = float(summary.error(rms))
     return f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
 
 

@@ -99,10 +99,12 @@ def closing(grid: xr.Dataset, leading: str, units: dict[str, str]) -> str:
     grid = grid[[leading, "success", "whirl", "inside_model"]].load()
     success, whirl = grid.success.to_numpy(), grid.whirl.to_numpy()
     outside = int((success & ~whirl & ~grid.inside_model.to_numpy()).sum())
+    remark = grid.attrs.get("remark", "")
     counts = (
         f"{grid.success.size} designs: {int((~success).sum())} failed, {int(whirl.sum())} "
         f"whirl, {outside} more outside the contact model"
     )
+    counts = f"{remark}\n{counts}" if remark else counts
     good = grid[leading].where(grid.success & ~grid.whirl)
     if not bool(good.notnull().any()):
         return counts

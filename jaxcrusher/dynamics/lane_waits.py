@@ -112,8 +112,11 @@ class LaneWaits:
         scene = self._scenes[case]
         name, state = scene.leading, jnp.asarray(self._at[case])
         by_turn = jnp.asarray(self._joined(case, name))
-        value = scene.statistics[name].reduction.of_pieces(by_turn)
-        return Statistics(by_turn.size, fine(), {name: value}, {name: by_turn}, state)
+        entries = scene.entries((name,))
+        value = entries[0][1].reduction.of_pieces(by_turn)
+        return Statistics(
+            by_turn.size, fine(), {name: value}, {name: by_turn}, state, known=entries
+        )
 
     def means(
         self, which: Int[np.ndarray, " some"], period: int

@@ -41,7 +41,6 @@ def with_scatter(value: float, scatter: float) -> str:
 # Every column of the tables that is no statistic of a scene.
 COLUMNS = {
     # of a motion that was integrated
-    "foundation_rms_error": Column("N", "standard error of the RMS"),
     "half_width_ratio": Column("1", "Hertz's half-width / radius of bore or roller"),
     "impact_speed_ratio": Column("1", "fastest approach / elastic limit"),
     "delivered_restitution": Column("1", "restitution of the fastest impact"),
@@ -81,7 +80,7 @@ COLUMNS = {
     "e_y": Column("1", "e_y / clearance", dims=("turn",)),
     "rate_x": Column("m/s", "de_x/dt", dims=("turn",)),
     "rate_y": Column("m/s", "de_y/dt", dims=("turn",)),
-    "settled": Column("1", "the points repeat, or their spread has no trend", bool),
+    "settled": Column("1", "the motion has settled, as far as its turns tell", bool),
     "period": Column("1", "turns until the points repeat, 0 if they do not", int),
 }
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -30,6 +29,7 @@ from jaxcrusher.mechanism.reductions import (
     AbstractMean,
     Chosen,
     Sampled,
+    Statistic,
 )
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
@@ -37,6 +37,7 @@ from jaxcrusher.motion.flow import Flow, by_phase, flat, unflattened
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
+from jaxcrusher.motion.settling import error, is_settled, standard_error, swing_of
 
 # Friction whirl: the pin rolls round the bore, in contact, hundreds of times a turn. A pin
 # that rests in the bore follows the joint force, which goes round at most once or twice.
@@ -82,6 +83,8 @@ class Statistics(eqx.Module, AbstractOverTurns):
     # for tell it; an ideal joint keeps to them.
     validity: Validity = Validity(missing=("its scene",))
     known: Chosen = eqx.field(static=True, default=())
+    # of a pin in its bore, in clearances: see `jaxcrusher.motion.settling.swing_of`
+    swing: Scalar | float = 0.0
 
     @property
     def whirl(self) -> Bool[Array, "*batch"]:
@@ -101,24 +104,42 @@ class Statistics(eqx.Module, AbstractOverTurns):
         return rolling
 
     @property
-    def foundation_rms_error(self) -> Scalar:
-        """Standard error of the RMS of |R_O| + |R_C|, N; see `standard_error`."""
-        return self.standard_error("foundation_rms")
+    def settled(self) -> Bool[Array, "*batch"]:
+        """Whether the turns are those of a motion that has settled, as far as they tell it.
 
-    def standard_error(self, rms: str) -> Scalar:
-        """Return the standard error of an RMS from the scatter of up to ten batches of turns.
-
-        Right for turns that are independent from batch to batch; infinite for one turn.
+        No pin swings in its bore without leaving it, which decays in thousands of turns, and no
+        force, moment, power or displacement has a trend. One turn does not tell it.
         """
-        value, batches = self[rms], min(10, self.turns)
-        if batches == 1:
-            return value + jnp.inf
-        length = self.turns // batches
-        used = self.by_turn[rms][..., : batches * length] ** 2
-        means = jnp.mean(used.reshape(*used.shape[:-1], batches, length), axis=-1)
-        # Turns that fill no batch are in the RMS too.
-        scatter = jnp.std(means, axis=-1, ddof=1) * math.sqrt(length / self.turns)
-        return scatter / (2 * value)
+        if self.outcome.success.ndim:
+            return jax.vmap(lambda one: one.settled)(self)
+        return self.success & is_settled(self.known, self.by_turn, jnp.asarray(self.swing))
+
+    @property
+    def foundation_rms_error(self) -> Scalar:
+        """The error of the RMS of |R_O| + |R_C|, N; see `error`."""
+        return self.error("foundation_rms")
+
+    def error(self, name: str) -> Scalar:
+        """Return the error of a statistic: its standard error, and what has not settled.
+
+        See `jaxcrusher.motion.settling.error`; infinite for one turn.
+        """
+        how = self._entry(name)
+        found = jnp.vectorize(functools.partial(error, how), signature="(n),()->()")
+        return found(self.by_turn[name], self.swing)
+
+    def standard_error(self, name: str) -> Scalar:
+        """Return the error of a statistic of a stationary motion, by the scatter of its turns.
+
+        See `jaxcrusher.motion.settling.standard_error`; infinite for one turn.
+        """
+        how = self._entry(name)
+        found = jnp.vectorize(functools.partial(standard_error, how), signature="(n)->()")
+        return found(self.by_turn[name])
+
+    def _entry(self, name: str) -> Statistic:
+        self[name]  # raises an error that says what is missing
+        return dict(self.known)[name]
 
 
 def statistics(
@@ -177,8 +198,9 @@ def over_turns(
     values = {name: one.reduction.of_pieces(by_turn[name]) for name, one in outputs}
     values = nan_unless(outcome.success, values)
     limits = limits_of(scene, values)
-    known = tuple(scene.statistics.items())
-    return Statistics(turns, outcome, values, by_turn, states[-1], limits, known)
+    known = tuple({**scene.statistics, **dict(outputs)}.items())
+    swing = swing_of(states[settle_turns:], scene)
+    return Statistics(turns, outcome, values, by_turn, states[-1], limits, known, swing)
 
 
 def by_turns(

@@ -25,6 +25,7 @@ from jaxcrusher.mechanism.reductions import (
 from jaxcrusher.motion.flow import Flow
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import advance
+from jaxcrusher.motion.settling import error, standard_error
 from jaxcrusher.motion.statistics import Statistics, limits_of, of_whirl
 from jaxcrusher.motion.tangents import SLICES, combine, tangents
 from jaxcrusher.periodic.trigonometric import resample
@@ -59,27 +60,19 @@ def contact(speed=30.0, clearance=0.06e-3):
 
 
 @pytest.mark.usefixtures("unchecked")  # statistics of a batch
-def test_the_error_of_the_rms_is_that_of_each_motion_of_a_batch():
-    """The scatter of ten batches of two turns, over twice the RMS."""
-    by_turn = np.random.default_rng(2).uniform(1.0, 2.0, (3, 20))
-    rms = np.sqrt(np.mean(by_turn**2, axis=1))
-    known = {"foundation_rms": jnp.asarray(rms)}, {"foundation_rms": jnp.asarray(by_turn)}
-    found = Statistics(20, None, *known, jnp.zeros(4)).foundation_rms_error
-    batches = (by_turn**2).reshape(3, 10, 2).mean(axis=2)
-    expected = batches.std(axis=1, ddof=1) / np.sqrt(10) / (2 * rms)
-    np.testing.assert_allclose(found, expected, rtol=1e-12)
-
-
-@pytest.mark.usefixtures("unchecked")  # statistics of a batch
-def test_the_error_of_the_rms_counts_the_turns_that_fill_no_batch():
-    """Of 19 independent turns, of which ten are batches, each of a standard deviation of 1 N."""
-    draws = 100 + np.random.default_rng(3).normal(size=(1000, 19))
-    rms = np.sqrt(np.mean(draws**2, axis=1))
-    known = {"foundation_rms": jnp.asarray(rms)}, {"foundation_rms": jnp.asarray(draws)}
-    errors = Statistics(19, None, *known, jnp.zeros(4)).foundation_rms_error
-    # 1000 draws of nine degrees of freedom know it to 1 %, and the scatter of the RMS to 2 %.
-    assert np.sqrt(np.mean(errors**2)) == pytest.approx(1 / np.sqrt(19), rel=0.05)
-    assert rms.std() == pytest.approx(1 / np.sqrt(19), rel=0.08)
+def test_errors_are_those_of_each_motion_of_a_batch():
+    by_turn = jnp.asarray(np.random.default_rng(2).uniform(1.0, 2.0, (3, 20)))
+    values = {"foundation_rms": jnp.sqrt(jnp.mean(by_turn**2, axis=1))}
+    known = tuple(contact().statistics.items())
+    swing = jnp.array([0.0, 0.1, 0.2])
+    found = Statistics(20, None, values, {"foundation_rms": by_turn}, jnp.zeros(4), known=known)
+    found = replace(found, swing=swing)
+    how = STATISTIC["foundation_rms"]
+    for i in range(3):
+        one = error(how, by_turn[i], swing[i])
+        assert float(found.foundation_rms_error[i]) == pytest.approx(float(one), rel=1e-12)
+        one = standard_error(how, by_turn[i])
+        assert float(found.standard_error("foundation_rms")[i]) == pytest.approx(float(one))
 
 
 @pytest.mark.usefixtures("unchecked")  # statistics without an end
@@ -104,13 +97,6 @@ def test_the_largest_excursion_is_from_the_mean_place_in_both_directions():
     for samples in (lying, lying[:, ::-1]):
         found = OF_SUPPORTS["frame_displacement_peak"].reduction.of_samples(jnp.asarray(samples))
         assert float(found) == pytest.approx(3.0, rel=1e-5)  # of 1024 samples
-
-
-@pytest.mark.usefixtures("unchecked")  # statistics of a batch
-def test_one_turn_tells_no_error_and_a_failure_has_none():
-    rms = jnp.array([0.0, 2.0, jnp.nan])
-    found = Statistics(1, None, {"shaking_rms": rms}, {"shaking_rms": rms[:, None]}, jnp.zeros(4))
-    np.testing.assert_array_equal(found.standard_error("shaking_rms"), [np.inf, np.inf, np.nan])
 
 
 def test_a_whirl_is_told_by_each_loose_joint():

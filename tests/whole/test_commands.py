@@ -155,15 +155,16 @@ def test_an_average_that_scatters_says_what_to_do():
         def values(self):
             return self
 
-    def summary(error, whirl=False):
+    def summary(error, whirl=False, settled=True):
         found = Summary(foundation_rms=36548.0)
-        found.whirl, found.standard_error = whirl, lambda name: error
+        found.whirl, found.settled, found.error = whirl, settled, lambda name: error
         return found
 
     assert simulate.scattered(summary(5100.0)).startswith("The average still scatters by 14%: ")
     assert "python -m jaxcrusher orbit" in simulate.scattered(summary(5100.0))
     # Nothing of what is known, of a turn that tells no scatter, and of a whirl, which has no orbit.
-    quiet = (summary(30.0), summary(np.inf), summary(5100.0, whirl=True))
+    assert simulate.scattered(summary(30.0, settled=False)).startswith("The motion has not settled")
+    quiet = (summary(30.0), summary(np.inf, settled=False), summary(5100.0, whirl=True))
     assert [simulate.scattered(one) for one in quiet] == ["", "", ""]
 
 
