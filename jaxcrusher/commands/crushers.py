@@ -1,5 +1,7 @@
 """The crushers and grids that a command line names, in SI units, and what results are kept by."""
 
+import itertools
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,15 +10,19 @@ import xarray as xr
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
-from jaxcrusher.crusher.scene import crusher_of
+from jaxcrusher.crusher.scene import Scene, crusher_of
 from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
-from jaxcrusher.scenes.build import build_chamber
+from jaxcrusher.scenes.build import build_chamber, build_scene
 from jaxcrusher.scenes.described import Described, described
+from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import CHOICES
 from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_defaults, tell_unusual
 from jaxcrusher.scenes.scene_file import key_of, naming, read_range, require_moving
+
+# What is assumed where nobody measured it, and what an impact rests on.
+ASSUMED = ("load_edge", "rollers.damping")
 
 
 def read_machine(crusher: Crusher) -> Described:
@@ -47,6 +53,22 @@ def read_crusher(crusher: Crusher) -> Described:
 def borrowed_by(crusher: Crusher, found: Described) -> list[str]:
     """Return which numbers of a crusher its scene file leaves to the PE250x400; none without."""
     return [] if crusher.scene is None or found.make is not None else borrowed(found.given)
+
+
+def variants_of(
+    base: Mapping[str, Any], units: dict[str, str]
+) -> tuple[dict[str, Scene], list[str]]:
+    """Return scenes with half and twice of what is assumed, and say which of them cannot be."""
+    scenes, refused = {}, []
+    for name, factor in itertools.product(ASSUMED, (0.5, 2.0)):
+        if base.get(name):
+            value = factor * base[name]
+            title = all_said({name: value}, units)
+            try:
+                scenes[title] = build_scene({**base, name: value})
+            except ValueError as error:
+                refused.append(f"Without {title}: {error}")
+    return scenes, refused
 
 
 def settings_of(command: str, values: dict[str, Any], **numbers: Any) -> dict[str, Any]:
