@@ -21,7 +21,6 @@ from jaxcrusher.commands.crushers import (
 )
 from jaxcrusher.commands.options import Bearing
 from jaxcrusher.crusher.machine import LETTERS
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
@@ -33,6 +32,7 @@ from jaxcrusher.joint.rollers import (
     RollerBearing,
     clearance_class,
 )
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.bearing_sheet import (
     COLUMNS,
     NUMBERS,
@@ -69,7 +69,7 @@ def run(options: Bearing, console: Console) -> int:
     settings = settings_of("bearing", values, over=axes, **numbers)
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
-    def ended(cases: Sequence[tuple[str, Scene]]) -> dict[int, tuple[str, Turns]]:
+    def ended(cases: Sequence[tuple[str, AbstractScene]]) -> dict[int, tuple[str, Turns]]:
         """Run crushers; say why some fail, and return the others by their place."""
         how = {"settle": options.settle, "turns": options.turns}
         runs = []
@@ -100,7 +100,7 @@ def run(options: Bearing, console: Console) -> int:
         console.print(line)
     if (lost := float(kept.impacts.sel(bearing="main")[0])) and np.isfinite(lost):
         place, (first, _) = next(iter(by_place.items()))
-        variants, refused = variants_of({**values, **designs[place]}, units)
+        variants, refused = variants_of(machine, {**values, **designs[place]}, units)
         for line in refused:
             console.print(line)
         if variants:

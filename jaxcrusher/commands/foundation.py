@@ -19,13 +19,7 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
-from jaxcrusher.commands.crushers import (
-    ASSUMED,
-    borrowed_by,
-    read_machine,
-    settings_of,
-    variants_of,
-)
+from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of, variants_of
 from jaxcrusher.commands.options import Crusher, Foundation
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
 from jaxcrusher.crusher.scene import Scene
@@ -119,7 +113,7 @@ def run(options: Foundation, console: Console) -> int:
         if not turns.failure:
             rows, loose = beside(sheet(turns, options.orders, site), rows), moving_rms(turns)
         if not turns.failure and loses_contact(turns):
-            scenes, refused = variants_of(values, found.units)
+            scenes, refused = variants_of(found, values, found.units)
             runs = {}
             for title, other in scenes.items():
                 with stages(console, title):
@@ -220,9 +214,8 @@ def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str
 def ranges(titles: Sequence[str]) -> str:
     """Say over what the equivalent loads of a machine that knocks have a range."""
     rests = "impacts rest on the edge of the load and on damping, which are assumed"
-    if not titles:
-        return f"{rests}; no range is known of a scene with none of {', '.join(ASSUMED)}"
-    return f"{rests}; in brackets is the range over {', '.join(titles)}"
+    over = f"in brackets is the range over {', '.join(titles)}"
+    return f"{rests}; {over if titles else 'the scene has no number of either to be varied'}"
 
 
 def _crushing(scene: Scene, values: dict[str, Any]) -> str:

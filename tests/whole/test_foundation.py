@@ -101,8 +101,10 @@ def test_a_loose_machine_has_two_columns_and_bounded_time(tmp_path, monkeypatch)
     assert float(peak["value"]) > float(peak["ideal"]) and float(peak["scatter"]) > 0
     fast = rows["exciting force, vertically", "power above order 1"]
     assert float(fast["value"]) > 20 > float(fast["ideal"]) and fast["unit"] == "%"
-    # Half and twice of the edge, and no damping of rollers.
-    assert "in brackets is the range over load_edge 10 deg, load_edge 40 deg" in text
+    # Half and twice of the edge, and of what an impact loses.
+    over = "load_edge 10 deg, load_edge 40 deg, restitution 0.95, restitution 0.8"
+    assert f"in brackets is the range over {over}" in text
+    assert "no number of either" in foundation.ranges([])
     assert "knocks: the frame is clamped" in text
     up = rows["force, vertically", "equivalent, + 3 times what moves"]
     low, high = float(up["lowest"]), float(up["highest"])
