@@ -45,7 +45,14 @@ BRANCH_NODES = 192
 # What a point holds: statistics, and further numbers of its orbit.
 HELD = ("foundation_rms", "foundation_mean", "foundation_peak")
 HELD_OF_LINKAGES = ("shaking_rms", "shaking_peak")
-FURTHER = ("error", "least_penetration", "largest_multiplier", "multipliers_error", "stable")
+FURTHER = (
+    "error",
+    "least_penetration",
+    "largest_multiplier",
+    "multipliers_error",
+    "stable",
+    "undecided",
+)
 
 
 @dataclass(frozen=True)
